@@ -53,7 +53,7 @@ def ordered_blocks(sources: Iterable[Source], end: int | None = None) -> Iterato
         for block in read():
             times = block.log_times
             if times[0] < source.start_time:  # its index is wrong
-                times = np.maximum(times, times.dtype.type(source.start_time))
+                times = np.maximum(times, times.dtype.type(min(source.start_time, _LARGEST)))
             part = _Part(block, times)
             if end is not None and times[-1] >= end:
                 part = part.cut(0, int(np.searchsorted(times, times.dtype.type(end))))

@@ -103,7 +103,7 @@ class BagReader:
         """Reasons why topics, or the record of losses, are damaged, by their names."""
         return {name: str(error) for name, error in self._declared[1].items()}
 
-    @property
+    @cached_property
     def left_out(self) -> dict[str, str]:
         """Reasons why topics cannot be tables, by their names."""
         return self._tables(None)[1]

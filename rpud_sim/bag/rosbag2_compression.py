@@ -13,8 +13,8 @@ from rpud_sim.bag.metadata import BagMetadata
 from rpud_sim.bag.records import CONTENT_LIMIT
 
 SUFFIX = ".zstd"  # suffix of a file that rosbag2 compressed
-_LEAST_LIMIT = 2**30  # bytes that any uncompressed file may have
-_MOST_GROWTH = 100  # uncompressed bytes for each compressed one, in larger files
+_LEAST_LIMIT = 2**30  # bytes that the uncompressed files of any bag may have together
+_MOST_GROWTH = 100  # uncompressed bytes for each compressed one, in larger bags
 _BLOCK = 1 << 20
 
 
@@ -36,10 +36,15 @@ def compresses_messages(metadata: BagMetadata) -> bool:
     return mode == "message"
 
 
-def uncompress_file(file: Path, folder: Path) -> Path:
-    """Uncompress ``file`` into ``folder`` and return the path of the new file."""
+def uncompressed_limit(files: Iterable[Path]) -> int:
+    """Return how many bytes all of a bag's compressed files may have when they are uncompressed."""
+    compressed = (file for file in files if file.name.endswith(SUFFIX) and file.is_file())
+    return max(_LEAST_LIMIT, _MOST_GROWTH * sum(file.stat().st_size for file in compressed))
+
+
+def uncompress_file(file: Path, folder: Path, most: int) -> Path:
+    """Uncompress ``file`` into ``folder``, to ``most`` bytes, and return the new file's path."""
     path = folder / file.name.removesuffix(SUFFIX)
-    most = max(_LEAST_LIMIT, _MOST_GROWTH * file.stat().st_size)
     decompressor = zstandard.ZstdDecompressor()
     with file.open("rb") as compressed, path.open("xb") as plain:
         reader = decompressor.stream_reader(compressed, read_across_frames=True)
@@ -49,8 +54,8 @@ def uncompress_file(file: Path, folder: Path) -> Path:
                 size += len(block)
                 if size > most:
                     raise BagFormatError(
-                        f"it has more than {most} bytes when it is uncompressed, too many for "
-                        "its size"
+                        "the bag's files are too large for their size when they are uncompressed: "
+                        f"this one has more than {most} bytes"
                     )
                 plain.write(block)
         except zstandard.ZstdError as error:

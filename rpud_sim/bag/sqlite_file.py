@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Collection, Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from functools import partial
 from itertools import pairwise
 from pathlib import Path
@@ -41,8 +41,10 @@ class SqliteFile:
         with reading(shown):
             self.size = path.stat().st_size
             # The library makes a URI of the path.
-            self._reader = Sqlite3Reader(Path(quote(os.path.abspath(path))))
+            quoted = Path(quote(os.path.abspath(path)))
+            self._reader = Sqlite3Reader(quoted)
         with self._reading():
+            _check_tables(quoted)
             self._reader.open()
         try:
             with self._reading():
@@ -154,11 +156,15 @@ class SqliteFile:
             self.topic_channels.setdefault(each.topic, []).append(each)
         known = {each.id for each in self._reader.connections}
         self._spans: dict[int, tuple[int, int, int]] = {}
+        total = 0
         for topic, *span in database.execute(
-            "SELECT topic_id, COUNT(*), MIN(timestamp), MAX(timestamp) FROM messages"
-            " GROUP BY topic_id"
+            "SELECT topic_id, COUNT(*), MIN(timestamp), MAX(timestamp), SUM(LENGTH(data))"
+            " FROM messages GROUP BY topic_id"
         ):
-            count, first, last = span
+            count, first, last, size = span
+            total += size or 0
+            if total > self.size:
+                raise BagFormatError(f"its messages have more than the file's {self.size} bytes")
             if not all(isinstance(time, int) and 0 <= time <= LATEST for time in (first, last)):
                 raise BagFormatError(f"times are from 0 to {LATEST}, not {first!r} to {last!r}")
             if topic in known:
@@ -182,3 +188,17 @@ class SqliteFile:
                 yield
             except (apsw.Error, AttributeError, ReaderError) as error:
                 raise BagFormatError(f"it is damaged: {' '.join(str(error).split())}") from error
+
+
+def _check_tables(path: Path) -> None:
+    """Refuse tables whose content is not in the file: a few bytes could make any size of it."""
+    place = f"file:{path}?immutable=1"
+    flags = apsw.SQLITE_OPEN_READONLY | apsw.SQLITE_OPEN_URI
+    with closing(apsw.Connection(place, flags=flags)) as database:
+        strange = database.execute(
+            "SELECT t.name FROM pragma_table_list AS t LEFT JOIN pragma_table_xinfo(t.name) AS c"
+            " WHERE lower(t.name) IN ('schema', 'topics', 'messages', 'message_definitions')"
+            " AND (t.type <> 'table' OR c.hidden OR c.dflt_value IS NOT NULL)"
+        ).fetchone()
+    if strange:
+        raise BagFormatError(f"its table {strange[0]:.80} has content that is not stored in it")

@@ -12,7 +12,12 @@ from rpud_sim.bag.errors import BagFormatError, BagNotFoundError, reading
 from rpud_sim.bag.losses import RECORD_NAME, Losses, losses_from_record
 from rpud_sim.bag.mcap_file import McapFile
 from rpud_sim.bag.metadata import FILE_NAME, local_name, read_document
-from rpud_sim.bag.rosbag2_compression import SUFFIX, compresses_messages, uncompress_file
+from rpud_sim.bag.rosbag2_compression import (
+    SUFFIX,
+    compresses_messages,
+    uncompress_file,
+    uncompressed_limit,
+)
 from rpud_sim.bag.topic_summary import TopicSummary
 
 if TYPE_CHECKING:
@@ -58,10 +63,15 @@ def open_storage_files(
 
     ``unclosed`` is as for ``rpud_sim.bag.open``.
     """
-    return [_open(file, file == files[0], opened, unclosed) for file in files]
+    left = uncompressed_limit(files)
+    found: list[StorageFile] = []
+    for file in files:
+        found.append(_open(file, file == files[0], opened, unclosed, left))
+        left -= found[-1].size if file.name.endswith(SUFFIX) else 0
+    return found
 
 
-def _open(file: Path, first: bool, opened: ExitStack, unclosed: bool) -> StorageFile:
+def _open(file: Path, first: bool, opened: ExitStack, unclosed: bool, most: int) -> StorageFile:
     """Open a file by its content, uncompressed first if its name says so."""
     path = file
     with reading(file):
@@ -69,7 +79,7 @@ def _open(file: Path, first: bool, opened: ExitStack, unclosed: bool) -> Storage
             raise BagFormatError(f"{file} is not a file")
         if file.name.endswith(SUFFIX):
             folder = opened.enter_context(TemporaryDirectory(prefix="rpud-"))
-            path = uncompress_file(file, Path(folder))
+            path = uncompress_file(file, Path(folder), most)
         with path.open("rb") as stream:
             is_database = stream.read(len(_SQLITE)) == _SQLITE
     if is_database:

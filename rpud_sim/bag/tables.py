@@ -87,7 +87,7 @@ class Table:
         then skipped; None for an error.
         """
         fields = self._reader.read(block)
-        reasons = {**_late_messages(block), **dict(fields.errors)}
+        reasons = {**late_messages(block), **dict(fields.errors)}
         if not reasons:
             try:
                 return self._batch(block, fields.columns)
@@ -125,7 +125,8 @@ class Table:
         return Batch(self._name, values, len(block))
 
 
-def _late_messages(block: MessageBlock) -> dict[int, str]:
+def late_messages(block: MessageBlock) -> dict[int, str]:
+    """Return why messages have no time in int64, by their places."""
     late = np.zeros(len(block), bool)
     for times in (block.log_times, block.publish_times):
         if times.dtype == np.uint64:

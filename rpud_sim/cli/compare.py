@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
-from rpud_sim.cli.options import SECONDS, Number, add_json_argument
+from rpud_sim.cli.options import RUN, SECONDS, Number, add_json_argument
 from rpud_sim.cli.program import ExitCode, failing
 from rpud_sim.cli.progress import progress_bar
 from rpud_sim.cli.tables import print_json, table
@@ -27,7 +27,6 @@ DETAILS = (
 EXAMPLE = "rpud compare bags/before bags/after --tolerance 5 --out compare.html"
 
 _PERCENT = Quantity("%", "a relative difference", 0.0, 100.0, exclusive=True, below=True)
-_RUN = Quantity("", "number of a run", 1.0, 1e9, whole=True)
 _MOST_LINES = 40  # of commands or faults; the page and --json have all
 
 
@@ -70,7 +69,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--run",
         action=_Append,
-        quantity=_RUN,
+        quantity=RUN,
         default=[],
         metavar="N",
         dest="run_numbers",
@@ -109,10 +108,11 @@ def run(arguments: argparse.Namespace) -> int:
     from rpud_sim.inspection.compare.content import content
 
     if arguments.out:
-        from rpud_sim.inspection.compare.compare_page import check_target, write_page
+        from rpud_sim.inspection.compare.compare_page import write_page
+        from rpud_sim.inspection.output import check_new_file
 
         with failing(CompareError):
-            check_target(arguments.out)
+            check_new_file(arguments.out, CompareError)
     with failing(BagError, CompareError), progress_bar(" messages", scaled=True) as bar:
         found = compare(
             [arguments.bag, *arguments.others],

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from rpud_sim.cli.options import (
     LONGEST,
+    RUN,
     Number,
     add_bag_argument,
     add_json_argument,
@@ -16,7 +17,7 @@ from rpud_sim.cli.options import (
 from rpud_sim.cli.program import ExitCode, failing
 from rpud_sim.cli.progress import progress_bar
 from rpud_sim.cli.tables import print_json, table
-from rpud_sim.foundation.quantities import Quantity
+from rpud_sim.foundation.quantities import ParameterError, Quantity
 from rpud_sim.foundation.terminal import complain, printable
 
 if TYPE_CHECKING:
@@ -58,7 +59,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--run",
-        type=int,
+        action=Number,
+        quantity=RUN,
         default=1,
         metavar="N",
         dest="number",
@@ -72,6 +74,8 @@ def run(arguments: argparse.Namespace) -> int:
     """Export and print the account; return the exit code."""
     if arguments.rate is not None:
         return _export_waveform(arguments)
+    if arguments.number != 1:
+        raise ParameterError("--run goes with --rate")
     from rpud_sim.bag import BagError
     from rpud_sim.inspection.export.export import ExportError, export
 

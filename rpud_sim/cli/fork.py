@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from rpud_sim.cli.live_line import logging_above
 from rpud_sim.cli.options import (
     POSITIVE_SECONDS,
+    RUN,
     SECONDS,
     Number,
     add_bag_argument,
@@ -76,7 +77,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--live", action="store_true", help="go on as a drill node, on ROS topics")
     parser.add_argument(
         "--run",
-        type=int,
+        action=Number,
+        quantity=RUN,
         default=1,
         metavar="N",
         dest="number",

@@ -16,6 +16,7 @@ LONGEST = 1e9  # greatest number of seconds that an option accepts: thirty years
 POSITIVE_SECONDS = Quantity("s", "a duration", 0.0, LONGEST, exclusive=True)
 SECONDS = Quantity("s", "a duration or an offset", 0.0, LONGEST)
 BYTES = Quantity("bytes", "a size", 1.0, 1e18, whole=True)
+RUN = Quantity("", "number of a run", 1, 1e9, whole=True)
 
 _PROCESSES = Quantity("", "processes", 1, 1024, whole=True)
 

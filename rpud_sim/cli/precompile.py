@@ -50,7 +50,7 @@ def run(arguments: argparse.Namespace) -> int:
         STORE.folders = (Path(arguments.into), *STORE.folders)
     place = STORE.place()
     if arguments.into and place != STORE.folders[0]:
-        raise CommandError(f"nothing can be written to {arguments.into}")
+        raise CommandError(STORE.refused or f"nothing can be written to {arguments.into}")
     began = time.perf_counter()
     _use_every_kernel()
     if STORE.lost:

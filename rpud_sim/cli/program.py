@@ -82,10 +82,10 @@ def run_program(program: str, run: Callable[[], Any]) -> NoReturn:
     except BrokenPipeError:  # the reader of our output has gone, as `head` does
         code = ExitCode.DONE
     except KeyboardInterrupt:
-        code = ExitCode.INTERRUPTED
+        code = interrupt.code
     except Exception as error:
         # An import that is interrupted may end in any error.
-        code = ExitCode.INTERRUPTED if interrupt.seen else _report_unexpected(program, error)
+        code = interrupt.code if interrupt.seen else _report_unexpected(program, error)
     finally:
         interrupt.end()
     sys.exit(_flush(program, code))
@@ -149,15 +149,19 @@ def _open_streams() -> None:
 
 
 class _Interrupt:
-    """SIGINT as a KeyboardInterrupt, raised again until something handles it.
+    """SIGINT, SIGTERM and SIGHUP as a KeyboardInterrupt, raised until something handles it.
 
+    So each ends a command as an error does: a result is whole, or there is none.
     Destructors and the imports of compiled modules drop exceptions.
     """
 
     def __init__(self) -> None:
-        self.seen = False  # whether there was a SIGINT
+        self.seen = False  # whether there was one of them
+        self.code = int(ExitCode.INTERRUPTED)  # of the program after it
         if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
-            signal.signal(signal.SIGINT, self._handle)
+            for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+                if signal.getsignal(number) is not signal.SIG_IGN:  # as nohup sets it
+                    signal.signal(number, self._handle)
             signal.signal(signal.SIGALRM, self._repeat)
             sys.unraisablehook = self._report
 
@@ -167,6 +171,8 @@ class _Interrupt:
 
     def _handle(self, number: int, frame: FrameType | None) -> None:
         self.seen = True
+        if number != signal.SIGALRM:
+            self.code = 128 + number
         signal.setitimer(signal.ITIMER_REAL, _RETRY_DELAY)
         raise KeyboardInterrupt
 

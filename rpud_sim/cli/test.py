@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterable
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,6 +13,7 @@ from rpud_sim.cli.program import CommandError, ExitCode, failing
 from rpud_sim.cli.progress import progress_bar
 from rpud_sim.cli.tables import print_json, table
 from rpud_sim.foundation.terminal import complain, printable
+from rpud_sim.foundation.whole_folder import whole_file
 
 if TYPE_CHECKING:
     from rpud_sim.testing.campaign.results import CampaignResults
@@ -122,7 +124,11 @@ def _test_bag(arguments: argparse.Namespace) -> int:
         if lost := record.missing(topic).total:
             complain("rpud test", f"{lost} messages of {topic} are lost")
     if arguments.junit:
-        Path(arguments.junit).write_text(junit_xml(verdicts, arguments.subject), encoding="utf-8")
+        target = Path(arguments.junit)
+        # A device or a pipe has no name to replace.
+        direct = target.is_symlink() or (target.exists() and not target.is_file())
+        with nullcontext(target) if direct else whole_file(target) as file:
+            file.write_text(junit_xml(verdicts, arguments.subject), encoding="utf-8")
     print_json(_content(verdicts, record)) if arguments.json else print(_account(verdicts, record))
     return _exit_code(each.outcome for each in verdicts)
 

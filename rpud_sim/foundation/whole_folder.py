@@ -44,7 +44,11 @@ def whole_file(path: Path) -> Iterator[Path]:
     # ours.
     unfinished.unlink(missing_ok=True)
     unfinished.open("xb").close()
-    yield unfinished
-    with unfinished.open("rb") as file:
-        os.fsync(file.fileno())
-    unfinished.replace(path)
+    try:
+        yield unfinished
+        with unfinished.open("rb") as file:
+            os.fsync(file.fileno())
+        unfinished.replace(path)
+    except BaseException:
+        unfinished.unlink(missing_ok=True)
+        raise

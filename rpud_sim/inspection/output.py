@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from rpud_sim.foundation.whole_folder import whole_folder
+from rpud_sim.foundation.whole_folder import whole_file, whole_folder
 
 
 @contextmanager
@@ -19,6 +19,24 @@ def new_folder(out: str | os.PathLike[str], failure: type[Exception]) -> Iterato
     try:
         with whole_folder(out) as folder:
             yield folder
+    except OSError as error:
+        raise failure(output_reason(out, error)) from error
+
+
+def check_new_file(out: str | os.PathLike[str], failure: type[Exception]) -> None:
+    """Raise ``failure`` if ``out`` exists, or its folder does not."""
+    if os.path.lexists(out):
+        raise failure(output_reason(out, FileExistsError()))
+    if not Path(out).parent.is_dir():
+        raise failure(f"cannot write {out}: there is no folder {Path(out).parent}")
+
+
+def write_new_file(out: str | os.PathLike[str], text: str, failure: type[Exception]) -> None:
+    """Write a file that is there when it is complete, and not at all after an error."""
+    check_new_file(out, failure)
+    try:
+        with whole_file(Path(out)) as unfinished:
+            unfinished.write_text(text, encoding="utf-8")
     except OSError as error:
         raise failure(output_reason(out, error)) from error
 

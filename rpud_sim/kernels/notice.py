@@ -12,13 +12,15 @@ from rpud_sim.kernels.store import KernelStore
 
 def notice(target: Target, store: KernelStore) -> str:
     """Return the line for a process that has to compile kernels."""
-    if target.lacking:
+    place = store.place()
+    if store.refused:
+        cause = store.refused
+    elif target.lacking:
         lacking = ", ".join(target.lacking)
         cause = f"this processor lacks {lacking}, which the installed kernels ({BASELINE}) need"
     else:
         versions = f"Python {platform.python_version()}, Numba {numba.__version__}, {target.cpu}"
         cause = f"no compiled kernels for these sources and {versions} were found"
-    place = store.place()
     if place is not None:
         fate = f"they are kept in {place}"
     else:

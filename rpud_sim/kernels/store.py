@@ -3,6 +3,9 @@
 A file's name ends with a digest of everything that its machine code depends on: the texts of the
 sources, the types of the arguments, the target processor, and the versions of Python, Numba and
 LLVM. Times of files play no part, because an installation changes them.
+
+A kernel is code that runs. Its digest tells whether the file is whole, not who has written it: what
+somebody else may write is not read.
 """
 
 from __future__ import annotations
@@ -12,6 +15,7 @@ import functools
 import hashlib
 import os
 import pickle
+import stat
 import sys
 import uuid
 from collections.abc import Sequence
@@ -62,6 +66,14 @@ def kernel_name(function: str, signature: str, cpu: str, options: str, sources: 
     return f"{function}-{_digest(signature)[:8]}.{python}.{cpu}.{made_from[:24]}{SUFFIX}"
 
 
+def _others_may_write(path: Path) -> bool:
+    """Whether others than this user, root and who writes this package may write a path."""
+    its, own = path.stat(), Path(__file__).stat()
+    trusted = own.st_mode & stat.S_IWGRP if its.st_gid == own.st_gid else 0
+    untrusted = (stat.S_IWGRP | stat.S_IWOTH) & ~trusted
+    return its.st_uid not in (os.getuid(), 0, own.st_uid) or bool(its.st_mode & untrusted)
+
+
 def _digest(text: str) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
@@ -78,12 +90,15 @@ class KernelStore:
         self.found: list[Path] = []  # files that were read
         self.written: list[Path] = []  # files that were written
         self.lost: list[str] = []  # names of those that could not be written anywhere
+        self.refused = ""  # why the latest file or folder was not used, a line; empty if none was
 
     def read(self, name: str) -> object | None:
         """Return the content of a kernel's file; None if there is none that is whole."""
         for folder in self.folders:
             with contextlib.suppress(OSError, pickle.UnpicklingError):
                 data = (folder / name).read_bytes()
+                if not (self._is_ours(folder) and self._is_ours(folder / name)):
+                    continue
                 digest, body = data[:_DIGEST_SIZE], data[_DIGEST_SIZE:]
                 # Machine code that is cut short would end the process.
                 if hashlib.sha256(body).digest() == digest:
@@ -96,9 +111,12 @@ class KernelStore:
         """Keep a kernel and drop its former versions; return its file, None without a place."""
         for folder in self.folders:
             with contextlib.suppress(OSError):
-                folder.mkdir(parents=True, exist_ok=True)
+                folder.mkdir(mode=0o755, parents=True, exist_ok=True)
+                if not self._is_ours(folder):
+                    continue
                 part = folder / f".{name}.{uuid.uuid4().hex}"
                 try:
+                    part.touch(mode=0o644, exist_ok=False)
                     part.write_bytes(hashlib.sha256(body).digest() + body)
                     part.replace(folder / name)
                 finally:
@@ -113,9 +131,16 @@ class KernelStore:
         """Return the folder that new kernels go to; None if there is none."""
         for folder in self.folders:
             existing = next(parent for parent in (folder, *folder.parents) if parent.exists())
-            if os.access(existing, os.W_OK | os.X_OK) and existing.is_dir():
+            writable = os.access(existing, os.W_OK | os.X_OK) and existing.is_dir()
+            if writable and (existing != folder or self._is_ours(folder)):
                 return folder
         return None
+
+    def _is_ours(self, path: Path) -> bool:
+        if _others_may_write(path):
+            self.refused = f"{path} is not used, because other users may write it"
+            return False
+        return True
 
     @staticmethod
     def _drop_former(folder: Path, name: str) -> None:

@@ -196,11 +196,19 @@ def _wait_for_scheduler(address: str) -> None:
 
 
 def _check_reachable(address: str) -> None:
-    """Raise WorkerError for an address where no scheduler listens: a client would retry forever."""
+    """Raise WorkerError for an address where no scheduler answers: a client would wait forever."""
     try:
         parts = urlsplit(address)
         if parts.scheme != "tcp" or not parts.hostname or parts.port is None:
             raise ValueError("it must be tcp://HOST:PORT")
-        socket.create_connection((parts.hostname, parts.port), CONNECT_TIMEOUT).close()
+        with socket.create_connection((parts.hostname, parts.port), CONNECT_TIMEOUT) as connection:
+            # A scheduler begins with its versions, before it is asked.
+            if not connection.recv(1):
+                raise ConnectionResetError("it is no Dask scheduler")
+    except TimeoutError:
+        raise WorkerError(
+            f"--scheduler {address}: cannot be reached: no answer of a Dask scheduler in "
+            f"{CONNECT_TIMEOUT:g} s"
+        ) from None
     except (OSError, ValueError) as error:
         raise WorkerError(f"--scheduler {address}: cannot be reached: {error}") from None

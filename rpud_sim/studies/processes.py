@@ -199,5 +199,12 @@ def _work(connection: Connection, simulate: Callable[[Any], Any]) -> None:
                 outcome = simulate(chunk)
             except Exception as error:  # the calling process raises it
                 outcome = error
-            connection.send(outcome)
+            try:
+                connection.send(outcome)
+            except OSError:
+                raise
+            except Exception as error:  # of pickle, before anything is sent
+                reason = " ".join(f"{type(error).__name__}: {error}".split())
+                text = f"the outcome of chunk {chunk.number} cannot be pickled: {reason:.300}"
+                connection.send(WorkerError(text))
     signal.signal(signal.SIGTERM, signal.SIG_IGN)  # it ends by itself

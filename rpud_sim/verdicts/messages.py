@@ -30,6 +30,8 @@ class Table:
         return len(self.columns["log_time"])
 
     def values(self, name: str, attribute: str) -> np.ndarray | list[Any]:
+        if name not in self.columns:
+            raise ExpectationError(f"the messages of the bag have no field {name!r}")
         return self.columns[name]
 
     def content(self, number: int) -> str:
@@ -170,9 +172,13 @@ class TopicMessages:
             names = _COUNTERS
         else:
             return np.zeros(len(self._row), np.int64)
-        return sum(
-            np.array([int(value or 0) for value in self.column(name)], np.int64) for name in names
-        ) + np.zeros(len(self._row), np.int64)
+        try:
+            return sum(
+                np.array([int(value or 0) for value in self.column(name)], np.int64)
+                for name in names
+            ) + np.zeros(len(self._row), np.int64)
+        except (OverflowError, TypeError, ValueError) as error:
+            raise ExpectationError(f"{self._topic}: {', '.join(names)}: {error!r:.100}") from None
 
     def _without_repetitions(
         self, order: np.ndarray, stamps: np.ndarray, key: np.ndarray

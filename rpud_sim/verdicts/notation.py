@@ -97,7 +97,8 @@ def _form(value: Mapping[Any, Any]) -> str:
             continue
         for key in keys:
             if key not in required and key not in optional:
-                hint = did_you_mean(key, (*required, *optional))
+                free = [each for each in (*required, *optional) if each not in keys]
+                hint = did_you_mean(key, free) if free else "it has all of its keys"
                 raise ExpectationError(f"{shown(key)} does not belong to {name}; {hint}")
         for key in required:
             if key not in keys:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Container
 
 from rpud_sim.watch.live_drill import LiveDrill
 
@@ -13,16 +13,23 @@ LINGER = 120.0
 MOST_DRILLS = 16
 
 
-class TooManyDrillsError(RuntimeError):
-    """More drills are shown than one server hears; the text is one line."""
+class NoDrillToShowError(RuntimeError):
+    """No drill has this namespace, or more are shown than a server hears; a line says which."""
 
 
 class DrillPool:
-    """Drills by namespace; use it from one thread. ``clock`` gives the present time [s]."""
+    """Drills by namespace; use it from one thread.
+
+    ``known`` gives the namespaces that may be heard, ``clock`` the present time [s].
+    """
 
     def __init__(
-        self, domain_id: int | None = None, clock: Callable[[], float] = time.monotonic
+        self,
+        known: Callable[[], Container[str]],
+        domain_id: int | None = None,
+        clock: Callable[[], float] = time.monotonic,
     ) -> None:
+        self._known = known
         self._domain = domain_id
         self._clock = clock
         self._drills: dict[str, LiveDrill] = {}
@@ -30,13 +37,15 @@ class DrillPool:
         self._left_at: dict[str, float] = {}
 
     def take(self, namespace: str) -> LiveDrill:
-        """Return the drill of a namespace for one more page, unless it is one too many."""
+        """Return the drill of a namespace for one more page; raise if it is unknown or too many."""
         name = f"/{namespace.strip('/')}"
         if name not in self._drills:
+            if name not in self._known():
+                raise NoDrillToShowError(f"there is no drill in {name}")
             if len(self._drills) >= MOST_DRILLS:
                 self.close_unused(0.0)
             if len(self._drills) >= MOST_DRILLS:
-                raise TooManyDrillsError(
+                raise NoDrillToShowError(
                     f"{MOST_DRILLS} drills are shown already: close the pages of another one"
                 )
             self._drills[name] = LiveDrill(name, self._domain)

@@ -26,7 +26,10 @@ def serve_drills(
     else stop the server. A page without a namespace shows the drill of ``namespace``.
     """
     with DrillFinder(domain_id) as finder:
-        pool = DrillPool(domain_id)
+        first = f"/{namespace.strip('/')}"  # which may start later
+        pool = DrillPool(
+            lambda: {first, *(drill.namespace for drill in finder.drills())}, domain_id
+        )
         options = {"finder": finder}
         server = PageServer(
             {"/drill": live_application(pool.take, pool.release, lambda: namespace)},

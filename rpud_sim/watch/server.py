@@ -25,7 +25,7 @@ import signal
 import socket
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
-from urllib.parse import parse_qsl, urlencode, urlsplit
+from urllib.parse import SplitResult, parse_qsl, urlencode, urlsplit
 
 from bokeh.application import Application
 from bokeh.application.handlers import FunctionHandler
@@ -34,9 +34,10 @@ from bokeh.server.server import BaseServer
 from bokeh.server.tornado import BokehTornado
 from bokeh.settings import settings
 from tornado.httpserver import HTTPServer
+from tornado.httputil import HTTPHeaders
 from tornado.ioloop import IOLoop, PeriodicCallback
 from tornado.netutil import bind_sockets
-from tornado.web import Finish, RequestHandler
+from tornado.web import Finish, OutputTransform, RequestHandler
 
 if TYPE_CHECKING:
     from bokeh.document import Document
@@ -66,6 +67,16 @@ class Place:
         """Return a place, with a new token if other machines can reach it."""
         token = "" if _is_loopback(address) else secrets.token_urlsafe(_TOKEN_BYTES)
         return cls(port, address, token)
+
+
+class _NoFrames(OutputTransform):
+    """Header of every answer: no page of another site may show this one, and catch its clicks."""
+
+    def transform_first_chunk(
+        self, status_code: int, headers: HTTPHeaders, chunk: bytes, finishing: bool
+    ) -> tuple[int, HTTPHeaders, bytes]:
+        headers["Content-Security-Policy"] = "frame-ancestors 'none'"
+        return status_code, headers, chunk
 
 
 class _Application(BokehTornado):
@@ -111,6 +122,7 @@ class PageServer:
             include_headers=[],  # or Bokeh writes them, and with them the token, into its pages
             include_cookies=[],
         )
+        self._application.add_transform(_NoFrames)
         http = HTTPServer(self._application)
         http.add_sockets(sockets)
         self._loop = IOLoop.current()
@@ -203,10 +215,10 @@ class Guard(AuthProvider):
         request = handler.request
         host = request.host.lower()
         origin = request.headers.get("Origin")
-        if origin is not None and urlsplit(origin).netloc.lower() != host:
+        if origin is not None and _parts(origin).netloc.lower() != host:
             _refuse(handler, f"origin {origin!r:.200} is not this server")
         if not self._token:
-            if urlsplit(f"//{host}").hostname not in _LOOPBACK_NAMES:
+            if _parts(f"//{host}").hostname not in _LOOPBACK_NAMES:
                 _refuse(handler, f"host {host!r:.200} is not this machine")
             return "operator"
         if self._is_token(handler.get_cookie(self._cookie, "")):
@@ -223,6 +235,14 @@ class Guard(AuthProvider):
 
     def _is_token(self, given: str | None) -> bool:
         return hmac.compare_digest((given or "").encode(), self._token.encode())
+
+
+def _parts(url: str) -> SplitResult:
+    """Return the parts of an address; empty ones if it is none."""
+    try:
+        return urlsplit(url)
+    except ValueError:
+        return urlsplit("")
 
 
 def _ignore(result: object) -> None:

@@ -157,8 +157,21 @@ def test_a_file_that_grows_beyond_measure_is_refused(tmp_path, monkeypatch):
     monkeypatch.setattr("rpud_sim.bag.rosbag2_compression._LEAST_LIMIT", 2**20)
     file = tmp_path / "bomb.mcap.zstd"
     file.write_bytes(zstandard.compress(bytes(2**24)))
-    with pytest.raises(BagFormatError, match=r"more than 1048576 bytes when it is uncompressed"):
+    with pytest.raises(BagFormatError, match=r"this one has more than 1048576 bytes"):
         rpud_sim.bag.open(file)
+
+
+def test_the_limit_is_that_of_all_files_together(tmp_path, monkeypatch):
+    monkeypatch.setattr("rpud_sim.bag.rosbag2_compression._LEAST_LIMIT", 2**20)
+    plain = write(tmp_path / "plain", StoragePlugin.MCAP, CompressionMode.NONE, count=10_000)
+    [file] = plain.glob("*.mcap")
+    size = file.stat().st_size
+    assert 2**19 < size < 2**20
+    for number in range(2):
+        (tmp_path / f"run_{number}.mcap.zstd").write_bytes(zstandard.compress(file.read_bytes()))
+    monkeypatch.setattr("rpud_sim.bag.rosbag2_compression._MOST_GROWTH", 0)
+    with pytest.raises(BagFormatError, match=f"run_1.*more than {2**20 - size} bytes"):
+        rpud_sim.bag.open(tmp_path)
 
 
 @pytest.mark.parametrize(
@@ -212,6 +225,29 @@ def test_a_database_that_is_no_bag_is_one_line(tmp_path, statement, complaint):
         read_all(path)
     assert "\n" not in str(caught.value)
     assert str(file) in str(caught.value)
+
+
+_MESSAGES = (
+    "DROP TABLE messages; CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id, timestamp, "
+)
+
+
+@pytest.mark.parametrize(
+    "script",
+    [
+        _MESSAGES + "data AS (zeroblob(1e8))); INSERT INTO messages(topic_id) VALUES(1);",
+        _MESSAGES + "data DEFAULT x'00'); INSERT INTO messages(topic_id) VALUES(1);",
+        "DROP TABLE message_definitions; CREATE VIEW Message_Definitions AS SELECT zeroblob(1e8); ",
+    ],
+)
+def test_content_that_the_database_does_not_store_is_refused(tmp_path, script):
+    path = write(tmp_path / "run", StoragePlugin.SQLITE3, CompressionMode.NONE)
+    [file] = path.glob("*.db3")
+    with sqlite3.connect(file) as database:
+        database.executescript(script + "UPDATE messages SET timestamp = 5")
+    database.close()
+    with pytest.raises(BagFormatError, match=r"essage.* has content that is not stored in it"):
+        read_all(path)
 
 
 def test_a_database_that_is_cut_off_is_one_line(tmp_path):

@@ -4,6 +4,7 @@ import dataclasses
 import re
 
 import pytest
+from support import called
 
 from rpud_sim.bag.output_file import COMPRESSIONS
 from rpud_sim.cli import record as record_command
@@ -27,6 +28,19 @@ def replay():
     parser = Parser(prog="rpud replay")
     replay_command.add_arguments(parser)
     return lambda *words: options_from(parser.parse_args(["bag", *words]), ReplayOptions)
+
+
+@pytest.mark.parametrize("command", ["export", "fork"])
+@pytest.mark.parametrize("run", ["0", "-1", "1.5", "first"])
+def test_a_run_is_a_whole_number_from_one(capsys, command, run):
+    code, _, errors = called(capsys, command, "bag", "--at=1", f"--run={run}")
+    assert (code, errors.count("\n")) == (2, 1)
+    assert f"--run = {run}" in errors or f"--run = '{run}'" in errors
+
+
+def test_the_number_of_a_run_needs_a_rate(capsys):
+    code, _, errors = called(capsys, "export", "bag", "--run", "2", "--out", "x")
+    assert (code, errors) == (2, "rpud export: --run goes with --rate\n")
 
 
 def test_the_defaults_of_the_command_line_are_those_of_the_options(record, replay):

@@ -69,8 +69,22 @@ def test_another_origin_and_another_host_are_refused(local, path):
     upgrade = UPGRADE if path.endswith("ws") else {}
     code, text, _ = ask(f"{local}{path}", Origin="http://evil.example", **upgrade)
     assert (code, text) == (403, "origin 'http://evil.example' is not this server\n")
-    code, text, _ = ask(f"{local}{path}", Host="evil.example", **upgrade)
+    code, text, headers = ask(f"{local}{path}", Host="evil.example", **upgrade)
     assert (code, text) == (403, "host 'evil.example' is not this machine\n")
+    assert headers["Content-Security-Policy"] == "frame-ancestors 'none'"
+    assert ask(f"{local}{path}", Origin="http://[", **upgrade)[0] == 403
+    code, text, _ = ask(f"{local}{path}", Host="[", **upgrade)
+    assert (code, text) == (403, "host '[' is not this machine\n")
+
+
+@pytest.mark.parametrize("path", ["/", "/drills", "/drill", "/nothing", "/static/js/bokeh.min.js"])
+def test_no_other_page_may_frame_an_answer(local, path):
+    assert ask(f"{local}{path}")[2]["Content-Security-Policy"] == "frame-ancestors 'none'"
+
+
+def test_a_request_for_an_unknown_drill_starts_no_participant(local):
+    page = ask(f"{local}/drill?namespace=/nobody")[1]
+    assert "there is no drill in /nobody" in page
 
 
 @pytest.mark.parametrize("path", ["/", "/drills", "/drill", "/drill/ws"])

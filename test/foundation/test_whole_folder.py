@@ -1,6 +1,9 @@
 """A folder or a file has its name when it is complete, and never before."""
 
 import os
+import signal
+import subprocess
+import sys
 
 import pytest
 
@@ -67,6 +70,30 @@ def test_after_an_error_the_old_file_is_there(tmp_path):
     with pytest.raises(KeyError):
         fail()
     assert path.read_text() == "old"
+
+
+_WRITER = """
+import signal, sys
+from pathlib import Path
+from rpud_sim.cli.program import run_program
+from rpud_sim.foundation.whole_folder import whole_file, whole_folder
+def run():
+    with whole_folder("folder") as folder, whole_file(folder / "a"), whole_file(Path("b")) as b:
+        b.write_text("half")
+        print("half", flush=True)
+        signal.pause()
+run_program("writer", run)
+"""
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_leaves_nothing_that_is_not_whole(tmp_path, number):
+    command = (sys.executable, "-c", _WRITER)
+    with subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, text=True) as writer:
+        assert writer.stdout.readline() == "half\n"
+        writer.send_signal(number)
+        assert writer.wait(60) == 128 + number
+    assert os.listdir(tmp_path) == []
 
 
 def test_the_rest_of_a_killed_process_is_overwritten_and_a_link_is_not_followed(tmp_path):

@@ -2,9 +2,12 @@
 
 import os
 import pickle
+from pathlib import Path
 
 import pytest
 
+from rpud_sim.kernels.notice import notice
+from rpud_sim.kernels.processor import BASELINE, Target
 from rpud_sim.kernels.store import KernelStore, digest_of_sources, kernel_name, user_folders
 
 NAME = kernel_name("room.f", "(float64,)", "x86-64-v2", "", "sources")
@@ -42,6 +45,42 @@ def test_a_file_that_is_cut_short_or_changed_is_not_used(tmp_path):
     for damaged in (b"", data[:31], data[:32], data[:-1], changed):
         file.write_bytes(damaged)
         assert store.read(NAME) is None
+
+
+@pytest.mark.parametrize("strange", ["folder", "file"])
+@pytest.mark.parametrize("bits", [0o002, 0o020])
+def test_what_others_may_write_is_not_read_and_the_reason_is_a_line(tmp_path, strange, bits):
+    store = KernelStore((tmp_path / "kernels",))
+    file = store.write(NAME, pickle.dumps("machine code"))
+    path = file.parent if strange == "folder" else file
+    path.chmod(path.stat().st_mode | bits)
+    os.chown(path, -1, 12345)  # a group that does not write this package
+    assert store.read(NAME) is None
+    assert store.refused == f"{path} is not used, because other users may write it"
+    assert store.refused in notice(Target(BASELINE), store)
+    if strange == "folder":
+        assert store.place() is None
+        assert store.write(NAME, pickle.dumps("mine")) is None
+
+
+def test_what_another_user_owns_is_not_read(tmp_path, monkeypatch):
+    store = KernelStore((tmp_path,))
+    store.write(NAME, pickle.dumps("machine code"))
+    others = os.stat_result((0o100644, 0, 0, 1, 54321, 0, 0, 0, 0, 0))
+    stat = Path.stat
+    monkeypatch.setattr(
+        Path, "stat", lambda path, **how: others if path.name == NAME else stat(path, **how)
+    )
+    assert store.read(NAME) is None
+
+
+def test_kernels_are_written_for_this_user_alone_whatever_the_mask(tmp_path):
+    mask = os.umask(0)
+    try:
+        file = KernelStore((tmp_path / "kernels",)).write(NAME, pickle.dumps(1))
+    finally:
+        os.umask(mask)
+    assert [path.stat().st_mode & 0o777 for path in (file.parent, file)] == [0o755, 0o644]
 
 
 def test_a_file_in_place_of_the_first_folder_leads_to_the_second(tmp_path):

@@ -71,6 +71,18 @@ def dask():
         made.end(name)
 
 
+def test_a_port_that_accepts_and_stays_silent_is_one_line(monkeypatch):
+    monkeypatch.setattr(cluster, "CONNECT_TIMEOUT", 0.5)
+    with socket.create_server(("127.0.0.1", 0)) as silent:
+        address = f"tcp://127.0.0.1:{silent.getsockname()[1]}"
+        with pytest.raises(WorkerError, match=r"no answer of a Dask scheduler in 0\.5 s"):
+            list(
+                run_on_cluster(
+                    make_chunks(SPECIFICATION, design_points(SPECIFICATION)), address, simulate
+                )
+            )
+
+
 def test_a_killed_worker_and_a_restarted_scheduler_lose_and_repeat_nothing(dask, capfd):
     chunks = list(make_chunks(SPECIFICATION, design_points(SPECIFICATION)))
     assert len(chunks) > 10

@@ -3,6 +3,7 @@
 import dataclasses
 import multiprocessing
 import os
+import weakref
 
 import pytest
 
@@ -33,6 +34,13 @@ class Deadly(Chunk):
 
 def deadly(chunk):
     return Deadly(**{field.name: getattr(chunk, field.name) for field in dataclasses.fields(chunk)})
+
+
+def test_an_outcome_that_cannot_be_pickled_is_said(chunks):
+    with pytest.raises(WorkerError, match=r"^the outcome of chunk 0 cannot be pickled: ") as caught:
+        list(run_on_processes(weakref.ref, chunks[:1], 1))
+    assert "\n" not in str(caught.value)
+    assert multiprocessing.active_children() == []
 
 
 def test_outcomes_are_those_of_this_process(chunks):

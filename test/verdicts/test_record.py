@@ -2,6 +2,7 @@
 
 import math
 
+import numpy as np
 import pytest
 from altered_bags import altered, unchanged
 from random_expectations import record_of
@@ -24,6 +25,7 @@ from rpud_sim.verdicts import (
     quantile,
     signal,
 )
+from rpud_sim.verdicts.messages import Piece, Table, TopicMessages
 from rpud_sim.verdicts.notation import to_formula, to_plain
 
 FORCE = signal("reacting_force.force")
@@ -42,6 +44,15 @@ def entry(sequence, kind, time, stamp=None):
 
 def impact(sequence, force):
     return {"sequence": sequence, "peak_force": force}
+
+
+def test_messages_of_a_foreign_type_are_one_line():
+    time = np.array([1])
+    numbered = Table({"log_time": time, "sequence": np.array([2**63], np.uint64)})
+    with pytest.raises(ExpectationError, match="no field 'kind'"):
+        numbered.values("kind", "kind")
+    with pytest.raises(ExpectationError, match="journal: sequence: OverflowError"):
+        TopicMessages("journal", [Piece(numbered, time, time)], [np.array([True])])
 
 
 def test_a_signal_that_never_came_is_undecided_and_named():

@@ -7,6 +7,7 @@ from random_expectations import record_of
 from sample_bags import SECOND
 
 from rpud_sim.verdicts import (
+    Becomes,
     Cleared,
     Expectation,
     Message,
@@ -65,6 +66,12 @@ def test_a_margin_has_the_unit_of_the_field_and_the_instant_is_when_it_broke():
     assert (found.outcome, found.margin, found.at) == ("passed", 5.0, 0.5)
     found = verdict(until(FORCE < "45 N", FORCE > "45 N"), record)
     assert (found.outcome, found.margin, found.at) == ("passed", 5.0, 0.5)
+
+
+def test_the_margin_of_a_count_is_a_number_whatever_its_event_compares():
+    record = record_of(force={0: 10.0, HALF: 50.0, SECOND: 10.0})
+    found = verdict(count(Becomes(FORCE > "45 N"), "<=", 3), record)
+    assert (found.outcome, found.margin, found.unit) == ("passed", 2.0, "")
 
 
 def test_comparisons_in_several_units_have_mixed_margins():

@@ -5,7 +5,7 @@ from support import Process, until
 
 from rpud_sim.ros.client.drill_finder import DrillFinder
 from rpud_sim.ros.starting import StartError
-from rpud_sim.watch.drill_pool import DrillPool
+from rpud_sim.watch.drill_pool import DrillPool, NoDrillToShowError
 from rpud_sim.watch.live_drill import LiveDrill
 
 NAMESPACE = "/live_drill"
@@ -110,7 +110,7 @@ def test_a_drill_comes_later_vanishes_and_returns_as_a_new_run():
 
 def test_pages_share_one_drill_which_stays_a_while_after_the_last(drill):
     now = [0.0]
-    pool = DrillPool(clock=lambda: now[0])
+    pool = DrillPool(lambda: {NAMESPACE, "/a b"}, clock=lambda: now[0])
     try:
         first = pool.take(NAMESPACE)
         assert pool.take(NAMESPACE) is first
@@ -128,6 +128,8 @@ def test_pages_share_one_drill_which_stays_a_while_after_the_last(drill):
         assert pool.take(NAMESPACE) is not first
         with pytest.raises(StartError, match="Invalid namespace"):
             pool.take("/a b")
+        with pytest.raises(NoDrillToShowError, match="there is no drill in /x"):
+            pool.take("/x")
     finally:
         pool.close()
 

@@ -82,7 +82,8 @@ def block_length(covariances: np.ndarray) -> float:
     density = 1.0 + 2.0 * float(weighted.sum())
     if not density > 0.0:
         return longest
-    best = (slope**2 / density**2 * count) ** (1.0 / 3.0)
+    # Not the third root of squares, which may be no floats any more.
+    best = abs(slope / density) ** (2.0 / 3.0) * count ** (1.0 / 3.0)
     return min(max(best, 1.0), longest)
 
 

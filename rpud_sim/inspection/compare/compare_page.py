@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from pathlib import Path
 
 from rpud_sim.inspection.compare.estimates import DIFFERS, EQUIVALENT, SAME, UNDECIDED, Estimate
 from rpud_sim.inspection.compare.page_plots import (
@@ -17,7 +16,7 @@ from rpud_sim.inspection.compare.recorded_drill import CompareError
 from rpud_sim.inspection.compare.results import Comparison, QuantityComparison, WindowComparison
 from rpud_sim.inspection.compare.same_bits import EQUAL, TopicBits, first_different
 from rpud_sim.inspection.compare.template import BODY, HEADINGS
-from rpud_sim.inspection.output import output_reason
+from rpud_sim.inspection.output import write_new_file
 from rpud_sim.pages.frame import render_page
 
 _UNSET = "–"
@@ -25,22 +24,8 @@ _MOST_DRAWN = 3  # windows whose distributions are drawn
 _SHOWN_TEXT = 80  # characters of a value of a message
 
 
-def check_target(out: str | os.PathLike[str]) -> None:
-    """Check that a new file can be made: it does not exist, and its folder does."""
-    if os.path.lexists(out):
-        raise CompareError(output_reason(out, FileExistsError()))
-    if not Path(out).parent.is_dir():
-        raise CompareError(f"cannot write {out}: there is no folder {Path(out).parent}")
-
-
 def write_page(found: Comparison, out: str | os.PathLike[str]) -> None:
-    check_target(out)
-    page = render(found)
-    try:
-        with Path(out).open("x", encoding="utf-8") as file:
-            file.write(page)
-    except OSError as error:
-        raise CompareError(output_reason(out, error)) from error
+    write_new_file(out, render(found), CompareError)
 
 
 def render(found: Comparison) -> str:

@@ -147,11 +147,10 @@ def _ratio_minus_one(logarithm: float) -> float:
 
 
 def _freedom(errors: Sequence[float], blocks: Sequence[float]) -> float:
-    squares = [error**2 for error in errors]
-    total = sum(squares)
-    if not total > 0.0:
+    total = math.hypot(*errors)
+    if not 0.0 < total < math.inf:
         return 1.0
-    shares = [square / total for square in squares]  # first: their squares might underflow
+    shares = [(error / total) ** 2 for error in errors]  # first: their squares might be no floats
     parts = [share**2 / max(n - 1.0, 1.0) for share, n in zip(shares, blocks, strict=True)]
     return 1.0 / sum(parts)
 

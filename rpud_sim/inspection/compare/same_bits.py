@@ -25,7 +25,8 @@ EQUAL, DIFFERENT, NOT_COMPARED = "equal", "different", "not compared"
 _TIME = "builtin_interfaces/msg/Time"
 _STAMP = slice(4, 12)  # of the header, after the four bytes that tell the encoding
 _SEVERAL_TIMES = ("faults", "trajectory")  # topics with other times than the stamp
-_MOST_WAITING = 20_000  # messages of a topic that the other run lacks
+_MOST_WAITING = 64 * 2**20  # messages of a topic that the other run lacks [bytes]
+_OVERHEAD = 256  # bytes that a message takes in addition to its data
 _REPORTED = 1000  # messages between two reports of progress
 
 
@@ -157,12 +158,14 @@ class _Pair:
         self._topic = topic
         self._several_times = topic in _SEVERAL_TIMES
         self._waiting: tuple[deque[_Timed], deque[_Timed]] = (deque(), deque())
+        self._sizes = [0, 0]  # of what waits [bytes]
         self._began = False
         self._equal = 0
         self._found: TopicBits | None = None
 
     def add(self, side: int, message: _Timed) -> None:
         self._waiting[side].append(message)
+        self._sizes[side] += _size(message)
         first, second = self._waiting
         while first and second and not self.done:
             if not self._began and first[0].time != second[0].time:
@@ -171,12 +174,17 @@ class _Pair:
                 if len(early) == 1:
                     break  # the next one shows whether the other recorder began later
                 if early[1].time <= late[0].time:
-                    early.popleft()
+                    self._take(int(early is second))
                     continue
             self._began = True
-            self._compare(first.popleft(), second.popleft())
-        if len(self._waiting[side]) > _MOST_WAITING and not self.done:
+            self._compare(self._take(0), self._take(1))
+        if self._sizes[side] > _MOST_WAITING and not self.done:
             self._missing(side, self._waiting[side][0])
+
+    def _take(self, side: int) -> _Timed:
+        message = self._waiting[side].popleft()
+        self._sizes[side] -= _size(message)
+        return message
 
     def _compare(self, first: _Timed, second: _Timed) -> None:
         if first.time != second.time:
@@ -224,6 +232,10 @@ class _Pair:
         longer = ("the reference", "this run")[sides[0]] if sides else ""
         note = f"{longer} goes on longer" if longer else ""
         return TopicBits(self._topic, EQUAL, self._equal, note=note)
+
+
+def _size(message: _Timed) -> int:
+    return len(message.data) + _OVERHEAD
 
 
 def _stamp_of(data: bytes) -> int:

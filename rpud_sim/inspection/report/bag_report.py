@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import rpud_sim.bag
-from rpud_sim.inspection.output import output_reason
+from rpud_sim.inspection.output import check_new_file, write_new_file
 from rpud_sim.inspection.report import charts, rows
 from rpud_sim.inspection.report.account_rows import account_rows, period_rows
 from rpud_sim.inspection.report.run_marks import run_marks
@@ -56,26 +56,10 @@ def write_report(
     report: Callable[[int], object] = lambda messages: None,
 ) -> Survey:
     """Write the report of a bag; return the survey that it shows."""
-    target = Path(out)
-    if os.path.lexists(target):
-        raise ReportError(output_reason(out, FileExistsError()))
-    if not target.parent.is_dir():
-        raise ReportError(f"cannot write {out}: there is no folder {target.parent}")
+    check_new_file(out, ReportError)
     with rpud_sim.bag.open(path) as bag:
         seen = survey(bag, report)
-    page = render(seen)
-    try:
-        file = target.open("x", encoding="utf-8")
-    except OSError as error:
-        raise ReportError(output_reason(out, error)) from error
-    try:
-        with file:
-            file.write(page)
-    except BaseException as error:
-        target.unlink(missing_ok=True)
-        if isinstance(error, OSError):
-            raise ReportError(output_reason(out, error)) from error
-        raise
+    write_new_file(out, render(seen), ReportError)
     return seen
 
 

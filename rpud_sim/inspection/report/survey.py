@@ -108,7 +108,7 @@ def survey(bag: BagReader, report: Callable[[int], object] = lambda messages: No
         bag.compression,
         _manifests(bag, damages),
         bag.readable_topics,
-        bag.left_out,
+        dict(bag.left_out),
     )
     zeros = _zeros(bag)
     _choose_topics(seen, bag, zeros)

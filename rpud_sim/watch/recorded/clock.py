@@ -43,15 +43,21 @@ class Clock:
     def elapsed(self, stamps: np.ndarray, log_times: np.ndarray) -> np.ndarray:
         """Return times since the bag began [s], of stamps and log times [ns]; all (n,)."""
         if self.zero is None:
-            return (log_times - self.begin) / SECOND
+            return (log_times - _number(self.begin)) / SECOND
+        zero = _number(self.zero)
         if not self.jumps:
-            return (stamps - self.zero) / SECOND
+            return (stamps - zero) / SECOND
         steps = np.cumsum([0, *(jump.step for jump in self.jumps)], dtype=np.int64)
         times = np.array([jump.log_time for jump in self.jumps], np.int64)
-        return (stamps - self.zero - steps[np.searchsorted(times, log_times, "right")]) / SECOND
+        return (stamps - zero - steps[np.searchsorted(times, log_times, "right")]) / SECOND
 
     def knows(self, jumps: Sequence[Jump]) -> bool:
         return {jump.log_time for jump in jumps} <= {jump.log_time for jump in self.jumps}
+
+
+def _number(time: int) -> int | float:
+    """Return a time for calculations with int64: exact, unless it would not fit [ns]."""
+    return time if abs(time) < 2**62 else float(time)
 
 
 def find_jumps(stamps: np.ndarray, log_times: np.ndarray) -> list[Jump]:

@@ -11,7 +11,7 @@ from rpud_sim.bag import BagFormatError, BagReader, TopicSummary
 from rpud_sim.bag.columns import Column, Kind
 from rpud_sim.bag.field_values import FieldReader
 from rpud_sim.bag.message_block import MessageBlock
-from rpud_sim.bag.tables import compiled
+from rpud_sim.bag.tables import compiled, late_messages
 from rpud_sim.inspection.report.running_statistics import usable
 from rpud_sim.inspection.report.topic_survey import is_latched, stamp_column
 
@@ -119,6 +119,11 @@ class TopicReader:
 
     def read(self, block: MessageBlock) -> Rows:
         """Return the rows of messages; count those that are not of the type."""
+        late = late_messages(block)
+        if late:
+            block = block.part(np.setdiff1d(np.arange(len(block)), [*late]))
+            self.unreadable += len(late)
+            self.reason = self.reason or next(iter(late.values()))
         found = self._fields.read(block)
         if found.errors and not self.unreadable:
             self.reason = found.errors[0][1]

@@ -26,6 +26,10 @@ def series(count, memory, seed):
     return values
 
 
+def test_correlations_of_rounding_alone_have_a_longest_block():
+    assert block_length(np.array([1e-300, *[1.0] * 9])) == 3.0 + 1.0 / 3.0
+
+
 def resampled_means(values, length, repeats, seed):
     """Give means of series that are drawn block by block, as Politis and Romano do."""
     random = np.random.default_rng(seed)

@@ -43,6 +43,12 @@ def test_intervals_cover_nineteen_of_twenty(figure, true):
     assert all(each.low <= each.value <= each.high for each in found)
 
 
+def test_huge_values_are_compared():
+    with np.errstate(all="ignore"):
+        _, decision = compared(values(50) * 1e300, values(50, seed=1) * 1e300)
+    assert decision in (SAME, DIFFERS, TOO_FEW)
+
+
 def test_the_chance_is_that_of_welchs_test_where_values_are_independent():
     first, second = values(2000, seed=1), values(1000, 101.0, seed=2)
     found, _ = compared(first, second)

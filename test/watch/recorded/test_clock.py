@@ -1,6 +1,7 @@
 """Clocks of a bag: the same times as the report's, in any order."""
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -30,6 +31,13 @@ def test_times_are_those_of_the_timeline(steps, first):
 def test_a_topic_without_stamps_goes_by_the_log_times():
     clock = Clock(None, 5 * SECOND)
     assert clock.elapsed(np.array([0]), np.array([7 * SECOND])).tolist() == [2.0]
+
+
+@pytest.mark.parametrize("far", [2**63, -(2**63) - 1])
+def test_times_beyond_int64_are_no_error(far):
+    stamps = np.array([3 * SECOND])
+    for clock in (Clock(None, far), Clock(far, 0), Clock(far, 0, (Jump(1, 1),))):
+        assert clock.elapsed(stamps, stamps) == pytest.approx([-far / SECOND])
 
 
 def series(number):
