@@ -196,6 +196,7 @@ class _Collection:
 
 
 def _drain(node: Recorder) -> None:
+    node.end()
     time.sleep(_DRAIN_TIME)
     _take_all(node)
 
