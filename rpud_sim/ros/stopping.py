@@ -1,4 +1,4 @@
-"""Orderly stop at SIGINT, SIGTERM and SIGHUP, a sleep that it interrupts, and a limit for the end."""
+"""Orderly stop at a signal, a sleep that it interrupts, and a limit for the end."""
 
 from __future__ import annotations
 

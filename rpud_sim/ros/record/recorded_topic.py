@@ -13,13 +13,13 @@ from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from rpud_sim.bag import Message
 from rpud_sim.bag.losses import Losses
-from rpud_sim.bag.metadata import LATEST
 from rpud_sim.bag.sequence import SequenceGaps
 from rpud_sim.ros.qos import RECORDING_DEPTH
 
 _ENCAPSULATION = 4  # bytes before the fields of every message (CDR)
 _MATCHING = 3.0  # s in which a publisher that was found should be connected
 _EARLIEST = 946_684_800_000_000_000  # the year 2000 [ns since the epoch]
+_LATEST = 2**63 - 1  # in a bag [ns since the epoch]
 _AHEAD = 86_400_000_000_000  # that our clock may be set back while a message waits [ns]
 
 
@@ -32,7 +32,7 @@ def is_damaged(data: bytes, log_time: int, publish_time: int) -> bool:
     now = time.time_ns()
     # A computer without a battery for its clock may live in 1970 as a whole.
     earliest = min(_EARLIEST, max(1, now - _AHEAD))
-    times_fit = earliest <= log_time <= now + _AHEAD and 0 <= publish_time <= LATEST
+    times_fit = earliest <= log_time <= now + _AHEAD and 0 <= publish_time <= _LATEST
     return len(data) < _ENCAPSULATION or not times_fit
 
 

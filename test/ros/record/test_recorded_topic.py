@@ -47,7 +47,7 @@ def test_what_cannot_be_a_message_is_damaged(data, log_time, publish_time):
     assert not is_damaged(DATA[:4], NOW + DAY // 2, NOW)
 
 
-@pytest.mark.parametrize("sent", [0, 77, NOW - 9000 * DAY, NOW + 2 * DAY])
+@pytest.mark.parametrize("sent", [0, 77, NOW - 9000 * DAY, NOW + 2 * DAY], ids=itertools.count())
 def test_a_message_of_a_publisher_whose_clock_is_off_is_kept(topic, sent):
     assert topic.accept(DATA, info(1, sent=sent), counts=True).publish_time == sent
     assert topic.losses(0).total == 0
