@@ -114,7 +114,7 @@ def test_the_bytes_are_those_of_ros(kind, data):
 
 def test_a_message_of_another_length_is_not_decoded():
     codec = Codec("sensor_msgs/msg/JointState", find_definition("sensor_msgs/msg/JointState"))
-    with pytest.raises(BagFormatError, match="40 bytes follow its last field"):
+    with pytest.raises(BagFormatError, match="bytes follow its last field"):
         codec.decode(serialize_message(JointState(name=["a"]))[:40] + bytes(40))
 
 
