@@ -14,13 +14,22 @@ latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 node.create_subscription(Status, "status", statuses.append, latched)
 commands = node.create_publisher(WeightOnBit, "command/weight_on_bit", 10)
 
+
+def connected():
+    """Return whether the drill, and a recorder if there is one, will get the command."""
+    listeners = node.get_subscriptions_info_by_topic("command/weight_on_bit")
+    names = [listener.node_name for listener in listeners]
+    return "drill_node" in names and commands.get_subscription_count() >= len(names)
+
+
 # ROS drops a message without a subscriber, so the command waits for the running drill.
-while not statuses or not commands.get_subscription_count():
+while not statuses or not connected():
     rclpy.spin_once(node, timeout_sec=0.1)
 commands.publish(WeightOnBit(force=WEIGHT))
 while statuses[-1].weight_on_bit != WEIGHT:
     rclpy.spin_once(node)
 print(f"weight on bit is {statuses[-1].weight_on_bit} N after {statuses[-1].impacts} impacts")
 
+commands.wait_for_all_acked()  # a recorder may not have the command yet
 node.destroy_node()
 rclpy.shutdown()

@@ -26,6 +26,7 @@ FIELDS_SIZE_LIMIT = 64 * 2**10  # greatest definition of a type without its comm
 
 _COMMENT = re.compile(r"#.*")
 _WRITTEN_OUT_LIMIT = 10_000
+_PADDING = 3  # bytes behind the last field, so that messages follow each other aligned
 _NO_FIELDS = "structure_needs_at_least_one_member"  # field of a type without fields in CDR
 
 
@@ -82,7 +83,16 @@ class Codec:
         """Return a message as an object with its fields, and with NumPy arrays for sequences."""
         self._budget.check(data)
         with self._understanding("message"):
-            return self._store.deserialize_cdr(data, self._type)
+            if data[:2] not in (b"\0\0", b"\0\1"):
+                raise ValueError("its encapsulation is not plain CDR")
+            kind = self._store.get_msgdef(self._type)
+            read = kind.deserialize_cdr_le if data[1] else kind.deserialize_cdr_be
+            message, end = read(data[4:], 0, kind.cls, self._store)
+            rest = len(data) - 4 - end
+            # ROS allots each empty sequence an alignment that it does not use, of any content.
+            if rest > _PADDING and rest > _PADDING + 8 * _empty_sequences(message):
+                raise ValueError(f"{rest} bytes follow its last field")
+            return message
 
     def decoded_sizes(self, sizes: np.ndarray) -> np.ndarray:
         """Return the greatest memory of decoded messages of these sizes [bytes]."""
@@ -116,6 +126,13 @@ class Codec:
 def definition_size(definition: str) -> int:
     """Return the characters without comments, which determine the time to compile."""
     return len(_COMMENT.sub("", definition))
+
+
+def _empty_sequences(value: Any) -> int:
+    if isinstance(value, np.ndarray | list):
+        nested = sum(map(_empty_sequences, value)) if isinstance(value, list) else 0
+        return nested if len(value) else 1
+    return sum(map(_empty_sequences, vars(value).values())) if hasattr(value, "__dict__") else 0
 
 
 def _written_out(kind: Any) -> int:

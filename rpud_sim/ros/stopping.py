@@ -1,4 +1,4 @@
-"""Orderly stop at SIGINT and SIGTERM, a sleep that it interrupts, and a limit for the end."""
+"""Orderly stop at a signal, a sleep that it interrupts, and a limit for the end."""
 
 from __future__ import annotations
 
@@ -14,7 +14,9 @@ LONGEST_END = 20.0  # of a node that has stopped, on a busy machine too [s]
 
 
 class StopRequest:
-    """Request to stop the program; while it is entered, SIGINT and SIGTERM make it.
+    """Request to stop the program; while it is entered, SIGINT, SIGTERM and SIGHUP make it.
+
+    A SIGHUP that is ignored, as under ``nohup``, stays so.
 
     rclpy's own handlers would end the context at once, and messages that have arrived would be
     lost. A pipe carries the request: a signal handler cannot acquire a lock that the interrupted
@@ -29,7 +31,9 @@ class StopRequest:
         self._handlers: dict[int, object] = {}
 
     def __enter__(self) -> StopRequest:
-        for number in (signal.SIGINT, signal.SIGTERM):
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            if number == signal.SIGHUP and signal.getsignal(number) == signal.SIG_IGN:
+                continue
             self._handlers[number] = signal.signal(number, self._handle)
         return self
 

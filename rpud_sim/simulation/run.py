@@ -91,8 +91,8 @@ class Run:
 
     Args:
         journal: gets an entry for each change from outside; None for no journal.
-        wanted: whether a topic that no fault can touch has a subscriber; without one its messages
-            are not made.
+        wanted: whether a topic that no fault can touch has had a subscriber; without one its
+            messages are not made.
         active: whether commands act from the start; weight on bit and drive are zero otherwise.
         on_block: called with each block, for statistics.
     """

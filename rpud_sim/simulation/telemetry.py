@@ -64,8 +64,8 @@ class Telemetry:
 
     Args:
         block_duration: of waveform and trajectory [s], at least one telemetry period.
-        wanted: whether a topic that no fault can touch has a subscriber; without one its messages
-            are not made.
+        wanted: whether a topic that no fault can touch has had a subscriber; without one its
+            messages are not made.
     """
 
     def __init__(

@@ -32,6 +32,7 @@ from sensor_msgs.msg import JointState
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.definitions import find_definition, find_type_hash
 from rpud_sim.bag.encoder import CODES, Encoder
+from rpud_sim.bag.errors import BagFormatError
 from rpud_sim.foundation.ragged import Ragged
 from rpud_sim.ros.types import members_of, message_class
 from rpud_sim.simulation.topics import TOPICS
@@ -105,10 +106,16 @@ def test_the_bytes_are_those_of_ros(kind, data):
         content = encoder.encode(values)
         expected = serialize_message(message_of(kind, values))
         # ROS leaves what lies between members, and a few bytes behind, as it was in memory.
-        assert content == codec.without_padding(expected[: len(content)])
+        assert content == codec.without_padding(expected)
         assert repr(deserialize_message(content, kind)) == repr(message_of(kind, values))
         assert content == codec.encode(values)
         assert content == codec.encode(dataclasses.asdict(codec.decode(content)))
+
+
+def test_a_message_of_another_length_is_not_decoded():
+    codec = Codec("sensor_msgs/msg/JointState", find_definition("sensor_msgs/msg/JointState"))
+    with pytest.raises(BagFormatError, match="bytes follow its last field"):
+        codec.decode(serialize_message(JointState(name=["a"]))[:40] + bytes(40))
 
 
 def columns_of(rows):

@@ -1,4 +1,4 @@
-"""SIGINT and SIGTERM ask for a stop, interrupt sleep, and are given back afterwards."""
+"""SIGINT, SIGTERM and SIGHUP ask for a stop, interrupt sleep, and are given back afterwards."""
 
 import os
 import signal
@@ -12,10 +12,11 @@ import pytest
 from rpud_sim.ros.stopping import StopRequest
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_a_signal_interrupts_the_sleep(number):
     before = signal.getsignal(number)
     with StopRequest() as stop:
+        assert callable(signal.getsignal(number))
         assert not stop.requested
         sender = threading.Timer(0.05, os.kill, (os.getpid(), number))
         sender.start()
@@ -33,6 +34,17 @@ def test_the_end_of_the_parent_requests_a_stop_where_it_is_wanted(monkeypatch, w
         assert not stop.requested
         monkeypatch.setattr(os, "getppid", lambda: 1)
         assert (stop.requested, stop.orphaned) == (ends, ends)
+
+
+def test_a_hangup_that_is_ignored_stays_ignored():
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        with StopRequest() as stop:
+            os.kill(os.getpid(), signal.SIGHUP)
+            assert not stop.requested
+        assert signal.getsignal(signal.SIGHUP) == signal.SIG_IGN
+    finally:
+        signal.signal(signal.SIGHUP, before)
 
 
 def test_more_signals_change_nothing():

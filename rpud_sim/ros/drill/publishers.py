@@ -50,6 +50,7 @@ class DrillPublishers:
         # counts of the messages of each topic, None for no count. With a count topics
         # without a subscriber are published too.
         self.sent = sent
+        self._wanted = set[str]()  # topics that have had a subscriber
         # whether to wait for reliable subscribers before overwriting messages they lack
         self.patient = False
         self._awaits_status = True  # not for ever: a subscriber that was killed never acknowledges
@@ -93,8 +94,14 @@ class DrillPublishers:
         return all(self._publishers[name].wait_for_all_acked(_AT_ONCE) for name in self._offered)
 
     def wanted(self, topic: str) -> bool:
-        """Return whether to publish a topic: it has a subscriber, or messages are counted."""
-        return self.sent is not None or self._is_heard(topic)
+        """Return whether to publish a topic: it has had a subscriber, or messages are counted.
+
+        A subscriber that stood still is dropped. The numbers of the messages tell it what it lost,
+        so they are published meanwhile.
+        """
+        if topic not in self._wanted and self._is_heard(topic):
+            self._wanted.add(topic)
+        return self.sent is not None or topic in self._wanted
 
     def encode(self, entries: Iterable[tuple[int, str, Fields]]) -> list[Encoded]:
         """Serialize messages: ``(time, topic, fields)`` as a run yields them."""

@@ -19,18 +19,20 @@ from rpud_sim.ros.qos import RECORDING_DEPTH
 _ENCAPSULATION = 4  # bytes before the fields of every message (CDR)
 _MATCHING = 3.0  # s in which a publisher that was found should be connected
 _EARLIEST = 946_684_800_000_000_000  # the year 2000 [ns since the epoch]
-_AHEAD = 86_400_000_000_000  # that the clock of a publisher may be off ours [ns]
+_LATEST = 2**63 - 1  # in a bag [ns since the epoch]
+_AHEAD = 86_400_000_000_000  # that our clock may be set back while a message waits [ns]
 
 
 def is_damaged(data: bytes, log_time: int, publish_time: int) -> bool:
     """Return whether these cannot be a message and its times [ns since the epoch].
 
     The middleware delivers such messages from shared memory that a killed process has left behind.
+    A publisher's clock may be off, or missing: its time need only fit into a bag.
     """
     now = time.time_ns()
     # A computer without a battery for its clock may live in 1970 as a whole.
     earliest = min(_EARLIEST, max(1, now - _AHEAD))
-    times_fit = all(earliest <= moment <= now + _AHEAD for moment in (log_time, publish_time))
+    times_fit = earliest <= log_time <= now + _AHEAD and 0 <= publish_time <= _LATEST
     return len(data) < _ENCAPSULATION or not times_fit
 
 
@@ -56,7 +58,7 @@ class RecordedTopic:
     unmatched: float | None = None
     renewals: int = 0  # subscriptions that were renewed as a publisher was silent
     _uncounted: int = 0  # damaged messages whose numbers are a gap in the next ones
-    _latest: dict[tuple[int, int | None], None] = field(default_factory=dict)
+    _latest: dict[tuple[int, int | None, int], None] = field(default_factory=dict)
 
     def losses(self, refused: int) -> Losses:
         """Return the losses; ``refused`` are messages that did not fit into the queue."""
@@ -87,18 +89,19 @@ class RecordedTopic:
             self._uncounted += 1
             return None
         number = info["publication_sequence_number"]
-        if self._is_repeated(publish_time, number):
+        if self._is_repeated(publish_time, number, data):
             return None
         self.received_at = time.monotonic()
         self._note(number, counts)
         return Message(self.name, log_time, publish_time, data)
 
-    def _is_repeated(self, publish_time: int, number: int | None) -> bool:
+    def _is_repeated(self, publish_time: int, number: int | None, data: bytes) -> bool:
         if self.request.durability != DurabilityPolicy.TRANSIENT_LOCAL:
             return False
-        if (publish_time, number) in self._latest:
+        key = publish_time, number, hash(data)  # publishers may have no clock
+        if key in self._latest:
             return True
-        self._latest[publish_time, number] = None
+        self._latest[key] = None
         if len(self._latest) > RECORDING_DEPTH:
             del self._latest[next(iter(self._latest))]
         return False

@@ -198,6 +198,7 @@ class _Collection:
 
 
 def _drain(node: Recorder) -> None:
+    node.end()
     time.sleep(_DRAIN_TIME)
     _take_all(node)
 

@@ -7,6 +7,7 @@ from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import replace
 from operator import attrgetter
+from typing import Any
 
 from rclpy.node import Node
 from rclpy.validate_namespace import validate_namespace
@@ -54,6 +55,7 @@ class Recorder(Node):
         self._prefix = self.get_namespace().rstrip("/") + "/"
         self._recordings: dict[str, RecordedTopic] = {}
         self._batch: list[Message] = []
+        self._end: int | None = None  # of the recording [ns since the epoch]
         self._standstill = Standstill()
         self.guard = NetworkGuard(self.get_logger())  # of what arrives over the network
         # topics, and further types of recorded ones, that are not recorded, with reasons
@@ -133,6 +135,13 @@ class Recorder(Node):
         del self._batch[:ripe]
         return more
 
+    def end(self) -> None:
+        """End the recording now: what is published and received later is not taken.
+
+        All topics end together: a status that counts an entry of the journal comes after it.
+        """
+        self._end = time.time_ns()
+
     def finish(self) -> None:
         """Hand over the last messages, declare silent topics, and list missing ones."""
         self._hand_over(self._batch)
@@ -196,6 +205,10 @@ class Recorder(Node):
                 if taken is None:
                     return False
                 data, info = taken
+                if self._is_late(info):
+                    if until is not None and info["received_timestamp"] > until:
+                        return False
+                    continue
                 message = recording.accept(data, info, counts=not self._intake.paused)
                 if message is None:
                     continue
@@ -205,6 +218,11 @@ class Recorder(Node):
                 if until is not None and message.log_time > until:
                     return False
         return True
+
+    def _is_late(self, info: dict[str, Any]) -> bool:
+        if self._end is None:
+            return False
+        return min(info["source_timestamp"], info["received_timestamp"]) > self._end
 
     def _declare(self, recording: RecordedTopic, *, received: bool) -> None:
         if not recording.declared:

@@ -7,6 +7,7 @@ import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rpud_msgs.msg import ContactForce, Faults, NodalPlane, ReactingForce, Trajectory
+from sensor_msgs.msg import JointState
 
 from rpud_sim.ros.drill.publishers import CLOCK, DrillPublishers
 from rpud_sim.simulation import Parameters
@@ -125,6 +126,32 @@ def test_a_stream_comes_in_blocks_and_its_rest_when_it_is_asked_for(listener):
     drill.until(lambda: len(found) == 2)
     assert found[1].sequence == len(found[0].duration)
     assert nanoseconds(found[0].origin) == ORIGIN
+
+
+def test_a_dropped_subscriber_knows_what_it_missed_by_the_numbers(listener):
+    drill = listener()
+    numbers = []
+
+    def note(_, information):
+        numbers.append(information["publication_sequence_number"])
+
+    def subscribe():
+        subscription = drill.node.create_subscription(JointState, "joint_states", note, PLENTY)
+        drill.until(lambda: "joint_states" not in drill.outputs.unheard)
+        drill.until(subscription.get_publisher_count)
+        return subscription
+
+    drill.go_on(3)
+    subscription = subscribe()
+    drill.go_on(5)
+    drill.until(lambda: len(numbers) == 5)
+    drill.node.destroy_subscription(subscription)
+    drill.until(lambda: "joint_states" in drill.outputs.unheard)
+    drill.go_on(7)
+    subscribe()
+    drill.go_on(1)
+    drill.until(lambda: len(numbers) == 6)
+    assert numbers == [1, 2, 3, 4, 5, 13]
 
 
 def test_faults_are_published_when_they_change_and_to_subscribers_that_come_later(listener):

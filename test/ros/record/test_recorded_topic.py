@@ -34,11 +34,9 @@ def info(number, sent=NOW, received=NOW):
     [
         (b"", NOW, NOW),
         (DATA[:3], NOW, NOW),
-        (DATA, NOW, 0),
-        (DATA, NOW, 77),
         (DATA, 77, NOW),
-        (DATA, NOW, NOW + 2 * DAY),
         (DATA, 2**63 - 1, NOW),
+        (DATA, NOW, 2**63),
         (DATA, NOW, -1),
     ],
     ids=itertools.count(),
@@ -46,13 +44,19 @@ def info(number, sent=NOW, received=NOW):
 def test_what_cannot_be_a_message_is_damaged(data, log_time, publish_time):
     assert is_damaged(data, log_time, publish_time)
     assert not is_damaged(DATA, NOW, NOW)
-    assert not is_damaged(DATA[:4], NOW, NOW + DAY // 2)
+    assert not is_damaged(DATA[:4], NOW + DAY // 2, NOW)
+
+
+@pytest.mark.parametrize("sent", [0, 77, NOW - 9000 * DAY, NOW + 2 * DAY], ids=itertools.count())
+def test_a_message_of_a_publisher_whose_clock_is_off_is_kept(topic, sent):
+    assert topic.accept(DATA, info(1, sent=sent), counts=True).publish_time == sent
+    assert topic.losses(0).total == 0
 
 
 def test_a_damaged_message_is_no_gap_as_well(topic):
     assert topic.accept(DATA, info(1), counts=True).data == DATA
     assert topic.accept(b"", info(0), counts=True) is None
-    assert topic.accept(DATA, info(3, sent=0), counts=True) is None
+    assert topic.accept(DATA, info(3, sent=-1), counts=True) is None
     assert topic.accept(DATA, info(6), counts=True) is not None
     assert (topic.damaged, topic.gaps.missing) == (2, 2)
     assert topic.accept(DATA, info(8), counts=True) is not None
@@ -70,3 +74,9 @@ def test_a_latched_message_that_comes_again_is_not_recorded_again(topic):
     assert topic.accept(DATA, info(1), counts=True) is not None
     assert topic.accept(DATA, info(1), counts=True) is None
     assert topic.accept(DATA, info(1, sent=NOW + 1), counts=True) is not None
+
+
+def test_latched_messages_without_a_time_are_told_apart(topic):
+    topic.request = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    assert topic.accept(DATA, info(1, sent=0), counts=True) is not None
+    assert topic.accept(DATA[::-1], info(1, sent=0), counts=True) is not None

@@ -4,6 +4,7 @@ import time
 
 import pytest
 import rclpy
+from rclpy.duration import Duration
 from rclpy.exceptions import NameValidationException
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_msgs.msg import Int32, String
@@ -337,3 +338,21 @@ def test_after_a_standstill_what_is_silent_is_subscribed_again(peer, record, cap
     until(lambda: recorder.receive() or found.extend(numbers(messages)) or 3 in found)
     assert found == [1, 3]  # what is latched came again, and is no new message
     assert recorder.losses["/rpud/silent"].total == 0
+
+
+def test_all_topics_end_together(peer, record):
+    publishers = [peer.create_publisher(Int32, name, RELIABLE) for name in ("a", "b")]
+    messages = MessageQueue()
+    recorder = record(messages)
+    until(discovered(recorder, 2))
+    until(lambda: all(publisher.get_subscription_count() == 1 for publisher in publishers))
+    publishers[0].publish(Int32(data=1))
+    recorder.end()
+    for publisher in (*publishers, *publishers):
+        publisher.publish(Int32(data=2))
+    assert all(publisher.wait_for_all_acked(Duration(seconds=30.0)) for publisher in publishers)
+    until(lambda: not recorder.receive() and recorder.taken)
+    recorder.finish()
+    declaration, message, silent = items(messages)
+    assert (declaration.topic.name, message.data[4:]) == ("/rpud/a", b"\1\0\0\0")
+    assert isinstance(silent, Declaration)
