@@ -77,10 +77,6 @@ def test_times_are_exact_and_faults_are_in_their_order(file):
     )
 
 
-def test_a_scenario_may_be_empty(file):
-    assert read_scenario(file("faults: []")) == Scenario(0, ())
-
-
 DRAWN = (
     "{kind: lost_preload, magnitude: {uniform: [0.2, 0.4]}, "
     "onset: {uniform: [1, 3]}, duration: {uniform: [0.5, 1.5]}}"

@@ -44,7 +44,6 @@ def test_a_kind_alone_begins_at_once(faults):
 @pytest.mark.parametrize(
     ("options", "text"),
     [
-        ({"weight_on_bitt": 3.0}, "did you mean weight_on_bit?"),
         ({"weight_on_bit": -3.0}, "weight_on_bit = -3 N is outside its range"),
         ({"config": "nowhere.yaml"}, "config = 'nowhere.yaml' is no file"),
         ({"config": 3}, "config = 3 is not a path"),

@@ -78,6 +78,7 @@ targets:
         (target(tolerance=0), "targets[0].tolerance = 0 N is outside its range"),
         (target(value=0), "targets[0].tolerance: '5 %' of 0 is no tolerance above 0"),
         (target(statistic="mean"), "targets[0].statistic: reacting_force_mean has none"),
+        (target(figure="contact_force", statistic="median"), "statistic = 'median' is not one of"),
         (target(window=0), "targets[0].window: begins at 0 s and ends at 0 s"),
         (target(window=[1, 2, 3]), "targets[0].window: [1, 2, 3] is neither seconds nor"),
         (target(impact_velocity=5), "impact_velocity: is for contact_peak_force and contact_peak"),

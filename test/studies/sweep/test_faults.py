@@ -204,6 +204,7 @@ FEED = [{"time": 0.1, "feed": {"rate": 1e-4}}]
         ),
         ({"cases": {"a b": {}}}, "cases.a b: is not a name"),
         ({"cases": {"a": {"rock_model": "none"}}}, "cases.a.rock_model: is given elsewhere"),
+        ({"swept": {"strata": ["chalk", "cheese"]}, "fixed": {}, "cases": {}}, "cheese"),
         ({"repeat": 100_000}, "8 points of 100000 simulations are more than 100000"),
         ({"commands": [{"time": 1.0}]}, "commands: command 1: it needs a time, and"),
         ({"commands": FEED}, "cases.chalk: command at 0.1 s: a feed cannot be commanded"),

@@ -88,6 +88,7 @@ LINE = {"minimum": 1.0, "maximum": 2.0, "points": 3}
         (swept(free_mass=[1, 1.0]), "swept.free_mass: holds a value twice"),
         (swept(free_mass=list(range(1, 10_002))), "swept.free_mass: holds 10001 values, more than"),
         (swept(regime=LINE), "swept.regime: has no range; give a list of its choices"),
+        (swept(free_mass={"minimum": 1}), "swept.free_mass.maximum: is missing"),
         (swept(free_mass=LINE | {"step": 1}), "swept.free_mass.step: is unknown; known are minim"),
         (swept(free_mass=LINE | {"minimum": 2}), "swept.free_mass: minimum 2 is not below maximum"),
         (
