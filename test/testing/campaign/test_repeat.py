@@ -18,10 +18,12 @@ from rpud_sim.testing.pool import DrillPool
 CAMPAIGN = Path(__file__).resolve().parents[3] / "config" / "campaign.yaml"
 RUN = "jammed actuator_restitution=0.8 seed=1"
 REPETITIONS = int(os.environ.get("RPUD_REPETITIONS", "2"))
-# Of a status: how fast the drill was on this machine, and what it had discovered.
+# Of a status: how fast the drill was on this machine, what it had discovered, and what its journal
+# has counted since the process began.
 OF_THE_MACHINE = (
     "commanders",
     "deadlines_missed",
+    "journal_entries",
     "messages_dropped",
     "real_time_factor",
     "lateness_max",
