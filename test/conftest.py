@@ -11,9 +11,11 @@ from ament_index_python.packages import get_package_prefix
 from hypothesis import settings
 from support import FEW, LOOPBACK, MANY_EXAMPLES, Process, claim_ros_domain
 
-# The shell that starts the tests changes nothing: a background job ignores SIGINT, and a user may
-# have a umask, a language, a proxy, or a home folder without write permission.
+# The shell that starts the tests changes nothing: a background job ignores SIGINT or SIGHUP, and a
+# user may have a umask, a language, a proxy, or a home folder without write permission.
 signal.signal(signal.SIGINT, signal.default_int_handler)
+for _number in (signal.SIGHUP, signal.SIGTERM):
+    signal.signal(_number, signal.SIG_DFL)
 os.umask(0o022)
 for _name in list(os.environ):
     if _name.startswith(("LC_", "RPUD_TRACEBACK")) or _name.lower().endswith("_proxy"):
