@@ -104,7 +104,7 @@ measure-setup: ## Clone into a new folder and print the time of each stage from 
 
 .PHONY: campaign
 campaign: install/.package ## Fly one run of config/campaign.yaml RUNS times (100) beside four busy loops; two different results fail
-	@$(WITH_ENV) RPUD_REPETITIONS=$(RUNS) python test/busy.py -- python -m pytest test/testing/campaign/test_repeat.py
+	@$(WITH_ENV) RPUD_REPETITIONS=$(RUNS) python test/busy.py -- python -m pytest -m "" test/testing/campaign/test_repeat.py
 
 .PHONY: starts
 starts: install/.package install/.kernels ## Start a node under test STARTS times (500), in two ways, beside four busy loops: no first command is lost

@@ -37,6 +37,7 @@ def campaign(tmp_path):
     return file
 
 
+@pytest.mark.extended
 def test_all_requirements_met_give_0_and_a_page_with_all_bags(campaign, tmp_path):
     junit = tmp_path / "junit.xml"
     result = rpud("test", campaign, "--out", tmp_path / "out", "--junit", junit, "-n", "2")
@@ -48,6 +49,7 @@ def test_all_requirements_met_give_0_and_a_page_with_all_bags(campaign, tmp_path
     assert junit.read_text().count("<testcase") == 2
 
 
+@pytest.mark.extended
 def test_a_requirement_that_no_run_decides_gives_1_and_a_failed_one_3(campaign, tmp_path):
     junit = tmp_path / "junit.xml"
     words = ("test", campaign, "--only", "calm", "--out", tmp_path / "out", "--junit", junit)

@@ -109,6 +109,7 @@ def test_a_killed_worker_costs_its_own_chunk_alone(spec, made, tmp_path, process
     assert same(out, made[0])
 
 
+@pytest.mark.extended
 def test_a_killed_sweep_goes_on_where_it_was(spec, made, tmp_path, process):
     out = tmp_path / "out"
     sweep = process("rpud", "sweep", spec, "--out", out, "--workers", "2")
@@ -156,6 +157,7 @@ def test_ctrl_c_ends_a_sweep_and_its_workers_without_a_trace(spec, tmp_path, pro
     until(lambda: not any(map(alive, begun)))
 
 
+@pytest.mark.extended
 def test_a_cluster_that_is_not_there_is_one_line(spec, tmp_path):
     done = rpud("sweep", spec, "--out", tmp_path / "out", "--scheduler", "tcp://127.0.0.1:1")
     assert done.returncode == 1

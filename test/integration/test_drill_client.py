@@ -170,6 +170,7 @@ def test_what_it_waits_for_in_vain_has_a_time_limit(drill):
         drill.listen("nothing", patience=0.2)
 
 
+@pytest.mark.extended
 def test_two_living_drills_are_refused_a_killed_one_is_not_and_none_is_noticed(start_drill):
     first = start_drill("/twins", **PAUSED)
     second = start_drill("/twins", **PAUSED)

@@ -26,6 +26,7 @@ def failure(parameters, stops):
     pytest.fail("it goes on")
 
 
+@pytest.mark.extended
 def test_a_microgram_ends_with_one_line_that_names_it():
     text = failure(MICROGRAM, range(0, 3_000_000, 5000))
     assert re.fullmatch(

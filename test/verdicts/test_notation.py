@@ -117,7 +117,7 @@ REFUSED = {
     "{fault: noise}": "channel of noise = '' is not one of",
     "{allways: status.impacts > 3}": "'allways' begins no formula; did you mean always?",
     "{always: status.impacts > 3, witin: 1 s}": "does not belong to always; did you mean within?",
-    "{count: {onset: noise on wrench}, is: '< 3', until: x}": "to count; known are within, between",
+    "{count: {onset: noise on wrench}, is: '< 3', until: x}": "'x' is no comparison",
     "{always: status.impacts > 3, within: 3 N}": "within is in s, given 3 N",
     "{always: status.impacts > 3, within: -1 s}": "within = -1 s is outside its range [0, 1e+09] s",
     "{always: status.impacts > 3, between: [2 s, 1 s]}": "ends before it begins",

@@ -91,6 +91,7 @@ def test_a_pause_need_not_wait_for_a_long_step(live):
     assert outcome_of(live, "play").state == "done"
 
 
+@pytest.mark.extended
 def test_a_drill_comes_later_vanishes_and_returns_as_a_new_run():
     with LiveDrill("/comes_later") as live:
         assert live.picture().connection.state == "searching"

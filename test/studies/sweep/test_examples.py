@@ -13,6 +13,7 @@ from rpud_sim.studies.sweep.sweep import run_sweep
 CONFIG = Path(__file__).parents[3] / "config"
 
 
+@pytest.mark.extended
 @pytest.mark.parametrize(
     ("name", "simulations"),
     [

@@ -63,6 +63,7 @@ def digest_of(drill):
     return digest.hexdigest()
 
 
+@pytest.mark.extended
 @pytest.mark.timeout(0)
 def test_a_run_gives_the_same_results_each_time():
     campaign = read_campaign(CAMPAIGN)
