@@ -80,7 +80,7 @@ class Drill:
 
     def command(self, topic: str, message: Any) -> None:
         """Give a command, as if it had come over DDS."""
-        information = {"received_timestamp": time.time_ns()}
+        information = {"received_timestamp": time.time_ns(), "publication_sequence_number": None}
         self.topics[topic].callback(serialize_message(message), information)
 
     def call(self, name: str, request: Any) -> Any:
