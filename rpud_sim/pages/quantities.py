@@ -1,0 +1,158 @@
+"""Table of the quantities that people see: name, unit, scale, colour, sign and axis of each.
+
+Screens, pages and lines in a terminal show a quantity in this one form.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict, dataclass
+
+_DIGITS = 3  # significant ones of a text
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """Quantity of a drill, and how it is shown; values are in SI units elsewhere."""
+
+    name: str  # such as ``peak_force``
+    label: str  # such as ``peak force``
+    unit: str  # in which it is shown
+    scale: float = 1.0  # from the SI unit to that one
+    colour: str = "other"  # kind of quantity, which names its colour
+    floor: float = 0.0  # SI; what is smaller reads 0
+    positive: str = ""  # what a positive value means, where it is not plain
+    zero: bool = True  # whether its axis includes zero
+    sources: tuple[str, ...] = ()  # ``Type.column`` of messages that have it, the best first
+
+    def text(self, value: float | None, *, unit: bool = True) -> str:
+        """Return a value, given in SI units, as people read it; a dash for none."""
+        if value is None or not math.isfinite(value):
+            return "\N{EN DASH}"
+        number = number_text(0.0 if abs(value) < self.floor else value * self.scale)
+        return f"{number} {self.unit}" if unit and self.unit else number
+
+
+def number_text(value: float) -> str:
+    """Return a number with three significant digits, and with all of them before the point."""
+    if not value:
+        return "0"
+    places = max(0, _DIGITS - 1 - math.floor(math.log10(abs(value))))
+    text = f"{value:.{places}f}" if places <= 9 else f"{value:.{_DIGITS - 1}e}"  # noqa: PLR2004
+    return text.rstrip("0").rstrip(".") if "." in text and "e" not in text else text
+
+
+_TOWARD_ROCK = "toward the rock"
+
+QUANTITIES: dict[str, Quantity] = {
+    quantity.name: quantity
+    for quantity in (
+        Quantity("impact_rate", "impacts", "/s", 1.0, "force", 1e-3),
+        Quantity(
+            "peak_force", "peak force", "kN", 1e-3, "force", 1e-3,
+            sources=("ContactForce.peak_force",),
+        ),
+        Quantity("contact_force", "contact force", "kN", 1e-3, "force", 1e-3),
+        Quantity(
+            "reacting_force", "load on the mount", "N", 1.0, "load", 1e-6, _TOWARD_ROCK,
+            sources=("ReactingForce.force",),
+        ),
+        Quantity(
+            "weight_on_bit", "weight on bit", "N", 1.0, "command", 1e-6, _TOWARD_ROCK,
+            sources=("Status.weight_on_bit",),
+        ),
+        Quantity(
+            "nodal_plane", "nodal plane", "mm", 1e3, "plane", 1e-12, _TOWARD_ROCK, zero=False,
+            sources=("NodalPlane.position",),
+        ),
+        Quantity("actuator", "actuator tip", "mm", 1e3, "plane", 1e-12, _TOWARD_ROCK, zero=False),
+        Quantity("free_mass", "free mass", "mm", 1e3, "mass", 1e-12, _TOWARD_ROCK, zero=False),
+        Quantity(
+            "drill_tool", "drill tool", "mm", 1e3, "tool", 1e-12, _TOWARD_ROCK, zero=False,
+            sources=("DrillTool.displacement",),
+        ),
+        Quantity(
+            "electrical_power", "electrical power", "W", 1.0, "power", 1e-6,
+            sources=("Status.electrical_power", "ActuatorState.electrical_power"),
+        ),
+        Quantity(
+            "actuator_power", "power of the vibration", "W", 1.0, "power", 1e-6,
+            sources=("Status.actuator_power",),
+        ),
+        Quantity(
+            "absorbed_power", "power into tool and rock", "W", 1.0, "depth", 1e-6,
+            sources=("Status.absorbed_power",),
+        ),
+        Quantity("power", "power", "W", 1.0, "power", 1e-6),
+        Quantity(
+            "depth", "depth", "mm", 1e3, "depth", 1e-9, "into the rock",
+            sources=("Borehole.depth", "Status.depth"),
+        ),
+        Quantity(
+            "penetration_rate", "rate", "mm/min", 6e4, "depth", 1e-10, "into the rock",
+            sources=("Borehole.penetration_rate", "Status.penetration_rate"),
+        ),
+        Quantity(
+            "torque", "torque of rock and cuttings", "N m", 1.0, "torque", 1e-9,
+            sources=("Rotation.torque",),
+        ),
+        Quantity(
+            "drive_torque", "torque of the drive", "N m", 1.0, "power", 1e-9,
+            sources=("Rotation.drive_torque",),
+        ),
+        Quantity(
+            "rotation_rate", "rotation", "rad/s", 1.0, "torque", 1e-6, sources=("Rotation.rate",)
+        ),
+        Quantity(
+            "mount_force", "force of the arm", "N", 1.0, "load", 1e-6, _TOWARD_ROCK,
+            sources=("Mount.force",),
+        ),
+        Quantity(
+            "mount_position", "mount", "mm", 1e3, "plane", 1e-9, _TOWARD_ROCK, zero=False,
+            sources=("Mount.position",),
+        ),
+        Quantity(
+            "feed", "feed", "mm", 1e3, "command", 1e-9, _TOWARD_ROCK, zero=False,
+            sources=("Mount.feed",),
+        ),
+        Quantity(
+            "vibration_amplitude", "vibration", "µm", 1e6, "plane", 1e-12,
+            sources=("Status.vibration_amplitude", "ActuatorState.amplitude"),
+        ),
+        Quantity(
+            "current", "current", "A", 1.0, "power", 1e-9, sources=("ActuatorState.current",)
+        ),
+        Quantity(
+            "drive_voltage", "voltage", "V", 1.0, "command", 1e-6,
+            sources=("Status.drive_voltage", "ActuatorState.voltage"),
+        ),
+        Quantity(
+            "drive_frequency", "frequency of the drive", "kHz", 1e-3, "command", 1e-3, zero=False,
+            sources=("Status.drive_frequency", "ActuatorState.frequency"),
+        ),
+        Quantity(
+            "resonance_frequency", "resonance", "kHz", 1e-3, "plane", 1e-3, zero=False,
+            sources=("Status.resonance_frequency", "ActuatorState.resonance_frequency"),
+        ),
+        Quantity(
+            "temperature", "temperature of the actuator", "K", 1.0, "fault", zero=False,
+            sources=("Status.actuator_temperature", "ActuatorState.temperature"),
+        ),
+        Quantity(
+            "packed_cuttings", "packed cuttings", "mm³", 1e9, "depth", 1e-13,
+            sources=("Borehole.packed_cuttings",),
+        ),
+        Quantity("bit_wear", "wear of the bit", "", 1.0, "tool", 1e-9, sources=("Borehole.bit_wear",)),
+        Quantity(
+            "lateness", "latest block", "ms", 1e3, "other", 1e-6, sources=("Status.lateness_max",)
+        ),
+    )
+}  # fmt: skip
+
+
+def for_browser() -> list[dict[str, object]]:
+    """Return the table as plain values, for the page's own script."""
+    return [
+        {key: value for key, value in asdict(quantity).items() if key != "sources"}
+        for quantity in QUANTITIES.values()
+    ]

@@ -1,0 +1,110 @@
+"""Least, mean and greatest value of signals over a run, in bins that grow with it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from rpud_sim.viewer.impacts import part_length
+
+
+@dataclass(frozen=True)
+class Envelope:
+    """Signal in equal parts of a range of time; parts without a value are NaN."""
+
+    times: np.ndarray  # middle of each part, shape (n,) [s]
+    low: np.ndarray  # least value, shape (n,)
+    mean: np.ndarray  # of the values, shape (n,)
+    high: np.ndarray  # greatest value, shape (n,)
+
+
+class Bins:
+    """Bins of several signals, from time 0 on.
+
+    All bins are equally long. A time beyond the last one doubles their length, so that the number
+    of bins and the memory stay.
+    """
+
+    def __init__(self, signals: Sequence[str], width: float, count: int) -> None:
+        self.width = width  # of a bin [s]
+        self.end = 0.0  # latest time [s]
+        self._place = {name: place for place, name in enumerate(signals)}
+        shape = len(self._place), count
+        self._least = np.full(shape, np.inf)
+        self._greatest = np.full(shape, -np.inf)
+        self._total = np.zeros(shape)
+        self._count = np.zeros(shape, np.int64)
+
+    def add(self, signal: str, times: np.ndarray, values: np.ndarray) -> None:
+        """Add values at times [s], both of shape (n,); values that are not finite are left out."""
+        valid = np.isfinite(values) & (times >= 0.0)
+        if not valid.any():
+            return
+        times, values = times[valid], values[valid].astype(float, copy=False)
+        latest = float(times.max())
+        self.end = max(self.end, latest)
+        while latest >= self.width * self._least.shape[1]:
+            self._double()
+        place = self._place[signal]
+        bins = (times / self.width).astype(np.intp)
+        if (bins[1:] >= bins[:-1]).all():  # runs are faster than single values
+            firsts = np.flatnonzero(np.diff(bins, prepend=-1))
+            places = bins[firsts]
+            least, greatest = (f.reduceat(values, firsts) for f in (np.minimum, np.maximum))
+            self._least[place, places] = np.minimum(self._least[place, places], least)
+            self._greatest[place, places] = np.maximum(self._greatest[place, places], greatest)
+            self._total[place, places] += np.add.reduceat(values, firsts)
+            self._count[place, places] += np.diff(np.append(firsts, len(bins)))
+        else:
+            np.minimum.at(self._least[place], bins, values)
+            np.maximum.at(self._greatest[place], bins, values)
+            np.add.at(self._total[place], bins, values)
+            np.add.at(self._count[place], bins, 1)
+
+    def has(self, signal: str) -> bool:
+        return bool(self._count[self._place[signal]].any())
+
+    def view(self, signal: str, start: float, end: float, parts: int) -> Envelope:
+        """Return a signal in about so many parts of a range of time [s].
+
+        Parts are whole bins, and begin at multiples of their length, so that they stay when the
+        range moves.
+        """
+        joined = max(1, 2 ** int(np.log2(max(1.0, part_length(start, end, parts) / self.width))))
+        first = max(0, int(np.floor(start / self.width))) // joined * joined
+        last = min(int(np.ceil(end / self.width)) + 1, self._least.shape[1])
+        place = self._place[signal]
+        if last <= first:
+            none = np.empty(0)
+            return Envelope(none, none, none, none)
+        starts = np.arange(first, last, joined) - first
+        least = np.minimum.reduceat(self._least[place, first:last], starts)
+        greatest = np.maximum.reduceat(self._greatest[place, first:last], starts)
+        total = np.add.reduceat(self._total[place, first:last], starts)
+        count = np.add.reduceat(self._count[place, first:last], starts)
+        none = np.full(len(starts), np.nan)
+        used = count > 0
+        return Envelope(
+            (first + starts + 0.5 * joined) * self.width,
+            np.where(used, least, none),
+            np.divide(total, count, out=none.copy(), where=used),
+            np.where(used, greatest, none),
+        )
+
+    def used(self) -> np.ndarray:
+        """Return the numbers of bins in which any signal has a value."""
+        return np.flatnonzero(self._count.any(axis=0))
+
+    def _double(self) -> None:
+        half = self._least.shape[1] // 2
+        self.width *= 2.0
+        for bins, merge, none in (
+            (self._least, np.minimum, np.inf),
+            (self._greatest, np.maximum, -np.inf),
+            (self._total, np.add, 0.0),
+            (self._count, np.add, 0),
+        ):
+            bins[:, :half] = merge(bins[:, ::2], bins[:, 1::2])
+            bins[:, half:] = none

@@ -1,0 +1,67 @@
+"""Frames: what the browser shows next, as a header in JSON and arrays in binary.
+
+A frame is ``uint32 n`` (little-endian), n bytes of the header, zeros up to a multiple of 8, and the
+arrays, each filled up to a multiple of 8. In the header an array is ``{"$": [offset, length,
+type]}``: the offset counts from the first array [bytes], the type is ``f4`` or ``f8``.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from rpud_sim.foundation.terminal import printable
+
+_ALIGNED = 8  # bytes
+
+
+def encode(frame: Mapping[str, Any]) -> bytes:
+    """Return the bytes of a frame.
+
+    Its values are plain ones, mappings, sequences and one-dimensional arrays. Times need double
+    precision, and have it; other arrays become single. A scalar that is not finite becomes null.
+    """
+    arrays: list[bytes] = []
+    size = 0
+
+    def plain(value: Any) -> Any:
+        nonlocal size
+        if isinstance(value, np.ndarray):
+            kind = "f8" if value.dtype == np.float64 else "f4"
+            data = np.ascontiguousarray(value, f"<{kind}").tobytes()
+            reference = {"$": [size, len(value), kind]}
+            arrays.append(data + bytes(-len(data) % _ALIGNED))
+            size += len(arrays[-1])
+            return reference
+        if isinstance(value, Mapping):
+            return {str(key): plain(each) for key, each in value.items()}
+        if isinstance(value, list | tuple):
+            return [plain(each) for each in value]
+        if isinstance(value, np.generic):
+            value = value.item()
+        if isinstance(value, float) and not math.isfinite(value):
+            return None
+        return printable(value) if isinstance(value, str) else value
+
+    header = json.dumps(plain(frame), separators=(",", ":"), allow_nan=False).encode()
+    head = len(header).to_bytes(4, "little") + header
+    return b"".join([head, bytes(-len(head) % _ALIGNED), *arrays])
+
+
+def decode(data: bytes) -> dict[str, Any]:
+    """Return the frame of some bytes, with its arrays; for tests and for readers in Python."""
+    length = int.from_bytes(data[:4], "little")
+    begin = 4 + length + -(4 + length) % _ALIGNED
+
+    def arrays(value: dict[str, Any]) -> Any:
+        if value.keys() != {"$"}:
+            return value
+        offset, count, kind = value["$"]
+        return np.frombuffer(data, f"<{kind}", count, begin + offset)
+
+    found: dict[str, Any] = json.loads(data[4 : 4 + length], object_hook=arrays)
+    return found

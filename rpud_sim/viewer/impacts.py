@@ -1,0 +1,134 @@
+"""Impacts of a run, and their spread over any range of time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+MOST = 4_000_000  # impacts that are kept: some two and a half hours of drilling
+
+_FIRST_LENGTH = 1 << 14
+_ENDS = (0.05, 0.95)  # quantiles of the band
+MOST_OUTLIERS = 200  # of one answer
+
+
+@dataclass(frozen=True)
+class Spread:
+    """Peak forces in equal parts of a range of time; parts without an impact are NaN."""
+
+    times: np.ndarray  # middle of each part, shape (n,) [s]
+    mean: np.ndarray  # shape (n,) [N]
+    low: np.ndarray  # 5 % of the impacts are below, shape (n,) [N]
+    high: np.ndarray  # 5 % are above, shape (n,) [N]
+    rate: np.ndarray  # impacts per second, shape (n,) [1/s]
+    outlier_times: np.ndarray  # greatest ones above ``high`` that stand out, shape (m,) [s]
+    outliers: np.ndarray  # their peak forces, shape (m,) [N]
+    more: int  # outliers that are not among these
+
+
+class Impacts:
+    """Times and peak forces of the impacts of a run, by ascending time.
+
+    Beyond ``MOST`` every second one is forgotten: ``stride`` is how many one stands for.
+    """
+
+    def __init__(self) -> None:
+        self.stride = 1
+        self.total = 0  # impacts that were added
+        self._skip = 0
+        self._count = 0
+        self._times = np.empty(_FIRST_LENGTH)
+        self._peaks = np.empty(_FIRST_LENGTH, np.float32)
+        self._sorted = True
+
+    def add(self, times: np.ndarray, peaks: np.ndarray) -> None:
+        """Add impacts, shape (n,) [s] and [N]; in any order, but best in that of time."""
+        if not len(times):
+            return
+        self.total += len(times)
+        kept = slice(self._skip, None, self.stride)
+        self._skip = (self._skip - len(times)) % self.stride
+        times, peaks = times[kept], peaks[kept]
+        end = self._count + len(times)
+        if end > len(self._times):
+            for name in ("_times", "_peaks"):
+                grown = np.empty(2 * end, getattr(self, name).dtype)
+                grown[: self._count] = getattr(self, name)[: self._count]
+                setattr(self, name, grown)
+        if len(times):
+            before = self._times[self._count - 1] if self._count else -np.inf
+            self._sorted &= bool(times[0] >= before and (np.diff(times) >= 0.0).all())
+        self._times[self._count : end], self._peaks[self._count : end] = times, peaks
+        self._count = end
+        if self._count > MOST:
+            self._sort()
+            half = (self._count + 1) // 2
+            self._times[:half] = self._times[: self._count : 2].copy()
+            self._peaks[:half] = self._peaks[: self._count : 2].copy()
+            self._count, self.stride, self._skip = half, 2 * self.stride, 0
+
+    def between(self, start: float, end: float) -> tuple[np.ndarray, np.ndarray]:
+        """Return times and peak forces of the impacts from ``start`` until before ``end`` [s]."""
+        self._sort()
+        times = self._times[: self._count]
+        first, last = np.searchsorted(times, [start, end])
+        return times[first:last], self._peaks[: self._count][first:last]
+
+    def spread(self, start: float, end: float, parts: int) -> Spread:
+        """Return the spread of the impacts in about so many parts of a range of time [s].
+
+        Parts begin at multiples of their length, a power of two of milliseconds, so that they stay
+        when the range moves.
+        """
+        width = part_length(start, end, parts)
+        first, last = int(np.floor(start / width)), int(np.ceil(end / width))
+        edges = np.arange(first, last + 1) * width
+        times, peaks = self.between(float(edges[0]), float(edges[-1]))
+        count = last - first
+        part = np.minimum((times / width).astype(np.intp) - first, count - 1)
+        numbers = np.bincount(part, minlength=count)
+        # Sorted within each part: the quantiles are then at known places.
+        order = np.lexsort((peaks, part))
+        ordered = peaks[order].astype(float)
+        ends = np.cumsum(numbers)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            mean = np.bincount(part, peaks, count) / numbers
+        low, high = (
+            np.where(
+                numbers > 0,
+                ordered[np.clip(ends - numbers + (share * (numbers - 1)).round().astype(int), 0, None)]
+                if len(ordered)
+                else np.nan,
+                np.nan,
+            )
+            for share in _ENDS
+        )
+        # An outlier is as far above the band as the band is wide, at least.
+        far = np.flatnonzero(peaks > (high + (high - low))[part]) if len(peaks) else np.empty(0, int)
+        chosen = far
+        if len(far) > MOST_OUTLIERS:
+            chosen = np.sort(far[np.argpartition(-peaks[far], MOST_OUTLIERS)[:MOST_OUTLIERS]])
+        return Spread(
+            (edges[:-1] + 0.5 * width),
+            mean,
+            low,
+            high,
+            numbers * self.stride / width,
+            times[chosen],
+            peaks[chosen],
+            len(far) - len(chosen),
+        )
+
+    def _sort(self) -> None:
+        if not self._sorted:
+            order = np.argsort(self._times[: self._count], kind="stable")
+            self._times[: self._count] = self._times[: self._count][order]
+            self._peaks[: self._count] = self._peaks[: self._count][order]
+            self._sorted = True
+
+
+def part_length(start: float, end: float, parts: int) -> float:
+    """Return the length of parts of a range [s]: a power of two of milliseconds."""
+    wanted = max((end - start) / max(parts, 1), 1e-9)
+    return float(1e-3 * 2.0 ** np.ceil(np.log2(wanted / 1e-3)))
