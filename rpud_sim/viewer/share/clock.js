@@ -1,18 +1,7 @@
 // @ts-check
-// One slow-motion clock for the section of the drill and for the plot of its motion.
+/* One slow-motion clock for the section of the drill and for the plot of its motion. */
 
-/**
- * 20 ms of motion; positions count from where actuator, mass and tool just touch, toward the rock.
- * @typedef {Object} Section
- * @property {number} time of the first sample [s]
- * @property {number} period between samples [s]
- * @property {Float32Array} nodal_plane [m]
- * @property {Float32Array} actuator position of its tip [m]
- * @property {Float32Array} free_mass [m]
- * @property {Float32Array} drill_tool [m]
- * @property {Float32Array} [contact_force] [N]
- * @property {[number, number, number][]} impacts after `time` [s], peak force [N], contact [s]
- */
+/** @typedef {import("./frames.js").Section} Section */
 
 const CLOCK_PAUSE = 32; // ms from a picture to the next request for one: some 25 a second
 const CLOCK_FADE = 0.7; // s that the last impact is still seen at the end of a block
@@ -44,6 +33,11 @@ export class MotionClock {
   /** Number of the sample at the place. */
   get sample() {
     return this.block ? Math.round(this.place / this.block.period) : 0;
+  }
+
+  /** Whether the block is at its end, and no other waits. */
+  get resting() {
+    return !!this.block && !this.next && !this.held && this.place >= this.end;
   }
 
   /** Call a function after each step; `changed` tells that it is another block, or none.
@@ -92,10 +86,10 @@ export class MotionClock {
     this._tell();
   }
 
-  /** Hold the clock, or let it run from its place. */
+  /** Hold the clock, or let it run: from its place, or once more from the beginning. */
   toggle() {
-    this.held = !this.held;
-    if (!this.held && !this.next && this._reached >= this.end) this._reached = this.place = 0;
+    if (!this.resting) this.held = !this.held;
+    if (this.resting) this._reached = this.place = this.rest = 0;
     this._tell();
     this._start();
   }

@@ -1,7 +1,9 @@
 // @ts-check
-// Section of the drill in slow motion. Bodies are a scheme; one factor magnifies all motions, and
-// another one what goes below the place of touch. Both apply to every body, so that bodies touch in
-// the picture where they touch in the data, and nowhere else.
+/* Section of the drill in slow motion. Bodies are a scheme; one factor magnifies all motions, and another
+ * one what goes below the place of touch. Both apply to every body, so that bodies touch in the picture
+ * where they touch in the data, and nowhere else. */
+
+import { motionTicks } from "./motion.js";
 
 /** @typedef {import("./clock.js").MotionClock} Clock */
 /** @typedef {{from: number, to: number | null, name: string, colour: number}} Stratum */
@@ -10,9 +12,9 @@
 
 const SECTION_PIXEL = 0.0254 / 96; // of CSS [m]
 const SECTION_AXIS = 200, SECTION_TOUCH = 366, SECTION_MASS = 34; // px: axis, tip at rest, mass
-const SECTION_ROCK = 506, SECTION_BOTTOM = 712, SECTION_LEFT = 66; // px: rock
+const SECTION_ROCK = 506, SECTION_BOTTOM = 712, SECTION_LEFT = 72; // px: rock
 const SECTION_PLANE = 262; // nodal plane at rest [px]
-const SECTION_UP = 132, SECTION_DOWN = 200, SECTION_STEP = 27; // room of motions, of the tool's step
+const SECTION_UP = 132, SECTION_DOWN = 200, SECTION_STEP = 18; // room of motions, of the tool's step
 const SECTION_FACTORS = [1, 2, 3, 5, 10, 20, 30, 50, 100, 200, 500, 1000, 2000, 5000, 10000];
 const SECTION_LENGTHS = [1e-6, 2e-6, 5e-6, 1e-5, 2e-5, 5e-5, 1e-4, 2e-4, 5e-4, 1e-3, 2e-3, 5e-3, 1e-2];
 const SECTION_FLASH = 0.4, SECTION_CHIPS = 0.7; // s that an impact is seen
@@ -28,11 +30,15 @@ function sectionNice(value) {
 }
 
 function sectionDrawing() {
-  const x = SECTION_AXIS, coil = [];
-  for (let turn = 0; turn <= 9; turn += 1)
-    coil.push(`${turn === 0 || turn === 9 ? 0 : turn % 2 ? -9 : 9} ${(turn * 100) / 9}`);
-  const spring = (/** @type {number} */ at) => `<g transform="translate(${at} 26)"><polyline
-    data-part="spring" class="coil" points="${coil.join(" ")}"/></g>`;
+  const x = SECTION_AXIS;
+  let near = "M0 0H9", far = "M9 0";
+  for (let turn = 0; turn < 10; turn += 1) {
+    far += `L-11 ${turn * 10 + 4}`;
+    near += `M-11 ${turn * 10 + 4}L${turn === 9 ? "9 100H0" : `11 ${turn * 10 + 10}`}`;
+    far += `M11 ${turn * 10 + 10}`;
+  }
+  const spring = (/** @type {number} */ at) => `<g transform="translate(${at} 26)">
+    <path data-part="spring" class="coil far" d="${far}"/><path data-part="spring" class="coil" d="${near}"/></g>`;
   const horn = [];
   for (let y = 0; y <= 62; y += 2) horn.push([33 * Math.exp(-y / 62 * Math.log(33 / 13)), 12 + y]);
   const outline = [...horn.map(([r, y]) => `${x - r} ${y}`), `${x - 13} 84 ${x + 13} 84`,
@@ -49,12 +55,13 @@ function sectionDrawing() {
   const label = (/** @type {number} */ y, /** @type {string} */ text, /** @type {number} */ from, part = "") =>
     `<path class="leader" d="M${from} ${y}H346"/><text data-part="${part}" x="352" y="${y + 4}">${text}</text>`;
   return `<defs>${shade("plane")}${shade("mass")}${shade("tool")}${rock}
+    <pattern id="rubble" width="9" height="7" patternUnits="userSpaceOnUse"><path d="M1 2l2 -1l1 2ZM6 5l2 -1v2Z"/></pattern>
     <pattern id="cut" width="6" height="6" patternUnits="userSpaceOnUse"><path d="M-1 7L7 -1M-1 1L1 -1M5 7L7 5"/></pattern>
     <radialGradient id="glow"><stop offset="0"/><stop offset="1" stop-opacity="0"/></radialGradient></defs>
-  <g data-part="ground"></g><g data-part="log"></g>
+  <g class="all"><g data-part="ground"></g><g data-part="log"></g>
   <path class="rail" d="M${x - 104} 26V352M${x + 104} 26V352"/>
   <path class="fixed" d="M${x - 116} 12H${x + 116}V26H${x - 116}Z"/><path class="line" d="M${x - 116} 26H${x + 116}"/>
-  ${spring(x - 74)}${spring(x + 74)}${label(52, "load spring", x + 84)}
+  ${spring(x - 74)}${spring(x + 74)}${label(19, "load unit", x + 116)}${label(52, "load spring", x + 86)}
   <g data-part="tool" class="tool"><rect data-part="shank" x="${x - 13}" y="17" width="26"/>
     <path d="M${x - 28} 4Q${x - 28} 0 ${x - 24} 0H${x + 24}Q${x + 28} 0 ${x + 28} 4V17H${x - 28}Z"/>
     <path class="break" d="M${x - 16} 34q8 -7 16 0t16 0v6q-8 7 -16 0t-16 0Z"/>
@@ -74,14 +81,15 @@ function sectionDrawing() {
   <g data-part="mass" class="mass"><rect x="${x - 34}" width="68" height="${SECTION_MASS}" rx="3"/>
     <rect class="cut" x="${x - 34}" width="68" height="${SECTION_MASS}" rx="3"/></g>
   <path class="axis" d="M${x} 4V${SECTION_BOTTOM}"/>
-  <path data-part="mass-line" class="leader"/><text x="352" y="404">free mass</text>
-  <path data-part="tool-line" class="leader"/><text x="352" y="450">drill tool</text>
-  <text data-part="step-text" class="muted" x="352" y="466"></text>
+  <path data-part="mass-line" class="leader"/><text x="352" y="388">free mass</text>
+  <path data-part="tool-line" class="leader"/><text x="352" y="424">drill tool</text>
+  <text data-part="step-text" class="muted" x="352" y="441"></text>
   <g data-part="flash" class="force" opacity="0"><ellipse cx="${x}" rx="74" ry="15"/>
     <text data-part="force" class="big" x="${x - 46}" y="6" text-anchor="end"></text></g>
   <path data-part="chips" class="chips" d=""/>
-  <g data-part="scale"><path class="line" data-part="bar"/><text data-part="bar-text" x="28"></text></g>
-  <text data-part="none" class="none" x="270" y="330" text-anchor="middle">no waveform yet</text>`;
+  <g class="scale"><path class="line" data-part="bar"/><text data-part="bar-text" x="28"></text></g>
+  <text class="muted air" x="${x}" y="706" text-anchor="middle">not in the rock</text></g>
+  <text class="none" x="${x}" y="620" text-anchor="middle">no waveform yet</text>`;
 }
 
 /**
@@ -96,12 +104,15 @@ export function mountSection(element, clock) {
   svg.innerHTML = sectionDrawing();
   const legend = document.createElement("p"), factors = document.createElement("span");
   const speed = document.createElement("select"), hold = document.createElement("button");
+  const pace = document.createElement("span");
+  pace.className = "pace";
   for (const each of [1, 2, 5, 20]) speed.add(new Option(`${each} ms`, String(each), each === clock.speed, each === clock.speed));
   speed.setAttribute("aria-label", "motion that a second shows");
   speed.addEventListener("change", () => { clock.speed = Number(speed.value); });
   hold.type = "button";
   hold.addEventListener("click", () => clock.toggle());
-  legend.append("1 s shows ", speed, " ", hold, " ", factors);
+  pace.append("1 s shows ", speed, " ", hold, " ");
+  legend.append(pace, factors);
   element.replaceChildren(svg, legend);
 
   /** @type {Record<string, SVGElement[]>} */ const parts = {};
@@ -130,7 +141,7 @@ export function mountSection(element, clock) {
     (position * (position > 0 ? stepFactor : factor)) / SECTION_PIXEL / ratio;
 
   function scale() {
-    let up = 1e-6, down = 1e-7;
+    let up = 0, down = 0;
     const block = clock.block;
     if (block) for (const values of [block.nodal_plane, block.actuator, block.free_mass, block.drill_tool])
       for (const value of values) {
@@ -139,20 +150,21 @@ export function mountSection(element, clock) {
       }
     const greatest = (/** @type {number} */ motion, /** @type {number} */ room) =>
       SECTION_FACTORS.filter((each) => (motion * each) / SECTION_PIXEL / ratio <= room).pop() ?? 1;
-    const best = greatest(up, SECTION_UP);
-    if (!(factor <= best && factor * 4 > best)) factor = best;
-    const step = greatest(down, SECTION_STEP);
-    if (!(stepFactor <= step && stepFactor * 4 > step)) stepFactor = step;
-    // What moves farther than a bit into rock is a tool that hangs free.
-    inRock = regime !== "free" && stepFactor >= factor;
-    if (!inRock) stepFactor = factor = Math.min(factor, greatest(down, SECTION_DOWN));
+    // A tool that moves farther than any rock yields hangs free.
+    inRock = regime !== "free" && down < 1e-3;
+    const kept = (/** @type {number} */ now, /** @type {number} */ best) => (now <= best && now * 4 > best ? now : best);
+    if (up > 1e-6 || !factor) factor = up > 1e-6 ? kept(factor, greatest(up, SECTION_UP)) : 5;
+    if (inRock) stepFactor = kept(stepFactor, greatest(Math.max(down, 2e-5), SECTION_STEP));
+    factor = Math.min(factor, inRock ? stepFactor : greatest(down, SECTION_DOWN));
+    if (!inRock) stepFactor = factor;
+    element.classList.toggle("free", !inRock);
     crushed = inRock ? units(down) : 0;
     const length = SECTION_LENGTHS.filter((each) => -units(-each) <= 90).pop() ?? 1e-6;
     set("bar", { d: `M14 ${SECTION_TOUCH}H22M18 ${SECTION_TOUCH}V${SECTION_TOUCH + units(-length)}M14 ${SECTION_TOUCH + units(-length)}H22` });
     set("bar-text", { y: SECTION_TOUCH + units(-length) / 2 + 4 });
     write("bar-text", sectionLength(length));
     factors.textContent = `motion ${factor} times its size` + (stepFactor > factor ? `, the tool's step ${stepFactor} times` : "");
-    write("step-text", stepFactor > factor ? `its step ×${stepFactor}: ${sectionLength(block ? down : 0)}` : "");
+    write("step-text", block && stepFactor > factor ? `step ×${stepFactor}: ${sectionLength(+down.toPrecision(2))}` : "");
     if (block) {
       let vibration = 0;
       block.actuator.forEach((tip, each) => { vibration = Math.max(vibration, Math.abs(tip - block.nodal_plane[each])); });
@@ -186,32 +198,32 @@ export function mountSection(element, clock) {
         if (layer.from > 0) drawing.push(make("path", { class: "line", d: `M${SECTION_LEFT} ${top}H${right}` }));
       }
       drawing.push(make("rect", { class: "hole", x: x - 23, y: SECTION_ROCK - 1, width: 46, height: bottom - SECTION_ROCK + crushed + 5 }),
-        make("rect", { fill: "url(#rock-0)", x: x - 23, y: bottom, width: 46, height: crushed + 4 }),
+        make("path", { class: "crushed", d: `M${x - 23} ${bottom}H${x + 23}V${bottom + crushed + 4}H${x - 23}Z` }),
+        make("path", { fill: "url(#rubble)", d: `M${x - 23} ${bottom}H${x + 23}V${bottom + crushed + 4}H${x - 23}Z` }),
         make("path", { class: "edge", d: `M${SECTION_LEFT} ${SECTION_ROCK}H${x - 23}V${bottom + crushed + 4}H${x + 23}V${SECTION_ROCK}H${right}` }));
     }
     if (inRock && known) {
-      const every = sectionNice(shown / 6) || 1;
       drawing.push(make("path", { class: "line", d: `M${SECTION_LEFT - 6} ${SECTION_ROCK}V${SECTION_BOTTOM}` }));
-      for (let tick = 0; tick <= shown * 1.001; tick += every) {
+      for (const tick of motionTicks(0, shown * 1.001, 5)) {
         drawing.push(make("path", { class: "line", d: `M${SECTION_LEFT - 11} ${at(tick)}H${SECTION_LEFT - 6}` }));
         if (Math.abs(at(tick) - bottom) > 13 && tick > 0) drawing.push(make("text", { class: "muted", x: SECTION_LEFT - 14, y: at(tick) + 4, "text-anchor": "end" }, String(+(tick * 1e3).toPrecision(3))));
       }
       drawing.push(make("path", { class: "mark", d: `M${SECTION_LEFT - 6} ${bottom}l-8 -5v10Z` }),
-        make("text", { class: "now", x: SECTION_LEFT - 17, y: bottom + 4, "text-anchor": "end" }, (deep * 1e3).toFixed(deep < 0.1 ? 2 : 0)),
+        make("text", { class: "now", x: SECTION_LEFT - 17, y: bottom + 4, "text-anchor": "end" }, String(+(deep * 1e3).toPrecision(3))),
         make("text", { class: "muted", x: 8, y: SECTION_ROCK - 14 }, "depth, mm"));
     }
     parts.ground[0].replaceChildren(...drawing);
-    parts.log[0].replaceChildren(...(log && inRock ? [...track(log.depth, log.rate, 6e4, "rate, mm/min", "rate", 352, at),
-      ...track(log.depth, log.torque, 1, "torque, N m", "torque", 448, at)] : []));
+    parts.log[0].replaceChildren(...(log && inRock ? [...track(log.depth, log.rate, 6e4, "mm/min", "rate", 352, at),
+      ...track(log.depth, log.torque, 1, "N m", "torque", 448, at)] : []));
     set("shank", { height: bottom - SECTION_TOUCH - SECTION_MASS - 17 - 20 });
     set("bit", { transform: `translate(0 ${bottom - SECTION_TOUCH - SECTION_MASS})` });
     picture();
   }
 
   /** @param {ArrayLike<number>} depths @param {ArrayLike<number>} values @param {number} unit
-   * @param {string} title @param {string} kind @param {number} left @param {(depth: number) => number} at */
-  function track(depths, values, unit, title, kind, left, at) {
-    const width = 78, shown = Array.from(values, (value) => value * unit);
+   * @param {string} kind @param {number} left @param {(depth: number) => number} at */
+  function track(depths, values, scale, unit, kind, left, at) {
+    const width = 78, shown = Array.from(values, (value) => value * scale);
     const most = sectionNice(Math.max(...shown.filter(Number.isFinite), 1e-3));
     let line = "";
     shown.forEach((value, each) => {
@@ -220,9 +232,8 @@ export function mountSection(element, clock) {
     return [make("path", { class: "grid", d: `M${left} ${SECTION_ROCK}V${SECTION_BOTTOM}M${left + width / 2} ${SECTION_ROCK}V${SECTION_BOTTOM}M${left + width} ${SECTION_ROCK}V${SECTION_BOTTOM}` }),
       make("path", { class: "line", d: `M${left} ${SECTION_ROCK}H${left + width}` }),
       make("path", { class: `curve ${kind}`, d: line }),
-      make("text", { class: kind, x: left, y: SECTION_ROCK - 20 }, title),
-      make("text", { class: "muted", x: left, y: SECTION_ROCK - 5 }, "0"),
-      make("text", { class: "muted", x: left + width, y: SECTION_ROCK - 5, "text-anchor": "end" }, String(+most.toPrecision(3)))];
+      make("text", { class: kind, x: left, y: SECTION_ROCK - 24 }, kind),
+      make("text", { class: "muted", x: left + width, y: SECTION_ROCK - 6, "text-anchor": "end" }, `${+most.toPrecision(3)} ${unit}`)];
   }
 
   function picture() {
@@ -235,8 +246,8 @@ export function mountSection(element, clock) {
     set("tip", { transform: `translate(0 ${SECTION_TOUCH + of(block?.actuator)})` });
     set("mass", { transform: `translate(0 ${mass})` });
     set("tool", { transform: `translate(0 ${tool})` });
-    set("mass-line", { d: `M${SECTION_AXIS + 34} ${mass + SECTION_MASS / 2}L330 400H346` });
-    set("tool-line", { d: `M${SECTION_AXIS + 28} ${tool + 10}L330 446H346` });
+    set("mass-line", { d: `M${SECTION_AXIS + 34} ${mass + SECTION_MASS / 2}L330 384H346` });
+    set("tool-line", { d: `M${SECTION_AXIS + 28} ${tool + 10}L330 420H346` });
     impacts(tool);
   }
 
@@ -283,7 +294,7 @@ export function mountSection(element, clock) {
   }).observe(svg);
   clock.listen((changed) => {
     element.classList.toggle("empty", !clock.block);
-    hold.textContent = clock.held ? "play" : "hold";
+    hold.textContent = clock.held ? "play" : clock.resting ? "replay" : "hold";
     if (changed) scale();
     picture();
     tell();
