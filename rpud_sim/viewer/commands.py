@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from array import array
 from collections.abc import Iterable, Mapping
@@ -52,15 +53,16 @@ class Commands:
         self._last: dict[str, tuple[float, str, int, Entry]] = {}  # by kind; number in the row
         self._steps: dict[str, tuple[array[float], array[float]]] = {}
 
-    def add(self, time: float, kind: str, content: Mapping[str, Any]) -> None:
-        """Add an entry of the journal with its content, at a time of the run [s]."""
+    def add(self, time: float, kind: str, content: object) -> None:
+        """Add an entry of the journal at a time [s]; its content is JSON, or what that says."""
         if kind in _QUIET:
             return
         try:
-            sort, text, values = self._read(kind, content)
+            found: Any = json.loads(content) if isinstance(content, str) else content
+            sort, text, values = self._read(kind, found)
             for name, value in values.items():
                 self._step(name, time, float(value))
-        except (AttributeError, KeyError, TypeError, ValueError):  # another program wrote it
+        except (AttributeError, LookupError, RecursionError, TypeError, ValueError):  # another program wrote it
             sort, text = COMMAND, kind
         if sort == RUN:
             self._last.clear()
