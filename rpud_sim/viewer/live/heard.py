@@ -101,6 +101,7 @@ class Heard:
     def __init__(self) -> None:
         self.run = 0
         self.version = 0  # grows with what is heard
+        self.log_version = 0  # grows with commands, faults and refusals
         self.origin: int | None = None
         self.journal_lost = 0
         self._located = False  # whether the origin is that of the drill that is heard now
@@ -114,6 +115,7 @@ class Heard:
     def _clear(self) -> None:
         self.version += 1
         self.time: float | None = None  # latest [s]
+        self.since: float | None = None  # time of the first fast message that was heard [s]
         self.status: dict[str, Any] = {}
         self.faults: list[dict[str, Any]] = []
         self.commands = Commands()
@@ -152,6 +154,11 @@ class Heard:
             if self._located:
                 self._show(topic, message)
 
+    def refuse(self, reason: str) -> None:
+        """Note that the drill has refused a command."""
+        self.log_version += 1
+        self.commands.refuse(self.time or 0.0, reason)
+
     def settle(self) -> None:
         """Take in the fast messages that wait."""
         for topic, waiting in self._waiting.items():
@@ -173,6 +180,8 @@ class Heard:
         if times[-1] < 0.0:
             return
         self.time = max(self.time or 0.0, float(times[-1]))
+        if self.since is None:
+            self.since = max(0.0, float(times[0]))
         if topic == "waveform":
             self._wave(times, messages)
             return
@@ -255,6 +264,7 @@ class Heard:
             self._locate(content["origin"])
         elif not self._located:
             self._locate(stamp - content["time"])
+        self.log_version += 1
         self.commands.add(self._seconds(stamp), entry.kind, content)
 
     def _locate(self, origin: int) -> None:
@@ -282,6 +292,7 @@ class Heard:
                 self._add(quantity, np.array([time]), np.array([fields[field]], float))
 
     def _faults(self, faults: Any) -> None:
+        self.log_version += 1
         self.faults = [
             {
                 "number": int(fault.number),

@@ -197,8 +197,7 @@ class LiveDrill:
         if (refusals, lost) != (self.refusals, self._lost):
             if refusals[0] > self.refusals[0]:
                 with self._lock:
-                    text = f"refused: {plain_refusal(refusals[1])}"
-                    self._heard.commands.note(self._heard.time or 0.0, "refusal", text)
+                    self._heard.refuse(plain_refusal(refusals[1]))
             self.refusals, self._lost = refusals, lost
             self._version += 1
         if run != self._asked_run:

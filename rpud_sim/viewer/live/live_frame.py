@@ -21,6 +21,7 @@ from rpud_sim.viewer.plots import chosen_quantities, drill_plots
 from rpud_sim.viewer.store import ClientState, StoreError, View
 
 _SECTION = 0.02  # s
+_GAP = 1.0  # at the beginning, in which nobody heard the drill, that is shown [s]
 _MOST_SAMPLES = 1200  # of a section
 _MOST_EXACT = 60_000  # impacts of a view whose quantiles are computed; more have extremes
 _POINT = 2.0  # px
@@ -84,17 +85,18 @@ class LiveFrame:
         self._put("faults", heard.faults)
         if self._due("values", heard.version, 0.5):
             self._fields["values"] = heard.values
-        commands = heard.commands
-        if self._due("commands", commands.count, 0.5):
-            self._fields["commands"] = commands.listed()
-            self._fields["log"], self._fields["log_thinned"] = commands.log()
-        start, end = _range(self._client.view, heard.time or 0.0)
-        if self._due("steps", (commands.changes, self._client.view), 0.5):
-            self._fields["steps"] = commands.steps(start, end)
+        if self._due("log", heard.log_version, 0.5):
+            self._fields |= heard.commands.frame(heard.faults)
+        view = self._client.view
+        if self._due("steps", (heard.log_version, view), 0.5):
+            start, end = _range(view, heard.time or 0.0)
+            self._fields["steps"] = heard.commands.steps(start, end, view.width)
 
     def _put_measured(self, heard: Heard, now: float) -> None:
         self._put("now", now)
         self._put("extent", [0.0, now])
+        if heard.since is not None:
+            self._put("gaps", [[0.0, heard.since]] if heard.since > _GAP else [])
         if self._due("has", now, 1.0):
             self._put("plots", drill_plots(heard.has))
         if self._due("spark", now, 1.0):
@@ -161,7 +163,8 @@ def _impacts(
         if quantity == "peak_force":
             return _layer(heard, quantity, "band", start, end, parts)
         parts = min(parts, _TIMELINE)
-    spread = heard.impacts.spread(start, min(end, heard.time or 0.0), parts)
+    start, end = max(start, heard.since or 0.0), min(end, heard.time or 0.0)
+    spread = heard.impacts.spread(start, max(start, end), parts)
     if quantity == "impact_rate":
         return {"t": spread.times, "mean": spread.rate}
     return {
@@ -193,9 +196,9 @@ def _numbers(
     heard: Heard, now: float, sparks: Mapping[str, np.ndarray]
 ) -> dict[str, dict[str, Any] | None]:
     """Return means and extremes of the last second."""
-    elapsed = min(now, 1.0)
+    elapsed = min(now - (heard.since or 0.0), 1.0)
     _, peaks = heard.impacts.between(now - 1.0, math.inf)
-    rate = len(peaks) * heard.impacts.stride / elapsed if elapsed else math.nan
+    rate = len(peaks) * heard.impacts.stride / elapsed if elapsed > 0.0 else math.nan
     numbers: dict[str, dict[str, Any] | None] = {
         "impact_rate": {"mean": rate, "least": None, "greatest": None},
         "peak_force": _extremes(peaks, peaks, peaks),
@@ -226,7 +229,7 @@ def _extremes(low: np.ndarray, mean: np.ndarray, high: np.ndarray) -> dict[str, 
 
 def _sparks(heard: Heard, now: float) -> dict[str, np.ndarray]:
     """Return means of each of the last seconds, oldest first."""
-    seconds = min(_SPARK, max(1, int(now)))
+    seconds = min(_SPARK, max(1, int(now - (heard.since or 0.0))))
     edges = now - np.arange(seconds, -1, -1.0)
     times, peaks = heard.impacts.between(edges[0], now)
     counts = np.histogram(times, edges)[0]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import asdict
 from typing import Any
 from urllib.parse import urlencode
@@ -13,9 +14,11 @@ from rpud_sim.ros.client.drill_finder import DrillFinder
 from rpud_sim.viewer.live.drill_pool import DrillPool
 from rpud_sim.viewer.live.live_drill import LiveDrill
 from rpud_sim.viewer.live.live_frame import LiveFrame
+from rpud_sim.viewer.server import PageServer, Place
 from rpud_sim.viewer.store import ClientState
 
 _LOOK_PERIOD = 3.0  # between looks at the namespaces [s]
+_REAP_PERIOD = 10.0  # between looks at drills that no page shows [s]
 
 
 def drill_path(namespace: str) -> str:
@@ -78,3 +81,28 @@ class LiveStore:
             for drill in self._finder.drills()
         ]
         return {"domain": self._finder.domain_id, "drills": found}
+
+
+def serve_drills(
+    place: Place,
+    domain_id: int | None,
+    namespace: str,
+    announce: Callable[[PageServer, DrillFinder], object],
+    prepare: Callable[[PageServer], object] = lambda server: None,
+) -> None:
+    """Serve the list of drills and a screen for each until SIGINT or SIGTERM.
+
+    ``announce`` is called once the server listens, ``prepare`` before, such as to let something
+    else stop the server. A page without a namespace shows the drill of ``namespace``.
+    """
+    with DrillFinder(domain_id) as finder:
+        store = LiveStore(finder, namespace)
+        server = PageServer(store, place, store.listing)
+        prepare(server)
+        server.every(_REAP_PERIOD, store.pool.close_unused)
+        try:
+            with server:
+                announce(server, finder)
+                server.run()
+        finally:
+            store.pool.close()
