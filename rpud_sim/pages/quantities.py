@@ -38,7 +38,7 @@ def number_text(value: float) -> str:
     if not value:
         return "0"
     places = max(0, _DIGITS - 1 - math.floor(math.log10(abs(value))))
-    text = f"{value:.{places}f}" if places <= 9 else f"{value:.{_DIGITS - 1}e}"  # noqa: PLR2004
+    text = f"{value:.{places}f}" if places <= 9 else f"{value:.{_DIGITS - 1}e}"
     return text.rstrip("0").rstrip(".") if "." in text and "e" not in text else text
 
 
@@ -142,7 +142,9 @@ QUANTITIES: dict[str, Quantity] = {
             "packed_cuttings", "packed cuttings", "mm³", 1e9, "depth", 1e-13,
             sources=("Borehole.packed_cuttings",),
         ),
-        Quantity("bit_wear", "wear of the bit", "", 1.0, "tool", 1e-9, sources=("Borehole.bit_wear",)),
+        Quantity(
+            "bit_wear", "wear of the bit", "", 1.0, "tool", 1e-9, sources=("Borehole.bit_wear",)
+        ),
         Quantity(
             "lateness", "latest block", "ms", 1e3, "other", 1e-6, sources=("Status.lateness_max",)
         ),
