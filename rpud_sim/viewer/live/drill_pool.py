@@ -5,16 +5,13 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Container
 
-from rpud_sim.watch.live_drill import LiveDrill
+from rpud_sim.viewer.live.live_drill import LiveDrill
+from rpud_sim.viewer.store import StoreError
 
 # How long a drill is heard after its last page has gone: a page may be loaded again [s].
 LINGER = 120.0
 
 MOST_DRILLS = 16
-
-
-class NoDrillToShowError(RuntimeError):
-    """No drill has this namespace, or more are shown than a server hears; a line says which."""
 
 
 class DrillPool:
@@ -41,11 +38,11 @@ class DrillPool:
         name = f"/{namespace.strip('/')}"
         if name not in self._drills:
             if name not in self._known():
-                raise NoDrillToShowError(f"there is no drill in {name}")
+                raise StoreError(f"there is no drill in {name}")
             if len(self._drills) >= MOST_DRILLS:
                 self.close_unused(0.0)
             if len(self._drills) >= MOST_DRILLS:
-                raise NoDrillToShowError(
+                raise StoreError(
                     f"{MOST_DRILLS} drills are shown already: close the pages of another one"
                 )
             self._drills[name] = LiveDrill(name, self._domain)

@@ -2,24 +2,54 @@
 
 from __future__ import annotations
 
-import dataclasses
 import inspect
+import re
 import threading
-import time
 from collections import deque
 from collections.abc import Collection
-from types import MappingProxyType
+from dataclasses import dataclass, replace
 from typing import Any
 
 from rpud_sim.foundation.quantities import ParameterError, did_you_mean, shown
 from rpud_sim.ros.client import ClientError, DrillClient, RefusedError
-from rpud_sim.watch.picture import DONE, FAILED, REFUSED, WAITING, Outcome
 
 # Actions: methods of ``DrillClient``, with the same arguments.
 ACTIONS = ("press", "drive", "feed", "engage", "inject", "clear", "pause", "play", "step", "reset")
 
+WAITING, DONE, REFUSED, FAILED = "waiting", "done", "refused", "failed"
+
 _MOST_WAITING = 32
-_KEPT = 20  # outcomes besides those that wait
+_KEPT = 8  # outcomes besides those that wait
+_LONGEST = 200  # characters of the arguments of an outcome
+_BEYOND = re.compile(
+    r"\w+ = (?P<value>\S+)(?P<unit> .+?)? is outside its range "
+    r"[\[(](?P<low>\S+), (?P<high>\S+)[\])](?P=unit)?"
+)
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """Action of the operator, and what the drill said to it."""
+
+    number: int  # of the action, from 1 on
+    name: str  # such as ``press``
+    arguments: str  # as they were given
+    state: str  # ``waiting``, ``done``, ``refused`` or ``failed`` (no drill, or no answer)
+    text: str  # the reason, or a result such as ``fault 3``
+
+
+def plain_refusal(reason: str) -> str:
+    """Return a drill's reason in fewer words, such as ``9999 V is above 200 V``."""
+    found = _BEYOND.fullmatch(reason)
+    if found is None:
+        return reason
+    value, low, high, unit = (found[name] or "" for name in ("value", "low", "high", "unit"))
+    try:
+        if float(value) < float(low):
+            return f"{value}{unit} is below {low}{unit}"
+        return f"{value}{unit} is above {high}{unit}" if float(value) > float(high) else reason
+    except ValueError:
+        return reason
 
 
 class InterruptedWaitError(Exception):
@@ -59,7 +89,8 @@ class Actions:
                 self._queue.append((number, name, dict(arguments)))
             else:
                 state, text = FAILED, f"{_MOST_WAITING} actions wait already"
-            self._note(Outcome(number, name, MappingProxyType(arguments), state, text, time.time()))
+            said = ", ".join(f"{key} {value}" for key, value in arguments.items() if value != "")
+            self._note(Outcome(number, name, said[:_LONGEST], state, text))
         return number
 
     def waits_for(self, names: Collection[str]) -> bool:
@@ -76,7 +107,7 @@ class Actions:
         try:
             result = getattr(client, name)(**arguments)
         except (RefusedError, ParameterError) as error:
-            self._settle(number, REFUSED, str(error))
+            self._settle(number, REFUSED, plain_refusal(str(error)))
         except ClientError as error:
             self._settle(number, FAILED, str(error))
         except InterruptedWaitError:
@@ -98,8 +129,7 @@ class Actions:
 
     def _settle(self, number: int, state: str, text: str) -> None:
         with self._lock:
-            outcome = self._outcomes[number]
-            self._note(dataclasses.replace(outcome, state=state, text=text, since=time.time()))
+            self._note(replace(self._outcomes[number], state=state, text=text))
 
     def _note(self, outcome: Outcome) -> None:
         self._outcomes[outcome.number] = outcome
