@@ -19,7 +19,6 @@ from rpud_sim.ros.record.record_options import RecordOptions
 if TYPE_CHECKING:
     from rpud_sim.ros.client.drill_finder import DrillFinder
     from rpud_sim.viewer.server import PageServer
-    from rpud_sim.watch.server import PageServer as PageServer
 
 HELP = "show running drills in the browser and act on them, or show a bag"
 EXAMPLE = "rpud watch --port 8810"
