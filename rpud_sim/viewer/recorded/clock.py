@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 
@@ -51,9 +50,6 @@ class Clock:
         times = np.array([jump.log_time for jump in self.jumps], np.int64)
         return (stamps - zero - steps[np.searchsorted(times, log_times, "right")]) / SECOND
 
-    def knows(self, jumps: Sequence[Jump]) -> bool:
-        return {jump.log_time for jump in jumps} <= {jump.log_time for jump in self.jumps}
-
 
 def _number(time: int) -> int | float:
     """Return a time for calculations with int64: exact, unless it would not fit [ns]."""
@@ -69,43 +65,26 @@ def find_jumps(stamps: np.ndarray, log_times: np.ndarray) -> list[Jump]:
     ]
 
 
-class JumpSearch:
-    """Search for jumps between parts of a bag that were read, by reading ``most`` parts more."""
+class JumpFinder:
+    """Finder of all jumps of the clocks in a bag, which reads part by part from its beginning."""
 
-    def __init__(self, most: int) -> None:
-        self._left = most
+    def __init__(self) -> None:
+        self.jumps: dict[str, list[Jump]] = {}  # found so far, by drill
+        self._last: dict[str, tuple[int, int]] = {}
 
-    def jumps(
-        self, parts: Sequence[tuple[int, Series]], series: Callable[[int], Series]
-    ) -> tuple[Jump, ...]:
-        """Return the jumps of one clock, in their order.
-
-        ``parts`` are numbered series, which are not empty; ``series`` returns that of a further
-        part.
-        """
-        jumps = [jump for _, found in parts for jump in find_jumps(*found)]
-        for before, after in pairwise(parts):
-            jumps += self._between(before, after, series)
-        return tuple(sorted(jumps, key=lambda jump: jump.log_time))
-
-    def _between(
-        self, before: tuple[int, Series], after: tuple[int, Series], series: Callable[[int], Series]
-    ) -> list[Jump]:
-        (first, (stamps, logs)), (last, (later, later_logs)) = before, after
-        ends = np.array([stamps[-1], later[0]]), np.array([logs[-1], later_logs[0]])
-        jumps = find_jumps(*ends)
-        if not jumps:
-            return []
-        for number in sorted(range(first + 1, last), key=lambda each: abs(2 * each - first - last)):
-            if self._left <= 0:
-                break
-            self._left -= 1
-            found = series(number)
-            if len(found[0]):
-                middle = number, found
-                return [
-                    *self._between(before, middle, series),
-                    *find_jumps(*found),
-                    *self._between(middle, after, series),
-                ]
-        return jumps
+    def add(self, series: Mapping[str, Series], clocks: Mapping[str, Clock]) -> bool:
+        """Take the next part, by drill; return whether the clocks know its jumps."""
+        known = True
+        for drill, (stamps, logs) in series.items():
+            if not len(stamps):
+                continue
+            if drill in self._last:
+                before = self._last[drill]
+                stamps, logs = np.append(before[0], stamps), np.append(before[1], logs)
+            new = find_jumps(stamps, logs)
+            known &= {each.log_time for each in new} <= {
+                each.log_time for each in clocks[drill].jumps
+            }
+            self.jumps.setdefault(drill, []).extend(new)
+            self._last[drill] = int(stamps[-1]), int(logs[-1])
+        return known
