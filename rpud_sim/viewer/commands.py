@@ -64,7 +64,8 @@ class Commands:
             sort, text, values = self._read(kind, found)
             for name, value in values.items():
                 self._step(name, time, float(value))
-        except (AttributeError, LookupError, RecursionError, TypeError, ValueError):  # another program wrote it
+        # Another program wrote it.
+        except (AttributeError, LookupError, RecursionError, TypeError, ValueError):
             sort, text = COMMAND, kind
         if sort == RUN:
             self._last.clear()

@@ -15,24 +15,19 @@ from rpud_sim.bag.tables import compiled, late_messages
 from rpud_sim.inspection.report.running_statistics import usable
 from rpud_sim.inspection.report.topic_survey import is_latched, stamp_column
 
-MOST_SIGNALS = 64  # greatest number of signals of a bag
+MOST_SIGNALS = 120  # greatest number of signals of a bag
 MOST_TOPICS = 100  # greatest number of topics with signals
 
 IMPACTS = "rpud_msgs/msg/ContactForce"
 TRAJECTORY = "rpud_msgs/msg/Trajectory"
+JOURNAL, FAULTS = "rpud_msgs/msg/JournalEntry", "rpud_msgs/msg/Faults"
+STATUS = "rpud_msgs/msg/Status"
+WAVEFORM = "rpud_msgs/msg/Waveform"
+PEAK_FORCE = "peak_force"  # column of an impact
 
 # Numbers of messages, and what only helps to read them.
 _NO_SIGNALS = {"sequence", "sample_period"}
-# Signals of these types come first where a bag has more than MOST_SIGNALS.
-_FIRST = (
-    IMPACTS,
-    "rpud_msgs/msg/ReactingForce",
-    "rpud_msgs/msg/NodalPlane",
-    "rpud_msgs/msg/DrillTool",
-    "rpud_msgs/msg/Status",
-    "rpud_msgs/msg/ActuatorState",
-)
-_HELD = ("rpud_msgs/msg/Status",)  # types whose values hold until the next message
+_OURS = "rpud_msgs/"  # signals of these types come first where a bag has too many
 
 
 @dataclass(frozen=True)
@@ -43,16 +38,19 @@ class Signal:
     type: str  # of its messages
     column: str  # its name
     unit: str  # from the comment in the type; empty without one
-    held: bool = False  # whether a value holds until the next one
 
     @property
     def name(self) -> str:
-        """Topic, column and unit."""
-        return f"{self.topic} {self.column}" + (f" [{self.unit}]" if self.unit else "")
+        return f"{self.topic} {self.column}"
 
     @property
     def drill(self) -> str:
         return namespace(self.topic)
+
+    @property
+    def source(self) -> str:
+        """``Type.column``, as the table of quantities names where a quantity comes from."""
+        return f"{self.type.rpartition('/')[2]}.{self.column}"
 
 
 def namespace(topic: str) -> str:
@@ -94,14 +92,7 @@ class TopicReader:
             if column.kind is Kind.NUMBER and column.name not in _NO_SIGNALS and not self.block
         ]
         self.signals = tuple(
-            Signal(
-                topic.name,
-                topic.type,
-                column.name,
-                column.unit,
-                topic.type in _HELD or column.dtype.kind in "bui",
-            )
-            for column in numbers
+            Signal(topic.name, topic.type, column.name, column.unit) for column in numbers
         )
         self._numbers = {column.name: column for column in numbers}
         self._stamp = [stamp] if stamp is not None and self.stamped else []
@@ -185,13 +176,10 @@ def clock_topics(readers: Mapping[str, TopicReader]) -> dict[str, frozenset[str]
 
 
 def _limit(readers: dict[str, TopicReader]) -> None:
-    """Keep at most ``MOST_SIGNALS``, those of the drill's main topics first."""
-
-    def rank(reader: TopicReader) -> int:
-        kind = reader.summary.topic.type
-        return _FIRST.index(kind) if kind in _FIRST else len(_FIRST)
-
+    """Keep at most ``MOST_SIGNALS``, those of drills first."""
     left = MOST_SIGNALS
-    for reader in sorted(readers.values(), key=rank):
+    for reader in sorted(
+        readers.values(), key=lambda each: not each.summary.topic.type.startswith(_OURS)
+    ):
         reader.keep(reader.signals[:left])
         left -= len(reader.signals)

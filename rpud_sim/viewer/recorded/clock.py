@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -50,9 +50,6 @@ class Clock:
         steps = np.cumsum([0, *(jump.step for jump in self.jumps)], dtype=np.int64)
         times = np.array([jump.log_time for jump in self.jumps], np.int64)
         return (stamps - zero - steps[np.searchsorted(times, log_times, "right")]) / SECOND
-
-    def knows(self, jumps: Sequence[Jump]) -> bool:
-        return {jump.log_time for jump in jumps} <= {jump.log_time for jump in self.jumps}
 
 
 def _number(time: int) -> int | float:
@@ -109,3 +106,28 @@ class JumpSearch:
                     *self._between(middle, after, series),
                 ]
         return jumps
+
+
+class JumpFinder:
+    """Finder of all jumps of the clocks in a bag, which reads part by part from its beginning."""
+
+    def __init__(self) -> None:
+        self.jumps: dict[str, list[Jump]] = {}  # found so far, by drill
+        self._last: dict[str, tuple[int, int]] = {}
+
+    def add(self, series: Mapping[str, Series], clocks: Mapping[str, Clock]) -> bool:
+        """Take the next part, by drill; return whether the clocks know its jumps."""
+        known = True
+        for drill, (stamps, logs) in series.items():
+            if not len(stamps):
+                continue
+            if drill in self._last:
+                before = self._last[drill]
+                stamps, logs = np.append(before[0], stamps), np.append(before[1], logs)
+            new = find_jumps(stamps, logs)
+            known &= {each.log_time for each in new} <= {
+                each.log_time for each in clocks[drill].jumps
+            }
+            self.jumps.setdefault(drill, []).extend(new)
+            self._last[drill] = int(stamps[-1]), int(logs[-1])
+        return known

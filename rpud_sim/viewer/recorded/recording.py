@@ -1,25 +1,25 @@
-"""Open bag of a page: its signals, its clocks, and its parts, read by several threads."""
+"""Open bag: its signals, its clocks, and its parts, also while it still grows."""
 
 from __future__ import annotations
 
-import threading
+import time
 from bisect import bisect_left
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
 import rpud_sim.bag
-from rpud_sim.bag import BagError, Message, Piece
+from rpud_sim.bag import BagError, BagReader, Message, Piece
 from rpud_sim.bag.block_order import gathered_blocks
+from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.message_block import MessageBlock, joined
-from rpud_sim.foundation.time import SECOND
+from rpud_sim.foundation.time import SECOND, join_seconds
 from rpud_sim.inspection.report.timeline import zero_stamp
-from rpud_sim.watch.recorded.clock import Clock, Jump, JumpSearch, Series
-from rpud_sim.watch.recorded.kept_rows import KeptRows, PieceRows
-from rpud_sim.watch.recorded.signals import (
-    TRAJECTORY,
+from rpud_sim.viewer.recorded.clock import Clock, Jump, JumpSearch, Series
+from rpud_sim.viewer.recorded.kept import Kept
+from rpud_sim.viewer.recorded.signals import (
     Rows,
     Signal,
     clock_topics,
@@ -34,70 +34,81 @@ SAMPLED = 48
 LATE = 0.5
 
 _PROBED = 64  # further parts that are read to find jumps of clocks
+_MOST_VALUES = 4_000_000  # numbers in the rows of all kept parts
+_MOST_MESSAGES = 4_000  # decoded messages that are kept
+_STILL = 10.0  # a bag that was written to within so many seconds may still be recorded [s]
 
+PieceRows = dict[str, Rows]  # rows of one part of a bag, by topic
 _Read = TypeVar("_Read")
 
 
 class Recording:
-    """Open bag.
+    """Open bag; for one thread at a time.
 
-    All methods may be called by several threads; one part is read at a time. Parts are numbered in
-    the order of their beginnings. A damaged part is empty, and counted. The bag may still be being
-    recorded, or not closed.
+    Parts are numbered in the order of their beginnings. A damaged part is empty, and counted. The
+    bag may still be being recorded, or not closed.
     """
 
     def __init__(self, path: str | Path) -> None:
+        self.path = Path(path)
         self._bag = rpud_sim.bag.open(path, unclosed=True)
         try:
-            self.path = Path(path)
+            self._files = _sizes(self.path)
             self.begin = self._bag.start_time  # log time of its beginning [ns]
-            self.duration = self._bag.duration / SECOND  # from the first to the last log time [s]
-            self.message_count = self._bag.message_count  # of all topics
-            self.size = self._bag.size  # of its files [bytes]
-            self.unclosed = bool(self._bag.unclosed)  # whether a file was not closed
-            self._sizes = {file: file.stat().st_size for file in self._bag.files}
             # By topic: readers, and reasons why there are no signals.
             self.readers, self.left_out = topic_readers(self._bag)
-            self.pieces = self._bag.pieces()
+            self.pieces: list[Piece] = self._bag.pieces()
         except BaseException:
             self._bag.close()
             raise
         self.damages: dict[int, str] = {}  # reasons why parts are not read, by their numbers
-        self._lock = threading.Lock()
-        self._kept = KeptRows()
-        self._topics = frozenset(
-            name for name, reader in self.readers.items() if reader.signals or reader.stamped
-        )
+        self.lost = ""  # what happened to the files since they were opened; empty for nothing
+        self._rows: Kept[PieceRows] = Kept(_MOST_VALUES, _values)
+        self._decoded: Kept[list[tuple[Message, Any]]] = Kept(_MOST_MESSAGES, len)
         self._clock_topics = clock_topics(self.readers)
-        self._topics -= {
+        self._topics = frozenset(
             name
             for name, reader in self.readers.items()
-            if reader.block and name not in self._clock_topics[namespace(name)]
-        }
-        self._held_by = {
-            drill: [
-                number
-                for number, piece in enumerate(self.pieces)
-                if any(namespace(topic) == drill for topic in piece.topics)
-            ]
-            for drill in {namespace(name) for name in self.readers}
-        }
-        self._spans: dict[str, dict[int, tuple[float, float]]] = {
-            drill: {} for drill in self._held_by
-        }
-        self.clocks: dict[str, Clock] = {drill: Clock(None, self.begin) for drill in self._held_by}
+            if (reader.signals or reader.stamped)
+            and (not reader.block or name in self._clock_topics[namespace(name)])
+        )
+        drills = {namespace(name) for name in self.readers}
+        self._held_by: dict[str, list[int]] = {drill: [] for drill in drills}
+        self._note_parts(0)
+        self._spans: dict[str, dict[int, tuple[float, float]]] = {drill: {} for drill in drills}
+        self.clocks: dict[str, Clock] = {drill: Clock(None, self.begin) for drill in drills}
         self._find_clocks()
+
+    @property
+    def bag(self) -> BagReader:
+        return self._bag
+
+    @property
+    def duration(self) -> float:
+        """From the first to the last log time [s]."""
+        return self._bag.duration / SECOND
+
+    @property
+    def growing(self) -> bool:
+        """Whether the bag was not closed, and something was written to it just now."""
+        if not self._bag.unclosed or self.lost:
+            return False
+        try:
+            return time.time() - self._bag.files[-1].stat().st_mtime < _STILL
+        except OSError:
+            return False
 
     @property
     def signals(self) -> tuple[Signal, ...]:
         return tuple(signal for reader in self.readers.values() for signal in reader.signals)
 
-    def trajectory(self, drill: str) -> str | None:
-        """Return the trajectory's topic of a drill; None without one."""
-        for name, reader in self.readers.items():
-            if reader.summary.topic.type == TRAJECTORY and namespace(name) == drill:
-                return name
-        return None
+    def topics(self, drill: str, kind: str) -> list[str]:
+        """Return the topics of a drill with messages of a type."""
+        return [
+            name
+            for name, reader in self.readers.items()
+            if reader.summary.topic.type == kind and namespace(name) == drill
+        ]
 
     @property
     def sample(self) -> list[int]:
@@ -105,36 +116,68 @@ class Recording:
         places = np.linspace(0, len(self.pieces) - 1, SAMPLED) if self.pieces else np.empty(0)
         return np.unique(places.astype(int)).tolist()
 
-    @property
-    def changed(self) -> str:
-        """What happened to the files since they were opened; empty if nothing did."""
-        for file, size in self._sizes.items():
-            try:
-                now = file.stat().st_size
-            except OSError:
-                return f"{file.name} was deleted"
-            if now < size:
-                return f"{file.name} became shorter"
-            if now > size:
-                return f"{file.name} has grown by {(now - size) / 1e6:.1f} MB"
-        return ""
+    def grow(self) -> bool:
+        """Add the parts that were written since the bag was opened, or grew.
+
+        It returns False if that is not possible: there are other topics than before, or the parts
+        that were there are not the same any more. The bag must be opened again then.
+        """
+        now = _sizes(self.path)
+        if now == self._files or self.lost:
+            return True
+        gone = [name for name, size in self._files.items() if now.get(name, -1) < size]
+        if gone:
+            missing = gone[0] not in now
+            self.lost = f"{gone[0]} was deleted" if missing else f"{gone[0]} became shorter"
+            return True
+        try:
+            bag = rpud_sim.bag.open(self.path, unclosed=True)
+        except BagError as error:
+            self.lost = f"it cannot be read any more: {error}"
+            return True
+        pieces = {_key(piece): piece for piece in bag.pieces()}
+        known = {_key(piece) for piece in self.pieces}
+        counted = {each.topic.name for each in bag.readable_topics if each.message_count}
+        if not known <= pieces.keys() or not counted <= self.readers.keys() | self.left_out.keys():
+            bag.close()
+            return False
+        first = len(self.pieces)
+        new = [piece for key, piece in pieces.items() if key not in known]
+        self.pieces = [pieces[_key(piece)] for piece in self.pieces] + new
+        self._bag.close()
+        self._bag, self._files = bag, now
+        self._note_parts(first)
+        return True
 
     def rows(self, number: int) -> PieceRows:
         """Return the rows of a part, by topic; none of a damaged one."""
-        with self._lock:
-            if (kept := self._kept.find(number)) is not None:
-                return kept
+
+        def read() -> PieceRows:
             found = self._read(number)
             for drill in self._held_by:
                 if times := self._times(drill, found):
                     self._spans[drill][number] = times
-            self._kept.add(number, found)
             return found
+
+        return self._rows.get(number, read)
 
     def messages(self, number: int, topics: Sequence[str]) -> list[Message]:
         """Return the messages of topics in a part; none of a damaged one."""
-        with self._lock:
-            return self._undamaged(number, frozenset(topics), lambda piece: piece.read(topics))
+        return self._undamaged(number, frozenset(topics), lambda piece: piece.read(topics))
+
+    def decoded(self, number: int, topic: str, codec: Codec) -> list[tuple[Message, Any]]:
+        """Return the messages of a topic in a part as they came and decoded; they are kept."""
+
+        def read() -> list[tuple[Message, Any]]:
+            found = []
+            for message in self.messages(number, (topic,)):
+                try:
+                    found.append((message, codec.decode(message.data)))
+                except BagError as error:
+                    self.damages.setdefault(number, str(error))
+            return found
+
+        return self._decoded.get((number, topic), read)
 
     def pieces_between(self, drill: str, start: float, end: float) -> Iterator[int]:
         """Yield the numbers of parts that may hold what a drill did from ``start`` to ``end`` [s].
@@ -144,7 +187,7 @@ class Recording:
         held = self._held_by.get(drill, [])
         first = self._search(drill, held, start - LATE, lambda times: times[1] >= start - LATE)
         for number in held[first:]:
-            times = self._span(drill, number)
+            times = self.span(drill, number)
             if times is not None and times[0] > end + LATE:
                 return
             yield number
@@ -165,6 +208,13 @@ class Recording:
             return (rows.log_times - self.begin) / SECOND
         return self.clocks[namespace(topic)].elapsed(rows.stamps, rows.log_times)
 
+    def time_of(self, message: Message, stamp: Any) -> float:
+        """Return the time since the bag began [s] of a stamp in a message."""
+        clock = self.clocks[namespace(message.topic)]
+        if clock.zero is None:
+            return (message.log_time - self.begin) / SECOND
+        return (join_seconds(stamp.sec, stamp.nanosec) - clock.offset(message.log_time)) / SECOND
+
     def end_of(self, number: int) -> float:
         """Return the greatest time since the bag began in a part [s]; 0 without rows."""
         found = self.rows(number)
@@ -175,21 +225,25 @@ class Recording:
         ]
         return max(ends, default=0.0)
 
-    def set_jumps(self, drill: str, jumps: Sequence[Jump]) -> None:
-        clock = self.clocks[drill]
-        with self._lock:
+    def set_jumps(self, found: Mapping[str, Sequence[Jump]]) -> None:
+        for drill, jumps in found.items():
+            clock = self.clocks[drill]
             self.clocks[drill] = Clock(clock.zero, clock.begin, tuple(jumps))
             self._spans[drill].clear()
 
     def close(self) -> None:
-        with self._lock:
-            self._bag.close()
+        self._bag.close()
 
     def __enter__(self) -> Recording:
         return self
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+    def _note_parts(self, first: int) -> None:
+        for number, piece in enumerate(self.pieces[first:], first):
+            for drill in {namespace(topic) for topic in piece.topics} & self._held_by.keys():
+                self._held_by[drill].append(number)
 
     def _read(self, number: int) -> PieceRows:
         by_topic: dict[str, list[MessageBlock]] = {}
@@ -246,7 +300,8 @@ class Recording:
         elapsed = self.clocks[drill].elapsed(stamps, logs_)
         return float(elapsed.min()), float(elapsed.max())
 
-    def _span(self, drill: str, number: int) -> tuple[float, float] | None:
+    def span(self, drill: str, number: int) -> tuple[float, float] | None:
+        """Return the first and the last time of a drill in a part [s]; None if it has none."""
         if number not in self._spans[drill]:
             found = self.rows(number)
             if number not in self._spans[drill] and (times := self._times(drill, found)):
@@ -270,10 +325,10 @@ class Recording:
         step = 1
         while low < high:
             probe = middle = min(max(place, low), high - 1)
-            times = self._span(drill, held[probe])
+            times = self.span(drill, held[probe])
             while times is None and probe + 1 < high:
                 probe += 1
-                times = self._span(drill, held[probe])
+                times = self.span(drill, held[probe])
             if times is None or reached(times):
                 high = middle
                 place = middle - step
@@ -314,3 +369,20 @@ class Recording:
             key=lambda each: int(each.log_times[0]),
         )
         return zero_stamp(rows.stamps, rows.log_times, self.begin)
+
+
+def _values(rows: PieceRows) -> int:
+    return sum(len(each.stamps) * (2 + len(each.values)) for each in rows.values())
+
+
+def _key(piece: Piece) -> tuple[int, int, int]:
+    return piece.start_time, piece.end_time, piece.size
+
+
+def _sizes(path: Path) -> dict[str, int]:
+    """Return the sizes of a bag's files by their names [bytes]; of none that are gone."""
+    try:
+        files = [path] if path.is_file() else sorted(path.iterdir())
+        return {file.name: file.stat().st_size for file in files}
+    except OSError:
+        return {}
