@@ -14,6 +14,7 @@ const SECTION_TOOL = SECTION_TOUCH + SECTION_MASS, SECTION_ROCK = 506, SECTION_B
 const SECTION_UP = 132, SECTION_DOWN = 200, SECTION_STEP = 18; // room of motions, of the tool's step in rock
 const SECTION_FACTORS = [1, 2, 3, 5, 10, 20, 30, 50, 100, 200, 500, 1000, 2000, 5000];
 const SECTION_LENGTHS = [1e-6, 2e-6, 5e-6, 1e-5, 2e-5, 5e-5, 1e-4, 2e-4, 5e-4, 1e-3, 2e-3, 5e-3, 1e-2, 2e-2];
+const SECTION_BODIES = /** @type {const} */ (["nodal_plane", "actuator", "free_mass", "drill_tool"]);
 const SECTION_FLASH = 0.4, SECTION_CHIPS = 0.7; // s that an impact is seen
 const SECTION_YIELD = 1e-3; // a tool that moves farther is not in rock [m]
 const SECTION_LITHOLOGY = [ // dots, lines, bricks, dashes, crosses, wedges
@@ -68,7 +69,7 @@ function sectionDrawing() {
     <rect x="${x - 8}" y="-118" width="16" height="8"/>${[-64, -50.5, -37, -23.5].map(crystal).join("")}
     <path class="lead" d="M${x - 29} -51.5h-11v-62M${x - 29} -24.5h-16v-89"/>
     <path d="M${x - 33} -10h66v22h-66Z"/><polygon points="${sides.join(" ")}"/>
-    <path d="M${x - 100} -5h200v10h-200ZM${x - 112} -13h16v26h-16ZM${x + 96} -13h16v26h-16Z"/>
+    <path d="M${x - 96} -5h192v10h-192ZM${x - 112} -13h16v26h-16ZM${x + 96} -13h16v26h-16Z"/>
     ${label(-44, "piezo stack", 25)}${label(0, "nodal plane", 112)}${label(48, "horn", 18)}${label(88, "tip", 13, "tip-text")}</g>
   <g data-part="mass" class="mass"><rect x="${x - 34}" width="68" height="${SECTION_MASS}" rx="3"/>
     <rect class="cut" x="${x - 34}" width="68" height="${SECTION_MASS}" rx="3"/></g>
@@ -78,7 +79,7 @@ function sectionDrawing() {
     <text data-part="force" class="big" x="${x - 46}" y="6" text-anchor="end"></text></g>
   <path data-part="chips" class="chips" d=""/>
   <g class="scale"><path class="line" data-part="bar"/><text data-part="length" x="28"></text></g>
-  <text class="muted air" x="${x}" y="706" text-anchor="middle">not in the rock</text></g>
+  <text class="halo air" x="${x}" y="706" text-anchor="middle">not in the rock</text></g>
   <text class="none" x="${x}" y="620" text-anchor="middle">no waveform yet</text>`;
 }
 
@@ -107,7 +108,7 @@ export function mountSection(element, clock) {
   /** @type {Record<string, SVGElement[]>} */ const parts = {};
   for (const part of /** @type {NodeListOf<SVGElement>} */ (svg.querySelectorAll("[data-part]"))) (parts[part.dataset.part ?? ""] ??= []).push(part);
   const set = (/** @type {string} */ part, /** @type {string} */ name, /** @type {string | number} */ value) => {
-    for (const each of parts[part]) each.setAttribute(name, `${value}`);
+    for (const each of parts[part]) if (each.getAttribute(name) !== `${value}`) each.setAttribute(name, `${value}`);
   };
   const move = (/** @type {string} */ part, /** @type {number} */ y) => set(part, "transform", `translate(0 ${y})`);
   const write = (/** @type {string} */ part, /** @type {string} */ text) => { parts[part][0].textContent = text; };
@@ -138,6 +139,7 @@ export function mountSection(element, clock) {
     let up = 0, down = 0, vibration = 0;
     block?.actuator.forEach((tip, each) => {
       const [plane, mass, tool] = [block.nodal_plane[each], block.free_mass[each], block.drill_tool[each]];
+      if (!Number.isFinite(plane + tip + mass + tool)) return;
       [up, down] = [Math.max(up, -plane, -tip, -mass, -tool), Math.max(down, tip, mass, tool)];
       vibration = Math.max(vibration, Math.abs(tip - plane));
     });
@@ -175,8 +177,8 @@ export function mountSection(element, clock) {
     if (inRock) {
       for (const { from, to, name, colour } of layers.filter((each) => each.from < shown)) {
         const y = at(from), height = Math.max(at(to ?? shown) - y, 0);
-        for (const paint of [`stratum-${colour % 6}`, `rock-${colour % 6}`])
-          drawing.push(make("rect", { class: paint, x: left, y, width: right - left, height }));
+        for (const fill of [`var(--stratum-${colour % 6})`, `url(#rock-${colour % 6})`])
+          drawing.push(make("rect", { fill, x: left, y, width: right - left, height }));
         if (from > 0) drawing.push(path("line", `M${left} ${y}H${right}`));
         if (height > 15) drawing.push(text(deep >= from && deep < (to ?? Infinity) ? "halo now" : "halo", right - 8, y + 17, name));
       }
@@ -192,7 +194,7 @@ export function mountSection(element, clock) {
         if (tick && Math.abs(at(tick) - bottom) > 14) drawing.push(text("muted", left - 14, at(tick) + 4, `${+(tick * 1e3).toPrecision(3)}`));
       }
       if (log) drawing.push(...track(log.depth, Array.from(log.rate, (each) => each * 6e4), "rate", "mm/min", 352, at),
-        ...track(log.depth, Array.from(log.torque), "torque", "N m", 448, at));
+        ...(Array.from(log.torque).some(Number.isFinite) ? track(log.depth, Array.from(log.torque), "torque", "N m", 448, at) : []));
     }
     parts.ground[0].replaceChildren(...drawing);
     set("shank", "height", bottom - SECTION_TOOL - 37);
@@ -212,25 +214,25 @@ export function mountSection(element, clock) {
 
   /** Put the bodies where they are at the clock's place. */
   function picture() {
-    const block = clock.block, sample = clock.sample;
-    const of = (/** @type {Float32Array | undefined} */ positions) => units(positions?.[sample] ?? 0);
-    const plane = SECTION_PLANE + magnified(block?.nodal_plane[sample] ?? 0, factor);
-    const mass = SECTION_TOUCH + of(block?.free_mass), tool = SECTION_TOOL + of(block?.drill_tool);
+    const block = clock.block, positions = SECTION_BODIES.map((body) => block?.[body][clock.sample] ?? 0);
+    if (!positions.every(Number.isFinite)) return; // nothing was recorded there: the picture before stays
+    const plane = SECTION_PLANE + magnified(positions[0], factor), tip = SECTION_TOUCH + units(positions[1]);
+    const mass = SECTION_TOUCH + units(positions[2]), tool = SECTION_TOOL + units(positions[3]);
     set("spring", "transform", `scale(1 ${(plane - 31) / 100})`);
     move("plane", plane);
-    move("tip", SECTION_TOUCH + of(block?.actuator));
+    move("tip", tip);
     move("mass", mass);
     move("tool", tool);
     move("flash", tool);
     set("mass-line", "d", `M${SECTION_AXIS + 34} ${mass + SECTION_MASS / 2}L330 384H346`);
     set("tool-line", "d", `M${SECTION_AXIS + 28} ${tool + 10}L330 420H346`);
-    let flash = 0, chips = "";
+    let flash = 0, said = "", chips = "";
     for (const [time, force, contact] of block?.impacts ?? []) {
       const age = ((clock.place - time) * 1e3) / clock.speed + clock.rest;
       if (clock.place < time || age > SECTION_CHIPS) continue;
       if (age < SECTION_FLASH) {
         flash = 1 - age / SECTION_FLASH;
-        write("force", `${(force / 1e3).toFixed(2)} kN`);
+        said = force ? `${(force / 1e3).toFixed(2)} kN` : "";
       }
       for (let chip = 0; inRock && contact && chip < 8; chip += 1) {
         // By chance, but the same whenever the same impact is shown.
@@ -241,6 +243,7 @@ export function mountSection(element, clock) {
       }
     }
     set("flash", "opacity", flash.toFixed(2));
+    write("force", said);
     set("chips", "d", chips);
   }
 
