@@ -49,8 +49,7 @@ export function mountMotion(element, clock) {
     const right = width - MOTION_RIGHT, base = height - MOTION_BOTTOM, { scale, unit: name } = quantityOf("free_mass");
     [canvas.width, canvas.height] = [width, height].map((each) => Math.round(each * devicePixelRatio));
     context.scale(devicePixelRatio, devicePixelRatio);
-    context.font = `12px ${style.fontFamily}`;
-    context.textBaseline = "middle";
+    Object.assign(context, { font: `12px ${style.fontFamily}`, textBaseline: "middle", lineJoin: "round" });
     const write = (/** @type {string} */ text, /** @type {number} */ left, /** @type {number} */ top, /** @type {CanvasTextAlign} */ align) => {
       context.textAlign = align;
       context.fillText(text.replace("-", "\u2212"), left, top);
@@ -84,7 +83,6 @@ export function mountMotion(element, clock) {
     write("kN", MOTION_LEFT - 6, base - 6, "right");
 
     const count = block.free_mass.length, columns = Math.max(Math.min(Math.round(right - MOTION_LEFT), count), 1);
-    context.lineJoin = "round";
     for (const [body, , paint] of MOTION_LINES) {
       // Least and greatest of each pixel, as one shape: the tip vibrates faster than pixels.
       /** @type {[number, number][]} */ let lows = [];
@@ -131,13 +129,13 @@ export function mountMotion(element, clock) {
     if (!block) return void (area.ariaValueText = "no waveform yet");
     cursor.style.transform = `translateX(${x(clock.place)}px)`;
     dot.style.transform = `translateY(${y(block.free_mass[sample])}px)`;
-    if (now - told < (clock.held ? 0 : 500)) return;
+    const stands = clock.held || clock.resting, before = (clock.place - clock.end) * 1e3;
+    if (now - told < 1000 && !stands && !outputs[0].textContent) return;
     told = now;
-    const before = (clock.place - clock.end) * 1e3;
-    MOTION_LINES.forEach(([body], each) => { outputs[each].textContent = valueText(body, block[body][sample]); });
+    MOTION_LINES.forEach(([body], each) => { outputs[each].textContent = stands ? valueText(body, block[body][sample]) : ""; });
     area.ariaValueMin = (-clock.end * 1e3).toFixed(1);
     area.ariaValueNow = before.toFixed(2);
-    area.ariaValueText = `${(-before).toFixed(1)} ms before the newest: free mass at ${outputs[1].textContent}`;
+    area.ariaValueText = `${(-before).toFixed(1)} ms before the newest: free mass at ${valueText("free_mass", block.free_mass[sample])}`;
   }
 
   for (const kind of /** @type {const} */ (["pointerdown", "pointermove"])) area.addEventListener(kind, (event) => {

@@ -96,7 +96,6 @@ export function mountSection(element, clock) {
   for (const each of [1, 2, 5, 20]) speed.add(new Option(`${each} ms`, `${each}`, each === clock.speed, each === clock.speed));
   speed.ariaLabel = "motion that a second shows";
   speed.addEventListener("change", () => { clock.speed = Number(speed.value); });
-  hold.type = "button";
   hold.addEventListener("click", () => clock.toggle());
   pace.className = "pace";
   pace.append("1 s shows ", speed, " ", hold);
@@ -162,7 +161,7 @@ export function mountSection(element, clock) {
 
   /** Draw rock, hole, ruler and well log, where they have changed. */
   function ground() {
-    const depth = hole?.depth, known = typeof depth === "number" && Number.isFinite(depth), deep = known ? depth : 0;
+    const known = Number.isFinite(hole?.depth), deep = known ? Number(hole?.depth) : 0;
     const log = known ? hole?.log : null, tracks = SECTION_TRACKS.filter(([name]) => log && Array.from(log[name]).some(Number.isFinite));
     const layers = hole?.layers?.length ? hole.layers : [{ from: 0, to: null, name: "rock", colour: 3 }];
     const state = JSON.stringify([known, deep.toPrecision(4), layers, log?.depth.length, inRock, crushed]);
@@ -220,11 +219,7 @@ export function mountSection(element, clock) {
     const plane = SECTION_PLANE + magnified(positions[0], factor), tip = SECTION_TOUCH + units(positions[1]);
     const mass = SECTION_TOUCH + units(positions[2]), tool = SECTION_TOOL + units(positions[3]);
     set("spring", "transform", `scale(1 ${(plane - 31) / 100})`);
-    move("plane", plane);
-    move("tip", tip);
-    move("mass", mass);
-    move("tool", tool);
-    move("flash", tool);
+    for (const [part, y] of Object.entries({ plane, tip, mass, tool, flash: tool })) move(part, y);
     set("mass-line", "d", `M${SECTION_AXIS + 34} ${mass + SECTION_MASS / 2}L330 384H346`);
     set("tool-line", "d", `M${SECTION_AXIS + 28} ${tool + 10}L330 420H346`);
     let flash = 0, said = "", chips = "";
