@@ -21,8 +21,7 @@ export function mountMotion(element, clock) {
   const make = (/** @type {string} */ name, values = {}) => Object.assign(document.createElement(name), values);
   const canvas = /** @type {HTMLCanvasElement} */ (make("canvas", { ariaHidden: "true" }));
   const area = make("div", { className: "area", tabIndex: 0, role: "slider", ariaLabel: "place in the motion of the last 20 ms", ariaValueMax: "0" });
-  const cursor = make("div", { className: "cursor" }), dot = make("i");
-  const title = make("figcaption"), unit = make("small");
+  const cursor = make("div", { className: "cursor" }), dot = make("i"), title = make("figcaption"), unit = make("small");
   const outputs = MOTION_LINES.map(([, label, colour]) => {
     const entry = make("span", { className: "key" }), output = make("output");
     entry.style.setProperty("--of", `var(--${colour})`);
