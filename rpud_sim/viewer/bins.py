@@ -55,14 +55,17 @@ class Bins:
         bins = (times / self.width).astype(np.intp) - self.first
         if bins.min() < 0:  # older than what is kept
             values, bins = values[bins >= 0], bins[bins >= 0]
-        if (bins[1:] >= bins[:-1]).all():  # runs are faster than single values
-            firsts = np.flatnonzero(np.diff(bins, prepend=-1))
+        if not len(bins):
+            return
+        steps = bins[1:] - bins[:-1]
+        if not len(steps) or steps.min() >= 0:  # runs are faster than single values
+            firsts = np.concatenate([[0], np.flatnonzero(steps) + 1])
             places = bins[firsts]
             least, greatest = (f.reduceat(values, firsts) for f in (np.minimum, np.maximum))
             self._least[place, places] = np.minimum(self._least[place, places], least)
             self._greatest[place, places] = np.maximum(self._greatest[place, places], greatest)
             self._total[place, places] += np.add.reduceat(values, firsts)
-            self._count[place, places] += np.diff(np.append(firsts, len(bins)))
+            self._count[place, places] += np.append(firsts[1:], len(bins)) - firsts
         else:
             np.minimum.at(self._least[place], bins, values)
             np.maximum.at(self._greatest[place], bins, values)

@@ -15,7 +15,7 @@ from rpud_sim.viewer.live.heard import Heard
 
 SEARCHING, CONNECTED, VANISHED = "searching", "connected", "vanished"
 
-_PERIOD = 0.05  # between takes of messages [s]
+_PERIOD = 0.1  # between takes of messages [s]
 _CHECK_PERIOD = 0.5  # between looks at events and at the publishers [s]
 _SILENCE = 4.0  # of a drill that is gone; a living one publishes a status every second or so [s]
 _SEARCH_PATIENCE = 1.0  # s
