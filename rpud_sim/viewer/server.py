@@ -130,11 +130,13 @@ class PageServer:
     def __exit__(self, *_: object) -> None:
         for number, handler in self._handlers.items():
             signal.signal(number, handler)
-        self._worker.shutdown(cancel_futures=True)
 
     def run(self) -> None:
         """Serve until `stop`."""
-        asyncio.run(self._run())
+        try:
+            asyncio.run(self._run())
+        finally:
+            self._worker.shutdown(cancel_futures=True)
 
     async def work(self, call: Callable[..., Any], *arguments: Any) -> Any:
         """Call a function in the thread of the store."""
