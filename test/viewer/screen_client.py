@@ -3,7 +3,7 @@
 import asyncio
 import json
 import threading
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 
 from support import PATIENCE
 from tornado.websocket import websocket_connect
@@ -59,12 +59,17 @@ class ScreenClient:
         return self._run(self._take(acknowledge))
 
     def until(self, condition):
-        """Take frames until a condition on what was seen holds, and return its value."""
+        """Take frames until a condition on what was seen holds, and return its value.
+
+        It does not hold as long as it looks at something that was not seen yet.
+        """
 
         async def take():
-            while not (value := condition(self.seen)):
+            while True:
+                with suppress(LookupError):
+                    if value := condition(self.seen):
+                        return value
                 await self._take()
-            return value
 
         return self._run(take())
 
@@ -75,7 +80,8 @@ class ScreenClient:
             raise ClosedError(self._socket.close_code, self._socket.close_reason)
         frame = decode(message)
         if self.run != frame.get("run", self.run):
-            self.run, self.seen = frame["run"], {}
+            self.run = frame["run"]
+            self.seen = {key: self.seen[key] for key in ("mode", "quantities") if key in self.seen}
         self.seen |= frame
         if acknowledge:
             await self._socket.write_message(json.dumps({"ack": frame["number"]}))

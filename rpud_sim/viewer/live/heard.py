@@ -7,6 +7,7 @@ import math
 from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
+from time import monotonic
 from typing import Any
 
 import numpy as np
@@ -20,7 +21,7 @@ BIN = 0.05  # length of the finest bins [s]
 
 _BINS = 1 << 14
 _LATEST_IMPACTS = 1000  # whose durations are kept: some two seconds
-_WHOLE_PERIOD = 1.0  # between additions to the bins of the whole run [s]
+_WHOLE_PERIOD = 1.0  # between additions to the bins of the whole run [s of real time]
 _TIMES = ("weight_on_bit_applied", "drive_applied", "feed_applied")
 
 # Fields of each fast topic, in the order of its messages, and the quantities that are kept.
@@ -167,8 +168,8 @@ class Heard:
                 if self._located:
                     self._settle(topic, waiting)
                 waiting.clear()
-        if self.time is not None and not 0.0 <= self.time - self._pending_since < _WHOLE_PERIOD:
-            self._pending_since = self.time
+        if monotonic() - self._pending_since >= _WHOLE_PERIOD:
+            self._pending_since = monotonic()
             for signal, parts in self._pending.items():
                 times, values = (np.concatenate(each) for each in zip(*parts, strict=True))
                 self.whole.add(signal, times, values)

@@ -11,11 +11,12 @@ from urllib.parse import urlencode
 from rpud_sim.foundation.quantities import ParameterError, shown
 from rpud_sim.foundation.terminal import printable
 from rpud_sim.ros.client.drill_finder import DrillFinder
+from rpud_sim.ros.starting import StartError
 from rpud_sim.viewer.live.drill_pool import DrillPool
 from rpud_sim.viewer.live.live_drill import LiveDrill
 from rpud_sim.viewer.live.live_frame import LiveFrame
 from rpud_sim.viewer.server import PageServer, Place
-from rpud_sim.viewer.store import ClientState
+from rpud_sim.viewer.store import ClientState, StoreError
 
 _LOOK_PERIOD = 3.0  # between looks at the namespaces [s]
 _REAP_PERIOD = 10.0  # between looks at drills that no page shows [s]
@@ -47,7 +48,10 @@ class LiveStore:
 
     def open(self, client: ClientState) -> None:
         """Hear the drill that a browser shows."""
-        drill = self.pool.take(client.drill or self._default)
+        try:
+            drill = self.pool.take(client.drill or self._default)
+        except StartError as error:
+            raise StoreError(str(error)) from None
         client.drill = drill.namespace
         self._drills[id(client)] = drill
 
@@ -67,6 +71,11 @@ class LiveStore:
         if name != "act":
             raise ParameterError(f"a running drill has no {shown(name)}")
         self._drills[id(client)].act(content["name"], content["arguments"])
+
+    @property
+    def drills(self) -> set[LiveDrill]:
+        """Drills that pages show."""
+        return set(self._drills.values())
 
     def listing(self) -> dict[str, Any]:
         """Return the drills of the domain for the list."""
