@@ -93,23 +93,27 @@ export function mountMotion(element, clock) {
     context.lineJoin = "round";
     for (const [body, , paint] of MOTION_LINES) {
       // Least and greatest of each pixel, as one shape: the tip vibrates faster than pixels.
-      const values = block[body], lows = [];
+      /** @type {[number, number][]} */ let lows = [];
       context.strokeStyle = context.fillStyle = colour(paint);
       context.lineWidth = body === "free_mass" ? 1.6 : 1.2;
-      context.beginPath();
-      for (let each = 0; each < columns; each += 1) {
+      for (let each = 0; each <= columns; each += 1) {
         const first = Math.floor((each * count) / columns), last = Math.min(Math.floor(((each + 1) * count) / columns), count - 1);
-        const part = values.subarray(first, last + 1), place = x(((first + last) / 2) * block.period);
-        context.lineTo(place, y(Math.max(...part)));
-        lows.push([place, y(Math.min(...part))]);
+        const part = block[body].subarray(first, last + 1), place = x(((first + last) / 2) * block.period);
+        if (!lows.length) context.beginPath();
+        if (part.length && part.every(Number.isFinite)) {
+          context.lineTo(place, y(Math.max(...part)));
+          lows.push([place, y(Math.min(...part))]);
+          continue;
+        }
+        for (const [before, value] of lows.reverse()) context.lineTo(before, value);
+        context.closePath();
+        context.fill();
+        context.stroke();
+        lows = [];
       }
-      for (const [place, value] of lows.reverse()) context.lineTo(place, value);
-      context.closePath();
-      context.fill();
-      context.stroke();
     }
 
-    const strongest = Math.max(...block.impacts.map(([, peak]) => peak), 1), struck = motionStruck(block);
+    const strongest = Math.max(...block.impacts.map(([, peak]) => peak || 0), 1), struck = motionStruck(block);
     let free = MOTION_LEFT - 2;
     context.strokeStyle = context.fillStyle = colour("force");
     context.lineWidth = 2;
@@ -122,7 +126,7 @@ export function mountMotion(element, clock) {
       context.beginPath();
       context.arc(place, y(block.drill_tool[Math.min(Math.round(time / block.period), count - 1)]), 2.5, 0, 7);
       context.fill();
-      const text = (peak / 1e3).toFixed(1), half = context.measureText(text).width / 2;
+      const text = peak ? (peak / 1e3).toFixed(1) : "", half = context.measureText(text).width / 2;
       const middle = Math.min(Math.max(place, MOTION_LEFT + half), right - half);
       if (middle - half < free) return;
       write(text, middle, top - 7, "center");
