@@ -83,7 +83,7 @@ class ScreenClient:
             self.run = frame["run"]
             self.seen = {key: self.seen[key] for key in ("mode", "quantities") if key in self.seen}
         self.seen |= frame
-        if acknowledge:
+        if acknowledge and "error" not in frame:
             await self._socket.write_message(json.dumps({"ack": frame["number"]}))
         return frame
 

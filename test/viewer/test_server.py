@@ -190,9 +190,10 @@ def test_what_no_page_sends_closes_the_connection(server, wrong):
 
 
 def test_a_long_message_closes_the_connection(server):
-    with ScreenClient(server.port) as client, pytest.raises(ClosedError):
+    with ScreenClient(server.port) as client:
         client.send(" " * 10_000)
-        client.until(lambda seen: False)
+        with pytest.raises(ClosedError):
+            client.until(lambda seen: False)
 
 
 def test_a_store_that_fails_ends_the_page_with_a_message(server):

@@ -9,10 +9,8 @@ from support import until
 from viewer.screen_client import ClosedError, ScreenClient, serving
 
 from rpud_sim.ros.client.drill_finder import DrillFinder
-from rpud_sim.ros.starting import StartError
-from rpud_sim.viewer.live.drill_pool import DrillPool
 from rpud_sim.viewer.live.live_store import LiveStore
-from rpud_sim.viewer.store import StoreError
+from rpud_sim.viewer.store import ClientState, StoreError
 
 NAMESPACE = "/live_drill"
 
@@ -26,7 +24,7 @@ def watched(namespace):
             with serving(store, store.listing) as server:
                 yield server
         finally:
-            store.pool.close()
+            store.end()
 
 
 @pytest.fixture(scope="module")
@@ -63,7 +61,7 @@ def outcome_of(client, act, **arguments):
 
 def test_everything_is_received_and_nothing_is_lost(client):
     client.until(lambda seen: len(seen["view"]["layers"]["peak_force"]["t"]) > 5)
-    client.until(lambda seen: "section" in seen and "hole" in seen and "timeline" in seen)
+    client.until(lambda seen: "section" in seen and "timeline" in seen)
     seen = client.seen
     assert seen["mode"] == "live"
     assert seen["connection"]["state"] == "connected"
@@ -82,7 +80,8 @@ def test_everything_is_received_and_nothing_is_lost(client):
     layer = seen["view"]["layers"]["reacting_force"]
     assert (layer["low"] <= layer["mean"]).all()
     assert (layer["mean"] <= layer["high"]).all()
-    assert seen["hole"]["depth"] > 0.0
+    client.until(lambda seen: seen["hole"]["depth"] > 0.0)
+    assert [layer["name"] for layer in client.seen["hole"]["layers"]] == ["rock"]
 
 
 def test_an_action_is_done_or_refused_in_the_users_words(client):
@@ -140,7 +139,7 @@ def test_a_thread_that_dies_ends_the_page_with_a_message(drill, monkeypatch):
     monkeypatch.setattr("threading.excepthook", lambda error: None)
     with watched(NAMESPACE) as server, ScreenClient(server.port) as client:
         client.until(lambda seen: "numbers" in seen)
-        [live] = server.store.drills
+        live = server.store.heard[NAMESPACE]
         monkeypatch.setattr(live, "_settle", lambda: 1 / 0)
         error = client.until(lambda seen: seen.get("error"))
         assert error.endswith("has ended: ZeroDivisionError: division by zero")
@@ -167,28 +166,30 @@ def test_a_drill_comes_later_vanishes_and_returns_as_a_new_run():
 
 def test_pages_share_one_drill_which_stays_a_while_after_the_last(drill):
     now = [0.0]
-    pool = DrillPool(lambda: {NAMESPACE, "/a b"}, clock=lambda: now[0])
-    try:
-        first = pool.take(NAMESPACE)
-        assert pool.take(NAMESPACE) is first
-        pool.release(first)
-        pool.close_unused(10.0)
-        assert pool.take(NAMESPACE) is first
-        pool.release(first)
-        pool.release(first)
-        now[0] = 9.0
-        pool.close_unused(10.0)
-        assert pool.take(NAMESPACE) is first
-        pool.release(first)
-        now[0] = 20.0
-        pool.close_unused(10.0)
-        assert pool.take(NAMESPACE) is not first
-        with pytest.raises(StartError, match="Invalid namespace"):
-            pool.take("/a b")
-        with pytest.raises(StoreError, match="there is no drill in /x"):
-            pool.take("/x")
-    finally:
-        pool.close()
+    one, two = ClientState(), ClientState(NAMESPACE)
+    with DrillFinder() as finder:
+        store = LiveStore(finder, NAMESPACE, clock=lambda: now[0])
+        try:
+            store.open(one)
+            store.open(two)
+            first = store.heard[NAMESPACE]
+            store.close(two)
+            store.tidy(0.0)
+            store.close(one)
+            now[0] = 9.0
+            store.tidy(10.0)
+            store.open(one)
+            assert store.heard == {NAMESPACE: first}
+            store.close(one)
+            now[0] = 20.0
+            store.tidy(10.0)
+            assert store.heard == {}
+            with pytest.raises(StoreError, match="there is no drill in /x"):
+                store.open(ClientState("/x"))
+            with pytest.raises(StoreError, match="Invalid namespace"):
+                LiveStore(finder, "/a b").open(ClientState())
+        finally:
+            store.end()
 
 
 def test_a_list_has_the_drill_and_what_it_says(server):
