@@ -26,19 +26,13 @@ export class MotionClock {
   }
 
   /** Last sample's place in the block [s]. */
-  get end() {
-    return this.block ? (this.block.free_mass.length - 1) * this.block.period : 0;
-  }
+  get end() { return this.block ? (this.block.free_mass.length - 1) * this.block.period : 0; }
 
   /** Number of the sample at the place. */
-  get sample() {
-    return this.block ? Math.round(this.place / this.block.period) : 0;
-  }
+  get sample() { return this.block ? Math.round(this.place / this.block.period) : 0; }
 
   /** Whether the block is at its end, and no other waits. */
-  get resting() {
-    return !!this.block && !this.next && !this.held && this.place >= this.end;
-  }
+  get resting() { return !!this.block && !this.next && !this.held && this.place >= this.end; }
 
   /** Call a function after each step; `changed` says that it is another block, or none.
    * @param {(changed: boolean) => void} listener */

@@ -40,7 +40,7 @@
  *   hole?: any, kinds?: string[], channels?: string[], outcomes?: Outcome[],
  *   refusals?: [number, string], refused?: [number, string], timing?: Record<string, string>,
  *   losses?: Record<string, number>, log?: Entry[], log_thinned?: number,
- *   jump?: {time?: number, contact?: number, none?: string}, report?: Report, error?: string,
+ *   jump?: {time?: number, peak_force?: number, contact_duration?: number, none?: string}, report?: Report, error?: string,
  * }} Frame
  */
 

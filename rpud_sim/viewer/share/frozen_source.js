@@ -47,7 +47,7 @@ export class FrozenSource {
         ? { numbers, section: { ...near, kept: sections.map((each) => each.time) } } : { numbers });
       this.shown = near;
     } else if (request.seek) {
-      const impacts = sections.flatMap((each) => each.impacts.map(([after, , contact]) => ({ time: each.time + after, contact })));
+      const impacts = sections.flatMap((each) => each.impacts.map(([after, peak, contact]) => ({ time: each.time + after, peak_force: peak, contact_duration: contact })));
       const ahead = request.seek === "next";
       const found = impacts.filter(({ time }) => (ahead ? time > request.from + 1e-9 : time < request.from - 1e-9));
       this.answer({ jump: found.at(ahead ? 0 : -1) ?? { none: "there is no further impact in this report" } });

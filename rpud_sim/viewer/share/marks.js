@@ -80,11 +80,11 @@ export function drawSpans(plot, seen) {
     ctx.rect(from, bbox.top, to - from, bbox.height);
     ctx.clip();
     ctx.beginPath();
-    for (let x = from - bbox.height; x < to; x += 6 * uPlot.pxRatio) {
+    for (let x = from - bbox.height; x < to; x += 7 * uPlot.pxRatio) {
       ctx.moveTo(x, bbox.top + bbox.height);
       ctx.lineTo(x + bbox.height, bbox.top);
     }
-    ctx.strokeStyle = colourOf("gap", 0.6);
+    ctx.strokeStyle = colourOf("gap", 0.35);
     ctx.lineWidth = uPlot.pxRatio;
     ctx.stroke();
     ctx.restore();

@@ -1,6 +1,7 @@
 // @ts-check
 /* The time of a recording that the screen shows: seeking, playing, and jumps to impacts. */
 import { element } from "./controls.js";
+import { valueText } from "./quantities.js";
 
 const STEP = 90; // between two places while it plays [ms]
 const CONTACT = 1e-4; // length of a contact that is not known [s]
@@ -27,10 +28,11 @@ export class Playhead {
     this.whole = [first, last, Boolean(seen.growing)];
     if (seen.mode !== "live" && !this.moved && last !== this.time) this.go(last);
     if (!frame.jump) return;
-    const { time, contact = CONTACT, none = "" } = frame.jump;
+    const { time, peak_force: peak, contact_duration: contact = CONTACT, none = "" } = frame.jump;
     this.contact = time === undefined ? null : [time - 0.5 * contact, time + 1.5 * contact];
     element("contact", HTMLElement).hidden = time === undefined;
-    element("found", HTMLElement).textContent = time === undefined ? none : `impact at ${time.toFixed(9)} s`;
+    const words = time === undefined ? none : `impact at ${time.toFixed(9)} s, ${valueText("peak_force", peak)}`;
+    element("found", HTMLElement).textContent = words;
     if (time !== undefined) this.seek(time);
   }
 

@@ -83,7 +83,7 @@ class TimePlot {
       entry.className = `key ${layer.kind}`;
       entry.style.setProperty("--of", `var(--${this.colour(layer)})`);
       entry.append(name, value);
-      const words = layers.length === 1 && layer.kind === "band" ? "mean" : layers.length === 1 ? "" : layer.label;
+      const words = layers.length === 1 && layer.kind === "band" ? "mean" : layer.label;
       return { layer, entry, name, value, words: units.length > 1 ? `${words}, ${this.unit(layer)}` : words };
     });
     this.title.replaceChildren(this.name, unit, ...this.legend.map(({ entry }) => entry));

@@ -74,7 +74,7 @@ class Screen {
   get range() {
     const [start, last] = this.extent;
     const end = this.past ? last : this.seen.now ?? last;
-    return this.zoomed ?? { start: this.follows ? end - this.follow : start, end };
+    return this.zoomed ?? { start: this.follows ? Math.max(start, end - this.follow) : start, end: Math.max(end, start + LEAST) };
   }
 
   // --- Frames ---
@@ -116,6 +116,7 @@ class Screen {
     if (frame.mode !== mode || (frame.extent && frame.extent[1] !== extent?.[1] && !this.zoomed && !this.follows)) this.ask();
     if (frame.plots) this.plots.define(frame.plots);
     if (frame.drill !== undefined || frame.drills) this.drawDrills();
+    if (frame.status?.regime) this.section.setRegime(frame.status.regime);
     if (frame.hole !== undefined) this.section.setHole(frame.hole);
     this.drawMotion(frame);
     if (frame.numbers) this.numbers.draw(frame.numbers);
@@ -290,4 +291,4 @@ class Screen {
   }
 }
 
-new Screen();
+export const rpudScreen = new Screen();

@@ -15,6 +15,7 @@ const SECTION_UP = 132, SECTION_DOWN = 200, SECTION_STEP = 18; // room of motion
 const SECTION_FACTORS = [1, 2, 3, 5, 10, 20, 30, 50, 100, 200, 500, 1000, 2000, 5000];
 const SECTION_LENGTHS = [1e-6, 2e-6, 5e-6, 1e-5, 2e-5, 5e-5, 1e-4, 2e-4, 5e-4, 1e-3, 2e-3, 5e-3, 1e-2, 2e-2];
 const SECTION_BODIES = /** @type {const} */ (["nodal_plane", "actuator", "free_mass", "drill_tool"]);
+const SECTION_TRACKS = /** @type {const} */ ([["torque", "N m", 1], ["rate", "mm/min", 6e4]]); // of the well log, right to left
 const SECTION_FLASH = 0.4, SECTION_CHIPS = 0.7; // s that an impact is seen
 const SECTION_YIELD = 1e-3; // a tool that moves farther is not in rock [m]
 const SECTION_LITHOLOGY = [ // dots, lines, bricks, dashes, crosses, wedges
@@ -83,21 +84,18 @@ function sectionDrawing() {
   <text class="none" x="${x}" y="620" text-anchor="middle">no waveform yet</text>`;
 }
 
-/**
- * Draw the section of the drill into a figure, with its pace and its magnifications below.
- * @param {HTMLElement} element @param {import("./clock.js").MotionClock} clock
- */
+/** Draw the section of the drill into a figure, with its pace and its magnifications below.
+ * @param {HTMLElement} element @param {import("./clock.js").MotionClock} clock */
 export function mountSection(element, clock) {
   const svg = document.createElementNS("http://www.w3.org/2000/svg", "svg");
   svg.setAttribute("viewBox", "0 0 540 720");
   svg.setAttribute("role", "img");
   svg.innerHTML = sectionDrawing();
   const speed = document.createElement("select"), hold = document.createElement("button");
-  const legend = document.createElement("p"), pace = document.createElement("span"), factors = document.createElement("span");
+  const [legend, pace, factors] = ["p", "span", "span"].map((name) => document.createElement(name));
   for (const each of [1, 2, 5, 20]) speed.add(new Option(`${each} ms`, `${each}`, each === clock.speed, each === clock.speed));
   speed.ariaLabel = "motion that a second shows";
   speed.addEventListener("change", () => { clock.speed = Number(speed.value); });
-  hold.type = "button";
   hold.addEventListener("click", () => clock.toggle());
   pace.className = "pace";
   pace.append("1 s shows ", speed, " ", hold);
@@ -122,8 +120,7 @@ export function mountSection(element, clock) {
   const text = (/** @type {string} */ name, /** @type {number} */ x, /** @type {number} */ y, /** @type {string} */ said, anchor = "end") =>
     make("text", { class: name, x, y, "text-anchor": anchor }, said);
 
-  let ratio = 1; // CSS pixels to a unit of the drawing
-  let factor = 0, stepFactor = 0; // magnification of motions, and of those below the place of touch
+  let ratio = 1, factor = 0, stepFactor = 0; // CSS pixels to a unit; magnification of motions, and below the place of touch
   let crushed = 0, bottom = SECTION_ROCK; // height of the crushed rock, place of the hole's bottom
   let inRock = true, regime = "", drawn = "", told = -Infinity;
   /** @type {Hole | null} */ let hole = null;
@@ -164,15 +161,16 @@ export function mountSection(element, clock) {
 
   /** Draw rock, hole, ruler and well log, where they have changed. */
   function ground() {
-    const depth = hole?.depth, known = typeof depth === "number" && Number.isFinite(depth), deep = known ? depth : 0;
-    const log = known && hole?.log?.depth.length ? hole.log : null, layers = hole?.layers?.length ? hole.layers : [{ from: 0, to: null, name: "rock", colour: 3 }];
+    const known = Number.isFinite(hole?.depth), deep = known ? Number(hole?.depth) : 0;
+    const log = known ? hole?.log : null, tracks = SECTION_TRACKS.filter(([name]) => log && Array.from(log[name]).some(Number.isFinite));
+    const layers = hole?.layers?.length ? hole.layers : [{ from: 0, to: null, name: "rock", colour: 3 }];
     const state = JSON.stringify([known, deep.toPrecision(4), layers, log?.depth.length, inRock, crushed]);
     if (state === drawn) return;
     drawn = state;
     const boundary = layers.find((each) => each.from > deep)?.from ?? 0;
     const shown = sectionRound(Math.max(1.3 * deep, Math.min(1.15 * boundary, 10 * Math.max(deep, 2e-3)), 2e-3));
     const at = (/** @type {number} */ value) => SECTION_ROCK + (Math.min(value, shown) / shown) * (SECTION_BOTTOM - SECTION_ROCK);
-    const drawing = [], left = SECTION_LEFT, right = log ? 336 : 526, wall = [SECTION_AXIS - 23, SECTION_AXIS + 23];
+    const drawing = [], left = SECTION_LEFT, right = 526 - 96 * tracks.length, wall = [SECTION_AXIS - 23, SECTION_AXIS + 23];
     bottom = inRock ? at(deep) : SECTION_ROCK;
     if (inRock) {
       for (const { from, to, name, colour } of layers.filter((each) => each.from < shown)) {
@@ -183,8 +181,8 @@ export function mountSection(element, clock) {
         if (height > 15) drawing.push(text(deep >= from && deep < (to ?? Infinity) ? "halo now" : "halo", right - 8, y + 17, name));
       }
       const loose = `M${wall[0]} ${bottom}H${wall[1]}v${crushed}H${wall[0]}Z`;
-      drawing.push(path("hole", `M${wall[0]} ${SECTION_ROCK - 1}H${wall[1]}V${bottom + crushed}H${wall[0]}Z`), path("crushed", loose), path("rubble", loose),
-        path("edge", `M${left} ${SECTION_ROCK}H${wall[0]}V${bottom + crushed}H${wall[1]}V${SECTION_ROCK}H${right}`));
+      drawing.push(path("hole", `M${wall[0]} ${SECTION_ROCK - 1}H${wall[1]}V${bottom + crushed}H${wall[0]}Z`), path("crushed", loose),
+        path("rubble", loose), path("edge", `M${left} ${SECTION_ROCK}H${wall[0]}V${bottom + crushed}H${wall[1]}V${SECTION_ROCK}H${right}`));
     }
     if (inRock && known) {
       drawing.push(path("line", `M${left - 6} ${SECTION_ROCK}V${SECTION_BOTTOM}`), path("mark", `M${left - 6} ${bottom}l-8 -5v10Z`),
@@ -193,8 +191,7 @@ export function mountSection(element, clock) {
         drawing.push(path("line", `M${left - 6} ${at(tick)}h-5`));
         if (tick && Math.abs(at(tick) - bottom) > 14) drawing.push(text("muted", left - 14, at(tick) + 4, `${+(tick * 1e3).toPrecision(3)}`));
       }
-      if (log) drawing.push(...track(log.depth, Array.from(log.rate, (each) => each * 6e4), "rate", "mm/min", 352, at),
-        ...(Array.from(log.torque).some(Number.isFinite) ? track(log.depth, Array.from(log.torque), "torque", "N m", 448, at) : []));
+      tracks.forEach(([name, unit, scale], each) => drawing.push(...track(name, unit, scale, 448 - 96 * each, at)));
     }
     parts.ground[0].replaceChildren(...drawing);
     set("shank", "height", bottom - SECTION_TOOL - 37);
@@ -202,13 +199,16 @@ export function mountSection(element, clock) {
     picture();
   }
 
-  /** One track of the well log. @param {ArrayLike<number>} depths @param {number[]} values @param {string} name
-   * @param {string} unit @param {number} left @param {(depth: number) => number} at */
-  function track(depths, values, name, unit, left, at) {
-    const width = 78, most = sectionRound(Math.max(...values.filter(Number.isFinite), 1e-3)), rows = [...values.keys()].filter((row) => Number.isFinite(values[row]));
-    const points = rows.map((row) => `${(left + (Math.max(values[row], 0) / most) * width).toFixed(1)} ${at(depths[row]).toFixed(1)}`);
+  /** @param {"rate" | "torque"} name @param {string} unit @param {number} scale @param {number} left @param {(depth: number) => number} at */
+  function track(name, unit, scale, left, at) {
+    const width = 78, values = Array.from(hole?.log?.[name] ?? [], (each) => each * scale), depths = hole?.log?.depth ?? [];
+    const known = values.filter(Number.isFinite).sort((a, b) => a - b);
+    // The first moments in a rock can be far above all others.
+    const most = sectionRound(Math.max(known[Math.floor(0.97 * (known.length - 1))] ?? 0, 1e-3));
+    const points = values.map((value, row) => !Number.isFinite(value) ? ""
+      : `${(left + Math.min(Math.max(value / most, 0), 1) * width).toFixed(1)} ${at(depths[row]).toFixed(1)}`);
     const grid = [0, width / 2, width].map((across) => `M${left + across} ${SECTION_ROCK}V${SECTION_BOTTOM}`).join("");
-    return [path("grid", grid), path("line", `M${left} ${SECTION_ROCK}h${width}`), path(`curve ${name}`, points.length ? `M${points.join("L")}` : ""),
+    return [path("grid", grid), path("line", `M${left} ${SECTION_ROCK}h${width}`), path(`curve ${name}`, `M${points.filter(Boolean).join("L")}`),
       text(name, left, SECTION_ROCK - 24, name, "start"), text("muted", left + width, SECTION_ROCK - 6, `${+most.toPrecision(3)} ${unit}`)];
   }
 
@@ -219,11 +219,7 @@ export function mountSection(element, clock) {
     const plane = SECTION_PLANE + magnified(positions[0], factor), tip = SECTION_TOUCH + units(positions[1]);
     const mass = SECTION_TOUCH + units(positions[2]), tool = SECTION_TOOL + units(positions[3]);
     set("spring", "transform", `scale(1 ${(plane - 31) / 100})`);
-    move("plane", plane);
-    move("tip", tip);
-    move("mass", mass);
-    move("tool", tool);
-    move("flash", tool);
+    for (const [part, y] of Object.entries({ plane, tip, mass, tool, flash: tool })) move(part, y);
     set("mass-line", "d", `M${SECTION_AXIS + 34} ${mass + SECTION_MASS / 2}L330 384H346`);
     set("tool-line", "d", `M${SECTION_AXIS + 28} ${tool + 10}L330 420H346`);
     let flash = 0, said = "", chips = "";
