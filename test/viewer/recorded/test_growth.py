@@ -23,10 +23,13 @@ class Recorder:
         self.path = path
         self._codec = Codec(FORCE, find_definition(FORCE))
         self._bag = BagWriter(path, chunk_size=400)
+        self._declared = set()
         self._count = 0
 
     def write(self, count, topic=FIRST):
-        self._bag.add_topic(Topic(topic, FORCE, find_type_hash(FORCE)), find_definition(FORCE))
+        if topic not in self._declared:
+            self._declared.add(topic)
+            self._bag.add_topic(Topic(topic, FORCE, find_type_hash(FORCE)), find_definition(FORCE))
         for log_time, stamp, value in rows_of(count, first=self._count):
             header = {"stamp": {"sec": stamp // 10**9, "nanosec": stamp % 10**9}, "frame_id": "f"}
             data = self._codec.encode({"header": header, "force": value})
