@@ -129,6 +129,9 @@ class RecordedStore:
     def close(self, client: ClientState) -> None:
         """Note that a browser has gone."""
 
+    def tidy(self) -> None:
+        """A bag has nothing to free."""
+
     def request(self, client: ClientState, name: str, content: Any) -> None:
         """Find an impact: the next frame has it as ``jump``."""
         if name != "seek":

@@ -1,6 +1,6 @@
 // @ts-check
 /* The time of a recording that the screen shows: seeking, playing, and jumps to impacts. */
-import { element } from "./controls.js";
+import { element } from "./dom.js";
 import { valueText } from "./quantities.js";
 
 const STEP = 90; // between two places while it plays [ms]
@@ -13,13 +13,13 @@ export class Playhead {
     this.send = send;
     this.onMove = onMove;
     this.time = 0; // [s]
-    this.moved = false; // by the reader; before, it is at the end, as of a live drill
+    this.moved = false; // before, it is at the end, as of a live drill
     this.playing = 0; // when it moved last [ms]; 0 while it stands
     /** @type {[number, number, boolean]} */ this.whole = [0, 0, false]; // ends of the recording, and whether it grows
     /** @type {[number, number] | null} */ this.contact = null; // ends of the contact that was found last
-    element("previous", HTMLElement).onclick = () => this.jump("previous");
-    element("next", HTMLElement).onclick = () => this.jump("next");
-    element("play", HTMLElement).onclick = () => this.toggle();
+    element("previous").onclick = () => this.jump("previous");
+    element("next").onclick = () => this.jump("next");
+    element("play").onclick = () => this.toggle();
   }
 
   /** @param {import("./marks.js").Seen} seen @param {import("./frames.js").Frame} frame */
@@ -29,16 +29,16 @@ export class Playhead {
     if (seen.mode !== "live" && !this.moved && last !== this.time) this.go(last);
     if (!frame.jump) return;
     const { time, peak_force: peak, contact_duration: contact = CONTACT, none = "" } = frame.jump;
-    this.contact = time === undefined ? null : [time - 0.5 * contact, time + 1.5 * contact];
-    element("contact", HTMLElement).hidden = time === undefined;
-    const words = time === undefined ? none : `impact at ${time.toFixed(9)} s, ${valueText("peak_force", peak)}`;
-    element("found", HTMLElement).textContent = words;
-    if (time !== undefined) this.seek(time);
+    element("contact").hidden = time === undefined;
+    element("found").textContent = time === undefined ? none : `impact at ${time.toFixed(9)} s, ${valueText("peak_force", peak)}`;
+    if (time === undefined) return;
+    this.contact = [time - 0.5 * contact, time + 1.5 * contact];
+    this.seek(time);
   }
 
   /** @param {number} time [s] */
   seek(time) {
-    this.moved = true;
+    this.moved = true; // by the reader
     this.go(time);
   }
 
@@ -58,7 +58,7 @@ export class Playhead {
     this.playing = this.playing ? 0 : performance.now();
     const [first, last, grows] = this.whole;
     if (this.playing && this.time >= last && !grows) this.time = first;
-    const button = element("play", HTMLElement);
+    const button = element("play");
     button.ariaPressed = String(this.playing > 0);
     button.textContent = this.playing ? "Pause" : "Play";
     if (this.playing) requestAnimationFrame((now) => this.step(now));
