@@ -19,7 +19,7 @@ from rpud_sim.viewer.recorded.moment import Moments
 from rpud_sim.viewer.recorded.overview import Overview
 from rpud_sim.viewer.recorded.recording import Recording
 from rpud_sim.viewer.recorded.signals import Signal
-from rpud_sim.viewer.recorded.views import Views
+from rpud_sim.viewer.recorded.views import MESSAGES_RANGE, Views
 from rpud_sim.viewer.recorded.waveforms import Waveforms
 from rpud_sim.viewer.server import PageServer, Place
 from rpud_sim.viewer.store import ClientState, StoreError
@@ -181,6 +181,7 @@ class RecordedStore:
         drawn = [plot for plot in plots if plot["id"] != "motion"]  # that is drawn from sections
         chosen = tuple(chosen_quantities(drawn, client.choices))
         start, end = self._range(client, now)
+        whole = end - start > MESSAGES_RANGE  # it is made of what was read so far
         add("drills", drill, lambda: {"drills": self.drills, "drill": drill, "run": self._opened})
         add("plots", repr(plots), lambda: {"plots": plots, "quantities": for_browser() + others})
         add("state", version, lambda: self._state(now))
@@ -189,7 +190,7 @@ class RecordedStore:
         add("marks", bag.marks.version, lambda: {"faults": faults} | commands.frame(faults))
         add(
             "view",
-            (start, end, width, chosen, version),
+            (start, end, width, chosen, version if whole or end > now - _REFRESH else 0),
             lambda: {
                 "view": bag.views.view(drill, start, end, width, chosen),
                 "steps": commands.steps(start, end, width),
@@ -230,9 +231,8 @@ class RecordedStore:
         ]
         if bag.recording.is_drill(drill):
             steps = bag.marks.commands[drill].quantities
-            return drill_plots(lambda name: name in steps or bag.views.has(drill, name), choices), (
-                others
-            )
+            plots = drill_plots(lambda name: name in steps or bag.views.has(drill, name), choices)
+            return plots, others
         plots = [
             {"id": f"signal{n}", "title": "signal", "choices": choices[n:] + choices[:n]}
             for n in range(min(_MOST_PLOTS, len(choices)))

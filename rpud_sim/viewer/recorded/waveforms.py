@@ -142,6 +142,9 @@ class Waveforms:
         for topic in recording.topics(drill, WAVEFORM)[:1]:
             for number in recording.pieces_between(drill, start, end):
                 for message, block in recording.decoded(number, topic, self._codecs[WAVEFORM]):
+                    lengths = {len(getattr(block, each)) for each in CHANNELS.values()}
+                    if len(lengths) > 1 or not 1e-9 <= block.sample_period <= SECTION:
+                        continue  # another program wrote it
                     rate = round(1.0 / block.sample_period)
                     begin = recording.time_of(message, block.header.stamp)
                     numbers = round(begin * rate) + np.arange(len(block.contact_force))
