@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from bisect import bisect_left
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
@@ -25,6 +26,7 @@ from rpud_sim.viewer.recorded.signals import (
     Rows,
     Signal,
     clock_topics,
+    is_stranger,
     namespace,
     topic_readers,
 )
@@ -65,6 +67,7 @@ class Recording:
         self.damages: dict[int, str] = {}  # reasons why parts are not read, by their numbers
         self.lost = ""  # what happened to the files since they were opened; empty for nothing
         self._rows: Kept[PieceRows] = Kept(_MOST_VALUES, _values)
+        self._codecs: dict[str, Codec] = {}
         self._decoded: Kept[list[tuple[Message, Any]]] = Kept(_MOST_MESSAGES, len)
         self._clock_topics = clock_topics(self.readers)
         self._topics = frozenset(
@@ -110,13 +113,14 @@ class Recording:
             for name, reader in self.readers.items()
         )
 
-    def topics(self, drill: str, kind: str) -> list[str]:
-        """Return the topics of a drill with messages of a type."""
-        return [
+    def topic(self, drill: str, kind: str) -> str:
+        """Return the topic of a drill with messages of a type, the drill's own first; or ""."""
+        found = [
             name
             for name, reader in self.readers.items()
             if reader.summary.topic.type == kind and namespace(name) == drill
         ]
+        return min(found, key=is_stranger, default="")
 
     @property
     def sample(self) -> list[int]:
@@ -186,19 +190,26 @@ class Recording:
         """Return the messages of topics in a part; none of a damaged one."""
         return self._undamaged(number, frozenset(topics), lambda piece: piece.read(topics))
 
-    def decoded(self, number: int, topic: str, codec: Codec) -> list[tuple[Message, Any]]:
-        """Return the messages of a topic in a part as they came and decoded; they are kept."""
+    def decoded(self, number: int, topic: str) -> list[tuple[Message, Any]]:
+        """Return the messages of a topic in a part as they came and decoded; they are kept.
+
+        Those that are not of the type are left out.
+        """
 
         def read() -> list[tuple[Message, Any]]:
             found = []
             for message in self.messages(number, (topic,)):
-                try:
-                    found.append((message, codec.decode(message.data)))
-                except BagError as error:
-                    self.damages.setdefault(number, str(error))
+                with suppress(BagError):
+                    found.append((message, self._codec(topic).decode(message.data)))
             return found
 
         return self._decoded.get((number, topic), read)
+
+    def _codec(self, topic: str) -> Codec:
+        if topic not in self._codecs:
+            summary = self.readers[topic].summary
+            self._codecs[topic] = Codec(summary.topic.type, summary.definition or "")
+        return self._codecs[topic]
 
     def pieces_between(self, drill: str, start: float, end: float) -> Iterator[int]:
         """Yield the numbers of parts that may hold what a drill did from ``start`` to ``end`` [s].

@@ -13,7 +13,7 @@ from rpud_sim.viewer.impacts import Impacts, Spread
 from rpud_sim.viewer.recorded.lines import Layer, binned, joined, thinned, with_gaps
 from rpud_sim.viewer.recorded.overview import Overview
 from rpud_sim.viewer.recorded.recording import Recording
-from rpud_sim.viewer.recorded.signals import Signal
+from rpud_sim.viewer.recorded.signals import Signal, is_stranger
 from rpud_sim.viewer.recorded.waveforms import CHANNELS, Waveform, Waveforms
 
 OVERVIEW, MESSAGES, WAVEFORM = "overview", "messages", "waveform"  # what a view is made of
@@ -45,9 +45,13 @@ class Views:
         if quantity in self._signals:
             return self._signals[quantity]
         for source in QUANTITIES[quantity].sources if quantity in QUANTITIES else ():
-            for signal in self._signals.values():
-                if signal.drill == drill and signal.source == source and self.has_values(signal):
-                    return signal
+            found = [
+                signal
+                for signal in self._signals.values()
+                if signal.drill == drill and signal.source == source and self.has_values(signal)
+            ]
+            if found:
+                return min(found, key=lambda signal: is_stranger(signal.topic))
         return None
 
     def has_values(self, signal: Signal) -> bool:

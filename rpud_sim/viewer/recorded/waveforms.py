@@ -54,11 +54,11 @@ class Waveforms:
 
     def __init__(self, recording: Recording) -> None:
         self._recording = recording
-        self._codecs = {kind: Codec(kind, find_definition(kind)) for kind in (TRAJECTORY, WAVEFORM)}
+        self._codec = Codec(TRAJECTORY, find_definition(TRAJECTORY))
 
     def has(self, drill: str) -> bool:
         """Whether the waveform of a drill can be rebuilt."""
-        return bool(self._recording.topics(drill, TRAJECTORY))
+        return bool(self._recording.topic(drill, TRAJECTORY))
 
     def between(self, drill: str, start: float, end: float, rate: int | None = None) -> Waveform:
         """Return the exact samples between two times since the bag began [s].
@@ -68,15 +68,13 @@ class Waveforms:
         if rate is None:
             rate = int(min(max(SAMPLES / max(end - start, 1e-9), 1.0), HIGHEST_RATE))
         parts = []
-        for topic in self._recording.topics(drill, TRAJECTORY)[:1]:
-            numbers = [*self._recording.pieces_between(drill, start, end)]
-            for zero, segments in self._stretches(drill, topic, numbers):
-                first = max(math.ceil((start - zero) * rate), first_sample(segments[0], rate))
-                last = min(math.floor((end - zero) * rate) + 1, end_sample(segments[-1], rate))
-                if last > first:
-                    samples = sample_between(segments, first, last, rate)
-                    counted = np.arange(first, last, dtype=np.int64)
-                    parts.append((counted, counted / rate + zero, vars(samples)))
+        for zero, segments in self._stretches(drill, start, end):
+            first = max(math.ceil((start - zero) * rate), first_sample(segments[0], rate))
+            last = min(math.floor((end - zero) * rate) + 1, end_sample(segments[-1], rate))
+            if last > first:
+                samples = sample_between(segments, first, last, rate)
+                counted = np.arange(first, last, dtype=np.int64)
+                parts.append((counted, counted / rate + zero, vars(samples)))
         return _joined(parts, rate)
 
     def section(self, drill: str, end: float) -> dict[str, Any] | None:
@@ -85,36 +83,36 @@ class Waveforms:
         It is rebuilt from the trajectory. Without one it has the samples of the waveform's topic.
         """
         waveform = self.between(drill, end - SECTION, end, SECTION_RATE)
-        if len(waveform.times):
-            # Gaps are NaN; of two runs it is the later one.
-            newest = int(np.flatnonzero(np.diff(waveform.numbers, prepend=0) <= 0)[-1:].sum())
-            first, last = int(waveform.numbers[newest]), int(waveform.numbers[-1])
-            places = waveform.numbers[newest:] - first
-            found: dict[str, Any] = {"exact": True, "period": 1.0 / SECTION_RATE}
-            found["time"] = float(waveform.times[newest])
-            for name in _MOTION:
-                found[name] = np.full(last - first + 1, np.nan, np.float32)
-                found[name][places] = waveform.channels[CHANNELS[name]][newest:]
-        elif (sampled := self._sampled(drill, end)) is not None:
-            found = sampled
-        else:
+        exact = len(waveform.times) > 0
+        if not exact:
+            waveform = self._sampled(drill, end - SECTION, end)
+        if not len(waveform.times):
             return None
-        impacts = self.impacts(drill, found["time"], end)
-        impacts["time"] = impacts["time"] - found["time"]
-        return found | {"impacts": np.column_stack([*impacts.values()]).tolist()}
+        # Of two runs it is the later one; what is missing is NaN.
+        newest = int(np.flatnonzero(np.diff(waveform.numbers, prepend=0) <= 0)[-1:].sum())
+        numbers = waveform.numbers[newest:] - waveform.numbers[newest]
+        step = -(-int(numbers[-1] + 1) // round(SECTION * SECTION_RATE + 1))
+        found: dict[str, Any] = {"exact": exact, "period": step / waveform.rate}
+        found["time"] = time = float(waveform.times[newest])
+        for name in _MOTION:
+            values = np.full(int(numbers[-1]) + 1, np.nan, np.float32)
+            values[numbers] = waveform.channels[CHANNELS[name]][newest:]
+            found[name] = values[::step]
+        impacts = self.impacts(drill, time, end)
+        rows = impacts["time"] - time, impacts["peak_force"], impacts["contact_duration"]
+        return found | {"impacts": np.column_stack(rows).tolist()}
 
     def impacts(self, drill: str, start: float, end: float) -> dict[str, np.ndarray]:
         """Return ``time``, ``peak_force`` and ``contact_duration`` of impacts in a range."""
         recording = self._recording
-        names = ("peak_force", "contact_duration")
+        names, topic = ("peak_force", "contact_duration"), recording.topic(drill, IMPACTS)
         found = []
-        for topic in recording.topics(drill, IMPACTS)[:1]:
-            for number in recording.pieces_between(drill, start, end):
-                if (rows := recording.rows(number).get(topic)) is not None:
-                    times = recording.elapsed(topic, rows)
-                    inside = (times >= start) & (times <= end)
-                    values = [rows.values.get(name, np.full(len(times), np.nan)) for name in names]
-                    found.append(np.array([times, *values])[:, inside])
+        for number in recording.pieces_between(drill, start, end) if topic else ():
+            if (rows := recording.rows(number).get(topic)) is not None:
+                times = recording.elapsed(topic, rows)
+                inside = (times >= start) & (times <= end)
+                values = [rows.values.get(name, np.full(len(times), np.nan)) for name in names]
+                found.append(np.array([times, *values])[:, inside])
         rows_ = np.concatenate([np.empty((3, 0)), *found], axis=1)
         return dict(zip(("time", *names), rows_[:, np.argsort(rows_[0])], strict=True))
 
@@ -124,7 +122,7 @@ class Waveforms:
         """Return the first impact after a time since the bag began [s], or the last before it."""
         recording = self._recording
         for number in recording.pieces_from(drill, time, back=back):
-            if recording.pieces[number].topics.isdisjoint(recording.topics(drill, IMPACTS)):
+            if recording.topic(drill, IMPACTS) not in recording.pieces[number].topics:
                 continue
             begin, end = recording.span(drill, number) or (0.0, -1.0)
             found = self.impacts(drill, begin, end)
@@ -134,51 +132,41 @@ class Waveforms:
                 return {name: float(values[place]) for name, values in found.items()}
         return None
 
-    def _sampled(self, drill: str, end: float) -> dict[str, Any] | None:
-        """Return a section from the samples of the waveform's topic."""
-        recording = self._recording
-        blocks = []
-        for topic in recording.topics(drill, WAVEFORM)[:1]:
-            for number in recording.pieces_between(drill, end - SECTION, end):
-                for message, block in recording.decoded(number, topic, self._codecs[WAVEFORM]):
-                    time = recording.time_of(message, block.header.stamp)
-                    length = len(block.nodal_plane_position)
-                    if time < end and time + length * block.sample_period > end - SECTION:
-                        blocks.append((time, block))
-        if not blocks:
-            return None
-        blocks.sort(key=lambda each: each[0])
-        period = float(blocks[-1][1].sample_period)
-        begin = blocks[0][0]
-        places = np.concatenate(
-            [
-                np.rint((time - begin) / period) + np.arange(len(block.nodal_plane_position))
-                for time, block in blocks
-            ]
-        ).astype(int)
-        first = max(math.ceil((end - SECTION - begin) / period), 0)
-        last = min(math.floor((end - begin) / period), int(places.max()))
-        inside = (places >= first) & (places <= last)
-        if not inside.any():
-            return None
-        step = max(1, math.ceil((last - first + 1) / (SECTION * SECTION_RATE)))
-        found: dict[str, Any] = {"exact": False, "period": period * step}
-        found["time"] = begin + first * period
-        for name in _MOTION:
-            values = np.full(last - first + 1, np.nan, np.float32)
-            samples = np.concatenate([getattr(block, CHANNELS[name]) for _, block in blocks])
-            values[places[inside] - first] = samples[inside]
-            found[name] = values[::step]
-        return found
+    def _sampled(self, drill: str, start: float, end: float) -> Waveform:
+        """Return the samples of the waveform's topic between two times [s]."""
+        recording, topic = self._recording, self._recording.topic(drill, WAVEFORM)
+        parts, rate = [], SECTION_RATE
+        for number in recording.pieces_between(drill, start, end) if topic else ():
+            for message, block in recording.decoded(number, topic):
+                channels = {
+                    name: np.asarray(getattr(block, name, ())) for name in CHANNELS.values()
+                }
+                length = len(channels["contact_force"])
+                alike = all(len(values) == length for values in channels.values())
+                if not (alike and 1e-9 <= block.sample_period <= SECTION):
+                    continue  # another program wrote it
+                rate = round(1.0 / block.sample_period)
+                begin = recording.time_of(message, block.header.stamp)
+                numbers = round(begin * rate) + np.arange(length)
+                inside = (numbers >= start * rate) & (numbers <= end * rate)
+                if inside.any():
+                    channels = {name: values[inside] for name, values in channels.items()}
+                    parts.append((numbers[inside], numbers[inside] / rate, channels))
+        return _joined(parts, rate)
 
     def _stretches(
-        self, drill: str, topic: str, numbers: Sequence[int]
+        self, drill: str, start: float, end: float
     ) -> Iterator[tuple[float, np.ndarray]]:
-        """Yield gapless stretches of a trajectory, and when in the bag their time zero was [s]."""
-        clock = self._recording.clocks[drill]
+        """Yield gapless stretches of the trajectory, and when in the bag their time zero was [s].
+
+        They cover a range, and begin before it and end after it.
+        """
+        recording, topic = self._recording, self._recording.topic(drill, TRAJECTORY)
+        if not topic:
+            return
+        clock, zero = recording.clocks[drill], 0.0
         held: list[TrajectoryPiece] = []
-        zero = 0.0
-        for piece in self._trajectory(topic, numbers):
+        for piece in self._trajectory(topic, [*recording.pieces_between(drill, start, end)]):
             begin = (piece.origin - clock.offset(piece.log_time)) / SECOND
             if held and not (piece.follows and begin == zero):
                 yield zero, np.concatenate([each.segments for each in held])
@@ -189,19 +177,17 @@ class Waveforms:
             yield zero, np.concatenate([each.segments for each in held])
 
     def _trajectory(self, topic: str, numbers: Sequence[int]) -> Iterator[TrajectoryPiece]:
-        for _, adjacent in itertools.groupby(
-            enumerate(numbers), lambda each: each[1] - each[0]
-        ):  # parts of the bag that follow each other
+        recording = self._recording
+        # Parts of the bag that follow each other.
+        for _, adjacent in itertools.groupby(enumerate(numbers), lambda each: each[1] - each[0]):
             messages = [
                 message
                 for _, number in adjacent
-                for message in self._recording.messages(number, (topic,))
+                for message in recording.messages(number, (topic,))
             ]
             messages.sort(key=lambda message: message.log_time)
             try:
-                yield from trajectory_pieces(
-                    messages, self._codecs[TRAJECTORY], self._recording.path
-                )
+                yield from trajectory_pieces(messages, self._codec, recording.path)
             except BagError:
                 continue  # what came before the damage is drawn
 
