@@ -264,7 +264,7 @@ class _Guard:
         self._cookie = f"rpud_watch_{port}"
 
     def check(self, handler: web.RequestHandler) -> None:
-        """web.Finish a request that may not pass."""
+        """Finish a request that may not pass."""
         request = handler.request
         host = request.host.lower()
         origin = request.headers.get("Origin")
