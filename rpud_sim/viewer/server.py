@@ -143,7 +143,7 @@ class PageServer:
                 (r"/frames", _Frames),
             ],
             server=self,
-            transforms=[_Headers],
+            transforms=[_Headers, web.GZipContentEncoding],
             default_handler_class=web.ErrorHandler,
             default_handler_args={"status_code": _NOT_FOUND},
             websocket_max_message_size=LONGEST_REQUEST,
