@@ -123,6 +123,7 @@ def test_a_zoom_is_cut_from_the_overview(frozen):
 def test_playhead_picks_the_nearest_section_and_the_numbers_there(frozen):
     page = frozen()
     assert of_screen(page, "screen.clock.block.time") == 35.0
+    until_screen(page, "screen.clock.rest > 0")  # it is shown once, and rests
     of_screen(page, "screen.playhead.seek(18)")
     until_screen(page, "screen.clock.block.time === 20")
     page.until(
