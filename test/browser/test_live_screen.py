@@ -218,7 +218,7 @@ def test_a_reloaded_screen_and_a_second_one_show_the_same_past(live, server, pag
         page.until("document.querySelector('#weight').value === '17'")
 
 
-@pytest.mark.parametrize(("width", "scheme"), [(1400, "light"), (PHONE, "dark")])
+@pytest.mark.parametrize(("width", "scheme"), [(1400, "light"), (1024, "light"), (PHONE, "dark")])
 def test_the_screen_is_accessible_and_asks_nothing_of_other_machines(
     live, server, page_of, width, scheme
 ):

@@ -117,6 +117,26 @@ export function drawTimes({ ctx, bbox, scales: { x: { min = 0, max = 1 } } }, ti
   ctx.restore();
 }
 
+/** Write at the upper edge what began when, where there is room. @param {uPlot} plot @param {Seen} seen */
+export function drawWords(plot, seen) {
+  const { ctx, bbox } = plot;
+  const faults = (seen.faults ?? []).map(({ onset, kind }) => ({ time: onset, text: inWords(kind), colour: "fault" }));
+  const words = [...faults, ...commandsOf(seen).map(({ time, text }) => ({ time, text, colour: "command" }))];
+  ctx.save();
+  ctx.font = `${11 * uPlot.pxRatio}px system-ui, sans-serif`;
+  [ctx.textAlign, ctx.textBaseline] = ["left", "top"];
+  let free = bbox.left; // from here on
+  for (const { time, text, colour } of words.sort((a, b) => a.time - b.time)) {
+    const x = plot.valToPos(time, "x", true) + 4 * uPlot.pxRatio;
+    const end = x + ctx.measureText(text).width;
+    if (x < free || end > bbox.left + bbox.width) continue;
+    ctx.fillStyle = colourOf(colour);
+    ctx.fillText(text, x, bbox.top + 2 * uPlot.pxRatio);
+    free = end;
+  }
+  ctx.restore();
+}
+
 /** @param {Seen} seen @returns {import("./frames.js").Entry[]} commands; faults are shaded */
 export function commandsOf(seen) {
   return (seen.commands?.list ?? []).filter((each) => each.kind !== "fault");

@@ -1,7 +1,7 @@
 // @ts-check
 /* The column of plots: bands, means, outliers and steps over the time in view. */
 import { make } from "./dom.js";
-import { axisOf, commandsOf, drawSpans, drawTimes, sharedCursor, timeAxis } from "./marks.js";
+import { axisOf, commandsOf, drawSpans, drawTimes, drawWords, sharedCursor, timeAxis } from "./marks.js";
 import { axisRange, colourOf, quantityOf, valueText } from "./quantities.js";
 
 const AXIS = 52; // width of every axis of values, as --axis [px]
@@ -176,6 +176,7 @@ class TimePlot {
     const ratio = uPlot.pxRatio;
     drawTimes(plot, commandsOf(this.seen).map((each) => each.time), colourOf("command", 0.75), [3, 3]);
     if (this.playhead !== null) drawTimes(plot, [this.playhead], colourOf("accent"));
+    if (this.definition.id === "peak_force") drawWords(plot, this.seen);
     ctx.save();
     for (const layer of this.choice.layers) {
       const { t, mean, high, outliers } = this.known(layer) ?? { t: [], mean: [] };
@@ -197,7 +198,7 @@ class TimePlot {
       const texts = [above ? `${above} above` : "", outliers?.more ? `${outliers.more} outliers not drawn` : ""].filter(Boolean);
       ctx.font = `${10 * ratio}px system-ui, sans-serif`;
       [ctx.textAlign, ctx.textBaseline] = ["right", "top"];
-      ctx.fillText(texts.join(", "), bbox.left + bbox.width - 4 * ratio, bbox.top + 6 * ratio);
+      ctx.fillText(texts.join(", "), bbox.left + bbox.width - 4 * ratio, bbox.top + 16 * ratio);
     }
     ctx.restore();
   }
