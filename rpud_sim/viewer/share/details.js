@@ -56,8 +56,9 @@ export class Details {
 
   valueTables() {
     const topics = Object.entries({ status: this.seen.status ?? {}, ...this.seen.values });
-    return topics.filter(([, fields]) => Object.keys(fields).length)
-      .map(([topic, fields]) => tableOf(topic, [], Object.entries(fields).map(([name, value]) => [inWords(name), value])));
+    const known = topics.filter(([, fields]) => Object.keys(fields).length);
+    const tables = known.map(([topic, fields]) => tableOf(topic, [], Object.entries(fields).map(([name, value]) => [inWords(name), value])));
+    return [make("p", { textContent: "The latest of each topic, in SI units." }), ...tables];
   }
 
   logRows() {

@@ -19,7 +19,7 @@ export class Numbers {
       spark.setAttribute("aria-hidden", "true");
       const line = spark.appendChild(document.createElementNS(SVG, "path"));
       value.dataset.number = name;
-      const tile = make("div", {}, label, make("dd", {}, value, unit, spark, ends));
+      const tile = make("div", { hidden: true }, label, make("dd", {}, value, unit, spark, ends));
       host.append(tile);
       return { name, tile, label, value, unit, ends, line };
     });
