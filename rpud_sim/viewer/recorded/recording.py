@@ -127,13 +127,16 @@ class Recording:
     def grow(self) -> bool:
         """Add the parts that were written since the bag was opened, or grew.
 
-        It returns False if that is not possible: there are other topics than before, or the parts
-        that were there are not the same any more. The bag must be opened again then.
+        It returns False if that is not possible: there are other topics than before, or parts that
+        were there are gone, or others. The bag must be opened again then.
         """
         now = _sizes(self.path)
         if now == self._files or self.lost:
             return True
-        gone = [name for name, size in self._files.items() if now.get(name, -1) < size]
+        names = [file.name for file in self.bag.files]
+        gone = [name for name in names if now.get(name, -1) < self._files.get(name, 0)]
+        if gone and any(now[name] > self._files.get(name, 0) for name in now):
+            return False  # a recorder with a limit of the disk deletes its oldest file
         if gone:
             missing = gone[0] not in now
             self.lost = f"{gone[0]} was deleted" if missing else f"{gone[0]} became shorter"

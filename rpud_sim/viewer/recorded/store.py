@@ -11,6 +11,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from rpud_sim.bag import BagError
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.pages.quantities import QUANTITIES, Quantity, for_browser
 from rpud_sim.viewer.plots import chosen_quantities, drill_plots
@@ -344,7 +345,11 @@ class RecordedStore:
                 recording = self._bag.recording
                 before = len(recording.pieces), recording.lost, recording.growing
                 if not recording.grow():
-                    opened = _Opened(self.path)
+                    try:
+                        opened = _Opened(self.path)
+                    except BagError as error:
+                        recording.lost = f"it cannot be opened again ({error})"
+                        continue
                     recording.close()
                     self._bag = opened
                     self._opened += 1
