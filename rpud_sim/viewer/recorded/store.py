@@ -322,7 +322,11 @@ class RecordedStore:
                         self._refreshed = time.monotonic()
                         self._version += 1
                 if not more:
-                    self._wait_for_growth()
+                    try:
+                        self._wait_for_growth()
+                    except BagError as error:  # what was read stays
+                        self._bag.recording.lost = f"it cannot be opened again ({error})"
+                        self._version += 1
         except Exception as error:  # the pages must know
             self._error = f"the bag cannot be read on: {error!r:.300}"
             raise
@@ -345,11 +349,7 @@ class RecordedStore:
                 recording = self._bag.recording
                 before = len(recording.pieces), recording.lost, recording.growing
                 if not recording.grow():
-                    try:
-                        opened = _Opened(self.path)
-                    except BagError as error:
-                        recording.lost = f"it cannot be opened again ({error})"
-                        continue
+                    opened = _Opened(self.path)
                     recording.close()
                     self._bag = opened
                     self._opened += 1
