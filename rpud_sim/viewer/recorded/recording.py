@@ -13,7 +13,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 import rpud_sim.bag
-from rpud_sim.bag import BagError, BagReader, Message, Piece
+from rpud_sim.bag import BagError, Message, Piece
 from rpud_sim.bag.block_order import gathered_blocks
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.message_block import MessageBlock, joined
@@ -54,15 +54,15 @@ class Recording:
 
     def __init__(self, path: str | Path) -> None:
         self.path = Path(path)
-        self._bag = rpud_sim.bag.open(path, unclosed=True)
+        self.bag = rpud_sim.bag.open(path, unclosed=True)
         try:
             self._files = _sizes(self.path)
-            self.begin = self._bag.start_time  # log time of its beginning [ns]
+            self.begin = self.bag.start_time  # log time of its beginning [ns]
             # By topic: readers, and reasons why there are no signals.
-            self.readers, self.left_out = topic_readers(self._bag)
-            self.pieces: list[Piece] = self._bag.pieces()
+            self.readers, self.left_out = topic_readers(self.bag)
+            self.pieces: list[Piece] = self.bag.pieces()
         except BaseException:
-            self._bag.close()
+            self.bag.close()
             raise
         self.damages: dict[int, str] = {}  # reasons why parts are not read, by their numbers
         self.lost = ""  # what happened to the files since they were opened; empty for nothing
@@ -84,21 +84,17 @@ class Recording:
         self._find_clocks()
 
     @property
-    def bag(self) -> BagReader:
-        return self._bag
-
-    @property
     def duration(self) -> float:
         """From the first to the last log time [s]."""
-        return self._bag.duration / SECOND
+        return self.bag.duration / SECOND
 
     @property
     def growing(self) -> bool:
         """Whether the bag was not closed, and something was written to it just now."""
-        if not self._bag.unclosed or self.lost:
+        if not self.bag.unclosed or self.lost:
             return False
         try:
-            return time.time() - self._bag.files[-1].stat().st_mtime < _STILL
+            return time.time() - self.bag.files[-1].stat().st_mtime < _STILL
         except OSError:
             return False
 
@@ -131,13 +127,16 @@ class Recording:
     def grow(self) -> bool:
         """Add the parts that were written since the bag was opened, or grew.
 
-        It returns False if that is not possible: there are other topics than before, or the parts
-        that were there are not the same any more. The bag must be opened again then.
+        It returns False if that is not possible: there are other topics than before, or parts that
+        were there are gone, or others. The bag must be opened again then.
         """
         now = _sizes(self.path)
         if now == self._files or self.lost:
             return True
-        gone = [name for name, size in self._files.items() if now.get(name, -1) < size]
+        names = [file.name for file in self.bag.files]
+        gone = [name for name in names if now.get(name, -1) < self._files.get(name, 0)]
+        if gone and any(now[name] > self._files.get(name, 0) for name in now):
+            return False  # a recorder with a limit of the disk deletes its oldest file
         if gone:
             missing = gone[0] not in now
             self.lost = f"{gone[0]} was deleted" if missing else f"{gone[0]} became shorter"
@@ -156,8 +155,8 @@ class Recording:
         first = len(self.pieces)
         new = [piece for key, piece in pieces.items() if key not in known]
         self.pieces = [pieces[_key(piece)] for piece in self.pieces] + new
-        self._bag.close()
-        self._bag, self._files = bag, now
+        self.bag.close()
+        self.bag, self._files = bag, now
         self._note_parts(first)
         return True
 
@@ -260,7 +259,7 @@ class Recording:
             self._spans[drill].clear()
 
     def close(self) -> None:
-        self._bag.close()
+        self.bag.close()
 
     def __enter__(self) -> Recording:
         return self

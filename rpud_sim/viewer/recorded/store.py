@@ -9,8 +9,9 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+from rpud_sim.bag import BagError
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.pages.quantities import QUANTITIES, Quantity, for_browser
 from rpud_sim.viewer.plots import chosen_quantities, drill_plots
@@ -21,8 +22,10 @@ from rpud_sim.viewer.recorded.recording import Recording
 from rpud_sim.viewer.recorded.signals import Signal
 from rpud_sim.viewer.recorded.views import MESSAGES_RANGE, Views
 from rpud_sim.viewer.recorded.waveforms import Waveforms
-from rpud_sim.viewer.server import PageServer, Place
 from rpud_sim.viewer.store import ClientState, StoreError
+
+if TYPE_CHECKING:
+    from rpud_sim.viewer.server import PageServer, Place
 
 _REFRESH = 1.0  # shortest time between pictures of what was read on, and looks at the files [s]
 _SHARE = 0.1  # greatest part of the time that these looks take
@@ -276,8 +279,7 @@ class RecordedStore:
 
     def _notice(self) -> str:
         """Return what a user must know of the state of the bag; empty for nothing."""
-        bag, parts = self._bag, []
-        recording = bag.recording
+        bag, recording, parts = self._bag, self._bag.recording, []
         if recording.lost:
             parts.append(f"{recording.lost} since it was opened; this is what was there.")
         elif recording.bag.unclosed and not recording.growing:
@@ -285,11 +287,8 @@ class RecordedStore:
         if recording.damages:
             first = next(iter(recording.damages.values()))
             parts.append(f"{len(recording.damages)} damaged parts are skipped: {first:.300}")
-        unreadable = [
-            f"{reader.unreadable} of {name:.100}"
-            for name, reader in recording.readers.items()
-            if reader.unreadable
-        ]
+        counts = {name: reader.unreadable for name, reader in recording.readers.items()}
+        unreadable = [f"{count} of {name:.100}" for name, count in counts.items() if count]
         if unreadable:
             parts.append(f"Messages that cannot be read: {', '.join(unreadable[:5])}.")
         if bag.marks.unlisted:
@@ -297,7 +296,7 @@ class RecordedStore:
         if not recording.signals:
             parts.append("The bag holds no numbers that can be drawn over time.")
         elif recording.left_out:
-            names = ", ".join(list(recording.left_out)[:5])
+            names = ", ".join([*recording.left_out][:5])
             parts.append(f"Topics that cannot be drawn: {names:.300}.")
         return " ".join(parts)
 
@@ -323,7 +322,11 @@ class RecordedStore:
                         self._refreshed = time.monotonic()
                         self._version += 1
                 if not more:
-                    self._wait_for_growth()
+                    try:
+                        self._wait_for_growth()
+                    except BagError as error:  # what was read stays
+                        self._bag.recording.lost = f"it cannot be opened again ({error})"
+                        self._version += 1
         except Exception as error:  # the pages must know
             self._error = f"the bag cannot be read on: {error!r:.300}"
             raise
@@ -366,6 +369,8 @@ def serve_bag(
 
     ``announce`` is called once the server listens, and prints ``server.url("/screen")``.
     """
+    from rpud_sim.viewer.server import PageServer  # needs Tornado, which a report does without
+
     with RecordedStore(os.fspath(bag)) as store, PageServer(store, place) as server:
         store.start()
         announce(server)

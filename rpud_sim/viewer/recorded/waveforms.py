@@ -46,7 +46,11 @@ class Waveform:
     numbers: np.ndarray  # of the samples, shape (n,)
     times: np.ndarray  # since the bag began [s], shape (n,)
     channels: Mapping[str, np.ndarray] = field(default_factory=dict)  # by name, shape (n,)
-    cuts: tuple[int, ...] = ()  # places before which samples are missing
+
+    @property
+    def cuts(self) -> list[int]:
+        """Places before which samples are missing, or another run begins."""
+        return (np.flatnonzero(np.diff(self.numbers) != 1) + 1).tolist()
 
 
 class Waveforms:
@@ -197,11 +201,9 @@ def _joined(
 ) -> Waveform:
     parts = sorted(parts, key=lambda part: float(part[1][0]))
     names = parts[0][2] if parts else ()
-    cuts = np.cumsum([len(numbers) for numbers, _, _ in parts])[:-1]
     return Waveform(
         rate,
         np.concatenate([np.empty(0, np.int64), *(numbers for numbers, _, _ in parts)]),
         np.concatenate([np.empty(0), *(times for _, times, _ in parts)]),
         {name: np.concatenate([each[name] for _, _, each in parts]) for name in names},
-        tuple(int(cut) for cut in cuts),
     )

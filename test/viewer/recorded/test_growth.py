@@ -1,5 +1,7 @@
 """A bag that is still recorded: the screen follows it, and misses and doubles nothing."""
 
+import shutil
+
 import numpy as np
 import pytest
 from support import until
@@ -76,6 +78,29 @@ def test_what_is_added_is_read_once_and_the_rest_stays(recorder):
 def test_a_new_topic_means_that_the_bag_is_opened_again(recorder):
     with Recording(recorder.path) as recording:
         recorder.write(10, SECOND)
+        assert not recording.grow()
+
+
+def test_files_beside_those_of_the_bag_may_come_and_go(recorder):
+    other = recorder.path / "reserve.tmp"
+    other.write_bytes(bytes(1000))
+    with Recording(recorder.path) as recording:
+        recorder.write(10)
+        other.unlink()
+        assert recording.grow()
+        assert recording.lost == ""
+        assert len(values_of(recording)) == 60
+
+
+def test_a_recorder_that_deletes_its_oldest_file_is_followed(recorder, tmp_path):
+    (source,) = recorder.path.glob("*.mcap")
+    folder = tmp_path / "copy"
+    folder.mkdir()
+    shutil.copy(source, folder / "bag_0.mcap")
+    with Recording(folder) as recording:
+        recorder.write(70)
+        shutil.copy(source, folder / "bag_1.mcap")
+        (folder / "bag_0.mcap").unlink()
         assert not recording.grow()
 
 
