@@ -18,7 +18,8 @@ from rpud_sim.ros.record.record_options import RecordOptions
 
 if TYPE_CHECKING:
     from rpud_sim.ros.client.drill_finder import DrillFinder
-    from rpud_sim.watch.server import PageServer
+    from rpud_sim.viewer.server import PageServer
+    from rpud_sim.watch.server import PageServer as BagServer
 
 HELP = "show running drills in the browser and act on them, or show a bag"
 EXAMPLE = "rpud watch --port 8810"
@@ -29,7 +30,7 @@ DETAILS = (
 )
 
 PORT = Quantity("", "a port", 0, 65535, whole=True)
-DEFAULT_PORT = 8810  # as in rpud_sim.watch.server, which needs Bokeh
+DEFAULT_PORT = 8810  # as in rpud_sim.viewer.server, which needs Tornado
 _SEARCH_TIME = 1.0  # for drills before the addresses are printed [s]
 _SEARCH_PERIOD = 0.05  # s
 
@@ -83,7 +84,7 @@ def watch_bag(arguments: argparse.Namespace) -> ExitCode:
     from rpud_sim.watch.recorded.serving import PATH, serve_bag
     from rpud_sim.watch.server import Place, ServerError
 
-    def announce(server: PageServer) -> None:
+    def announce(server: BagServer) -> None:
         if arguments.until_eof:
             threading.Thread(target=_stop_at_end, args=(server,), daemon=True).start()
         url = server.url(PATH)
@@ -99,8 +100,8 @@ def watch_bag(arguments: argparse.Namespace) -> ExitCode:
 def watch_drills(arguments: argparse.Namespace) -> ExitCode:
     """Serve the pages of running drills until a signal."""
     from rpud_sim.ros.starting import StartError
-    from rpud_sim.watch.live_server import serve_drills
-    from rpud_sim.watch.server import Place, ServerError
+    from rpud_sim.viewer.live.live_store import serve_drills
+    from rpud_sim.viewer.server import Place, ServerError
 
     def announce(server: PageServer, finder: DrillFinder) -> None:
         _announce(server, finder, arguments)
@@ -123,7 +124,7 @@ def watch_drills(arguments: argparse.Namespace) -> ExitCode:
 def _announce(server: PageServer, finder: DrillFinder, arguments: argparse.Namespace) -> None:
     drills = [arguments.namespace] if arguments.until_eof else _find(finder)
     if len(drills) == 1:
-        url = server.url("/drill", namespace=drills[0])
+        url = server.url("/screen", namespace=drills[0])
         print(f"drill {printable(drills[0])}: {url}", flush=True)
         if not arguments.until_eof:
             print(f"all drills of ROS domain {finder.domain_id}: {server.url()}", flush=True)
@@ -157,7 +158,7 @@ def open_browser(url: str) -> None:
         complain("rpud watch", "no browser here: open the address yourself")
 
 
-def _stop_at_end(server: PageServer) -> None:
+def _stop_at_end(server: PageServer | BagServer) -> None:
     """Stop the server when standard input ends: its parent process has ended."""
     # Without the lock of sys.stdin, which the end of the program could not take.
     while os.read(sys.stdin.fileno(), 1024):

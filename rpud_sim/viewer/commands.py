@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from array import array
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,7 +13,7 @@ import numpy as np
 
 from rpud_sim.pages.quantities import QUANTITIES
 
-COMMAND, FAULT, RUN = "command", "fault", "run"  # kinds of entries
+COMMAND, FAULT, RUN, REFUSAL = "command", "fault", "run", "refusal"  # kinds of entries
 MOST_LISTED, MOST_LOGGED = 300, 1000  # commands, and entries of the log, of a frame
 
 _STORED = 4 * MOST_LOGGED  # entries that are kept, at most
@@ -55,14 +55,17 @@ class Commands:
 
     def add(self, time: float, kind: str, content: object) -> None:
         """Add an entry of the journal at a time [s]; its content is JSON, or what that says."""
-        if kind in _QUIET:
-            return
         try:
             found: Any = json.loads(content) if isinstance(content, str) else content
+            if kind == "state" and not self.parameters:  # the beginning is not known any more
+                self.parameters = dict(found["beginning"]["parameters"])
+            if kind in _QUIET:
+                return
             sort, text, values = self._read(kind, found)
             for name, value in values.items():
                 self._step(name, time, float(value))
-        except (AttributeError, LookupError, RecursionError, TypeError, ValueError):  # another program wrote it
+        # Another program wrote it.
+        except (AttributeError, LookupError, RecursionError, TypeError, ValueError):
             sort, text = COMMAND, kind
         if sort == RUN:
             self._last.clear()
@@ -80,6 +83,15 @@ class Commands:
             self._entries = _thinned(self._entries, _STORED // 2)
             self._forgotten += _STORED + 1 - len(self._entries)
 
+    def refuse(self, time: float, reason: str) -> None:
+        """Add a refusal to the log, at a time [s]."""
+        self._entries.append(Entry(time, REFUSAL, f"refused: {reason}"[:_LENGTH]))
+
+    @property
+    def quantities(self) -> Collection[str]:
+        """Quantities of which there are steps."""
+        return self._steps.keys()
+
     def frame(self, faults: Iterable[Mapping[str, Any]] = ()) -> dict[str, Any]:
         """Return the fields ``commands``, ``log`` and ``log_thinned`` of a frame.
 
@@ -89,7 +101,7 @@ class Commands:
         told = [entry for fault in faults for entry in _fault_entries(fault)]
         own = [entry for entry in self._entries if not (told and entry.kind == FAULT)]
         entries = sorted([*own, *told], key=lambda entry: entry.time)
-        changes = [entry for entry in entries if entry.kind != RUN]
+        changes = [entry for entry in entries if entry.kind in (COMMAND, FAULT)]
         listed, logged = _thinned(changes, MOST_LISTED), _thinned(entries, MOST_LOGGED)
         thinned = len(changes) - len(listed) + self._forgotten
         return {

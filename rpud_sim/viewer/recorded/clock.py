@@ -1,0 +1,133 @@
+"""Clock of one drill in a bag: times since the bag began, from the stamps of its messages."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from rpud_sim.foundation.time import SECOND
+from rpud_sim.inspection.report.timeline import clock_jumps
+
+# Stamps and log times of messages in the order of their log times, each of shape (n,) [ns].
+Series = tuple[np.ndarray, np.ndarray]
+
+
+@dataclass(frozen=True)
+class Jump:
+    """Step of a clock that passed time does not explain, for example at a reset."""
+
+    log_time: int  # of the first message after it [ns]
+    step: int  # of the stamps, less the time that passed [ns]
+
+
+@dataclass(frozen=True)
+class Clock:
+    """Conversion of stamps to times since the bag began.
+
+    Unlike ``Timeline`` it converts any part of a bag, in any order, because it knows the jumps.
+    """
+
+    zero: int | None  # stamp at the beginning of the bag [ns]; None where log times are used
+    begin: int  # log time of the beginning [ns]
+    jumps: tuple[Jump, ...] = ()  # in their order
+
+    def offset(self, log_time: int) -> int:
+        """Return the stamp at time zero, for messages that were logged at a time [ns]."""
+        if self.zero is None:
+            return self.begin
+        return self.zero + sum(jump.step for jump in self.jumps if jump.log_time <= log_time)
+
+    def elapsed(self, stamps: np.ndarray, log_times: np.ndarray) -> np.ndarray:
+        """Return times since the bag began [s], of stamps and log times [ns]; all (n,)."""
+        if self.zero is None:
+            return (log_times - _number(self.begin)) / SECOND
+        zero = _number(self.zero)
+        if not self.jumps:
+            return (stamps - zero) / SECOND
+        steps = np.cumsum([0, *(jump.step for jump in self.jumps)], dtype=np.int64)
+        times = np.array([jump.log_time for jump in self.jumps], np.int64)
+        return (stamps - zero - steps[np.searchsorted(times, log_times, "right")]) / SECOND
+
+
+def _number(time: int) -> int | float:
+    """Return a time for calculations with int64: exact, unless it would not fit [ns]."""
+    return time if abs(time) < 2**62 else float(time)
+
+
+def find_jumps(stamps: np.ndarray, log_times: np.ndarray) -> list[Jump]:
+    """Return the jumps in a series of messages, in the order of log times; shapes (n,), [ns]."""
+    steps, passed = np.diff(stamps), np.maximum(np.diff(log_times), 0)
+    return [
+        Jump(int(log_times[place + 1]), int(steps[place] - passed[place]))
+        for place in np.flatnonzero(clock_jumps(steps, passed)).tolist()
+    ]
+
+
+class JumpSearch:
+    """Search for jumps between parts of a bag that were read, by reading ``most`` parts more."""
+
+    def __init__(self, most: int) -> None:
+        self._left = most
+
+    def jumps(
+        self, parts: Sequence[tuple[int, Series]], series: Callable[[int], Series]
+    ) -> tuple[Jump, ...]:
+        """Return the jumps of one clock, in their order.
+
+        ``parts`` are numbered series, which are not empty; ``series`` returns that of a further
+        part.
+        """
+        jumps = [jump for _, found in parts for jump in find_jumps(*found)]
+        for before, after in pairwise(parts):
+            jumps += self._between(before, after, series)
+        return tuple(sorted(jumps, key=lambda jump: jump.log_time))
+
+    def _between(
+        self, before: tuple[int, Series], after: tuple[int, Series], series: Callable[[int], Series]
+    ) -> list[Jump]:
+        (first, (stamps, logs)), (last, (later, later_logs)) = before, after
+        ends = np.array([stamps[-1], later[0]]), np.array([logs[-1], later_logs[0]])
+        jumps = find_jumps(*ends)
+        if not jumps:
+            return []
+        for number in sorted(range(first + 1, last), key=lambda each: abs(2 * each - first - last)):
+            if self._left <= 0:
+                break
+            self._left -= 1
+            found = series(number)
+            if len(found[0]):
+                middle = number, found
+                return [
+                    *self._between(before, middle, series),
+                    *find_jumps(*found),
+                    *self._between(middle, after, series),
+                ]
+        return jumps
+
+
+class JumpFinder:
+    """Finder of all jumps of the clocks in a bag, which reads part by part from its beginning."""
+
+    def __init__(self) -> None:
+        self.jumps: dict[str, list[Jump]] = {}  # found so far, by drill
+        self._last: dict[str, tuple[int, int]] = {}
+
+    def add(self, series: Mapping[str, Series], clocks: Mapping[str, Clock]) -> bool:
+        """Take the next part, by drill; return whether the clocks know its jumps."""
+        known = True
+        for drill, (stamps, logs) in series.items():
+            if not len(stamps):
+                continue
+            if drill in self._last:
+                before = self._last[drill]
+                stamps, logs = np.append(before[0], stamps), np.append(before[1], logs)
+            new = find_jumps(stamps, logs)
+            known &= {each.log_time for each in new} <= {
+                each.log_time for each in clocks[drill].jumps
+            }
+            self.jumps.setdefault(drill, []).extend(new)
+            self._last[drill] = int(stamps[-1]), int(logs[-1])
+        return known
