@@ -19,7 +19,6 @@ from rpud_sim.ros.record.record_options import RecordOptions
 if TYPE_CHECKING:
     from rpud_sim.ros.client.drill_finder import DrillFinder
     from rpud_sim.viewer.server import PageServer
-    from rpud_sim.watch.server import PageServer as BagServer
 
 HELP = "show running drills in the browser and act on them, or show a bag"
 EXAMPLE = "rpud watch --port 8810"
@@ -81,13 +80,13 @@ def run(arguments: argparse.Namespace) -> int:
 def watch_bag(arguments: argparse.Namespace) -> ExitCode:
     """Serve the page of a bag until a signal."""
     from rpud_sim.bag import BagError
-    from rpud_sim.watch.recorded.serving import PATH, serve_bag
-    from rpud_sim.watch.server import Place, ServerError
+    from rpud_sim.viewer.recorded.store import serve_bag
+    from rpud_sim.viewer.server import Place, ServerError
 
-    def announce(server: BagServer) -> None:
+    def announce(server: PageServer) -> None:
         if arguments.until_eof:
             threading.Thread(target=_stop_at_end, args=(server,), daemon=True).start()
-        url = server.url(PATH)
+        url = server.url("/screen")
         print(f"bag {printable(arguments.bag)}: {url}", flush=True)
         if arguments.open:
             open_browser(url)
@@ -158,7 +157,7 @@ def open_browser(url: str) -> None:
         complain("rpud watch", "no browser here: open the address yourself")
 
 
-def _stop_at_end(server: PageServer | BagServer) -> None:
+def _stop_at_end(server: PageServer | PageServer) -> None:
     """Stop the server when standard input ends: its parent process has ended."""
     # Without the lock of sys.stdin, which the end of the program could not take.
     while os.read(sys.stdin.fileno(), 1024):

@@ -55,18 +55,20 @@ class Commands:
 
     def add(self, time: float, kind: str, content: object) -> None:
         """Add an entry of the journal at a time [s]; its content is JSON, or what that says."""
+        if kind in _QUIET and (kind != "state" or self.parameters):
+            return
         try:
             found: Any = json.loads(content) if isinstance(content, str) else content
-            if kind == "state" and not self.parameters:  # the beginning is not known any more
+            if kind == "state":  # the beginning is not known any more
                 self.parameters = dict(found["beginning"]["parameters"])
-            if kind in _QUIET:
-                return
             sort, text, values = self._read(kind, found)
             for name, value in values.items():
                 self._step(name, time, float(value))
         # Another program wrote it.
         except (AttributeError, LookupError, RecursionError, TypeError, ValueError):
             sort, text = COMMAND, kind
+        if kind in _QUIET:
+            return
         if sort == RUN:
             self._last.clear()
         since, before, row, entry = self._last.get(kind, (-math.inf, "", 0, None))

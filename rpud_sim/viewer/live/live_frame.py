@@ -156,9 +156,7 @@ def _range(view: View, now: float) -> tuple[float, float]:
     return (view.start, view.end) if view.follow is None else (now - view.follow, now)
 
 
-def _impacts(
-    heard: Heard, quantity: str, start: float, end: float, parts: int
-) -> dict[str, Any]:
+def _impacts(heard: Heard, quantity: str, start: float, end: float, parts: int) -> dict[str, Any]:
     if len(heard.impacts.between(start, end)[0]) > _MOST_EXACT:
         if quantity == "peak_force":
             return _layer(heard, quantity, "band", start, end, parts)

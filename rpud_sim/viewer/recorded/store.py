@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
@@ -20,6 +21,7 @@ from rpud_sim.viewer.recorded.recording import Recording
 from rpud_sim.viewer.recorded.signals import Signal
 from rpud_sim.viewer.recorded.views import Views, is_drill
 from rpud_sim.viewer.recorded.waveforms import Waveforms
+from rpud_sim.viewer.server import PageServer, Place
 from rpud_sim.viewer.store import ClientState, StoreError
 
 _REFRESH = 1.0  # shortest time between pictures of what was read on, and looks at the files [s]
@@ -70,6 +72,7 @@ class RecordedStore:
     def __init__(self, path: str | Path) -> None:
         self.path = Path(path)
         self._bag = _Opened(self.path)
+        self._opened = 1  # how often the bag was opened
         self._version = 0  # of what was read; grows at most each ``_REFRESH``
         self._refreshed = 0.0
         self._error = ""
@@ -161,6 +164,10 @@ class RecordedStore:
 
     def _frame(self, client: ClientState) -> dict[str, Any]:
         bag, sent, drill = self._bag, client.sent, client.drill
+        if sent.get("opened") is not bag:  # the bag was opened again: the browser forgets all
+            sent.clear()
+            sent["opened"] = bag
+            client.section = True
         frame: dict[str, Any] = {}
         now = bag.overview.end
         version = self._version
@@ -171,7 +178,7 @@ class RecordedStore:
                 frame.update(make())
 
         plots, others = self._plots(drill)
-        add("drills", drill, lambda: {"drills": [self.drills, drill], "run": 1})
+        add("drills", drill, lambda: {"drills": self.drills, "drill": drill, "run": self._opened})
         add("plots", repr(plots), lambda: {"plots": plots, "quantities": for_browser() + others})
         add("state", version, lambda: self._state(now))
         add("timeline", version, lambda: {"timeline": bag.views.timeline(drill)})
@@ -355,6 +362,7 @@ class RecordedStore:
                     opened = _Opened(self.path)
                     recording.close()
                     self._bag = opened
+                    self._opened += 1
                     return
                 after = len(recording.pieces), recording.lost, recording.growing
             if after[0] > before[0]:
@@ -362,6 +370,19 @@ class RecordedStore:
             if after != before:
                 self._version += 1
             pause = max(_REFRESH, (time.monotonic() - begin) / _SHARE)
+
+
+def serve_bag(
+    bag: str | os.PathLike[str], place: Place, announce: Callable[[PageServer], object]
+) -> None:
+    """Serve the screen of a bag until SIGINT or SIGTERM; it reads the bag meanwhile.
+
+    ``announce`` is called once the server listens, and prints ``server.url("/screen")``.
+    """
+    with RecordedStore(os.fspath(bag)) as store, PageServer(store, place) as server:
+        store.start()
+        announce(server)
+        server.run()
 
 
 _NOTHING = object()  # was sent
