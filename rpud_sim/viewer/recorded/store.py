@@ -30,7 +30,7 @@ _MOST_PLOTS = 5  # of a bag without a drill
 _MOST_GAPS = 300
 
 
-class _Opened:
+class Opened:
     """Recording, and what was read of it so far."""
 
     def __init__(self, path: Path) -> None:
@@ -71,7 +71,7 @@ class RecordedStore:
 
     def __init__(self, path: str | Path) -> None:
         self.path = Path(path)
-        self._bag = _Opened(self.path)
+        self._bag = Opened(self.path)
         self._opened = 1  # how often the bag was opened
         self._version = 0  # of what was read; grows at most each ``_REFRESH``
         self._refreshed = 0.0
@@ -86,11 +86,12 @@ class RecordedStore:
         """Read on in a thread."""
         self._thread.start()
 
-    def read_all(self) -> None:
-        """Read the whole bag; for one that no thread reads."""
+    def read_all(self, progress: Callable[[float], object] = lambda share: None) -> Opened:
+        """Read the whole bag and return it; ``progress`` is told the share that was read."""
         while self._bag.read_next():
-            pass
+            progress(self._bag.overview.share)
         self._version += 1
+        return self._bag
 
     def shut(self) -> None:
         """End the thread and release the files."""
@@ -359,7 +360,7 @@ class RecordedStore:
                 recording = self._bag.recording
                 before = len(recording.pieces), recording.lost, recording.growing
                 if not recording.grow():
-                    opened = _Opened(self.path)
+                    opened = Opened(self.path)
                     recording.close()
                     self._bag = opened
                     self._opened += 1
