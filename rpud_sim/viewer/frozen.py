@@ -17,6 +17,7 @@ from rpud_sim.bag.tested import RECORD_NAME as TESTED
 from rpud_sim.bag.tested import tested_from_record
 from rpud_sim.inspection.damages import Damages
 from rpud_sim.inspection.output import check_new_file, write_new_file
+from rpud_sim.pages.quantities import QUANTITIES
 from rpud_sim.viewer.frames import encode
 from rpud_sim.viewer.page import frozen_page
 from rpud_sim.viewer.recorded.signals import STATUS
@@ -24,9 +25,10 @@ from rpud_sim.viewer.recorded.store import Opened, RecordedStore
 from rpud_sim.viewer.segments import energy_table, segment_table
 from rpud_sim.viewer.store import ClientState, View
 
-BINS = 3000  # of a layer
+BINS = 3000  # of a layer, at most
 SECTIONS = 12  # blocks of motion that a report keeps
 
+_FINEST = 0.016  # shortest bin [s]: there are some impacts in each
 _LONGEST = 200  # characters of a cell
 
 
@@ -60,7 +62,7 @@ def write_report(
         damages = Damages(recording.bag)
         frame |= {"number": 1, "mode": "frozen"}
         if "view" in frame:
-            frame["view"] = store.view(client.drill, 0.0, frame["now"], BINS)
+            frame |= _overview(store, client.drill, frame)
         frame |= _sections(store, client.drill, frame)
         frame["report"] = _report(content, client.drill, frame, damages)
         name = Path(path).resolve().name
@@ -78,6 +80,27 @@ def write_report(
             dict(recording.left_out),
             {**damages.texts, **parts, **unreadable},
         )
+
+
+def _overview(store: RecordedStore, drill: str, frame: Mapping[str, Any]) -> dict[str, Any]:
+    """Return ``view`` over the whole run, and the plots that it serves: those of the table."""
+    plots = [
+        {**plot, "choices": [each for each in plot["choices"] if _of_table(each)] or plot["choices"][:1]}
+        for plot in frame["plots"]
+    ]
+    names = {
+        layer["quantity"] for plot in plots for each in plot["choices"] for layer in each["layers"]
+    }
+    count = int(min(BINS, max(frame["now"] / _FINEST, 1.0)))
+    view = store.view(drill, 0.0, frame["now"], count, names)
+    for layer in view["layers"].values():
+        if all(np.array_equal(layer["mean"], layer.get(end), equal_nan=True) for end in ("low", "high")):
+            del layer["low"], layer["high"]  # one value a bin
+    return {"plots": plots, "view": view}
+
+
+def _of_table(choice: Mapping[str, Any]) -> bool:
+    return all(layer["quantity"] in QUANTITIES for layer in choice["layers"])
 
 
 def _sections(store: RecordedStore, drill: str, frame: Mapping[str, Any]) -> dict[str, Any]:

@@ -6,7 +6,7 @@ import math
 import os
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -146,16 +146,11 @@ class RecordedStore:
         with self._first():
             return self._frame(client) or None
 
-    def view(self, drill: str, start: float, end: float, width: int) -> dict[str, Any]:
-        """Return the field ``view`` of a frame with the layers of all choices."""
-        plots, _ = self._plots(drill)
-        names = {
-            layer["quantity"]
-            for plot in plots
-            for choice in plot["choices"]
-            for layer in choice["layers"]
-        }
-        return self._bag.views.view(drill, start, end, width, names)
+    def view(
+        self, drill: str, start: float, end: float, width: int, quantities: Iterable[str]
+    ) -> dict[str, Any]:
+        """Return the field ``view`` of a frame."""
+        return self._bag.views.view(drill, start, end, width, quantities)
 
     def section(self, drill: str, end: float) -> dict[str, Any] | None:
         """Return the field ``section`` of a frame."""
