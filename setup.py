@@ -21,7 +21,7 @@ ROS = [
     "ros-jazzy-std-msgs==5.3.6",
     "ros-jazzy-std-srvs==5.3.6",
 ]
-WEB = ["bokeh", "scipy"]
+WEB = ["bokeh", "scipy", "tornado"]
 EXPORT = ["pyarrow"]
 STUDIES = [*WEB, *EXPORT]
 

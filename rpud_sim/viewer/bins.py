@@ -128,9 +128,6 @@ class Bins:
             (self._total, np.add, 0.0),
             (self._count, np.add, 0),
         ):
-            if self._newest:
-                kept = bins[:, gone:].copy()
-            else:
-                kept = merge(bins[:, ::2], bins[:, 1::2])
+            kept = bins[:, gone:].copy() if self._newest else merge(bins[:, ::2], bins[:, 1::2])
             bins[:, : kept.shape[1]] = kept
             bins[:, kept.shape[1] :] = none

@@ -12,7 +12,11 @@ _BAND, _LINE, _STEPS = "band", "line", "steps"
 # Identifier of a choice, its title, and its layers: quantity and kind.
 _Choice = tuple[str, str, tuple[tuple[str, str], ...]]
 _PLOTS: tuple[tuple[str, str, tuple[_Choice, ...]], ...] = (
-    ("peak_force", "peak force of the impacts", (("", "", (("peak_force", _BAND),)),)),
+    (
+        "peak_force",
+        "peak force of the impacts",
+        (("", "", (("peak_force", _BAND), ("contact_force", _LINE))),),
+    ),
     (
         "load",
         "load on the mount",

@@ -9,13 +9,13 @@ import asyncio
 import errno
 import hmac
 import ipaddress
-import json
 import logging
 import secrets
 import signal
 import socket
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -130,11 +130,13 @@ class PageServer:
     def __exit__(self, *_: object) -> None:
         for number, handler in self._handlers.items():
             signal.signal(number, handler)
-        self._worker.shutdown(cancel_futures=True)
 
     def run(self) -> None:
         """Serve until `stop`."""
-        asyncio.run(self._run())
+        try:
+            asyncio.run(self._run())
+        finally:
+            self._worker.shutdown(cancel_futures=True)
 
     async def work(self, call: Callable[..., Any], *arguments: Any) -> Any:
         """Call a function in the thread of the store."""
@@ -142,15 +144,15 @@ class PageServer:
 
     async def _run(self) -> None:
         self._loop = asyncio.get_running_loop()
-        options = {"server": self}
         application = Application(
             [
-                ("/", _Page, {**options, "name": "list.html" if self.listing else "screen.html"}),
-                ("/screen", _Page, {**options, "name": "screen.html"}),
-                ("/drills", _Listing, options),
-                ("/frames", _Frames, options),
-                (r"/share/(.*)", _Shared, {**options, "path": str(_SHARE)}),
+                (r"/()", _Shared, {"name": "list.html" if self.listing else "screen.html"}),
+                (r"/screen()", _Shared, {"name": "screen.html"}),
+                (r"/share/(.*)", _Shared),
+                (r"/drills", _Listing),
+                (r"/frames", _Frames),
             ],
+            server=self,
             transforms=[_Headers],
             default_handler_class=ErrorHandler,
             default_handler_args={"status_code": _NOT_FOUND},
@@ -184,68 +186,57 @@ class _Headers(OutputTransform):
         return status_code, headers, chunk
 
 
-class _Handler(RequestHandler):
-    """Handler of a request that the guard lets pass."""
+class _Guarded(RequestHandler):
+    """Handler of requests that the guard lets pass."""
 
-    def initialize(self, server: PageServer) -> None:
-        self.server = server
+    @property
+    def server(self) -> PageServer:
+        found: PageServer = self.settings["server"]
+        return found
 
     def prepare(self) -> None:
         self.server.guard.check(self)
 
 
-class _Page(_Handler):
-    def initialize(self, server: PageServer, name: str) -> None:
-        super().initialize(server)
+class _Shared(_Guarded, StaticFileHandler):
+    """File of the screen: one of the address, or always the same one."""
+
+    def initialize(self, name: str = "") -> None:  # type: ignore[override]
+        super().initialize(str(_SHARE))
         self._name = name
 
-    def get(self) -> None:
-        self.set_header("Content-Type", "text/html; charset=utf-8")
-        self.set_header("Cache-Control", "no-cache")
-        self.finish((_SHARE / self._name).read_bytes())
-
-
-class _Shared(StaticFileHandler):
-    def initialize(self, server: PageServer, path: str) -> None:
-        super().initialize(path)
-        self.server = server
-
-    def prepare(self) -> None:
-        self.server.guard.check(self)
-
-    def set_extra_headers(self, path: str) -> None:
-        self.set_header("Cache-Control", "no-cache")  # the browser asks whether it has changed
+    def parse_url_path(self, url_path: str) -> str:
+        return self._name or super().parse_url_path(url_path)
 
     def validate_absolute_path(self, root: str, absolute_path: str) -> str | None:
         if not absolute_path.endswith(_SERVED):
             raise HTTPError(_NOT_FOUND)
         return super().validate_absolute_path(root, absolute_path)
 
+    def set_extra_headers(self, path: str) -> None:
+        self.set_header("Cache-Control", "no-cache")  # the browser asks whether it has changed
 
-class _Listing(_Handler):
+
+class _Listing(_Guarded):
     async def get(self) -> None:
         if self.server.listing is None:
             raise HTTPError(_NOT_FOUND)
-        found = await self.server.work(self.server.listing)
-        self.set_header("Content-Type", "application/json")
         self.set_header("Cache-Control", "no-store")
-        self.finish(json.dumps(found))
+        self.finish(await self.server.work(self.server.listing))
 
 
-class _Frames(_Handler, WebSocketHandler):
+class _Frames(_Guarded, WebSocketHandler):
     """WebSocket of one browser."""
 
     _session: Session | None = None
-    _task: asyncio.Task[None] | None = None
 
     def check_origin(self, origin: str) -> bool:
         return True  # the guard has checked it
 
-    def open(self) -> None:  # type: ignore[override]
+    def open(self) -> None:
         if self.server.pages >= _MOST_PAGES:
             self.close(_TOO_MANY, f"{_MOST_PAGES} pages are open already")
             return
-        self.set_nodelay(True)
         self.server.pages += 1
         drill = self.get_query_argument("namespace", "")
         self._session = Session(self.server.store, self.server.work, self._send, drill)
@@ -253,9 +244,8 @@ class _Frames(_Handler, WebSocketHandler):
 
     async def _run(self, session: Session) -> None:
         try:
-            await session.run()
-        except WebSocketClosedError:
-            return
+            with suppress(WebSocketClosedError):
+                await session.run()
         finally:
             self.server.pages -= 1
             self.close(_FAILED, "there are no more frames")
@@ -263,16 +253,15 @@ class _Frames(_Handler, WebSocketHandler):
     async def _send(self, frame: bytes) -> None:
         await self.write_message(frame, binary=True)
 
-    async def on_message(self, message: str | bytes) -> None:  # type: ignore[override]
-        if self._session is None:
-            return
+    async def on_message(self, message: str | bytes) -> None:
         try:
-            await self._session.hear(message)
+            if self._session is not None:
+                await self._session.hear(message)
         except RequestError as error:
             self.close(_WRONG_REQUEST, str(error)[:100])
 
     def on_close(self) -> None:
-        if self._task is not None:
+        if self._session is not None:
             self._task.cancel()
 
 

@@ -13,7 +13,7 @@ class StoreError(RuntimeError):
 
 @dataclass(frozen=True)
 class View:
-    """Range of time that a browser shows; with ``follow`` the last seconds, else from start to end."""
+    """Range of time that a browser shows: the last seconds, or from ``start`` to ``end``."""
 
     follow: float | None = 20.0  # s; None for a fixed range
     start: float = 0.0  # s

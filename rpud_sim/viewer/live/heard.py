@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import json
-import math
+import re
 from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
+from time import monotonic
 from typing import Any
 
 import numpy as np
 
 from rpud_sim.foundation.time import SECOND, join_seconds
+from rpud_sim.pages.quantities import QUANTITIES
+from rpud_sim.ros.client.telemetry import FIELDS
 from rpud_sim.viewer.bins import Bins, Envelope
 from rpud_sim.viewer.commands import Commands
 from rpud_sim.viewer.impacts import Impacts
@@ -20,75 +23,22 @@ BIN = 0.05  # length of the finest bins [s]
 
 _BINS = 1 << 14
 _LATEST_IMPACTS = 1000  # whose durations are kept: some two seconds
-_WHOLE_PERIOD = 1.0  # between additions to the bins of the whole run [s]
+_WHOLE_PERIOD = 1.0  # between additions to the bins of the whole run [s of real time]
 _TIMES = ("weight_on_bit_applied", "drive_applied", "feed_applied")
 
-# Fields of each fast topic, in the order of its messages, and the quantities that are kept.
-_FIELDS = {
-    "nodal_plane": ("position", "velocity"),
-    "drill_tool": ("displacement", "velocity", "in_contact"),
-    "reacting_force": ("force",),
-    "contact_force": (
-        *("sequence", "peak_force", "contact_duration", "impact_velocity", "impulse"),
-        *("energy", "energy_transferred", "squeezed"),
-    ),
-    "actuator_state": (
-        *("voltage", "current", "phase", "impedance", "frequency", "resonance_frequency"),
-        *("amplitude", "electrical_power", "mechanical_power", "electrical_energy"),
-        *("mechanical_work", "temperature"),
-    ),
-    "rotation": ("angle", "rate", "torque", "drive_torque", "stalled"),
-    "mount": ("position", "feed", "rate", "force", "weight_on_bit", "in_contact", "slip"),
-    "borehole": (
-        *("depth", "penetration_rate", "layer", "specific_energy", "packed_cuttings"),
-        *("bit_wear", "side_offset"),
-    ),
-}
-_QUANTITIES = {
-    "nodal_plane": {"position": "nodal_plane"},
-    "drill_tool": {"displacement": "drill_tool"},
-    "reacting_force": {"force": "reacting_force"},
-    "contact_force": {"peak_force": "peak_force"},
-    "actuator_state": {
-        "current": "current",
-        "resonance_frequency": "resonance_frequency",
-        "amplitude": "vibration_amplitude",
-        "electrical_power": "electrical_power",
-        "temperature": "temperature",
-    },
-    "rotation": {"rate": "rotation_rate", "torque": "torque", "drive_torque": "drive_torque"},
-    "mount": {
-        "position": "mount_position",
-        "feed": "feed",
-        "force": "mount_force",
-        "weight_on_bit": "weight_on_bit",
-    },
-    "borehole": {
-        "depth": "depth",
-        "penetration_rate": "penetration_rate",
-        "packed_cuttings": "packed_cuttings",
-        "bit_wear": "bit_wear",
-    },
-    # What a status has, and no other topic of this drill.
-    "status": {
-        "actuator_power": "actuator_power",
-        "absorbed_power": "absorbed_power",
-        "lateness_max": "lateness",
-        "depth": "depth",
-        "penetration_rate": "penetration_rate",
-        "vibration_amplitude": "vibration_amplitude",
-        "electrical_power": "electrical_power",
-        "actuator_temperature": "temperature",
-        "resonance_frequency": "resonance_frequency",
-    },
-}
-_OWNERS = {
-    quantity: topic
-    for topic, quantities in _QUANTITIES.items()
-    if topic != "status"
-    for quantity in quantities.values()
-}
-_SIGNALS = tuple({q: None for quantities in _QUANTITIES.values() for q in quantities.values()})
+_Sink = Callable[[int, tuple[Any, ...]], object]
+
+# Quantities of each topic by its field: what a status has too is taken from the other topic.
+_QUANTITIES: dict[str, dict[str, str]] = {topic: {} for topic in (*FIELDS, "status")}
+_OWNERS: dict[str, str] = {}
+for _quantity in QUANTITIES.values():
+    for _source in _quantity.sources:
+        _type, _, _field = _source.partition(".")
+        _topic = re.sub("(?<!^)(?=[A-Z])", "_", _type).lower()
+        _QUANTITIES[_topic][_field] = _quantity.name
+        if _topic != "status":
+            _OWNERS[_quantity.name] = _topic
+_SIGNALS = tuple({name: None for names in _QUANTITIES.values() for name in names.values()})
 
 
 class Heard:
@@ -108,7 +58,7 @@ class Heard:
         self._kept: dict[str, Any] = {}  # latest latched message by topic
         self._journal_next = 0
         self._waiting: dict[str, list[tuple[int, tuple[Any, ...]]]] = {
-            topic: [] for topic in (*_FIELDS, "waveform")
+            topic: [] for topic in (*FIELDS, "waveform")
         }
         self._clear()
 
@@ -138,12 +88,13 @@ class Heard:
 
     # What is heard
 
-    def sinks(self) -> dict[str, Callable[[int, tuple[Any, ...]], object]]:
-        """Return, by topic, a function of the stamp and the values; any of them only keeps these."""
-        return {
-            topic: lambda stamp, values, add=waiting.append: add((stamp, values))
-            for topic, waiting in self._waiting.items()
-        }
+    def sinks(self) -> dict[str, _Sink]:
+        """Return, by topic, a function that keeps stamp and values for ``settle``."""
+
+        def sink(waiting: list[tuple[int, tuple[Any, ...]]]) -> _Sink:
+            return lambda stamp, values: waiting.append((stamp, values))
+
+        return {topic: sink(waiting) for topic, waiting in self._waiting.items()}
 
     def latched(self, topic: str, message: Any) -> None:
         self.version += 1
@@ -167,8 +118,8 @@ class Heard:
                 if self._located:
                     self._settle(topic, waiting)
                 waiting.clear()
-        if self.time is not None and not 0.0 <= self.time - self._pending_since < _WHOLE_PERIOD:
-            self._pending_since = self.time
+        if monotonic() - self._pending_since >= _WHOLE_PERIOD:
+            self._pending_since = monotonic()
             for signal, parts in self._pending.items():
                 times, values = (np.concatenate(each) for each in zip(*parts, strict=True))
                 self.whole.add(signal, times, values)
@@ -187,7 +138,7 @@ class Heard:
             return
         self._latest[topic] = messages[-1]
         for field, quantity in _QUANTITIES[topic].items():
-            place = _FIELDS[topic].index(field)
+            place = FIELDS[topic].index(field)
             values = np.array([message[place] for message in messages], float)
             if topic == "contact_force":
                 valid = (times >= 0.0) & np.isfinite(values)
@@ -205,6 +156,8 @@ class Heard:
                 return
 
     def _add(self, quantity: str, times: np.ndarray, values: np.ndarray) -> None:
+        if quantity in self.commands.quantities:
+            return  # its steps say it exactly
         self.fine.add(quantity, times, values)
         self._pending.setdefault(quantity, []).append((times, values))
 
@@ -214,7 +167,7 @@ class Heard:
     def values(self) -> dict[str, dict[str, Any]]:
         """Latest values of the fast topics: by topic, by field."""
         return {
-            topic: dict(zip(_FIELDS[topic], values, strict=True))
+            topic: dict(zip(FIELDS[topic], values, strict=True))
             for topic, values in self._latest.items()
         }
 

@@ -5,16 +5,13 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Mapping
-from contextlib import suppress
 from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 
-from rpud_sim.drilling.rocks import ROCKS
-from rpud_sim.drilling.strata import find_strata
-from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.pages.quantities import QUANTITIES, number_text
+from rpud_sim.viewer import hole
 from rpud_sim.viewer.live.heard import Heard
 from rpud_sim.viewer.live.live_drill import LiveDrill
 from rpud_sim.viewer.plots import chosen_quantities, drill_plots
@@ -25,11 +22,11 @@ _GAP = 1.0  # at the beginning, in which nobody heard the drill, that is shown [
 _MOST_SAMPLES = 1200  # of a section
 _MOST_EXACT = 60_000  # impacts of a view whose quantiles are computed; more have extremes
 _POINT = 2.0  # px
+_RATES = 10  # parts of a second, whose rates of impacts are compared
 _SPARK = 60  # means of a sparkline, one a second
 _TIMELINE = 1000  # bins
-_LOG = 200  # points of the log of the hole
+_LOG_BINS = 4000  # of the run, for rate and torque over the depth
 _SHARE = 100.0  # a view may take one part of so many of the time
-_COLOURS = 6  # of layers of rock
 
 # Rows of "timing", and what a status has for them.
 _TIMING = {
@@ -108,8 +105,8 @@ class LiveFrame:
             self._fields["timeline"] = {
                 "t": line.times, "low": line.low, "mean": line.mean, "high": line.high,
             }  # fmt: skip
-        if self._due("hole", heard.whole.end, 1.0) and (hole := _hole(heard)) is not None:
-            self._fields["hole"] = hole
+        if self._due("hole", heard.whole.end, 1.0) and (found := _hole(heard)) is not None:
+            self._fields["hole"] = found
         block = heard.block
         if self._client.section and block is not None and self._due("section", block[0]):
             self._fields["section"] = _section(heard)
@@ -194,13 +191,16 @@ def _numbers(
     heard: Heard, now: float, sparks: Mapping[str, np.ndarray]
 ) -> dict[str, dict[str, Any] | None]:
     """Return means and extremes of the last second."""
-    elapsed = min(now - (heard.since or 0.0), 1.0)
-    _, peaks = heard.impacts.between(now - 1.0, math.inf)
-    rate = len(peaks) * heard.impacts.stride / elapsed if elapsed > 0.0 else math.nan
+    begin = max(now - 1.0, heard.since or 0.0)
+    times, peaks = heard.impacts.between(begin, now)
     numbers: dict[str, dict[str, Any] | None] = {
-        "impact_rate": {"mean": rate, "least": None, "greatest": None},
+        "impact_rate": None,
         "peak_force": _extremes(peaks, peaks, peaks),
     }
+    if now > begin:
+        counts = np.histogram(times, _RATES, (begin, now))[0] * heard.impacts.stride
+        rates = counts * _RATES / (now - begin)
+        numbers["impact_rate"] = _extremes(rates, rates, rates)
     for name, quantity in (
         ("reacting_force", "reacting_force"),
         ("power", _power(heard)),
@@ -270,37 +270,17 @@ def _section(heard: Heard) -> dict[str, Any]:
 
 def _hole(heard: Heard) -> dict[str, Any] | None:
     """Return depth, layers and log of the hole; None without a rock that has a depth."""
-    parameters, end = heard.commands.parameters, heard.whole.end
-    depth = heard.whole.view("depth", 0.0, end, _LOG)
-    known = np.isfinite(depth.mean)
-    if not known.any():
+    layers, end = hole.layers(heard.commands.parameters), heard.whole.end
+    if not layers or not heard.has("depth"):
         return None
-    log = {"depth": depth.mean[known].astype(np.float32)}
-    for name, quantity in (("rate", "penetration_rate"), ("torque", "torque")):
-        found = heard.whole.view(quantity, 0.0, end, _LOG)
-        log[name] = found.mean[known].astype(np.float32)
+    depth, rate, torque = (
+        heard.whole.view(quantity, 0.0, end, _LOG_BINS).mean if heard.has(quantity) else None
+        for quantity in ("depth", "penetration_rate", "torque")
+    )
+    if depth is None or rate is None:
+        return None
     latest = heard.values.get("borehole", heard.status).get("depth")
-    return {"depth": latest, "layers": _layers(parameters), "log": log}
-
-
-def _layers(parameters: Mapping[str, Any]) -> list[dict[str, Any]]:
-    given = parameters.get("strata")
-    strata = None
-    # A stranger may have written it: it must name no file.
-    if isinstance(given, str) and (given in ROCKS or given.startswith("{")):
-        with suppress(ParameterError):
-            strata = find_strata(given)
-    if strata is None:
-        return [{"from": 0.0, "to": None, "name": "rock", "colour": 0}]
-    return [
-        {
-            "from": layer.depth_from,
-            "to": strata.end_of(number) if math.isfinite(strata.end_of(number)) else None,
-            "name": layer.name,
-            "colour": number % _COLOURS,
-        }
-        for number, layer in enumerate(strata.layers)
-    ]
+    return {"depth": latest, "layers": layers, "log": hole.well_log(depth, rate, torque)}
 
 
 def _timing(status: Mapping[str, Any]) -> dict[str, str]:

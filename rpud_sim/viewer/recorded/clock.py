@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 
@@ -64,48 +63,6 @@ def find_jumps(stamps: np.ndarray, log_times: np.ndarray) -> list[Jump]:
         Jump(int(log_times[place + 1]), int(steps[place] - passed[place]))
         for place in np.flatnonzero(clock_jumps(steps, passed)).tolist()
     ]
-
-
-class JumpSearch:
-    """Search for jumps between parts of a bag that were read, by reading ``most`` parts more."""
-
-    def __init__(self, most: int) -> None:
-        self._left = most
-
-    def jumps(
-        self, parts: Sequence[tuple[int, Series]], series: Callable[[int], Series]
-    ) -> tuple[Jump, ...]:
-        """Return the jumps of one clock, in their order.
-
-        ``parts`` are numbered series, which are not empty; ``series`` returns that of a further
-        part.
-        """
-        jumps = [jump for _, found in parts for jump in find_jumps(*found)]
-        for before, after in pairwise(parts):
-            jumps += self._between(before, after, series)
-        return tuple(sorted(jumps, key=lambda jump: jump.log_time))
-
-    def _between(
-        self, before: tuple[int, Series], after: tuple[int, Series], series: Callable[[int], Series]
-    ) -> list[Jump]:
-        (first, (stamps, logs)), (last, (later, later_logs)) = before, after
-        ends = np.array([stamps[-1], later[0]]), np.array([logs[-1], later_logs[0]])
-        jumps = find_jumps(*ends)
-        if not jumps:
-            return []
-        for number in sorted(range(first + 1, last), key=lambda each: abs(2 * each - first - last)):
-            if self._left <= 0:
-                break
-            self._left -= 1
-            found = series(number)
-            if len(found[0]):
-                middle = number, found
-                return [
-                    *self._between(before, middle, series),
-                    *find_jumps(*found),
-                    *self._between(middle, after, series),
-                ]
-        return jumps
 
 
 class JumpFinder:

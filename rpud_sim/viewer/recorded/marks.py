@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from typing import Any
 
 from rpud_sim.bag import BagError
@@ -28,7 +29,7 @@ class Marks:
 
     def clear(self) -> None:
         """Forget everything: the clocks of the recording have changed."""
-        self.commands = {drill: Commands() for drill in self._recording.clocks}
+        self.commands: dict[str, Commands] = defaultdict(Commands)  # by drill
         self._faults: dict[tuple[str, int, int], dict[str, Any]] = {}  # drill, run, number
         self.unlisted = 0  # faults beyond ``MOST_FAULTS``, and messages of other types
         self.version = 0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import defaultdict
 
 import numpy as np
 
@@ -115,7 +116,7 @@ class Overview:
         fitting = MEMORY // (_BIN_SIZE * max(1, len(names)))
         count = min(BINS, max(_LEAST_BINS, 2 ** int(math.log2(fitting))))
         self.bins = Bins(names, duration * _SPARE / count, count)
-        self.impacts: dict[str, Impacts] = {drill: Impacts() for drill in recording.clocks}
+        self.impacts: dict[str, Impacts] = defaultdict(Impacts)  # by drill
         self.until, self.end = 0.0, duration
 
     def _take_jumps(self) -> bool:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from bisect import bisect_left
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -17,7 +18,7 @@ from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.message_block import MessageBlock, joined
 from rpud_sim.foundation.time import SECOND, join_seconds
 from rpud_sim.inspection.report.timeline import zero_stamp
-from rpud_sim.viewer.recorded.clock import Clock, Jump, JumpSearch, Series
+from rpud_sim.viewer.recorded.clock import Clock, Jump, Series, find_jumps
 from rpud_sim.viewer.recorded.kept import Kept
 from rpud_sim.viewer.recorded.signals import (
     Rows,
@@ -33,7 +34,6 @@ SAMPLED = 48
 # Longest time from the stamp of a message to that of others that are logged before it [s].
 LATE = 0.5
 
-_PROBED = 64  # further parts that are read to find jumps of clocks
 _MOST_VALUES = 4_000_000  # numbers in the rows of all kept parts
 _MOST_MESSAGES = 4_000  # decoded messages that are kept
 _STILL = 10.0  # a bag that was written to within so many seconds may still be recorded [s]
@@ -184,9 +184,7 @@ class Recording:
 
         Times are since the bag began. It reads some parts to find the others.
         """
-        held = self._held_by.get(drill, [])
-        first = self._search(drill, held, start - LATE, lambda times: times[1] >= start - LATE)
-        for number in held[first:]:
+        for number in self.pieces_from(drill, start):
             times = self.span(drill, number)
             if times is not None and times[0] > end + LATE:
                 return
@@ -195,12 +193,11 @@ class Recording:
     def pieces_from(self, drill: str, time: float, *, back: bool = False) -> Iterator[int]:
         """Yield the numbers of parts from a time [s] on, to the end or to the beginning."""
         held = self._held_by.get(drill, [])
+        end = partial(self._end, drill)
         if back:
-            after = self._search(drill, held, time + LATE, lambda times: times[0] > time + LATE)
-            yield from reversed(held[:after])
+            yield from reversed(held[: bisect_left(held, time + LATE, key=end) + 1])
         else:
-            first = self._search(drill, held, time - LATE, lambda times: times[1] >= time - LATE)
-            yield from held[first:]
+            yield from held[bisect_left(held, time - LATE, key=end) :]
 
     def elapsed(self, topic: str, rows: Rows) -> np.ndarray:
         """Return the times of rows since the bag began [s]."""
@@ -277,9 +274,13 @@ class Recording:
         return found
 
     def series(self, drill: str, found: PieceRows) -> Series:
-        """Return stamps and log times of a drill's clock topics, in the order of the log times."""
+        """Return stamps and log times that show a drill's time, in the order of the log times."""
         wanted = self._clock_topics[drill]
-        parts = [rows for name, rows in found.items() if name in wanted]
+        parts = [
+            rows
+            for name, rows in found.items()
+            if (name in wanted if wanted else namespace(name) == drill)
+        ]
         none = np.empty(0, np.int64)
         logs = np.concatenate([none, *(rows.log_times for rows in parts)])
         stamps = np.concatenate([none, *(rows.stamps for rows in parts)])
@@ -287,17 +288,10 @@ class Recording:
         return stamps[order], logs[order]
 
     def _times(self, drill: str, found: PieceRows) -> tuple[float, float] | None:
-        if not self._clock_topics[drill]:
-            logs = [rows.log_times for name, rows in found.items() if namespace(name) == drill]
-            logs = [each for each in logs if len(each)]
-            if not logs:
-                return None
-            times = np.concatenate(logs) - self.begin
-            return float(times.min()) / SECOND, float(times.max()) / SECOND
-        stamps, logs_ = self.series(drill, found)
+        stamps, logs = self.series(drill, found)
         if not len(stamps):
             return None
-        elapsed = self.clocks[drill].elapsed(stamps, logs_)
+        elapsed = self.clocks[drill].elapsed(stamps, logs)
         return float(elapsed.min()), float(elapsed.max())
 
     def span(self, drill: str, number: int) -> tuple[float, float] | None:
@@ -308,56 +302,21 @@ class Recording:
                 self._spans[drill][number] = times
         return self._spans[drill].get(number)
 
-    def _search(
-        self,
-        drill: str,
-        held: list[int],
-        time: float,
-        reached: Callable[[tuple[float, float]], bool],
-    ) -> int:
-        """Return the place of the first part that is reached.
-
-        Most clocks run with the log times. So it begins where the log times have come to ``time``,
-        and doubles its steps from there; bisection does the rest.
-        """
-        low, high = 0, len(held)
-        place = bisect_left(held, self.begin + time * SECOND, key=self._end_of_piece)
-        step = 1
-        while low < high:
-            probe = middle = min(max(place, low), high - 1)
-            times = self.span(drill, held[probe])
-            while times is None and probe + 1 < high:
-                probe += 1
-                times = self.span(drill, held[probe])
-            if times is None or reached(times):
-                high = middle
-                place = middle - step
-            else:
-                low = probe + 1
-                place = probe + step
-            step *= 2
-            if step > (high - low) // 2:
-                place = (low + high) // 2
-        return low
-
-    def _end_of_piece(self, number: int) -> int:
-        return self.pieces[number].end_time
+    def _end(self, drill: str, number: int) -> float:
+        span = self.span(drill, number)
+        return span[1] if span else (self.pieces[number].end_time - self.begin) / SECOND
 
     def _find_clocks(self) -> None:
-        search = JumpSearch(_PROBED)
+        """Find when each clock began, and its jumps as far as a sample of the bag shows them."""
         for drill, topics in self._clock_topics.items():
-            if not topics:
+            numbers = [number for number in self.sample if topics & self.rows(number).keys()]
+            if not numbers:
                 continue
-
-            def series(number: int, drill: str = drill) -> Series:
-                return self.series(drill, self.rows(number))
-
-            read = ((number, series(number)) for number in self.sample)
-            parts = [(number, found) for number, found in read if len(found[0])]
-            if not parts:
-                continue
-            zero = self._zero(drill, parts[0][0])
-            self.clocks[drill] = Clock(zero, self.begin, search.jumps(parts, series))
+            series = [self.series(drill, self.rows(number)) for number in numbers]
+            stamps, logs = (np.concatenate(each) for each in zip(*series, strict=True))
+            self.clocks[drill] = Clock(
+                self._zero(drill, numbers[0]), self.begin, tuple(find_jumps(stamps, logs))
+            )
             self._spans[drill].clear()
 
     def _zero(self, drill: str, number: int) -> int:

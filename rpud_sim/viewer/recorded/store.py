@@ -124,6 +124,7 @@ class RecordedStore:
             client.drill = self.drills[0]
         if client.drill not in self.drills:
             raise StoreError(f"the bag holds no drill {client.drill:.100}")
+        client.sent["opened"] = self._bag
 
     def close(self, client: ClientState) -> None:
         """Note that a browser has gone."""

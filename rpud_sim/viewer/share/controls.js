@@ -1,8 +1,8 @@
 // @ts-check
 /* Header of the screen: what the drill does, and what a reader can ask of it. */
-import { inWords, numberText, quantityOf, valueText } from "./quantities.js";
+import { inWords, numberText, valueText } from "./quantities.js";
 
-/** @typedef {import("./plots.js").Seen} Seen */
+/** @typedef {import("./marks.js").Seen} Seen */
 
 /** @template {HTMLElement} T @param {string} id @param {new () => T} type @returns {T} an element of the page */
 export function element(id, type) {
@@ -159,9 +159,4 @@ export class Controls {
       }),
     );
   }
-}
-
-/** Return the time of a run as the header shows it. @param {number | null | undefined} time */
-export function clockText(time) {
-  return time === null || time === undefined ? "" : `${time.toFixed(1)} ${quantityOf("").unit || "s"}`;
 }

@@ -33,7 +33,7 @@ export class Details {
   /** @param {HTMLElement} host @param {HTMLElement} report */
   constructor(host, report) {
     this.report = report;
-    /** @type {import("./plots.js").Seen} */
+    /** @type {import("./marks.js").Seen} */
     this.seen = {};
     this.parts = [
       this.part(host, "timing and losses", () => this.timing()),
@@ -56,7 +56,7 @@ export class Details {
     return { details, draw };
   }
 
-  /** @param {import("./plots.js").Seen} seen @param {Partial<import("./frames.js").Frame>} frame */
+  /** @param {import("./marks.js").Seen} seen @param {Partial<import("./frames.js").Frame>} frame */
   draw(seen, frame) {
     this.seen = seen;
     const [timing, values, log, segments] = this.parts;

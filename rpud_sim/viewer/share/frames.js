@@ -4,7 +4,8 @@
 /**
  * Times are seconds of the run, values are in SI units; a field that is absent is as it was.
  * @typedef {{t: Float64Array, v: Float32Array}} Steps
- * @typedef {{t: Float64Array, mean: Float32Array, low?: Float32Array, high?: Float32Array,
+ * @typedef {ArrayLike<number>} Values
+ * @typedef {{t: Values, mean: Values, low?: Values, high?: Values, band?: string,
  *   outliers?: Steps & {more: number}}} Layer
  * @typedef {{start: number, end: number, detail: "overview" | "messages" | "waveform",
  *   complete: boolean, band: string, layers: Record<string, Layer>}} View
@@ -39,7 +40,7 @@
  *   hole?: any, kinds?: string[], channels?: string[], outcomes?: Outcome[],
  *   refusals?: [number, string], refused?: [number, string], timing?: Record<string, string>,
  *   losses?: Record<string, number>, log?: Entry[], log_thinned?: number,
- *   jump?: {time?: number, contact?: number, none?: string}, report?: Report, error?: string,
+ *   jump?: {time?: number, peak_force?: number, contact_duration?: number, none?: string}, report?: Report, error?: string,
  * }} Frame
  */
 

@@ -16,10 +16,7 @@ export function motionTicks(low, high, count) {
 /** Middle of each contact [s]. @param {import("./frames.js").Section} block */
 const motionStruck = (block) => block.impacts.map(([time, , length]) => time + (length || 0) / 2);
 
-/**
- * Draw the motion of the bodies into a figure.
- * @param {HTMLElement} element @param {import("./clock.js").MotionClock} clock
- */
+/** Draw the motion of the bodies into a figure. @param {HTMLElement} element @param {import("./clock.js").MotionClock} clock */
 export function mountMotion(element, clock) {
   const make = (/** @type {string} */ name, values = {}) => Object.assign(document.createElement(name), values);
   const canvas = /** @type {HTMLCanvasElement} */ (make("canvas", { ariaHidden: "true" }));
@@ -50,24 +47,20 @@ export function mountMotion(element, clock) {
     if (!context || !width || !height) return;
     const style = getComputedStyle(element), colour = (/** @type {string} */ name) => style.getPropertyValue(`--${name}`).trim() || style.color;
     const right = width - MOTION_RIGHT, base = height - MOTION_BOTTOM, { scale, unit: name } = quantityOf("free_mass");
-    canvas.width = Math.round(width * devicePixelRatio);
-    canvas.height = Math.round(height * devicePixelRatio);
+    [canvas.width, canvas.height] = [width, height].map((each) => Math.round(each * devicePixelRatio));
     context.scale(devicePixelRatio, devicePixelRatio);
-    context.font = `12px ${style.fontFamily}`;
-    context.textBaseline = "middle";
+    Object.assign(context, { font: `12px ${style.fontFamily}`, textBaseline: "middle", lineJoin: "round" });
     const write = (/** @type {string} */ text, /** @type {number} */ left, /** @type {number} */ top, /** @type {CanvasTextAlign} */ align) => {
       context.textAlign = align;
       context.fillText(text.replace("-", "\u2212"), left, top);
     };
     unit.textContent = name;
-    if (!block) {
-      context.fillStyle = style.color;
-      return write("no waveform yet", width / 2, height / 2, "center");
-    }
+    context.fillStyle = style.color;
+    if (!block) return write("no waveform yet", width / 2, height / 2, "center");
     [low, high] = [Infinity, -Infinity];
     for (const [body] of MOTION_LINES) for (const value of block[body]) {
-      if (value < low) low = value;
-      if (value > high) high = value;
+      low = value < low ? value : low;
+      high = value > high ? value : high;
     }
     const margin = Math.max(0.04 * (high - low), 2e-6);
     [low, high] = [low - margin, high + margin];
@@ -90,39 +83,38 @@ export function mountMotion(element, clock) {
     write("kN", MOTION_LEFT - 6, base - 6, "right");
 
     const count = block.free_mass.length, columns = Math.max(Math.min(Math.round(right - MOTION_LEFT), count), 1);
-    context.lineJoin = "round";
     for (const [body, , paint] of MOTION_LINES) {
       // Least and greatest of each pixel, as one shape: the tip vibrates faster than pixels.
-      const values = block[body], lows = [];
+      /** @type {[number, number][]} */ let lows = [];
       context.strokeStyle = context.fillStyle = colour(paint);
       context.lineWidth = body === "free_mass" ? 1.6 : 1.2;
-      context.beginPath();
-      for (let each = 0; each < columns; each += 1) {
+      for (let each = 0; each <= columns; each += 1) {
         const first = Math.floor((each * count) / columns), last = Math.min(Math.floor(((each + 1) * count) / columns), count - 1);
-        const part = values.subarray(first, last + 1), place = x(((first + last) / 2) * block.period);
-        context.lineTo(place, y(Math.max(...part)));
-        lows.push([place, y(Math.min(...part))]);
+        const part = block[body].subarray(first, last + 1), place = x(((first + last) / 2) * block.period);
+        if (!lows.length) context.beginPath();
+        if (part.length && part.every(Number.isFinite)) {
+          context.lineTo(place, y(Math.max(...part)));
+          lows.push([place, y(Math.min(...part))]);
+          continue;
+        }
+        for (const [before, value] of lows.reverse()) context.lineTo(before, value);
+        context.closePath();
+        context.fill();
+        context.stroke();
+        lows = [];
       }
-      for (const [place, value] of lows.reverse()) context.lineTo(place, value);
-      context.closePath();
-      context.fill();
-      context.stroke();
     }
 
-    const strongest = Math.max(...block.impacts.map(([, peak]) => peak), 1), struck = motionStruck(block);
+    const strongest = Math.max(...block.impacts.map(([, peak]) => peak || 0), 1), struck = motionStruck(block);
     let free = MOTION_LEFT - 2;
-    context.strokeStyle = context.fillStyle = colour("force");
-    context.lineWidth = 2;
+    context.fillStyle = colour("force");
     block.impacts.forEach(([time, peak], each) => {
       const place = x(struck[each]), top = base - (peak / strongest) * (MOTION_FORCES - 16);
-      context.beginPath();
-      context.moveTo(place, base);
-      context.lineTo(place, top);
-      context.stroke();
+      context.fillRect(place - 1, top, 2, base - top);
       context.beginPath();
       context.arc(place, y(block.drill_tool[Math.min(Math.round(time / block.period), count - 1)]), 2.5, 0, 7);
       context.fill();
-      const text = (peak / 1e3).toFixed(1), half = context.measureText(text).width / 2;
+      const text = peak ? (peak / 1e3).toFixed(1) : "", half = context.measureText(text).width / 2;
       const middle = Math.min(Math.max(place, MOTION_LEFT + half), right - half);
       if (middle - half < free) return;
       write(text, middle, top - 7, "center");
@@ -133,31 +125,24 @@ export function mountMotion(element, clock) {
   function move() {
     const block = clock.block, now = performance.now(), sample = clock.sample;
     cursor.hidden = !block;
-    if (!block) {
-      for (const output of outputs) output.textContent = "";
-      area.ariaValueText = "no waveform yet";
-      return;
-    }
+    for (const output of block ? [] : outputs) output.textContent = "";
+    if (!block) return void (area.ariaValueText = "no waveform yet");
     cursor.style.transform = `translateX(${x(clock.place)}px)`;
     dot.style.transform = `translateY(${y(block.free_mass[sample])}px)`;
-    if (now - told < (clock.held ? 0 : 500)) return;
+    const stands = clock.held || clock.resting, before = (clock.place - clock.end) * 1e3;
+    if (now - told < 1000 && !stands && !outputs[0].textContent) return;
     told = now;
-    const before = (clock.place - clock.end) * 1e3;
-    MOTION_LINES.forEach(([body], each) => { outputs[each].textContent = valueText(body, block[body][sample]); });
+    MOTION_LINES.forEach(([body], each) => { outputs[each].textContent = stands ? valueText(body, block[body][sample]) : ""; });
     area.ariaValueMin = (-clock.end * 1e3).toFixed(1);
     area.ariaValueNow = before.toFixed(2);
-    area.ariaValueText = `${(-before).toFixed(1)} ms before the newest: free mass at ${outputs[1].textContent}`;
+    area.ariaValueText = `${(-before).toFixed(1)} ms before the newest: free mass at ${valueText("free_mass", block.free_mass[sample])}`;
   }
 
-  area.addEventListener("pointerdown", (event) => {
-    if (clock.block && !event.button) area.setPointerCapture(event.pointerId);
-    drag(event);
+  for (const kind of /** @type {const} */ (["pointerdown", "pointermove"])) area.addEventListener(kind, (event) => {
+    if (!clock.block || (kind === "pointerdown" ? event.button : !area.hasPointerCapture(event.pointerId))) return;
+    area.setPointerCapture(event.pointerId);
+    clock.still(((event.clientX - area.getBoundingClientRect().left - MOTION_LEFT) / (width - MOTION_LEFT - MOTION_RIGHT)) * clock.end);
   });
-  area.addEventListener("pointermove", drag);
-  function drag(/** @type {PointerEvent} */ event) {
-    if (area.hasPointerCapture(event.pointerId))
-      clock.still(((event.clientX - area.getBoundingClientRect().left - MOTION_LEFT) / (width - MOTION_LEFT - MOTION_RIGHT)) * clock.end);
-  }
   area.addEventListener("keydown", (event) => {
     if (!clock.block || event.ctrlKey || event.altKey || event.metaKey) return;
     const struck = motionStruck(clock.block);

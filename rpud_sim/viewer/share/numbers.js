@@ -4,7 +4,7 @@ import { quantityOf, valueText } from "./quantities.js";
 
 const SVG = "http://www.w3.org/2000/svg";
 const NAMES = ["impact_rate", "peak_force", "reacting_force", "power", "penetration_rate"];
-const [SPARK_WIDTH, SPARK_HEIGHT] = [100, 24];
+const [WIDTH, HEIGHT] = [100, 24];
 
 /** Row of numbers; one that the drill does not have is left out. */
 export class Numbers {
@@ -15,10 +15,10 @@ export class Numbers {
       const make = /** @param {string} tag */ (tag) => document.createElement(tag);
       const [label, body, value, unit, ends] = ["dt", "dd", "output", "small", "small"].map(make);
       const spark = document.createElementNS(SVG, "svg");
-      spark.setAttribute("viewBox", `0 0 ${SPARK_WIDTH} ${SPARK_HEIGHT}`);
+      spark.setAttribute("viewBox", `0 0 ${WIDTH} ${HEIGHT}`);
       spark.setAttribute("preserveAspectRatio", "none");
       spark.setAttribute("aria-hidden", "true");
-      const line = spark.appendChild(document.createElementNS(SVG, "polyline"));
+      const line = spark.appendChild(document.createElementNS(SVG, "path"));
       value.dataset.number = name;
       ends.className = "ends";
       body.append(value, unit, spark, ends);
@@ -41,18 +41,18 @@ export class Numbers {
       value.dataset.exact = String(shown?.mean);
       const spread = shown && shown.least !== null && shown.greatest !== null && shown.least !== shown.greatest;
       ends.textContent = spread ? `${valueText(name, shown.least, false)} to ${valueText(name, shown.greatest, false)}` : "";
-      line.setAttribute("points", sparkPoints(shown?.spark ?? []));
+      line.setAttribute("d", sparkPath(shown?.spark ?? []));
     }
   }
 }
 
-/** @param {ArrayLike<number>} values @returns {string} places of a line through them */
-function sparkPoints(values) {
-  const known = Array.from(values).filter(Number.isFinite);
-  const [low, high] = [Math.min(0, ...known), Math.max(1e-12, ...known)];
-  return Array.from(values)
-    .map((value, i) => [(i / Math.max(1, values.length - 1)) * SPARK_WIDTH, value])
-    .filter(([, value]) => Number.isFinite(value))
-    .map(([x, value]) => `${x.toFixed(1)},${(SPARK_HEIGHT - 1 - ((value - low) / (high - low)) * (SPARK_HEIGHT - 2)).toFixed(1)}`)
-    .join(" ");
+/** Return the outline of values above zero. @param {ArrayLike<number>} values */
+function sparkPath(values) {
+  const known = Array.from(values, (value, i) => [i, value]).filter(([, value]) => Number.isFinite(value));
+  if (known.length < 2) return "";
+  const heights = known.map(([, value]) => value);
+  const [low, high] = [Math.min(0, ...heights), Math.max(1e-12, ...heights)];
+  const y = (/** @type {number} */ value) => (HEIGHT - 1 - ((value - low) / (high - low)) * (HEIGHT - 2)).toFixed(1);
+  const x = (/** @type {number} */ i) => ((i / (values.length - 1)) * WIDTH).toFixed(1);
+  return `M-9 ${y(0)}V${y(heights[0])}${known.map(([i, value]) => `L${x(i)} ${y(value)}`).join("")}H${WIDTH + 9}V${y(0)}`;
 }

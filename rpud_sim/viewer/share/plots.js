@@ -1,147 +1,19 @@
 // @ts-check
-/* Plots over one time axis: bands, means, outliers and steps, with the run's faults and commands. */
-import { axisRange, colourOf, inWords, quantityOf, timeText, valueText } from "./quantities.js";
+/* The column of plots: bands, means, outliers and steps over the time in view. */
+import { FONT, STEPS, commandsOf, drawSpans, drawTimes, sharedCursor, tickTexts, timeAxis } from "./marks.js";
+import { axisRange, colourOf, quantityOf, valueText } from "./quantities.js";
 
-const AXIS = 52; // width of every y axis, as --axis [px]
+const AXIS = 52; // width of every axis of values, as --axis [px]
 const END = 10; // free on the right, as --end [px]
-const TIMES = 18; // height of a time axis [px]
 const CLIP = 0.999; // quantile of the values at which an axis ends
-const SHRINK = 0.6; // an axis gets shorter when values fill less of it
-const FONT = "11px system-ui, sans-serif";
+const SHRINK = 0.6; // an axis gets shorter when its values fill less of it
 
 /**
  * @typedef {import("./frames.js").PlotLayer} PlotLayer
  * @typedef {import("./frames.js").Layer} Layer
- * @typedef {Partial<import("./frames.js").Frame>} Seen what all frames of a run have said
- * @typedef {{start: number, end: number}} Range
- * @typedef {{onZoom: (start: number, end: number) => void, onAll: () => void,
- *   onCursor: (time: number | null) => void, onClick?: (time: number) => void}} Listener
+ * @typedef {import("./marks.js").Seen} Seen
+ * @typedef {import("./marks.js").Range} Range
  */
-
-/** Return options of a time axis, whose grid all plots have.
- * @param {boolean} labelled @returns {uPlot.Axis} */
-export function timeAxis(labelled) {
-  return {
-    stroke: () => colourOf("muted"),
-    font: FONT,
-    size: labelled ? TIMES : 0,
-    gap: 4,
-    space: 90,
-    grid: { stroke: () => colourOf("rule"), width: 1 },
-    ticks: { show: false },
-    values: (_, splits, __, ___, step) =>
-      labelled ? splits.map((value) => value.toFixed(decimals(step))) : splits.map(() => ""),
-  };
-}
-
-/** @param {number} step @returns {number} digits after the point that tell its multiples apart */
-function decimals(step) {
-  return Math.max(0, Math.min(9, -Math.floor(Math.log10(step) + 1e-9)));
-}
-
-/** Return options of a cursor that all plots share; dragging along the time calls the listener.
- * @param {Listener} listener
- * @returns {{cursor: uPlot.Cursor, hooks: Partial<uPlot.Hooks.Arrays>}} */
-export function sharedCursor(listener) {
-  return {
-    cursor: {
-      y: false,
-      points: { show: false },
-      drag: { setScale: false, x: true, y: false, dist: 4, click: () => undefined },
-      bind: {
-        dblclick: () => () => {
-          listener.onAll();
-          return null;
-        },
-      },
-      sync: {
-        key: "time",
-        scales: ["x", null],
-        filters: { pub: (kind) => kind === "mousemove" || kind === "mouseleave" },
-      },
-    },
-    hooks: {
-      setSelect: [
-        (plot) => {
-          const { left, width } = plot.select;
-          if (width > 4) listener.onZoom(plot.posToVal(left, "x"), plot.posToVal(left + width, "x"));
-          plot.setSelect({ left: 0, top: 0, width: 0, height: 0 }, false);
-        },
-      ],
-      ready: [
-        (plot) => plot.over.addEventListener("click", (event) => listener.onClick?.(plot.posToVal(event.offsetX, "x"))),
-      ],
-    },
-  };
-}
-
-/** Shade faults and hatch gaps, below the data.
- * @param {uPlot} plot @param {Seen} seen */
-export function drawSpans(plot, seen) {
-  const { ctx, bbox } = plot;
-  const place = clamped(plot);
-  ctx.save();
-  for (const fault of seen.faults ?? []) {
-    const [from, to] = [place(fault.onset), place(fault.end ?? seen.now ?? Infinity)];
-    ctx.fillStyle = colourOf("fault", 0.1);
-    ctx.fillRect(from, bbox.top, Math.max(to - from, 1), bbox.height);
-    ctx.fillStyle = colourOf("fault", 0.7);
-    if (from > bbox.left) ctx.fillRect(from, bbox.top, uPlot.pxRatio, bbox.height);
-  }
-  for (const [begin, end] of seen.gaps ?? []) {
-    const [from, to] = [place(begin), place(end)];
-    ctx.save();
-    ctx.beginPath();
-    ctx.rect(from, bbox.top, Math.max(to - from, 1), bbox.height);
-    ctx.clip();
-    ctx.beginPath();
-    for (let x = from - bbox.height; x < to; x += 6 * uPlot.pxRatio) {
-      ctx.moveTo(x, bbox.top + bbox.height);
-      ctx.lineTo(x + bbox.height, bbox.top);
-    }
-    ctx.strokeStyle = colourOf("gap", 0.6);
-    ctx.lineWidth = uPlot.pxRatio;
-    ctx.stroke();
-    ctx.restore();
-  }
-  ctx.restore();
-}
-
-/** @param {uPlot} plot @returns {(time: number) => number} place of a time, at most at an edge */
-function clamped({ bbox, scales }) {
-  const { min = 0, max = 1 } = scales.x;
-  return (time) => bbox.left + Math.max(0, Math.min(1, (time - min) / (max - min))) * bbox.width;
-}
-
-/** Draw upright lines at times.
- * @param {uPlot} plot @param {number[]} times @param {string} colour @param {number[]} dash */
-export function drawTimes(plot, times, colour, dash = []) {
-  const { ctx, bbox, scales } = plot;
-  const { min = 0, max = 1 } = scales.x;
-  ctx.save();
-  ctx.beginPath();
-  for (const time of times) {
-    if (time < min || time > max) continue;
-    const x = Math.round(plot.valToPos(time, "x", true)) + 0.5;
-    ctx.moveTo(x, bbox.top);
-    ctx.lineTo(x, bbox.top + bbox.height);
-  }
-  ctx.setLineDash(dash.map((length) => length * uPlot.pxRatio));
-  ctx.strokeStyle = colour;
-  ctx.lineWidth = uPlot.pxRatio;
-  ctx.stroke();
-  ctx.restore();
-}
-
-/** Scale values for a plot; what is not a number becomes a hole.
- * @param {ArrayLike<number> | undefined} values @param {number} count @param {number} scale
- * @returns {(number | null)[]} */
-function column(values, count, scale) {
-  /** @type {(number | null)[]} */
-  const scaled = new Array(count).fill(null);
-  if (values) for (let i = 0; i < count; i += 1) if (values[i] === values[i]) scaled[i] = values[i] * scale;
-  return scaled;
-}
 
 /** Return the place of the last time that is not after another; -1 for none.
  * @param {ArrayLike<number>} times @param {number} time */
@@ -155,27 +27,26 @@ export function placeOf(times, time) {
   return low - 1;
 }
 
-/** One plot of the column, with its title, its choice of quantities and its legend. */
+/** Return scaled values with null for what is no number, as plots need them.
+ * @param {ArrayLike<number> | undefined} values @param {number} count @param {number} scale @returns {(number | null)[]} */
+export function columnOf(values, count, scale = 1) {
+  return Array.from({ length: count }, (_, i) => (values && values[i] === values[i] ? values[i] * scale : null));
+}
+
+/** One plot, with its title or choice of quantities, and its legend. */
 class TimePlot {
-  /**
-   * @param {import("./frames.js").PlotDefinition} definition
-   * @param {boolean} labelled whether times are written below it
-   * @param {Listener} listener
-   * @param {(plot: string, choice: string) => void} onChoice
-   */
-  constructor(definition, labelled, listener, onChoice) {
+  /** @param {import("./frames.js").PlotDefinition} definition @param {boolean} written whether times are written below it
+   * @param {import("./marks.js").Listener} listener @param {string} chosen @param {(choice: string) => void} onChoice */
+  constructor(definition, written, listener, chosen, onChoice) {
     this.definition = definition;
-    this.labelled = labelled;
+    this.written = written;
     this.listener = listener;
-    /** @type {Seen} */
-    this.seen = {};
-    /** @type {Range} */
-    this.range = { start: 0, end: 1 };
-    /** @type {number | null} */
-    this.playhead = null;
-    /** @type {Map<string, [number, number]>} */
-    this.axes = new Map();
-    this.span = 0;
+    /** @type {Seen} */ this.seen = {};
+    /** @type {Range} */ this.range = { start: 0, end: 1 };
+    /** @type {number | null} */ this.playhead = null;
+    /** @type {Map<string, [number, number]>} */ this.axes = new Map(); // ends, by unit
+    this.span = 0; // for which the axes were fitted [s]
+    const { choices } = definition;
     this.figure = document.createElement("figure");
     this.figure.className = "plot";
     this.figure.dataset.plot = definition.id;
@@ -183,19 +54,15 @@ class TimePlot {
     this.area = document.createElement("div");
     this.area.className = "area";
     this.figure.append(this.title, this.area);
-    this.choice = definition.choices[0];
-    this.select = null;
-    if (definition.choices.length > 1) {
-      const select = document.createElement("select");
+    this.name = document.createElement(choices.length > 1 ? "select" : "b");
+    if (this.name instanceof HTMLSelectElement) {
+      const select = this.name;
       select.ariaLabel = "quantities of this plot";
-      for (const choice of definition.choices) select.add(new Option(choice.title, choice.id));
-      select.onchange = () => {
-        this.choose(select.value);
-        onChoice(definition.id, select.value);
-      };
-      this.select = select;
-    }
-    this.choose(this.choice.id);
+      select.append(...choices.map((choice) => new Option(choice.title, choice.id)));
+      select.onchange = () => (this.choose(select.value), onChoice(select.value));
+    } else this.name.textContent = choices[0].title || definition.title;
+    this.choice = choices[0];
+    this.choose(chosen);
     new ResizeObserver(() => this.plot?.setSize(this.size())).observe(this.area);
   }
 
@@ -203,26 +70,23 @@ class TimePlot {
     return { width: this.area.clientWidth || 300, height: this.area.clientHeight || 120 };
   }
 
-  /** Show other quantities in this plot. @param {string} id of the choice */
+  /** Show other quantities. @param {string} id of the choice */
   choose(id) {
     this.choice = this.definition.choices.find((each) => each.id === id) ?? this.choice;
+    if (this.name instanceof HTMLSelectElement) this.name.value = this.choice.id;
     const { layers } = this.choice;
-    const units = [...new Set(layers.map((layer) => quantityOf(layer.quantity).unit))];
-    this.title.replaceChildren();
-    const title = document.createElement("b");
-    title.textContent = this.choice.title || this.definition.title;
-    this.title.append(this.select ?? title);
-    if (this.select) this.select.value = this.choice.id;
-    if (units.length === 1 && units[0]) this.title.append(Object.assign(document.createElement("small"), { textContent: units[0] }));
+    const units = [...new Set(layers.map((layer) => this.unit(layer)))];
+    const unit = document.createElement("small");
+    unit.textContent = units.length === 1 ? units[0] : "";
     this.legend = layers.map((layer) => {
-      const entry = document.createElement("span");
+      const [entry, name, value] = [document.createElement("span"), document.createElement("span"), document.createElement("output")];
       entry.className = `key ${layer.kind}`;
       entry.style.setProperty("--of", `var(--${this.colour(layer)})`);
-      const [name, value] = [document.createElement("span"), document.createElement("output")];
       entry.append(name, value);
-      this.title.append(entry);
-      return { layer, entry, name, value };
+      const words = layers.length === 1 && layer.kind === "band" ? "mean" : layer.label;
+      return { layer, entry, name, value, words: units.length > 1 ? `${words}, ${this.unit(layer)}` : words };
     });
+    this.title.replaceChildren(this.name, unit, ...this.legend.map(({ entry }) => entry));
     this.plot?.destroy();
     this.axes.clear();
     this.plot = new uPlot(this.options(units), this.data(), this.area);
@@ -234,22 +98,26 @@ class TimePlot {
     return layer.colour || quantityOf(layer.quantity).colour;
   }
 
-  /** @param {string[]} units of the layers; each has its own scale @returns {uPlot.Options} */
+  /** @param {PlotLayer} layer @returns {string} its unit, which names its axis */
+  unit(layer) {
+    return quantityOf(layer.quantity).unit || "y";
+  }
+
+  /** @param {string[]} units of the layers @returns {uPlot.Options} */
   options(units) {
-    /** @type {uPlot.Series[]} */
-    const series = [{}];
-    /** @type {uPlot.Band[]} */
-    const bands = [];
+    /** @type {uPlot.Series[]} */ const series = [{}];
+    /** @type {uPlot.Band[]} */ const bands = [];
     for (const layer of this.choice.layers) {
       const colour = this.colour(layer);
-      const scale = quantityOf(layer.quantity).unit || "y";
+      const scale = this.unit(layer);
+      const overview = () => (this.seen.view?.detail ?? "overview") === "overview";
       /** @type {uPlot.Series} */
       const shown = { scale, stroke: () => colourOf(colour), width: 1.25, points: { size: 4, width: 0, fill: () => colourOf(colour) } };
-      if (layer.kind === "steps" && uPlot.paths.stepped) shown.paths = uPlot.paths.stepped({ align: 1, extend: true });
-      if (layer.kind === "steps") shown.points = { show: false };
-      // Impacts are single events: no line joins them.
-      if (layer.quantity === "peak_force")
-        shown.paths = (...path) => (this.seen.view?.detail === "overview" ? uPlot.paths.linear?.()(...path) ?? null : null);
+      if (shown.points && layer.kind === "steps") shown.points.show = false;
+      else if (shown.points) shown.points.show = (plot, _, first, last) => !overview() && (last - first) * 6 < plot.bbox.width;
+      if (layer.kind === "steps") shown.paths = uPlot.paths.stepped?.({ align: 1 });
+      // Impacts are events: no line joins them.
+      if (layer.quantity === "peak_force") shown.paths = (...of) => (overview() ? uPlot.paths.linear?.()(...of) ?? null : null);
       series.push(shown);
       if (layer.kind !== "band") continue;
       const edge = { scale, width: 0, stroke: () => "transparent", points: { show: false } };
@@ -258,96 +126,74 @@ class TimePlot {
     }
     /** @type {uPlot.Scales} */
     const scales = { x: { time: false, range: () => [this.range.start, this.range.end] } };
-    for (const unit of units) scales[unit || "y"] = { range: () => this.axes.get(unit || "y") ?? [0, 1] };
-    const { cursor, hooks } = sharedCursor(this.listener);
+    for (const unit of units) scales[unit] = { range: () => this.axes.get(unit) ?? [0, 1] };
+    const { hooks, ...shared } = sharedCursor(this.listener);
     return {
-      ...this.size(),
-      series,
-      bands,
-      scales,
-      axes: [timeAxis(this.labelled), this.valueAxis(units[0] || "y", 3), ...units.slice(1, 2).map((unit) => this.valueAxis(unit || "y", 1))],
-      padding: [6, units.length > 1 ? 0 : END, this.labelled ? 0 : 4, 0],
-      legend: { show: false },
-      cursor,
+      ...this.size(), ...shared, series, bands, scales,
+      axes: [timeAxis(this.written), ...units.slice(0, 2).map((unit, number) => this.axis(unit, number))],
+      padding: [6, END, this.written ? 0 : 4, 0],
       hooks: {
         ...hooks,
         drawClear: [(plot) => drawSpans(plot, this.seen)],
         draw: [(plot) => this.mark(plot)],
-        setCursor: [(plot) => this.point(plot)],
+        setCursor: [(plot) => this.read(plot)],
       },
     };
   }
 
-  /** @param {string} scale @param {number} side @returns {uPlot.Axis} */
-  valueAxis(scale, side) {
+  /** @param {string} unit @param {number} number of the axis: a second one stands inside, so that all plots are equally wide
+   * @returns {uPlot.Axis} */
+  axis(unit, number) {
+    const own = this.choice.layers.find((layer) => this.unit(layer) === unit);
     return {
-      scale,
-      side,
-      size: side === 3 ? AXIS : 40,
-      stroke: () => colourOf("muted"),
-      font: FONT,
-      gap: 6,
-      space: 26,
-      grid: { show: side === 3, stroke: () => colourOf("rule"), width: 1 },
-      ticks: { show: false },
-      values: (_, splits, __, ___, step) => splits.map((value) => value.toFixed(decimals(step)).replace("-", "\u2212")),
+      scale: unit, side: number ? 1 : 3, size: number ? 0 : AXIS, gap: number ? -34 : 6, font: FONT, space: 26, incrs: STEPS,
+      stroke: () => colourOf(own && number ? this.colour(own) : "muted"),
+      grid: { show: !number, stroke: () => colourOf("rule"), width: 1 }, ticks: { show: false },
+      values: (_, values, __, ___, step) => tickTexts(values, step),
     };
   }
 
   /** @param {PlotLayer} layer @returns {Layer | undefined} what is known of it in the present view */
-  layer(layer) {
+  known(layer) {
     const steps = layer.kind === "steps" ? this.seen.steps?.[layer.quantity] : undefined;
-    return steps ? { t: steps.t, mean: steps.v } : this.seen.view?.layers[layer.quantity];
+    if (!steps?.t.length) return this.seen.view?.layers[layer.quantity];
+    const [t, mean] = [Array.from(steps.t), Array.from(steps.v)];
+    return { t: [...t, Math.max(this.seen.now ?? 0, t[t.length - 1])], mean: [...mean, mean[mean.length - 1]] }; // the last one lasts
   }
 
   /** @returns {uPlot.AlignedData} times of all layers joined, and their values */
   data() {
-    /** @type {any[]} */
-    const tables = [];
-    for (const layer of this.choice.layers) {
-      const known = this.layer(layer);
-      const { scale } = quantityOf(layer.quantity);
-      const count = known?.t.length ?? 0;
-      const table = [known ? Array.from(known.t) : [], column(known?.mean, count, scale)];
-      if (layer.kind === "steps" && count && (this.seen.now ?? 0) > table[0][count - 1]) {
-        table[0].push(/** @type {number} */ (this.seen.now)); // the last value lasts
-        table[1].push(table[1][count - 1]);
-      }
-      if (layer.kind === "band") table.push(column(known?.low, count, scale), column(known?.high, count, scale));
-      tables.push(table);
-    }
-    return tables.length === 1 ? tables[0] : uPlot.join(tables, tables.map((table) => table.map(() => 1)));
+    const tables = this.choice.layers.map((layer) => {
+      const { t, mean, low, high } = this.known(layer) ?? { t: [], mean: [] };
+      const columns = layer.kind === "band" ? [mean, low, high] : [mean];
+      return [Array.from(t), ...columns.map((values) => columnOf(values, t.length, quantityOf(layer.quantity).scale))];
+    });
+    return /** @type {uPlot.AlignedData} */ (tables.length === 1 ? tables[0] : uPlot.join(/** @type {any} */ (tables)));
   }
 
-  /** Fit the axes to what is in view; values above the 99.9 % quantile are marked at the edge. */
+  /** Fit the axes to what is in view; values above the 99.9 % quantile are marked at the upper edge. */
   fit() {
-    /** @type {Map<string, {values: number[], zero: boolean}>} */
-    const found = new Map();
-    for (const layer of this.choice.layers) {
-      const quantity = quantityOf(layer.quantity);
-      const known = this.layer(layer);
-      const scale = found.get(quantity.unit || "y") ?? { values: [], zero: false };
-      found.set(quantity.unit || "y", scale);
-      scale.zero ||= quantity.zero;
-      if (!known) continue;
-      const first = layer.kind === "steps" ? Math.max(0, placeOf(known.t, this.range.start)) : 0;
-      for (const values of [known.mean, known.low, known.high])
-        for (let i = first; i < (values?.length ?? 0); i += 1) {
-          const value = /** @type {Float32Array} */ (values)[i];
-          if (value === value && (layer.kind === "steps" || known.t[i] >= this.range.start) && known.t[i] <= this.range.end)
-            scale.values.push(value * quantity.scale);
-        }
-      for (const value of known.outliers?.v ?? []) scale.values.push(value * quantity.scale);
-    }
-    const span = this.range.end - this.range.start;
-    if (Math.abs(span / this.span - 1) > 0.01) this.axes.clear();
-    this.span = span;
-    for (const [name, { values, zero }] of found) {
-      const sorted = Float64Array.from(values).sort();
-      const [low, high] = axisRange(sorted[0], sorted[Math.floor(CLIP * (sorted.length - 1))], zero);
-      const before = this.axes.get(name);
+    const { start, end } = this.range;
+    if (Math.abs((end - start) / this.span - 1) > 0.01) this.axes.clear();
+    this.span = end - start;
+    for (const unit of new Set(this.choice.layers.map((layer) => this.unit(layer)))) {
+      /** @type {number[]} */ const values = [];
+      const layers = this.choice.layers.filter((layer) => this.unit(layer) === unit);
+      for (const layer of layers) {
+        const { scale } = quantityOf(layer.quantity);
+        const { t = [], mean, low, high, outliers } = this.known(layer) ?? {};
+        const first = Math.max(0, placeOf(t, start));
+        const last = placeOf(t, end) + 1;
+        for (const column of [mean, low, high])
+          for (let i = first; column && i < last; i += 1) if (column[i] === column[i]) values.push(column[i] * scale);
+        for (const value of outliers?.v ?? []) values.push(value * scale);
+      }
+      values.sort((a, b) => a - b);
+      const zero = layers.some((layer) => quantityOf(layer.quantity).zero);
+      const [low, high] = axisRange(values[0], values[Math.ceil(CLIP * (values.length - 1))], zero);
+      const before = this.axes.get(unit);
       const fits = before && before[0] <= low && high <= before[1] && high - low > SHRINK * (before[1] - before[0]);
-      if (!fits) this.axes.set(name, [low, high]);
+      if (!fits) this.axes.set(unit, [low, high]);
     }
   }
 
@@ -356,70 +202,60 @@ class TimePlot {
     [this.seen, this.range, this.playhead] = [seen, range, playhead];
     this.fit();
     this.plot?.setData(this.data());
-    for (const { layer, entry, name } of this.legend ?? []) {
-      const known = this.layer(layer);
+    for (const { layer, entry, name, words } of this.legend ?? []) {
+      const known = this.known(layer);
       entry.hidden = !known?.t.length;
-      const label = layer.label === this.choice.title ? "mean" : layer.label;
-      const band = layer.kind === "band" && known?.high ? `, ${seen.view?.band.replace("-", "\u2013") ?? ""}` : "";
-      name.textContent = `${label}${band}`;
+      const band = layer.kind === "band" && known?.low ? (known.band ?? seen.view?.band ?? "").replace("-", "\u2013") : "";
+      name.textContent = [words, band].filter(Boolean).join(", ");
     }
-    this.point(/** @type {uPlot} */ (this.plot));
+    if (this.plot) this.read(this.plot);
   }
 
-  /** Draw what lies over the data. @param {uPlot} plot */
+  /** Draw what lies over the data: commands, the playhead, outliers, and what is above the axis. @param {uPlot} plot */
   mark(plot) {
     const { ctx, bbox } = plot;
-    drawTimes(plot, (this.seen.commands?.list ?? []).map((each) => each.time), colourOf("command", 0.75), [3, 3]);
+    const ratio = uPlot.pxRatio;
+    drawTimes(plot, commandsOf(this.seen).map((each) => each.time), colourOf("command", 0.75), [3, 3]);
     if (this.playhead !== null) drawTimes(plot, [this.playhead], colourOf("accent"));
     ctx.save();
     for (const layer of this.choice.layers) {
-      const known = this.layer(layer);
-      const { scale, unit } = quantityOf(layer.quantity);
-      const top = plot.scales[unit || "y"]?.max ?? Infinity;
+      const { t, mean, high, outliers } = this.known(layer) ?? { t: [], mean: [] };
+      const top = plot.scales[this.unit(layer)]?.max ?? Infinity;
       let above = 0;
-      /** @param {ArrayLike<number>} times @param {ArrayLike<number>} values @param {boolean} dots */
-      const put = (times, values, dots) => {
+      ctx.fillStyle = colourOf(this.colour(layer), 0.8);
+      for (const [times, values, dots] of /** @type {const} */ ([[t, high ?? mean, false], [outliers?.t ?? [], outliers?.v ?? [], true]]))
         for (let i = 0; i < times.length; i += 1) {
+          if (times[i] < this.range.start || times[i] > this.range.end) continue;
+          const value = values[i] * quantityOf(layer.quantity).scale;
           const x = plot.valToPos(times[i], "x", true);
-          if (!(x >= bbox.left && x <= bbox.left + bbox.width)) continue;
-          const value = values[i] * scale;
           ctx.beginPath();
           if (value > top) {
             above += 1;
-            ctx.moveTo(x - 3 * uPlot.pxRatio, bbox.top + 4 * uPlot.pxRatio);
-            ctx.lineTo(x, bbox.top - uPlot.pxRatio);
-            ctx.lineTo(x + 3 * uPlot.pxRatio, bbox.top + 4 * uPlot.pxRatio);
-          } else if (dots) ctx.arc(x, plot.valToPos(value, unit || "y", true), 1.3 * uPlot.pxRatio, 0, 7);
+            ctx.moveTo(x - 3 * ratio, bbox.top + 4 * ratio);
+            ctx.lineTo(x, bbox.top - ratio);
+            ctx.lineTo(x + 3 * ratio, bbox.top + 4 * ratio);
+          } else if (dots) ctx.arc(x, plot.valToPos(value, this.unit(layer), true), 1.3 * ratio, 0, 7);
           ctx.fill();
         }
-      };
-      ctx.fillStyle = colourOf(this.colour(layer), 0.8);
-      if (known?.outliers) put(known.outliers.t, known.outliers.v, true);
-      if (known) put(known.t, known.high ?? known.mean, false);
-      const more = known?.outliers?.more ?? 0;
-      const text = [above ? `${above} above` : "", more ? `${more} outliers not drawn` : ""].filter(Boolean).join(", ");
-      if (text) {
-        ctx.font = `${10 * uPlot.pxRatio}px system-ui, sans-serif`;
-        ctx.textAlign = "right";
-        ctx.textBaseline = "top";
-        ctx.fillText(text, bbox.left + bbox.width - 4 * uPlot.pxRatio, bbox.top + 6 * uPlot.pxRatio);
-      }
+      const texts = [above ? `${above} above` : "", outliers?.more ? `${outliers.more} outliers not drawn` : ""].filter(Boolean);
+      ctx.font = `${10 * ratio}px system-ui, sans-serif`;
+      [ctx.textAlign, ctx.textBaseline] = ["right", "top"];
+      ctx.fillText(texts.join(", "), bbox.left + bbox.width - 4 * ratio, bbox.top + 6 * ratio);
     }
     ctx.restore();
   }
 
   /** Write the values at the cursor, else at the playhead, into the legend. @param {uPlot} plot */
-  point(plot) {
-    const left = plot?.cursor.left ?? -1;
+  read(plot) {
+    const left = plot.cursor.left ?? -1;
     const time = left >= 0 ? plot.posToVal(left, "x") : this.playhead;
-    if (plot?.cursor.event) this.listener.onCursor(left >= 0 ? time : null);
+    if (plot.cursor.event) this.listener.point(left >= 0 ? time : null);
     for (const { layer, value } of this.legend ?? []) {
-      const known = this.layer(layer);
+      const known = this.known(layer);
       let text = "";
       if (known && time !== null) {
-        const before = placeOf(known.t, time);
-        const next = before + 1 < known.t.length && known.t[before + 1] - time < time - known.t[before];
-        const place = layer.kind !== "steps" && (next || before < 0) ? before + 1 : before;
+        let place = placeOf(known.t, time);
+        if (layer.kind !== "steps" && known.t[place + 1] - time < time - (known.t[place] ?? -Infinity)) place += 1;
         if (place >= 0) text = valueText(layer.quantity, known.mean[place]);
       }
       if (value.textContent !== text) value.textContent = text;
@@ -427,62 +263,47 @@ class TimePlot {
   }
 }
 
-/** The column of plots; the one of the latest motion stands among them and is drawn elsewhere. */
+/** The plots, top to bottom; among them the one of the latest motion, which is drawn elsewhere. */
 export class PlotColumn {
-  /**
-   * @param {HTMLElement} host
-   * @param {HTMLElement} motion figure of the plot with the id "motion"
-   * @param {Listener} listener
-   * @param {() => void} onChoice
-   */
+  /** @param {HTMLElement} host @param {HTMLElement} motion figure of the latest motion
+   * @param {import("./marks.js").Listener} listener @param {() => void} onChoice */
   constructor(host, motion, listener, onChoice) {
     this.host = host;
     this.motion = motion;
     this.listener = listener;
     this.onChoice = onChoice;
-    /** @type {TimePlot[]} */
-    this.plots = [];
-    /** @type {Record<string, string>} */
-    this.choices = {};
+    /** @type {TimePlot[]} */ this.plots = [];
+    /** @type {Record<string, string>} */ this.choices = {};
   }
 
   /** @param {import("./frames.js").PlotDefinition[]} definitions */
   define(definitions) {
-    for (const plot of this.plots) plot.plot?.destroy();
-    this.plots = [];
-    this.host.replaceChildren();
-    definitions.forEach((definition, number) => {
-      if (definition.id === "motion") {
-        this.host.append(this.motion);
-        return;
-      }
-      const next = definitions[number + 1];
-      const labelled = !next || next.id === "motion";
-      const plot = new TimePlot(definition, labelled, this.listener, (id, choice) => {
+    for (const { plot } of this.plots) plot?.destroy();
+    this.plots = definitions.filter((each) => each.choices.length).map((definition) => {
+      const { id } = definition;
+      const next = definitions[definitions.indexOf(definition) + 1];
+      return new TimePlot(definition, !next || next.id === "motion" || id === "motion", this.listener, this.choices[id], (choice) => {
         this.choices[id] = choice;
         this.onChoice();
       });
-      this.host.append(plot.figure);
-      this.plots.push(plot);
     });
+    this.host.replaceChildren(...definitions.flatMap(({ id }) => {
+      const own = this.plots.filter((plot) => plot.definition.id === id).map((plot) => plot.figure);
+      return id === "motion" ? [this.motion, ...own] : own;
+    }));
   }
 
-  /** Width of the area of data, in which a source answers [px]. */
+  /** Width of the area of data [px]. */
   get width() {
     return Math.max(100, (this.plots[0]?.area.clientWidth ?? 800) - AXIS - END);
   }
 
   /** @param {Seen} seen @param {Range} range @param {number | null} playhead */
   draw(seen, range, playhead) {
-    for (const plot of this.plots) plot.draw(seen, range, playhead);
+    const exact = seen.view?.detail === "waveform"; // then the motion of the view is known, and stands in place of the latest
+    for (const plot of this.plots) {
+      if (plot.definition.id === "motion") [plot.figure.hidden, this.motion.hidden] = [!exact, exact];
+      if (!plot.figure.hidden) plot.draw(seen, range, playhead);
+    }
   }
-}
-
-/** Return words about a time: commands and faults there.
- * @param {Seen} seen @param {number} time @param {number} span of the view [s] */
-export function wordsAt(seen, time, span) {
-  const near = (seen.commands?.list ?? []).filter((each) => Math.abs(each.time - time) < 0.006 * span);
-  const faults = (seen.faults ?? []).filter((each) => each.onset <= time && time <= (each.end ?? Infinity));
-  const parts = [...near.slice(-3).map((each) => each.text), ...faults.map((each) => inWords(each.kind))];
-  return [timeText(time, span), ...parts].join(" \u00b7 ");
 }

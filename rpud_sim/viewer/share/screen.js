@@ -1,12 +1,14 @@
 // @ts-check
-/* The screen: takes frames from a source, and shows them. */
+/* The screen: shows the frames of a source, and asks it for what the reader wants to see. */
 import { MotionClock } from "./clock.js";
 import { Controls, element } from "./controls.js";
 import { Details } from "./details.js";
 import { FrozenSource } from "./frozen_source.js";
+import { wordsAt } from "./marks.js";
 import { mountMotion } from "./motion.js";
 import { Numbers } from "./numbers.js";
-import { PlotColumn, wordsAt } from "./plots.js";
+import { Playhead } from "./playhead.js";
+import { PlotColumn } from "./plots.js";
 import { setQuantities, timeText } from "./quantities.js";
 import { mountSection } from "./section.js";
 import { SocketSource } from "./socket_source.js";
@@ -20,196 +22,178 @@ const ZOOM = 1.6; // by one key
 /** All that frames have said of this run, and what the reader looks at. */
 class Screen {
   constructor() {
-    /** @type {import("./plots.js").Seen} */
-    this.seen = {};
-    /** @type {import("./plots.js").Range | null} null: follow, or show all */
-    this.zoomed = null;
+    /** @type {import("./marks.js").Seen} */ this.seen = {};
+    /** @type {import("./marks.js").Range | null} */ this.zoomed = null; // null: follow the drill, or show all
     this.follow = FOLLOWED; // [s]; infinite for the whole run
-    /** @type {number | null} */
-    this.playhead = null;
-    this.playing = 0; // time of the last step of playing; 0 while it stands [ms]
     this.asking = false;
-    this.open = false;
-    this.gone = "";
+    this.gone = ""; // when the server went
+    this.reason = "";
+    this.shown = ""; // state that the moving section shows
+    this.jumps = false; // whether the next block is shown at once
     const listener = {
-      onZoom: (/** @type {number} */ start, /** @type {number} */ end) => this.zoom(start, end),
-      onAll: () => this.showAll(),
-      onCursor: (/** @type {number | null} */ time) => this.point(time),
-      onClick: (/** @type {number} */ time) => this.past && this.seek(time),
+      zoom: (/** @type {number} */ start, /** @type {number} */ end) => this.zoom(start, end),
+      showAll: () => this.showAll(),
+      point: (/** @type {number | null} */ time) => this.point(time),
+      click: (/** @type {number} */ time) => this.past && this.playhead.seek(time),
     };
     this.clock = new MotionClock();
-    this.clock.onWant = () => this.send({ section: true });
+    this.clock.onWant = () => this.source.send({ section: true });
     this.section = mountSection(element("section", HTMLElement), this.clock);
     mountMotion(element("motion", HTMLElement), this.clock);
     this.numbers = new Numbers(element("numbers", HTMLElement));
     this.plots = new PlotColumn(element("plots", HTMLElement), element("motion", HTMLElement), listener, () => this.ask());
     this.timeline = new Timeline(element("timeline", HTMLElement), listener);
-    this.controls = new Controls((request) => this.send(request));
+    this.controls = new Controls((request) => this.source.send(request));
     this.details = new Details(element("details", HTMLElement), element("report", HTMLElement));
+    this.playhead = new Playhead((request) => this.source.send(request), () => this.reveal());
     this.listen();
     const frames = /** @type {NodeListOf<HTMLScriptElement>} */ (document.querySelectorAll("script.frame"));
     const onFrame = (/** @type {import("./frames.js").Frame} */ frame) => this.take(frame);
     const onState = (/** @type {boolean} */ open, /** @type {string} */ reason) => this.connect(open, reason);
-    const address = new URL(`socket${location.search}`, location.href);
+    const address = new URL(`/frames${location.search}`, location.href);
     address.protocol = address.protocol.replace("http", "ws");
     this.source = frames.length ? new FrozenSource(frames, onFrame, onState) : new SocketSource(address.href, onFrame, onState);
   }
 
-  /** Whether the run is over, or at least recorded: there is a playhead. */
+  /** Whether the screen shows a recording, which has a playhead. */
   get past() {
     return this.seen.mode !== undefined && this.seen.mode !== "live";
   }
 
-  /** @returns {[number, number]} */
+  /** @returns {[number, number]} times of the whole run */
   get extent() {
-    return this.seen.extent ?? [0, Math.max(this.seen.now ?? 1, 1)];
+    return this.seen.extent ?? [0, 1];
   }
 
-  /** Range of time in view. @returns {import("./plots.js").Range} */
+  /** Whether the view is the newest part of a live drill. */
+  get follows() {
+    return !this.zoomed && !this.past && this.follow < Infinity;
+  }
+
+  /** @returns {import("./marks.js").Range} time in view */
   get range() {
-    const [first, last] = this.extent;
-    if (this.zoomed) return this.zoomed;
-    if (this.past || this.follow === Infinity) return { start: first, end: last };
-    const now = this.seen.now ?? last;
-    return { start: now - this.follow, end: now };
+    const [start, last] = this.extent;
+    const end = this.past ? last : this.seen.now ?? last;
+    return this.zoomed ?? { start: this.follows ? Math.max(start, end - this.follow) : start, end: Math.max(end, start + LEAST) };
   }
 
-  /** @param {Record<string, any>} request */
-  send(request) {
-    this.source?.send(request);
-  }
+  // --- Frames ---
 
-  /** @param {boolean} open @param {string} reason */
+  /** @param {boolean} open @param {string} reason why the connection was closed */
   connect(open, reason) {
-    this.open = open;
     document.documentElement.dataset.connection = open ? "open" : "closed";
-    if (open) {
-      this.gone = "";
-      if (this.seen.drill !== undefined && this.seen.mode === "live") this.send({ drill: this.seen.drill });
-      this.ask();
-      if (this.playhead !== null) this.send({ playhead: this.playhead });
-      this.send({ section: true });
-    } else this.gone ||= new Date().toLocaleTimeString();
+    this.gone = open ? "" : this.gone || new Date().toLocaleTimeString();
     this.reason = reason;
     this.drawBanner();
+    if (!open) return;
+    this.ask();
+    if (this.past) this.playhead.go(this.playhead.time);
+    this.source.send({ section: true });
   }
 
-  /** Take a frame; it is drawn, and acknowledged, with the next picture of the browser.
-   * @param {import("./frames.js").Frame} frame */
+  /** Draw a frame with the next picture of the browser, and acknowledge it. @param {import("./frames.js").Frame} frame */
   take(frame) {
     requestAnimationFrame(() => {
       this.draw(frame);
       document.documentElement.dataset.frame = String(frame.number);
-      this.send({ ack: frame.number });
+      this.source.send({ ack: frame.number });
     });
   }
 
   /** @param {import("./frames.js").Frame} frame */
   draw(frame) {
-    const before = this.seen;
-    if (frame.run !== undefined && before.run !== undefined && frame.run !== before.run) {
-      const { mode, plots, drills, drill, kinds, channels } = before;
-      this.seen = { mode, plots, drills, drill, kinds, channels };
+    const { run, extent, mode } = this.seen;
+    if (frame.run !== undefined && run !== undefined && frame.run !== run) {
+      this.seen = { mode, drill: this.seen.drill, drills: this.seen.drills, plots: this.seen.plots };
       this.zoomed = null;
       this.clock.clear();
     }
     Object.assign(this.seen, frame);
     const { seen } = this;
     if (frame.quantities) setQuantities(frame.quantities);
-    if (frame.mode) {
-      document.documentElement.dataset.mode = frame.mode;
-      if (this.past) this.playhead ??= this.extent[0];
-    }
+    if (frame.mode) document.documentElement.dataset.mode = frame.mode;
+    // The source knows a whole run only by its ends.
+    if (frame.mode !== mode || (frame.extent && frame.extent[1] !== extent?.[1] && !this.zoomed && !this.follows)) this.ask();
     if (frame.plots) this.plots.define(frame.plots);
     if (frame.drill !== undefined || frame.drills) this.drawDrills();
+    if (frame.status?.regime) this.section.setRegime(frame.status.regime);
     if (frame.hole !== undefined) this.section.setHole(frame.hole);
-    if (frame.section) this.drawMotion(frame.section, frame, before);
-    else if (this.contradicts(frame, before)) this.send({ section: true });
+    this.drawMotion(frame);
     if (frame.numbers) this.numbers.draw(frame.numbers);
-    if (frame.jump) this.jump(frame.jump);
+    this.playhead.draw(seen, frame);
     this.controls.draw(seen, frame);
     this.details.draw(seen, frame);
     this.drawBanner();
     this.drawTime();
   }
 
-  /** Whether a frame shows something that the moving section does not: a fault, a pause, another drive.
-   * @param {import("./frames.js").Frame} frame @param {import("./plots.js").Seen} before */
-  contradicts(frame, before) {
-    const of = (/** @type {import("./plots.js").Seen} */ seen) =>
-      JSON.stringify([seen.status?.state, seen.status?.regime, seen.status?.drive_enabled, seen.faults?.filter((each) => each.active).length]);
-    this.shown ??= of(before);
-    const now = of({ ...before, ...frame });
-    const changed = now !== this.shown;
-    this.shown = now;
-    this.jumps ||= changed;
-    return changed;
-  }
-
-  /** @param {import("./frames.js").Section} section @param {import("./frames.js").Frame} frame
-   * @param {import("./plots.js").Seen} before */
-  drawMotion(section, frame, before) {
-    this.contradicts(frame, before);
-    const stands = this.seen.mode === "live" && this.seen.status?.state === "paused";
-    if (this.jumps || (this.past && !this.playing)) this.clock.jump(section, stands);
-    else this.clock.set(section);
+  /** Show the newest motion: at once if the screen says otherwise by now. @param {import("./frames.js").Frame} frame */
+  drawMotion(frame) {
+    const { status = {}, faults = [] } = this.seen;
+    const active = faults.filter((each) => each.active).map((each) => each.number);
+    const shown = JSON.stringify([status.state, status.regime, status.drive_enabled, active]);
+    if (shown !== this.shown) {
+      this.shown = shown;
+      this.jumps = true;
+      if (!frame.section) this.source.send({ section: true });
+    }
+    if (!frame.section) return;
+    if (this.jumps || (this.past && !this.playhead.playing)) this.clock.jump(frame.section, status.state === "paused" && !this.past);
+    else this.clock.set(frame.section);
     this.jumps = false;
   }
 
   drawTime() {
-    const { seen, range, playhead } = this;
+    const { seen, range } = this;
     const span = range.end - range.start;
-    const time = this.past ? playhead : seen.now;
-    element("time", HTMLOutputElement).textContent = time === null || time === undefined ? "" : this.past ? timeText(time, Math.max(span, 0.01)) : `${time.toFixed(1)}\u00a0s`;
+    const time = this.past ? this.playhead.time : seen.now;
+    element("time", HTMLElement).textContent = time === undefined ? "" : timeText(time, this.past ? Math.max(span, 0.01) : 30);
     element("reach", HTMLElement).textContent = this.zoomed ? `${timeText(range.start, span)} to ${timeText(range.end, span)} in view` : "";
-    this.plots.draw(seen, range, this.past ? playhead : null);
-    this.timeline.draw(seen, range, this.past ? playhead : null);
-    for (const button of element("views", HTMLElement).querySelectorAll("button")) {
-      const follow = button.dataset.follow ? Number(button.dataset.follow) : Infinity;
-      button.ariaPressed = String(!this.zoomed && (this.past ? follow === Infinity : follow === this.follow));
-    }
+    for (const part of [this.plots, this.timeline]) part.draw(seen, range, this.past ? this.playhead.time : null);
+    for (const button of element("views", HTMLElement).querySelectorAll("button"))
+      button.ariaPressed = String(!this.zoomed && Number(button.dataset.follow) === (this.past ? Infinity : this.follow));
   }
 
   drawDrills() {
     const { drills = [], drill = "" } = this.seen;
-    document.title = `${drill} \u2013 rpud`;
-    element("drill", HTMLElement).textContent = drill;
+    document.title = `${drill || "recording"} \u2013 rpud`;
+    element("drill", HTMLElement).textContent = drill || "recording";
+    element("drill", HTMLElement).classList.toggle("unseen", drills.length > 1);
     const select = element("drills", HTMLSelectElement);
     select.hidden = drills.length < 2;
-    element("drill", HTMLElement).classList.toggle("unseen", drills.length > 1);
     select.replaceChildren(...drills.map((name) => new Option(name, name, false, name === drill)));
   }
 
   drawBanner() {
-    const { connection, notice, error, read, mode } = this.seen;
+    const { connection, notice, error, read = 1, mode, drill } = this.seen;
+    const lost = mode === "live" && connection && connection.state !== "connected" ? connection : null;
     const parts = [];
     if (error) parts.push(error);
-    else if (this.gone) parts.push(`The server has gone at ${this.gone}; this is what it sent last. ${this.reason || "The page connects again."}`);
-    else if (mode === "live" && connection && connection.state !== "connected") {
-      const since = new Date(1e3 * connection.since).toLocaleTimeString();
-      parts.push(connection.state === "searching" ? `Searching for ${this.seen.drill}` : `The drill has gone at ${since}`, connection.reason);
+    else if (this.gone) parts.push(`The server has gone at ${this.gone}${this.reason ? `: ${this.reason}` : ""}. The screen shows what it sent last, and connects again.`);
+    else if (lost) {
+      const since = new Date(1e3 * lost.since).toLocaleTimeString();
+      const what = lost.state === "searching" ? `Searching for ${drill}` : `${drill} has gone at ${since}`;
+      parts.push(`${what}${lost.reason ? `: ${lost.reason}` : ""}`);
     }
-    if (read !== undefined && read < 1) parts.push(`${Math.floor(100 * read)} % of the bag is read`);
+    if (read < 1) parts.push(`${Math.floor(100 * read)} % of the bag is read.`);
     if (notice) parts.push(notice);
     const banner = element("banner", HTMLElement);
-    const text = parts.filter(Boolean).join(": ");
+    const text = parts.join(" ");
     if (banner.textContent !== text) banner.textContent = text;
     banner.hidden = !text;
-    banner.dataset.bad = String(Boolean(error || this.gone || connection?.state === "vanished"));
+    banner.dataset.bad = String(Boolean(error || this.gone || lost?.state === "vanished"));
   }
 
   // --- What is in view ---
 
-  /** Ask the source for what is in view; several changes at once become one request. */
+  /** Ask for what is in view; several changes at once become one request. */
   ask() {
     if (this.asking) return;
     this.asking = true;
     setTimeout(() => {
       this.asking = false;
-      const { start, end } = this.range;
-      const { width, choices } = this.plots;
-      const follows = !this.zoomed && !this.past && this.follow < Infinity;
-      this.send({ view: follows ? { follow: this.follow, width } : { start, end, width }, choices });
+      const { range: { start, end }, plots: { width, choices } } = this;
+      this.source.send({ view: this.follows ? { follow: this.follow, width } : { start, end, width }, choices });
     }, ASKED);
   }
 
@@ -219,25 +203,21 @@ class Screen {
     const span = Math.max(LEAST, Math.min(end - start, last - first));
     const from = Math.max(first, Math.min(0.5 * (start + end - span), last - span));
     this.zoomed = { start: from, end: from + span };
-    this.look();
-  }
-
-  /** Show the whole run; of a live drill: follow it again. */
-  showAll() {
-    this.zoomed = null;
-    this.look();
-  }
-
-  look() {
     this.ask();
     this.drawTime();
   }
 
-  /** @param {number} factor @param {number} [at] time that stays where it is [s] */
+  /** Show the whole recording, or follow the drill again. */
+  showAll() {
+    this.zoomed = null;
+    this.ask();
+    this.drawTime();
+  }
+
+  /** @param {number} factor @param {number} at time that stays where it is [s] */
   scale(factor, at) {
     const { start, end } = this.range;
-    const middle = at ?? (this.playhead !== null && this.playhead >= start && this.playhead <= end ? this.playhead : 0.5 * (start + end));
-    this.zoom(middle - factor * (middle - start), middle + factor * (end - middle));
+    this.zoom(at - factor * (at - start), at + factor * (end - at));
   }
 
   /** @param {number} share of the range in view */
@@ -246,113 +226,69 @@ class Screen {
     this.zoom(start + share * (end - start), end + share * (end - start));
   }
 
-  /** @param {number | null} time */
+  /** Keep the playhead in view. */
+  reveal() {
+    const { start, end } = this.range;
+    const { time, playing } = this.playhead;
+    const shift = time - start - (playing ? 0.1 : 0.5) * (end - start);
+    if (this.zoomed && (time < start || time > end)) this.zoom(start + shift, end + shift);
+    else this.drawTime();
+  }
+
+  /** @param {number | null} time at the cursor */
   point(time) {
     const { start, end } = this.range;
-    element("cursor", HTMLOutputElement).textContent = time === null ? "" : wordsAt(this.seen, time, end - start);
-    this.at = time;
-  }
-
-  // --- Playhead ---
-
-  /** Put the playhead to a time. @param {number} time */
-  seek(time) {
-    const [first, last] = this.extent;
-    this.playhead = Math.max(first, Math.min(time, last));
-    const { start, end } = this.range;
-    if (this.zoomed && (this.playhead < start || this.playhead > end)) {
-      const shift = this.playhead - start - (this.playing ? 0.1 : 0.5) * (end - start);
-      this.zoom(start + shift, end + shift);
-    }
-    this.send({ playhead: this.playhead });
-    this.drawTime();
-  }
-
-  /** @param {{time?: number, contact?: number, none?: string}} jump */
-  jump(jump) {
-    delete this.seen.jump;
-    element("contact", HTMLElement).hidden = jump.time === undefined;
-    if (jump.time === undefined) element("cursor", HTMLOutputElement).textContent = jump.none ?? "";
-    else {
-      this.contact = { start: jump.time - 0.5 * (jump.contact ?? 1e-4), end: jump.time + 1.5 * (jump.contact ?? 1e-4) };
-      this.seek(jump.time);
-    }
-  }
-
-  play() {
-    this.playing = this.playing ? 0 : performance.now();
-    if (this.playing && this.playhead === this.extent[1] && !this.seen.growing) this.playhead = this.extent[0];
-    const button = element("play", HTMLButtonElement);
-    button.ariaPressed = String(this.playing > 0);
-    button.textContent = this.playing ? "Pause" : "Play";
-    if (this.playing) requestAnimationFrame((now) => this.step(now));
-  }
-
-  /** @param {number} now [ms] */
-  step(now) {
-    if (!this.playing) return;
-    const passed = Math.max(0, now - this.playing);
-    if (passed > 90) {
-      this.playing = now;
-      this.seek((this.playhead ?? 0) + (Math.min(passed, 1000) / 1e3) * Number(element("speed", HTMLSelectElement).value));
-      if (this.playhead === this.extent[1] && !this.seen.growing) this.play();
-    }
-    requestAnimationFrame((next) => this.step(next));
+    element("cursor", HTMLElement).textContent = time === null ? "" : wordsAt(this.seen, time, end - start);
   }
 
   // --- Hands of the reader ---
 
+  /** Time that stays when the view is scaled: that of the playhead, else the middle [s]. */
+  get middle() {
+    const { start, end } = this.range;
+    const { time } = this.playhead;
+    return this.past && time >= start && time <= end ? time : 0.5 * (start + end);
+  }
+
   listen() {
-    const on = (/** @type {string} */ id, /** @type {() => void} */ act) => (element(id, HTMLElement).onclick = act);
-    const seekImpact = (/** @type {string} */ seek) => this.send({ seek, from: this.playhead ?? this.range.start });
-    on("previous", () => seekImpact("previous"));
-    on("next", () => seekImpact("next"));
-    on("play", () => this.play());
-    on("contact", () => this.contact && this.zoom(this.contact.start, this.contact.end));
-    on("all", () => {
-      this.follow = Infinity;
-      this.showAll();
-    });
-    for (const button of /** @type {NodeListOf<HTMLElement>} */ (document.querySelectorAll("[data-follow]")))
+    for (const button of element("views", HTMLElement).querySelectorAll("button"))
       button.onclick = () => {
         const span = Number(button.dataset.follow);
-        if (this.past) {
-          const at = this.playhead ?? 0;
-          this.zoom(at - 0.5 * span, at + 0.5 * span);
-          return;
-        }
-        this.follow = span;
-        this.showAll();
+        if (!this.past) this.follow = span;
+        if (this.past && span < Infinity) this.zoom(this.playhead.time - 0.5 * span, this.playhead.time + 0.5 * span);
+        else this.showAll();
       };
-    element("drills", HTMLSelectElement).onchange = (event) => this.send({ drill: /** @type {HTMLSelectElement} */ (event.target).value });
+    element("contact", HTMLElement).onclick = () => this.playhead.contact && this.zoom(...this.playhead.contact);
+    element("drills", HTMLSelectElement).onchange = (event) => {
+      location.search = String(new URLSearchParams({ namespace: /** @type {HTMLSelectElement} */ (event.target).value }));
+    };
     /** @type {Record<string, () => void>} */
     const keys = {
       ArrowLeft: () => this.move(-0.25),
       ArrowRight: () => this.move(0.25),
-      "+": () => this.scale(1 / ZOOM),
-      "-": () => this.scale(ZOOM),
+      "+": () => this.scale(1 / ZOOM, this.middle),
+      "-": () => this.scale(ZOOM, this.middle),
       Home: () => this.showAll(),
-      n: () => this.past && seekImpact("next"),
-      p: () => this.past && seekImpact("previous"),
-      " ": () => (this.past ? this.play() : element("pause", HTMLElement).click()),
+      n: () => this.past && this.playhead.jump("next"),
+      p: () => this.past && this.playhead.jump("previous"),
+      " ": () => element(this.past ? "play" : "pause", HTMLElement).click(),
     };
     document.addEventListener("keydown", (event) => {
-      const busy = event.target instanceof Element && event.target.closest("input, select, textarea, button, summary, [popover], .wide");
+      const busy = event.target instanceof Element && event.target.closest("input, select, button, summary, [popover], .wide");
       if (busy || event.ctrlKey || event.metaKey || event.altKey || !Object.hasOwn(keys, event.key)) return;
       event.preventDefault();
       keys[event.key]();
     });
-    for (const id of ["plots", "timeline"])
-      element(id, HTMLElement).addEventListener(
-        "wheel",
-        (event) => {
-          if (!event.ctrlKey) return;
-          event.preventDefault();
-          this.scale(Math.exp(0.002 * event.deltaY), this.at ?? undefined);
-        },
-        { passive: false },
-      );
+    const wheel = (/** @type {WheelEvent} */ event) => {
+      if (!event.ctrlKey || !(event.target instanceof Element)) return;
+      event.preventDefault();
+      const { left, width } = (event.target.closest(".u-over") ?? event.target).getBoundingClientRect();
+      const { start, end } = this.range;
+      const inPlot = event.target.closest("#plots .u-over");
+      this.scale(Math.exp(0.002 * event.deltaY), inPlot ? start + ((event.clientX - left) / width) * (end - start) : this.middle);
+    };
+    for (const id of ["plots", "timeline"]) element(id, HTMLElement).addEventListener("wheel", wheel, { passive: false });
   }
 }
 
-new Screen();
+export const rpudScreen = new Screen();

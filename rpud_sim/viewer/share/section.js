@@ -14,6 +14,8 @@ const SECTION_TOOL = SECTION_TOUCH + SECTION_MASS, SECTION_ROCK = 506, SECTION_B
 const SECTION_UP = 132, SECTION_DOWN = 200, SECTION_STEP = 18; // room of motions, of the tool's step in rock
 const SECTION_FACTORS = [1, 2, 3, 5, 10, 20, 30, 50, 100, 200, 500, 1000, 2000, 5000];
 const SECTION_LENGTHS = [1e-6, 2e-6, 5e-6, 1e-5, 2e-5, 5e-5, 1e-4, 2e-4, 5e-4, 1e-3, 2e-3, 5e-3, 1e-2, 2e-2];
+const SECTION_BODIES = /** @type {const} */ (["nodal_plane", "actuator", "free_mass", "drill_tool"]);
+const SECTION_TRACKS = /** @type {const} */ ([["torque", "N m", 1], ["rate", "mm/min", 6e4]]); // of the well log, right to left
 const SECTION_FLASH = 0.4, SECTION_CHIPS = 0.7; // s that an impact is seen
 const SECTION_YIELD = 1e-3; // a tool that moves farther is not in rock [m]
 const SECTION_LITHOLOGY = [ // dots, lines, bricks, dashes, crosses, wedges
@@ -68,7 +70,7 @@ function sectionDrawing() {
     <rect x="${x - 8}" y="-118" width="16" height="8"/>${[-64, -50.5, -37, -23.5].map(crystal).join("")}
     <path class="lead" d="M${x - 29} -51.5h-11v-62M${x - 29} -24.5h-16v-89"/>
     <path d="M${x - 33} -10h66v22h-66Z"/><polygon points="${sides.join(" ")}"/>
-    <path d="M${x - 100} -5h200v10h-200ZM${x - 112} -13h16v26h-16ZM${x + 96} -13h16v26h-16Z"/>
+    <path d="M${x - 96} -5h192v10h-192ZM${x - 112} -13h16v26h-16ZM${x + 96} -13h16v26h-16Z"/>
     ${label(-44, "piezo stack", 25)}${label(0, "nodal plane", 112)}${label(48, "horn", 18)}${label(88, "tip", 13, "tip-text")}</g>
   <g data-part="mass" class="mass"><rect x="${x - 34}" width="68" height="${SECTION_MASS}" rx="3"/>
     <rect class="cut" x="${x - 34}" width="68" height="${SECTION_MASS}" rx="3"/></g>
@@ -78,25 +80,22 @@ function sectionDrawing() {
     <text data-part="force" class="big" x="${x - 46}" y="6" text-anchor="end"></text></g>
   <path data-part="chips" class="chips" d=""/>
   <g class="scale"><path class="line" data-part="bar"/><text data-part="length" x="28"></text></g>
-  <text class="muted air" x="${x}" y="706" text-anchor="middle">not in the rock</text></g>
+  <text class="halo air" x="${x}" y="706" text-anchor="middle">not in the rock</text></g>
   <text class="none" x="${x}" y="620" text-anchor="middle">no waveform yet</text>`;
 }
 
-/**
- * Draw the section of the drill into a figure, with its pace and its magnifications below.
- * @param {HTMLElement} element @param {import("./clock.js").MotionClock} clock
- */
+/** Draw the section of the drill into a figure, with its pace and its magnifications below.
+ * @param {HTMLElement} element @param {import("./clock.js").MotionClock} clock */
 export function mountSection(element, clock) {
   const svg = document.createElementNS("http://www.w3.org/2000/svg", "svg");
   svg.setAttribute("viewBox", "0 0 540 720");
   svg.setAttribute("role", "img");
   svg.innerHTML = sectionDrawing();
   const speed = document.createElement("select"), hold = document.createElement("button");
-  const legend = document.createElement("p"), pace = document.createElement("span"), factors = document.createElement("span");
+  const [legend, pace, factors] = ["p", "span", "span"].map((name) => document.createElement(name));
   for (const each of [1, 2, 5, 20]) speed.add(new Option(`${each} ms`, `${each}`, each === clock.speed, each === clock.speed));
   speed.ariaLabel = "motion that a second shows";
   speed.addEventListener("change", () => { clock.speed = Number(speed.value); });
-  hold.type = "button";
   hold.addEventListener("click", () => clock.toggle());
   pace.className = "pace";
   pace.append("1 s shows ", speed, " ", hold);
@@ -107,7 +106,7 @@ export function mountSection(element, clock) {
   /** @type {Record<string, SVGElement[]>} */ const parts = {};
   for (const part of /** @type {NodeListOf<SVGElement>} */ (svg.querySelectorAll("[data-part]"))) (parts[part.dataset.part ?? ""] ??= []).push(part);
   const set = (/** @type {string} */ part, /** @type {string} */ name, /** @type {string | number} */ value) => {
-    for (const each of parts[part]) each.setAttribute(name, `${value}`);
+    for (const each of parts[part]) if (each.getAttribute(name) !== `${value}`) each.setAttribute(name, `${value}`);
   };
   const move = (/** @type {string} */ part, /** @type {number} */ y) => set(part, "transform", `translate(0 ${y})`);
   const write = (/** @type {string} */ part, /** @type {string} */ text) => { parts[part][0].textContent = text; };
@@ -121,8 +120,7 @@ export function mountSection(element, clock) {
   const text = (/** @type {string} */ name, /** @type {number} */ x, /** @type {number} */ y, /** @type {string} */ said, anchor = "end") =>
     make("text", { class: name, x, y, "text-anchor": anchor }, said);
 
-  let ratio = 1; // CSS pixels to a unit of the drawing
-  let factor = 0, stepFactor = 0; // magnification of motions, and of those below the place of touch
+  let ratio = 1, factor = 0, stepFactor = 0; // CSS pixels to a unit; magnification of motions, and below the place of touch
   let crushed = 0, bottom = SECTION_ROCK; // height of the crushed rock, place of the hole's bottom
   let inRock = true, regime = "", drawn = "", told = -Infinity;
   /** @type {Hole | null} */ let hole = null;
@@ -138,6 +136,7 @@ export function mountSection(element, clock) {
     let up = 0, down = 0, vibration = 0;
     block?.actuator.forEach((tip, each) => {
       const [plane, mass, tool] = [block.nodal_plane[each], block.free_mass[each], block.drill_tool[each]];
+      if (!Number.isFinite(plane + tip + mass + tool)) return;
       [up, down] = [Math.max(up, -plane, -tip, -mass, -tool), Math.max(down, tip, mass, tool)];
       vibration = Math.max(vibration, Math.abs(tip - plane));
     });
@@ -162,27 +161,28 @@ export function mountSection(element, clock) {
 
   /** Draw rock, hole, ruler and well log, where they have changed. */
   function ground() {
-    const depth = hole?.depth, known = typeof depth === "number" && Number.isFinite(depth), deep = known ? depth : 0;
-    const log = known && hole?.log?.depth.length ? hole.log : null, layers = hole?.layers?.length ? hole.layers : [{ from: 0, to: null, name: "rock", colour: 3 }];
+    const known = Number.isFinite(hole?.depth), deep = known ? Number(hole?.depth) : 0;
+    const log = known ? hole?.log : null, tracks = SECTION_TRACKS.filter(([name]) => log && Array.from(log[name]).some(Number.isFinite));
+    const layers = hole?.layers?.length ? hole.layers : [{ from: 0, to: null, name: "rock", colour: 3 }];
     const state = JSON.stringify([known, deep.toPrecision(4), layers, log?.depth.length, inRock, crushed]);
     if (state === drawn) return;
     drawn = state;
     const boundary = layers.find((each) => each.from > deep)?.from ?? 0;
     const shown = sectionRound(Math.max(1.3 * deep, Math.min(1.15 * boundary, 10 * Math.max(deep, 2e-3)), 2e-3));
     const at = (/** @type {number} */ value) => SECTION_ROCK + (Math.min(value, shown) / shown) * (SECTION_BOTTOM - SECTION_ROCK);
-    const drawing = [], left = SECTION_LEFT, right = log ? 336 : 526, wall = [SECTION_AXIS - 23, SECTION_AXIS + 23];
+    const drawing = [], left = SECTION_LEFT, right = 526 - 96 * tracks.length, wall = [SECTION_AXIS - 23, SECTION_AXIS + 23];
     bottom = inRock ? at(deep) : SECTION_ROCK;
     if (inRock) {
       for (const { from, to, name, colour } of layers.filter((each) => each.from < shown)) {
         const y = at(from), height = Math.max(at(to ?? shown) - y, 0);
-        for (const paint of [`stratum-${colour % 6}`, `rock-${colour % 6}`])
-          drawing.push(make("rect", { class: paint, x: left, y, width: right - left, height }));
+        for (const fill of [`var(--stratum-${colour % 6})`, `url(#rock-${colour % 6})`])
+          drawing.push(make("rect", { fill, x: left, y, width: right - left, height }));
         if (from > 0) drawing.push(path("line", `M${left} ${y}H${right}`));
         if (height > 15) drawing.push(text(deep >= from && deep < (to ?? Infinity) ? "halo now" : "halo", right - 8, y + 17, name));
       }
       const loose = `M${wall[0]} ${bottom}H${wall[1]}v${crushed}H${wall[0]}Z`;
-      drawing.push(path("hole", `M${wall[0]} ${SECTION_ROCK - 1}H${wall[1]}V${bottom + crushed}H${wall[0]}Z`), path("crushed", loose), path("rubble", loose),
-        path("edge", `M${left} ${SECTION_ROCK}H${wall[0]}V${bottom + crushed}H${wall[1]}V${SECTION_ROCK}H${right}`));
+      drawing.push(path("hole", `M${wall[0]} ${SECTION_ROCK - 1}H${wall[1]}V${bottom + crushed}H${wall[0]}Z`), path("crushed", loose),
+        path("rubble", loose), path("edge", `M${left} ${SECTION_ROCK}H${wall[0]}V${bottom + crushed}H${wall[1]}V${SECTION_ROCK}H${right}`));
     }
     if (inRock && known) {
       drawing.push(path("line", `M${left - 6} ${SECTION_ROCK}V${SECTION_BOTTOM}`), path("mark", `M${left - 6} ${bottom}l-8 -5v10Z`),
@@ -191,8 +191,7 @@ export function mountSection(element, clock) {
         drawing.push(path("line", `M${left - 6} ${at(tick)}h-5`));
         if (tick && Math.abs(at(tick) - bottom) > 14) drawing.push(text("muted", left - 14, at(tick) + 4, `${+(tick * 1e3).toPrecision(3)}`));
       }
-      if (log) drawing.push(...track(log.depth, Array.from(log.rate, (each) => each * 6e4), "rate", "mm/min", 352, at),
-        ...track(log.depth, Array.from(log.torque), "torque", "N m", 448, at));
+      tracks.forEach(([name, unit, scale], each) => drawing.push(...track(name, unit, scale, 448 - 96 * each, at)));
     }
     parts.ground[0].replaceChildren(...drawing);
     set("shank", "height", bottom - SECTION_TOOL - 37);
@@ -200,37 +199,36 @@ export function mountSection(element, clock) {
     picture();
   }
 
-  /** One track of the well log. @param {ArrayLike<number>} depths @param {number[]} values @param {string} name
-   * @param {string} unit @param {number} left @param {(depth: number) => number} at */
-  function track(depths, values, name, unit, left, at) {
-    const width = 78, most = sectionRound(Math.max(...values.filter(Number.isFinite), 1e-3)), rows = [...values.keys()].filter((row) => Number.isFinite(values[row]));
-    const points = rows.map((row) => `${(left + (Math.max(values[row], 0) / most) * width).toFixed(1)} ${at(depths[row]).toFixed(1)}`);
+  /** @param {"rate" | "torque"} name @param {string} unit @param {number} scale @param {number} left @param {(depth: number) => number} at */
+  function track(name, unit, scale, left, at) {
+    const width = 78, values = Array.from(hole?.log?.[name] ?? [], (each) => each * scale), depths = hole?.log?.depth ?? [];
+    const known = values.filter(Number.isFinite).sort((a, b) => a - b);
+    // The first moments in a rock can be far above all others.
+    const most = sectionRound(Math.max(known[Math.floor(0.97 * (known.length - 1))] ?? 0, 1e-3));
+    const points = values.map((value, row) => !Number.isFinite(value) ? ""
+      : `${(left + Math.min(Math.max(value / most, 0), 1) * width).toFixed(1)} ${at(depths[row]).toFixed(1)}`);
     const grid = [0, width / 2, width].map((across) => `M${left + across} ${SECTION_ROCK}V${SECTION_BOTTOM}`).join("");
-    return [path("grid", grid), path("line", `M${left} ${SECTION_ROCK}h${width}`), path(`curve ${name}`, points.length ? `M${points.join("L")}` : ""),
+    return [path("grid", grid), path("line", `M${left} ${SECTION_ROCK}h${width}`), path(`curve ${name}`, `M${points.filter(Boolean).join("L")}`),
       text(name, left, SECTION_ROCK - 24, name, "start"), text("muted", left + width, SECTION_ROCK - 6, `${+most.toPrecision(3)} ${unit}`)];
   }
 
   /** Put the bodies where they are at the clock's place. */
   function picture() {
-    const block = clock.block, sample = clock.sample;
-    const of = (/** @type {Float32Array | undefined} */ positions) => units(positions?.[sample] ?? 0);
-    const plane = SECTION_PLANE + magnified(block?.nodal_plane[sample] ?? 0, factor);
-    const mass = SECTION_TOUCH + of(block?.free_mass), tool = SECTION_TOOL + of(block?.drill_tool);
+    const block = clock.block, positions = SECTION_BODIES.map((body) => block?.[body][clock.sample] ?? 0);
+    if (!positions.every(Number.isFinite)) return; // nothing was recorded there: the picture before stays
+    const plane = SECTION_PLANE + magnified(positions[0], factor), tip = SECTION_TOUCH + units(positions[1]);
+    const mass = SECTION_TOUCH + units(positions[2]), tool = SECTION_TOOL + units(positions[3]);
     set("spring", "transform", `scale(1 ${(plane - 31) / 100})`);
-    move("plane", plane);
-    move("tip", SECTION_TOUCH + of(block?.actuator));
-    move("mass", mass);
-    move("tool", tool);
-    move("flash", tool);
+    for (const [part, y] of Object.entries({ plane, tip, mass, tool, flash: tool })) move(part, y);
     set("mass-line", "d", `M${SECTION_AXIS + 34} ${mass + SECTION_MASS / 2}L330 384H346`);
     set("tool-line", "d", `M${SECTION_AXIS + 28} ${tool + 10}L330 420H346`);
-    let flash = 0, chips = "";
+    let flash = 0, said = "", chips = "";
     for (const [time, force, contact] of block?.impacts ?? []) {
       const age = ((clock.place - time) * 1e3) / clock.speed + clock.rest;
       if (clock.place < time || age > SECTION_CHIPS) continue;
       if (age < SECTION_FLASH) {
         flash = 1 - age / SECTION_FLASH;
-        write("force", `${(force / 1e3).toFixed(2)} kN`);
+        said = force ? `${(force / 1e3).toFixed(2)} kN` : "";
       }
       for (let chip = 0; inRock && contact && chip < 8; chip += 1) {
         // By chance, but the same whenever the same impact is shown.
@@ -241,6 +239,7 @@ export function mountSection(element, clock) {
       }
     }
     set("flash", "opacity", flash.toFixed(2));
+    write("force", said);
     set("chips", "d", chips);
   }
 

@@ -1,24 +1,26 @@
 // @ts-check
 /* The whole run in one strip: envelope, faults, commands, gaps, the view and the playhead. */
-import { drawSpans, drawTimes, sharedCursor, timeAxis } from "./plots.js";
+import { commandsOf, drawSpans, drawTimes, placesOf, sharedCursor, timeAxis } from "./marks.js";
+import { columnOf } from "./plots.js";
 import { axisRange, colourOf } from "./quantities.js";
 
 /** Strip below the screen; a drag shows that part, a click goes there. */
 export class Timeline {
-  /** @param {HTMLElement} host @param {import("./plots.js").Listener} listener */
+  /** @param {HTMLElement} host @param {import("./marks.js").Listener} listener */
   constructor(host, listener) {
     this.host = host;
-    /** @type {import("./plots.js").Seen} */
+    /** @type {import("./marks.js").Seen} */
     this.seen = {};
-    /** @type {import("./plots.js").Range} */
+    /** @type {import("./marks.js").Range} */
     this.range = { start: 0, end: 1 };
     /** @type {number | null} */
     this.playhead = null;
-    const { cursor, hooks } = sharedCursor(listener);
+    const { hooks, ...shared } = sharedCursor(listener);
     const edge = { stroke: "transparent", width: 0, points: { show: false } };
     this.plot = new uPlot(
       {
         ...this.size(),
+        ...shared,
         series: [{}, { stroke: () => colourOf("force"), width: 1, points: { show: false } }, edge, { ...edge }],
         bands: [{ series: [3, 2], fill: () => colourOf("force", 0.25) }],
         scales: {
@@ -27,8 +29,6 @@ export class Timeline {
         },
         axes: [timeAxis(true), { show: false }],
         padding: [2, 14, 0, 14],
-        legend: { show: false },
-        cursor,
         hooks: {
           ...hooks,
           drawClear: [(plot) => drawSpans(plot, this.seen)],
@@ -51,13 +51,12 @@ export class Timeline {
     return [first, Math.max(last, first + 1e-6)];
   }
 
-  /** @param {import("./plots.js").Seen} seen @param {import("./plots.js").Range} range
+  /** @param {import("./marks.js").Seen} seen @param {import("./marks.js").Range} range
    * @param {number | null} playhead */
   draw(seen, range, playhead) {
     [this.seen, this.range, this.playhead] = [seen, range, playhead];
     const { t, mean, low, high } = seen.timeline ?? { t: [], mean: [], low: [], high: [] };
-    const holes = /** @param {ArrayLike<number>} values */ (values) => Array.from(values, (value) => (value === value ? value : null));
-    this.plot.setData([Array.from(t), holes(mean), holes(low), holes(high)]);
+    this.plot.setData([Array.from(t), ...[mean, low, high].map((values) => columnOf(values, t.length))]);
   }
 
   /** Fade what is out of view, and mark commands at the lower edge. @param {uPlot} plot */
@@ -65,11 +64,10 @@ export class Timeline {
     const { ctx, bbox } = plot;
     const ratio = uPlot.pxRatio;
     ctx.save();
+    const place = placesOf(plot);
     ctx.fillStyle = colourOf("command");
-    for (const { time } of this.seen.commands?.list ?? [])
-      ctx.fillRect(plot.valToPos(time, "x", true) - ratio / 2, bbox.top + bbox.height - 8 * ratio, ratio * 1.5, 8 * ratio);
-    const place = /** @param {number} time */ (time) =>
-      Math.max(bbox.left, Math.min(bbox.left + bbox.width, plot.valToPos(time, "x", true)));
+    for (const { time } of commandsOf(this.seen))
+      ctx.fillRect(place(time) - ratio / 2, bbox.top + bbox.height - 8 * ratio, ratio * 1.5, 8 * ratio);
     const [from, to] = [place(this.range.start), place(this.range.end)];
     ctx.fillStyle = colourOf("paper", 0.62);
     ctx.fillRect(bbox.left, bbox.top, from - bbox.left, bbox.height);

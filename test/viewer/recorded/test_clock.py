@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rpud_sim.inspection.report.timeline import Timeline
-from rpud_sim.watch.recorded.clock import Clock, Jump, JumpSearch, find_jumps
+from rpud_sim.viewer.recorded.clock import Clock, Jump, find_jumps
 
 SECOND = 1_000_000_000
 STEPS = st.lists(
@@ -38,26 +38,3 @@ def test_times_beyond_int64_are_no_error(far):
     stamps = np.array([3 * SECOND])
     for clock in (Clock(None, far), Clock(far, 0), Clock(far, 0, (Jump(1, 1),))):
         assert clock.elapsed(stamps, stamps) == pytest.approx([-far / SECOND])
-
-
-def series(number):
-    """Messages of one second of a run that was reset at 37 s, when its clock stood at 5037 s."""
-    logs = number * SECOND + np.arange(10) * (SECOND // 10)
-    return logs + (5000 * SECOND if number < 37 else 0), logs
-
-
-def test_a_jump_between_distant_parts_is_found_by_few_further_ones():
-    read = []
-
-    def further(number):
-        read.append(number)
-        return series(number)
-
-    parts = [(number, series(number)) for number in (0, 99)]
-    assert JumpSearch(64).jumps(parts, further) == (Jump(37 * SECOND, -5000 * SECOND),)
-    assert len(read) < 9
-
-
-def test_without_further_parts_a_jump_lies_where_the_next_part_begins():
-    parts = [(number, series(number)) for number in (0, 36, 99)]
-    assert JumpSearch(0).jumps(parts, series) == (Jump(99 * SECOND, -5000 * SECOND),)

@@ -1,4 +1,4 @@
-"""Bags for the tests of a bag's page: forces with chosen stamps, and a drill in many chunks."""
+"""Bags for the tests of a recorded drill: forces with chosen stamps, and a drill in many chunks."""
 
 from __future__ import annotations
 
@@ -57,3 +57,12 @@ def write_drill(folder: Path) -> Path:
     scenario = read_scenario(folder / "faults.yaml")
     write_offline_bag(folder / "whole", preset("drilling"), DURATION, scenario=scenario)
     return rechunked(folder / "whole", folder / "bag", 20_000, {"/rpud/waveform"})
+
+
+def rows_of(count, stamp=0, first=0):
+    """Return rows of a force that is the number of the message, a hundred a second."""
+    step = SECOND // 100
+    return [
+        (number * step, stamp + number * step, float(number))
+        for number in range(first, first + count)
+    ]
