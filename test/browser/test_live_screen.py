@@ -5,7 +5,16 @@ from urllib.parse import quote
 
 import pytest
 from browser.pages import PHONE
-from browser.screens import drag, of_screen, opened, served, text_has, text_is, until_screen, view_of
+from browser.screens import (
+    drag,
+    of_screen,
+    opened,
+    served,
+    text_has,
+    text_is,
+    until_screen,
+    view_of,
+)
 from drill_client import start_drill
 from support import PATIENCE, Process
 
@@ -63,7 +72,9 @@ def test_numbers_on_the_screen_are_those_of_the_drill(live, client):
     until_screen(live, f"screen.seen.status.impacts === {status.impacts}")
     for name in ("weight_on_bit", "drive_voltage", "depth", "deadlines_missed"):
         assert of_screen(live, f"screen.seen.status.{name}") == getattr(status, name), name
-    text_is(live, "#driven", f"{status.drive_voltage:g}\N{NO-BREAK SPACE}V, 16\N{NO-BREAK SPACE}kHz")
+    text_is(
+        live, "#driven", f"{status.drive_voltage:g}\N{NO-BREAK SPACE}V, 16\N{NO-BREAK SPACE}kHz"
+    )
     text_has(live, "#time", r"^\d+\.\d.s$")
 
     impacts = client.listen("contact_force")
