@@ -8,7 +8,11 @@ from __future__ import annotations
 import math
 from dataclasses import asdict, dataclass
 
+NONE = "\N{EN DASH}"  # in place of a value that is not there
 _DIGITS = 3  # significant ones of a text
+_PREFIXES = {9: "G", 6: "M", 3: "k", 0: "", -3: "m", -6: "µ", -9: "n"}
+# Units that are shown with a prefix. Masses, angles and what has no unit stay as they are.
+_SCALED = ("m", "m/s", "N", "N s", "J", "W", "s", "V", "A", "Hz", "Pa", "C", "ohm", "F", "H")
 
 
 @dataclass(frozen=True)
@@ -25,16 +29,22 @@ class Quantity:
     zero: bool = True  # whether its axis includes zero
     sources: tuple[str, ...] = ()  # ``Type.column`` of messages that have it, the best first
 
-    def text(self, value: float | None, *, unit: bool = True) -> str:
-        """Return a value, given in SI units, as people read it; a dash for none."""
+    def text(self, value: float | None, *, unit: bool = True, sign: bool = False) -> str:
+        """Return a value, given in SI units, as people read it; a dash for none.
+
+        ``sign`` shows that of a positive value too.
+        """
         if value is None or not math.isfinite(value):
-            return "\N{EN DASH}"
+            return NONE
         number = number_text(0.0 if abs(value) < self.floor else value * self.scale)
+        number = f"+{number}" if sign and value > 0.0 and number != "0" else number
         return f"{number} {self.unit}" if unit and self.unit else number
 
 
 def number_text(value: float) -> str:
     """Return a number with three significant digits, and with all of them before the point."""
+    if not math.isfinite(value):
+        return NONE
     if not value:
         return "0"
     places = max(0, _DIGITS - 1 - math.floor(math.log10(abs(value))))
@@ -89,7 +99,7 @@ QUANTITIES: dict[str, Quantity] = {
             sources=("Borehole.depth", "Status.depth"),
         ),
         Quantity(
-            "penetration_rate", "rate", "mm/min", 6e4, "depth", 1e-10, "into the rock",
+            "penetration_rate", "penetration rate", "mm/min", 6e4, "depth", 1e-10, "into the rock",
             sources=("Borehole.penetration_rate", "Status.penetration_rate"),
         ),
         Quantity(
@@ -146,8 +156,29 @@ QUANTITIES: dict[str, Quantity] = {
         Quantity(
             "lateness", "latest block", "ms", 1e3, "other", 1e-6, sources=("Status.lateness_max",)
         ),
+        Quantity("impact_interval", "interval between impacts", "ms", 1e3, "force", 1e-9),
+        Quantity("impact_velocity", "impact velocity", "m/s", 1.0, "mass", 1e-6),
+        Quantity("impact_energy", "energy of an impact", "mJ", 1e3, "force", 1e-9),
+        Quantity("contact_duration", "contact duration", "µs", 1e6, "force", 1e-9),
+        Quantity("impact_power", "power of the impacts", "W", 1.0, "power", 1e-6),
+        Quantity("weight_power", "power of weight on bit and gravity", "W", 1.0, "power", 1e-6),
+        Quantity("load_damper_power", "power lost in the load damper", "W", 1.0, "power", 1e-6),
+        Quantity("collision_power", "power lost in collisions", "W", 1.0, "power", 1e-6),
     )
 }  # fmt: skip
+
+
+def quantity_in(unit: str, greatest: float, label: str = "") -> Quantity:
+    """Return how a quantity outside the table is shown, such as a parameter.
+
+    ``unit`` is its SI unit, and ``greatest`` its greatest size, which has one to three digits before
+    the point.
+    """
+    if unit not in _SCALED or not math.isfinite(greatest) or greatest <= 0.0:
+        return Quantity("", label, unit)
+    exponent = min(max(3 * math.floor(math.log10(greatest) / 3.0 + 1e-12), -9), 9)
+    exponent = min(exponent, 0) if unit == "s" else exponent
+    return Quantity("", label, _PREFIXES[exponent] + unit, 10.0**-exponent)
 
 
 def for_browser() -> list[dict[str, object]]:
