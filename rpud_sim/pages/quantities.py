@@ -6,12 +6,12 @@ Screens, pages and lines in a terminal show a quantity in this one form.
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 
 NONE = "\N{EN DASH}"  # in place of a value that is not there
 _DIGITS = 3  # significant ones of a text
 _PREFIXES = {9: "G", 6: "M", 3: "k", 0: "", -3: "m", -6: "µ", -9: "n"}
-# Units that are shown with a prefix. Masses, angles and what has no unit stay as they are.
+# Units that are shown with a prefix; angles, and what has no unit, stay as they are.
 _SCALED = ("m", "m/s", "N", "N s", "J", "W", "s", "V", "A", "Hz", "Pa", "C", "ohm", "F", "H")
 
 
@@ -168,12 +168,39 @@ QUANTITIES: dict[str, Quantity] = {
 }  # fmt: skip
 
 
+# How figures of a run are shown.
+_FIGURES = {
+    "drill_tool_impact_rate": "impact_rate",
+    "actuator_impact_rate": "impact_rate",
+    "squeezed_impact_rate": "impact_rate",
+    "impact_velocity_mean": "impact_velocity",
+    "contact_force_mean": "peak_force",
+    "contact_force_p99": "peak_force",
+    "contact_force_max": "peak_force",
+    "contact_duration_mean": "contact_duration",
+    "kinetic_energy_rate": "power",
+    "energy_transferred_rate": "power",
+    "energy_absorbed_rate": "power",
+    "reacting_force_mean": "reacting_force",
+    "depth": "depth",
+    "penetration_rate": "penetration_rate",
+}
+
+
+def figure_quantity(name: str) -> Quantity:
+    """Return how a figure of a run is shown, by its name; its label is that name."""
+    known = QUANTITIES.get(_FIGURES.get(name, ""), Quantity("", "", ""))
+    return replace(known, name=name, label=name)
+
+
 def quantity_in(unit: str, greatest: float, label: str = "") -> Quantity:
     """Return how a quantity outside the table is shown, such as a parameter.
 
-    ``unit`` is its SI unit, and ``greatest`` its greatest size, which has one to three digits before
+    ``unit`` is its SI unit. ``greatest`` is its greatest size, which gets one to three digits before
     the point.
     """
+    if unit == "kg" and 0.0 < greatest < 1.0:
+        return Quantity("", label, "g", 1e3)
     if unit not in _SCALED or not math.isfinite(greatest) or greatest <= 0.0:
         return Quantity("", label, unit)
     exponent = min(max(3 * math.floor(math.log10(greatest) / 3.0 + 1e-12), -9), 9)

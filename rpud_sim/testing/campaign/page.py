@@ -8,7 +8,6 @@ from urllib.parse import quote
 
 import numpy as np
 
-from rpud_sim.pages import figures  # noqa: F401 - where Bokeh is missing, it fails before a run
 from rpud_sim.pages.frame import render_page
 from rpud_sim.pages.plot import Axis, Layer, Plot, Points, Rule
 from rpud_sim.testing.campaign.outcome import COMPLETED, ENDINGS, SYSTEM
@@ -75,7 +74,7 @@ if the run ends before.</p>
 <h2>Margins and reaction times</h2>
 <p>A margin says by how much an expectation holds; below zero it failed. The runs have the numbers
 of the table below.</p>
-{{ grid("plots", plots, 20) }}
+{{ figures(plots, 20) }}
 {% endif %}
 <h2>Runs</h2>
 <div class="wide" tabindex="0" role="region" aria-label="Runs"><table>
@@ -182,7 +181,9 @@ def _plots(results: CampaignResults, field: str, worst: Any) -> tuple[Plot, ...]
             title = f"{field.replace('_', ' ')}: {expectation.name}"
             alt = f"Worst: {value:.4g} {unit}".rstrip() + f" in run {number}."
             axes = Axis(unit=unit), Axis("run")
-            found.append(Plot(title, _layers(points, field == "margin"), alt, *axes))
+            found.append(
+                Plot(title, _layers(points, field == "margin"), alt, *axes, height=130, width=344)
+            )
     return tuple(found)
 
 
