@@ -225,4 +225,5 @@ def _row(shown: ShownQuantity, letter: str, each: Difference) -> tuple[str, ...]
     from rpud_sim.inspection.compare.wording import difference_texts
 
     values = (shown.text(each.reference.value), shown.text(each.other.value))
-    return (shown.label, each.figure, letter, *values, *difference_texts(shown, each), each.decision)
+    texts = (*values, *difference_texts(shown, each))
+    return (shown.label, each.figure, letter, *texts, each.decision)

@@ -50,7 +50,7 @@ def render_page(body: str, title: str, **context: object) -> str:
 
     ``body`` is a template for jinja2 of everything below the title. It may use ``table(heading,
     rows, numeric=true, caption="")``, ``plot(Plot)``, ``column(TimeColumn)`` and ``grid(name,
-    plots, least=26)``; ``figure(Plot)`` and ``figures(plots, least=20)`` are pictures without a script.
+    plots, least=26)``; ``figure(Plot)`` and ``figures(plots, least=20)`` need no script.
     """
     environment = Environment(
         autoescape=True,

@@ -9,7 +9,6 @@ import math
 from dataclasses import asdict, dataclass, replace
 
 NONE = "\N{EN DASH}"  # in place of a value that is not there
-_DIGITS = 3  # significant ones of a text
 _PREFIXES = {9: "G", 6: "M", 3: "k", 0: "", -3: "m", -6: "µ", -9: "n"}
 # Units that are shown with a prefix; angles, and what has no unit, stay as they are.
 _SCALED = ("m", "m/s", "N", "N s", "J", "W", "s", "V", "A", "Hz", "Pa", "C", "ohm", "F", "H")
@@ -27,6 +26,7 @@ class Quantity:
     floor: float = 0.0  # SI; what is smaller reads 0
     positive: str = ""  # what a positive value means, where it is not plain
     zero: bool = True  # whether its axis includes zero
+    digits: int = 3  # significant ones
     sources: tuple[str, ...] = ()  # ``Type.column`` of messages that have it, the best first
 
     def text(self, value: float | None, *, unit: bool = True, sign: bool = False) -> str:
@@ -36,19 +36,19 @@ class Quantity:
         """
         if value is None or not math.isfinite(value):
             return NONE
-        number = number_text(0.0 if abs(value) < self.floor else value * self.scale)
+        number = number_text(0.0 if abs(value) < self.floor else value * self.scale, self.digits)
         number = f"+{number}" if sign and value > 0.0 and number != "0" else number
         return f"{number} {self.unit}" if unit and self.unit else number
 
 
-def number_text(value: float) -> str:
-    """Return a number with three significant digits, and with all of them before the point."""
+def number_text(value: float, digits: int = 3) -> str:
+    """Return a number with some significant digits, and with all of them before the point."""
     if not math.isfinite(value):
         return NONE
     if not value:
         return "0"
-    places = max(0, _DIGITS - 1 - math.floor(math.log10(abs(value))))
-    text = f"{value:.{places}f}" if places <= 9 else f"{value:.{_DIGITS - 1}e}"  # noqa: PLR2004
+    places = max(0, digits - 1 - math.floor(math.log10(abs(value))))
+    text = f"{value:.{places}f}" if places <= 9 else f"{value:.{digits - 1}e}"
     return text.rstrip("0").rstrip(".") if "." in text and "e" not in text else text
 
 
@@ -103,11 +103,11 @@ QUANTITIES: dict[str, Quantity] = {
             sources=("Borehole.penetration_rate", "Status.penetration_rate"),
         ),
         Quantity(
-            "torque", "torque of rock and cuttings", "N m", 1.0, "torque", 1e-9,
+            "torque", "torque of rock and cuttings", "mN m", 1e3, "torque", 1e-9,
             sources=("Rotation.torque",),
         ),
         Quantity(
-            "drive_torque", "torque of the drive", "N m", 1.0, "power", 1e-9,
+            "drive_torque", "torque of the drive", "mN m", 1e3, "power", 1e-9,
             sources=("Rotation.drive_torque",),
         ),
         Quantity(
@@ -152,10 +152,13 @@ QUANTITIES: dict[str, Quantity] = {
             "packed_cuttings", "packed cuttings", "mm³", 1e9, "depth", 1e-13,
             sources=("Borehole.packed_cuttings",),
         ),
-        Quantity("bit_wear", "wear of the bit", "", 1.0, "tool", 1e-9, sources=("Borehole.bit_wear",)),
+        Quantity(
+            "bit_wear", "wear of the bit", "", 1.0, "tool", 1e-9, sources=("Borehole.bit_wear",)
+        ),
         Quantity(
             "lateness", "latest block", "ms", 1e3, "other", 1e-6, sources=("Status.lateness_max",)
         ),
+        Quantity("feed_rate", "rate of the feed", "mm/s", 1e3, "command", 1e-9, _TOWARD_ROCK),
         Quantity("impact_interval", "interval between impacts", "ms", 1e3, "force", 1e-9),
         Quantity("impact_velocity", "impact velocity", "m/s", 1.0, "mass", 1e-6),
         Quantity("impact_energy", "energy of an impact", "mJ", 1e3, "force", 1e-9),
@@ -196,13 +199,13 @@ def figure_quantity(name: str) -> Quantity:
 def quantity_in(unit: str, greatest: float, label: str = "") -> Quantity:
     """Return how a quantity outside the table is shown, such as a parameter.
 
-    ``unit`` is its SI unit. ``greatest`` is its greatest size, which gets one to three digits before
+    ``unit`` is its SI unit. ``greatest`` is its greatest size: it gets one to three digits before
     the point.
     """
     if unit == "kg" and 0.0 < greatest < 1.0:
         return Quantity("", label, "g", 1e3)
     if unit not in _SCALED or not math.isfinite(greatest) or greatest <= 0.0:
-        return Quantity("", label, unit)
+        return Quantity("", label, "/s" if unit == "1/s" else unit)
     exponent = min(max(3 * math.floor(math.log10(greatest) / 3.0 + 1e-12), -9), 9)
     exponent = min(exponent, 0) if unit == "s" else exponent
     return Quantity("", label, _PREFIXES[exponent] + unit, 10.0**-exponent)

@@ -12,6 +12,7 @@ import numpy as np
 from rpud_sim.pages.plot import Axis, Bars, Envelope, Layer, Line, Plot, Points, Rule, Zone
 from rpud_sim.pages.quantities import number_text
 
+_GREATEST = 1e150
 _MARGIN = 0.05  # of the range of the data
 
 
@@ -20,19 +21,19 @@ class Scale:
     """Map from values to pixels along one side of a plot."""
 
     axis: Axis
-    low: float
+    low: float  # low, high: values at the ends
     high: float
     begin: float  # begin, end: pixels of the least and of the greatest value
     end: float
 
     def __call__(self, values: Any) -> np.ndarray:
         low, high, found = self.low, self.high, np.asarray(values, float)
+        found = np.where(usable(found, self.axis), found, np.nan)
         if self.axis.log:
-            found = np.log(np.where(found > 0.0, found, np.nan))
-            low, high = math.log(low), math.log(high)
-        found = (found - low) / (high - low)
-        # A path has no use for what is far outside, and a browser none for its digits.
-        return self.begin + np.clip(found, -9.0, 10.0) * (self.end - self.begin)
+            low, high, found = math.log(low), math.log(high), np.log(found)
+        # A browser has no use for the digits of what is far outside.
+        found = np.clip((found - low) / (high - low), -9.0, 10.0)
+        return self.begin + found * (self.end - self.begin)
 
     def ticks(self, apart: float) -> list[tuple[float, str]]:
         """Return values and texts of ticks that are about so many pixels apart."""
@@ -46,28 +47,37 @@ class Scale:
         step = _step((self.high - self.low) / most)
         first, last = math.ceil(self.low / step - 1e-9), math.floor(self.high / step + 1e-9)
         places = max(0, -math.floor(math.log10(step) + 1e-9))
-        far = max(abs(self.low), abs(self.high)) >= 1e7 or places > 6
+        greatest = max(abs(self.low), abs(self.high))
+        form = f".{places}f"
+        if greatest >= 1e7 or places > 6:
+            form = f".{math.floor(math.log10(greatest / step)) + 2}g"
         return [
-            (n * step, f"{n * step:.4g}" if far else f"{n * step:.{places}f}".replace("-", "−"))
-            for n in range(first, last + 1)
+            (n * step, f"{n * step:{form}}".replace("-", "−", 1)) for n in range(first, last + 1)
         ]
 
 
+def usable(values: np.ndarray, axis: Axis) -> np.ndarray:
+    """Return which values can be drawn: numbers whose squares are numbers too."""
+    size = np.abs(values)
+    return (size < _GREATEST) & ((values > 1.0 / _GREATEST) | (not axis.log))
+
+
 def scale_of(plot: Plot, side: str, begin: float, end: float) -> Scale:
+    """Return the scale of an axis, ``x`` or ``y``, between two places [pixels]."""
     axis: Axis = getattr(plot, side)
     if axis.flipped:
         begin, end = end, begin
-    return Scale(axis, *_ends(plot, side), begin, end)
+    return Scale(axis, *axis_ends(plot, side), begin, end)
 
 
-def _ends(plot: Plot, side: str) -> tuple[float, float]:
+def axis_ends(plot: Plot, side: str) -> tuple[float, float]:
     """Return the ends of an axis that hold all data and all intervals, with a margin."""
     axis: Axis = getattr(plot, side)
     if axis.categories:
         return -0.6, len(axis.categories) - 0.4
     parts = [np.asarray(v, float).ravel() for each in plot.layers for v in _held(each, side)]
     found = np.concatenate([np.empty(0), *parts])
-    found = found[np.isfinite(found) & ((found > 0.0) | (not axis.log))]
+    found = found[usable(found, axis)]
     low, high = (float(found.min()), float(found.max())) if len(found) else (1.0, 1.0)
     if axis.log:
         more = (high / low) ** _MARGIN if high > low else 2.0

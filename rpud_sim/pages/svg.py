@@ -7,19 +7,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from typing import Any
 
 import numpy as np
-from markupsafe import Markup, escape
+from markupsafe import Markup
 
 from rpud_sim.foundation.terminal import printable
 from rpud_sim.pages.plot import Axis, Bars, Envelope, Layer, Line, Plot, Points, Rule, Zone
 from rpud_sim.pages.quantities import number_text
 from rpud_sim.pages.scale import Scale, scale_of
+from rpud_sim.pages.shapes import element, line, path, segments, text_at, titled, track, whole_parts
 from rpud_sim.pages.theme import series_color
 
 _LETTER = 7.2  # mean width of a letter of 12 pixels [pixels]
 _APART = 32.0  # least distance of ticks upward [pixels]
+_OVERHANG = 14.0  # of a text beyond a side; a longer one would reach into its neighbour [pixels]
 _LINE = 18  # height of a line of text [pixels]
 _GAP = 8  # pixels between a plot and its text
 _MOST_TITLES = 400  # points of a cloud have no texts under the pointer: they are one path
@@ -54,10 +55,11 @@ def _figure(plot: Plot, keys: str) -> Markup:
     place = left + inner
     for (head, cells), width in zip(columns, widths, strict=True):
         place += width
-        parts.append(_text(head, place, top - _GAP, "end", "head"))
+        parts.append(text_at(head, place, top - _GAP, "end", "head"))
         rows = scale_of(plot, "y", plot.height, 0.0)(np.arange(len(cells)))
         parts += [
-            _text(cell, place, top + row + 4, "end") for cell, row in zip(cells, rows, strict=True)
+            text_at(cell, place, top + row + 4, "end")
+            for cell, row in zip(cells, rows, strict=True)
         ]
     picture = _picture(plot.heading, plot.alt, plot.width, top + plot.height + below, parts)
     return _FIGURE.format(_title(plot.heading), keys, picture)
@@ -94,7 +96,7 @@ def corner(title: str, rows: Sequence[Sequence[Plot]], alt: str, width: int = 10
             middle = _GAP + (number + 0.5) * size
             turned = f"rotate(-90 12 {middle:.0f})"
             heading = _heading(row[0].y)
-            parts.append(_text(heading, 12, middle, "middle", "label", transform=turned))
+            parts.append(text_at(heading, 12, middle, "middle", "label", transform=turned))
     whole, height = math.ceil(left + count * size), math.ceil(2 * _GAP + count * size + 2 * _LINE)
     layers = {layer.name: layer for row in rows for plot in row for layer in plot.layers}
     picture = _picture(title, alt, whole, height, parts)
@@ -132,17 +134,18 @@ def _panel(
     x, y = scale_of(plot, "x", 0.0, width), scale_of(plot, "y", height, 0.0)
     for value, text in x.ticks(max(46.0, _widest(x))):
         place = left + float(x(value))
-        yield _line("grid", place, top, place, top + height)
-        if labelled_x:
-            yield _text(text, place, top + height + _LINE - 2, "middle")
+        yield line("grid", place, top, place, top + height)
+        over = 0.5 * _width(text) - min(place - left, left + width - place)
+        if labelled_x and over < _OVERHANG:
+            yield text_at(text, place, top + height + _LINE - 2, "middle")
     if labelled_x and plot.x.label:
         middle = left + 0.5 * width
-        yield _text(_heading(plot.x), middle, top + height + 2 * _LINE, "middle", "label")
+        yield text_at(_heading(plot.x), middle, top + height + 2 * _LINE, "middle", "label")
     for value, text in y.ticks(_APART) if labelled_y or plot.y.categories else ():
         place = top + float(y(value))
-        yield _line("grid", left, place, left + width, place)
+        yield line("grid", left, place, left + width, place)
         if labelled_y:
-            yield _text(_shortened(text, left), left - _GAP, place + 4, "end")
+            yield text_at(_shortened(text, left), left - _GAP, place + 4, "end")
     # An inner picture cuts off what is outside of it.
     inner = Markup("").join(part for layer in plot.layers for part in _draw(layer, x, y, plot))
     yield Markup('<svg x="{:.1f}" y="{:.1f}" width="{:.1f}" height="{:.1f}">{}</svg>').format(
@@ -152,39 +155,36 @@ def _panel(
 
 def _draw(layer: Layer, x: Scale, y: Scale, plot: Plot) -> Iterator[Markup]:
     color = f"var(--{_color(layer)})"
+    width, height = max(x.begin, x.end), max(y.begin, y.end)
     if isinstance(layer, Line):
-        width, dash = layer.width, _DASHES.get(layer.dash, "")
-        yield _path(_track(x(layer.x), y(layer.y), layer.steps), color, width, dash)
+        way = track(x(layer.x), y(layer.y), layer.steps)
+        yield path(way, color, layer.width, _DASHES.get(layer.dash, ""))
     elif isinstance(layer, Envelope):
         at, low, high = x(layer.x), y(layer.low), y(layer.high)
-        for part in _whole(np.isfinite(low + high + at)):
+        for part in whole_parts(np.isfinite(low + high + at)):
             way = np.concatenate([at[part], at[part][::-1]])
             edge = np.concatenate([high[part], low[part][::-1]])
-            yield _path(_track(way, edge) + "Z", "none", fill=color, opacity=0.25)
-        yield _path(_track(at, y(layer.y)), color, 1.4)
+            yield path(track(way, edge) + "Z", "none", fill=color, opacity=0.25)
+        yield path(track(at, y(layer.y)), color, 1.4)
     elif isinstance(layer, Bars):
         edges, tops, base = x(layer.edges), y(layer.y), float(y.begin)
         way = "".join(
             f"M{a:.1f} {base:.1f}V{b:.1f}H{c:.1f}V{base:.1f}"
             for a, b, c in zip(edges, tops, edges[1:], strict=False) if math.isfinite(b)
         )  # fmt: skip
-        yield _path(way, color, 0.5, fill=color, opacity=0.6)
+        yield path(way, color, 0.5, fill=color, opacity=0.6)
     elif isinstance(layer, Rule):
         at = float((y if layer.across else x)(layer.value))
-        ends = (
-            (0, at, max(x.begin, x.end), at) if layer.across else (at, 0, at, max(y.begin, y.end))
-        )
+        ends = (0, at, width, at) if layer.across else (at, 0, at, height)
         dash = _DASHES.get(layer.dash, "none")
-        yield _line("rule", *ends, layer.text, stroke=color, stroke_dasharray=dash)
+        yield line("rule", *ends, layer.text, stroke=color, stroke_dasharray=dash)
     elif isinstance(layer, Zone):
         first, last = sorted((y if layer.across else x)([layer.low, layer.high]).tolist())
         place = (
-            (0, first, max(x.begin, x.end), last - first)
-            if layer.across
-            else (first, 0, last - first, max(y.begin, y.end))
+            (0, first, width, last - first) if layer.across else (first, 0, last - first, height)
         )
         sides = dict(zip(("x", "y", "width", "height"), place, strict=True))
-        yield _element("rect", (_titled(layer.text),), **sides, fill=color, opacity=0.16)
+        yield element("rect", (titled(layer.text),), **sides, fill=color, opacity=0.16)
     elif isinstance(layer, Points):
         yield from _points(layer, x, y, plot, color)
 
@@ -193,32 +193,33 @@ def _points(layer: Points, x: Scale, y: Scale, plot: Plot, color: str) -> Iterat
     across, upward = x(layer.x), y(layer.y)
     shown = np.isfinite(across + upward)
     if layer.joined:
-        yield _path(_track(across, upward), color, 1.4)
+        yield path(track(across, upward), color, 1.4)
     if len(across) > _MOST_TITLES or layer.size < 3.0:
         dots = zip(across[shown], upward[shown], strict=True)
         way = "".join(f"M{a:.1f} {b:.1f}h0" for a, b in dots)
-        yield _path(way, color, layer.size, opacity=0.5, stroke_linecap="round")
+        yield path(way, color, layer.size, opacity=0.5, stroke_linecap="round")
         return
     scale = x if layer.across else y
     ends = () if layer.low is None or layer.high is None else (scale(layer.low), scale(layer.high))
+    marks = []
     for number in np.flatnonzero(shown):
-        a, b = float(across[number]), float(upward[number])
+        a, b, half = float(across[number]), float(upward[number]), 0.5 * layer.size
         text = layer.titles[number] if layer.titles else _values(layer, number, plot)
-        parts = [_titled(text)]
-        if ends and math.isfinite(low := float(ends[0][number])):
-            high = float(ends[1][number])
-            lines = ((low, b, high, b), (low, b - 3, low, b + 3), (high, b - 3, high, b + 3))
-            if not layer.across:
+        lines: tuple[tuple[float, float, float, float], ...] = ()
+        if ends and math.isfinite(ends[0][number] + ends[1][number]):
+            low, high = (float(end[number]) for end in ends)
+            if layer.across:
+                lines = ((low, b, high, b), (low, b - 3, low, b + 3), (high, b - 3, high, b + 3))
+            else:
                 lines = ((a, low, a, high), (a - 3, low, a + 3, low), (a - 3, high, a + 3, high))
-            parts.append(_path("".join(_segment(*line) for line in lines), color, 1.5))
-        half = 0.5 * layer.size
         if layer.marker == "x":
-            way = _segment(a - half, b - half, a + half, b + half)
-            way += _segment(a - half, b + half, a + half, b - half)
-            parts.append(_path(way, color, 2.2))
-        else:
-            parts.append(_element("circle", cx=a, cy=b, r=half, fill=color))
-        yield _element("g", parts)
+            lines += ((a - half, b - half, a + half, b + half),)
+            lines += ((a - half, b + half, a + half, b - half),)
+        parts = [titled(text), *([segments(lines)] if lines else [])]
+        if layer.marker != "x":
+            parts.append(element("circle", cx=round(a, 1), cy=round(b, 1), r=half))
+        marks.append(element("g", parts))
+    yield element("g", marks, class_="points", fill=color, stroke=color)
 
 
 def _values(layer: Points, number: int, plot: Plot) -> str:
@@ -236,61 +237,9 @@ def _values(layer: Points, number: int, plot: Plot) -> str:
         if spread and layer.low is not None and layer.high is not None:
             low, high = (number_text(float(end[number])) for end in (layer.low, layer.high))
             text = f"{text} ({low} to {high})"
-        name = axis.label or plot.title
+        name = axis.label or (plot.title if axis is plot.y else "")
         texts.append(f"{name} {text}".lstrip())
     return ", ".join(texts)
-
-
-def _whole(known: np.ndarray) -> Iterator[slice]:
-    """Yield the parts of a series between its gaps."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], known, [False]]).astype(int)))
-    yield from (slice(*pair) for pair in edges.reshape(-1, 2))
-
-
-def _track(x: np.ndarray, y: np.ndarray, steps: bool = False) -> str:
-    """Return the way through points; NaN is a gap."""
-    texts = []
-    for part in _whole(np.isfinite(x) & np.isfinite(y)):
-        points = list(zip(x[part].tolist(), y[part].tolist(), strict=True))
-        texts.append(f"M{points[0][0]:.1f} {points[0][1]:.1f}")
-        texts += [f"H{a:.1f}V{b:.1f}" if steps else f"L{a:.1f} {b:.1f}" for a, b in points[1:]]
-    return "".join(texts)
-
-
-def _segment(x1: float, y1: float, x2: float, y2: float) -> str:
-    return f"M{x1:.1f} {y1:.1f}L{x2:.1f} {y2:.1f}"
-
-
-def _path(way: str, stroke: str, width: float = 0.0, dash: str = "", **style: Any) -> Markup:
-    style = {"fill": "none", "stroke": stroke, "stroke_width": width} | style
-    return _element("path", d=way, **style, **({"stroke_dasharray": dash} if dash else {}))
-
-
-def _line(
-    name: str, x1: float, y1: float, x2: float, y2: float, text: str = "", **style: Any
-) -> Markup:
-    return _element("line", (_titled(text),), class_=name, x1=x1, y1=y1, x2=x2, y2=y2, **style)
-
-
-def _text(text: str, x: float, y: float, anchor: str, name: str = "tick", **style: Any) -> Markup:
-    inner = (escape(printable(text)),)
-    return _element("text", inner, class_=name, x=x, y=y, text_anchor=anchor, **style)
-
-
-def _titled(text: str) -> Markup:
-    return _element("title", (escape(printable(text)),)) if text else Markup("")
-
-
-def _element(tag: str, inner: Sequence[Markup] = (), **attributes: Any) -> Markup:
-    texts = [
-        Markup(' {}="{}"').format(
-            name.rstrip("_").replace("_", "-"), f"{v:.4g}" if isinstance(v, float) else v
-        )
-        for name, v in attributes.items()
-    ]
-    return Markup("<{0}{1}>{2}</{0}>").format(
-        Markup(tag), Markup("").join(texts), Markup("").join(inner)
-    )
 
 
 def _color(layer: Layer) -> str:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from rpud_sim.pages.plot import Axis, Bars, Layer, Plot, Points, Rule, Zone
@@ -18,7 +20,8 @@ _ROW = 26  # height of a target [pixels]
 
 def unknown_quantity(fit: Fit, name: str) -> Quantity:
     """Return how an unknown is shown."""
-    return quantity_in(unit_of(name), abs(fit.specification.unknowns[name].maximum), name)
+    greatest = abs(fit.specification.unknowns[name].maximum)
+    return replace(quantity_in(unit_of(name), greatest, name), digits=4)
 
 
 def corner_rows(fit: Fit) -> list[list[Plot]]:

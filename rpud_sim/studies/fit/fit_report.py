@@ -12,7 +12,7 @@ import numpy as np
 
 from rpud_sim.foundation.whole_folder import whole_file
 from rpud_sim.pages.frame import render_page
-from rpud_sim.pages.quantities import quantity_in
+from rpud_sim.pages.quantities import number_text, quantity_in
 from rpud_sim.pages.svg import corner
 from rpud_sim.studies.fit.fit import BEST_RUNS, Comparison, Fit
 from rpud_sim.studies.fit.fit_plots import corner_rows, corner_text, target_plot, unknown_quantity
@@ -28,6 +28,9 @@ REPORT = "report.html"
 
 _BODY = """\
 <p class="verdict">{{ verdict }}</p>
+{% if not reached %}
+<p class="warning">The intervals assume that the model can reach all targets.</p>
+{% endif %}
 {{ corner }}
 {% if ridges %}
 <p class="warning">The targets determine these pairs only together:
@@ -176,6 +179,7 @@ def _page(fit: Fit, command: str) -> str:
         command=command,
         seed=fit.specification.seed,
         verdict=_verdict(fit),
+        reached=fit.reached,
         runs=fit.simulations + fit.kept,
         unknowns=[_unknown(fit, name) for name in intervals],
         choices=[
@@ -209,10 +213,8 @@ def _verdict(fit: Fit) -> str:
     if fit.reached:
         return f"The model reaches all {len(used)} targets that the fit used."
     worst = max(used, key=lambda item: abs(item.deviation))
-    return (
-        f"The model does not reach every target: {worst.target.title} is {worst.ratio:.3f} of it. "
-        "The intervals assume that it can."
-    )
+    ratio = number_text(worst.ratio)
+    return f"The model misses a target: {worst.target.title} is {ratio} times what it should be."
 
 
 def _unknown(fit: Fit, name: str) -> tuple[str, ...]:

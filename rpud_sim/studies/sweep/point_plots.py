@@ -29,6 +29,7 @@ _CONFIDENCE = 0.95
 _MOST_DOTS = 20_000  # of all plots: a dot takes a dozen bytes of the page
 _MOST_PLOT_DOTS = 500
 _HEIGHT, _WIDTH = 150, 344  # of a plot [pixels]
+_ROW = 17  # height of a word [pixels]
 _HEADLINES = (
     "drill_tool_impact_rate",
     "contact_force_mean",
@@ -62,20 +63,27 @@ def point_plot(
     if len(specification.axes) > 1 or _in_classes(specification, name):
         every = -(-len(places) // most)
         dots = scale * places[::every], shown.scale * points[figure][::every]
-        layers.append(Points("single points", *dots, size=2.5, color="muted"))
+        layers.append(Points("single points", *_turned(dots, choices), size=2.5, color="muted"))
     found = list(marginal_means(specification, points, name, figure))
     if found:
         at, mean, half = np.array(found).T
         ends = shown.scale * (mean - half), shown.scale * (mean + half)
+        marks = _turned((scale * at, shown.scale * mean), choices)
         label = "mean with its 95 % interval"
-        mark = scale * at, shown.scale * mean
-        layers.append(Points(label, *mark, *ends, color=0, joined=not choices))
-    across = Axis(name, along.unit, log=isinstance(spread, Range) and spread.scale == "log")
-    if choices:
-        across = Axis(name, categories=tuple(str(value) for value in spread.levels()))
-    alt = _trend(found, shown, along, across.categories)
-    up = Axis(unit=shown.unit)
-    return Plot(figure, tuple(layers), alt, up, across, _HEIGHT, _WIDTH)
+        layers.append(Points(label, *marks, *ends, across=choices, joined=not choices))
+    words = tuple(str(value) for value in spread.levels()) if choices else ()
+    alt = _trend(found, shown, along, words)
+    if choices:  # their words stand below each other
+        axes = Axis(categories=words, flipped=True), Axis(figure, shown.unit)
+        height = max(_HEIGHT, _ROW * len(words))
+        return Plot(f"{figure} by {name}", tuple(layers), alt, *axes, height, _WIDTH)
+    log = isinstance(spread, Range) and spread.scale == "log"
+    axes = Axis(unit=shown.unit), Axis(name, along.unit, log)
+    return Plot(figure, tuple(layers), alt, *axes, _HEIGHT, _WIDTH)
+
+
+def _turned(pair: tuple[np.ndarray, np.ndarray], turned: bool) -> tuple[np.ndarray, np.ndarray]:
+    return pair[::-1] if turned else pair
 
 
 def _trend(
@@ -107,14 +115,14 @@ def share_plot(figure: str, item: Mapping[str, Any]) -> Plot:
     )
     value, low, high = rows.T
     places = np.arange(len(names), dtype=float)
-    points = Points("in all, with its 95 % interval", value, places, low, high, across=True)
     alone = np.array([share["first"] for _, share in causes])
+    layers = (
+        Points("in all, with its 95 % interval", value, places, low, high, across=True),
+        Points("alone", alone, places[:-1] + 0.25, size=5.0, color="muted"),
+    )
     alt = f"Greatest share: {names[0]} with {value[0]:.2f}; noise {value[-1]:.2f}."
-    return Plot(
-        figure, (points, Points("alone", alone, places[:-1] + 0.25, size=5.0, color="muted")), alt,
-        Axis(categories=names, flipped=True), Axis("share of the variance", low=min(0.0, low.min())),
-        17 * len(names), _WIDTH,
-    )  # fmt: skip
+    axes = Axis(categories=names, flipped=True), Axis("share of the variance")
+    return Plot(figure, layers, alt, *axes, _ROW * len(names), _WIDTH)
 
 
 def _is_choice(spread: Range | Values) -> bool:
