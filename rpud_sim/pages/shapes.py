@@ -32,15 +32,18 @@ def segments(lines: Sequence[tuple[float, float, float, float]]) -> Markup:
     return element("path", d="".join(f"M{a:.1f} {b:.1f}L{c:.1f} {d:.1f}" for a, b, c, d in lines))
 
 
-def path(way: str, stroke: str, width: float = 0.0, dash: str = "", **style: Any) -> Markup:
-    style = {"fill": "none", "stroke": stroke, "stroke_width": width} | style
-    return element("path", d=way, **style, **({"stroke_dasharray": dash} if dash else {}))
+def path(way: str, stroke: str, width: float = 0.0, **style: Any) -> Markup:
+    """Return a path; it has no filling unless its style says so."""
+    found: dict[str, Any] = {"fill": "none", "stroke": stroke, "stroke_width": width, **style}
+    return element("path", d=way, **found)
 
 
 def line(
-    name: str, x1: float, y1: float, x2: float, y2: float, text: str = "", **style: Any
+    name: str, ends: tuple[float, float, float, float], text: str = "", **style: Any
 ) -> Markup:
-    return element("line", (titled(text),), class_=name, x1=x1, y1=y1, x2=x2, y2=y2, **style)
+    """Return a straight line with a text under the pointer."""
+    places = dict(zip(("x1", "y1", "x2", "y2"), ends, strict=True))
+    return element("line", (titled(text),), class_=name, **places, **style)
 
 
 def text_at(text: str, x: float, y: float, anchor: str, name: str = "tick", **style: Any) -> Markup:
@@ -49,10 +52,12 @@ def text_at(text: str, x: float, y: float, anchor: str, name: str = "tick", **st
 
 
 def titled(text: str) -> Markup:
+    """Return the text under the pointer; nothing for an empty one."""
     return element("title", (escape(printable(text)),)) if text else Markup("")
 
 
 def element(tag: str, inner: Sequence[Markup] = (), **attributes: Any) -> Markup:
+    """Return an element; ``_`` in the name of an attribute stands for ``-``."""
     texts = [
         Markup(' {}="{}"').format(
             name.rstrip("_").replace("_", "-"), f"{v:.4g}" if isinstance(v, float) else v

@@ -134,7 +134,7 @@ def _panel(
     x, y = scale_of(plot, "x", 0.0, width), scale_of(plot, "y", height, 0.0)
     for value, text in x.ticks(max(46.0, _widest(x))):
         place = left + float(x(value))
-        yield line("grid", place, top, place, top + height)
+        yield line("grid", (place, top, place, top + height))
         over = 0.5 * _width(text) - min(place - left, left + width - place)
         if labelled_x and over < _OVERHANG:
             yield text_at(text, place, top + height + _LINE - 2, "middle")
@@ -143,7 +143,7 @@ def _panel(
         yield text_at(_heading(plot.x), middle, top + height + 2 * _LINE, "middle", "label")
     for value, text in y.ticks(_APART) if labelled_y or plot.y.categories else ():
         place = top + float(y(value))
-        yield line("grid", left, place, left + width, place)
+        yield line("grid", (left, place, left + width, place))
         if labelled_y:
             yield text_at(_shortened(text, left), left - _GAP, place + 4, "end")
     # An inner picture cuts off what is outside of it.
@@ -158,13 +158,13 @@ def _draw(layer: Layer, x: Scale, y: Scale, plot: Plot) -> Iterator[Markup]:
     width, height = max(x.begin, x.end), max(y.begin, y.end)
     if isinstance(layer, Line):
         way = track(x(layer.x), y(layer.y), layer.steps)
-        yield path(way, color, layer.width, _DASHES.get(layer.dash, ""))
+        yield path(way, color, layer.width, stroke_dasharray=_DASHES.get(layer.dash, "none"))
     elif isinstance(layer, Envelope):
         at, low, high = x(layer.x), y(layer.low), y(layer.high)
         for part in whole_parts(np.isfinite(low + high + at)):
-            way = np.concatenate([at[part], at[part][::-1]])
+            around = np.concatenate([at[part], at[part][::-1]])
             edge = np.concatenate([high[part], low[part][::-1]])
-            yield path(track(way, edge) + "Z", "none", fill=color, opacity=0.25)
+            yield path(track(around, edge) + "Z", "none", fill=color, opacity=0.25)
         yield path(track(at, y(layer.y)), color, 1.4)
     elif isinstance(layer, Bars):
         edges, tops, base = x(layer.edges), y(layer.y), float(y.begin)
@@ -174,16 +174,16 @@ def _draw(layer: Layer, x: Scale, y: Scale, plot: Plot) -> Iterator[Markup]:
         )  # fmt: skip
         yield path(way, color, 0.5, fill=color, opacity=0.6)
     elif isinstance(layer, Rule):
-        at = float((y if layer.across else x)(layer.value))
-        ends = (0, at, width, at) if layer.across else (at, 0, at, height)
+        place = float((y if layer.across else x)(layer.value))
+        ends = (0.0, place, width, place) if layer.across else (place, 0.0, place, height)
         dash = _DASHES.get(layer.dash, "none")
-        yield line("rule", *ends, layer.text, stroke=color, stroke_dasharray=dash)
+        yield line("rule", ends, layer.text, stroke=color, stroke_dasharray=dash)
     elif isinstance(layer, Zone):
         first, last = sorted((y if layer.across else x)([layer.low, layer.high]).tolist())
-        place = (
-            (0, first, width, last - first) if layer.across else (first, 0, last - first, height)
-        )
-        sides = dict(zip(("x", "y", "width", "height"), place, strict=True))
+        box = (0.0, first, width, last - first)
+        if not layer.across:
+            box = (first, 0.0, last - first, height)
+        sides = dict(zip(("x", "y", "width", "height"), box, strict=True))
         yield element("rect", (titled(layer.text),), **sides, fill=color, opacity=0.16)
     elif isinstance(layer, Points):
         yield from _points(layer, x, y, plot, color)
@@ -202,7 +202,7 @@ def _points(layer: Points, x: Scale, y: Scale, plot: Plot, color: str) -> Iterat
     scale = x if layer.across else y
     ends = () if layer.low is None or layer.high is None else (scale(layer.low), scale(layer.high))
     marks = []
-    for number in np.flatnonzero(shown):
+    for number in np.flatnonzero(shown).tolist():
         a, b, half = float(across[number]), float(upward[number]), 0.5 * layer.size
         text = layer.titles[number] if layer.titles else _values(layer, number, plot)
         lines: tuple[tuple[float, float, float, float], ...] = ()

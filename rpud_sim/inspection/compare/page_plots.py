@@ -26,7 +26,7 @@ _TAIL = 0.002  # share of values beyond each end of a histogram
 _DECADES = 30.0  # greatest over least, above which classes are equal in the logarithm
 _APART = 0.5  # between the outer runs, in rows of the differences
 _ROW = 19  # height of a row of the differences [pixels]
-_BINS = 400  # of a series over time
+_BINS = 200  # of a series over time
 _MOST_COMMANDS = 60  # that are drawn; more would be a solid surface
 _COLORS = {
     DIFFERS: "series1",
@@ -78,19 +78,17 @@ def _difference_points(found: Comparison, rows: _Rows) -> Iterator[Points]:
         for number, each in enumerate(differences):
             if each is None or not math.isfinite(each.relative):
                 continue
-            key = (each.decision, _COLORS[each.decision])
+            key: tuple[str, str | int] = (each.decision, _COLORS[each.decision])
             if runs > 1:
                 key = (f"{label(found, number + 1)} against A", number + 1)
             shift = (number - 0.5 * (runs - 1)) * _APART / max(runs - 1, 1)
-            ends = (each.relative, each.relative_low, each.relative_high)
-            text = _told(quantity, each)
-            points.setdefault(key, []).append((row + shift, *(100.0 * end for end in ends), text))
+            value, low, high = each.relative, each.relative_low, each.relative_high
+            point = (row + shift, 100.0 * value, 100.0 * low, 100.0 * high, _told(quantity, each))
+            points.setdefault(key, []).append(point)
     for (name, color), group in points.items():
         y, middle, low, high = np.array([point[:4] for point in group], float).T
-        titles = tuple(point[4] for point in group)
-        yield Points(
-            name, middle, y, low, high, across=True, size=7.0, color=color, titles=titles
-        )  # fmt: skip
+        texts = tuple(point[4] for point in group)
+        yield Points(name, middle, y, low, high, True, size=7.0, color=color, titles=texts)
 
 
 def _told(quantity: QuantityComparison, each: Difference) -> str:
@@ -117,8 +115,9 @@ def _columns(rows: _Rows) -> tuple[tuple[str, tuple[str, ...]], ...]:
         if each is None:
             cells.append(("", "", "", ""))
             continue
-        values = (quantity.shown.text(end.value) for end in (each.reference, each.other))
-        cells.append((*values, *difference_texts(quantity.shown, each)))
+        shown = quantity.shown
+        one, other = shown.text(each.reference.value), shown.text(each.other.value)
+        cells.append((one, other, *difference_texts(shown, each)))
     a, b, difference, interval = zip(*cells, strict=True)
     return (("A", a), ("B", b), ("difference", difference), ("95 % interval", interval))
 
@@ -208,7 +207,7 @@ def _over_time(
         if quantity.topic == STATUS or quantity.name == "impact_rate":
             layers.append(Line(name, times, values, steps=True, color=number))
         else:
-            layers.append(Envelope(name, *_bins(times, values), color=number))
+            layers.append(_envelope(name, times, values, number))
     if not means:
         return None
     alt = f"Means: {', '.join(means)}."
@@ -232,16 +231,15 @@ def _points(run: RecordedValues, quantity: Quantity) -> tuple[np.ndarray, np.nda
     return (arrays["time"][known], values[known]) if known.any() else None
 
 
-def _bins(times: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Return middle, least, mean and greatest value of equal parts of the time that have any."""
+def _envelope(name: str, times: np.ndarray, values: np.ndarray, color: int) -> Envelope:
+    """Return least, mean and greatest value of equal parts of the time that have any."""
     width = (times[-1] - times[0]) / _BINS or 1.0
     place = ((times - times[0]) / width).astype(int)
     firsts = np.flatnonzero(np.diff(place, prepend=-1))
     counts = np.diff(np.append(firsts, len(place)))
-    least, total, most = (
-        part.reduceat(values, firsts) for part in (np.minimum, np.add, np.maximum)
-    )
-    return times[0] + (place[firsts] + 0.5) * width, least, total / counts, most
+    low, total, high = (part.reduceat(values, firsts) for part in (np.minimum, np.add, np.maximum))
+    middle = times[0] + (place[firsts] + 0.5) * width
+    return Envelope(name, middle, low, total / counts, high, color)
 
 
 def _marks(found: Comparison, end: float) -> Iterator[Layer]:
