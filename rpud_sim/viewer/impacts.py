@@ -94,18 +94,15 @@ class Impacts:
         ends = np.cumsum(numbers)
         with np.errstate(invalid="ignore", divide="ignore"):
             mean = np.bincount(part, peaks, count) / numbers
-        low, high = (
-            np.where(
-                numbers > 0,
-                ordered[np.clip(ends - numbers + (share * (numbers - 1)).round().astype(int), 0, None)]
-                if len(ordered)
-                else np.nan,
-                np.nan,
-            )
-            for share in _ENDS
-        )
+        low, high = mean.copy(), mean.copy()
+        used = numbers > 0
+        for band, share in zip((low, high), _ENDS, strict=True):
+            places = (ends - numbers + (share * (numbers - 1)).round().astype(int))[used]
+            band[used] = ordered[places]
         # An outlier is as far above the band as the band is wide, at least.
-        far = np.flatnonzero(peaks > (high + (high - low))[part]) if len(peaks) else np.empty(0, int)
+        far = (
+            np.flatnonzero(peaks > (high + (high - low))[part]) if len(peaks) else np.empty(0, int)
+        )
         chosen = far
         if len(far) > MOST_OUTLIERS:
             chosen = np.sort(far[np.argpartition(-peaks[far], MOST_OUTLIERS)[:MOST_OUTLIERS]])

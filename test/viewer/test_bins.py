@@ -1,0 +1,55 @@
+"""An envelope contains every value, however far one looks from."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rpud_sim.viewer.bins import Bins
+
+samples = st.lists(
+    st.tuples(st.floats(0.0, 1000.0), st.floats(-1e6, 1e6)), min_size=1, max_size=100
+)
+
+
+@given(pairs=samples, parts=st.integers(1, 200))
+def test_least_mean_and_greatest_are_those_of_the_values(pairs, parts):
+    times, values = np.array(pairs).T
+    bins = Bins(["x"], 0.05, 256)
+    for chosen in np.array_split(np.arange(len(times)), 3):
+        bins.add("x", times[chosen], values[chosen])
+    seen = bins.view("x", 0.0, 1000.0, parts)
+    assert np.nanmin(seen.low) == values.min()
+    assert np.nanmax(seen.high) == values.max()
+    known = np.isfinite(seen.mean)
+    assert (seen.low[known] <= seen.mean[known] + 1e-6).all()
+    assert (seen.mean[known] <= seen.high[known] + 1e-6).all()
+    assert bins.end == times.max()
+
+
+def test_bins_grow_with_the_run_and_take_no_more_memory():
+    bins = Bins(["x", "y"], 0.05, 64)
+    bins.add("x", np.arange(0.0, 100.0, 0.01), np.ones(10_000))
+    assert bins.width == pytest.approx(1.6)
+    assert bins.has("x")
+    assert not bins.has("y")
+
+
+def test_parts_stay_when_the_range_moves():
+    bins = Bins(["x"], 0.05, 4096)
+    bins.add("x", np.arange(0.0, 60.0, 0.01), np.sin(np.arange(0.0, 60.0, 0.01)))
+    first, second = bins.view("x", 10.0, 30.0, 100), bins.view("x", 10.31, 30.31, 100)
+    shared = np.intersect1d(first.times, second.times)
+    assert len(shared) > 90
+    np.testing.assert_array_equal(
+        first.mean[np.isin(first.times, shared)][1:-1],
+        second.mean[np.isin(second.times, shared)][1:-1],
+    )
+
+
+def test_where_nothing_was_heard_nothing_is_shown():
+    bins = Bins(["x"], 0.05, 256)
+    bins.add("x", np.array([1.0, 5.0, 6.0]), np.array([1.0, np.nan, 2.0]))
+    seen = bins.view("x", 0.0, 8.0, 160)
+    assert np.isfinite(seen.mean).sum() == 2
+    assert not len(Bins(["x"], 0.05, 16).view("x", 5.0, 4.0, 10).times)
