@@ -7,6 +7,7 @@ from markupsafe import Markup
 
 from rpud_sim.foundation.terminal import printable
 from rpud_sim.pages.embedding import Embedding, page_style
+from rpud_sim.pages.svg import figure, figures
 from rpud_sim.pages.theme import css_variables
 
 _MACROS = """\
@@ -49,7 +50,7 @@ def render_page(body: str, title: str, **context: object) -> str:
 
     ``body`` is a template for jinja2 of everything below the title. It may use ``table(heading,
     rows, numeric=true, caption="")``, ``plot(Plot)``, ``column(TimeColumn)`` and ``grid(name,
-    plots, least=26)``.
+    plots, least=26)``; ``figure(Plot)`` and ``figures(plots, least=20)`` need no script.
     """
     environment = Environment(
         autoescape=True,
@@ -62,7 +63,13 @@ def render_page(body: str, title: str, **context: object) -> str:
     )
     embedding = Embedding()
     content = environment.from_string(f"{_MACROS}{body}").render(
-        plot=embedding.plot, column=embedding.column, grid=embedding.grid, title=title, **context
+        plot=embedding.plot,
+        column=embedding.column,
+        grid=embedding.grid,
+        figure=figure,
+        figures=figures,
+        title=title,
+        **context,
     )
     scripts, sources = embedding.scripts()
     return environment.from_string(_FRAME).render(

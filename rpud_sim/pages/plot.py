@@ -26,6 +26,8 @@ class Axis:
     high: float | None = None
     categories: tuple[str, ...] = ()  # names at 0, 1, 2 ..., which take the place of numbers
     flipped: bool = False  # whether it grows downward, or to the left
+    # Texts beside the categories, on the right: heading and texts of each column.
+    columns: tuple[tuple[str, tuple[str, ...]], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -75,6 +77,7 @@ class Points:
     joined: bool = False  # whether a line joins them
     # Of the scale of colours; from the values if None.
     values_ends: tuple[float, float] | None = None
+    titles: tuple[str, ...] = ()  # of the points, under the pointer; from their values if empty
 
 
 @dataclass(frozen=True)
@@ -106,6 +109,7 @@ class Rule:
     across: bool = True  # whether it is horizontal
     color: int | str = "text"  # number of its colour, or the name of one in ``theme``
     dash: Literal["solid", "dashed", "dotted", "dotdash"] = "dashed"  # of the line
+    text: str = ""  # under the pointer
 
 
 @dataclass(frozen=True)
@@ -117,6 +121,7 @@ class Zone:
     high: float
     across: bool = True  # whether it lies between two values of y, not of x
     color: int | str = "muted"  # number of its colour, or the name of one in ``theme``
+    text: str = ""  # under the pointer
 
 
 @dataclass(frozen=True)
@@ -143,6 +148,7 @@ class Plot:
     y: Axis = Axis()  # the axis upward; its unit stands beside the title
     x: Axis = Axis()  # the other axis; ignored in a column, which has one for all
     height: int = 170  # of the plot without its text [pixels]
+    width: int = 480  # of the plot with its text [pixels]
     square: bool = False  # whether x and y have one scale
 
     @property

@@ -60,12 +60,12 @@ def test_it_shows_rate_and_forces_and_ends_with_a_summary_and_the_bag(session):
     lines = output.splitlines()
     assert lines[0].startswith("recorded ")
     assert "drilled 2.00 s: " in output
-    assert "impacts/s  contact force " in output
+    assert "impacts/s  peak force " in output
     assert "deadlines missed, 0 commands accepted, 0 refused, 0 messages dropped" in output
     assert lines[-1] == f"bag: {path}"
     live = [line for line in errors.splitlines() if "reacting force" in line]
     assert live, errors
-    assert " N mean " in live[0]
+    assert " kN mean " in live[0]
     assert "Traceback" not in errors
 
 

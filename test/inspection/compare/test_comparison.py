@@ -5,7 +5,6 @@ import math
 
 import pytest
 from altered_bags import altered, unchanged
-from inspection.report.read_page import Page
 from sample_bags import write_damaged, write_offline_bag
 
 import rpud_sim.bag as bags
@@ -14,7 +13,6 @@ from rpud_sim.cli.main import main
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.inspection.compare import CompareError, compare
-from rpud_sim.inspection.compare.compare_page import render
 from rpud_sim.inspection.compare.content import content
 from rpud_sim.inspection.compare.estimates import DIFFERS
 from rpud_sim.simulation import preset, read_scenario
@@ -294,10 +292,3 @@ def test_the_content_is_json_without_nan(made):
     assert first["quantity"] == "impact_rate"
     assert first["runs"][0]["mean"]["low"] < first["runs"][0]["mean"]["high"]
     assert {"p", "decision", "relative_low"} <= first["differences"][0][0].keys()
-
-
-def test_the_page_has_the_numbers_of_the_comparison(made):
-    found = compare([made / "a", made / "heavier"])
-    rate = found.windows[0].quantities[0]
-    one, other = (run.estimates["mean"].value for run in rate.runs)
-    assert f"impact rate mean B {one:.5g} {other:.5g}" in Page(render(found)).text
