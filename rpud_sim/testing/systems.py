@@ -13,11 +13,12 @@ from pathlib import Path
 
 from rpud_sim.foundation.quantities import ParameterError, suggestion
 from rpud_sim.foundation.time import SECOND
+from rpud_sim.ros.client.drill_search import node_name
 from rpud_sim.simulation.topics import TOPICS
 from rpud_sim.testing.answers import Answers
 from rpud_sim.testing.collector import COMMANDS, Collector
 from rpud_sim.testing.errors import LostMessagesError, SystemUnderTestError, is_verdict
-from rpud_sim.testing.introductions import Introductions, node_name
+from rpud_sim.testing.introductions import Introductions
 from rpud_sim.testing.processes import ChildProcess, stop_all
 
 _START = 30.0  # that nodes may take to start which the test does not start itself [s]
