@@ -5,8 +5,10 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from typing import Any
 
 import rpud_sim.bag
@@ -369,9 +371,8 @@ class _Proof:
             return
         names = {status.topic.name}
         first = next(iter(self._bag.messages(names)))
-        last = first
-        for last in self._bag.messages(names, max(0, self._bag.duration - _LAST_STATUS)):
-            pass
+        end = max(0, self._bag.duration - _LAST_STATUS)
+        last = deque(chain([first], self._bag.messages(names, end)), maxlen=1)[0]
         with contextlib.suppress(BagFormatError, TypeError):  # of another definition
             before, after = codec.decode(first.data), codec.decode(last.data)
             taken = sum(getattr(after, each, 0) - getattr(before, each, 0) for each in _COUNTERS)
