@@ -9,12 +9,11 @@ import threading
 import time
 from typing import TYPE_CHECKING
 
-from rpud_sim.cli.drill_arguments import DOMAIN
+from rpud_sim.cli.drill_arguments import add_place_arguments
 from rpud_sim.cli.options import Number
 from rpud_sim.cli.program import ExitCode, failing
 from rpud_sim.foundation.quantities import Quantity
 from rpud_sim.foundation.terminal import complain, printable
-from rpud_sim.ros.record.record_options import RecordOptions
 
 if TYPE_CHECKING:
     from rpud_sim.ros.client.drill_finder import DrillFinder
@@ -57,18 +56,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "(default: %(default)s)",
     )
     parser.add_argument("--open", action="store_true", help="open the page in the browser")
-    parser.add_argument(
-        "--namespace",
-        default=RecordOptions.namespace,
-        help="namespace of the drill to begin with (default: %(default)s)",
-    )
-    parser.add_argument(
-        "--domain",
-        action=Number,
-        quantity=DOMAIN,
-        metavar="N",
-        help="ROS domain (default: ROS_DOMAIN_ID, or 0)",
-    )
+    add_place_arguments(parser)
     parser.add_argument("--until-eof", action="store_true", help=argparse.SUPPRESS)
 
 

@@ -70,8 +70,8 @@ class RecordedValues:
         arrays = self.topics.get(IMPACTS)
         if arrays is None or not len(arrays["sequence"]):
             return 0
-        numbers = arrays["sequence"]
-        return int(numbers[-1] - numbers[0] + 1 - len(numbers))
+        numbers = np.unique(arrays["sequence"])  # damaged bags repeat and mix them
+        return int(numbers[-1]) - int(numbers[0]) + 1 - len(numbers)
 
     def _filled(self) -> list[Arrays]:
         # A latched status may be older than the run's other messages.
