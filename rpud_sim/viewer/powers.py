@@ -45,12 +45,3 @@ def terms(powers: Mapping[str, float]) -> tuple[Terms, Terms]:
         into[GRAVITY] = weight - powers["weight_on_bit_power"]
         out[MOUNT] = powers["mount_power"]
     return into, out
-
-
-def flows(powers: Mapping[str, float]) -> tuple[Terms, Terms]:
-    """Return inflows and outflows by their names in the picture, positive [W]; see ``terms``."""
-    sources, sinks = terms(powers)
-    signed = [*sources.items(), *((text, -power) for text, power in sinks.items())]
-    into = {text: power for text, power in signed if power > 0.0}
-    out = {text: -power for text, power in signed if power < 0.0}
-    return into, out

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from support import examples
 
 from rpud_sim.foundation.quantities import ParameterError
-from rpud_sim.inspection.report.power_flow import terms
+from rpud_sim.viewer.powers import terms
 from rpud_sim.model.parameters import CONTACT_MODELS, REGIMES
 from rpud_sim.simulation import preset
 from rpud_sim.simulation.actuator import ActuatorParameters

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from rpud_sim.bag import BagReader
-from rpud_sim.bag.columns import Kind
+from rpud_sim.bag.columns import Kind, usable
 from rpud_sim.bag.tables import Batch
 from rpud_sim.foundation.time import SECOND, join_seconds
 from rpud_sim.inspection.compare.quantities import (
@@ -23,7 +23,6 @@ from rpud_sim.inspection.compare.quantities import (
 )
 from rpud_sim.inspection.compare.recorded_drill import RecordedDrill
 from rpud_sim.inspection.damages import Damages
-from rpud_sim.inspection.report.running_statistics import usable
 
 FAULTS = "faults"
 _FAULTS_TYPE = "rpud_msgs/msg/Faults"

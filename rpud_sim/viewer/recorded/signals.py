@@ -8,12 +8,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from rpud_sim.bag import BagFormatError, BagReader, TopicSummary
-from rpud_sim.bag.columns import Column, Kind
+from rpud_sim.bag.columns import Column, Kind, usable
 from rpud_sim.bag.field_values import FieldReader
 from rpud_sim.bag.message_block import MessageBlock
 from rpud_sim.bag.tables import compiled, late_messages
-from rpud_sim.inspection.report.running_statistics import usable
-from rpud_sim.inspection.report.topic_survey import is_latched, stamp_column
 
 MOST_SIGNALS = 120  # greatest number of signals of a bag
 MOST_TOPICS = 100  # greatest number of topics with signals
@@ -183,3 +181,16 @@ def _limit(readers: dict[str, TopicReader]) -> None:
     ):
         reader.keep(reader.signals[:left])
         left -= len(reader.signals)
+
+
+def stamp_column(columns: Sequence[Column]) -> str:
+    """Return the column with the times of a topic's rows: log_time if there is no stamp."""
+    if columns[0].name == "time":
+        return "time"
+    stamped = any(column.name == "header.stamp" and column.kind is Kind.TIME for column in columns)
+    return "header.stamp" if stamped else "log_time"
+
+
+def is_latched(summary: TopicSummary) -> bool:
+    """Whether a topic's first messages may be older than the bag."""
+    return any(offer.durability == "transient_local" for offer in summary.topic.offered_qos)
