@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
-from typing import Any
 
 from rpud_sim.bag.errors import parsing
 
@@ -22,9 +21,6 @@ class Tested:
     verdict: str  # ``passed``, ``failed`` or ``undecided``
     seed: str  # of all random numbers
     requirements: tuple[str, ...] = ()  # each with its verdict, value and time, in one line
-
-    def to_plain(self) -> dict[str, Any]:
-        return asdict(self)
 
     def to_record(self) -> dict[str, str]:
         """Return the content of the metadata record: one key with a JSON object."""

@@ -24,6 +24,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--out", default="report.html", metavar="FILE", help="new file (default: %(default)s)"
     )
+    parser.add_argument("--namespace", default="", metavar="NAME", help="drill; default: the first")
     add_json_argument(parser)
 
 
@@ -32,7 +33,7 @@ def run(arguments: argparse.Namespace) -> int:
     from rpud_sim.viewer.frozen import ReportError, write_report
 
     with failing(BagError, ReportError):
-        seen = write_report(arguments.bag, arguments.out)
+        seen = write_report(arguments.bag, arguments.out, arguments.namespace)
     for name, reason in (*seen.left_out.items(), *seen.damaged.items()):
         complain("rpud report", f"left out {name}: {reason}")
     if arguments.json:

@@ -23,8 +23,8 @@ def encode(frame: Mapping[str, Any]) -> bytes:
     """Return the bytes of a frame.
 
     Its values are plain ones, mappings, sequences and one-dimensional arrays. Times need double
-    precision, and have it; other arrays become single. Equal arrays are sent once. A scalar that is not
-    finite becomes null.
+    precision, and have it; other arrays become single. Equal arrays are sent once. A scalar that is
+    not finite becomes null.
     """
     arrays: dict[bytes, list[Any]] = {}
     size = 0

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +14,7 @@ from rpud_sim.bag import BagFormatError
 from rpud_sim.bag.manifest import RECORD_NAME as MANIFEST
 from rpud_sim.bag.manifest import manifest_from_record
 from rpud_sim.bag.tested import RECORD_NAME as TESTED
-from rpud_sim.bag.tested import tested_from_record
+from rpud_sim.bag.tested import Tested, tested_from_record
 from rpud_sim.inspection.damages import Damages
 from rpud_sim.inspection.output import check_new_file, write_new_file
 from rpud_sim.pages.quantities import QUANTITIES
@@ -22,14 +22,13 @@ from rpud_sim.viewer.frames import encode
 from rpud_sim.viewer.page import frozen_page
 from rpud_sim.viewer.recorded.signals import STATUS
 from rpud_sim.viewer.recorded.store import Opened, RecordedStore
-from rpud_sim.viewer.segments import energy_table, segment_table
-from rpud_sim.viewer.store import ClientState, View
+from rpud_sim.viewer.report_tables import energy_table, run_tables, segment_table
+from rpud_sim.viewer.store import ClientState, StoreError, View
 
 BINS = 3000  # of a layer, at most
 SECTIONS = 12  # blocks of motion that a report keeps
 
 _FINEST = 0.016  # shortest bin [s]: there are some impacts in each
-_LONGEST = 200  # characters of a cell
 
 
 class ReportError(Exception):
@@ -49,18 +48,24 @@ class Reported:
 def write_report(
     path: str | os.PathLike[str],
     out: str | os.PathLike[str],
-    progress: Callable[[float], object] = lambda share: None,
+    drill: str = "",
 ) -> Reported:
-    """Write the report of a bag into a new file; ``progress`` is told the share that was read."""
+    """Write the report of a drill in a bag, the first by default, into a new file."""
     check_new_file(out, ReportError)
     with RecordedStore(os.fspath(path)) as store:
-        content = store.read_all(progress)
-        client = ClientState(view=View(None, 0.0, np.inf, BINS))
-        store.open(client)
+        content = store.read_all()
+        client = ClientState(drill, View(None, 0.0, np.inf, BINS))
+        try:
+            store.open(client)
+        except StoreError as error:
+            raise ReportError(str(error)) from None
         frame = store.frame(client) or {}
         recording = content.recording
         damages = Damages(recording.bag)
-        frame |= {"number": 1, "mode": "frozen"}
+        others = [name for name in frame["drills"] if name != client.drill]
+        frame |= {"number": 1, "mode": "frozen", "drills": [client.drill]}
+        if others:
+            frame["notice"] += f" The bag holds other drills: {', '.join(others):.200}."
         if "view" in frame:
             frame |= _overview(store, client.drill, frame)
         frame |= _sections(store, client.drill, frame)
@@ -84,17 +89,16 @@ def write_report(
 
 def _overview(store: RecordedStore, drill: str, frame: Mapping[str, Any]) -> dict[str, Any]:
     """Return ``view`` over the whole run, and the plots that it serves: those of the table."""
-    plots = [
-        {**plot, "choices": [each for each in plot["choices"] if _of_table(each)] or plot["choices"][:1]}
-        for plot in frame["plots"]
-    ]
-    names = {
-        layer["quantity"] for plot in plots for each in plot["choices"] for layer in each["layers"]
-    }
+    plots = []
+    for plot in frame["plots"]:
+        choices = [choice for choice in plot["choices"] if _of_table(choice)]
+        plots.append({**plot, "choices": choices or plot["choices"][:1]})
+    layers = [layer for plot in plots for each in plot["choices"] for layer in each["layers"]]
     count = int(min(BINS, max(frame["now"] / _FINEST, 1.0)))
-    view = store.view(drill, 0.0, frame["now"], count, names)
+    view = store.view(drill, 0.0, frame["now"], count, {layer["quantity"] for layer in layers})
     for layer in view["layers"].values():
-        if all(np.array_equal(layer["mean"], layer.get(end), equal_nan=True) for end in ("low", "high")):
+        ends = [layer.get("low"), layer.get("high")]
+        if all(np.array_equal(layer["mean"], end, equal_nan=True) for end in ends):
             del layer["low"], layer["high"]  # one value a bin
     return {"plots": plots, "view": view}
 
@@ -104,7 +108,7 @@ def _of_table(choice: Mapping[str, Any]) -> bool:
 
 
 def _sections(store: RecordedStore, drill: str, frame: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the kept blocks of motion: the ends of equal parts of the run, and after each fault."""
+    """Return the kept blocks of motion: at the ends of equal parts of the run, and after faults."""
     now = float(frame["now"])
     moments = [*np.linspace(0.0, now, SECTIONS + 1)[1:]]
     for fault in frame.get("faults", [])[: SECTIONS // 2]:
@@ -118,16 +122,18 @@ def _sections(store: RecordedStore, drill: str, frame: Mapping[str, Any]) -> dic
 def _report(
     content: Opened, drill: str, frame: Mapping[str, Any], damages: Damages
 ) -> dict[str, Any]:
-    bag, now, views = content.recording.bag, float(frame["now"]), content.views
+    now, views = float(frame["now"]), content.views
     bins, impacts = content.overview.bins, content.overview.impacts[drill]
     faults = frame["faults"]
     moments = [entry["time"] for entry in frame["commands"]["list"]]
-    moments += [fault[end] for fault in faults for end in ("onset", "end") if fault[end] is not None]
+    moments += [
+        fault[end] for fault in faults for end in ("onset", "end") if fault[end] is not None
+    ]
     tables = []
     if impacts.total:
         names = ("reacting_force", "absorbed_power")
-        found = {name: views.signal(drill, name) for name in names}
-        signals = {name: signal.name for name, signal in found.items() if signal is not None}
+        known = {name: views.signal(drill, name) for name in names}
+        signals = {name: signal.name for name, signal in known.items() if signal is not None}
         tables.append(
             segment_table(now, moments, frame.get("steps", {}), faults, impacts, bins, signals)
         )
@@ -139,31 +145,16 @@ def _report(
     if account := energy_table(means, now):
         tables.append(account)
     seen: dict[str, Any] = {}
-    for record in damages.records(bag, MANIFEST):
-        try:
-            manifest = manifest_from_record(record)
-        except BagFormatError as error:
-            damages.add_record(MANIFEST, error)
-            continue
-        if manifest.seed is not None:
-            seen.setdefault("seed", str(manifest.seed))
-        rows = [
-            ["drill", manifest.node or "–"],
-            *([["forked from", f"{dict(manifest.forked_from)}"[:_LONGEST]]] if manifest.forked_from else []),
-            ["command", " ".join(manifest.command)[:_LONGEST] or "–"],
-            ["machine", manifest.machine or "–"],
-            ["versions", ", ".join(f"{k} {v}" for k, v in manifest.versions.items()) or "–"],
-        ]
-        tables.append({"title": "run", "columns": ["", ""], "rows": rows})
-        if manifest.parameters:
-            rows = [
-                [name, f"{value:g}" if isinstance(value, float) else f"{value}"[:_LONGEST]]
-                for name, value in sorted(manifest.parameters.items())
-            ]
-            tables.append({"title": "parameters", "columns": ["name", "value"], "rows": rows})
-    for record in damages.records(bag, TESTED):
-        try:
-            seen |= tested_from_record(record).to_plain()
-        except BagFormatError as error:
-            damages.add_record(TESTED, error)
+    for name, read in ((MANIFEST, manifest_from_record), (TESTED, tested_from_record)):
+        for record in damages.records(content.recording.bag, name):
+            try:
+                found = read(record)
+            except BagFormatError as error:
+                damages.add_record(name, error)
+                continue
+            if isinstance(found, Tested):
+                seen |= asdict(found)
+            else:
+                tables += run_tables(found)
+                seen.setdefault("seed", found.seed)
     return seen | {"tables": tables}

@@ -38,7 +38,10 @@ def frozen_page(title: str, frame: bytes) -> str:
     )
     text = _SCRIPT.sub("", _STYLE.sub("", text))
     text = re.sub(
-        "<title>.*?</title>", lambda _: f"<title>{html.escape(title)}</title>\n{head}", text, count=1
+        "<title>.*?</title>",
+        lambda _: f"<title>{html.escape(title)}</title>\n{head}",
+        text,
+        count=1,
     )
     return text.replace("</body>", tail)
 

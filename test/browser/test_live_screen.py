@@ -1,4 +1,4 @@
-"""The screen of a running drill in a real browser: what it shows, what it does, what it survives."""
+"""The screen of a running drill in a real browser: what it shows, does and survives."""
 
 import re
 from urllib.parse import quote

@@ -6,7 +6,6 @@ import pytest
 from mcap.writer import Writer
 from sample_bags import CHAT, START, STRING, TALK, write_bag
 
-import rpud_sim.bag
 from rpud_sim.bag import BagWriter
 from rpud_sim.bag.losses import RECORD_NAME, Losses, losses_to_record
 from rpud_sim.cli.main import execute

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rpud_sim.viewer.powers import FEED_POWERS, INFLOWS, MOUNT, OUTFLOWS, terms
-from rpud_sim.viewer.segments import energy_table
+from rpud_sim.viewer.report_tables import energy_table
 
 powers = st.lists(st.floats(-100.0, 100.0), min_size=6, max_size=6)
 

@@ -1,4 +1,4 @@
-"""Tables of a report: what a drill did between its commands and faults, and its energy."""
+"""Tables of a report: what a drill did between its commands and faults, its energy, its origin."""
 
 from __future__ import annotations
 
@@ -9,12 +9,14 @@ from typing import Any
 
 import numpy as np
 
+from rpud_sim.bag.manifest import Manifest
 from rpud_sim.pages.quantities import QUANTITIES
 from rpud_sim.viewer.bins import Bins
 from rpud_sim.viewer.impacts import Impacts
 from rpud_sim.viewer.powers import FEED_POWERS, INFLOWS, OUTFLOWS, terms
 
 MOST_SEGMENTS = 100  # further ones are in the last
+_LONGEST = 200  # characters of a cell
 _NEAR = 1e-3  # boundaries that are closer are one [s]
 
 Table = dict[str, Any]  # ``title``, ``columns`` and ``rows``, as a frame has it
@@ -83,7 +85,9 @@ def energy_table(means: Mapping[str, float], seconds: float) -> Table | None:
     """
     if not all(math.isfinite(means.get(name, math.nan)) for name in (*INFLOWS, *OUTFLOWS)):
         return None
-    into, out = terms({name: means.get(name, math.nan) for name in (*INFLOWS, *OUTFLOWS, *FEED_POWERS)})
+    into, out = terms(
+        {name: means.get(name, math.nan) for name in (*INFLOWS, *OUTFLOWS, *FEED_POWERS)}
+    )
     came, went = sum(into.values()), sum(out.values())
     powers = [
         *((f"in: {text}", power) for text, power in into.items()),
@@ -105,6 +109,26 @@ def energy_table(means: Mapping[str, float], seconds: float) -> Table | None:
     return {"title": f"energy account of {seconds:.1f} s", "columns": columns, "rows": rows}
 
 
+def run_tables(manifest: Manifest) -> list[Table]:
+    """Return where a run came from, and its parameters if they are known."""
+    origin = [
+        ("drill", manifest.node),
+        ("forked from", str(dict(manifest.forked_from)) if manifest.forked_from else ""),
+        ("command", " ".join(manifest.command)),
+        ("machine", manifest.machine),
+        ("versions", ", ".join(f"{name} {text}" for name, text in manifest.versions.items())),
+    ]
+    parameters = [
+        (name, f"{value:g}" if isinstance(value, float) else f"{value}")
+        for name, value in sorted(manifest.parameters.items())
+    ]
+    return [
+        {"title": title, "columns": [], "rows": [[name, text[:_LONGEST]] for name, text in rows]}
+        for title, found in (("run", origin), ("parameters", parameters))
+        if (rows := [pair for pair in found if pair[1]])
+    ]
+
+
 def _text(quantity: str, value: float | None) -> str:
     return QUANTITIES[quantity].text(value, unit=False)
 
@@ -112,12 +136,11 @@ def _text(quantity: str, value: float | None) -> str:
 def _in_force(steps: Mapping[str, Mapping[str, np.ndarray]], time: float) -> str:
     """Return the commands that are in force at a time [s]."""
     texts = []
-    for name in ("weight_on_bit", "drive_voltage"):
-        if name in steps and len(steps[name]["t"]):
-            place = int(np.searchsorted(steps[name]["t"], time, "right")) - 1
-            if place >= 0:
-                value = float(steps[name]["v"][place])
-                texts.append(QUANTITIES[name].text(value) if value else f"no {QUANTITIES[name].label}")
+    for name, found in steps.items():
+        place = int(np.searchsorted(found["t"], time, "right")) - 1
+        if name in ("weight_on_bit", "drive_voltage") and place >= 0:
+            quantity, value = QUANTITIES[name], float(found["v"][place])
+            texts.append(quantity.text(value) if value else f"no {quantity.label}")
     return ", ".join(texts) or "not known"
 
 
