@@ -115,9 +115,11 @@ class PageServer:
 
     def stop(self) -> None:
         """End `run`, from any thread or from a handler of a signal."""
-        self._stop.set()
-        if self._loop is not None:
-            self._loop.call_soon_threadsafe(self._stop.set)  # wakes the loop
+        if self._loop is None:
+            self._stop.set()
+            return
+        with suppress(RuntimeError):  # it has ended already
+            self._loop.call_soon_threadsafe(self._stop.set)
 
     def __enter__(self) -> PageServer:
         """Let SIGINT and SIGTERM end `run`, also before it begins."""

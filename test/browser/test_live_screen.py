@@ -67,7 +67,7 @@ def test_numbers_on_the_screen_are_those_of_the_drill(live, client):
     client.step(1.5)
     client.take()
     status = client.status
-    text_is(live, "#state b", "paused")
+    text_is(live, "#doing", "paused")
     live.until("document.querySelector('#weight').value === '23.5'")
     until_screen(live, f"screen.seen.status.impacts === {status.impacts}")
     for name in ("weight_on_bit", "drive_voltage", "depth", "deadlines_missed"):
@@ -118,7 +118,7 @@ def test_each_control_does_what_it_says(live, client):
     text_is(live, "#drive", "Drive off")
     click(live, "Retract")
     until_status(client, regime="free")
-    text_is(live, "#state b", "free")
+    text_is(live, "#doing", "free")
     click(live, "Engage")
     until_status(client, regime="drilling")
     click(live, "Pause")
@@ -170,12 +170,12 @@ def test_a_refusal_stands_beside_its_control_and_a_jam_is_called_so(live):
     live.tab.locator("#kinds").select_option("free_mass_jammed")
     block = of_screen(live, "screen.clock.block.time")
     click(live, "Inject")
-    text_is(live, "#state b", "jammed")
+    text_is(live, "#doing", "jammed")
     until_screen(live, f"screen.clock.block.time > {block}")
     text_is(live, "[data-number=impact_rate]", "0")
     click(live, "Fault (1)")
     click(live, "clear fault 1")
-    text_is(live, "#state b", "drilling")
+    text_is(live, "#doing", "drilling")
     live.tab.get_by_text("log of commands", exact=True).click()
     text_has(live, "#details", "free mass jammed")
 

@@ -162,17 +162,18 @@ def test_bodies_touch_in_the_picture_where_they_touch_in_the_data(opened, name, 
             f"""const block = sections.{name}, found = [];
             for (let each = 0; each < block.free_mass.length; each += 1) {{
               clock.still(each * block.period);
-              const [tip, mass, tool] = ["tip", "mass", "tool"].map(at);
+              const [plane, tip, mass, tool] = ["plane", "tip", "mass", "tool"].map(at);
               found.push([block.free_mass[each] - block.actuator[each], mass - tip,
-                block.drill_tool[each] - block.free_mass[each], tool - mass - 34]);
+                block.drill_tool[each] - block.free_mass[each], tool - mass - 34, plane]);
             }}
             return found;""",
         )
     )
-    for data, picture in (gaps[:, :2].T, gaps[:, 2:].T):
+    for data, picture in (gaps[:, :2].T, gaps[:, 2:4].T):
         assert len(data) == COUNT
         assert (picture[data > 0] > 0).all()
         assert (np.abs(picture[data == 0]) < 1e-9).all()
+    assert gaps[:, 4].min() > 26 + 118  # the actuator stays below the load unit
 
 
 @pytest.mark.parametrize("depth", [None, 0.0, 0.003, 0.0183])

@@ -69,18 +69,14 @@ def answer(server, path="/screen", **headers):
     return response, body
 
 
-@pytest.mark.parametrize("host", ["[", "evil.example", "evil.example:80", "", "[::1"])
-def test_a_name_that_is_not_this_machine_is_refused(server, host):
-    response, body = answer(server, Host=host)
-    assert response.status == 403
-    assert "is not this machine" in body
-
-
 @pytest.mark.parametrize("path", ["/", "/screen", "/drills", "/share/list.js", "/frames"])
-def test_a_page_of_another_site_gets_nothing(server, path):
-    response, body = answer(server, path, Origin="http://evil.example")
-    assert response.status == 403
-    assert "is not this server" in body
+def test_another_origin_and_another_host_are_refused(server, path):
+    for host in ("[", "evil.example", "evil.example:80", "", "[::1"):
+        response, body = answer(server, path, Host=host)
+        assert (response.status, body) == (403, f"host {host!r} is not this machine\n")
+    for origin in ("http://evil.example", "http://[", "null", f"http://127.0.0.1:{server.port}1"):
+        response, body = answer(server, path, Origin=origin)
+        assert (response.status, body) == (403, f"origin {origin!r} is not this server\n")
 
 
 @pytest.mark.parametrize(
@@ -103,14 +99,19 @@ def test_nothing_but_the_screen_is_served(server, path):
 
 def test_others_need_the_token_which_becomes_a_cookie(store):
     with serving(store, token="secret") as server:
-        assert answer(server, Host="anything")[0].status == 403
-        assert answer(server, "/screen?token=wrong")[0].status == 403
+        for path in ("/", "/screen", "/share/list.js", "/drills", "/frames"):
+            response, body = answer(server, path, Host="anything")
+            assert (response.status, body.partition(":")[0]) == (403, "the token is missing")
+            response, body = answer(server, f"{path}?token=wrong")
+            assert (response.status, body.partition(":")[0]) == (403, "this is not its token")
         response, _ = answer(server, "/screen?namespace=/a&token=secret", Host="anything")
         assert (response.status, response.headers["Location"]) == (302, "/screen?namespace=/a")
         cookie = response.headers["Set-Cookie"]
         assert "HttpOnly" in cookie
         assert "SameSite=Strict" in cookie
-        assert answer(server, Host="anything", Cookie=cookie.partition(";")[0])[0].status != 403
+        known = {"Host": "anything", "Cookie": cookie.partition(";")[0]}
+        assert answer(server, **known)[0].status == 200
+        assert answer(server, **known, Origin="http://evil.example")[0].status == 403
 
 
 def test_a_port_in_use_is_named():

@@ -156,7 +156,7 @@ class Heard:
                 return
 
     def _add(self, quantity: str, times: np.ndarray, values: np.ndarray) -> None:
-        if quantity in self.commands.quantities:
+        if self.is_stepped(quantity):
             return  # its steps say it exactly
         self.fine.add(quantity, times, values)
         self._pending.setdefault(quantity, []).append((times, values))
@@ -172,11 +172,14 @@ class Heard:
         }
 
     def has(self, quantity: str) -> bool:
-        if quantity in ("peak_force", "impact_rate"):
+        if quantity in ("peak_force", "impact_rate") or self.is_stepped(quantity):
             return True  # no impacts are also something to see
-        if quantity in self.commands.quantities:
-            return True
         return quantity in _SIGNALS and self.fine.has(quantity)
+
+    def is_stepped(self, quantity: str) -> bool:
+        """Return whether commands say a quantity; the weight on bit of an arm is measured."""
+        measured = quantity == "weight_on_bit" and "mount" in self._latest
+        return quantity in self.commands.quantities and not measured
 
     def period(self, quantity: str) -> float:
         """Return the time in which there surely is a value of a quantity [s]."""

@@ -87,7 +87,8 @@ class LiveFrame:
         view = self._client.view
         if self._due("steps", (heard.log_version, view), 0.5):
             start, end = _range(view, heard.time or 0.0)
-            self._fields["steps"] = heard.commands.steps(start, end, view.width)
+            steps = heard.commands.steps(start, end, view.width)
+            self._fields["steps"] = {name: steps[name] for name in steps if heard.is_stepped(name)}
 
     def _put_measured(self, heard: Heard, now: float) -> None:
         self._put("now", now)
@@ -127,7 +128,7 @@ class LiveFrame:
         for quantity, kind in chosen_quantities(plots, client.choices).items():
             if quantity in ("peak_force", "impact_rate"):
                 layers[quantity] = _impacts(heard, quantity, start, end, parts)
-            elif quantity not in heard.commands.quantities:
+            elif not heard.is_stepped(quantity):
                 layers[quantity] = _layer(heard, quantity, kind, start, end, parts)
         self._fields["view"] = {
             "start": start, "end": end, "detail": "overview", "complete": True,
@@ -183,41 +184,42 @@ def _layer(
     return {**layer, "band": "least-greatest"}
 
 
-def _power(heard: Heard) -> str:
-    return "electrical_power" if heard.has("electrical_power") else "actuator_power"
+def _measured(heard: Heard) -> dict[str, str]:
+    """Return quantities by the numbers that show them."""
+    power = "electrical_power" if heard.has("electrical_power") else "actuator_power"
+    return {
+        "reacting_force": "reacting_force",
+        "power": power,
+        "penetration_rate": "penetration_rate",
+    }
 
 
 def _numbers(
     heard: Heard, now: float, sparks: Mapping[str, np.ndarray]
 ) -> dict[str, dict[str, Any] | None]:
     """Return means and extremes of the last second."""
-    begin = max(now - 1.0, heard.since or 0.0)
+    begin = min(max(now - 1.0, heard.since or 0.0), now - 1e-3)
     times, peaks = heard.impacts.between(begin, now)
-    numbers: dict[str, dict[str, Any] | None] = {
-        "impact_rate": None,
+    counts = np.histogram(times, _RATES, (begin, now))[0] * heard.impacts.stride
+    rates = counts * _RATES / (now - begin)
+    found: dict[str, dict[str, Any] | None] = {
+        "impact_rate": _extremes(rates, rates, rates),
         "peak_force": _extremes(peaks, peaks, peaks),
     }
-    if now > begin:
-        counts = np.histogram(times, _RATES, (begin, now))[0] * heard.impacts.stride
-        rates = counts * _RATES / (now - begin)
-        numbers["impact_rate"] = _extremes(rates, rates, rates)
-    for name, quantity in (
-        ("reacting_force", "reacting_force"),
-        ("power", _power(heard)),
-        ("penetration_rate", "penetration_rate"),
-    ):
-        found = heard.fine.view(quantity, now - heard.period(quantity), now, 1 << 10)
-        numbers[name] = _extremes(found.low, found.mean, found.high)
+    for name, quantity in _measured(heard).items():
+        bins = heard.fine.view(quantity, now - heard.period(quantity), now, 1 << 10)
+        is_there = heard.has(quantity)
+        found[name] = _extremes(bins.low, bins.mean, bins.high) if is_there else None
     return {
         name: None if number is None else {**number, "spark": sparks[name]}
-        for name, number in numbers.items()
+        for name, number in found.items()
     }
 
 
-def _extremes(low: np.ndarray, mean: np.ndarray, high: np.ndarray) -> dict[str, Any] | None:
+def _extremes(low: np.ndarray, mean: np.ndarray, high: np.ndarray) -> dict[str, Any]:
     known = np.isfinite(mean)
     if not known.any():
-        return None
+        return dict.fromkeys(("mean", "least", "greatest"))
     return {
         "mean": float(mean[known].mean()),
         "least": float(low[known].min()),
@@ -234,13 +236,9 @@ def _sparks(heard: Heard, now: float) -> dict[str, np.ndarray]:
     totals = np.histogram(times, edges, weights=peaks)[0]
     with np.errstate(invalid="ignore"):
         sparks = {"impact_rate": counts * heard.impacts.stride, "peak_force": totals / counts}
-    for name, quantity in (
-        ("reacting_force", "reacting_force"),
-        ("power", _power(heard)),
-        ("penetration_rate", "penetration_rate"),
-    ):
-        found = heard.fine.view(quantity, edges[0], now, seconds)
-        sparks[name] = found.mean[np.isfinite(found.mean)][-_SPARK:]
+    for name, quantity in _measured(heard).items():
+        means = heard.fine.view(quantity, edges[0], now, seconds).mean
+        sparks[name] = means[np.isfinite(means)][-_SPARK:]
     return {name: spark.astype(np.float32) for name, spark in sparks.items()}
 
 

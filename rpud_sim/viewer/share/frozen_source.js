@@ -8,7 +8,7 @@ import { placeOf } from "./plots.js";
 /** The report of a bag, without a server: it has the overview, and some blocks of motion. */
 export class FrozenSource {
   /**
-   * @param {Iterable<HTMLScriptElement>} scripts with frames, in base64; the first has everything
+   * @param {Iterable<HTMLElement>} scripts with frames, in base64; the first has everything
    * @param {(frame: Frame) => void} onFrame
    * @param {(open: boolean, reason: string) => void} onState
    */

@@ -9,24 +9,25 @@ import { colourOf, inWords, timeText } from "./quantities.js";
  *   point: (time: number | null) => void, click: (time: number) => void}} Listener hands of the reader
  */
 
-export const FONT = "11px system-ui, sans-serif";
-/** Steps of an axis. */
-export const STEPS = Array.from({ length: 30 }, (_, i) => [1, 2, 5].map((each) => Number(`${each}e${i - 15}`))).flat();
+const STEPS = Array.from({ length: 30 }, (_, i) => [1, 2, 5].map((each) => Number(`${each}e${i - 15}`))).flat();
 
-/** @param {number[]} values of an axis @param {number} step between them @returns {string[]} */
-export function tickTexts(values, step) {
-  const places = Math.max(0, Math.min(9, -Math.floor(Math.log10(step) + 1e-9)));
-  return values.map((value) => value.toFixed(places).replace("-", "\u2212"));
+/** Return an axis with a thin grid. @param {uPlot.Axis} options @returns {uPlot.Axis} */
+export function axisOf(options) {
+  return {
+    stroke: () => colourOf("muted"), font: "11px system-ui, sans-serif", incrs: STEPS, ticks: { show: false },
+    grid: { show: options.side !== 1, stroke: () => colourOf("rule"), width: 1 },
+    values: (_, values, __, ___, step) => {
+      const places = Math.max(0, Math.min(9, -Math.floor(Math.log10(step) + 1e-9)));
+      return values.map((value) => value.toFixed(places).replace("-", "\u2212"));
+    },
+    ...options,
+  };
 }
 
 /** Return the time axis of a plot, whose times may be written below another one.
  * @param {boolean} written @returns {uPlot.Axis} */
 export function timeAxis(written) {
-  return {
-    stroke: () => colourOf("muted"), font: FONT, size: written ? 18 : 0, gap: 4, space: 90, incrs: STEPS,
-    grid: { stroke: () => colourOf("rule"), width: 1 }, ticks: { show: false },
-    values: (_, values, __, ___, step) => (written ? tickTexts(values, step) : values.map(() => "")),
-  };
+  return axisOf({ size: written ? 18 : 0, gap: 4, space: 90, ...(written ? {} : { values: (_, values) => values.map(() => "") }) });
 }
 
 /** Return options of a plot whose cursor is also that of the others, and where a drag zooms.

@@ -21,8 +21,7 @@ export function mountMotion(element, clock) {
   const make = (/** @type {string} */ name, values = {}) => Object.assign(document.createElement(name), values);
   const canvas = /** @type {HTMLCanvasElement} */ (make("canvas", { ariaHidden: "true" }));
   const area = make("div", { className: "area", tabIndex: 0, role: "slider", ariaLabel: "place in the motion of the last 20 ms", ariaValueMax: "0" });
-  const cursor = make("div", { className: "cursor" }), dot = make("i");
-  const title = make("figcaption"), unit = make("small");
+  const cursor = make("div", { className: "cursor" }), dot = make("i"), title = make("figcaption"), unit = make("small");
   const outputs = MOTION_LINES.map(([, label, colour]) => {
     const entry = make("span", { className: "key" }), output = make("output");
     entry.style.setProperty("--of", `var(--${colour})`);
@@ -80,14 +79,15 @@ export function mountMotion(element, clock) {
       write(tick ? `${tick}` : "0 ms", tick ? place : right, height - MOTION_BOTTOM / 2, tick ? "center" : "right");
     }
     context.stroke();
-    write("kN", MOTION_LEFT - 6, base - 6, "right");
+    if (block.impacts.length) write("kN", MOTION_LEFT - 6, base - 6, "right");
 
-    const count = block.free_mass.length, columns = Math.max(Math.min(Math.round(right - MOTION_LEFT), count), 1);
+    const count = block.free_mass.length;
     for (const [body, , paint] of MOTION_LINES) {
-      // Least and greatest of each pixel, as one shape: the tip vibrates faster than pixels.
+      // Least and greatest of each column, as one shape; one of the tip holds a whole vibration.
+      const columns = Math.max(Math.min(Math.round(right - MOTION_LEFT), Math.ceil(body === "actuator" ? count / 4 : count)), 1);
       /** @type {[number, number][]} */ let lows = [];
-      context.strokeStyle = context.fillStyle = colour(paint);
-      context.lineWidth = body === "free_mass" ? 1.6 : 1.2;
+      Object.assign(context, { strokeStyle: colour(paint), fillStyle: `color-mix(in srgb, ${colour(paint)} 40%, transparent)`,
+        lineWidth: body === "free_mass" ? 1.6 : 1.2 });
       for (let each = 0; each <= columns; each += 1) {
         const first = Math.floor((each * count) / columns), last = Math.min(Math.floor(((each + 1) * count) / columns), count - 1);
         const part = block[body].subarray(first, last + 1), place = x(((first + last) / 2) * block.period);

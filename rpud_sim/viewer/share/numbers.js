@@ -1,5 +1,6 @@
 // @ts-check
 /* Five numbers of the last second, each with its extremes and how it went. */
+import { make } from "./dom.js";
 import { quantityOf, valueText } from "./quantities.js";
 
 const SVG = "http://www.w3.org/2000/svg";
@@ -11,18 +12,14 @@ export class Numbers {
   /** @param {HTMLElement} host list of descriptions */
   constructor(host) {
     this.tiles = NAMES.map((name) => {
-      const tile = document.createElement("div");
-      const make = /** @param {string} tag */ (tag) => document.createElement(tag);
-      const [label, body, value, unit, ends] = ["dt", "dd", "output", "small", "small"].map(make);
+      const [label, value, unit, ends] = [make("dt"), make("output"), make("small"), make("small", { className: "ends" })];
       const spark = document.createElementNS(SVG, "svg");
       spark.setAttribute("viewBox", `0 0 ${WIDTH} ${HEIGHT}`);
       spark.setAttribute("preserveAspectRatio", "none");
       spark.setAttribute("aria-hidden", "true");
       const line = spark.appendChild(document.createElementNS(SVG, "path"));
       value.dataset.number = name;
-      ends.className = "ends";
-      body.append(value, unit, spark, ends);
-      tile.append(label, body);
+      const tile = make("div", {}, label, make("dd", {}, value, unit, spark, ends));
       host.append(tile);
       return { name, tile, label, value, unit, ends, line };
     });

@@ -1,6 +1,6 @@
 // @ts-check
 /* The time of a recording that the screen shows: seeking, playing, and jumps to impacts. */
-import { element } from "./controls.js";
+import { element } from "./dom.js";
 import { valueText } from "./quantities.js";
 
 const STEP = 90; // between two places while it plays [ms]
@@ -17,9 +17,9 @@ export class Playhead {
     this.playing = 0; // when it moved last [ms]; 0 while it stands
     /** @type {[number, number, boolean]} */ this.whole = [0, 0, false]; // ends of the recording, and whether it grows
     /** @type {[number, number] | null} */ this.contact = null; // ends of the contact that was found last
-    element("previous", HTMLElement).onclick = () => this.jump("previous");
-    element("next", HTMLElement).onclick = () => this.jump("next");
-    element("play", HTMLElement).onclick = () => this.toggle();
+    element("previous").onclick = () => this.jump("previous");
+    element("next").onclick = () => this.jump("next");
+    element("play").onclick = () => this.toggle();
   }
 
   /** @param {import("./marks.js").Seen} seen @param {import("./frames.js").Frame} frame */
@@ -30,9 +30,9 @@ export class Playhead {
     if (!frame.jump) return;
     const { time, peak_force: peak, contact_duration: contact = CONTACT, none = "" } = frame.jump;
     this.contact = time === undefined ? null : [time - 0.5 * contact, time + 1.5 * contact];
-    element("contact", HTMLElement).hidden = time === undefined;
+    element("contact").hidden = time === undefined;
     const words = time === undefined ? none : `impact at ${time.toFixed(9)} s, ${valueText("peak_force", peak)}`;
-    element("found", HTMLElement).textContent = words;
+    element("found").textContent = words;
     if (time !== undefined) this.seek(time);
   }
 
@@ -58,7 +58,7 @@ export class Playhead {
     this.playing = this.playing ? 0 : performance.now();
     const [first, last, grows] = this.whole;
     if (this.playing && this.time >= last && !grows) this.time = first;
-    const button = element("play", HTMLElement);
+    const button = element("play");
     button.ariaPressed = String(this.playing > 0);
     button.textContent = this.playing ? "Pause" : "Play";
     if (this.playing) requestAnimationFrame((now) => this.step(now));

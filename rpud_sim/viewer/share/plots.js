@@ -1,6 +1,7 @@
 // @ts-check
 /* The column of plots: bands, means, outliers and steps over the time in view. */
-import { FONT, STEPS, commandsOf, drawSpans, drawTimes, sharedCursor, tickTexts, timeAxis } from "./marks.js";
+import { make } from "./dom.js";
+import { axisOf, commandsOf, drawSpans, drawTimes, sharedCursor, timeAxis } from "./marks.js";
 import { axisRange, colourOf, quantityOf, valueText } from "./quantities.js";
 
 const AXIS = 52; // width of every axis of values, as --axis [px]
@@ -47,20 +48,12 @@ class TimePlot {
     /** @type {Map<string, [number, number]>} */ this.axes = new Map(); // ends, by unit
     this.span = 0; // for which the axes were fitted [s]
     const { choices } = definition;
-    this.figure = document.createElement("figure");
-    this.figure.className = "plot";
+    this.title = make("figcaption");
+    this.area = make("div", { className: "area" });
+    this.figure = make("figure", { className: "plot" }, this.title, this.area);
     this.figure.dataset.plot = definition.id;
-    this.title = document.createElement("figcaption");
-    this.area = document.createElement("div");
-    this.area.className = "area";
-    this.figure.append(this.title, this.area);
-    this.name = document.createElement(choices.length > 1 ? "select" : "b");
-    if (this.name instanceof HTMLSelectElement) {
-      const select = this.name;
-      select.ariaLabel = "quantities of this plot";
-      select.append(...choices.map((choice) => new Option(choice.title, choice.id)));
-      select.onchange = () => (this.choose(select.value), onChoice(select.value));
-    } else this.name.textContent = choices[0].title || definition.title;
+    this.select = make("select", { ariaLabel: "quantities of this plot" }, ...choices.map(({ title, id }) => new Option(title, id)));
+    this.select.onchange = () => (this.choose(this.select.value), onChoice(this.select.value));
     this.choice = choices[0];
     this.choose(chosen);
     new ResizeObserver(() => this.plot?.setSize(this.size())).observe(this.area);
@@ -73,20 +66,18 @@ class TimePlot {
   /** Show other quantities. @param {string} id of the choice */
   choose(id) {
     this.choice = this.definition.choices.find((each) => each.id === id) ?? this.choice;
-    if (this.name instanceof HTMLSelectElement) this.name.value = this.choice.id;
+    this.select.value = this.choice.id;
     const { layers } = this.choice;
     const units = [...new Set(layers.map((layer) => this.unit(layer)))];
-    const unit = document.createElement("small");
-    unit.textContent = units.length === 1 ? units[0] : "";
+    const name = this.definition.choices.length > 1 ? this.select : make("b", { textContent: this.choice.title || this.definition.title });
     this.legend = layers.map((layer) => {
-      const [entry, name, value] = [document.createElement("span"), document.createElement("span"), document.createElement("output")];
-      entry.className = `key ${layer.kind}`;
+      const [name, value] = [make("span"), make("output")];
+      const entry = make("span", { className: `key ${layer.kind}` }, name, value);
       entry.style.setProperty("--of", `var(--${this.colour(layer)})`);
-      entry.append(name, value);
       const words = layers.length === 1 && layer.kind === "band" ? "mean" : layer.label;
       return { layer, entry, name, value, words: units.length > 1 ? `${words}, ${this.unit(layer)}` : words };
     });
-    this.title.replaceChildren(this.name, unit, ...this.legend.map(({ entry }) => entry));
+    this.title.replaceChildren(name, make("small", { textContent: units.length > 1 ? "" : units[0] }), ...this.legend.map(({ entry }) => entry));
     this.plot?.destroy();
     this.axes.clear();
     this.plot = new uPlot(this.options(units), this.data(), this.area);
@@ -130,7 +121,7 @@ class TimePlot {
     const { hooks, ...shared } = sharedCursor(this.listener);
     return {
       ...this.size(), ...shared, series, bands, scales,
-      axes: [timeAxis(this.written), ...units.slice(0, 2).map((unit, number) => this.axis(unit, number))],
+      axes: [timeAxis(this.written), ...units.slice(0, 2).map((scale, number) => this.axis(scale, number))],
       padding: [6, END, this.written ? 0 : 4, 0],
       hooks: {
         ...hooks,
@@ -141,16 +132,11 @@ class TimePlot {
     };
   }
 
-  /** @param {string} unit @param {number} number of the axis: a second one stands inside, so that all plots are equally wide
-   * @returns {uPlot.Axis} */
-  axis(unit, number) {
-    const own = this.choice.layers.find((layer) => this.unit(layer) === unit);
-    return {
-      scale: unit, side: number ? 1 : 3, size: number ? 0 : AXIS, gap: number ? -34 : 6, font: FONT, space: 26, incrs: STEPS,
-      stroke: () => colourOf(own && number ? this.colour(own) : "muted"),
-      grid: { show: !number, stroke: () => colourOf("rule"), width: 1 }, ticks: { show: false },
-      values: (_, values, __, ___, step) => tickTexts(values, step),
-    };
+  /** @param {string} scale @param {number} number of the axis; a second one stands inside, so that all plots are equally wide */
+  axis(scale, number) {
+    const own = this.choice.layers.find((layer) => number && this.unit(layer) === scale);
+    const place = number ? { side: 1, size: 0, gap: -34 } : { side: 3, size: AXIS, gap: 6 };
+    return axisOf({ scale, ...place, space: 26, stroke: () => colourOf(own ? this.colour(own) : "muted") });
   }
 
   /** @param {PlotLayer} layer @returns {Layer | undefined} what is known of it in the present view */
@@ -279,18 +265,14 @@ export class PlotColumn {
   /** @param {import("./frames.js").PlotDefinition[]} definitions */
   define(definitions) {
     for (const { plot } of this.plots) plot?.destroy();
-    this.plots = definitions.filter((each) => each.choices.length).map((definition) => {
-      const { id } = definition;
-      const next = definitions[definitions.indexOf(definition) + 1];
-      return new TimePlot(definition, !next || next.id === "motion" || id === "motion", this.listener, this.choices[id], (choice) => {
+    this.plots = definitions.map((definition, number) => {
+      const [id, next] = [definition.id, definitions[number + 1]?.id ?? "motion"];
+      return new TimePlot(definition, id === "motion" || next === "motion", this.listener, this.choices[id], (choice) => {
         this.choices[id] = choice;
         this.onChoice();
       });
     });
-    this.host.replaceChildren(...definitions.flatMap(({ id }) => {
-      const own = this.plots.filter((plot) => plot.definition.id === id).map((plot) => plot.figure);
-      return id === "motion" ? [this.motion, ...own] : own;
-    }));
+    this.host.replaceChildren(...this.plots.flatMap(({ definition, figure }) => (definition.id === "motion" ? [this.motion, figure] : [figure])));
   }
 
   /** Width of the area of data [px]. */

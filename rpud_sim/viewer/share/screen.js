@@ -1,8 +1,9 @@
 // @ts-check
 /* The screen: shows the frames of a source, and asks it for what the reader wants to see. */
 import { MotionClock } from "./clock.js";
-import { Controls, element } from "./controls.js";
+import { Controls } from "./controls.js";
 import { Details } from "./details.js";
+import { element, elements } from "./dom.js";
 import { FrozenSource } from "./frozen_source.js";
 import { wordsAt } from "./marks.js";
 import { mountMotion } from "./motion.js";
@@ -30,29 +31,27 @@ class Screen {
     this.reason = "";
     this.shown = ""; // state that the moving section shows
     this.jumps = false; // whether the next block is shown at once
+    /** @type {import("./marks.js").Listener} */
     const listener = {
-      zoom: (/** @type {number} */ start, /** @type {number} */ end) => this.zoom(start, end),
+      zoom: (start, end) => this.zoom(start, end),
       showAll: () => this.showAll(),
-      point: (/** @type {number | null} */ time) => this.point(time),
-      click: (/** @type {number} */ time) => this.past && this.playhead.seek(time),
+      point: (time) => this.point(time),
+      click: (time) => this.past && this.playhead.seek(time),
     };
     this.clock = new MotionClock();
     this.clock.onWant = () => this.source.send({ section: true });
-    this.section = mountSection(element("section", HTMLElement), this.clock);
-    mountMotion(element("motion", HTMLElement), this.clock);
-    this.numbers = new Numbers(element("numbers", HTMLElement));
-    this.plots = new PlotColumn(element("plots", HTMLElement), element("motion", HTMLElement), listener, () => this.ask());
-    this.timeline = new Timeline(element("timeline", HTMLElement), listener);
+    this.section = mountSection(element("section"), this.clock);
+    mountMotion(element("motion"), this.clock);
+    this.numbers = new Numbers(element("numbers"));
+    this.plots = new PlotColumn(element("plots"), element("motion"), listener, () => this.ask());
+    this.timeline = new Timeline(element("timeline"), listener);
     this.controls = new Controls((request) => this.source.send(request));
-    this.details = new Details(element("details", HTMLElement), element("report", HTMLElement));
+    this.details = new Details(element("details"), element("report"));
     this.playhead = new Playhead((request) => this.source.send(request), () => this.reveal());
     this.listen();
-    const frames = /** @type {NodeListOf<HTMLScriptElement>} */ (document.querySelectorAll("script.frame"));
-    const onFrame = (/** @type {import("./frames.js").Frame} */ frame) => this.take(frame);
-    const onState = (/** @type {boolean} */ open, /** @type {string} */ reason) => this.connect(open, reason);
-    const address = new URL(`/frames${location.search}`, location.href);
-    address.protocol = address.protocol.replace("http", "ws");
-    this.source = frames.length ? new FrozenSource(frames, onFrame, onState) : new SocketSource(address.href, onFrame, onState);
+    const frames = elements("script.frame");
+    const Source = frames.length ? FrozenSource : SocketSource;
+    this.source = new Source(frames, (frame) => this.take(frame), (open, reason) => this.connect(open, reason));
   }
 
   /** Whether the screen shows a recording, which has a playhead. */
@@ -147,18 +146,18 @@ class Screen {
     const { seen, range } = this;
     const span = range.end - range.start;
     const time = this.past ? this.playhead.time : seen.now;
-    element("time", HTMLElement).textContent = time === undefined ? "" : timeText(time, this.past ? Math.max(span, 0.01) : 30);
-    element("reach", HTMLElement).textContent = this.zoomed ? `${timeText(range.start, span)} to ${timeText(range.end, span)} in view` : "";
+    element("time").textContent = time === undefined ? "" : timeText(time, this.past ? Math.max(span, 0.01) : 30);
+    element("reach").textContent = this.zoomed ? `${timeText(range.start, span)} to ${timeText(range.end, span)} in view` : "";
     for (const part of [this.plots, this.timeline]) part.draw(seen, range, this.past ? this.playhead.time : null);
-    for (const button of element("views", HTMLElement).querySelectorAll("button"))
+    for (const button of elements("#views button"))
       button.ariaPressed = String(!this.zoomed && Number(button.dataset.follow) === (this.past ? Infinity : this.follow));
   }
 
   drawDrills() {
     const { drills = [], drill = "" } = this.seen;
     document.title = `${drill || "recording"} \u2013 rpud`;
-    element("drill", HTMLElement).textContent = drill || "recording";
-    element("drill", HTMLElement).classList.toggle("unseen", drills.length > 1);
+    element("drill").textContent = drill || "recording";
+    element("drill").classList.toggle("unseen", drills.length > 1);
     const select = element("drills", HTMLSelectElement);
     select.hidden = drills.length < 2;
     select.replaceChildren(...drills.map((name) => new Option(name, name, false, name === drill)));
@@ -177,7 +176,7 @@ class Screen {
     }
     if (read < 1) parts.push(`${Math.floor(100 * read)} % of the bag is read.`);
     if (notice) parts.push(notice);
-    const banner = element("banner", HTMLElement);
+    const banner = element("banner");
     const text = parts.join(" ");
     if (banner.textContent !== text) banner.textContent = text;
     banner.hidden = !text;
@@ -238,7 +237,7 @@ class Screen {
   /** @param {number | null} time at the cursor */
   point(time) {
     const { start, end } = this.range;
-    element("cursor", HTMLElement).textContent = time === null ? "" : wordsAt(this.seen, time, end - start);
+    element("cursor").textContent = time === null ? "" : wordsAt(this.seen, time, end - start);
   }
 
   // --- Hands of the reader ---
@@ -251,14 +250,14 @@ class Screen {
   }
 
   listen() {
-    for (const button of element("views", HTMLElement).querySelectorAll("button"))
+    for (const button of elements("#views button"))
       button.onclick = () => {
         const span = Number(button.dataset.follow);
         if (!this.past) this.follow = span;
         if (this.past && span < Infinity) this.zoom(this.playhead.time - 0.5 * span, this.playhead.time + 0.5 * span);
         else this.showAll();
       };
-    element("contact", HTMLElement).onclick = () => this.playhead.contact && this.zoom(...this.playhead.contact);
+    element("contact").onclick = () => this.playhead.contact && this.zoom(...this.playhead.contact);
     element("drills", HTMLSelectElement).onchange = (event) => {
       location.search = String(new URLSearchParams({ namespace: /** @type {HTMLSelectElement} */ (event.target).value }));
     };
@@ -271,7 +270,7 @@ class Screen {
       Home: () => this.showAll(),
       n: () => this.past && this.playhead.jump("next"),
       p: () => this.past && this.playhead.jump("previous"),
-      " ": () => element(this.past ? "play" : "pause", HTMLElement).click(),
+      " ": () => element(this.past ? "play" : "pause").click(),
     };
     document.addEventListener("keydown", (event) => {
       const busy = event.target instanceof Element && event.target.closest("input, select, button, summary, [popover], .wide");
@@ -287,7 +286,7 @@ class Screen {
       const inPlot = event.target.closest("#plots .u-over");
       this.scale(Math.exp(0.002 * event.deltaY), inPlot ? start + ((event.clientX - left) / width) * (end - start) : this.middle);
     };
-    for (const id of ["plots", "timeline"]) element(id, HTMLElement).addEventListener("wheel", wheel, { passive: false });
+    for (const id of ["plots", "timeline"]) element(id).addEventListener("wheel", wheel, { passive: false });
   }
 }
 

@@ -11,7 +11,7 @@ import { motionTicks } from "./motion.js";
 const SECTION_PIXEL = 0.0254 / 96; // of CSS [m]
 const SECTION_AXIS = 200, SECTION_PLANE = 262, SECTION_TOUCH = 366, SECTION_MASS = 34; // places at rest, height
 const SECTION_TOOL = SECTION_TOUCH + SECTION_MASS, SECTION_ROCK = 506, SECTION_BOTTOM = 712, SECTION_LEFT = 72;
-const SECTION_UP = 132, SECTION_DOWN = 200, SECTION_STEP = 18; // room of motions, of the tool's step in rock
+const SECTION_UP = 114, SECTION_DOWN = 200, SECTION_STEP = 18; // room of motions, of the tool's step in rock
 const SECTION_FACTORS = [1, 2, 3, 5, 10, 20, 30, 50, 100, 200, 500, 1000, 2000, 5000];
 const SECTION_LENGTHS = [1e-6, 2e-6, 5e-6, 1e-5, 2e-5, 5e-5, 1e-4, 2e-4, 5e-4, 1e-3, 2e-3, 5e-3, 1e-2, 2e-2];
 const SECTION_BODIES = /** @type {const} */ (["nodal_plane", "actuator", "free_mass", "drill_tool"]);

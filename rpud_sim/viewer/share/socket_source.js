@@ -8,12 +8,13 @@ const LONGEST_WAIT = 2000;
 /** Connection to the server; when that has gone it connects again, for as long as the page is open. */
 export class SocketSource {
   /**
-   * @param {string} address of the socket
+   * @param {unknown} _ scripts, of which there are none
    * @param {(frame: import("./frames.js").Frame) => void} onFrame
    * @param {(open: boolean, reason: string) => void} onState called when the connection opens or closes
    */
-  constructor(address, onFrame, onState) {
-    this.address = address;
+  constructor(_, onFrame, onState) {
+    const address = new URL(`/frames${location.search}`, location.href);
+    this.address = address.href.replace(/^http/, "ws");
     this.onFrame = onFrame;
     this.onState = onState;
     this.wait = FIRST_WAIT;
