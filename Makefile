@@ -72,7 +72,7 @@ mutants: install/.package install/.kernels ## Break the engine and the examples'
 	@$(WITH_ENV) python -m pytest -m "" test/model/test_mutations.py && python examples/mutants.py
 
 .PHONY: lint
-lint: install/.package .venv/.lint ## Check style, types, the rules of import and package.xml
+lint: install/.package .venv/.lint .venv/.typescript ## Check style, types, the rules of import and package.xml
 	@$(WITH_ENV) toolchain/lint.sh
 
 .PHONY: format
@@ -170,6 +170,11 @@ help: ## Show this help
 .venv/.lint: toolchain/requirements/lint.lock .venv/.installed
 	@$(call INSTALL,--only-binary :all: -r $<)
 	@touch $@
+
+# The type checker of the page's code. Without npm there is none, and lint says so.
+.venv/.typescript: toolchain/typescript/package-lock.json .venv/.installed
+	@if command -v npm > /dev/null; then mkdir -p .venv/typescript && cp toolchain/typescript/package*.json .venv/typescript && \
+	  npm ci --prefix .venv/typescript --ignore-scripts --no-audit --no-fund --silent && touch $@; fi
 
 .venv/.browser: toolchain/requirements/browser.lock .venv/.installed
 	@$(call INSTALL,--only-binary :all: -r $<)

@@ -38,8 +38,7 @@ setup(
         f"{PACKAGE}.bag": ["share/*/msg/*.msg"],
         f"{PACKAGE}.kernels": ["compiled/*.kernel"],
         f"{PACKAGE}.pages": ["share/*.css"],
-        f"{PACKAGE}.watch.recorded": ["share/*"],
-        f"{PACKAGE}.watch": ["share/*.css", "share/*.html", "share/*.js"],
+        f"{PACKAGE}.viewer": ["share/*", "share/vendor/*"],
     },
     python_requires=">=3.10",
     # What every command needs. Where an extra is missing, the program says which.

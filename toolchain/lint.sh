@@ -12,6 +12,13 @@ check ruff format --check
 check mypy
 check lint-imports --no-logo
 check python toolchain/check_manifests.py
+# The code of the screen. Its checker comes from npm, which CI has.
+tsc=.venv/typescript/node_modules/.bin/tsc
+if [ -x $tsc ] || [ -n "${CI:-}" ] || [ "${RPUD_BROWSER:-}" = required ]; then
+  check $tsc --project toolchain/typescript
+else
+  echo "--- tsc: npm is missing: the page's code is not type-checked"
+fi
 
 if [ ${#failed[@]} -gt 0 ]; then
   echo "lint: failed:$(printf ' %s,' "${failed[@]}" | sed 's/,$//')" >&2

@@ -9,16 +9,15 @@ import threading
 import time
 from typing import TYPE_CHECKING
 
-from rpud_sim.cli.drill_arguments import DOMAIN
+from rpud_sim.cli.drill_arguments import add_place_arguments
 from rpud_sim.cli.options import Number
 from rpud_sim.cli.program import ExitCode, failing
 from rpud_sim.foundation.quantities import Quantity
 from rpud_sim.foundation.terminal import complain, printable
-from rpud_sim.ros.record.record_options import RecordOptions
 
 if TYPE_CHECKING:
     from rpud_sim.ros.client.drill_finder import DrillFinder
-    from rpud_sim.watch.server import PageServer
+    from rpud_sim.viewer.server import PageServer
 
 HELP = "show running drills in the browser and act on them, or show a bag"
 EXAMPLE = "rpud watch --port 8810"
@@ -29,7 +28,7 @@ DETAILS = (
 )
 
 PORT = Quantity("", "a port", 0, 65535, whole=True)
-DEFAULT_PORT = 8810  # as in rpud_sim.watch.server, which needs Bokeh
+DEFAULT_PORT = 8810  # as in rpud_sim.viewer.server, which needs Tornado
 _SEARCH_TIME = 1.0  # for drills before the addresses are printed [s]
 _SEARCH_PERIOD = 0.05  # s
 
@@ -57,18 +56,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "(default: %(default)s)",
     )
     parser.add_argument("--open", action="store_true", help="open the page in the browser")
-    parser.add_argument(
-        "--namespace",
-        default=RecordOptions.namespace,
-        help="namespace of the drill to begin with (default: %(default)s)",
-    )
-    parser.add_argument(
-        "--domain",
-        action=Number,
-        quantity=DOMAIN,
-        metavar="N",
-        help="ROS domain (default: ROS_DOMAIN_ID, or 0)",
-    )
+    add_place_arguments(parser)
     parser.add_argument("--until-eof", action="store_true", help=argparse.SUPPRESS)
 
 
@@ -80,13 +68,13 @@ def run(arguments: argparse.Namespace) -> int:
 def watch_bag(arguments: argparse.Namespace) -> ExitCode:
     """Serve the page of a bag until a signal."""
     from rpud_sim.bag import BagError
-    from rpud_sim.watch.recorded.serving import PATH, serve_bag
-    from rpud_sim.watch.server import Place, ServerError
+    from rpud_sim.viewer.recorded.store import serve_bag
+    from rpud_sim.viewer.server import Place, ServerError
 
     def announce(server: PageServer) -> None:
         if arguments.until_eof:
             threading.Thread(target=_stop_at_end, args=(server,), daemon=True).start()
-        url = server.url(PATH)
+        url = server.url("/screen")
         print(f"bag {printable(arguments.bag)}: {url}", flush=True)
         if arguments.open:
             open_browser(url)
@@ -99,8 +87,8 @@ def watch_bag(arguments: argparse.Namespace) -> ExitCode:
 def watch_drills(arguments: argparse.Namespace) -> ExitCode:
     """Serve the pages of running drills until a signal."""
     from rpud_sim.ros.starting import StartError
-    from rpud_sim.watch.live_server import serve_drills
-    from rpud_sim.watch.server import Place, ServerError
+    from rpud_sim.viewer.live.live_store import serve_drills
+    from rpud_sim.viewer.server import Place, ServerError
 
     def announce(server: PageServer, finder: DrillFinder) -> None:
         _announce(server, finder, arguments)
@@ -123,7 +111,7 @@ def watch_drills(arguments: argparse.Namespace) -> ExitCode:
 def _announce(server: PageServer, finder: DrillFinder, arguments: argparse.Namespace) -> None:
     drills = [arguments.namespace] if arguments.until_eof else _find(finder)
     if len(drills) == 1:
-        url = server.url("/drill", namespace=drills[0])
+        url = server.url("/screen", namespace=drills[0])
         print(f"drill {printable(drills[0])}: {url}", flush=True)
         if not arguments.until_eof:
             print(f"all drills of ROS domain {finder.domain_id}: {server.url()}", flush=True)
@@ -157,7 +145,7 @@ def open_browser(url: str) -> None:
         complain("rpud watch", "no browser here: open the address yourself")
 
 
-def _stop_at_end(server: PageServer) -> None:
+def _stop_at_end(server: PageServer | PageServer) -> None:
     """Stop the server when standard input ends: its parent process has ended."""
     # Without the lock of sys.stdin, which the end of the program could not take.
     while os.read(sys.stdin.fileno(), 1024):

@@ -88,9 +88,10 @@ class Impacts:
         count = last - first
         part = np.minimum((times / width).astype(np.intp) - first, count - 1)
         numbers = np.bincount(part, minlength=count)
-        # Sorted within each part: the quantiles are then at known places.
-        order = np.lexsort((peaks, part))
-        ordered = peaks[order].astype(float)
+        # Sorted within each part: the quantiles are then at known places. One key of both is much
+        # faster than a sort by two.
+        scale = 0.4 / max(float(np.abs(peaks).max(initial=0.0)), 1e-30)
+        ordered = (np.sort(part + scale * peaks.astype(float)) - part) / scale
         ends = np.cumsum(numbers)
         with np.errstate(invalid="ignore", divide="ignore"):
             mean = np.bincount(part, peaks, count) / numbers

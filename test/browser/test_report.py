@@ -4,12 +4,12 @@ import re
 
 import numpy as np
 import pytest
+from rpud_sim.inspection.report.bag_report import write_report
 from sample_bags import SECOND, START, serialized
 
 import rpud_sim.bag
 from rpud_sim.bag import BagWriter, Topic
 from rpud_sim.inspection.offline_bag import write_offline_bag
-from rpud_sim.inspection.report.bag_report import write_report
 from rpud_sim.simulation import WeightOnBit
 from rpud_sim.simulation.changes import Planned
 from rpud_sim.simulation.configuration import Settings

@@ -40,6 +40,10 @@ _LAYOUTS = {
     "mount": (Mount, "ddddd?7xd"),
     "borehole": (Borehole, "ddT4d"),
 }
+# Fields by topic, in the order of the values.
+FIELDS: dict[str, tuple[str, ...]] = {
+    topic: tuple(kind.get_fields_and_field_types())[1:] for topic, (kind, _) in _LAYOUTS.items()
+}
 _CHANNELS = 6  # arrays of a waveform
 _PADDING = 4  # bytes to which a message is padded
 _FIXED = 16  # bytes of a waveform's fields before its arrays

@@ -3,6 +3,7 @@
 import json
 import math
 
+import numpy as np
 import pytest
 from altered_bags import altered, unchanged
 from sample_bags import write_damaged, write_offline_bag
@@ -15,6 +16,7 @@ from rpud_sim.foundation.time import SECOND
 from rpud_sim.inspection.compare import CompareError, compare
 from rpud_sim.inspection.compare.content import content
 from rpud_sim.inspection.compare.estimates import DIFFERS
+from rpud_sim.inspection.compare.recorded_values import RecordedValues
 from rpud_sim.simulation import preset, read_scenario
 
 DRILLING = preset("drilling")
@@ -292,3 +294,11 @@ def test_the_content_is_json_without_nan(made):
     assert first["quantity"] == "impact_rate"
     assert first["runs"][0]["mean"]["low"] < first["runs"][0]["mean"]["high"]
     assert {"p", "decision", "relative_low"} <= first["differences"][0][0].keys()
+
+
+@pytest.mark.parametrize(
+    ("numbers", "missing"), [([4, 6, 6, 7], 1), ([7, 5], 1), ([2**64 - 1, 2**64 - 1], 0)]
+)
+def test_missing_impacts_are_counted_in_any_order(numbers, missing):
+    arrays = {"time": np.zeros(len(numbers)), "sequence": np.array(numbers, np.uint64)}
+    assert RecordedValues(None, {"contact_force": arrays}).missing_impacts == missing

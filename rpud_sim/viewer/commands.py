@@ -1,0 +1,208 @@
+"""Commands of a run in words, and as stepped lines, from the entries of its journal."""
+
+from __future__ import annotations
+
+import json
+import math
+from array import array
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from rpud_sim.pages.quantities import QUANTITIES
+
+COMMAND, FAULT, RUN, REFUSAL = "command", "fault", "run", "refusal"  # kinds of entries
+MOST_LISTED, MOST_LOGGED = 300, 1000  # commands, and entries of the log, of a frame
+
+_STORED = 4 * MOST_LOGGED  # entries that are kept, at most
+_MOST_STEPS = 50_000  # changes of one quantity that are kept, at most
+_CLOSE = 1.0  # longest time between changes that follow each other closely [s]
+_ALONE = 4  # close changes that have entries of their own; further ones share the last entry
+_MOST_NAMES, _LENGTH = 4, 160  # parameters that a text names; its characters
+_QUIET = ("flush", "stop", "origin", "state")  # entries that change nothing for the user
+_LASTING = ("weight_on_bit", "drive", "feed")  # kinds whose value holds until the next one
+
+
+@dataclass
+class Entry:
+    """Change of a run, in words."""
+
+    time: float  # since the run, or the bag, began [s]
+    kind: str  # ``COMMAND``, ``FAULT`` or ``RUN``
+    text: str
+    count: int = 1  # of the changes that it stands for
+
+    def plain(self) -> dict[str, Any]:
+        more = f", the last of {self.count} changes in a row" if self.count > 1 else ""
+        return {"time": self.time, "kind": self.kind, "text": self.text + more}
+
+
+class Commands:
+    """Commands of a drill; ``add`` takes the entries of its journal in their order.
+
+    A command is an entry if its text differs from that of the one before. The fifth and later ones
+    of several that follow each other within a second share one entry, which counts them.
+    """
+
+    def __init__(self) -> None:
+        self.parameters: dict[str, Any] = {}  # of the present run, as far as it is known
+        self._forgotten = 0  # entries that are not kept any more
+        self._entries: list[Entry] = []
+        self._last: dict[str, tuple[float, str, int, Entry]] = {}  # by kind; number in the row
+        self._steps: dict[str, tuple[array[float], array[float]]] = {}
+
+    def add(self, time: float, kind: str, content: object) -> None:
+        """Add an entry of the journal at a time [s]; its content is JSON, or what that says."""
+        if kind in _QUIET and (kind != "state" or self.parameters):
+            return
+        try:
+            found: Any = json.loads(content) if isinstance(content, str) else content
+            if kind == "state":  # the beginning is not known any more
+                self.parameters = dict(found["beginning"]["parameters"])
+            sort, text, values = self._read(kind, found)
+            for name, value in values.items():
+                self._step(name, time, float(value))
+        # Another program wrote it.
+        except (AttributeError, LookupError, RecursionError, TypeError, ValueError):
+            sort, text = COMMAND, kind
+        if kind in _QUIET:
+            return
+        if sort == RUN:
+            self._last.clear()
+        since, before, row, entry = self._last.get(kind, (-math.inf, "", 0, None))
+        if kind in _LASTING and text == before:
+            return
+        row = row + 1 if 0.0 <= time - since <= _CLOSE else 1
+        if kind in _LASTING and row > _ALONE and entry is not None:
+            entry.time, entry.text, entry.count = time, text[:_LENGTH], entry.count + 1
+        else:
+            entry = Entry(time, sort, text[:_LENGTH])
+            self._entries.append(entry)
+        self._last[kind] = time, text, row, entry
+        if len(self._entries) > _STORED:
+            self._entries = _thinned(self._entries, _STORED // 2)
+            self._forgotten += _STORED + 1 - len(self._entries)
+
+    def refuse(self, time: float, reason: str) -> None:
+        """Add a refusal to the log, at a time [s]."""
+        self._entries.append(Entry(time, REFUSAL, f"refused: {reason}"[:_LENGTH]))
+
+    @property
+    def quantities(self) -> Collection[str]:
+        """Quantities of which there are steps."""
+        return self._steps.keys()
+
+    def frame(self, faults: Iterable[Mapping[str, Any]] = ()) -> dict[str, Any]:
+        """Return the fields ``commands``, ``log`` and ``log_thinned`` of a frame.
+
+        ``faults`` are those of the frame. Their beginnings and ends take the place of what the
+        journal says of faults.
+        """
+        told = [entry for fault in faults for entry in _fault_entries(fault)]
+        own = [entry for entry in self._entries if not (told and entry.kind == FAULT)]
+        entries = sorted([*own, *told], key=lambda entry: entry.time)
+        changes = [entry for entry in entries if entry.kind in (COMMAND, FAULT)]
+        listed, logged = _thinned(changes, MOST_LISTED), _thinned(entries, MOST_LOGGED)
+        thinned = len(changes) - len(listed) + self._forgotten
+        return {
+            "commands": {"list": [entry.plain() for entry in listed], "thinned": thinned},
+            "log": [entry.plain() for entry in logged],
+            "log_thinned": len(entries) - len(logged) + self._forgotten,
+        }
+
+    def steps(self, start: float, end: float, most: int) -> dict[str, dict[str, np.ndarray]]:
+        """Return the field ``steps`` of a frame: each commanded value from its time on.
+
+        The first of a quantity is the one in force at ``start``, and the last one holds. At most
+        ``most`` of a quantity are returned, evenly thinned.
+        """
+        found = {}
+        for name, (times, values) in self._steps.items():
+            t, v = np.array(times), np.array(values, np.float32)
+            first = max(int(np.searchsorted(t, start, "right")) - 1, 0)
+            last = int(np.searchsorted(t, end, "right"))
+            chosen = np.linspace(first, last - 1, min(last - first, most)).astype(int)
+            found[name] = {"t": t[chosen], "v": v[chosen]}
+        return found
+
+    def _read(self, kind: str, content: Mapping[str, Any]) -> tuple[str, str, Mapping[str, float]]:
+        """Return kind and text of an entry, and what it sets; note its parameters."""
+        match kind:
+            case "begin":
+                own = self.parameters = dict(content["parameters"])
+                values = {
+                    "drive_voltage": own["nominal_voltage"] if own["drive_enabled"] else 0.0,
+                    "drive_frequency": own["vibration_frequency"],
+                }
+                if own.get("feed_model", "none") == "none":  # else it follows from the feed
+                    values["weight_on_bit"] = own["weight_on_bit"]
+                return RUN, "a run begins", values
+            case "end":
+                return RUN, "the drill stops", {}
+            case "restore" | "save":
+                return RUN, f"checkpoint {content['name']!s:.60} is {kind}d", {}
+            case "weight_on_bit":
+                text = f"weight on bit {_shown(kind, content['force'])}"
+                return COMMAND, text, {kind: content["force"]}
+            case "drive":
+                voltage, frequency = float(content["voltage"]), float(content["frequency"])
+                text = f"drive {_shown('drive_voltage', voltage)} at {1e-3 * frequency:.6g} kHz"
+                values = {"drive_voltage": voltage, "drive_frequency": frequency}
+                off = COMMAND, "drive off", {"drive_voltage": 0.0}
+                return (COMMAND, text, values) if content["enabled"] else off
+            case "feed" if content["mode"] == "position":
+                return COMMAND, f"feed to {_shown('feed', content['value'])}", {}
+            case "feed":
+                rate = f"feed at {1e3 * float(content['value']):.4g} mm/s"
+                return COMMAND, rate if content["value"] else "feed holds", {}
+            case "configure":
+                before, now = self.parameters, dict(content["parameters"])
+                self.parameters = before | now
+                new = [f"{k} {v!s:.30}" for k, v in now.items() if before.get(k) != v]
+                more = f" and {len(new) - _MOST_NAMES} more" if len(new) > _MOST_NAMES else ""
+                return COMMAND, f"parameters: {', '.join(new[:_MOST_NAMES])}{more}", {}
+            case "inject":
+                return FAULT, f"{_fault_text(content['fault'])} begins", {}
+            case "clear":
+                return FAULT, f"fault {int(content['number'])} ends", {}
+            case "clear_all":
+                return FAULT, "all faults end", {}
+        return COMMAND, kind.replace("_", " "), {}
+
+    def _step(self, name: str, time: float, value: float) -> None:
+        times, values = self._steps.setdefault(name, (array("d"), array("d")))
+        if not values or values[-1] != value:
+            times.append(time)
+            values.append(value)
+        if len(times) > _MOST_STEPS:
+            self._steps[name] = times[::2], values[::2]
+
+
+def _shown(quantity: str, value: float) -> str:
+    return QUANTITIES[quantity].text(float(value))
+
+
+def _fault_text(fault: Mapping[str, Any]) -> str:
+    """Return ``noise of wrench 0.3``: kind, channel and magnitude."""
+    kind, channel = str(fault["kind"]).replace("_", " "), str(fault.get("channel") or "")
+    magnitude = float(fault.get("magnitude") or 0.0)
+    size = f" {magnitude:.4g}" if math.isfinite(magnitude) and magnitude else ""
+    return kind + (f" of {channel}" if channel else "") + size
+
+
+def _fault_entries(fault: Mapping[str, Any]) -> Iterable[Entry]:
+    name = f"fault {fault['number']}"
+    yield Entry(float(fault["onset"]), FAULT, f"{name}: {_fault_text(fault)} begins")
+    if fault.get("end") is not None:
+        yield Entry(float(fault["end"]), FAULT, f"{name} ends")
+
+
+def _thinned(entries: list[Entry], most: int) -> list[Entry]:
+    """Return the newest half of so many entries, and evenly chosen ones of those before."""
+    if len(entries) <= most:
+        return entries
+    newest = most // 2
+    chosen = np.linspace(0, len(entries) - newest - 1, most - newest).astype(int)
+    return [entries[place] for place in chosen] + entries[-newest:]

@@ -1,0 +1,1 @@
+"""A running drill: what was heard of it, and actions on it."""

@@ -1,0 +1,291 @@
+"""Frames of a running drill: for each browser what has changed since its frame before."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Mapping
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+
+from rpud_sim.pages.quantities import QUANTITIES, number_text
+from rpud_sim.viewer import hole
+from rpud_sim.viewer.live.heard import Heard
+from rpud_sim.viewer.live.live_drill import LiveDrill
+from rpud_sim.viewer.plots import chosen_quantities, drill_plots
+from rpud_sim.viewer.store import ClientState, StoreError, View
+
+_SECTION = 0.02  # s
+_GAP = 1.0  # at the beginning, in which nobody heard the drill, that is shown [s]
+_MOST_SAMPLES = 1200  # of a section
+_MOST_EXACT = 60_000  # impacts of a view whose quantiles are computed; more have extremes
+_POINT = 2.0  # px
+_RATES = 10  # parts of a second, whose rates of impacts are compared
+_SPARK = 60  # means of a sparkline, one a second
+_TIMELINE = 1000  # bins
+_LOG_BINS = 4000  # of the run, for rate and torque over the depth
+_SHARE = 100.0  # a view may take one part of so many of the time
+
+# Rows of "timing", and what a status has for them.
+_TIMING = {
+    "latest block of the last report": "lateness_max",
+    "behind its schedule": "lag",
+    "real-time factor": "real_time_factor",
+    "deadlines missed": "deadlines_missed",
+    "messages dropped by the drill": "messages_dropped",
+    "commands accepted": "commands_accepted",
+    "commands overwritten": "commands_discarded",
+    "commanders": "commanders",
+}
+
+
+class LiveFrame:
+    """Frame under construction, of one drill for one browser; ``sent`` says what that has."""
+
+    def __init__(self, drill: LiveDrill, client: ClientState) -> None:
+        self._drill = drill
+        self._client = client
+        self._fields: dict[str, Any] = {}
+        self._now = time.monotonic()
+
+    def fields(self, namespaces: list[str]) -> dict[str, Any] | None:
+        """Return what has changed; None for nothing."""
+        drill, client = self._drill, self._client
+        if drill.error:
+            raise StoreError(f"the thread that hears {drill.namespace} has ended: {drill.error}")
+        with drill.reading() as heard:
+            if client.sent.get("run", (None,))[0] != heard.run:
+                client.sent.clear()
+                client.section = True
+            self._put("run", heard.run)
+            self._put("growing", True)
+            self._put("drills", namespaces)
+            self._put("drill", drill.namespace)
+            self._put("connection", asdict(drill.connection))
+            self._put("kinds", drill.kinds)
+            self._put("channels", drill.channels)
+            self._put("refusals", drill.refusals)
+            self._put("losses", drill.lost)
+            if self._due("outcomes", drill.actions.version):
+                self._fields["outcomes"] = [asdict(each) for each in drill.actions.outcomes]
+            self._put_heard(heard)
+            if heard.time is not None:
+                self._put_measured(heard, heard.time)
+        return self._fields or None
+
+    def _put_heard(self, heard: Heard) -> None:
+        if self._due("status", heard.status):
+            self._fields["status"] = heard.status
+            self._fields["timing"] = _timing(heard.status)
+        self._put("faults", heard.faults)
+        if self._due("values", heard.version, 0.5):
+            self._fields["values"] = heard.values
+        if self._due("log", heard.log_version, 0.5):
+            self._fields |= heard.commands.frame(heard.faults)
+        view = self._client.view
+        if self._due("steps", (heard.log_version, view), 0.5):
+            start, end = _range(view, heard.time or 0.0)
+            steps = heard.commands.steps(start, end, view.width)
+            self._fields["steps"] = {name: steps[name] for name in steps if heard.is_stepped(name)}
+
+    def _put_measured(self, heard: Heard, now: float) -> None:
+        self._put("now", now)
+        self._put("extent", [0.0, now])
+        if heard.since is not None:
+            self._put("gaps", [[0.0, heard.since]] if heard.since > _GAP else [])
+        if self._due("has", now, 1.0):
+            self._put("plots", drill_plots(heard.has))
+        if self._due("spark", now, 1.0):
+            self._client.sent["sparks"] = _sparks(heard, now)
+        if self._due("numbers", now, 0.2):
+            self._fields["numbers"] = _numbers(heard, now, self._client.sent["sparks"])
+        if self._due("timeline", heard.whole.end, 1.0):
+            line = heard.whole.view("peak_force", 0.0, heard.whole.end, _TIMELINE)
+            self._fields["timeline"] = {
+                "t": line.times, "low": line.low, "mean": line.mean, "high": line.high,
+            }  # fmt: skip
+        if self._due("hole", heard.whole.end, 1.0) and (found := _hole(heard)) is not None:
+            self._fields["hole"] = found
+        block = heard.block
+        if self._client.section and block is not None and self._due("section", block[0]):
+            self._fields["section"] = _section(heard)
+        self._put_view(heard, now)
+
+    def _put_view(self, heard: Heard, now: float) -> None:
+        sent, client = self._client.sent, self._client
+        asked = client.view, client.choices
+        if sent.get("asked") != asked:
+            sent["asked"], sent["view"] = asked, (None, -math.inf)
+        if not self._due("view", heard.version, sent.get("cost", 0.0) * _SHARE):
+            return
+        began = time.perf_counter()
+        start, end = _range(client.view, now)
+        plots = [plot for plot in sent["plots"][0] if plot["id"] != "motion"]
+        parts = max(1, int(client.view.width / _POINT))
+        layers = {}
+        for quantity, kind in chosen_quantities(plots, client.choices).items():
+            if quantity in ("peak_force", "impact_rate"):
+                layers[quantity] = _impacts(heard, quantity, start, end, parts)
+            elif not heard.is_stepped(quantity):
+                layers[quantity] = _layer(heard, quantity, kind, start, end, parts)
+        self._fields["view"] = {
+            "start": start, "end": end, "detail": "overview", "complete": True,
+            "band": "5-95 %", "layers": layers,
+        }  # fmt: skip
+        sent["cost"] = time.perf_counter() - began
+
+    def _put(self, field: str, value: Any) -> None:
+        """Send a value if it has changed."""
+        if self._due(field, value):
+            self._fields[field] = value
+
+    def _due(self, field: str, key: Any, period: float = 0.0) -> bool:
+        """Return whether a field has changed and is older than a period [s]; it is sent then."""
+        before, at = self._client.sent.get(field, (None, -math.inf))
+        if key == before or self._now - at < period:
+            return False
+        self._client.sent[field] = key, self._now
+        return True
+
+
+def _range(view: View, now: float) -> tuple[float, float]:
+    return (view.start, view.end) if view.follow is None else (now - view.follow, now)
+
+
+def _impacts(heard: Heard, quantity: str, start: float, end: float, parts: int) -> dict[str, Any]:
+    if len(heard.impacts.between(start, end)[0]) > _MOST_EXACT:
+        if quantity == "peak_force":
+            return _layer(heard, quantity, "band", start, end, parts)
+        parts = min(parts, _TIMELINE)
+    start, end = max(start, heard.since or 0.0), min(end, heard.time or 0.0)
+    spread = heard.impacts.spread(start, max(start, end), parts)
+    if quantity == "impact_rate":
+        return {"t": spread.times, "mean": spread.rate}
+    return {
+        "t": spread.times,
+        "mean": spread.mean,
+        "low": spread.low,
+        "high": spread.high,
+        "band": "5-95 %",
+        "outliers": {"t": spread.outlier_times, "v": spread.outliers, "more": spread.more},
+    }
+
+
+def _layer(
+    heard: Heard, quantity: str, kind: str, start: float, end: float, parts: int
+) -> dict[str, Any]:
+    found = heard.view(quantity, start, end, parts)
+    known = np.isfinite(found.mean)
+    layer = {"t": found.times[known], "mean": found.mean[known]}
+    if kind != "line":
+        layer |= {"low": found.low[known], "high": found.high[known]}
+    return {**layer, "band": "least-greatest"}
+
+
+def _measured(heard: Heard) -> dict[str, str]:
+    """Return quantities by the numbers that show them."""
+    power = "electrical_power" if heard.has("electrical_power") else "actuator_power"
+    return {
+        "reacting_force": "reacting_force",
+        "power": power,
+        "penetration_rate": "penetration_rate",
+    }
+
+
+def _numbers(
+    heard: Heard, now: float, sparks: Mapping[str, np.ndarray]
+) -> dict[str, dict[str, Any] | None]:
+    """Return means and extremes of the last second."""
+    begin = min(max(now - 1.0, heard.since or 0.0), now - 1e-3)
+    times, peaks = heard.impacts.between(begin, now)
+    counts = np.histogram(times, _RATES, (begin, now))[0] * heard.impacts.stride
+    rates = counts * _RATES / (now - begin)
+    found: dict[str, dict[str, Any] | None] = {
+        "impact_rate": _extremes(rates, rates, rates),
+        "peak_force": _extremes(peaks, peaks, peaks),
+    }
+    for name, quantity in _measured(heard).items():
+        bins = heard.fine.view(quantity, now - heard.period(quantity), now, 1 << 10)
+        is_there = heard.has(quantity)
+        found[name] = _extremes(bins.low, bins.mean, bins.high) if is_there else None
+    return {
+        name: None if number is None else {**number, "spark": sparks[name]}
+        for name, number in found.items()
+    }
+
+
+def _extremes(low: np.ndarray, mean: np.ndarray, high: np.ndarray) -> dict[str, Any]:
+    known = np.isfinite(mean)
+    if not known.any():
+        return dict.fromkeys(("mean", "least", "greatest"))
+    return {
+        "mean": float(mean[known].mean()),
+        "least": float(low[known].min()),
+        "greatest": float(high[known].max()),
+    }
+
+
+def _sparks(heard: Heard, now: float) -> dict[str, np.ndarray]:
+    """Return means of each of the last seconds, oldest first."""
+    seconds = min(_SPARK, max(1, int(now - (heard.since or 0.0))))
+    edges = now - np.arange(seconds, -1, -1.0)
+    times, peaks = heard.impacts.between(edges[0], now)
+    counts = np.histogram(times, edges)[0]
+    totals = np.histogram(times, edges, weights=peaks)[0]
+    with np.errstate(invalid="ignore"):
+        sparks = {"impact_rate": counts * heard.impacts.stride, "peak_force": totals / counts}
+    for name, quantity in _measured(heard).items():
+        means = heard.fine.view(quantity, edges[0], now, seconds).mean
+        sparks[name] = means[np.isfinite(means)][-_SPARK:]
+    return {name: spark.astype(np.float32) for name, spark in sparks.items()}
+
+
+def _section(heard: Heard) -> dict[str, Any]:
+    """Return the end of the newest block."""
+    assert heard.block is not None
+    begin, period, arrays = heard.block
+    first = max(0, len(arrays[0]) - max(2, round(_SECTION / period)))
+    stride = -(-(len(arrays[0]) - first) // _MOST_SAMPLES)
+    time, end = begin + first * period, begin + len(arrays[0]) * period
+    names = ("nodal_plane", "actuator", "free_mass", "drill_tool", "contact_force")
+    return {
+        "time": time,
+        "period": period * stride,
+        "exact": stride == 1,
+        **{
+            name: array[first::stride].astype(np.float32)
+            for name, array in zip(names, arrays, strict=False)
+        },
+        "impacts": [
+            [at - time, peak, duration]
+            for at, peak, duration in heard.latest_impacts
+            if time <= at < end
+        ],
+    }
+
+
+def _hole(heard: Heard) -> dict[str, Any] | None:
+    """Return depth, layers and log of the hole; None without a rock that has a depth."""
+    layers, end = hole.layers(heard.commands.parameters), heard.whole.end
+    if not layers or not heard.has("depth"):
+        return None
+    depth, rate, torque = (
+        heard.whole.view(quantity, 0.0, end, _LOG_BINS).mean if heard.has(quantity) else None
+        for quantity in ("depth", "penetration_rate", "torque")
+    )
+    if depth is None or rate is None:
+        return None
+    latest = heard.values.get("borehole", heard.status).get("depth")
+    return {"depth": latest, "layers": layers, "log": hole.well_log(depth, rate, torque)}
+
+
+def _timing(status: Mapping[str, Any]) -> dict[str, str]:
+    return {
+        label: QUANTITIES["lateness"].text(status[name])
+        if name in ("lateness_max", "lag")
+        else number_text(float(status[name]))
+        for label, name in _TIMING.items()
+        if name in status
+    }

@@ -1,0 +1,85 @@
+"""Commands and faults of the drills in a bag, in the order in which they were recorded."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from typing import Any
+
+from rpud_sim.bag import BagError
+from rpud_sim.bag.cdr import Codec
+from rpud_sim.viewer.commands import Commands
+from rpud_sim.viewer.recorded.recording import Recording
+from rpud_sim.viewer.recorded.signals import FAULTS, JOURNAL, namespace
+
+MOST_FAULTS = 500  # of a drill; further ones are counted
+AT_ONCE = 64  # parts with journals and faults that are read before the page stands
+
+
+class Marks:
+    """Commands and faults that were read so far."""
+
+    def __init__(self, recording: Recording) -> None:
+        self._recording = recording
+        self._codecs = {
+            name: Codec(reader.summary.topic.type, reader.summary.definition or "")
+            for name, reader in recording.readers.items()
+            if reader.summary.topic.type in (JOURNAL, FAULTS)
+        }
+        self.clear()
+
+    def clear(self) -> None:
+        """Forget everything: the clocks of the recording have changed."""
+        self.commands: dict[str, Commands] = defaultdict(Commands)  # by drill
+        self._faults: dict[tuple[str, int, int], dict[str, Any]] = {}  # drill, run, number
+        self.unlisted = 0  # faults beyond ``MOST_FAULTS``, and messages of other types
+        self.version = 0
+        self._next = 0
+
+    def read_next(self) -> bool:
+        """Read the next part that holds any; return whether there was one."""
+        pieces = self._recording.pieces
+        while self._next < len(pieces):
+            number, self._next = self._next, self._next + 1
+            if not pieces[number].topics.isdisjoint(self._codecs):
+                for message in self._recording.messages(number, tuple(self._codecs)):
+                    self._add(message)
+                self.version += 1
+                return True
+        return False
+
+    def faults(self, drill: str) -> list[dict[str, Any]]:
+        """Return ``faults`` of a frame, in the order of their onsets."""
+        found = [fault for (name, _, _), fault in self._faults.items() if name == drill]
+        return sorted(found, key=lambda fault: float(fault["onset"]))
+
+    def _add(self, message: Any) -> None:
+        kind = self._recording.readers[message.topic].summary.topic.type
+        drill = namespace(message.topic)
+        try:
+            decoded = self._codecs[message.topic].decode(message.data)
+            if kind == JOURNAL:
+                time = self._recording.time_of(message, decoded.header.stamp)
+                self.commands[drill].add(time, str(decoded.kind), decoded.content)
+            else:
+                self._add_faults(drill, message, decoded)
+        except (AttributeError, BagError, TypeError, ValueError):
+            self.unlisted += 1  # another type of the same name
+
+    def _add_faults(self, drill: str, message: Any, decoded: Any) -> None:
+        jumps = self._recording.clocks[drill].jumps
+        run = sum(jump.log_time <= message.log_time for jump in jumps)
+        for fault in decoded.faults:
+            key = drill, run, int(fault.number)
+            active = bool(fault.active)
+            if key not in self._faults and len(self._faults) >= MOST_FAULTS:
+                self.unlisted += 1
+                continue
+            self._faults[key] = {
+                "number": int(fault.number),
+                "kind": str(fault.kind),
+                "channel": str(fault.channel),
+                "magnitude": float(fault.magnitude),
+                "onset": self._recording.time_of(message, fault.onset),
+                "end": None if active else self._recording.time_of(message, fault.clear),
+                "active": active,
+            }

@@ -1,0 +1,146 @@
+"""Overview of a whole bag: bins of each signal, and all impacts, read part by part."""
+
+from __future__ import annotations
+
+import math
+from collections import defaultdict
+
+import numpy as np
+
+from rpud_sim.viewer.bins import Bins
+from rpud_sim.viewer.impacts import Impacts
+from rpud_sim.viewer.recorded.clock import JumpFinder
+from rpud_sim.viewer.recorded.lines import GAP, usual
+from rpud_sim.viewer.recorded.recording import Recording
+from rpud_sim.viewer.recorded.signals import IMPACTS, PEAK_FORCE, namespace
+
+BINS = 2**17  # greatest number of bins of a signal
+MEMORY = 256 * 2**20  # greatest size of the bins of all signals [bytes]
+
+_LEAST_BINS = 2**10
+_BIN_SIZE = 32  # bytes
+_LEAST_GAP = 0.1  # s
+_LEAST_STEPS = 10  # fewer messages have no usual distance
+_SPARE = 1.02  # of the time, for what is later than the last log time
+
+
+class Overview:
+    """Bins of all signals over the whole time of a recording, and the impacts of each drill.
+
+    ``sample`` fills them from parts that are spread over the bag, ``read_next`` one part after the
+    other. What a bag gains while it grows is read by further calls of it.
+    """
+
+    def __init__(self, recording: Recording) -> None:
+        self._recording = recording
+        self._finder = JumpFinder()
+        self._sampled: set[int] = set()
+        self.read = 0  # parts that were read in their order
+        self.until = 0.0  # time up to which these reach [s]
+        self.end = 0.0  # latest time of what was read, and at first the expected one [s]
+        self.version = 0  # grows with each part
+        self._clear()
+
+    @property
+    def complete(self) -> bool:
+        return self.read >= len(self._recording.pieces)
+
+    @property
+    def share(self) -> float:
+        """Part of the bag that was read, from 0 to 1; 1 only if all of it was."""
+        if self.complete:
+            return 1.0
+        ahead = sum(1 for number in self._sampled if number >= self.read)
+        return min((self.read + ahead) / len(self._recording.pieces), 0.999)
+
+    @property
+    def known(self) -> float:
+        """Time up to which no value is missing [s]; infinite if all was read."""
+        return math.inf if self.complete else self.until
+
+    def sample(self) -> None:
+        """Read parts that are spread over the bag."""
+        for number in self._recording.sample:
+            self._add(number)
+            self._sampled.add(number)
+
+    def read_next(self) -> bool:
+        """Read the next part, if there is one; return whether the clocks stayed the same.
+
+        If they did not, everything is to be read again, since all later times change.
+        """
+        recording = self._recording
+        if self.complete:
+            return True
+        if not self._take_jumps():
+            # The clock was set between the sampled parts.
+            while self.read + 1 < len(recording.pieces):
+                self.read += 1
+                self._take_jumps()
+            recording.set_jumps(self._finder.jumps)
+            self._finder = JumpFinder()
+            self._sampled.clear()
+            self.read = 0
+            self._clear()
+            return False
+        if self.read in self._sampled:
+            self.until = max(self.until, recording.end_of(self.read))
+        else:
+            self.until = max(self.until, self._add(self.read))
+        self.read += 1
+        return True
+
+    def gaps(self) -> list[tuple[float, float]]:
+        """Return where no signal has messages for much longer than usual, from and to [s].
+
+        Only a complete overview knows it: of an incomplete one it returns nothing.
+        """
+        if not self.complete:
+            return []
+        used, width = self.bins.used(), self.bins.width
+        steps = np.diff(used)
+        if len(steps) < _LEAST_STEPS:
+            return []
+        longest = max(GAP * usual(steps), _LEAST_GAP / width)
+        return [
+            ((int(used[place]) + 1) * width, int(used[place + 1]) * width)
+            for place in np.flatnonzero(steps > longest)
+        ]
+
+    def _clear(self) -> None:
+        recording = self._recording
+        duration = max(recording.duration, 1e-3)
+        if recording.pieces:
+            duration = max(duration, recording.end_of(len(recording.pieces) - 1))
+        names = [signal.name for signal in recording.signals]
+        fitting = MEMORY // (_BIN_SIZE * max(1, len(names)))
+        count = min(BINS, max(_LEAST_BINS, 2 ** int(math.log2(fitting))))
+        self.bins = Bins(names, duration * _SPARE / count, count)
+        self.impacts: dict[str, Impacts] = defaultdict(Impacts)  # by drill
+        self.until, self.end = 0.0, duration
+
+    def _take_jumps(self) -> bool:
+        recording = self._recording
+        found = recording.rows(self.read)
+        series = {drill: recording.series(drill, found) for drill in recording.clocks}
+        return self._finder.add(series, recording.clocks)
+
+    def _add(self, number: int) -> float:
+        """Add the rows of a part; return their greatest time [s]."""
+        recording = self._recording
+        until = 0.0
+        for topic, rows in recording.rows(number).items():
+            if not len(rows.stamps):
+                continue
+            times = recording.elapsed(topic, rows)
+            until = max(until, float(times.max()))
+            reader = recording.readers[topic]
+            for signal in reader.signals:
+                self.bins.add(signal.name, times, rows.values[signal.column])
+            if reader.summary.topic.type == IMPACTS and PEAK_FORCE in rows.values:
+                peaks = rows.values[PEAK_FORCE]
+                valid = np.isfinite(peaks)
+                self.impacts[namespace(topic)].add(times[valid], peaks[valid])
+        self.end = max(self.end, until)
+        self.version += 1
+        return until

@@ -1,0 +1,400 @@
+"""Bag that browsers look at: opened once, read on in the background, also while it grows."""
+
+from __future__ import annotations
+
+import math
+import os
+import threading
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from rpud_sim.foundation.quantities import ParameterError
+from rpud_sim.pages.quantities import QUANTITIES, for_browser
+from rpud_sim.viewer.plots import chosen_quantities, drill_plots
+from rpud_sim.viewer.recorded.marks import AT_ONCE, Marks
+from rpud_sim.viewer.recorded.moment import Moments
+from rpud_sim.viewer.recorded.overview import Overview
+from rpud_sim.viewer.recorded.recording import Recording
+from rpud_sim.viewer.recorded.signals import Signal
+from rpud_sim.viewer.recorded.views import Views, is_drill
+from rpud_sim.viewer.recorded.waveforms import Waveforms
+from rpud_sim.viewer.server import PageServer, Place
+from rpud_sim.viewer.store import ClientState, StoreError
+
+_REFRESH = 1.0  # shortest time between pictures of what was read on, and looks at the files [s]
+_SHARE = 0.1  # greatest part of the time that these looks take
+_MOST_PLOTS = 5  # of a bag without a drill
+_MOST_GAPS = 300
+
+
+class Opened:
+    """Recording, and what was read of it so far."""
+
+    def __init__(self, path: Path) -> None:
+        self.recording = Recording(path)
+        try:
+            self.overview = Overview(self.recording)
+            self.overview.sample()
+            self.marks = Marks(self.recording)
+            for _ in range(AT_ONCE):
+                if not self.marks.read_next():
+                    break
+            self.waveforms = Waveforms(self.recording)
+            self.views = Views(self.recording, self.overview, self.waveforms)
+            self.moments = Moments(self.recording, self.overview, self.waveforms, self.views)
+        except BaseException:
+            self.recording.close()
+            raise
+
+    def read_next(self) -> bool:
+        """Read the next part; return whether there was one."""
+        if self.marks.read_next():
+            return True
+        if self.overview.complete:
+            return False
+        if not self.overview.read_next():
+            self.marks.clear()
+        return True
+
+
+class RecordedStore:
+    """Store of one bag.
+
+    When it is made it has read a sample of the bag, so that a page can stand at once; ``start``
+    begins the thread that reads on. Questions of pages go first: the thread waits meanwhile.
+    """
+
+    mode = "recorded"
+
+    def __init__(self, path: str | Path) -> None:
+        self.path = Path(path)
+        self._bag = Opened(self.path)
+        self._opened = 1  # how often the bag was opened
+        self._version = 0  # of what was read; grows at most each ``_REFRESH``
+        self._refreshed = 0.0
+        self._error = ""
+        self._asking = 0
+        self._condition = threading.Condition()
+        self._lock = threading.Lock()
+        self._ended = False
+        self._thread = threading.Thread(target=self._run, name="read the bag", daemon=True)
+
+    def start(self) -> None:
+        """Read on in a thread."""
+        self._thread.start()
+
+    def read_all(self) -> Opened:
+        """Read the whole bag and return it; for one that no thread reads."""
+        while self._bag.read_next():
+            pass
+        self._version += 1
+        return self._bag
+
+    def shut(self) -> None:
+        """End the thread and release the files."""
+        with self._condition:
+            self._ended = True
+            self._condition.notify_all()
+        if self._thread.is_alive():
+            self._thread.join()
+        self._bag.recording.close()
+
+    def __enter__(self) -> RecordedStore:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.shut()
+
+    # For pages
+
+    @property
+    def drills(self) -> list[str]:
+        """Namespaces of drills; of a bag without a drill, those with signals."""
+        recording = self._bag.recording
+        found = sorted(set(recording.clocks))
+        ours = [drill for drill in found if is_drill(recording, drill)]
+        return ours or [d for d in found if any(s.drill == d for s in recording.signals)] or [""]
+
+    def open(self, client: ClientState) -> None:
+        """Note one more browser; an unknown drill is an error, none is the first."""
+        if not client.drill:
+            client.drill = self.drills[0]
+        if client.drill not in self.drills:
+            raise StoreError(f"the bag holds no drill {client.drill:.100}")
+        client.sent["opened"] = self._bag
+
+    def close(self, client: ClientState) -> None:
+        """Note that a browser has gone."""
+
+    def request(self, client: ClientState, name: str, content: Any) -> None:
+        """Find an impact: the next frame has it as ``jump``."""
+        if name != "seek":
+            raise ParameterError("a recorded drill takes no commands")
+        back = content["to"] == "previous"
+        since = float(content["from"]) + (-1e-9 if back else 1e-9)
+        with self._first():
+            found = self._bag.waveforms.next_impact(client.drill, since, back=back)
+        word = "earlier" if back else "further"
+        client.sent["jump"] = found or {"none": f"there is no {word} impact"}
+
+    def frame(self, client: ClientState) -> dict[str, Any] | None:
+        """Return what is new for a browser; None for nothing."""
+        if self._error:
+            return {"error": self._error} if client.sent.pop("error", True) else None
+        with self._first():
+            return self._frame(client) or None
+
+    def view(
+        self, drill: str, start: float, end: float, width: int, quantities: Iterable[str]
+    ) -> dict[str, Any]:
+        """Return the field ``view`` of a frame."""
+        return self._bag.views.view(drill, start, end, width, quantities)
+
+    def section(self, drill: str, end: float) -> dict[str, Any] | None:
+        """Return the field ``section`` of a frame."""
+        return self._bag.waveforms.section(drill, end)
+
+    # Inside
+
+    def _frame(self, client: ClientState) -> dict[str, Any]:
+        bag, sent, drill = self._bag, client.sent, client.drill
+        if sent.get("opened") is not bag:  # the bag was opened again: the browser forgets all
+            sent.clear()
+            sent["opened"] = bag
+            client.section = True
+        frame: dict[str, Any] = {}
+        now = bag.overview.end
+        version = self._version
+
+        def add(name: str, state: object, make: Callable[[], Mapping[str, Any]]) -> None:
+            if sent.get(name, _NOTHING) != state:
+                sent[name] = state
+                frame.update(make())
+
+        plots, others = self._plots(drill)
+        add("drills", drill, lambda: {"drills": self.drills, "drill": drill, "run": self._opened})
+        add("plots", repr(plots), lambda: {"plots": plots, "quantities": for_browser() + others})
+        add("state", version, lambda: self._state(now))
+        add("timeline", version, lambda: {"timeline": bag.views.timeline(drill)})
+        add("marks", (version, bag.marks.version), lambda: self._marks(drill))
+        start, end = self._range(client, now)
+        chosen = tuple(chosen_quantities(plots, client.choices))
+        width = client.view.width
+        fresh = version if end - start > 1.0 or end > now - 1.0 else 0
+        shown = (start, end, width, chosen)
+        add("view", (shown, fresh), lambda: self._view(drill, start, end, width, chosen))
+        playhead = now if client.playhead is None else min(max(client.playhead, 0.0), now)
+        add("moment", playhead, lambda: self._moment(drill, playhead))
+        if client.section:
+            add("section", playhead, lambda: self._section(drill, playhead))
+        if "jump" in sent:
+            frame["jump"] = sent.pop("jump")
+        return frame
+
+    def _plots(self, drill: str) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+        """Return the plots of a drill, and the quantities of the signals beyond the table."""
+        bag = self._bag
+        known = {bag.views.signal(drill, quantity) for quantity in QUANTITIES}
+        left = [
+            signal
+            for signal in bag.recording.signals
+            if signal not in known and bag.views.has_values(signal)
+        ]
+        left.sort(key=lambda signal: signal.drill != drill)
+        others = [_quantity(signal, drill) for signal in left]
+        choices = [
+            {
+                "id": each["name"],
+                "title": each["label"],
+                "layers": [{"quantity": each["name"], "label": each["label"], "kind": "band"}],
+            }
+            for each in others
+        ]
+        if is_drill(bag.recording, drill):
+            return drill_plots(lambda name: self._has(drill, name), choices), others
+        plots = [
+            {"id": f"signal{n}", "title": "signal", "choices": choices[n:] + choices[:n]}
+            for n in range(min(_MOST_PLOTS, len(choices)))
+        ]
+        return plots, others
+
+    def _has(self, drill: str, quantity: str) -> bool:
+        steps = self._bag.marks.commands[drill].steps(0.0, math.inf, 1)
+        return quantity in steps or self._bag.views.has(drill, quantity)
+
+    def _range(self, client: ClientState, now: float) -> tuple[float, float]:
+        """Return the range that a browser shows; a bag that does not grow is shown as a whole."""
+        view = client.view
+        if view.follow is None:
+            return max(view.start, 0.0), min(view.end, now)
+        if self._bag.recording.growing:
+            return max(now - view.follow, 0.0), now
+        return 0.0, now
+
+    def _state(self, now: float) -> dict[str, Any]:
+        recording, overview = self._bag.recording, self._bag.overview
+        losses = {}
+        timing = {
+            "bag": f"{recording.path.name}: {recording.duration:.6g} s, "
+            f"{recording.bag.message_count} messages, {recording.bag.size / 1e6:.1f} MB"
+        }
+        for summary in recording.bag.readable_topics:
+            name, rate = summary.topic.name, summary.rate
+            at = f" at {rate:.4g} Hz" if rate else ""
+            timing[name] = f"{summary.message_count} messages{at}"
+            if summary.losses is not None and summary.losses.total:
+                losses[name] = summary.losses.total
+        return {
+            "now": now,
+            "extent": [0.0, now],
+            "read": overview.share,
+            "growing": recording.growing,
+            "notice": self._notice(),
+            "timing": timing,
+            "losses": losses,
+            "gaps": [list(gap) for gap in overview.gaps()[:_MOST_GAPS]],
+        }
+
+    def _marks(self, drill: str) -> dict[str, Any]:
+        marks = self._bag.marks
+        faults = marks.faults(drill)
+        return {"faults": faults} | marks.commands[drill].frame(faults)
+
+    def _view(
+        self, drill: str, start: float, end: float, width: int, quantities: tuple[str, ...]
+    ) -> dict[str, Any]:
+        view = self._bag.views.view(drill, start, end, width, quantities)
+        steps = self._bag.marks.commands[drill].steps(start, end, width)
+        return {"view": view, "steps": steps}
+
+    def _moment(self, drill: str, playhead: float) -> dict[str, Any]:
+        moments = self._bag.moments
+        found = {
+            "status": moments.status(drill, playhead),
+            "values": moments.values(drill, playhead),
+            "numbers": moments.numbers(drill, playhead),
+        }
+        hole = moments.hole(drill, playhead, self._bag.marks.commands[drill].parameters)
+        return found | ({"hole": hole} if hole else {})
+
+    def _section(self, drill: str, playhead: float) -> dict[str, Any]:
+        section = self._bag.waveforms.section(drill, playhead)
+        return {"section": section} if section else {}
+
+    def _notice(self) -> str:
+        """Return what a user must know of the state of the bag; empty for nothing."""
+        bag, parts = self._bag, []
+        recording = bag.recording
+        if recording.lost:
+            parts.append(f"{recording.lost} since it was opened; this is what was there.")
+        elif recording.bag.unclosed and not recording.growing:
+            parts.append("This bag was not closed: it lost its end.")
+        if recording.damages:
+            first = next(iter(recording.damages.values()))
+            parts.append(f"{len(recording.damages)} damaged parts are skipped: {first:.300}")
+        unreadable = [
+            f"{reader.unreadable} of {name:.100}"
+            for name, reader in recording.readers.items()
+            if reader.unreadable
+        ]
+        if unreadable:
+            parts.append(f"Messages that cannot be read: {', '.join(unreadable[:5])}.")
+        if bag.marks.unlisted:
+            parts.append(f"{bag.marks.unlisted} entries of journal and faults are not shown.")
+        if not recording.signals:
+            parts.append("The bag holds no numbers that can be drawn over time.")
+        elif recording.left_out:
+            names = ", ".join(list(recording.left_out)[:5])
+            parts.append(f"Topics that cannot be drawn: {names:.300}.")
+        return " ".join(parts)
+
+    @contextmanager
+    def _first(self) -> Iterator[None]:
+        """Keep the thread from reading on meanwhile."""
+        with self._condition:
+            self._asking += 1
+        try:
+            with self._lock:
+                yield
+        finally:
+            with self._condition:
+                self._asking -= 1
+                self._condition.notify_all()
+
+    def _run(self) -> None:
+        try:
+            while self._may_read():
+                with self._lock:
+                    more = self._bag.read_next()
+                    if not more or time.monotonic() - self._refreshed > _REFRESH:
+                        self._refreshed = time.monotonic()
+                        self._version += 1
+                if not more:
+                    self._wait_for_growth()
+        except Exception as error:  # the pages must know
+            self._error = f"the bag cannot be read on: {error!r:.300}"
+            raise
+
+    def _may_read(self) -> bool:
+        with self._condition:
+            self._condition.wait_for(lambda: self._ended or not self._asking)
+            return not self._ended
+
+    def _wait_for_growth(self) -> None:
+        """Wait until the bag has grown, and add what was written."""
+        pause = _REFRESH
+        while not self._ended:
+            with self._condition:
+                self._condition.wait_for(lambda: self._ended, pause)
+            if not self._may_read():
+                return
+            begin = time.monotonic()
+            with self._lock:
+                recording = self._bag.recording
+                before = len(recording.pieces), recording.lost, recording.growing
+                if not recording.grow():
+                    opened = Opened(self.path)
+                    recording.close()
+                    self._bag = opened
+                    self._opened += 1
+                    return
+                after = len(recording.pieces), recording.lost, recording.growing
+            if after[0] > before[0]:
+                return
+            if after != before:
+                self._version += 1
+            pause = max(_REFRESH, (time.monotonic() - begin) / _SHARE)
+
+
+def serve_bag(
+    bag: str | os.PathLike[str], place: Place, announce: Callable[[PageServer], object]
+) -> None:
+    """Serve the screen of a bag until SIGINT or SIGTERM; it reads the bag meanwhile.
+
+    ``announce`` is called once the server listens, and prints ``server.url("/screen")``.
+    """
+    with RecordedStore(os.fspath(bag)) as store, PageServer(store, place) as server:
+        store.start()
+        announce(server)
+        server.run()
+
+
+_NOTHING = object()  # was sent
+
+
+def _quantity(signal: Signal, drill: str) -> dict[str, Any]:
+    """Return a signal as a quantity of the table that the browser has."""
+    topic = signal.topic.removeprefix(f"{drill}/") if drill else signal.topic
+    return {
+        "name": signal.name,
+        "label": f"{topic} {signal.column}",
+        "unit": signal.unit,
+        "scale": 1.0,
+        "colour": "other",
+        "floor": 0.0,
+        "positive": "",
+        "zero": False,
+    }

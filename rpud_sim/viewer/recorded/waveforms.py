@@ -1,0 +1,221 @@
+"""Exact waveforms of any part of a bag, rebuilt from the trajectory, and sections of motion."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from rpud_sim.bag import BagError
+from rpud_sim.bag.cdr import Codec
+from rpud_sim.bag.definitions import find_definition
+from rpud_sim.foundation.time import SECOND
+from rpud_sim.inspection.trajectory_pieces import TrajectoryPiece, trajectory_pieces
+from rpud_sim.simulation.rebuilding import end_sample, first_sample, sample_between
+from rpud_sim.viewer.recorded.recording import Recording
+from rpud_sim.viewer.recorded.signals import IMPACTS, TRAJECTORY, WAVEFORM
+
+# Samples of a rebuilt waveform, before those that no screen can show are left out.
+SAMPLES = 100_000
+
+HIGHEST_RATE = 1_000_000_000  # greatest rate of a rebuilt waveform [Hz], that of ``rpud export``
+SECTION = 0.02  # length of a section [s]
+SECTION_RATE = 60_000  # of its samples [Hz]
+
+# Channels by the quantities that they show.
+CHANNELS = {
+    "nodal_plane": "nodal_plane_position",
+    "actuator": "actuator_position",
+    "free_mass": "free_mass_position",
+    "drill_tool": "drill_tool_displacement",
+    "contact_force": "contact_force",
+    "reacting_force": "reacting_force",
+}
+_MOTION = ("nodal_plane", "actuator", "free_mass", "drill_tool", "contact_force")
+
+
+@dataclass(frozen=True)
+class Waveform:
+    """Exact samples of the channels of a trajectory."""
+
+    rate: int  # of the samples [Hz]; sample n is n / rate after simulation time zero
+    numbers: np.ndarray  # of the samples, shape (n,)
+    times: np.ndarray  # since the bag began [s], shape (n,)
+    channels: Mapping[str, np.ndarray] = field(default_factory=dict)  # by name, shape (n,)
+    cuts: tuple[int, ...] = ()  # places before which samples are missing
+
+
+class Waveforms:
+    """Waveforms of one recording."""
+
+    def __init__(self, recording: Recording) -> None:
+        self._recording = recording
+        self._codecs = {kind: Codec(kind, find_definition(kind)) for kind in (TRAJECTORY, WAVEFORM)}
+
+    def has(self, drill: str) -> bool:
+        """Whether the waveform of a drill can be rebuilt."""
+        return bool(self._recording.topics(drill, TRAJECTORY))
+
+    def between(self, drill: str, start: float, end: float, rate: int | None = None) -> Waveform:
+        """Return the exact samples between two times since the bag began [s].
+
+        ``rate`` is whole [Hz]; None for one that gives about ``SAMPLES``.
+        """
+        if rate is None:
+            rate = int(min(max(SAMPLES / max(end - start, 1e-9), 1.0), HIGHEST_RATE))
+        parts = []
+        for topic in self._recording.topics(drill, TRAJECTORY)[:1]:
+            numbers = [*self._recording.pieces_between(drill, start, end)]
+            for zero, segments in self._stretches(drill, topic, numbers):
+                first = max(math.ceil((start - zero) * rate), first_sample(segments[0], rate))
+                last = min(math.floor((end - zero) * rate) + 1, end_sample(segments[-1], rate))
+                if last > first:
+                    samples = sample_between(segments, first, last, rate)
+                    counted = np.arange(first, last, dtype=np.int64)
+                    parts.append((counted, counted / rate + zero, vars(samples)))
+        return _joined(parts, rate)
+
+    def section(self, drill: str, end: float) -> dict[str, Any] | None:
+        """Return the field ``section`` of a frame: the motion until a time [s]; None without any.
+
+        It is rebuilt from the trajectory. Without one it has the samples of the waveform's topic.
+        """
+        waveform = self.between(drill, end - SECTION, end, SECTION_RATE)
+        if len(waveform.times):
+            # Gaps are NaN; of two runs it is the later one.
+            newest = int(np.flatnonzero(np.diff(waveform.numbers, prepend=0) <= 0)[-1:].sum())
+            first, last = int(waveform.numbers[newest]), int(waveform.numbers[-1])
+            places = waveform.numbers[newest:] - first
+            found: dict[str, Any] = {"exact": True, "period": 1.0 / SECTION_RATE}
+            found["time"] = float(waveform.times[newest])
+            for name in _MOTION:
+                found[name] = np.full(last - first + 1, np.nan, np.float32)
+                found[name][places] = waveform.channels[CHANNELS[name]][newest:]
+        elif (sampled := self._sampled(drill, end)) is not None:
+            found = sampled
+        else:
+            return None
+        impacts = self.impacts(drill, found["time"], end)
+        impacts["time"] = impacts["time"] - found["time"]
+        return found | {"impacts": np.column_stack([*impacts.values()]).tolist()}
+
+    def impacts(self, drill: str, start: float, end: float) -> dict[str, np.ndarray]:
+        """Return ``time``, ``peak_force`` and ``contact_duration`` of impacts in a range."""
+        recording = self._recording
+        names = ("peak_force", "contact_duration")
+        found = []
+        for topic in recording.topics(drill, IMPACTS)[:1]:
+            for number in recording.pieces_between(drill, start, end):
+                if (rows := recording.rows(number).get(topic)) is not None:
+                    times = recording.elapsed(topic, rows)
+                    inside = (times >= start) & (times <= end)
+                    values = [rows.values.get(name, np.full(len(times), np.nan)) for name in names]
+                    found.append(np.array([times, *values])[:, inside])
+        rows_ = np.concatenate([np.empty((3, 0)), *found], axis=1)
+        return dict(zip(("time", *names), rows_[:, np.argsort(rows_[0])], strict=True))
+
+    def next_impact(
+        self, drill: str, time: float, *, back: bool = False
+    ) -> dict[str, float] | None:
+        """Return the first impact after a time since the bag began [s], or the last before it."""
+        recording = self._recording
+        for number in recording.pieces_from(drill, time, back=back):
+            if recording.pieces[number].topics.isdisjoint(recording.topics(drill, IMPACTS)):
+                continue
+            begin, end = recording.span(drill, number) or (0.0, -1.0)
+            found = self.impacts(drill, begin, end)
+            later = np.flatnonzero(found["time"] < time if back else found["time"] > time)
+            if len(later):
+                place = later[-1 if back else 0]
+                return {name: float(values[place]) for name, values in found.items()}
+        return None
+
+    def _sampled(self, drill: str, end: float) -> dict[str, Any] | None:
+        """Return a section from the samples of the waveform's topic."""
+        recording = self._recording
+        blocks = []
+        for topic in recording.topics(drill, WAVEFORM)[:1]:
+            for number in recording.pieces_between(drill, end - SECTION, end):
+                for message, block in recording.decoded(number, topic, self._codecs[WAVEFORM]):
+                    time = recording.time_of(message, block.header.stamp)
+                    length = len(block.nodal_plane_position)
+                    if time < end and time + length * block.sample_period > end - SECTION:
+                        blocks.append((time, block))
+        if not blocks:
+            return None
+        blocks.sort(key=lambda each: each[0])
+        period = float(blocks[-1][1].sample_period)
+        begin = blocks[0][0]
+        places = np.concatenate(
+            [
+                np.rint((time - begin) / period) + np.arange(len(block.nodal_plane_position))
+                for time, block in blocks
+            ]
+        ).astype(int)
+        first = max(math.ceil((end - SECTION - begin) / period), 0)
+        last = min(math.floor((end - begin) / period), int(places.max()))
+        inside = (places >= first) & (places <= last)
+        if not inside.any():
+            return None
+        step = max(1, math.ceil((last - first + 1) / (SECTION * SECTION_RATE)))
+        found: dict[str, Any] = {"exact": False, "period": period * step}
+        found["time"] = begin + first * period
+        for name in _MOTION:
+            values = np.full(last - first + 1, np.nan, np.float32)
+            samples = np.concatenate([getattr(block, CHANNELS[name]) for _, block in blocks])
+            values[places[inside] - first] = samples[inside]
+            found[name] = values[::step]
+        return found
+
+    def _stretches(
+        self, drill: str, topic: str, numbers: Sequence[int]
+    ) -> Iterator[tuple[float, np.ndarray]]:
+        """Yield gapless stretches of a trajectory, and when in the bag their time zero was [s]."""
+        clock = self._recording.clocks[drill]
+        held: list[TrajectoryPiece] = []
+        zero = 0.0
+        for piece in self._trajectory(topic, numbers):
+            begin = (piece.origin - clock.offset(piece.log_time)) / SECOND
+            if held and not (piece.follows and begin == zero):
+                yield zero, np.concatenate([each.segments for each in held])
+                held = []
+            held.append(piece)
+            zero = begin
+        if held:
+            yield zero, np.concatenate([each.segments for each in held])
+
+    def _trajectory(self, topic: str, numbers: Sequence[int]) -> Iterator[TrajectoryPiece]:
+        for _, adjacent in itertools.groupby(
+            enumerate(numbers), lambda each: each[1] - each[0]
+        ):  # parts of the bag that follow each other
+            messages = [
+                message
+                for _, number in adjacent
+                for message in self._recording.messages(number, (topic,))
+            ]
+            messages.sort(key=lambda message: message.log_time)
+            try:
+                yield from trajectory_pieces(
+                    messages, self._codecs[TRAJECTORY], self._recording.path
+                )
+            except BagError:
+                continue  # what came before the damage is drawn
+
+
+def _joined(
+    parts: Sequence[tuple[np.ndarray, np.ndarray, Mapping[str, np.ndarray]]], rate: int
+) -> Waveform:
+    parts = sorted(parts, key=lambda part: float(part[1][0]))
+    names = parts[0][2] if parts else ()
+    cuts = np.cumsum([len(numbers) for numbers, _, _ in parts])[:-1]
+    return Waveform(
+        rate,
+        np.concatenate([np.empty(0, np.int64), *(numbers for numbers, _, _ in parts)]),
+        np.concatenate([np.empty(0), *(times for _, times, _ in parts)]),
+        {name: np.concatenate([each[name] for _, _, each in parts]) for name in names},
+        tuple(int(cut) for cut in cuts),
+    )

@@ -1,0 +1,349 @@
+"""Server of the screen: this machine alone, or others with a token.
+
+It has the screen and its modules, one WebSocket for each browser, and the list of drills.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import errno
+import hmac
+import ipaddress
+import logging
+import secrets
+import signal
+import socket
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from urllib.parse import SplitResult, parse_qsl, urlencode, urlsplit
+
+from tornado.httpserver import HTTPServer
+from tornado.httputil import HTTPHeaders
+from tornado.netutil import bind_sockets
+from tornado.web import (
+    Application,
+    ErrorHandler,
+    Finish,
+    HTTPError,
+    OutputTransform,
+    RequestHandler,
+    StaticFileHandler,
+)
+from tornado.websocket import WebSocketClosedError, WebSocketHandler
+
+from rpud_sim.viewer.session import LONGEST_REQUEST, RequestError, Session
+from rpud_sim.viewer.store import Store
+
+DEFAULT_PORT = 8810
+LOOPBACK = "127.0.0.1"
+
+_SHARE = Path(__file__).parent / "share"
+_SERVED = (".css", ".html", ".js")
+_MOST_PAGES = 64
+_TOKEN_BYTES = 24
+_LOOPBACK_NAMES = ("127.0.0.1", "localhost", "::1")
+_FORBIDDEN, _NOT_FOUND = 403, 404
+_WRONG_REQUEST, _TOO_MANY, _FAILED = 1008, 1013, 1011  # codes with which a socket closes
+_PING = 20.0  # a browser that does not answer for so long has gone [s]
+
+# No page of another site may show this one, and catch its clicks.
+_POLICY = (
+    "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; "
+    "img-src 'self' data:; frame-ancestors 'none'; base-uri 'none'; form-action 'none'"
+)
+
+
+class ServerError(RuntimeError):
+    """Server that cannot start; the text is one line."""
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a server listens."""
+
+    port: int = DEFAULT_PORT  # 0 for a free one
+    address: str = LOOPBACK  # of the interface; that of all is ``0.0.0.0``
+    token: str = ""  # that a browser must know; empty for none
+
+    @classmethod
+    def of(cls, port: int = DEFAULT_PORT, address: str = LOOPBACK) -> Place:
+        """Return a place, with a new token if other machines can reach it."""
+        token = "" if _is_loopback(address) else secrets.token_urlsafe(_TOKEN_BYTES)
+        return cls(port, address, token)
+
+
+class PageServer:
+    """HTTP server of the screen of a store; it listens from the start.
+
+    The store works in one thread. ``listing`` returns what the list of drills shows, in that
+    thread too; without it the first page is the screen.
+    """
+
+    def __init__(
+        self, store: Store, place: Place, listing: Callable[[], dict[str, Any]] | None = None
+    ) -> None:
+        logging.getLogger("tornado.access").setLevel(logging.ERROR)
+        try:
+            self._sockets = bind_sockets(place.port, place.address)
+        except OSError as error:
+            raise ServerError(_why_not(place, error)) from error
+        self.port = int(self._sockets[0].getsockname()[1])  # on which it listens
+        self.store = store
+        self.listing = listing
+        self.guard = _Guard(place.token, self.port)
+        self.pages = 0  # browsers that are connected
+        self._place = place
+        self._worker = ThreadPoolExecutor(1, "store")
+        self._regular: list[tuple[float, Callable[[], object]]] = []
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._stop = asyncio.Event()
+
+    def url(self, path: str = "/", **arguments: str) -> str:
+        """Return the address of a page, with the token where one is needed."""
+        if self._place.token:
+            arguments["token"] = self._place.token
+        query = f"?{urlencode(arguments, safe='/')}" if arguments else ""
+        return f"http://{_authority(_reachable(self._place.address), self.port)}{path}{query}"
+
+    def every(self, seconds: float, call: Callable[[], object]) -> None:
+        """Call a function regularly while the server runs, in the thread of the store."""
+        self._regular.append((seconds, call))
+
+    def stop(self) -> None:
+        """End `run`, from any thread or from a handler of a signal."""
+        if self._loop is None:
+            self._stop.set()
+            return
+        with suppress(RuntimeError):  # it has ended already
+            self._loop.call_soon_threadsafe(self._stop.set)
+
+    def __enter__(self) -> PageServer:
+        """Let SIGINT and SIGTERM end `run`, also before it begins."""
+        self._handlers = {
+            number: signal.signal(number, lambda *_: self.stop())
+            for number in (signal.SIGINT, signal.SIGTERM)
+        }
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for number, handler in self._handlers.items():
+            signal.signal(number, handler)
+
+    def run(self) -> None:
+        """Serve until `stop`."""
+        try:
+            asyncio.run(self._run())
+        finally:
+            self._worker.shutdown(cancel_futures=True)
+
+    async def work(self, call: Callable[..., Any], *arguments: Any) -> Any:
+        """Call a function in the thread of the store."""
+        return await asyncio.get_running_loop().run_in_executor(self._worker, call, *arguments)
+
+    async def _run(self) -> None:
+        self._loop = asyncio.get_running_loop()
+        application = Application(
+            [
+                (r"/()", _Shared, {"name": "list.html" if self.listing else "screen.html"}),
+                (r"/screen()", _Shared, {"name": "screen.html"}),
+                (r"/share/(.*)", _Shared),
+                (r"/drills", _Listing),
+                (r"/frames", _Frames),
+            ],
+            server=self,
+            transforms=[_Headers],
+            default_handler_class=ErrorHandler,
+            default_handler_args={"status_code": _NOT_FOUND},
+            websocket_max_message_size=LONGEST_REQUEST,
+            websocket_ping_interval=_PING,
+        )
+        http = HTTPServer(application)
+        http.add_sockets(self._sockets)
+        regular = [asyncio.create_task(self._repeat(*each)) for each in self._regular]
+        await self._stop.wait()
+        http.stop()
+        for task in regular:
+            task.cancel()
+        await http.close_all_connections()
+
+    async def _repeat(self, seconds: float, call: Callable[[], object]) -> None:
+        while True:
+            await asyncio.sleep(seconds)
+            await self.work(call)
+
+
+class _Headers(OutputTransform):
+    """Headers of every answer."""
+
+    def transform_first_chunk(
+        self, status_code: int, headers: HTTPHeaders, chunk: bytes, finishing: bool
+    ) -> tuple[int, HTTPHeaders, bytes]:
+        headers["Content-Security-Policy"] = _POLICY
+        headers["X-Content-Type-Options"] = "nosniff"
+        headers["Referrer-Policy"] = "no-referrer"
+        return status_code, headers, chunk
+
+
+class _Guarded(RequestHandler):
+    """Handler of requests that the guard lets pass."""
+
+    @property
+    def server(self) -> PageServer:
+        found: PageServer = self.settings["server"]
+        return found
+
+    def prepare(self) -> None:
+        self.server.guard.check(self)
+
+
+class _Shared(_Guarded, StaticFileHandler):
+    """File of the screen: one of the address, or always the same one."""
+
+    def initialize(self, name: str = "") -> None:  # type: ignore[override]
+        super().initialize(str(_SHARE))
+        self._name = name
+
+    def parse_url_path(self, url_path: str) -> str:
+        return self._name or super().parse_url_path(url_path)
+
+    def validate_absolute_path(self, root: str, absolute_path: str) -> str | None:
+        if not absolute_path.endswith(_SERVED):
+            raise HTTPError(_NOT_FOUND)
+        return super().validate_absolute_path(root, absolute_path)
+
+    def set_extra_headers(self, path: str) -> None:
+        self.set_header("Cache-Control", "no-cache")  # the browser asks whether it has changed
+
+
+class _Listing(_Guarded):
+    async def get(self) -> None:
+        if self.server.listing is None:
+            raise HTTPError(_NOT_FOUND)
+        self.set_header("Cache-Control", "no-store")
+        self.finish(await self.server.work(self.server.listing))
+
+
+class _Frames(_Guarded, WebSocketHandler):
+    """WebSocket of one browser."""
+
+    _session: Session | None = None
+
+    def check_origin(self, origin: str) -> bool:
+        return True  # the guard has checked it
+
+    def open(self) -> None:
+        if self.server.pages >= _MOST_PAGES:
+            self.close(_TOO_MANY, f"{_MOST_PAGES} pages are open already")
+            return
+        self.server.pages += 1
+        drill = self.get_query_argument("namespace", "")
+        self._session = Session(self.server.store, self.server.work, self._send, drill)
+        self._task = asyncio.create_task(self._run(self._session))
+
+    async def _run(self, session: Session) -> None:
+        try:
+            with suppress(WebSocketClosedError):
+                await session.run()
+        finally:
+            self.server.pages -= 1
+            self.close(_FAILED, "there are no more frames")
+
+    async def _send(self, frame: bytes) -> None:
+        await self.write_message(frame, binary=True)
+
+    async def on_message(self, message: str | bytes) -> None:
+        try:
+            if self._session is not None:
+                await self._session.hear(message)
+        except RequestError as error:
+            self.close(_WRONG_REQUEST, str(error)[:100])
+
+    def on_close(self) -> None:
+        if self._session is not None:
+            self._task.cancel()
+
+
+class _Guard:
+    """Requires the token, and rejects requests that another page sends.
+
+    A page of another site may ask the browser to connect here, or its name may suddenly resolve to
+    this machine. The browser tells both: in ``Origin`` and in ``Host``. An empty token requires
+    none; the address is then that of the machine itself. ``port`` tells the cookies of several
+    servers apart.
+    """
+
+    def __init__(self, token: str, port: int) -> None:
+        self._token = token
+        self._cookie = f"rpud_watch_{port}"
+
+    def check(self, handler: RequestHandler) -> None:
+        """Finish a request that may not pass."""
+        request = handler.request
+        host = request.host.lower()
+        origin = request.headers.get("Origin")
+        if origin is not None and _parts(origin).netloc.lower() != host:
+            _refuse(handler, f"origin {origin!r:.200} is not this server")
+        if not self._token:
+            if _parts(f"//{host}").hostname not in _LOOPBACK_NAMES:
+                _refuse(handler, f"host {host!r:.200} is not this machine")
+            return
+        if self._is_token(handler.get_cookie(self._cookie, "")):
+            return
+        given = handler.get_query_argument("token", "")
+        if not self._is_token(given):
+            wrong = "this is not its token" if given else "the token is missing"
+            _refuse(handler, f"{wrong}: open the address that `rpud watch` has printed")
+        handler.set_cookie(self._cookie, given, httponly=True, samesite="Strict", path="/")
+        # The address that stays in the history, and that others may see, has no token.
+        rest = [pair for pair in parse_qsl(request.query) if pair[0] != "token"]
+        handler.redirect(f"{request.path}{'?' if rest else ''}{urlencode(rest, safe='/')}")
+        raise Finish
+
+    def _is_token(self, given: str | None) -> bool:
+        return hmac.compare_digest((given or "").encode(), self._token.encode())
+
+
+def _parts(url: str) -> SplitResult:
+    """Return the parts of an address; empty ones if it is none."""
+    try:
+        return urlsplit(url)
+    except ValueError:
+        return urlsplit("")
+
+
+def _refuse(handler: RequestHandler, reason: str) -> None:
+    handler.set_status(_FORBIDDEN)
+    handler.set_header("Content-Type", "text/plain; charset=utf-8")
+    handler.finish(f"{reason}\n")
+    raise Finish
+
+
+def _is_loopback(address: str) -> bool:
+    try:
+        return ipaddress.ip_address(address).is_loopback
+    except ValueError:
+        return address == "localhost"
+
+
+def _reachable(address: str) -> str:
+    """Return an address for a browser; that of all interfaces is none."""
+    return socket.gethostname() if address in ("", "0.0.0.0", "::") else address
+
+
+def _authority(host: str, port: int) -> str:
+    return f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
+
+
+def _why_not(place: Place, error: OSError) -> str:
+    where = f"port {place.port} of {place.address}"
+    if error.errno == errno.EADDRINUSE:
+        return f"{where} is in use: choose another one with --port, or 0 for a free one"
+    if error.errno == errno.EACCES:
+        return f"{where} is not permitted to this user: choose one above 1023 with --port"
+    if isinstance(error, socket.gaierror) or error.errno == errno.EADDRNOTAVAIL:
+        return f"address {place.address!r:.200} is not one of this machine"
+    return f"{where}: {error.strerror or error}"

@@ -1,0 +1,60 @@
+// @ts-check
+/* Frames: what the page shows next, as a header in JSON and arrays in binary. */
+
+/**
+ * Times are seconds of the run, values are in SI units; a field that is absent is as it was.
+ * @typedef {{t: Float64Array, v: Float32Array}} Steps
+ * @typedef {ArrayLike<number>} Values
+ * @typedef {{t: Values, mean: Values, low?: Values, high?: Values, band?: string,
+ *   outliers?: Steps & {more: number}}} Layer
+ * @typedef {{start: number, end: number, detail: "overview" | "messages" | "waveform",
+ *   complete: boolean, band: string, layers: Record<string, Layer>}} View
+ * @typedef {{quantity: string, label: string, kind: "band" | "line" | "steps", colour?: string}} PlotLayer
+ * @typedef {{id: string, title: string, layers: PlotLayer[]}} Choice
+ * @typedef {{id: string, title: string, choices: Choice[]}} PlotDefinition
+ * @typedef {{number: number, kind: string, channel: string, magnitude: number | null, onset: number,
+ *   end: number | null, active: boolean}} Fault
+ * @typedef {{time: number, kind: string, text: string}} Entry
+ * @typedef {{time: number, period: number, nodal_plane: Float32Array, actuator: Float32Array,
+ *   free_mass: Float32Array, drill_tool: Float32Array, contact_force: Float32Array,
+ *   impacts: [number, number, number][], exact: boolean, kept?: number[]}} Section
+ * @typedef {{mean: number | null, least: number | null, greatest: number | null,
+ *   spark: Float32Array | number[]}} NumberOf
+ * @typedef {{number: number, name: string, arguments: Record<string, any>,
+ *   state: "waiting" | "done" | "refused" | "failed", text: string}} Outcome
+ * @typedef {{name: string, label: string, unit: string, scale: number, colour: string, floor: number,
+ *   positive: string, zero: boolean}} Quantity
+ * @typedef {{title: string, columns: string[], rows: (string | number | null)[][]}} Table
+ * @typedef {{verdict?: string, requirements?: string[], seed?: number | string, test?: string,
+ *   tables: Table[]}} Report
+ * @typedef {{
+ *   number: number, mode?: "live" | "recorded" | "frozen", quantities?: Quantity[],
+ *   plots?: PlotDefinition[], drills?: string[], drill?: string, run?: number, now?: number,
+ *   extent?: [number, number], read?: number, growing?: boolean,
+ *   connection?: {state: "searching" | "connected" | "vanished", since: number, reason: string},
+ *   notice?: string, status?: Record<string, any>, values?: Record<string, Record<string, any>>,
+ *   numbers?: Record<string, NumberOf | null>, faults?: Fault[],
+ *   commands?: {list: Entry[], thinned: number}, steps?: Record<string, Steps>,
+ *   gaps?: [number, number][], view?: View, section?: Section, sections?: Section[],
+ *   timeline?: {t: Float64Array, low: Float32Array, mean: Float32Array, high: Float32Array},
+ *   hole?: any, kinds?: string[], channels?: string[], outcomes?: Outcome[],
+ *   refusals?: [number, string], refused?: [number, string], timing?: Record<string, string>,
+ *   losses?: Record<string, number>, log?: Entry[], log_thinned?: number,
+ *   jump?: {time?: number, peak_force?: number, contact_duration?: number, none?: string}, report?: Report, error?: string,
+ * }} Frame
+ */
+
+/**
+ * Return the frame of a message; its arrays are views of the same bytes.
+ * @param {ArrayBuffer} buffer
+ * @returns {Frame}
+ */
+export function decode(buffer) {
+  const length = new DataView(buffer).getUint32(0, true);
+  const begin = Math.ceil((4 + length) / 8) * 8;
+  return JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 4, length)), (_, value) => {
+    if (!Array.isArray(value?.$)) return value;
+    const [offset, count, kind] = value.$;
+    return new (kind === "f8" ? Float64Array : Float32Array)(buffer, begin + offset, count);
+  });
+}

@@ -1,0 +1,107 @@
+// @ts-check
+/* Source of a frozen screen: answers requests from frames that the file holds. */
+import { decode } from "./frames.js";
+import { placeOf } from "./plots.js";
+
+/** @typedef {import("./frames.js").Frame} Frame */
+
+/** The report of a bag, without a server: it has the overview, and some blocks of motion. */
+export class FrozenSource {
+  /**
+   * @param {Iterable<HTMLElement>} scripts with frames, in base64; the first has everything
+   * @param {(frame: Frame) => void} onFrame
+   * @param {(open: boolean, reason: string) => void} onState
+   */
+  constructor(scripts, onFrame, onState) {
+    this.onFrame = onFrame;
+    /** @type {Frame} */
+    this.held = { number: 0 };
+    for (const script of scripts)
+      Object.assign(this.held, decode(Uint8Array.from(atob(script.textContent ?? ""), (letter) => letter.charCodeAt(0)).buffer));
+    this.number = 0;
+    queueMicrotask(() => {
+      const { sections, ...frame } = this.held;
+      this.answer({ ...frame, view: undefined, mode: "frozen" });
+      onState(true, "");
+    });
+  }
+
+  /** @param {Partial<Frame>} frame */
+  answer(frame) {
+    this.number += 1;
+    this.onFrame({ ...frame, number: this.number });
+  }
+
+  /** @param {Record<string, any>} request */
+  send(request) {
+    const sections = this.held.sections ?? [];
+    if (request.view && this.held.view) {
+      const { start, end, width } = request.view;
+      const layers = Object.entries(this.held.view.layers).map(([name, layer]) => [name, partOf(layer, start, end, width)]);
+      this.answer({ view: { ...this.held.view, start, end, layers: Object.fromEntries(layers) } });
+    } else if (request.playhead !== undefined || request.section) {
+      this.playhead = request.playhead ?? this.playhead ?? this.held.extent?.[0] ?? 0;
+      const near = sections.reduce((best, each) => (away(each, this.playhead) < away(best, this.playhead) ? each : best), sections[0]);
+      const numbers = this.numbers(this.playhead);
+      this.answer(near && (request.section || near !== this.shown)
+        ? { numbers, section: { ...near, kept: sections.map((each) => each.time) } } : { numbers });
+      this.shown = near;
+    } else if (request.seek) {
+      const impacts = sections.flatMap((each) => each.impacts.map(([after, peak, contact]) => ({ time: each.time + after, peak_force: peak, contact_duration: contact })));
+      const ahead = request.seek === "next";
+      const found = impacts.filter(({ time }) => (ahead ? time > request.from + 1e-9 : time < request.from - 1e-9));
+      this.answer({ jump: found.at(ahead ? 0 : -1) ?? { none: "there is no further impact in this report" } });
+    }
+  }
+
+  /** @param {number} time @returns {Frame["numbers"]} of the second before a time, by the overview */
+  numbers(time) {
+    return Object.fromEntries(Object.entries(this.held.numbers ?? {}).map(([name, held]) => {
+      const layer = this.held.view?.layers[name];
+      if (!layer || !held) return [name, held];
+      const end = placeOf(layer.t, time) + 1;
+      const first = Math.max(0, Math.min(placeOf(layer.t, time - 1) + 1, end - 1));
+      const of = (/** @type {import("./frames.js").Values} */ values, from = first) => Array.from(values).slice(from, end).filter(Number.isFinite);
+      const mean = of(layer.mean);
+      const spark = of(layer.mean, Math.max(0, end - 60));
+      if (!mean.length) return [name, { mean: null, least: null, greatest: null, spark }];
+      const [least, greatest] = [Math.min(...of(layer.low ?? layer.mean)), Math.max(...of(layer.high ?? layer.mean))];
+      return [name, { mean: meanOf(mean), least, greatest, spark }];
+    }));
+  }
+}
+
+/** @param {import("./frames.js").Section} section @param {number} time how far it is from its end [s] */
+function away(section, time) {
+  return Math.abs(section.time + section.period * section.free_mass.length - time);
+}
+
+/** @param {number[]} values */
+function meanOf(values) {
+  return values.reduce((sum, value) => sum + value, 0) / values.length;
+}
+
+/** Return a layer between two times, in about so many bins: several become one.
+ * @param {import("./frames.js").Layer} layer @param {number} start @param {number} end @param {number} width
+ * @returns {import("./frames.js").Layer} */
+export function partOf(layer, start, end, width) {
+  const first = Math.max(0, placeOf(layer.t, start));
+  const last = Math.min(layer.t.length, placeOf(layer.t, end) + 2);
+  const joined = Math.max(1, Math.floor((last - first) / Math.max(1, width)));
+  const merge = (/** @type {import("./frames.js").Values} */ values, /** @type {(values: number[]) => number} */ join) =>
+    Array.from({ length: Math.max(0, Math.ceil((last - first) / joined)) }, (_, i) => {
+      const known = [];
+      for (let at = first + i * joined; at < Math.min(last, first + (i + 1) * joined); at += 1) if (values[at] === values[at]) known.push(values[at]);
+      return known.length ? join(known) : NaN;
+    });
+  const { t, mean, low, high, outliers, ...rest } = layer;
+  const [from, to] = [placeOf(outliers?.t ?? [], start) + 1, placeOf(outliers?.t ?? [], end) + 1];
+  return {
+    ...rest,
+    t: merge(t, meanOf),
+    mean: merge(mean, meanOf),
+    low: low && merge(low, (values) => Math.min(...values)),
+    high: high && merge(high, (values) => Math.max(...values)),
+    outliers: outliers && { t: outliers.t.subarray(from, to), v: outliers.v.subarray(from, to), more: outliers.more },
+  };
+}

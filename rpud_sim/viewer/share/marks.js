@@ -1,0 +1,122 @@
+// @ts-check
+/* What all plots over time share: the axis, the cursor, and marks of faults, gaps, commands and the playhead. */
+import { colourOf, inWords, timeText } from "./quantities.js";
+
+/**
+ * @typedef {Partial<import("./frames.js").Frame>} Seen what all frames of a run have said
+ * @typedef {{start: number, end: number}} Range
+ * @typedef {{zoom: (start: number, end: number) => void, showAll: () => void,
+ *   point: (time: number | null) => void, click: (time: number) => void}} Listener hands of the reader
+ */
+
+const STEPS = Array.from({ length: 30 }, (_, i) => [1, 2, 5].map((each) => Number(`${each}e${i - 15}`))).flat();
+
+/** Return an axis with a thin grid. @param {uPlot.Axis} options @returns {uPlot.Axis} */
+export function axisOf(options) {
+  return {
+    stroke: () => colourOf("muted"), font: "11px system-ui, sans-serif", incrs: STEPS, ticks: { show: false },
+    grid: { show: options.side !== 1, stroke: () => colourOf("rule"), width: 1 },
+    values: (_, values, __, ___, step) => {
+      const places = Math.max(0, Math.min(9, -Math.floor(Math.log10(step) + 1e-9)));
+      return values.map((value) => value.toFixed(places).replace("-", "\u2212"));
+    },
+    ...options,
+  };
+}
+
+/** Return the time axis of a plot, whose times may be written below another one.
+ * @param {boolean} written @returns {uPlot.Axis} */
+export function timeAxis(written) {
+  return axisOf({ size: written ? 18 : 0, gap: 4, space: 90, ...(written ? {} : { values: (_, values) => values.map(() => "") }) });
+}
+
+/** Return options of a plot whose cursor is also that of the others, and where a drag zooms.
+ * @param {Listener} listener @returns {{legend: uPlot.Legend, cursor: uPlot.Cursor, hooks: Partial<uPlot.Hooks.Arrays>}} */
+export function sharedCursor(listener) {
+  let dragged = false;
+  /** @type {uPlot.Cursor} */
+  const cursor = {
+    y: false, points: { show: false }, drag: { setScale: false, x: true, y: false, dist: 4 },
+    sync: { key: "time", scales: ["x", null], filters: { pub: (kind) => kind === "mousemove" || kind === "mouseleave" } },
+    bind: { dblclick: () => () => (listener.showAll(), null) },
+  };
+  return {
+    legend: { show: false },
+    cursor,
+    hooks: {
+      setSelect: [(plot) => {
+        const { left, width } = plot.select;
+        dragged = width > 4;
+        if (dragged) listener.zoom(plot.posToVal(left, "x"), plot.posToVal(left + width, "x"));
+        plot.setSelect({ left: 0, top: 0, width: 0, height: 0 }, false);
+      }],
+      ready: [(plot) => {
+        plot.over.addEventListener("mousedown", () => (dragged = false));
+        plot.over.addEventListener("click", (event) => dragged || listener.click(plot.posToVal(event.offsetX, "x")));
+      }],
+    },
+  };
+}
+
+/** Return places of times in a plot, at most at its edges. @param {uPlot} plot @returns {(time: number) => number} */
+export function placesOf({ bbox, scales: { x: { min = 0, max = 1 } } }) {
+  return (time) => bbox.left + Math.max(0, Math.min(1, (time - min) / (max - min))) * bbox.width;
+}
+
+/** Shade faults and hatch gaps, below the data. @param {uPlot} plot @param {Seen} seen */
+export function drawSpans(plot, seen) {
+  const { ctx, bbox } = plot;
+  const place = placesOf(plot);
+  for (const fault of seen.faults ?? []) {
+    const [from, to] = [place(fault.onset), place(fault.end ?? seen.now ?? Infinity)];
+    ctx.fillStyle = colourOf("fault", 0.11);
+    ctx.fillRect(from, bbox.top, to - from, bbox.height);
+    ctx.fillStyle = colourOf("fault", 0.7);
+    if (from > bbox.left && from < bbox.left + bbox.width) ctx.fillRect(from, bbox.top, uPlot.pxRatio, bbox.height);
+  }
+  for (const [begin, end] of seen.gaps ?? []) {
+    const [from, to] = [place(begin), place(end)];
+    ctx.save();
+    ctx.beginPath();
+    ctx.rect(from, bbox.top, to - from, bbox.height);
+    ctx.clip();
+    ctx.beginPath();
+    for (let x = from - bbox.height; x < to; x += 7 * uPlot.pxRatio) {
+      ctx.moveTo(x, bbox.top + bbox.height);
+      ctx.lineTo(x + bbox.height, bbox.top);
+    }
+    ctx.strokeStyle = colourOf("gap", 0.35);
+    ctx.lineWidth = uPlot.pxRatio;
+    ctx.stroke();
+    ctx.restore();
+  }
+}
+
+/** Draw upright lines over the data. @param {uPlot} plot @param {number[]} times @param {string} colour @param {number[]} dash */
+export function drawTimes({ ctx, bbox, scales: { x: { min = 0, max = 1 } } }, times, colour, dash = []) {
+  ctx.save();
+  ctx.beginPath();
+  for (const time of times.filter((each) => each >= min && each <= max)) {
+    const x = Math.round(bbox.left + ((time - min) / (max - min)) * bbox.width) + 0.5;
+    ctx.moveTo(x, bbox.top);
+    ctx.lineTo(x, bbox.top + bbox.height);
+  }
+  ctx.setLineDash(dash.map((length) => length * uPlot.pxRatio));
+  ctx.strokeStyle = colour;
+  ctx.lineWidth = uPlot.pxRatio;
+  ctx.stroke();
+  ctx.restore();
+}
+
+/** @param {Seen} seen @returns {import("./frames.js").Entry[]} commands; faults are shaded */
+export function commandsOf(seen) {
+  return (seen.commands?.list ?? []).filter((each) => each.kind !== "fault");
+}
+
+/** Return a time in words, with the commands and faults there.
+ * @param {Seen} seen @param {number} time @param {number} span of the view [s] */
+export function wordsAt(seen, time, span) {
+  const near = commandsOf(seen).filter((each) => Math.abs(each.time - time) < 0.006 * span);
+  const faults = (seen.faults ?? []).filter((each) => each.onset <= time && time <= (each.end ?? Infinity));
+  return [timeText(time, span), ...near.slice(-3).map((each) => each.text), ...faults.map((each) => inWords(each.kind))].join(" \u00b7 ");
+}

@@ -1,0 +1,55 @@
+// @ts-check
+/* Five numbers of the last second, each with its extremes and how it went. */
+import { make } from "./dom.js";
+import { quantityOf, valueText } from "./quantities.js";
+
+const SVG = "http://www.w3.org/2000/svg";
+const NAMES = ["impact_rate", "peak_force", "reacting_force", "power", "penetration_rate"];
+const [WIDTH, HEIGHT] = [100, 24];
+
+/** Row of numbers; one that the drill does not have is left out. */
+export class Numbers {
+  /** @param {HTMLElement} host list of descriptions */
+  constructor(host) {
+    this.tiles = NAMES.map((name) => {
+      const [label, value, unit, ends] = [make("dt"), make("output"), make("small"), make("small", { className: "ends" })];
+      const spark = document.createElementNS(SVG, "svg");
+      spark.setAttribute("viewBox", `0 0 ${WIDTH} ${HEIGHT}`);
+      spark.setAttribute("preserveAspectRatio", "none");
+      spark.setAttribute("aria-hidden", "true");
+      const line = spark.appendChild(document.createElementNS(SVG, "path"));
+      value.dataset.number = name;
+      const tile = make("div", {}, label, make("dd", {}, value, unit, spark, ends));
+      host.append(tile);
+      return { name, tile, label, value, unit, ends, line };
+    });
+  }
+
+  /** @param {Record<string, import("./frames.js").NumberOf | null>} numbers */
+  draw(numbers) {
+    for (const { name, tile, label, value, unit, ends, line } of this.tiles) {
+      const shown = numbers[name];
+      const quantity = quantityOf(name);
+      tile.hidden = !shown;
+      tile.style.setProperty("--of", `var(--${quantity.colour})`);
+      label.textContent = quantity.label;
+      unit.textContent = quantity.unit;
+      value.textContent = valueText(name, shown?.mean, false, true);
+      value.dataset.exact = String(shown?.mean);
+      const spread = shown && shown.least !== null && shown.greatest !== null && shown.least !== shown.greatest;
+      ends.textContent = spread ? `${valueText(name, shown.least, false)} to ${valueText(name, shown.greatest, false)}` : "";
+      line.setAttribute("d", sparkPath(shown?.spark ?? []));
+    }
+  }
+}
+
+/** Return the outline of values above zero. @param {ArrayLike<number>} values */
+function sparkPath(values) {
+  const known = Array.from(values, (value, i) => [i, value]).filter(([, value]) => Number.isFinite(value));
+  if (known.length < 2) return "";
+  const heights = known.map(([, value]) => value);
+  const [low, high] = [Math.min(0, ...heights), Math.max(1e-12, ...heights)];
+  const y = (/** @type {number} */ value) => (HEIGHT - 1 - ((value - low) / (high - low)) * (HEIGHT - 2)).toFixed(1);
+  const x = (/** @type {number} */ i) => ((i / (values.length - 1)) * WIDTH).toFixed(1);
+  return `M-9 ${y(0)}V${y(heights[0])}${known.map(([i, value]) => `L${x(i)} ${y(value)}`).join("")}H${WIDTH + 9}V${y(0)}`;
+}

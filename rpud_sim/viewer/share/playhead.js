@@ -1,0 +1,78 @@
+// @ts-check
+/* The time of a recording that the screen shows: seeking, playing, and jumps to impacts. */
+import { element } from "./dom.js";
+import { valueText } from "./quantities.js";
+
+const STEP = 90; // between two places while it plays [ms]
+const CONTACT = 1e-4; // length of a contact that is not known [s]
+
+/** Place in a recording, with its buttons. */
+export class Playhead {
+  /** @param {(request: Record<string, any>) => void} send @param {() => void} onMove */
+  constructor(send, onMove) {
+    this.send = send;
+    this.onMove = onMove;
+    this.time = 0; // [s]
+    this.moved = false; // by the reader; before, it is at the end, as of a live drill
+    this.playing = 0; // when it moved last [ms]; 0 while it stands
+    /** @type {[number, number, boolean]} */ this.whole = [0, 0, false]; // ends of the recording, and whether it grows
+    /** @type {[number, number] | null} */ this.contact = null; // ends of the contact that was found last
+    element("previous").onclick = () => this.jump("previous");
+    element("next").onclick = () => this.jump("next");
+    element("play").onclick = () => this.toggle();
+  }
+
+  /** @param {import("./marks.js").Seen} seen @param {import("./frames.js").Frame} frame */
+  draw(seen, frame) {
+    const [first, last] = seen.extent ?? [0, 0];
+    this.whole = [first, last, Boolean(seen.growing)];
+    if (seen.mode !== "live" && !this.moved && last !== this.time) this.go(last);
+    if (!frame.jump) return;
+    const { time, peak_force: peak, contact_duration: contact = CONTACT, none = "" } = frame.jump;
+    this.contact = time === undefined ? null : [time - 0.5 * contact, time + 1.5 * contact];
+    element("contact").hidden = time === undefined;
+    const words = time === undefined ? none : `impact at ${time.toFixed(9)} s, ${valueText("peak_force", peak)}`;
+    element("found").textContent = words;
+    if (time !== undefined) this.seek(time);
+  }
+
+  /** @param {number} time [s] */
+  seek(time) {
+    this.moved = true;
+    this.go(time);
+  }
+
+  /** @param {number} time [s] */
+  go(time) {
+    this.time = Math.max(this.whole[0], Math.min(time, this.whole[1]));
+    this.send({ playhead: this.time });
+    this.onMove();
+  }
+
+  /** Go to an impact. @param {"next" | "previous"} which */
+  jump(which) {
+    this.send({ seek: which, from: this.time });
+  }
+
+  toggle() {
+    this.playing = this.playing ? 0 : performance.now();
+    const [first, last, grows] = this.whole;
+    if (this.playing && this.time >= last && !grows) this.time = first;
+    const button = element("play");
+    button.ariaPressed = String(this.playing > 0);
+    button.textContent = this.playing ? "Pause" : "Play";
+    if (this.playing) requestAnimationFrame((now) => this.step(now));
+  }
+
+  /** @param {number} now [ms] */
+  step(now) {
+    if (!this.playing) return;
+    const passed = Math.min(now - this.playing, 1000);
+    if (passed > STEP) {
+      this.playing = now;
+      this.seek(this.time + (passed / 1e3) * Number(element("speed", HTMLSelectElement).value));
+      if (this.time >= this.whole[1] && !this.whole[2]) this.toggle();
+    }
+    requestAnimationFrame((next) => this.step(next));
+  }
+}

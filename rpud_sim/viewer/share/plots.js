@@ -1,0 +1,291 @@
+// @ts-check
+/* The column of plots: bands, means, outliers and steps over the time in view. */
+import { make } from "./dom.js";
+import { axisOf, commandsOf, drawSpans, drawTimes, sharedCursor, timeAxis } from "./marks.js";
+import { axisRange, colourOf, quantityOf, valueText } from "./quantities.js";
+
+const AXIS = 52; // width of every axis of values, as --axis [px]
+const END = 10; // free on the right, as --end [px]
+const CLIP = 0.999; // quantile of the values at which an axis ends
+const SHRINK = 0.6; // an axis gets shorter when its values fill less of it
+
+/**
+ * @typedef {import("./frames.js").PlotLayer} PlotLayer
+ * @typedef {import("./frames.js").Layer} Layer
+ * @typedef {import("./marks.js").Seen} Seen
+ * @typedef {import("./marks.js").Range} Range
+ */
+
+/** Return the place of the last time that is not after another; -1 for none.
+ * @param {ArrayLike<number>} times @param {number} time */
+export function placeOf(times, time) {
+  let [low, high] = [0, times.length];
+  while (low < high) {
+    const middle = (low + high) >> 1;
+    if (times[middle] <= time) low = middle + 1;
+    else high = middle;
+  }
+  return low - 1;
+}
+
+/** Return scaled values with null for what is no number, as plots need them.
+ * @param {ArrayLike<number> | undefined} values @param {number} count @param {number} scale @returns {(number | null)[]} */
+export function columnOf(values, count, scale = 1) {
+  return Array.from({ length: count }, (_, i) => (values && values[i] === values[i] ? values[i] * scale : null));
+}
+
+/** One plot, with its title or choice of quantities, and its legend. */
+class TimePlot {
+  /** @param {import("./frames.js").PlotDefinition} definition @param {boolean} written whether times are written below it
+   * @param {import("./marks.js").Listener} listener @param {string} chosen @param {(choice: string) => void} onChoice */
+  constructor(definition, written, listener, chosen, onChoice) {
+    this.definition = definition;
+    this.written = written;
+    this.listener = listener;
+    /** @type {Seen} */ this.seen = {};
+    /** @type {Range} */ this.range = { start: 0, end: 1 };
+    /** @type {number | null} */ this.playhead = null;
+    /** @type {Map<string, [number, number]>} */ this.axes = new Map(); // ends, by unit
+    this.span = 0; // for which the axes were fitted [s]
+    const { choices } = definition;
+    this.title = make("figcaption");
+    this.area = make("div", { className: "area" });
+    this.figure = make("figure", { className: "plot" }, this.title, this.area);
+    this.figure.dataset.plot = definition.id;
+    this.select = make("select", { ariaLabel: "quantities of this plot" }, ...choices.map(({ title, id }) => new Option(title, id)));
+    this.select.onchange = () => (this.choose(this.select.value), onChoice(this.select.value));
+    this.choice = choices[0];
+    this.choose(chosen);
+    new ResizeObserver(() => this.plot?.setSize(this.size())).observe(this.area);
+  }
+
+  size() {
+    return { width: this.area.clientWidth || 300, height: this.area.clientHeight || 120 };
+  }
+
+  /** Show other quantities. @param {string} id of the choice */
+  choose(id) {
+    this.choice = this.definition.choices.find((each) => each.id === id) ?? this.choice;
+    this.select.value = this.choice.id;
+    const { layers } = this.choice;
+    const units = [...new Set(layers.map((layer) => this.unit(layer)))];
+    const name = this.definition.choices.length > 1 ? this.select : make("b", { textContent: this.choice.title || this.definition.title });
+    this.legend = layers.map((layer) => {
+      const [name, value] = [make("span"), make("output")];
+      const entry = make("span", { className: `key ${layer.kind}` }, name, value);
+      entry.style.setProperty("--of", `var(--${this.colour(layer)})`);
+      const words = layers.length === 1 && layer.kind === "band" ? "mean" : layer.label;
+      return { layer, entry, name, value, words: units.length > 1 ? `${words}, ${this.unit(layer)}` : words };
+    });
+    this.title.replaceChildren(name, make("small", { textContent: units.length > 1 ? "" : units[0] }), ...this.legend.map(({ entry }) => entry));
+    this.plot?.destroy();
+    this.axes.clear();
+    this.plot = new uPlot(this.options(units), this.data(), this.area);
+    this.draw(this.seen, this.range, this.playhead);
+  }
+
+  /** @param {PlotLayer} layer */
+  colour(layer) {
+    return layer.colour || quantityOf(layer.quantity).colour;
+  }
+
+  /** @param {PlotLayer} layer @returns {string} its unit, which names its axis */
+  unit(layer) {
+    return quantityOf(layer.quantity).unit || "y";
+  }
+
+  /** @param {string[]} units of the layers @returns {uPlot.Options} */
+  options(units) {
+    /** @type {uPlot.Series[]} */ const series = [{}];
+    /** @type {uPlot.Band[]} */ const bands = [];
+    for (const layer of this.choice.layers) {
+      const colour = this.colour(layer);
+      const scale = this.unit(layer);
+      const overview = () => (this.seen.view?.detail ?? "overview") === "overview";
+      /** @type {uPlot.Series} */
+      const shown = { scale, stroke: () => colourOf(colour), width: 1.25, points: { size: 4, width: 0, fill: () => colourOf(colour) } };
+      if (shown.points && layer.kind === "steps") shown.points.show = false;
+      else if (shown.points) shown.points.show = (plot, _, first, last) => !overview() && (last - first) * 6 < plot.bbox.width;
+      if (layer.kind === "steps") shown.paths = uPlot.paths.stepped?.({ align: 1 });
+      // Impacts are events: no line joins them.
+      if (layer.quantity === "peak_force") shown.paths = (...of) => (overview() ? uPlot.paths.linear?.()(...of) ?? null : null);
+      series.push(shown);
+      if (layer.kind !== "band") continue;
+      const edge = { scale, width: 0, stroke: () => "transparent", points: { show: false } };
+      series.push(edge, { ...edge });
+      bands.push({ series: [series.length - 1, series.length - 2], fill: () => colourOf(colour, 0.25) });
+    }
+    /** @type {uPlot.Scales} */
+    const scales = { x: { time: false, range: () => [this.range.start, this.range.end] } };
+    for (const unit of units) scales[unit] = { range: () => this.axes.get(unit) ?? [0, 1] };
+    const { hooks, ...shared } = sharedCursor(this.listener);
+    return {
+      ...this.size(), ...shared, series, bands, scales,
+      axes: [timeAxis(this.written), ...units.slice(0, 2).map((scale, number) => this.axis(scale, number))],
+      padding: [6, END, this.written ? 0 : 4, 0],
+      hooks: {
+        ...hooks,
+        drawClear: [(plot) => drawSpans(plot, this.seen)],
+        draw: [(plot) => this.mark(plot)],
+        setCursor: [(plot) => this.read(plot)],
+      },
+    };
+  }
+
+  /** @param {string} scale @param {number} number of the axis; a second one stands inside, so that all plots are equally wide */
+  axis(scale, number) {
+    const own = this.choice.layers.find((layer) => number && this.unit(layer) === scale);
+    const place = number ? { side: 1, size: 0, gap: -34 } : { side: 3, size: AXIS, gap: 6 };
+    return axisOf({ scale, ...place, space: 26, stroke: () => colourOf(own ? this.colour(own) : "muted") });
+  }
+
+  /** @param {PlotLayer} layer @returns {Layer | undefined} what is known of it in the present view */
+  known(layer) {
+    const steps = layer.kind === "steps" ? this.seen.steps?.[layer.quantity] : undefined;
+    if (!steps?.t.length) return this.seen.view?.layers[layer.quantity];
+    const [t, mean] = [Array.from(steps.t), Array.from(steps.v)];
+    return { t: [...t, Math.max(this.seen.now ?? 0, t[t.length - 1])], mean: [...mean, mean[mean.length - 1]] }; // the last one lasts
+  }
+
+  /** @returns {uPlot.AlignedData} times of all layers joined, and their values */
+  data() {
+    const tables = this.choice.layers.map((layer) => {
+      const { t, mean, low, high } = this.known(layer) ?? { t: [], mean: [] };
+      const columns = layer.kind === "band" ? [mean, low, high] : [mean];
+      return [Array.from(t), ...columns.map((values) => columnOf(values, t.length, quantityOf(layer.quantity).scale))];
+    });
+    return /** @type {uPlot.AlignedData} */ (tables.length === 1 ? tables[0] : uPlot.join(/** @type {any} */ (tables)));
+  }
+
+  /** Fit the axes to what is in view; values above the 99.9 % quantile are marked at the upper edge. */
+  fit() {
+    const { start, end } = this.range;
+    if (Math.abs((end - start) / this.span - 1) > 0.01) this.axes.clear();
+    this.span = end - start;
+    for (const unit of new Set(this.choice.layers.map((layer) => this.unit(layer)))) {
+      /** @type {number[]} */ const values = [];
+      const layers = this.choice.layers.filter((layer) => this.unit(layer) === unit);
+      for (const layer of layers) {
+        const { scale } = quantityOf(layer.quantity);
+        const { t = [], mean, low, high, outliers } = this.known(layer) ?? {};
+        const first = Math.max(0, placeOf(t, start));
+        const last = placeOf(t, end) + 1;
+        for (const column of [mean, low, high])
+          for (let i = first; column && i < last; i += 1) if (column[i] === column[i]) values.push(column[i] * scale);
+        for (const value of outliers?.v ?? []) values.push(value * scale);
+      }
+      values.sort((a, b) => a - b);
+      const zero = layers.some((layer) => quantityOf(layer.quantity).zero);
+      const [low, high] = axisRange(values[0], values[Math.ceil(CLIP * (values.length - 1))], zero);
+      const before = this.axes.get(unit);
+      const fits = before && before[0] <= low && high <= before[1] && high - low > SHRINK * (before[1] - before[0]);
+      if (!fits) this.axes.set(unit, [low, high]);
+    }
+  }
+
+  /** @param {Seen} seen @param {Range} range @param {number | null} playhead */
+  draw(seen, range, playhead) {
+    [this.seen, this.range, this.playhead] = [seen, range, playhead];
+    this.fit();
+    this.plot?.setData(this.data());
+    for (const { layer, entry, name, words } of this.legend ?? []) {
+      const known = this.known(layer);
+      entry.hidden = !known?.t.length;
+      const band = layer.kind === "band" && known?.low ? (known.band ?? seen.view?.band ?? "").replace("-", "\u2013") : "";
+      name.textContent = [words, band].filter(Boolean).join(", ");
+    }
+    if (this.plot) this.read(this.plot);
+  }
+
+  /** Draw what lies over the data: commands, the playhead, outliers, and what is above the axis. @param {uPlot} plot */
+  mark(plot) {
+    const { ctx, bbox } = plot;
+    const ratio = uPlot.pxRatio;
+    drawTimes(plot, commandsOf(this.seen).map((each) => each.time), colourOf("command", 0.75), [3, 3]);
+    if (this.playhead !== null) drawTimes(plot, [this.playhead], colourOf("accent"));
+    ctx.save();
+    for (const layer of this.choice.layers) {
+      const { t, mean, high, outliers } = this.known(layer) ?? { t: [], mean: [] };
+      const top = plot.scales[this.unit(layer)]?.max ?? Infinity;
+      let above = 0;
+      ctx.fillStyle = colourOf(this.colour(layer), 0.8);
+      for (const [times, values, dots] of /** @type {const} */ ([[t, high ?? mean, false], [outliers?.t ?? [], outliers?.v ?? [], true]]))
+        for (let i = 0; i < times.length; i += 1) {
+          if (times[i] < this.range.start || times[i] > this.range.end) continue;
+          const value = values[i] * quantityOf(layer.quantity).scale;
+          const x = plot.valToPos(times[i], "x", true);
+          ctx.beginPath();
+          if (value > top) {
+            above += 1;
+            ctx.moveTo(x - 3 * ratio, bbox.top + 4 * ratio);
+            ctx.lineTo(x, bbox.top - ratio);
+            ctx.lineTo(x + 3 * ratio, bbox.top + 4 * ratio);
+          } else if (dots) ctx.arc(x, plot.valToPos(value, this.unit(layer), true), 1.3 * ratio, 0, 7);
+          ctx.fill();
+        }
+      const texts = [above ? `${above} above` : "", outliers?.more ? `${outliers.more} outliers not drawn` : ""].filter(Boolean);
+      ctx.font = `${10 * ratio}px system-ui, sans-serif`;
+      [ctx.textAlign, ctx.textBaseline] = ["right", "top"];
+      ctx.fillText(texts.join(", "), bbox.left + bbox.width - 4 * ratio, bbox.top + 6 * ratio);
+    }
+    ctx.restore();
+  }
+
+  /** Write the values at the cursor, else at the playhead, into the legend. @param {uPlot} plot */
+  read(plot) {
+    const left = plot.cursor.left ?? -1;
+    const time = left >= 0 ? plot.posToVal(left, "x") : this.playhead;
+    if (plot.cursor.event) this.listener.point(left >= 0 ? time : null);
+    for (const { layer, value } of this.legend ?? []) {
+      const known = this.known(layer);
+      let text = "";
+      if (known && time !== null) {
+        let place = placeOf(known.t, time);
+        if (layer.kind !== "steps" && known.t[place + 1] - time < time - (known.t[place] ?? -Infinity)) place += 1;
+        if (place >= 0) text = valueText(layer.quantity, known.mean[place]);
+      }
+      if (value.textContent !== text) value.textContent = text;
+    }
+  }
+}
+
+/** The plots, top to bottom; among them the one of the latest motion, which is drawn elsewhere. */
+export class PlotColumn {
+  /** @param {HTMLElement} host @param {HTMLElement} motion figure of the latest motion
+   * @param {import("./marks.js").Listener} listener @param {() => void} onChoice */
+  constructor(host, motion, listener, onChoice) {
+    this.host = host;
+    this.motion = motion;
+    this.listener = listener;
+    this.onChoice = onChoice;
+    /** @type {TimePlot[]} */ this.plots = [];
+    /** @type {Record<string, string>} */ this.choices = {};
+  }
+
+  /** @param {import("./frames.js").PlotDefinition[]} definitions */
+  define(definitions) {
+    for (const { plot } of this.plots) plot?.destroy();
+    this.plots = definitions.map((definition, number) => {
+      const [id, next] = [definition.id, definitions[number + 1]?.id ?? "motion"];
+      return new TimePlot(definition, id === "motion" || next === "motion", this.listener, this.choices[id], (choice) => {
+        this.choices[id] = choice;
+        this.onChoice();
+      });
+    });
+    this.host.replaceChildren(...this.plots.flatMap(({ definition, figure }) => (definition.id === "motion" ? [this.motion, figure] : [figure])));
+  }
+
+  /** Width of the area of data [px]. */
+  get width() {
+    return Math.max(100, (this.plots[0]?.area.clientWidth ?? 800) - AXIS - END);
+  }
+
+  /** @param {Seen} seen @param {Range} range @param {number | null} playhead */
+  draw(seen, range, playhead) {
+    const exact = seen.view?.detail === "waveform"; // then the motion of the view is known, and stands in place of the latest
+    for (const plot of this.plots) {
+      if (plot.definition.id === "motion") [plot.figure.hidden, this.motion.hidden] = [!exact, exact];
+      if (!plot.figure.hidden) plot.draw(seen, range, playhead);
+    }
+  }
+}

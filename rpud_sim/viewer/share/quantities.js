@@ -1,0 +1,79 @@
+// @ts-check
+/* Values as people read them: number, unit, colour and axis by the one table of quantities. */
+
+const DIGITS = 3; // significant ones
+/** @type {Map<string, import("./frames.js").Quantity>} */
+const table = new Map();
+
+/** @param {import("./frames.js").Quantity[]} list */
+export function setQuantities(list) {
+  for (const quantity of list) table.set(quantity.name, quantity);
+}
+
+/** Return a quantity of the table, or one without a unit for the signal of a stranger's bag.
+ * @param {string} name @returns {import("./frames.js").Quantity} */
+export function quantityOf(name) {
+  const plain = { name, label: name, unit: "", scale: 1, colour: "other", floor: 0, positive: "", zero: false };
+  return table.get(name) ?? plain;
+}
+
+/** Return a number with three significant digits, and with all of them before the point.
+ * @param {number} value
+ * @param {boolean} keep zeros at the end, so that a number that changes keeps its length */
+export function numberText(value, keep = false) {
+  if (!value) return "0";
+  const places = Math.max(0, DIGITS - 1 - Math.floor(Math.log10(Math.abs(value))));
+  const text = places <= 9 ? value.toFixed(places) : value.toExponential(DIGITS - 1);
+  const short = keep || !text.includes(".") || text.includes("e") ? text : text.replace(/\.?0+$/, "");
+  return short.replace("-", "\u2212");
+}
+
+/** Return a value, given in SI units, as people read it; a dash for none.
+ * @param {string} name of the quantity
+ * @param {number | null | undefined} value */
+export function valueText(name, value, unit = true, keep = false) {
+  if (value === null || value === undefined || !Number.isFinite(value)) return "\u2013";
+  const quantity = quantityOf(name);
+  const text = numberText(Math.abs(value) < quantity.floor ? 0 : value * quantity.scale, keep);
+  return unit && quantity.unit ? `${text}\u00a0${quantity.unit}` : text;
+}
+
+/** Return a time of the run, as exact as a range of time shows it.
+ * @param {number} time [s] @param {number} span [s] */
+export function timeText(time, span) {
+  const places = Math.max(0, Math.min(9, 2 - Math.floor(Math.log10(Math.max(span, 1e-9)))));
+  return `${time.toFixed(places)}\u00a0s`;
+}
+
+/** Return words of an identifier, such as a kind of fault.
+ * @param {string} name */
+export function inWords(name) {
+  return name.replaceAll("_", " ");
+}
+
+/** Return ends of an axis that hold values, at multiples of a round step.
+ * @param {number} low @param {number} high @param {boolean} zero whether it includes zero
+ * @returns {[number, number]} */
+export function axisRange(low, high, zero) {
+  if (!(low <= high)) return [0, 1];
+  if (zero) [low, high] = [Math.min(0, low), Math.max(0, high)];
+  if (low === high) [low, high] = zero ? [low, low + 1] : [low - 0.5, high + 0.5];
+  const raw = (high - low) / 8;
+  const size = 10 ** Math.floor(Math.log10(raw));
+  const step = size * (raw > 5 * size ? 10 : raw > 2 * size ? 5 : raw > size ? 2 : 1);
+  const top = Math.ceil((high + (high ? 0.2 * step : 0)) / step) * step;
+  return [Math.floor((low - (low ? 0.2 * step : 0)) / step) * step, top];
+}
+
+/** @type {Map<string, string>} */
+const colours = new Map();
+matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => colours.clear());
+
+/** Return a colour of the style sheet, for a canvas.
+ * @param {string} name such as ``force`` @param {number} alpha */
+export function colourOf(name, alpha = 1) {
+  if (!colours.has(name))
+    colours.set(name, getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim());
+  const shade = Math.round(255 * alpha).toString(16).padStart(2, "0");
+  return `${colours.get(name) || "#808080"}${alpha < 1 ? shade : ""}`;
+}

@@ -1,0 +1,45 @@
+// @ts-check
+/* Source of a live or recorded screen: frames and requests over one WebSocket. */
+import { decode } from "./frames.js";
+
+const FIRST_WAIT = 250; // before the page connects again [ms]
+const LONGEST_WAIT = 2000;
+
+/** Connection to the server; when that has gone it connects again, for as long as the page is open. */
+export class SocketSource {
+  /**
+   * @param {unknown} _ scripts, of which there are none
+   * @param {(frame: import("./frames.js").Frame) => void} onFrame
+   * @param {(open: boolean, reason: string) => void} onState called when the connection opens or closes
+   */
+  constructor(_, onFrame, onState) {
+    const address = new URL(`/frames${location.search}`, location.href);
+    this.address = address.href.replace(/^http/, "ws");
+    this.onFrame = onFrame;
+    this.onState = onState;
+    this.wait = FIRST_WAIT;
+    this.connect();
+  }
+
+  connect() {
+    const socket = new WebSocket(this.address);
+    socket.binaryType = "arraybuffer";
+    socket.onopen = () => {
+      this.wait = FIRST_WAIT;
+      this.onState(true, "");
+    };
+    socket.onmessage = (event) => this.onFrame(decode(event.data));
+    socket.onclose = (event) => {
+      this.onState(false, event.reason);
+      setTimeout(() => this.connect(), this.wait);
+      this.wait = Math.min(2 * this.wait, LONGEST_WAIT);
+    };
+    this.socket = socket;
+  }
+
+  /** Send a request; without a connection it is lost, and the page says that there is none.
+   * @param {Record<string, any>} request */
+  send(request) {
+    if (this.socket?.readyState === WebSocket.OPEN) this.socket.send(JSON.stringify(request));
+  }
+}

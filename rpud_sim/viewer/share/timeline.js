@@ -1,0 +1,81 @@
+// @ts-check
+/* The whole run in one strip: envelope, faults, commands, gaps, the view and the playhead. */
+import { commandsOf, drawSpans, drawTimes, placesOf, sharedCursor, timeAxis } from "./marks.js";
+import { columnOf } from "./plots.js";
+import { axisRange, colourOf } from "./quantities.js";
+
+/** Strip below the screen; a drag shows that part, a click goes there. */
+export class Timeline {
+  /** @param {HTMLElement} host @param {import("./marks.js").Listener} listener */
+  constructor(host, listener) {
+    this.host = host;
+    /** @type {import("./marks.js").Seen} */
+    this.seen = {};
+    /** @type {import("./marks.js").Range} */
+    this.range = { start: 0, end: 1 };
+    /** @type {number | null} */
+    this.playhead = null;
+    const { hooks, ...shared } = sharedCursor(listener);
+    const edge = { stroke: "transparent", width: 0, points: { show: false } };
+    this.plot = new uPlot(
+      {
+        ...this.size(),
+        ...shared,
+        series: [{}, { stroke: () => colourOf("force"), width: 1, points: { show: false } }, edge, { ...edge }],
+        bands: [{ series: [3, 2], fill: () => colourOf("force", 0.25) }],
+        scales: {
+          x: { time: false, range: () => this.whole() },
+          y: { range: (_, low, high) => axisRange(low, high, true) },
+        },
+        axes: [timeAxis(true), { show: false }],
+        padding: [2, 14, 0, 14],
+        hooks: {
+          ...hooks,
+          drawClear: [(plot) => drawSpans(plot, this.seen)],
+          draw: [(plot) => this.mark(plot)],
+        },
+      },
+      [[], [], [], []],
+      host,
+    );
+    new ResizeObserver(() => this.plot.setSize(this.size())).observe(host);
+  }
+
+  size() {
+    return { width: this.host.clientWidth || 300, height: this.host.clientHeight || 64 };
+  }
+
+  /** @returns {[number, number]} */
+  whole() {
+    const [first, last] = this.seen.extent ?? [0, 1];
+    return [first, Math.max(last, first + 1e-6)];
+  }
+
+  /** @param {import("./marks.js").Seen} seen @param {import("./marks.js").Range} range
+   * @param {number | null} playhead */
+  draw(seen, range, playhead) {
+    [this.seen, this.range, this.playhead] = [seen, range, playhead];
+    const { t, mean, low, high } = seen.timeline ?? { t: [], mean: [], low: [], high: [] };
+    this.plot.setData([Array.from(t), ...[mean, low, high].map((values) => columnOf(values, t.length))]);
+  }
+
+  /** Fade what is out of view, and mark commands at the lower edge. @param {uPlot} plot */
+  mark(plot) {
+    const { ctx, bbox } = plot;
+    const ratio = uPlot.pxRatio;
+    ctx.save();
+    const place = placesOf(plot);
+    ctx.fillStyle = colourOf("command");
+    for (const { time } of commandsOf(this.seen))
+      ctx.fillRect(place(time) - ratio / 2, bbox.top + bbox.height - 8 * ratio, ratio * 1.5, 8 * ratio);
+    const [from, to] = [place(this.range.start), place(this.range.end)];
+    ctx.fillStyle = colourOf("paper", 0.62);
+    ctx.fillRect(bbox.left, bbox.top, from - bbox.left, bbox.height);
+    ctx.fillRect(to, bbox.top, bbox.left + bbox.width - to, bbox.height);
+    ctx.strokeStyle = colourOf("muted");
+    ctx.lineWidth = ratio;
+    ctx.strokeRect(Math.round(from) + 0.5, bbox.top + 0.5, Math.max(Math.round(to - from) - 1, 2), bbox.height - 1);
+    ctx.restore();
+    if (this.playhead !== null) drawTimes(plot, [this.playhead], colourOf("accent"));
+  }
+}

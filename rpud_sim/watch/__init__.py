@@ -1,1 +1,0 @@
-"""Watch a drill or a bag: pages in the browser."""

@@ -1,0 +1,151 @@
+"""The screen as a report: it answers from the frame that the file holds, without a server."""
+
+import base64
+from functools import partial
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+from threading import Thread
+
+import numpy as np
+import pytest
+from browser.pages import PHONE, SCHEMES, WIDE
+from browser.screens import of_screen, text_has, until_screen, view_of
+
+import rpud_sim.viewer
+from rpud_sim.pages.quantities import for_browser
+from rpud_sim.viewer.frames import encode
+from rpud_sim.viewer.plots import drill_plots
+
+pytestmark = pytest.mark.extended
+
+SHARE = Path(rpud_sim.viewer.__file__).parent / "share"
+END, BINS = 40.0, 4000
+RAMP = (np.arange(BINS) + 0.5) * END / BINS  # a value that is its own time
+
+
+def section(time):
+    count = 200
+    motion = np.sin(np.arange(count) / 9).astype(np.float32) * 1e-3
+    arrays = dict.fromkeys(("nodal_plane", "actuator", "free_mass", "drill_tool"), motion)
+    force = np.zeros(count, np.float32)
+    impacts = [[0.004, 1000.0 + time, 2e-5]]
+    return {"time": time, "period": 1e-4, "contact_force": force, "impacts": impacts, **arrays}
+
+
+def frame():
+    layers = {
+        name: {"t": RAMP, "mean": RAMP, "low": RAMP - 1.0, "high": RAMP + 1.0}
+        for name in ("peak_force", "reacting_force")
+    }
+    layers["peak_force"]["outliers"] = {"t": np.array([7.0]), "v": np.array([90.0]), "more": 0}
+    layers["depth"] = {"t": RAMP, "mean": RAMP * 1e-3}
+    number = {"mean": 1.0, "least": 0.0, "greatest": 2.0, "spark": RAMP[:60]}
+    return {
+        "mode": "frozen",
+        "quantities": for_browser(),
+        "plots": drill_plots(layers.__contains__),
+        "drill": "/rpud",
+        "drills": ["/rpud"],
+        "run": 1,
+        "now": END,
+        "extent": [0.0, END],
+        "status": {"state": "stopped", "regime": "drilling"},
+        "numbers": {"peak_force": number, "reacting_force": number, "impact_rate": number},
+        "faults": [],
+        "commands": {"list": [{"time": 9.0, "kind": "command", "text": "weight on bit 9 N"}]},
+        "timeline": {"t": RAMP[::4], "low": RAMP[::4], "mean": RAMP[::4], "high": RAMP[::4]},
+        "view": {
+            "start": 0.0, "end": END, "detail": "overview", "complete": True,
+            "band": "5-95 %", "layers": layers,
+        },
+        "sections": [section(time) for time in (5.0, 20.0, 35.0)],
+        "log": [{"time": 9.0, "kind": "command", "text": "weight on bit 9 N"}],
+        "report": {
+            "verdict": "failed",
+            "test": "test_a_hard_rock",
+            "seed": 7,
+            "requirements": ["the drill stays below 20 N"],
+            "tables": [{"title": "segments", "columns": ["from"], "rows": [[0.0], [None]]}],
+        },
+    }  # fmt: skip
+
+
+class Quiet(SimpleHTTPRequestHandler):
+    def log_message(self, *_):
+        pass
+
+
+@pytest.fixture(scope="module")
+def address(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("frozen")
+    (folder / "share").symlink_to(SHARE)
+    data = base64.b64encode(encode(frame())).decode()
+    script = f'<script type="application/octet-stream;base64" class="frame">{data}</script></body>'
+    (folder / "index.html").write_text(
+        (SHARE / "screen.html").read_text().replace("</body>", script)
+    )
+    with ThreadingHTTPServer(("127.0.0.1", 0), partial(Quiet, directory=folder)) as server:
+        Thread(target=server.serve_forever).start()
+        yield f"http://127.0.0.1:{server.server_port}/index.html"
+        server.shutdown()
+
+
+@pytest.fixture
+def frozen(page_of, address):
+    def open_screen(**options):
+        page = page_of(address, **options)
+        until_screen(page, "screen.seen.view && screen.clock.block")
+        return page
+
+    return open_screen
+
+
+def test_a_zoom_is_cut_from_the_overview(frozen):
+    page = frozen()
+    assert view_of(page) == [0.0, END]
+    assert 200 < of_screen(page, "screen.seen.view.layers.peak_force.t.length") < 1600
+    assert of_screen(page, "screen.seen.view.layers.peak_force.outliers.v.length") == 1
+    means, lows = of_screen(
+        page, "['mean', 'low'].map((name) => Array.from(screen.seen.view.layers.peak_force[name]))"
+    )
+    times = np.array(of_screen(page, "Array.from(screen.seen.view.layers.peak_force.t)"))
+    assert means == pytest.approx(times)  # joined bins keep the mean, and the least
+    assert (np.array(lows) < times - 1.0).all()
+    of_screen(page, "screen.zoom(10, 11)")
+    until_screen(page, "screen.seen.view.start === 10")
+    found = np.array(of_screen(page, "Array.from(screen.seen.view.layers.peak_force.t)"))
+    assert np.diff(found) == pytest.approx(END / BINS)
+    assert 9.9 < found[0] < 10.01
+    assert 10.99 < found[-1] < 11.1
+    page.assert_quiet()
+
+
+def test_playhead_picks_the_nearest_section_and_the_numbers_there(frozen):
+    page = frozen()
+    assert of_screen(page, "screen.clock.block.time") == 35.0
+    of_screen(page, "screen.playhead.seek(18)")
+    until_screen(page, "screen.clock.block.time === 20")
+    page.until(
+        "Math.abs(document.querySelector('[data-number=peak_force]').dataset.exact - 17.5) < 0.02"
+    )
+    page.tab.keyboard.press("n")
+    text_has(page, "#found", r"^impact at 20\.004000000 s, 1\.02.kN")
+    page.tab.keyboard.press("n")
+    until_screen(page, "screen.clock.block.time === 35")
+    page.tab.keyboard.press("n")
+    text_has(page, "#found", "there is no further impact in this report")
+
+
+@pytest.mark.parametrize("width", [PHONE, WIDE])
+def test_the_verdict_comes_first_and_tables_are_folded(frozen, width):
+    page = frozen(width=width)
+    assert page.tab.inner_text("#report h2") == "failed \N{MIDDLE DOT} test_a_hard_rock"
+    for text in ("the drill stays below 20 N", "seed 7"):
+        assert text in page.tab.inner_text("#report")
+    assert not page.tab.locator("#details table").count()
+    page.tab.get_by_text("values by segment").click()
+    assert page.tab.inner_text("#details table").split() == ["segments", "from", "0", "\N{EN DASH}"]
+    for scheme in SCHEMES:
+        page.show(scheme)
+        page.keep(f"frozen_{scheme}")
+        page.check()

@@ -1,0 +1,252 @@
+"""The screen of a running drill in a real browser: what it shows, does and survives."""
+
+import re
+from urllib.parse import quote
+
+import pytest
+from browser.pages import PHONE
+from browser.screens import (
+    drag,
+    of_screen,
+    opened,
+    served,
+    text_has,
+    text_is,
+    until_screen,
+    view_of,
+)
+from drill_client import start_drill
+from support import PATIENCE, Process
+
+from rpud_sim.ros.client import DrillClient
+
+pytestmark = pytest.mark.extended
+
+NAMESPACE = "/live_screen"
+
+
+@pytest.fixture(scope="module")
+def drill():
+    with start_drill(NAMESPACE, rock_model="specific_energy") as running:
+        yield running
+
+
+@pytest.fixture(scope="module")
+def server(drill):
+    with served(NAMESPACE) as address:
+        yield address
+
+
+@pytest.fixture(scope="module")
+def client(drill):
+    with DrillClient(NAMESPACE, node_name="test_client", patience=PATIENCE) as found:
+        yield found
+
+
+@pytest.fixture
+def live(server, client, page_of):
+    """Screen of a drill that plays as at its start."""
+    client.reset("all")
+    client.play()
+    return opened(page_of, server, NAMESPACE)
+
+
+def click(page, name, *, inside="body"):
+    page.tab.locator(inside).get_by_role("button", name=name, exact=True).click()
+
+
+def until_status(client, **fields):
+    client.until(
+        lambda: all(getattr(client.status, name) == value for name, value in fields.items())
+    )
+
+
+def test_numbers_on_the_screen_are_those_of_the_drill(live, client):
+    client.press(23.5)
+    client.pause()
+    client.step(1.5)
+    client.take()
+    status = client.status
+    text_is(live, "#doing", "paused")
+    live.until("document.querySelector('#weight').value === '23.5'")
+    until_screen(live, f"screen.seen.status.impacts === {status.impacts}")
+    for name in ("weight_on_bit", "drive_voltage", "depth", "deadlines_missed"):
+        assert of_screen(live, f"screen.seen.status.{name}") == getattr(status, name), name
+    text_is(
+        live, "#driven", f"{status.drive_voltage:g}\N{NO-BREAK SPACE}V, 16\N{NO-BREAK SPACE}kHz"
+    )
+    text_has(live, "#time", r"^\d+\.\d.s$")
+
+    impacts = client.listen("contact_force")
+    client.step(1.0)
+    until_screen(live, "screen.seen.now > 2.4")
+    rate = "document.querySelector('[data-number=impact_rate]')"
+    # The newest message, and with it the second before, may be some ms older than the step's end.
+    client.until(lambda: abs(len(impacts) - int(live.tab.evaluate(f"{rate}.textContent"))) < 4)
+    assert len(impacts) > 100
+    mean = sum(each.peak_force for each in impacts) / len(impacts)
+    exact = "Number(document.querySelector('[data-number=peak_force]').dataset.exact)"
+    live.until(f"Math.abs({exact} / {mean} - 1) < 0.01")
+
+
+def test_section_and_plots_follow_the_drill(live):
+    before = view_of(live)
+    until_screen(live, "screen.seen.view.layers.peak_force?.t.length > 20")
+    until_screen(live, f"screen.range.end > {before[1]} + 0.5")
+    until_screen(live, "screen.seen.timeline.t.length > 2")
+    until_screen(live, "screen.clock.block !== null")
+    place = of_screen(live, "screen.clock.place")
+    until_screen(live, f"screen.clock.place !== {place}")
+    live.tab.locator("figure[data-plot=peak_force] .u-over").hover()
+    text_has(live, "figure[data-plot=peak_force] .key output", "kN")
+    text_has(live, "figure[data-plot=load] .key output", "N")
+    text_has(live, "#cursor", r"^\d+\.\d+.s")
+
+
+def test_each_control_does_what_it_says(live, client):
+    tab = live.tab
+    tab.fill("#weight", "31")
+    click(live, "Press")
+    until_status(client, weight_on_bit=31.0)
+    until_screen(live, "screen.seen.commands.list.some((each) => each.text.includes('31'))")
+    click(live, "voltage and frequency of the drive")
+    tab.get_by_label("voltage [V]").fill("80")
+    click(live, "Set")
+    until_status(client, drive_voltage=80.0, drive_enabled=True)
+    click(live, "Drive on")
+    until_status(client, drive_enabled=False)
+    text_is(live, "#drive", "Drive off")
+    click(live, "Retract")
+    until_status(client, regime="free")
+    text_is(live, "#doing", "free")
+    click(live, "Engage")
+    until_status(client, regime="drilling")
+    click(live, "Pause")
+    until_status(client, state="paused")
+    text_is(live, "#pause", "Play")
+    before = client.time
+    click(live, "Step 0.1 s")
+    client.until(lambda: client.time >= before + 0.1)
+    tab.evaluate("document.activeElement.blur()")
+    tab.keyboard.press(" ")
+    until_status(client, state="running")
+    click(live, "Fault")
+    tab.locator("#kinds").select_option("bias")
+    tab.locator("#channels").select_option("reacting_force")
+    tab.get_by_label("magnitude").fill("2.5")
+    click(live, "Inject")
+    client.until(lambda: client.faults and client.faults[-1].active)
+    fault = client.faults[-1]
+    assert (fault.kind, fault.channel, fault.magnitude) == ("bias", "reacting_force", 2.5)
+    text_is(live, "#fault", "Fault (1)")
+    click(live, "Fault (1)")
+    text_has(live, "#active", "bias of reacting force 2.5 since")
+    click(live, f"clear fault {fault.number}")
+    client.until(lambda: not client.faults[-1].active)
+    text_is(live, "#fault", "Fault")
+    tab.keyboard.press("Escape")
+    run = of_screen(live, "screen.seen.run")
+    tab.locator("[popovertarget=reset-pop]").click()
+    click(live, "Reset", inside="#reset-pop")
+    until_status(client, weight_on_bit=8.0)
+    until_screen(live, f"screen.seen.run > {run} && screen.seen.now > 0")
+    assert of_screen(live, "screen.seen.faults.length") == 0
+    live.assert_quiet()
+
+
+def test_a_refusal_stands_beside_its_control_and_a_jam_is_called_so(live):
+    live.tab.fill("#weight", "-5")
+    click(live, "Press")
+    text_has(live, "[data-of=press] .outcome", "-5 N is")
+    box = live.tab.locator("[data-of=press] .outcome").bounding_box()
+    control = live.tab.locator("[data-of=press]").bounding_box()
+    assert abs(box["x"] - control["x"]) < 5
+    assert 0 < box["y"] - control["y"] < 60
+    live.tab.fill("#weight", "9")
+    click(live, "Press")
+    text_is(live, "[data-of=press] .outcome", "")
+
+    click(live, "Fault")
+    live.tab.locator("#kinds").select_option("free_mass_jammed")
+    block = of_screen(live, "screen.clock.block.time")
+    click(live, "Inject")
+    text_is(live, "#doing", "jammed")
+    until_screen(live, f"screen.clock.block.time > {block}")
+    text_is(live, "[data-number=impact_rate]", "0")
+    click(live, "Fault (1)")
+    click(live, "clear fault 1")
+    text_is(live, "#doing", "drilling")
+    live.tab.get_by_text("log of commands", exact=True).click()
+    text_has(live, "#details", "free mass jammed")
+
+
+def test_zoom_of_a_live_drill_and_following_again(live):
+    until_screen(live, "screen.seen.now > 2")
+    drag(live, "figure[data-plot=peak_force]", 0.5, 0.75)
+    start, end = view_of(live)
+    now = of_screen(live, "screen.seen.now")
+    until_screen(live, f"screen.seen.now > {now} + 0.5")
+    assert view_of(live) == [start, end]
+    until_screen(live, f"Math.abs(screen.seen.view.start - {start}) < 0.3")
+    live.tab.locator("body").press("Home")
+    until_screen(live, f"screen.range.end > {now}")
+    click(live, "5 s")
+    until_screen(live, "screen.seen.view.end - screen.seen.view.start < 5.01")
+
+
+def test_a_reloaded_screen_and_a_second_one_show_the_same_past(live, server, page_of):
+    live.tab.fill("#weight", "17")
+    click(live, "Press")
+    second = opened(page_of, server, NAMESPACE)
+    live.tab.reload()
+    for page in (live, second):
+        until_screen(page, "screen.seen.commands?.list.some((each) => each.text.includes('17'))")
+        until_screen(page, "screen.seen.timeline?.t.length > 2")
+        page.until("document.querySelector('#weight').value === '17'")
+
+
+@pytest.mark.parametrize(("width", "scheme"), [(1400, "light"), (PHONE, "dark")])
+def test_the_screen_is_accessible_and_asks_nothing_of_other_machines(
+    live, server, page_of, width, scheme
+):
+    page = opened(page_of, server, NAMESPACE, width=width, scheme=scheme)
+    until_screen(page, "screen.clock.block !== null && screen.seen.timeline")
+    for summary in page.tab.locator("#details summary").all():
+        if summary.is_visible():
+            summary.click()
+    page.keep(f"live_{width}_{scheme}")
+    page.check()
+    if width == PHONE:  # section, numbers and peak force are on two screens
+        bottom = "document.querySelector('[data-plot=peak_force]').getBoundingClientRect().bottom"
+        assert page.tab.evaluate(f"{bottom} + scrollY") < 2 * 812
+
+
+def test_who_wants_no_motion_sees_one_picture_a_second(live, server, page_of):
+    page = opened(page_of, server, NAMESPACE, reduced_motion=True)
+    until_screen(page, "screen.clock.block !== null")
+    pictures = of_screen(
+        page,
+        "new Promise((done) => { let seen = -1; screen.clock.listen(() => { seen += 1; });"
+        " setTimeout(() => done(seen), 2000); })",
+    )
+    assert 1 <= pictures <= 4
+
+
+@pytest.mark.parametrize("namespace", ["<script>alert(1)</script>", "/a b", "/'\"><img src=x>"])
+def test_a_hostile_namespace_stays_text(server, page_of, namespace):
+    page = page_of(f"{server}/screen?namespace={quote(namespace)}")
+    page.until("document.querySelector('#banner').textContent !== ''")
+    assert page.tab.locator("img").count() == 0
+    page.assert_quiet()
+
+
+def test_the_server_comes_back_and_the_screen_goes_on(drill, page_of):
+    with served(NAMESPACE) as base:
+        page = opened(page_of, base, NAMESPACE)
+    text_has(page, "#banner", "The server has gone")
+    now = of_screen(page, "screen.seen.now")
+    port = re.search(r":(\d+)$", base)[1]
+    with Process("rpud", "watch", "--port", port, "--namespace", NAMESPACE) as running:
+        running.wait_for_line("http://")
+        until_screen(page, f"screen.seen.now > {now}")
+        text_is(page, "#banner", "")

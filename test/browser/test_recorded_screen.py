@@ -1,0 +1,198 @@
+"""The screen of a bag in a real browser: playhead, playing, and zooming down to one contact."""
+
+import shutil
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+from browser.pages import PHONE, SCHEMES, WIDE
+from browser.screens import drag, of_screen, text_has, until_screen, view_of
+from sample_bags import write_offline_bag
+from support import Process
+from viewer.recorded.recorded_bags import FAULTS, FORCE
+
+import rpud_sim.bag
+from rpud_sim.bag import BagWriter, Topic
+from rpud_sim.bag.definitions import find_definition, find_type_hash
+from rpud_sim.simulation import preset
+from rpud_sim.simulation.scenario import read_scenario
+
+pytestmark = pytest.mark.extended
+
+HOSTILE = "/rpud/<img src=x onerror=alert(1)>"
+DURATION = 10.5  # longer than what is drawn from single messages at once
+
+
+@dataclass(frozen=True)
+class Drilled:
+    """Bag on a server, and the impacts in it."""
+
+    path: Path
+    url: str
+    impacts: dict[str, np.ndarray]
+
+
+@pytest.fixture(scope="module")
+def drilled(tmp_path_factory):
+    """Drill with two faults, and a topic whose name is HTML."""
+    folder = tmp_path_factory.mktemp("screen")
+    (folder / "faults.yaml").write_text(FAULTS, encoding="utf-8")
+    scenario = read_scenario(folder / "faults.yaml")
+    write_offline_bag(folder / "whole", preset("drilling"), DURATION, scenario=scenario)
+    path = folder / "drilled"
+    with (
+        rpud_sim.bag.open(folder / "whole") as reader,
+        BagWriter(path, chunk_size=1 << 18) as writer,
+    ):
+        kept = [each for each in reader.topics if each.topic.name != "/rpud/waveform"]
+        for summary in kept:
+            writer.add_topic(summary.topic, summary.definition)
+        writer.add_topic(Topic(HOSTILE, FORCE, find_type_hash(FORCE)), find_definition(FORCE))
+        for message in reader.messages({each.topic.name for each in kept}):
+            writer.write(message.topic, message.data, message.log_time, message.publish_time)
+            if message.topic == "/rpud/reacting_force":
+                writer.write(HOSTILE, message.data, message.log_time, message.publish_time)
+        impacts = reader.arrays("/rpud/contact_force", 2 * 10**9, 10**8)
+    with Process("rpud", "watch", path, "--port", "0") as server:
+        yield Drilled(path, server.wait_for_line(r"bag .*: (http://\S+)")[1], impacts)
+
+
+@pytest.fixture
+def recorded(page_of, drilled):
+    def open_screen(**options):
+        page = page_of(drilled.url, **options)
+        page.until("document.documentElement.dataset.connection === 'open'")
+        until_screen(page, "screen.seen.read === 1 && screen.seen.view && screen.clock.block")
+        return page
+
+    return open_screen
+
+
+def put_playhead(page, time):
+    of_screen(page, f"screen.playhead.seek({time})")
+    until_screen(page, f"Math.abs(screen.playhead.time - {time}) < 1e-9")
+
+
+def test_a_zoom_into_a_contact_shows_its_peak_force(recorded, drilled):
+    impacts = drilled.impacts
+    times = impacts["header.stamp"] / 1e9
+    following = int(np.flatnonzero(times > 2.02)[0])
+    page = recorded()
+    put_playhead(page, 2.02)
+    page.tab.keyboard.press("n")
+    text_has(page, "#found", f"^impact at {times[following]:.9f} s")
+    page.tab.get_by_role("button", name="Zoom to this contact").click()
+    until_screen(page, "screen.seen.view.detail === 'waveform'")
+    start, end = view_of(page)
+    contact = impacts["contact_duration"][following]
+    assert end - start == pytest.approx(2 * contact, rel=0.01)
+    until_screen(page, f"Math.abs(screen.seen.view.start - {start}) < 1e-9")
+    peak = of_screen(page, "Math.max(...screen.seen.view.layers.contact_force.mean)")
+    assert peak == pytest.approx(impacts["peak_force"][following], rel=1e-6)
+    assert of_screen(page, "screen.seen.view.layers.contact_force.t.length") > 200
+    box = page.tab.locator("[data-plot=peak_force] .u-over").bounding_box()
+    page.tab.mouse.move(box["x"] + 0.5 * box["width"], box["y"] + 5)
+    text_has(page, "[data-plot=peak_force]", r"contact force\d.*kN")
+    assert page.tab.locator("[data-plot=motion] canvas").is_visible()  # exact as well
+    page.tab.get_by_role("button", name="previous impact").click()
+    text_has(page, "#found", f"^impact at {times[following - 1]:.9f} s")
+    page.keep("contact", whole=False)
+    page.assert_quiet()
+
+
+def test_faults_and_commands_are_marked_and_playing_moves_the_playhead(recorded):
+    page = recorded()
+    assert of_screen(page, "screen.seen.faults.map((each) => each.onset)") == [0.4, 1.0]
+    page.tab.get_by_text("log of commands", exact=True).click()
+    text_has(page, "#details", "bias of reacting_force 5")
+    page.tab.get_by_text("log of commands", exact=True).click()
+
+    of_screen(page, "screen.zoom(0.9, 1.5)")
+    put_playhead(page, 1.4)
+    box = page.tab.locator("[data-plot=load] .u-over").bounding_box()
+    page.tab.mouse.move(box["x"] + 0.9 * box["width"], box["y"] + 5)
+    text_has(page, "#cursor", r"^1\.\d+.s . restitution loss$")
+    section = of_screen(page, "screen.clock.block.time")
+    page.tab.click("#play")
+    until_screen(page, "screen.playhead.time > 1.6 && screen.range.start > 1.2")
+    until_screen(page, f"screen.clock.block.time !== {section}")
+    page.tab.click("#play")
+    stopped = of_screen(page, "screen.playhead.time")
+    page.settle()
+    assert of_screen(page, "screen.playhead.time") == stopped
+    page.tab.select_option("#speed", "20")
+    page.tab.click("#play")
+    until_screen(page, "!screen.playhead.playing")  # at the end it stops by itself
+    assert of_screen(page, "screen.playhead.time === screen.extent[1]")
+    page.tab.evaluate("document.activeElement.blur()")
+    page.tab.keyboard.press("n")
+    text_has(page, "#found", "there is no further impact")
+    page.assert_quiet()
+
+
+def test_the_keyboard_the_mouse_and_the_wheel_change_the_view(recorded):
+    page = recorded()
+    whole = view_of(page)
+    drag(page, "[data-plot=peak_force]", 0.4, 0.6)
+    found = view_of(page)
+    assert found == pytest.approx([0.4 * whole[1], 0.6 * whole[1]], abs=0.05)
+    until_screen(page, f"Math.abs(screen.seen.view.start - {found[0]}) < 0.2")
+    page.tab.keyboard.press("+")
+    start, end = view_of(page)
+    assert end - start == pytest.approx((found[1] - found[0]) / 1.6)
+    page.tab.keyboard.press("ArrowRight")
+    assert view_of(page)[0] == pytest.approx(start + 0.25 * (end - start))
+    page.tab.keyboard.press("-")
+    page.tab.keyboard.press("ArrowLeft")
+    page.tab.keyboard.press("Home")
+    assert view_of(page) == whole
+    drag(page, "#timeline", 0.2, 0.3)
+    assert view_of(page) == pytest.approx([0.2 * whole[1], 0.3 * whole[1]], abs=0.05)
+    page.tab.locator("[data-plot=load] .u-over").dblclick()
+    assert view_of(page) == whole
+    page.tab.locator("[data-plot=load] .u-over").hover()
+    page.tab.keyboard.down("Control")
+    page.tab.mouse.wheel(0, -300)
+    page.tab.keyboard.up("Control")
+    page.until("document.querySelector('#reach').textContent.includes('in view')")
+    page.tab.locator("#timeline .u-over").click(position={"x": 200, "y": 10})
+    until_screen(page, "screen.playhead.time < 3")
+    page.assert_quiet()
+
+
+def test_the_reader_chooses_a_signal_and_a_hostile_name_stays_text(recorded):
+    page = recorded()
+    choice = page.tab.locator("[data-plot=more] select")
+    names = choice.locator("option").all_inner_texts()
+    name = next(name for name in names if HOSTILE.removeprefix("/rpud/") in name)
+    choice.select_option(label=name)
+    of_screen(page, "screen.zoom(3, 4)")
+    value = choice.input_value()
+    until_screen(page, f"screen.seen.view.layers[{value!r}] && screen.seen.view.start > 2.9")
+    chosen, force = (
+        of_screen(page, f"Array.from(screen.seen.view.layers[{name!r}].mean)")
+        for name in (value, "reacting_force")
+    )
+    assert chosen == force
+    assert page.tab.locator("img").count() == 0
+    page.assert_quiet()
+
+
+@pytest.mark.parametrize("width", [PHONE, WIDE])
+def test_it_can_be_read_by_everybody(recorded, width):
+    page = recorded(width=width)
+    for scheme in SCHEMES:
+        page.show(scheme)
+        page.settle()
+        page.keep(f"bag_{width}_{scheme}")
+        page.check()
+
+
+def test_a_bag_that_is_deleted_while_it_is_shown_is_said_so(recorded, drilled):
+    page = recorded()
+    shutil.rmtree(drilled.path)
+    text_has(page, "#banner", "was deleted")
+    of_screen(page, "screen.zoom(5.0, 5.01)")
+    until_screen(page, "screen.seen.view.detail === 'waveform'")
+    page.assert_quiet()

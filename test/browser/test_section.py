@@ -1,0 +1,346 @@
+"""Section of the drill and zigzag of the free mass, on a page of their own, in a real Chromium."""
+
+import base64
+import json
+from functools import partial
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+from threading import Thread
+
+import numpy as np
+import pytest
+from browser.pages import PHONE, SCHEMES
+
+import rpud_sim.viewer
+from rpud_sim.foundation.time import SECOND
+from rpud_sim.pages.quantities import for_browser
+from rpud_sim.simulation import Simulation, preset
+from rpud_sim.simulation.sampling import Times, sample
+from rpud_sim.viewer.frames import encode
+
+pytestmark = pytest.mark.extended
+
+SHARE = Path(rpud_sim.viewer.__file__).parent / "share"
+RATE, COUNT = 60_000, 1200
+CHANNELS = {
+    "nodal_plane": "nodal_plane_position",
+    "actuator": "actuator_position",
+    "free_mass": "free_mass_position",
+    "drill_tool": "drill_tool_displacement",
+    "contact_force": "contact_force",
+}
+PAGE = """<!DOCTYPE html>
+<html lang="en"><meta charset="utf-8"><meta name="viewport" content="width=device-width">
+<title>section</title><link rel="icon" href="data:,">
+<link rel="stylesheet" href="share/screen.css"><link rel="stylesheet" href="share/section.css">
+<style>#section { height: 740px; } #motion { height: 220px; display: flex; flex-direction: column; }
+main { max-width: 700px; }</style>
+<main><h1>Drill</h1><figure id="section"></figure><figure id="motion"></figure></main>
+<script type="module">
+import { MotionClock } from "./share/clock.js";
+import { decode } from "./share/frames.js";
+import { mountMotion } from "./share/motion.js";
+import { setQuantities } from "./share/quantities.js";
+import { mountSection } from "./share/section.js";
+const data = Uint8Array.from(atob("FRAME"), (letter) => letter.charCodeAt(0)).buffer;
+const { sections, quantities } = decode(data);
+setQuantities(quantities);
+const clock = new MotionClock();
+const section = mountSection(document.getElementById("section"), clock);
+mountMotion(document.getElementById("motion"), clock);
+const seen = [];
+let wants = 0;
+clock.onWant = () => { wants += 1; };
+clock.listen((changed) => seen.push([changed, clock.block?.time ?? null, clock.place]));
+const part = (name) => document.querySelector(`[data-part="${name}"]`);
+const at = (name) => Number(part(name).getAttribute("transform").slice("translate(0 ".length, -1));
+Object.assign(window, { clock, section, sections, seen, part, at, wants: () => wants });
+</script></html>
+"""
+HOLE = {
+    "depth": 0.018,
+    "layers": [
+        {"from": 0.0, "to": 0.01, "name": "regolith", "colour": 0},
+        {"from": 0.01, "to": 0.03, "name": "sandstone", "colour": 1},
+        {"from": 0.03, "to": None, "name": "basalt", "colour": 2},
+    ],
+    "log": {
+        "depth": [0.005, 0.01, 0.018],
+        "rate": [2e-4, 1e-4, 5e-5],
+        "torque": [0.1, 0.2, 0.3],
+    },
+}
+
+
+class Quiet(SimpleHTTPRequestHandler):
+    def log_message(self, *_):
+        pass
+
+
+def section(regime, end):
+    """Exact motion of the 20 ms before a time [s] of a drill."""
+    block = Simulation(preset(regime), initial_phase=0.3).advance_to(round(end * SECOND))
+    first = block.grid(RATE)[-1] - COUNT
+    samples = sample(block.covering, Times.from_grid(first, COUNT, RATE))
+    time = first / RATE
+    impacts = [
+        [each["seconds"] + each["fraction"] - time, each["peak_force"], each["contact_duration"]]
+        for each in block.impacts
+        if time <= each["seconds"] + each["fraction"] < time + COUNT / RATE
+    ]
+    arrays = {name: getattr(samples, field).astype(np.float32) for name, field in CHANNELS.items()}
+    return {"time": time, "period": 1 / RATE, **arrays, "impacts": impacts, "exact": True}
+
+
+@pytest.fixture(scope="module")
+def address(tmp_path_factory):
+    """Address of a page with both, and with blocks of two drills."""
+    folder = tmp_path_factory.mktemp("section")
+    (folder / "share").symlink_to(SHARE)
+    sections = {
+        "first": section("drilling", 0.5),
+        "second": section("drilling", 0.8),
+        "third": section("drilling", 1.1),
+        "free": section("free", 0.7),
+    }
+    frame = encode({"sections": sections, "quantities": for_browser()})
+    (folder / "index.html").write_text(PAGE.replace("FRAME", base64.b64encode(frame).decode()))
+    handler = partial(Quiet, directory=folder)
+    with ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
+        Thread(target=server.serve_forever).start()
+        yield f"http://127.0.0.1:{server.server_port}/index.html"
+        server.shutdown()
+
+
+@pytest.fixture
+def opened(page_of, address):
+    def open_page(**options):
+        page = page_of(address, **options)
+        page.until("window.section !== undefined")
+        return page
+
+    return open_page
+
+
+def run(page, code):
+    return page.tab.evaluate(f"() => {{ {code} }}")
+
+
+def hole(page, **changes):
+    run(page, f"section.setHole({json.dumps({**HOLE, **changes})})")
+
+
+def test_before_the_first_block_it_says_so(opened):
+    page = opened()
+    assert "no waveform yet" in page.tab.inner_text("#section")
+    assert "no waveform yet" in page.tab.get_attribute("#section svg", "aria-label")
+    assert page.tab.get_attribute("#motion .area", "aria-valuetext") == "no waveform yet"
+    assert not page.tab.is_visible("#motion .cursor")
+    page.check()
+
+
+@pytest.mark.parametrize("scheme", SCHEMES)
+@pytest.mark.parametrize("width", [1400, PHONE])
+def test_page_in_both_schemes_and_on_a_phone(opened, scheme, width):
+    page = opened(width=width, scheme=scheme)
+    hole(page)
+    run(page, "clock.jump(sections.first); clock.still(sections.first.impacts[1][0] + 3e-4)")
+    page.check()
+    page.keep("section")
+
+
+@pytest.mark.parametrize("width", [1400, PHONE])
+@pytest.mark.parametrize("name", ["first", "second", "third", "free"])
+def test_bodies_touch_in_the_picture_where_they_touch_in_the_data(opened, name, width):
+    page = opened(width=width)
+    hole(page)
+    run(page, f"clock.jump(sections.{name})")
+    page.settle()
+    gaps = np.array(
+        run(
+            page,
+            f"""const block = sections.{name}, found = [];
+            for (let each = 0; each < block.free_mass.length; each += 1) {{
+              clock.still(each * block.period);
+              const [plane, tip, mass, tool] = ["plane", "tip", "mass", "tool"].map(at);
+              found.push([block.free_mass[each] - block.actuator[each], mass - tip,
+                block.drill_tool[each] - block.free_mass[each], tool - mass - 34, plane]);
+            }}
+            return found;""",
+        )
+    )
+    for data, picture in (gaps[:, :2].T, gaps[:, 2:4].T):
+        assert len(data) == COUNT
+        assert (picture[data > 0] > 0).all()
+        assert (np.abs(picture[data == 0]) < 1e-9).all()
+    assert gaps[:, 4].min() > 26 + 118  # the actuator stays below the load unit
+
+
+@pytest.mark.parametrize("depth", [None, 0.0, 0.003, 0.0183])
+def test_bit_stays_above_the_solid_rock(opened, depth):
+    page = opened()
+    hole(page, depth=depth)
+    run(page, "clock.jump(sections.second)")
+    page.settle()
+    places = run(
+        page,
+        """const bottom = document.querySelector("#section .crushed").getBBox(), found = [];
+        for (let each = 0; each < 1200; each += 1) {
+          clock.still(each * sections.second.period);
+          found.push(at("tool") + at("bit") - bottom.y);
+        }
+        return [found, bottom.height];""",
+    )
+    assert min(places[0]) >= -1e-3  # at rest it stands on the crushed rock
+    assert 3 < max(places[0]) < places[1]
+
+
+def test_cursor_and_section_are_at_the_same_place(opened):
+    page = opened()
+    run(page, "clock.jump(sections.first)")
+    page.until("clock.place > 0.004")
+    run(page, "clock.toggle()")
+    held = run(page, "return [clock.place, clock.sample]")
+    cursor = page.tab.locator("#motion .cursor").bounding_box()
+    area = page.tab.locator("#motion .area").bounding_box()
+    share = (cursor["x"] + 0.5 - area["x"] - 52) / (area["width"] - 62)
+    assert share == pytest.approx(held[0] / ((COUNT - 1) / RATE), abs=2e-3)
+    assert held[1] == round(held[0] * RATE)
+    page.tab.wait_for_timeout(150)
+    assert run(page, "return clock.place") == held[0]
+
+
+def test_a_fault_jumps_and_what_waited_is_never_shown(opened):
+    page = opened()
+    run(page, "clock.jump(sections.first); clock.set(sections.second)")
+    page.until("clock.place > 0.001")
+    shown = run(
+        page,
+        "clock.jump(sections.third, true); return [clock.block.time, clock.place - clock.end]",
+    )
+    assert shown == [run(page, "return sections.third.time"), 0]
+    page.until("clock.resting && clock.rest > 0.7")
+    times = {time for _, time, _ in run(page, "return seen")}
+    assert run(page, "return sections.second.time") not in times
+
+
+def test_next_block_is_asked_for_in_time_and_follows(opened):
+    page = opened()
+    run(page, "clock.speed = 20; clock.jump(sections.first)")
+    page.until("wants() === 1")
+    run(page, "clock.set(sections.first); clock.set(sections.second)")
+    page.until("clock.block === sections.second")
+    page.until("clock.resting && wants() > 2")  # it asks again, once a second
+    for block in ("first", "second"):
+        time = run(page, f"return sections.{block}.time")
+        places = [place for _, shown, place in run(page, "return seen") if shown == time]
+        assert places == sorted(places)
+        assert len(places) > 10
+
+
+def test_each_contact_has_its_picture(opened):
+    page = opened()
+    run(page, "clock.speed = 20; clock.jump(sections.first)")
+    page.until("clock.resting")
+    places = [place for _, _, place in run(page, "return seen")]
+    impacts = run(page, "return sections.first.impacts")
+    contacts = [time + length / 2 for time, _, length in impacts]
+    assert len(contacts) > 3
+    for contact in contacts:
+        assert any(abs(place - contact) < 1e-9 for place in places)
+    time, force, length = impacts[1]
+    run(page, f"clock.still({time + length / 2})")
+    assert float(run(page, "return part('flash').getAttribute('opacity')")) > 0.9
+    assert page.tab.text_content("[data-part=force]") == f"{force / 1e3:.2f} kN"
+    gap = run(page, "return at('tool') - at('mass') - 34")
+    assert abs(gap) < 1e-9
+
+
+def test_reader_moves_the_place_with_pointer_and_keys(opened):
+    page = opened()
+    run(page, "clock.jump(sections.first)")
+    area = page.tab.locator("#motion .area")
+    box = area.bounding_box()
+    page.tab.mouse.move(box["x"] + 52 + 0.25 * (box["width"] - 62), box["y"] + 40)
+    page.tab.mouse.down()
+    assert run(page, "return clock.place / clock.end") == pytest.approx(0.25, abs=0.01)
+    page.tab.mouse.move(box["x"] + 52 + 0.5 * (box["width"] - 62), box["y"] + 40)
+    page.tab.mouse.up()
+    assert run(page, "return [clock.held, clock.place / clock.end]") == [
+        True,
+        pytest.approx(0.5, abs=0.01),
+    ]
+    area.press("Home")
+    area.press("PageDown")
+    time, _, length = run(page, "return sections.first.impacts[0]")
+    assert run(page, "return clock.place") == pytest.approx(time + length / 2)
+    area.press("ArrowLeft")
+    assert run(page, "return clock.place") == pytest.approx(time + length / 2 - 1e-4)
+    assert "ms before the newest" in area.get_attribute("aria-valuetext")
+    page.tab.get_by_role("button", name="play").click()
+    page.until("!clock.held && clock.resting")
+    page.tab.get_by_role("button", name="replay").click()
+    page.until("clock.place > 0 && !clock.resting")
+
+
+def test_a_still_picture_is_the_same_each_time(opened):
+    page = opened()
+    hole(page)
+    run(page, "clock.jump(sections.second)")
+    pictures = [
+        run(page, f"clock.still({place}); return document.querySelector('#section .all').outerHTML")
+        for place in (0.0112, 0.003, 0.0112)
+    ]
+    assert pictures[0] == pictures[2] != pictures[1]
+
+
+def test_reduced_motion_shows_the_newest_at_its_end_once_a_second(opened):
+    page = opened(reduced_motion=True)
+    run(page, "clock.set(sections.first)")
+    page.until("clock.block === sections.first && clock.place === clock.end")
+    run(page, "clock.set(sections.second); clock.set(sections.third)")
+    page.until("clock.block === sections.third")
+    assert all(place == 0 or place > 0.0199 for _, _, place in run(page, "return seen"))
+    assert len(run(page, "return seen")) < 6
+    page.until("wants() >= 1")
+    assert not page.tab.is_visible("#section button")
+
+
+def test_hole_grows_through_its_layers_to_scale(opened):
+    page = opened()
+    run(page, "clock.jump(sections.first, true)")
+    heights = []
+    for depth in (0.012, 0.018):
+        hole(page, depth=depth)
+        for name in ("regolith", "rate", "torque"):
+            assert name in page.tab.inner_html("#section")
+        heights.append(run(page, "return at('bit') + 400 - 506"))
+        assert page.tab.text_content("#section text.now >> nth=-1") == f"{depth * 1e3:g}"
+    scale = run(
+        page,
+        "const rects = document.querySelectorAll('[data-part=ground] rect');"
+        "return rects[0].getBBox().height / 0.01",
+    )
+    assert heights[1] == pytest.approx(0.018 * scale, rel=1e-3)
+    run(page, "section.setHole(null)")
+    assert "regolith" not in page.tab.inner_html("#section")
+    run(page, "section.setRegime('free')")
+    assert not page.tab.query_selector("#section .crushed")
+    assert page.tab.is_visible("#section .air")
+
+
+def test_samples_that_are_missing_leave_the_picture_before(opened):
+    page = opened()
+    run(
+        page,
+        "for (const name of ['nodal_plane', 'actuator', 'free_mass', 'drill_tool'])"
+        "  sections.first[name].fill(NaN, 300, 600);"
+        "sections.first.impacts.push([0.012, null, null]);"
+        "clock.jump(sections.first); clock.still(0.004);",
+    )
+    before = run(page, "return at('mass')")
+    run(page, "clock.still(0.007)")
+    assert run(page, "return at('mass')") == before
+    run(page, "clock.still(0.012)")
+    assert "NaN" not in page.tab.inner_html("#section")
+    page.assert_quiet()

@@ -1,0 +1,220 @@
+"""Server of the screen: whom it answers, what it serves, and how a browser gets frames."""
+
+import http.client
+from urllib.parse import quote
+
+import numpy as np
+import pytest
+from viewer.screen_client import ClosedError, ScreenClient, serving
+
+from rpud_sim.foundation.quantities import ParameterError
+from rpud_sim.viewer.server import PageServer, Place, ServerError
+from rpud_sim.viewer.store import StoreError, View
+
+
+class Numbers:
+    """Store that counts; it has drills ``/a`` and ``/b``."""
+
+    mode = "live"
+
+    def __init__(self):
+        self.clients = []
+        self.asked = []
+        self.views = []
+
+    def open(self, client):
+        if client.drill not in ("", "/a", "/b"):
+            raise StoreError(f"there is no drill in {client.drill}")
+        self.clients.append(client.drill)
+
+    def close(self, client):
+        self.clients.remove(client.drill)
+
+    def frame(self, client):
+        if self.asked and self.asked[-1]["name"] == "break":
+            raise ZeroDivisionError("one and\nanother line")
+        count = client.sent["count"] = client.sent.get("count", 0) + 1
+        fields = {"drill": client.drill, "count": count, "values": np.arange(count)}
+        if client.section:
+            fields["section"] = {}
+        self.views.append(client.view)
+        return fields
+
+    def request(self, client, name, content):
+        if content["name"] == "no":
+            raise ParameterError("no such action")
+        self.asked.append(content)
+
+
+@pytest.fixture
+def store():
+    return Numbers()
+
+
+@pytest.fixture
+def server(store):
+    with serving(store, lambda: {"drills": []}) as running:
+        yield running
+
+
+def answer(server, path="/screen", **headers):
+    connection = http.client.HTTPConnection("127.0.0.1", server.port)
+    connection.putrequest("GET", path, skip_host="Host" in headers)
+    for name, value in headers.items():
+        connection.putheader(name, value)
+    connection.endheaders()
+    response = connection.getresponse()
+    body = response.read().decode()
+    connection.close()
+    return response, body
+
+
+@pytest.mark.parametrize("path", ["/", "/screen", "/drills", "/share/list.js", "/frames"])
+def test_another_origin_and_another_host_are_refused(server, path):
+    for host in ("[", "evil.example", "evil.example:80", "", "[::1"):
+        response, body = answer(server, path, Host=host)
+        assert (response.status, body) == (403, f"host {host!r} is not this machine\n")
+    for origin in ("http://evil.example", "http://[", "null", f"http://127.0.0.1:{server.port}1"):
+        response, body = answer(server, path, Origin=origin)
+        assert (response.status, body) == (403, f"origin {origin!r} is not this server\n")
+
+
+@pytest.mark.parametrize(
+    ("path", "status"),
+    [("/", 200), ("/drills", 200), ("/share/list.js", 200), ("/share/x.js", 404), ("/x", 404)],
+)
+def test_each_answer_forbids_scripts_and_frames_of_others(server, path, status):
+    response, _ = answer(server, path)
+    assert response.status == status
+    policy = response.headers["Content-Security-Policy"]
+    for part in ("default-src 'none'", "script-src 'self'", "frame-ancestors 'none'"):
+        assert part in policy
+    assert "unsafe" not in policy
+
+
+@pytest.mark.parametrize("path", ["/share/../server.py", "/share/%2e%2e/server.py", "/share/"])
+def test_nothing_but_the_screen_is_served(server, path):
+    assert answer(server, path)[0].status in (403, 404)
+
+
+def test_others_need_the_token_which_becomes_a_cookie(store):
+    with serving(store, token="secret") as server:
+        for path in ("/", "/screen", "/share/list.js", "/drills", "/frames"):
+            response, body = answer(server, path, Host="anything")
+            assert (response.status, body.partition(":")[0]) == (403, "the token is missing")
+            response, body = answer(server, f"{path}?token=wrong")
+            assert (response.status, body.partition(":")[0]) == (403, "this is not its token")
+        response, _ = answer(server, "/screen?namespace=/a&token=secret", Host="anything")
+        assert (response.status, response.headers["Location"]) == (302, "/screen?namespace=/a")
+        cookie = response.headers["Set-Cookie"]
+        assert "HttpOnly" in cookie
+        assert "SameSite=Strict" in cookie
+        known = {"Host": "anything", "Cookie": cookie.partition(";")[0]}
+        assert answer(server, **known)[0].status == 200
+        assert answer(server, **known, Origin="http://evil.example")[0].status == 403
+
+
+def test_a_port_in_use_is_named():
+    with (
+        serving(Numbers()) as server,
+        pytest.raises(ServerError, match=f"port {server.port} of 127.0.0.1 is in use"),
+    ):
+        PageServer(Numbers(), Place(server.port))
+
+
+def test_a_frame_comes_when_the_one_before_was_acknowledged(server, store):
+    with ScreenClient(server.port, "?namespace=/a") as client:
+        first = client.frame(acknowledge=False)
+        assert (first["number"], first["mode"], first["drill"]) == (1, "live", "/a")
+        assert first["quantities"][0]["name"] == "impact_rate"
+        client.send({"ack": 7})
+        client.send({"view": {"follow": 5, "width": 300}})
+        client.send({"ack": 1})
+        second = client.frame()
+        assert second["count"] == 2
+        assert "section" not in second  # none was wanted again
+        client.send({"section": True})
+        client.send({"choices": {"more": "depth"}})
+        client.send({"view": {"start": 1, "end": 2.5}})
+        client.until(lambda seen: "section" in seen)
+        assert store.views[1] == View(5.0, width=300)
+        client.until(lambda seen: store.views[-1] == View(None, 1.0, 2.5, 300))
+        assert store.clients == ["/a"]
+
+
+def test_a_browser_changes_its_drill(server, store):
+    with ScreenClient(server.port, "?namespace=/a") as client:
+        client.until(lambda seen: seen.get("count") == 3)
+        client.send({"drill": "/b"})
+        client.until(lambda seen: seen["drill"] == "/b")
+        assert store.clients == ["/b"]
+        client.send({"drill": "/c"})
+        assert client.until(lambda seen: seen.get("refused")) == [1, "there is no drill in /c"]
+        assert store.clients == ["/b"]
+
+
+def test_an_action_reaches_the_store_or_is_refused(server, store):
+    with ScreenClient(server.port) as client:
+        client.send({"act": "press", "arguments": {"force": 3}})
+        client.send({"act": "no"})
+        assert client.until(lambda seen: seen.get("refused")) == [1, "no such action"]
+        assert store.asked == [{"name": "press", "arguments": {"force": 3}}]
+
+
+WRONG = (
+    "{",
+    "[" * 4000,
+    "[]",
+    "{}",
+    {"what": 1},
+    {"view": 3},
+    {"view": {"follow": 0}},
+    {"view": {"start": 2, "end": 1}},
+    {"view": {"width": "wide"}},
+    {"playhead": True},
+    '{"playhead": NaN}',
+    {"choices": {str(number): "" for number in range(100)}},
+    {"seek": "somewhere", "from": 0},
+    {"drill": 3},
+    {"act": 3},
+    {"act": "press", "arguments": []},
+)
+
+
+@pytest.mark.parametrize("wrong", WRONG, ids=range(len(WRONG)))
+def test_what_no_page_sends_closes_the_connection(server, wrong):
+    with ScreenClient(server.port) as client:
+        client.send(wrong)
+        with pytest.raises(ClosedError) as closed:
+            client.until(lambda seen: False)
+        assert closed.value.args[0] == 1008
+
+
+def test_a_long_message_closes_the_connection(server):
+    with ScreenClient(server.port) as client:
+        client.send(" " * 10_000)
+        with pytest.raises(ClosedError):
+            client.until(lambda seen: False)
+
+
+def test_a_store_that_fails_ends_the_page_with_a_message(server):
+    with ScreenClient(server.port) as client:
+        client.frame()
+        client.send({"act": "break"})
+        error = client.until(lambda seen: seen.get("error"))
+        assert error == "the server has failed: ZeroDivisionError: one and another line"
+        with pytest.raises(ClosedError):
+            client.frame()
+
+
+@pytest.mark.parametrize("name", ["<script>alert(1)</script>", "/a b", "/\x1b[31m"])
+def test_a_page_of_nothing_says_so(server, name):
+    with ScreenClient(server.port, f"?namespace={quote(name)}") as client:
+        assert "there is no drill in" in client.frame()["error"]
+
+
+def test_a_browser_that_has_gone_is_forgotten(server, store):
+    with ScreenClient(server.port) as stays:
+        with ScreenClient(server.port) as goes:
+            goes.frame()
+        stays.until(lambda seen: len(store.clients) == 1)
