@@ -21,10 +21,11 @@ from rpud_sim.pages.theme import series_color
 _LETTER = 7.2  # mean width of a letter of 12 pixels [pixels]
 _APART = 32.0  # least distance of ticks upward [pixels]
 _OVERHANG = 14.0  # of a text beyond a side; a longer one would reach into its neighbour [pixels]
+_STROKE = 1.4  # width of a line [pixels]
 _LINE = 18  # height of a line of text [pixels]
 _GAP = 8  # pixels between a plot and its text
 _MOST_TITLES = 400  # points of a cloud have no texts under the pointer: they are one path
-_DASHES = {"dashed": "6 4", "dotted": "2 3", "dotdash": "6 3 2 3"}
+_DASHES = {"dashed": "6 4", "dotted": "2 3"}
 _FIGURE = Markup('<figure class="plot"><figcaption>{}{}</figcaption>{}</figure>')
 _GRID = Markup('{}<div class="plots" style="--least:{}em">{}</div>')
 _LEGEND = Markup('<p class="keys">{}</p>')
@@ -158,14 +159,14 @@ def _draw(layer: Layer, x: Scale, y: Scale, plot: Plot) -> Iterator[Markup]:
     width, height = max(x.begin, x.end), max(y.begin, y.end)
     if isinstance(layer, Line):
         way = track(x(layer.x), y(layer.y), layer.steps)
-        yield path(way, color, layer.width, stroke_dasharray=_DASHES.get(layer.dash, "none"))
+        yield path(way, color, _STROKE)
     elif isinstance(layer, Envelope):
         at, low, high = x(layer.x), y(layer.low), y(layer.high)
         for part in whole_parts(np.isfinite(low + high + at)):
             around = np.concatenate([at[part], at[part][::-1]])
             edge = np.concatenate([high[part], low[part][::-1]])
             yield path(track(around, edge) + "Z", "none", fill=color, opacity=0.25)
-        yield path(track(at, y(layer.y)), color, 1.4)
+        yield path(track(at, y(layer.y)), color, _STROKE)
     elif isinstance(layer, Bars):
         edges, tops, base = x(layer.edges), y(layer.y), float(y.begin)
         way = "".join(
@@ -193,7 +194,7 @@ def _points(layer: Points, x: Scale, y: Scale, plot: Plot, color: str) -> Iterat
     across, upward = x(layer.x), y(layer.y)
     shown = np.isfinite(across + upward)
     if layer.joined:
-        yield path(track(across, upward), color, 1.4)
+        yield path(track(across, upward), color, _STROKE)
     if len(across) > _MOST_TITLES or layer.size < 3.0:
         dots = zip(across[shown], upward[shown], strict=True)
         way = "".join(f"M{a:.1f} {b:.1f}h0" for a, b in dots)

@@ -16,7 +16,6 @@ LIGHT: Mapping[str, str] = {
     "warning": "#b34700",
     "command": "#6d3fc0",
     "fault": "#c9302c",
-    "gap": "#8795a3",
     "series0": "#0072b2",
     "series1": "#c75300",
     "series2": "#007d5c",
@@ -35,7 +34,6 @@ DARK: Mapping[str, str] = {
     "warning": "#ff9d5c",
     "command": "#b69cff",
     "fault": "#ff7b72",
-    "gap": "#7d8b99",
     "series0": "#56b4e9",
     "series1": "#ff9a52",
     "series2": "#2fc79a",
@@ -47,9 +45,6 @@ DARK: Mapping[str, str] = {
 
 # Number of colours for series; further series begin again with the first.
 SERIES = sum(name.startswith("series") for name in LIGHT)
-
-# Bokeh's palette of heat maps: it reads the same on light and dark, and without colour vision.
-PALETTE = "Viridis256"
 
 
 def series_color(number: int) -> str:

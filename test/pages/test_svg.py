@@ -16,7 +16,7 @@ X = np.arange(4.0)
 Y = np.array([1.0, np.nan, 3.0, 4.0])
 LAYERS = (
     Line("line", X, Y),
-    Line("steps", X, Y, steps=True, dash="dashed"),
+    Line("steps", X, Y, steps=True),
     Envelope("envelope", X, Y - 1.0, Y, Y + 1.0),
     Points("points", X, Y, Y - 0.1, Y + 0.1, joined=True),
     Points("across", X, Y, X - 0.1, X + 0.1, across=True, marker="x"),

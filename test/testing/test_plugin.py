@@ -11,7 +11,7 @@ import pytest
 pytest_plugins = ["pytester"]
 
 SUPERVISOR = Path(__file__).with_name("supervisor.py").read_text()
-HEAVY = ("rclpy", "numba", "numpy", "bokeh", "rpud_sim.ros", "rpud_sim.simulation")
+HEAVY = ("rclpy", "numba", "numpy", "tornado", "rpud_sim.ros", "rpud_sim.simulation")
 
 
 def test_a_run_without_a_drill_imports_nothing_heavy():

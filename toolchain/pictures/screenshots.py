@@ -16,8 +16,7 @@ SCHEMES = {"light": "", "dark": "_dark"}
 """Endings of the names of files, by colour scheme."""
 
 _COLORS = 256
-_DRAWN = """() => document.readyState === 'complete'
-    && (!window.Bokeh || Bokeh.documents.every((each) => each.is_idle))"""
+_DRAWN = "() => document.readyState === 'complete'"
 
 
 @contextmanager
