@@ -75,7 +75,7 @@ def write_report(
         damaged = damages.texts
         damaged |= {f"part {number}": reason for number, reason in recording.damages.items()}
         damaged |= {
-            name: f"{reader.unreadable} of its messages: {reader.reason}"
+            name: f"{reader.unreadable} of its messages cannot be read"
             for name, reader in recording.readers.items()
             if reader.unreadable
         }
