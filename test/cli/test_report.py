@@ -51,8 +51,7 @@ def test_what_is_damaged_is_left_out_and_all_else_is_shown(tmp_path, rpud):
 
 def test_a_drill_is_chosen_by_its_namespace(tmp_path, rpud):
     write_bag(tmp_path / "bag")
-    code, _, err = rpud(
-        "report", tmp_path / "bag", "--out", tmp_path / "a.html", "--namespace", "/b"
-    )
+    out_file = tmp_path / "a.html"
+    code, _, err = rpud("report", tmp_path / "bag", "--out", out_file, "--namespace", "/b")
     assert (code, err) == (1, "rpud report: the bag holds no drill /b\n")
     assert not out_file.exists()

@@ -93,7 +93,10 @@ of the table below.</p>
 </tbody></table></div>
 """
 _MOST_FAILURES = 100  # in full: the table of runs has all
-_MARKERS: Mapping[str, tuple[Literal["circle", "x"], str]] = {PASSED: ("circle", "series2"), FAILED: ("x", "fault")}
+_MARKERS: Mapping[str, tuple[Literal["circle", "x"], str]] = {
+    PASSED: ("circle", "series2"),
+    FAILED: ("x", "fault"),
+}
 
 
 def campaign_page(results: CampaignResults) -> str:
