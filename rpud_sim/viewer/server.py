@@ -21,18 +21,10 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import SplitResult, parse_qsl, urlencode, urlsplit
 
+from tornado import web
 from tornado.httpserver import HTTPServer
 from tornado.httputil import HTTPHeaders
 from tornado.netutil import bind_sockets
-from tornado.web import (
-    Application,
-    ErrorHandler,
-    Finish,
-    HTTPError,
-    OutputTransform,
-    RequestHandler,
-    StaticFileHandler,
-)
 from tornado.websocket import WebSocketClosedError, WebSocketHandler
 
 from rpud_sim.viewer.session import LONGEST_REQUEST, RequestError, Session
@@ -48,6 +40,7 @@ _TOKEN_BYTES = 24
 _LOOPBACK_NAMES = ("127.0.0.1", "localhost", "::1")
 _FORBIDDEN, _NOT_FOUND = 403, 404
 _WRONG_REQUEST, _TOO_MANY, _FAILED = 1008, 1013, 1011  # codes with which a socket closes
+_TIDY_PERIOD = 10.0  # s
 _PING = 20.0  # a browser that does not answer for so long has gone [s]
 
 # No page of another site may show this one, and catch its clicks.
@@ -98,7 +91,6 @@ class PageServer:
         self.pages = 0  # browsers that are connected
         self._place = place
         self._worker = ThreadPoolExecutor(1, "store")
-        self._regular: list[tuple[float, Callable[[], object]]] = []
         self._loop: asyncio.AbstractEventLoop | None = None
         self._stop = asyncio.Event()
 
@@ -108,10 +100,6 @@ class PageServer:
             arguments["token"] = self._place.token
         query = f"?{urlencode(arguments, safe='/')}" if arguments else ""
         return f"http://{_authority(_reachable(self._place.address), self.port)}{path}{query}"
-
-    def every(self, seconds: float, call: Callable[[], object]) -> None:
-        """Call a function regularly while the server runs, in the thread of the store."""
-        self._regular.append((seconds, call))
 
     def stop(self) -> None:
         """End `run`, from any thread or from a handler of a signal."""
@@ -146,7 +134,7 @@ class PageServer:
 
     async def _run(self) -> None:
         self._loop = asyncio.get_running_loop()
-        application = Application(
+        application = web.Application(
             [
                 (r"/()", _Shared, {"name": "list.html" if self.listing else "screen.html"}),
                 (r"/screen()", _Shared, {"name": "screen.html"}),
@@ -156,27 +144,22 @@ class PageServer:
             ],
             server=self,
             transforms=[_Headers],
-            default_handler_class=ErrorHandler,
+            default_handler_class=web.ErrorHandler,
             default_handler_args={"status_code": _NOT_FOUND},
             websocket_max_message_size=LONGEST_REQUEST,
             websocket_ping_interval=_PING,
         )
         http = HTTPServer(application)
         http.add_sockets(self._sockets)
-        regular = [asyncio.create_task(self._repeat(*each)) for each in self._regular]
-        await self._stop.wait()
+        while not self._stop.is_set():
+            await self.work(self.store.tidy)
+            with suppress(asyncio.TimeoutError):
+                await asyncio.wait_for(self._stop.wait(), _TIDY_PERIOD)
         http.stop()
-        for task in regular:
-            task.cancel()
         await http.close_all_connections()
 
-    async def _repeat(self, seconds: float, call: Callable[[], object]) -> None:
-        while True:
-            await asyncio.sleep(seconds)
-            await self.work(call)
 
-
-class _Headers(OutputTransform):
+class _Headers(web.OutputTransform):
     """Headers of every answer."""
 
     def transform_first_chunk(
@@ -188,7 +171,7 @@ class _Headers(OutputTransform):
         return status_code, headers, chunk
 
 
-class _Guarded(RequestHandler):
+class _Guarded(web.RequestHandler):
     """Handler of requests that the guard lets pass."""
 
     @property
@@ -200,7 +183,7 @@ class _Guarded(RequestHandler):
         self.server.guard.check(self)
 
 
-class _Shared(_Guarded, StaticFileHandler):
+class _Shared(_Guarded, web.StaticFileHandler):
     """File of the screen: one of the address, or always the same one."""
 
     def initialize(self, name: str = "") -> None:  # type: ignore[override]
@@ -212,7 +195,7 @@ class _Shared(_Guarded, StaticFileHandler):
 
     def validate_absolute_path(self, root: str, absolute_path: str) -> str | None:
         if not absolute_path.endswith(_SERVED):
-            raise HTTPError(_NOT_FOUND)
+            raise web.HTTPError(_NOT_FOUND)
         return super().validate_absolute_path(root, absolute_path)
 
     def set_extra_headers(self, path: str) -> None:
@@ -222,7 +205,7 @@ class _Shared(_Guarded, StaticFileHandler):
 class _Listing(_Guarded):
     async def get(self) -> None:
         if self.server.listing is None:
-            raise HTTPError(_NOT_FOUND)
+            raise web.HTTPError(_NOT_FOUND)
         self.set_header("Cache-Control", "no-store")
         self.finish(await self.server.work(self.server.listing))
 
@@ -280,8 +263,8 @@ class _Guard:
         self._token = token
         self._cookie = f"rpud_watch_{port}"
 
-    def check(self, handler: RequestHandler) -> None:
-        """Finish a request that may not pass."""
+    def check(self, handler: web.RequestHandler) -> None:
+        """web.Finish a request that may not pass."""
         request = handler.request
         host = request.host.lower()
         origin = request.headers.get("Origin")
@@ -301,7 +284,7 @@ class _Guard:
         # The address that stays in the history, and that others may see, has no token.
         rest = [pair for pair in parse_qsl(request.query) if pair[0] != "token"]
         handler.redirect(f"{request.path}{'?' if rest else ''}{urlencode(rest, safe='/')}")
-        raise Finish
+        raise web.Finish
 
     def _is_token(self, given: str | None) -> bool:
         return hmac.compare_digest((given or "").encode(), self._token.encode())
@@ -315,11 +298,11 @@ def _parts(url: str) -> SplitResult:
         return urlsplit("")
 
 
-def _refuse(handler: RequestHandler, reason: str) -> None:
+def _refuse(handler: web.RequestHandler, reason: str) -> None:
     handler.set_status(_FORBIDDEN)
     handler.set_header("Content-Type", "text/plain; charset=utf-8")
     handler.finish(f"{reason}\n")
-    raise Finish
+    raise web.Finish
 
 
 def _is_loopback(address: str) -> bool:

@@ -44,36 +44,44 @@ class Session:
         self._work = work
         self._send = send
         self._client = ClientState(drill=drill)
+        self._is_open = False
         self._number = 0
         self._acknowledged = asyncio.Event()
         self._refused = (0, "")
 
     async def run(self) -> None:
         """Send frames until the browser has gone, or there is nothing more to send."""
-        is_open = False
         first: dict[str, Any] = {"mode": self._store.mode, "quantities": for_browser()}
         refused = 0
+        clock = asyncio.get_running_loop().time
         try:
-            await self._work(self._store.open, self._client)
-            is_open = True
+            await self._work(self._open)
             while True:
+                due = clock() + PERIOD
                 frame = {**first, **await self._work(self._fields)}
                 if refused != self._refused[0]:
                     frame["refused"], refused = self._refused, self._refused[0]
                 if frame:
                     first = {}
                     await self._deliver(frame)
-                await asyncio.sleep(PERIOD)
+                await asyncio.sleep(due - clock())
         except StoreError as error:
             await self._deliver({**first, "error": str(error)})
-        except asyncio.CancelledError:
-            raise
         except Exception as error:
-            await self._deliver({"error": f"the server has failed: {_one_line(error)}"})
+            await self._deliver({**first, "error": f"the server has failed: {_one_line(error)}"})
             raise
         finally:
-            if is_open:
-                await self._work(lambda: self._store.close(self._client))
+            await self._work(self._close)
+
+    # In the thread of the store, so that a browser which goes at any time is closed once
+
+    def _open(self) -> None:
+        self._store.open(self._client)
+        self._is_open = True
+
+    def _close(self) -> None:
+        if self._is_open:
+            self._store.close(self._client)
 
     def _fields(self) -> dict[str, Any]:
         fields = self._store.frame(self._client) or {}
@@ -81,25 +89,29 @@ class Session:
             self._client.section = False
         return fields
 
+    def _change_drill(self, drill: str) -> None:
+        other = ClientState(drill, self._client.view)
+        try:
+            self._store.open(other)
+        except StoreError as error:
+            raise ParameterError(str(error)) from None
+        before, self._client = self._client, other
+        self._store.close(before)
+
+    # Requests
+
     async def hear(self, message: str | bytes) -> None:
         """Do what a browser asks; RequestError for what no page sends."""
         try:
-            found = json.loads(message)
-        except (RecursionError, ValueError):
-            raise RequestError("this is not JSON") from None
-        if not isinstance(found, dict) or not found:
-            raise RequestError("this is not a request")
-        try:
-            await self._do(found)
-        except (AttributeError, KeyError, OverflowError, TypeError, ValueError) as error:
-            if isinstance(error, ParameterError):
-                self._refused = self._refused[0] + 1, str(error)
-            else:
-                raise RequestError(f"wrong request: {_one_line(error)}") from None
+            await self._do(json.loads(message))
+        except ParameterError as error:
+            self._refused = self._refused[0] + 1, str(error)
+        except (AttributeError, LookupError, RecursionError, TypeError, ValueError) as error:
+            raise RequestError(f"wrong request: {_one_line(error)}") from None
 
-    async def _do(self, asked: dict[str, Any]) -> None:
+    async def _do(self, asked: Any) -> None:
         client = self._client
-        match next(iter(asked)):
+        match next(iter(asked), None):
             case "ack":
                 if asked["ack"] == self._number:
                     self._acknowledged.set()
@@ -127,15 +139,6 @@ class Session:
                 await self._work(self._store.request, client, "act", content)
             case name:
                 raise ValueError(name)
-
-    def _change_drill(self, drill: str) -> None:
-        other = ClientState(drill, self._client.view)
-        try:
-            self._store.open(other)
-        except StoreError as error:
-            raise ParameterError(str(error)) from None
-        before, self._client = self._client, other
-        self._store.close(before)
 
     async def _deliver(self, frame: dict[str, Any]) -> None:
         """Send a frame and wait until it has been shown."""

@@ -49,3 +49,6 @@ class Store(Protocol):
 
     def close(self, client: ClientState) -> None:
         """Note that a browser has gone, or is about to show another drill."""
+
+    def tidy(self) -> None:
+        """Free what no browser needs any more; called every few seconds."""

@@ -6,7 +6,7 @@ import threading
 from contextlib import contextmanager, suppress
 
 from support import PATIENCE
-from tornado.websocket import websocket_connect
+from tornado.websocket import WebSocketClosedError, websocket_connect
 
 from rpud_sim.viewer.frames import decode
 from rpud_sim.viewer.server import PageServer, Place
@@ -84,7 +84,8 @@ class ScreenClient:
             self.seen = {key: self.seen[key] for key in ("mode", "quantities") if key in self.seen}
         self.seen |= frame
         if acknowledge and "error" not in frame:
-            await self._socket.write_message(json.dumps({"ack": frame["number"]}))
+            with suppress(WebSocketClosedError):  # the next one says why
+                await self._socket.write_message(json.dumps({"ack": frame["number"]}))
         return frame
 
 

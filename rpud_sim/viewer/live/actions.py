@@ -61,7 +61,6 @@ class Actions:
 
     def __init__(self) -> None:
         self.running = ""  # name of the action that is under way; empty for none
-        self.version = 0  # grows with each change of the outcomes
         self._lock = threading.Lock()
         self._queue: deque[tuple[int, str, dict[str, Any]]] = deque()
         self._outcomes: dict[int, Outcome] = {}
@@ -136,7 +135,6 @@ class Actions:
         settled = [each.number for each in self._outcomes.values() if each.state != WAITING]
         for number in settled[:-_KEPT]:
             del self._outcomes[number]
-        self.version += 1
 
 
 def _result_text(name: str, result: Any) -> str:

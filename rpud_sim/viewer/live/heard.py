@@ -20,6 +20,7 @@ from rpud_sim.viewer.commands import Commands
 from rpud_sim.viewer.impacts import Impacts
 
 BIN = 0.05  # length of the finest bins [s]
+SECTION = 0.02  # length of the motion that a section shows [s]
 
 _BINS = 1 << 14
 _LATEST_IMPACTS = 1000  # whose durations are kept: some two seconds
@@ -153,11 +154,18 @@ class Heard:
             self._add(quantity, times, values)
 
     def _wave(self, times: np.ndarray, messages: tuple[tuple[Any, ...], ...]) -> None:
-        for time, (_, period, arrays) in zip(times[::-1], messages[::-1], strict=True):
+        for time, (_, period, arrays) in zip(times, messages, strict=True):
             length = len(arrays[0])
-            if length and 0.0 < period < 1.0 and all(len(each) == length for each in arrays):
-                self.block = float(time), period, arrays
-                return
+            if not (length and 0.0 < period < 1.0 and all(len(each) == length for each in arrays)):
+                continue
+            begin = float(time)
+            if self.block is not None and length * period < SECTION:  # a pause has cut it
+                before, _, earlier = self.block
+                if abs(before + len(earlier[0]) * period - begin) < period:
+                    earlier = tuple(each[-round(SECTION / period) :] for each in earlier)
+                    begin -= len(earlier[0]) * period
+                    arrays = tuple(map(np.concatenate, zip(earlier, arrays, strict=True)))
+            self.block = begin, period, arrays
 
     def _add(self, quantity: str, times: np.ndarray, values: np.ndarray) -> None:
         if self.is_stepped(quantity):

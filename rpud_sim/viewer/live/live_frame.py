@@ -12,12 +12,11 @@ import numpy as np
 
 from rpud_sim.pages.quantities import QUANTITIES, number_text
 from rpud_sim.viewer import hole
-from rpud_sim.viewer.live.heard import Heard
+from rpud_sim.viewer.live.heard import SECTION, Heard
 from rpud_sim.viewer.live.live_drill import LiveDrill
 from rpud_sim.viewer.plots import chosen_quantities, drill_plots
 from rpud_sim.viewer.store import ClientState, StoreError, View
 
-_SECTION = 0.02  # s
 _GAP = 1.0  # at the beginning, in which nobody heard the drill, that is shown [s]
 _MOST_SAMPLES = 1200  # of a section
 _MOST_EXACT = 60_000  # impacts of a view whose quantiles are computed; more have extremes
@@ -239,7 +238,7 @@ def _section(
 ) -> dict[str, Any]:
     """Return the end of a block."""
     length = len(arrays[0])
-    first = max(0, length - max(2, round(_SECTION / period)))
+    first = max(0, length - max(2, round(SECTION / period)))
     stride = -(-(length - first) // _MOST_SAMPLES)
     time, end = begin + first * period, begin + length * period
     names = ("nodal_plane", "actuator", "free_mass", "drill_tool", "contact_force")

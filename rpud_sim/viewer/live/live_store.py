@@ -22,7 +22,6 @@ LINGER = 120.0
 MOST_DRILLS = 16
 
 _LOOK_PERIOD = 3.0  # between looks at the namespaces [s]
-_REAP_PERIOD = 10.0  # between looks at drills that no page shows [s]
 
 
 def drill_path(namespace: str) -> str:
@@ -132,7 +131,6 @@ def serve_drills(
         store = LiveStore(finder, namespace)
         server = PageServer(store, place, store.listing)
         prepare(server)
-        server.every(_REAP_PERIOD, store.tidy)
         try:
             with server:
                 announce(server, finder)

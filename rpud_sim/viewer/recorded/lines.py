@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from rpud_sim.viewer.impacts import part_length
@@ -16,24 +18,18 @@ def usual(steps: np.ndarray) -> float:
     return float(np.quantile(steps, 0.9, method="lower")) if len(steps) else 0.0
 
 
-def with_gaps(layer: Layer, width: float = 0.0, known: float = np.inf) -> Layer:
-    """Return a layer without its NaN, and with NaN between points that are far apart.
+def joined(layers: Sequence[Layer]) -> Layer:
+    """Return layers one after another in one."""
+    return {name: np.concatenate([each[name] for each in layers]) for name in layers[0]}
 
-    ``width`` is that of the parts that the points stand for [s]. After ``known`` [s] values may be
-    missing: no line joins parts there that do not touch each other.
-    """
+
+def with_gaps(layer: Layer) -> Layer:
+    """Return a layer without its NaN, and with NaN between points that are far apart."""
     valid = np.isfinite(layer["mean"])
-    if not valid.all():
-        layer = {name: values[valid] for name, values in layer.items()}
+    layer = {name: values[valid] for name, values in layer.items()}
     times = layer["t"]
-    if len(times) < 2:
-        return layer
     steps = np.diff(times)
-    early = times[1:] <= known
-    longest = GAP * max(usual(steps[early]), width, 1e-9)
-    places = np.flatnonzero(steps > np.where(early, longest, 1.5 * width)) + 1
-    if not len(places):
-        return layer
+    places = np.flatnonzero(steps > GAP * max(usual(steps), 1e-9)) + 1
     middles = 0.5 * (times[places - 1] + times[places])
     return {
         name: np.insert(values, places, middles if name == "t" else np.nan)
@@ -62,15 +58,14 @@ def thinned(times: np.ndarray, values: np.ndarray, most: int) -> Layer:
 def binned(times: np.ndarray, values: np.ndarray, start: float, end: float, parts: int) -> Layer:
     """Return least, mean and greatest value in about so many parts of a range of time [s].
 
-    ``times`` ascend [s] and ``values`` have no NaN, both of shape (n,).
+    ``times`` ascend [s] and ``values`` have no NaN, both of shape (n,), and not empty.
     """
     width = part_length(start, end, parts)
     part = np.floor(times / width)
     firsts = np.flatnonzero(np.diff(part, prepend=np.nan) != 0.0)
-    counts = np.diff(np.append(firsts, len(times)))
     return {
         "t": (part[firsts] + 0.5) * width,
-        "mean": np.add.reduceat(values, firsts) / counts,
+        "mean": np.add.reduceat(values, firsts) / np.diff(np.append(firsts, len(times))),
         "low": np.minimum.reduceat(values, firsts),
         "high": np.maximum.reduceat(values, firsts),
     }

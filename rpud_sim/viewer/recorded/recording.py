@@ -20,6 +20,7 @@ from rpud_sim.foundation.time import SECOND, join_seconds
 from rpud_sim.viewer.recorded.clock import Clock, Jump, Series, find_jumps, zero_stamp
 from rpud_sim.viewer.recorded.kept import Kept
 from rpud_sim.viewer.recorded.signals import (
+    OURS,
     Rows,
     Signal,
     clock_topics,
@@ -100,6 +101,13 @@ class Recording:
     @property
     def signals(self) -> tuple[Signal, ...]:
         return tuple(signal for reader in self.readers.values() for signal in reader.signals)
+
+    def is_drill(self, drill: str) -> bool:
+        """Whether a namespace has topics of a drill."""
+        return any(
+            reader.summary.topic.type.startswith(OURS) and namespace(name) == drill
+            for name, reader in self.readers.items()
+        )
 
     def topics(self, drill: str, kind: str) -> list[str]:
         """Return the topics of a drill with messages of a type."""

@@ -25,7 +25,7 @@ PEAK_FORCE = "peak_force"  # column of an impact
 
 # Numbers of messages, and what only helps to read them.
 _NO_SIGNALS = {"sequence", "sample_period"}
-_OURS = "rpud_msgs/"  # signals of these types come first where a bag has too many
+OURS = "rpud_msgs/"  # signals of these types come first where a bag has too many
 
 
 @dataclass(frozen=True)
@@ -109,7 +109,7 @@ def topic_readers(bag: BagReader) -> tuple[dict[str, TopicReader], dict[str, str
     readers: dict[str, TopicReader] = {}
     left = MOST_SIGNALS
     for summary in sorted(
-        bag.readable_topics, key=lambda each: not each.topic.type.startswith(_OURS)
+        bag.readable_topics, key=lambda each: not each.topic.type.startswith(OURS)
     ):
         name = summary.topic.name
         if name in left_out or not summary.message_count:

@@ -20,7 +20,7 @@ from rpud_sim.viewer.recorded.moment import Moments
 from rpud_sim.viewer.recorded.overview import Overview
 from rpud_sim.viewer.recorded.recording import Recording
 from rpud_sim.viewer.recorded.signals import Signal
-from rpud_sim.viewer.recorded.views import Views, is_drill
+from rpud_sim.viewer.recorded.views import Views
 from rpud_sim.viewer.recorded.waveforms import Waveforms
 from rpud_sim.viewer.server import PageServer, Place
 from rpud_sim.viewer.store import ClientState, StoreError
@@ -116,7 +116,7 @@ class RecordedStore:
         """Namespaces of drills; of a bag without a drill, those with signals."""
         recording = self._bag.recording
         found = sorted(set(recording.clocks))
-        ours = [drill for drill in found if is_drill(recording, drill)]
+        ours = [drill for drill in found if recording.is_drill(drill)]
         return ours or [d for d in found if any(s.drill == d for s in recording.signals)] or [""]
 
     def open(self, client: ClientState) -> None:
@@ -129,6 +129,9 @@ class RecordedStore:
 
     def close(self, client: ClientState) -> None:
         """Note that a browser has gone."""
+
+    def tidy(self) -> None:
+        """A bag has nothing to free."""
 
     def request(self, client: ClientState, name: str, content: Any) -> None:
         """Find an impact: the next frame has it as ``jump``."""
@@ -215,7 +218,7 @@ class RecordedStore:
             }
             for each in others
         ]
-        if is_drill(bag.recording, drill):
+        if bag.recording.is_drill(drill):
             return drill_plots(lambda name: self._has(drill, name), choices), others
         plots = [
             {"id": f"signal{n}", "title": "signal", "choices": choices[n:] + choices[:n]}

@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import itertools
-import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
 
 from rpud_sim.pages.quantities import QUANTITIES
 from rpud_sim.viewer.impacts import Impacts, Spread
-from rpud_sim.viewer.recorded.lines import Layer, binned, thinned, with_gaps
+from rpud_sim.viewer.recorded.lines import Layer, binned, joined, thinned, with_gaps
 from rpud_sim.viewer.recorded.overview import Overview
 from rpud_sim.viewer.recorded.recording import Recording
-from rpud_sim.viewer.recorded.signals import IMPACTS, PEAK_FORCE, Signal
+from rpud_sim.viewer.recorded.signals import Signal
 from rpud_sim.viewer.recorded.waveforms import CHANNELS, Waveform, Waveforms
 
 OVERVIEW, MESSAGES, WAVEFORM = "overview", "messages", "waveform"  # what a view is made of
@@ -23,6 +22,7 @@ WAVEFORM_RANGE = 0.05  # longest range of time that is drawn from the rebuilt wa
 
 _MOST_PIECES = 80  # parts of the bag that one view reads
 _TIMELINE = 1000  # bins of the timeline
+_LEAST_IMPACTS = 8  # in a part of the time that shows their spread
 _IMPACTS = ("impact_rate", "peak_force")  # quantities of the impacts
 
 Series = tuple[np.ndarray, np.ndarray]  # times since the bag began [s] and values, shape (n,)
@@ -44,8 +44,7 @@ class Views:
         """
         if quantity in self._signals:
             return self._signals[quantity]
-        sources = QUANTITIES[quantity].sources if quantity in QUANTITIES else ()
-        for source in sources:
+        for source in QUANTITIES[quantity].sources if quantity in QUANTITIES else ():
             for signal in self._signals.values():
                 if signal.drill == drill and signal.source == source and self.has_values(signal):
                     return signal
@@ -58,9 +57,8 @@ class Views:
         """Whether there is anything of a quantity."""
         if quantity in _IMPACTS:
             return self._overview.impacts[drill].total > 0
-        if quantity in CHANNELS and self._waveforms.has(drill):
-            return True
-        return self.signal(drill, quantity) is not None
+        exact = quantity in CHANNELS and self._waveforms.has(drill)
+        return exact or self.signal(drill, quantity) is not None
 
     def view(
         self, drill: str, start: float, end: float, width: int, quantities: Iterable[str]
@@ -68,27 +66,30 @@ class Views:
         """Return the field ``view`` of a frame with layers of some quantities."""
         signals = {name: self.signal(drill, name) for name in quantities if name not in _IMPACTS}
         wanted = {name: signal for name, signal in signals.items() if signal is not None}
-        peaks = bool(set(_IMPACTS) & set(quantities))
-        numbers = self._parts(drill, wanted.values(), start, end)
+        peaks = bool(set(_IMPACTS) & set(quantities)) and self.has(drill, "peak_force")
         found: dict[str, Any] = {"start": start, "end": end, "band": "least-greatest"}
+        numbers = self._parts(drill, wanted.values(), start, end)
         if numbers is None:
-            known = self._overview.known
             layers = {name: self.bins(signal, start, end, width) for name, signal in wanted.items()}
-            if peaks and self._overview.impacts[drill].total:
-                spread = self._overview.impacts[drill].spread(start, end, width)
-                layers |= _spread_layers(spread, known)
+            if peaks:
+                impacts = self._overview.impacts[drill]
+                ranges = self._ranges(start, end, width)
+                layers |= _impact_layers([_spread(impacts, *each) for each in ranges])
             complete = self._overview.complete
             return found | {"detail": OVERVIEW, "complete": complete, "layers": layers}
         series = self.series(wanted.values(), numbers, start, end)
-        layers = {
-            name: _message_layer(*series[signal], start, end, width)
-            for name, signal in wanted.items()
-        }
+        layers = {}
+        for name, signal in wanted.items():
+            times, values = series[signal]
+            if len(times) > width:
+                layers[name] = with_gaps(binned(times, values, start, end, width))
+            else:
+                layers[name] = with_gaps({"t": times, "mean": values})
         if peaks:
-            layers |= self._impact_layers(drill, start, end, width)
+            layers |= self._single_impacts(drill, start, end, width)
         found["complete"] = not any(number in self._recording.damages for number in numbers)
         found["detail"] = MESSAGES
-        if end - start < 1.001 * WAVEFORM_RANGE and self._waveforms.has(drill):
+        if end - start < 1.001 * WAVEFORM_RANGE:
             waveform = self._waveforms.between(drill, start, end)
             if len(waveform.times):
                 found["detail"] = WAVEFORM
@@ -96,21 +97,21 @@ class Views:
                     layers[quantity] = _waveform_layer(waveform, channel, width)
         return found | {"layers": layers}
 
-    def timeline(self, drill: str) -> dict[str, np.ndarray]:
+    def timeline(self, drill: str) -> Layer:
         """Return the field ``timeline`` of a frame: peak force, else the first signal."""
-        signal = self.signal(drill, "peak_force")
         signals = [each for each in self._signals.values() if each.drill == drill]
-        signal = signal or next(filter(self.has_values, signals), None)
-        if signal is None:
-            return {}
-        return self.bins(signal, 0.0, self._overview.end, _TIMELINE)
+        first = next(filter(self.has_values, signals), None)
+        signal = self.signal(drill, "peak_force") or first
+        return self.bins(signal, 0.0, self._overview.end, _TIMELINE) if signal else {}
 
     def bins(self, signal: Signal, start: float, end: float, width: int) -> Layer:
         """Return a signal in the overview's bins."""
-        found = self._overview.bins.view(signal.name, start, end, width)
-        layer = {"t": found.times, "mean": found.mean, "low": found.low, "high": found.high}
-        length = float(found.times[1] - found.times[0]) if len(found.times) > 1 else 0.0
-        return with_gaps(layer, length, self._overview.known)
+        layers = []
+        for begin, until, parts in self._ranges(start, end, width):
+            found = self._overview.bins.view(signal.name, begin, until, parts)
+            layer = {"t": found.times, "mean": found.mean, "low": found.low, "high": found.high}
+            layers.append(with_gaps(layer))
+        return joined(layers)
 
     def series(
         self, wanted: Iterable[Signal], numbers: Sequence[int], start: float, end: float
@@ -128,8 +129,7 @@ class Views:
                     found[signal].append((times[valid], values[valid]))
         series = {}
         for signal, parts in found.items():
-            times = np.concatenate([np.empty(0), *(each for each, _ in parts)])
-            values = np.concatenate([np.empty(0), *(each for _, each in parts)])
+            times, values = np.concatenate([np.empty((2, 0)), *parts], axis=1)
             order = np.argsort(times, kind="stable")
             times, values = times[order], values[order]
             first = max(int(np.searchsorted(times, start)) - 1, 0)
@@ -147,63 +147,52 @@ class Views:
         for each in {signal.drill for signal in signals} | {drill}:
             numbers = self._recording.pieces_between(each, start, end)
             found.update(itertools.islice(numbers, _MOST_PIECES + 1))
-            if len(found) > _MOST_PIECES:
-                return None
-        return sorted(found)
+        return sorted(found) if len(found) <= _MOST_PIECES else None
 
-    def _impact_layers(
+    def _ranges(self, start: float, end: float, width: int) -> list[tuple[float, float, int]]:
+        """Return a range as far as all of it was read, and the rest, with numbers of parts.
+
+        In the rest a part is so long that it holds something that was sampled.
+        """
+        known = min(max(self._overview.known, start), end)
+        share = (end - known) / max(self._overview.end, 1e-9)
+        ranges = [(start, known, width)] if known > start else []
+        if known < end or not ranges:
+            sampled = max(1, int(share * len(self._recording.sample)))
+            ranges.append((known, end, min(sampled, width)))
+        return ranges
+
+    def _single_impacts(
         self, drill: str, start: float, end: float, width: int
     ) -> dict[str, dict[str, Any]]:
-        """Return rate and peak forces: each impact if a screen has room for it, else bins."""
+        """Return rate and peak forces: each impact if a screen has room for it, else parts."""
         found = self._waveforms.impacts(drill, start, end)
-        times, peaks = found["time"], found["peak_force"]
-        valid = np.isfinite(peaks)
-        if not valid.any():
-            return {}
+        valid = np.isfinite(found["peak_force"])
+        times, peaks = found["time"][valid], found["peak_force"][valid]
         impacts = Impacts()
-        impacts.add(times[valid], peaks[valid])
-        layers = _spread_layers(impacts.spread(start, end, width), math.inf)
+        impacts.add(times, peaks)
+        layers = _impact_layers([_spread(impacts, start, end, width)])
         if 2 * len(times) <= width:
-            layers["peak_force"] = {"t": times[valid], "mean": peaks[valid]}
+            layers["peak_force"] = {"t": times, "mean": peaks}
         return layers
 
 
-def is_drill(recording: Recording, drill: str) -> bool:
-    """Whether a namespace has topics of a drill."""
-    return any(
-        reader.summary.topic.type.startswith("rpud_msgs/") and name.rpartition("/")[0] == drill
-        for name, reader in recording.readers.items()
-    )
+def _spread(impacts: Impacts, start: float, end: float, parts: int) -> Spread:
+    """Return the spread of impacts in parts that hold enough of them to have one."""
+    count = len(impacts.between(start, end)[0])
+    return impacts.spread(start, end, min(parts, max(1, count // _LEAST_IMPACTS)))
 
 
-def peak_forces(recording: Recording, drill: str) -> list[Signal]:
-    return [
-        signal
-        for signal in recording.signals
-        if (signal.type, signal.column, signal.drill) == (IMPACTS, PEAK_FORCE, drill)
+def _impact_layers(spreads: Sequence[Spread]) -> dict[str, dict[str, Any]]:
+    peaks = [
+        with_gaps({"t": each.times, "mean": each.mean, "low": each.low, "high": each.high})
+        for each in spreads
     ]
-
-
-def _spread_layers(spread: Spread, known: float) -> dict[str, dict[str, Any]]:
-    width = float(spread.times[1] - spread.times[0]) if len(spread.times) > 1 else 0.0
-    layer = {"t": spread.times, "mean": spread.mean, "low": spread.low, "high": spread.high}
-    outliers = {"t": spread.outlier_times, "v": spread.outliers, "more": spread.more}
-    return {
-        "peak_force": {
-            **with_gaps(layer, width, known),
-            "outliers": outliers,
-            "band": "5-95 %",
-        },
-        "impact_rate": {"t": spread.times, "mean": spread.rate},
-    }
-
-
-def _message_layer(
-    times: np.ndarray, values: np.ndarray, start: float, end: float, width: int
-) -> Layer:
-    if len(times) > width:
-        return with_gaps(binned(times, values, start, end, width))
-    return with_gaps({"t": times, "mean": values})
+    outliers = [{"t": each.outlier_times, "v": each.outliers} for each in spreads]
+    more = {"more": sum(each.more for each in spreads)}
+    rate = joined([{"t": each.times, "mean": each.rate} for each in spreads])
+    peak_force = {**joined(peaks), "outliers": {**joined(outliers), **more}, "band": "5-95 %"}
+    return {"peak_force": peak_force, "impact_rate": rate}
 
 
 def _waveform_layer(waveform: Waveform, channel: str, most: int) -> Layer:
@@ -216,5 +205,4 @@ def _waveform_layer(waveform: Waveform, channel: str, most: int) -> Layer:
     for part in parts[:-1]:
         part["t"] = np.append(part["t"], part["t"][-1])
         part["mean"] = np.append(part["mean"], np.nan)
-    names: Mapping[str, Any] = parts[0]
-    return {name: np.concatenate([part[name] for part in parts]) for name in names}
+    return joined(parts)

@@ -32,6 +32,11 @@ export class Controls {
       };
   }
 
+  /** Begin anew: another server counts from zero. */
+  forget() {
+    [this.told, this.refused] = [-1, 0];
+  }
+
   /** @param {HTMLElement} origin with the name of the action @param {Record<string, any>} given */
   act(origin, given) {
     this.last = origin.closest(".control");

@@ -1,29 +1,21 @@
 // @ts-check
 /* Source of a frozen screen: answers requests from frames that the file holds. */
+import { elements } from "./dom.js";
 import { decode } from "./frames.js";
 import { placeOf } from "./plots.js";
 
 /** @typedef {import("./frames.js").Frame} Frame */
 
-/** The report of a bag, without a server: it has the overview, and some blocks of motion. */
+/** Frames in the file, as base64; the first has everything: the overview, and some blocks of motion. */
 export class FrozenSource {
-  /**
-   * @param {Iterable<HTMLElement>} scripts with frames, in base64; the first has everything
-   * @param {(frame: Frame) => void} onFrame
-   * @param {(open: boolean, reason: string) => void} onState
-   */
-  constructor(scripts, onFrame, onState) {
+  /** @param {(frame: Frame) => void} onFrame @param {(open: boolean, reason: string) => void} onState */
+  constructor(onFrame, onState) {
     this.onFrame = onFrame;
-    /** @type {Frame} */
-    this.held = { number: 0 };
-    for (const script of scripts)
+    /** @type {Frame} */ this.held = { number: 0 };
+    for (const script of elements("script.frame"))
       Object.assign(this.held, decode(Uint8Array.from(atob(script.textContent ?? ""), (letter) => letter.charCodeAt(0)).buffer));
     this.number = 0;
-    queueMicrotask(() => {
-      const { sections, ...frame } = this.held;
-      this.answer({ ...frame, view: undefined, mode: "frozen" });
-      onState(true, "");
-    });
+    queueMicrotask(() => (this.answer({ ...this.held, sections: undefined, view: undefined, mode: "frozen" }), onState(true, "")));
   }
 
   /** @param {Partial<Frame>} frame */
@@ -43,9 +35,9 @@ export class FrozenSource {
       this.playhead = request.playhead ?? this.playhead ?? this.held.extent?.[0] ?? 0;
       const near = sections.reduce((best, each) => (away(each, this.playhead) < away(best, this.playhead) ? each : best), sections[0]);
       const numbers = this.numbers(this.playhead);
-      this.answer(near && (request.section || near !== this.shown)
-        ? { numbers, section: { ...near, kept: sections.map((each) => each.time) } } : { numbers });
+      const fresh = near && (request.section || near !== this.shown);
       this.shown = near;
+      this.answer(fresh ? { numbers, section: { ...near, kept: sections.map((each) => each.time) } } : { numbers });
     } else if (request.seek) {
       const impacts = sections.flatMap((each) => each.impacts.map(([after, peak, contact]) => ({ time: each.time + after, peak_force: peak, contact_duration: contact })));
       const ahead = request.seek === "next";

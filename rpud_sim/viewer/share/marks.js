@@ -5,7 +5,7 @@ import { colourOf, inWords, timeText } from "./quantities.js";
 /**
  * @typedef {Partial<import("./frames.js").Frame>} Seen what all frames of a run have said
  * @typedef {{start: number, end: number}} Range
- * @typedef {{zoom: (start: number, end: number) => void, showAll: () => void,
+ * @typedef {{zoom: (start: number, end: number) => void, look: (zoomed: Range | null) => void,
  *   point: (time: number | null) => void, click: (time: number) => void}} Listener hands of the reader
  */
 
@@ -38,7 +38,7 @@ export function sharedCursor(listener) {
   const cursor = {
     y: false, points: { show: false }, drag: { setScale: false, x: true, y: false, dist: 4 },
     sync: { key: "time", scales: ["x", null], filters: { pub: (kind) => kind === "mousemove" || kind === "mouseleave" } },
-    bind: { dblclick: () => () => (listener.showAll(), null) },
+    bind: { dblclick: () => () => (listener.look(null), null) },
   };
   return {
     legend: { show: false },
@@ -58,7 +58,7 @@ export function sharedCursor(listener) {
   };
 }
 
-/** Return places of times in a plot, at most at its edges. @param {uPlot} plot @returns {(time: number) => number} */
+/** Return places of times in a plot, at most at its edges [px of the canvas]. @param {uPlot} plot @returns {(time: number) => number} */
 export function placesOf({ bbox, scales: { x: { min = 0, max = 1 } } }) {
   return (time) => bbox.left + Math.max(0, Math.min(1, (time - min) / (max - min))) * bbox.width;
 }

@@ -13,7 +13,7 @@ export class Playhead {
     this.send = send;
     this.onMove = onMove;
     this.time = 0; // [s]
-    this.moved = false; // by the reader; before, it is at the end, as of a live drill
+    this.moved = false; // before, it is at the end, as of a live drill
     this.playing = 0; // when it moved last [ms]; 0 while it stands
     /** @type {[number, number, boolean]} */ this.whole = [0, 0, false]; // ends of the recording, and whether it grows
     /** @type {[number, number] | null} */ this.contact = null; // ends of the contact that was found last
@@ -29,16 +29,16 @@ export class Playhead {
     if (seen.mode !== "live" && !this.moved && last !== this.time) this.go(last);
     if (!frame.jump) return;
     const { time, peak_force: peak, contact_duration: contact = CONTACT, none = "" } = frame.jump;
-    this.contact = time === undefined ? null : [time - 0.5 * contact, time + 1.5 * contact];
     element("contact").hidden = time === undefined;
-    const words = time === undefined ? none : `impact at ${time.toFixed(9)} s, ${valueText("peak_force", peak)}`;
-    element("found").textContent = words;
-    if (time !== undefined) this.seek(time);
+    element("found").textContent = time === undefined ? none : `impact at ${time.toFixed(9)} s, ${valueText("peak_force", peak)}`;
+    if (time === undefined) return;
+    this.contact = [time - 0.5 * contact, time + 1.5 * contact];
+    this.seek(time);
   }
 
   /** @param {number} time [s] */
   seek(time) {
-    this.moved = true;
+    this.moved = true; // by the reader
     this.go(time);
   }
 

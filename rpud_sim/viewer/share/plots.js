@@ -9,12 +9,7 @@ const END = 10; // free on the right, as --end [px]
 const CLIP = 0.999; // quantile of the values at which an axis ends
 const SHRINK = 0.6; // an axis gets shorter when its values fill less of it
 
-/**
- * @typedef {import("./frames.js").PlotLayer} PlotLayer
- * @typedef {import("./frames.js").Layer} Layer
- * @typedef {import("./marks.js").Seen} Seen
- * @typedef {import("./marks.js").Range} Range
- */
+/** @typedef {import("./frames.js").PlotLayer} PlotLayer @typedef {import("./marks.js").Seen} Seen @typedef {import("./marks.js").Range} Range */
 
 /** Return the place of the last time that is not after another; -1 for none.
  * @param {ArrayLike<number>} times @param {number} time */
@@ -47,14 +42,14 @@ class TimePlot {
     /** @type {number | null} */ this.playhead = null;
     /** @type {Map<string, [number, number]>} */ this.axes = new Map(); // ends, by unit
     this.span = 0; // for which the axes were fitted [s]
-    const { choices } = definition;
     this.title = make("figcaption");
     this.area = make("div", { className: "area" });
     this.figure = make("figure", { className: "plot" }, this.title, this.area);
     this.figure.dataset.plot = definition.id;
-    this.select = make("select", { ariaLabel: "quantities of this plot" }, ...choices.map(({ title, id }) => new Option(title, id)));
+    const options = definition.choices.map(({ title, id }) => new Option(title, id));
+    this.select = make("select", { ariaLabel: "quantities of this plot" }, ...options);
     this.select.onchange = () => (this.choose(this.select.value), onChoice(this.select.value));
-    this.choice = choices[0];
+    this.choice = definition.choices[0];
     this.choose(chosen);
     new ResizeObserver(() => this.plot?.setSize(this.size())).observe(this.area);
   }
@@ -99,8 +94,7 @@ class TimePlot {
     /** @type {uPlot.Series[]} */ const series = [{}];
     /** @type {uPlot.Band[]} */ const bands = [];
     for (const layer of this.choice.layers) {
-      const colour = this.colour(layer);
-      const scale = this.unit(layer);
+      const [colour, scale] = [this.colour(layer), this.unit(layer)];
       const overview = () => (this.seen.view?.detail ?? "overview") === "overview";
       /** @type {uPlot.Series} */
       const shown = { scale, stroke: () => colourOf(colour), width: 1.25, points: { size: 4, width: 0, fill: () => colourOf(colour) } };
@@ -123,12 +117,7 @@ class TimePlot {
       ...this.size(), ...shared, series, bands, scales,
       axes: [timeAxis(this.written), ...units.slice(0, 2).map((scale, number) => this.axis(scale, number))],
       padding: [6, END, this.written ? 0 : 4, 0],
-      hooks: {
-        ...hooks,
-        drawClear: [(plot) => drawSpans(plot, this.seen)],
-        draw: [(plot) => this.mark(plot)],
-        setCursor: [(plot) => this.read(plot)],
-      },
+      hooks: { ...hooks, drawClear: [(plot) => drawSpans(plot, this.seen)], draw: [(plot) => this.mark(plot)], setCursor: [(plot) => this.read(plot)] },
     };
   }
 
@@ -139,7 +128,7 @@ class TimePlot {
     return axisOf({ scale, ...place, space: 26, stroke: () => colourOf(own ? this.colour(own) : "muted") });
   }
 
-  /** @param {PlotLayer} layer @returns {Layer | undefined} what is known of it in the present view */
+  /** @param {PlotLayer} layer @returns {import("./frames.js").Layer | undefined} what is known of it in the present view */
   known(layer) {
     const steps = layer.kind === "steps" ? this.seen.steps?.[layer.quantity] : undefined;
     if (!steps?.t.length) return this.seen.view?.layers[layer.quantity];
@@ -168,8 +157,7 @@ class TimePlot {
       for (const layer of layers) {
         const { scale } = quantityOf(layer.quantity);
         const { t = [], mean, low, high, outliers } = this.known(layer) ?? {};
-        const first = Math.max(0, placeOf(t, start));
-        const last = placeOf(t, end) + 1;
+        const [first, last] = [Math.max(0, placeOf(t, start)), placeOf(t, end) + 1];
         for (const column of [mean, low, high])
           for (let i = first; column && i < last; i += 1) if (column[i] === column[i]) values.push(column[i] * scale);
         for (const value of outliers?.v ?? []) values.push(value * scale);
@@ -211,17 +199,15 @@ class TimePlot {
       ctx.fillStyle = colourOf(this.colour(layer), 0.8);
       for (const [times, values, dots] of /** @type {const} */ ([[t, high ?? mean, false], [outliers?.t ?? [], outliers?.v ?? [], true]]))
         for (let i = 0; i < times.length; i += 1) {
-          if (times[i] < this.range.start || times[i] > this.range.end) continue;
           const value = values[i] * quantityOf(layer.quantity).scale;
+          const inside = value <= top;
+          if (times[i] < this.range.start || times[i] > this.range.end || (inside && !dots) || value !== value) continue;
           const x = plot.valToPos(times[i], "x", true);
           ctx.beginPath();
-          if (value > top) {
-            above += 1;
-            ctx.moveTo(x - 3 * ratio, bbox.top + 4 * ratio);
-            ctx.lineTo(x, bbox.top - ratio);
-            ctx.lineTo(x + 3 * ratio, bbox.top + 4 * ratio);
-          } else if (dots) ctx.arc(x, plot.valToPos(value, this.unit(layer), true), 1.3 * ratio, 0, 7);
+          if (inside) ctx.arc(x, plot.valToPos(value, this.unit(layer), true), 1.3 * ratio, 0, 7);
+          else for (const [dx, dy] of [[-3, 4], [0, -1], [3, 4]]) ctx.lineTo(x + dx * ratio, bbox.top + dy * ratio);
           ctx.fill();
+          above += Number(!inside);
         }
       const texts = [above ? `${above} above` : "", outliers?.more ? `${outliers.more} outliers not drawn` : ""].filter(Boolean);
       ctx.font = `${10 * ratio}px system-ui, sans-serif`;
@@ -237,13 +223,10 @@ class TimePlot {
     const time = left >= 0 ? plot.posToVal(left, "x") : this.playhead;
     if (plot.cursor.event) this.listener.point(left >= 0 ? time : null);
     for (const { layer, value } of this.legend ?? []) {
-      const known = this.known(layer);
-      let text = "";
-      if (known && time !== null) {
-        let place = placeOf(known.t, time);
-        if (layer.kind !== "steps" && known.t[place + 1] - time < time - (known.t[place] ?? -Infinity)) place += 1;
-        if (place >= 0) text = valueText(layer.quantity, known.mean[place]);
-      }
+      const { t, mean } = this.known(layer) ?? { t: [], mean: [] };
+      let place = time === null ? -1 : placeOf(t, time);
+      if (time !== null && layer.kind !== "steps" && t[place + 1] - time < time - (t[place] ?? -Infinity)) place += 1; // the nearest
+      const text = place < 0 ? "" : valueText(layer.quantity, mean[place]);
       if (value.textContent !== text) value.textContent = text;
     }
   }
@@ -267,10 +250,8 @@ export class PlotColumn {
     for (const { plot } of this.plots) plot?.destroy();
     this.plots = definitions.map((definition, number) => {
       const [id, next] = [definition.id, definitions[number + 1]?.id ?? "motion"];
-      return new TimePlot(definition, id === "motion" || next === "motion", this.listener, this.choices[id], (choice) => {
-        this.choices[id] = choice;
-        this.onChoice();
-      });
+      const onChoice = (/** @type {string} */ choice) => ((this.choices[id] = choice), this.onChoice());
+      return new TimePlot(definition, id === "motion" || next === "motion", this.listener, this.choices[id], onChoice);
     });
     this.host.replaceChildren(...this.plots.flatMap(({ definition, figure }) => (definition.id === "motion" ? [this.motion, figure] : [figure])));
   }

@@ -18,8 +18,7 @@ export function quantityOf(name) {
 }
 
 /** Return a number with three significant digits, and with all of them before the point.
- * @param {number} value
- * @param {boolean} keep zeros at the end, so that a number that changes keeps its length */
+ * @param {number} value @param {boolean} keep zeros at the end, so that a number that changes keeps its length */
 export function numberText(value, keep = false) {
   if (!value) return "0";
   const places = Math.max(0, DIGITS - 1 - Math.floor(Math.log10(Math.abs(value))));
@@ -29,8 +28,7 @@ export function numberText(value, keep = false) {
 }
 
 /** Return a value, given in SI units, as people read it; a dash for none.
- * @param {string} name of the quantity
- * @param {number | null | undefined} value */
+ * @param {string} name of the quantity @param {number | null | undefined} value */
 export function valueText(name, value, unit = true, keep = false) {
   if (value === null || value === undefined || !Number.isFinite(value)) return "\u2013";
   const quantity = quantityOf(name);
@@ -45,15 +43,13 @@ export function timeText(time, span) {
   return `${time.toFixed(places)}\u00a0s`;
 }
 
-/** Return words of an identifier, such as a kind of fault.
- * @param {string} name */
+/** Return words of an identifier, such as a kind of fault. @param {string} name */
 export function inWords(name) {
   return name.replaceAll("_", " ");
 }
 
 /** Return ends of an axis that hold values, at multiples of a round step.
- * @param {number} low @param {number} high @param {boolean} zero whether it includes zero
- * @returns {[number, number]} */
+ * @param {number} low @param {number} high @param {boolean} zero whether it includes zero @returns {[number, number]} */
 export function axisRange(low, high, zero) {
   if (!(low <= high)) return [0, 1];
   if (zero) [low, high] = [Math.min(0, low), Math.max(0, high)];
@@ -72,8 +68,7 @@ matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => colo
 /** Return a colour of the style sheet, for a canvas.
  * @param {string} name such as ``force`` @param {number} alpha */
 export function colourOf(name, alpha = 1) {
-  if (!colours.has(name))
-    colours.set(name, getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim());
+  if (!colours.has(name)) colours.set(name, getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim());
   const shade = Math.round(255 * alpha).toString(16).padStart(2, "0");
   return `${colours.get(name) || "#808080"}${alpha < 1 ? shade : ""}`;
 }

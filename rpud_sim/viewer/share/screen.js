@@ -31,27 +31,19 @@ class Screen {
     this.reason = "";
     this.shown = ""; // state that the moving section shows
     this.jumps = false; // whether the next block is shown at once
-    /** @type {import("./marks.js").Listener} */
-    const listener = {
-      zoom: (start, end) => this.zoom(start, end),
-      showAll: () => this.showAll(),
-      point: (time) => this.point(time),
-      click: (time) => this.past && this.playhead.seek(time),
-    };
     this.clock = new MotionClock();
     this.clock.onWant = () => this.source.send({ section: true });
     this.section = mountSection(element("section"), this.clock);
     mountMotion(element("motion"), this.clock);
     this.numbers = new Numbers(element("numbers"));
-    this.plots = new PlotColumn(element("plots"), element("motion"), listener, () => this.ask());
-    this.timeline = new Timeline(element("timeline"), listener);
+    this.plots = new PlotColumn(element("plots"), element("motion"), this, () => this.ask());
+    this.timeline = new Timeline(element("timeline"), this);
     this.controls = new Controls((request) => this.source.send(request));
     this.details = new Details(element("details"), element("report"));
     this.playhead = new Playhead((request) => this.source.send(request), () => this.reveal());
     this.listen();
-    const frames = elements("script.frame");
-    const Source = frames.length ? FrozenSource : SocketSource;
-    this.source = new Source(frames, (frame) => this.take(frame), (open, reason) => this.connect(open, reason));
+    const Source = elements("script.frame").length ? FrozenSource : SocketSource;
+    this.source = new Source((frame) => this.take(frame), (open, reason) => this.connect(open, reason));
   }
 
   /** Whether the screen shows a recording, which has a playhead. */
@@ -85,6 +77,7 @@ class Screen {
     this.reason = reason;
     this.drawBanner();
     if (!open) return;
+    this.controls.forget();
     this.ask();
     if (this.past) this.playhead.go(this.playhead.time);
     this.source.send({ section: true });
@@ -92,11 +85,7 @@ class Screen {
 
   /** Draw a frame with the next picture of the browser, and acknowledge it. @param {import("./frames.js").Frame} frame */
   take(frame) {
-    requestAnimationFrame(() => {
-      this.draw(frame);
-      document.documentElement.dataset.frame = String(frame.number);
-      this.source.send({ ack: frame.number });
-    });
+    requestAnimationFrame(() => (this.draw(frame), this.source.send({ ack: frame.number })));
   }
 
   /** @param {import("./frames.js").Frame} frame */
@@ -124,6 +113,7 @@ class Screen {
     this.details.draw(seen, frame);
     this.drawBanner();
     this.drawTime();
+    document.documentElement.dataset.frame = String(frame.number);
   }
 
   /** Show the newest motion: at once if the screen says otherwise by now. @param {import("./frames.js").Frame} frame */
@@ -143,41 +133,32 @@ class Screen {
   }
 
   drawTime() {
-    const { seen, range } = this;
-    const span = range.end - range.start;
-    const time = this.past ? this.playhead.time : seen.now;
-    element("time").textContent = time === undefined ? "" : timeText(time, this.past ? Math.max(span, 0.01) : 30);
-    element("reach").textContent = this.zoomed ? `${timeText(range.start, span)} to ${timeText(range.end, span)} in view` : "";
-    for (const part of [this.plots, this.timeline]) part.draw(seen, range, this.past ? this.playhead.time : null);
+    const { seen, range, range: { start, end } } = this;
+    const playhead = this.past ? this.playhead.time : null;
+    element("time").textContent = timeText(playhead ?? seen.now ?? 0, this.past ? Math.max(end - start, 0.01) : 30);
+    element("reach").textContent = this.zoomed ? `${timeText(start, end - start)} to ${timeText(end, end - start)} in view` : "";
+    for (const part of [this.plots, this.timeline]) part.draw(seen, range, playhead);
     for (const button of elements("#views button"))
       button.ariaPressed = String(!this.zoomed && Number(button.dataset.follow) === (this.past ? Infinity : this.follow));
   }
 
   drawDrills() {
     const { drills = [], drill = "" } = this.seen;
-    document.title = `${drill || "recording"} \u2013 rpud`;
+    document.title = `${drill} \u2013 rpud`;
     element("drill").textContent = drill || "recording";
     element("drill").classList.toggle("unseen", drills.length > 1);
-    const select = element("drills", HTMLSelectElement);
-    select.hidden = drills.length < 2;
-    select.replaceChildren(...drills.map((name) => new Option(name, name, false, name === drill)));
+    element("drills").hidden = drills.length < 2;
+    element("drills").replaceChildren(...drills.map((name) => new Option(name, name, false, name === drill)));
   }
 
   drawBanner() {
     const { connection, notice, error, read = 1, mode, drill } = this.seen;
     const lost = mode === "live" && connection && connection.state !== "connected" ? connection : null;
-    const parts = [];
-    if (error) parts.push(error);
-    else if (this.gone) parts.push(`The server has gone at ${this.gone}${this.reason ? `: ${this.reason}` : ""}. The screen shows what it sent last, and connects again.`);
-    else if (lost) {
-      const since = new Date(1e3 * lost.since).toLocaleTimeString();
-      const what = lost.state === "searching" ? `Searching for ${drill}` : `${drill} has gone at ${since}`;
-      parts.push(`${what}${lost.reason ? `: ${lost.reason}` : ""}`);
-    }
-    if (read < 1) parts.push(`${Math.floor(100 * read)} % of the bag is read.`);
-    if (notice) parts.push(notice);
+    const gone = `The server has gone at ${this.gone}${this.reason && `: ${this.reason}`}. The screen shows what it sent last, and connects again.`;
+    const since = lost?.state === "searching" ? `Searching for ${drill}` : `${drill} has gone at ${new Date(1e3 * (lost?.since ?? 0)).toLocaleTimeString()}`;
+    const state = error || (this.gone ? gone : lost ? `${since}${lost.reason && `: ${lost.reason}`}` : "");
+    const text = [state, read < 1 ? `${Math.floor(100 * read)} % of the bag is read.` : "", notice].filter(Boolean).join(" ");
     const banner = element("banner");
-    const text = parts.join(" ");
     if (banner.textContent !== text) banner.textContent = text;
     banner.hidden = !text;
     banner.dataset.bad = String(Boolean(error || this.gone || lost?.state === "vanished"));
@@ -201,21 +182,20 @@ class Screen {
     const [first, last] = this.extent;
     const span = Math.max(LEAST, Math.min(end - start, last - first));
     const from = Math.max(first, Math.min(0.5 * (start + end - span), last - span));
-    this.zoomed = { start: from, end: from + span };
+    this.look({ start: from, end: from + span });
+  }
+
+  /** @param {import("./marks.js").Range | null} zoomed null: show the whole recording, or follow the drill again */
+  look(zoomed) {
+    this.zoomed = zoomed;
     this.ask();
     this.drawTime();
   }
 
-  /** Show the whole recording, or follow the drill again. */
-  showAll() {
-    this.zoomed = null;
-    this.ask();
-    this.drawTime();
-  }
-
-  /** @param {number} factor @param {number} at time that stays where it is [s] */
-  scale(factor, at) {
-    const { start, end } = this.range;
+  /** @param {number} factor @param {number} [held] time that stays where it is [s]; else the playhead, or the middle */
+  scale(factor, held) {
+    const { range: { start, end }, playhead: { time } } = this;
+    const at = held ?? (this.past && time >= start && time <= end ? time : 0.5 * (start + end));
     this.zoom(at - factor * (at - start), at + factor * (end - at));
   }
 
@@ -223,6 +203,11 @@ class Screen {
   move(share) {
     const { start, end } = this.range;
     this.zoom(start + share * (end - start), end + share * (end - start));
+  }
+
+  /** @param {number} time that was clicked at [s] */
+  click(time) {
+    if (this.past) this.playhead.seek(time);
   }
 
   /** Keep the playhead in view. */
@@ -242,32 +227,25 @@ class Screen {
 
   // --- Hands of the reader ---
 
-  /** Time that stays when the view is scaled: that of the playhead, else the middle [s]. */
-  get middle() {
-    const { start, end } = this.range;
-    const { time } = this.playhead;
-    return this.past && time >= start && time <= end ? time : 0.5 * (start + end);
-  }
-
   listen() {
     for (const button of elements("#views button"))
       button.onclick = () => {
         const span = Number(button.dataset.follow);
         if (!this.past) this.follow = span;
         if (this.past && span < Infinity) this.zoom(this.playhead.time - 0.5 * span, this.playhead.time + 0.5 * span);
-        else this.showAll();
+        else this.look(null);
       };
+    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.drawTime());
     element("contact").onclick = () => this.playhead.contact && this.zoom(...this.playhead.contact);
-    element("drills", HTMLSelectElement).onchange = (event) => {
-      location.search = String(new URLSearchParams({ namespace: /** @type {HTMLSelectElement} */ (event.target).value }));
-    };
+    const drills = element("drills", HTMLSelectElement);
+    drills.onchange = () => (location.search = String(new URLSearchParams({ namespace: drills.value })));
     /** @type {Record<string, () => void>} */
     const keys = {
       ArrowLeft: () => this.move(-0.25),
       ArrowRight: () => this.move(0.25),
-      "+": () => this.scale(1 / ZOOM, this.middle),
-      "-": () => this.scale(ZOOM, this.middle),
-      Home: () => this.showAll(),
+      "+": () => this.scale(1 / ZOOM),
+      "-": () => this.scale(ZOOM),
+      Home: () => this.look(null),
       n: () => this.past && this.playhead.jump("next"),
       p: () => this.past && this.playhead.jump("previous"),
       " ": () => element(this.past ? "play" : "pause").click(),
@@ -281,10 +259,9 @@ class Screen {
     const wheel = (/** @type {WheelEvent} */ event) => {
       if (!event.ctrlKey || !(event.target instanceof Element)) return;
       event.preventDefault();
-      const { left, width } = (event.target.closest(".u-over") ?? event.target).getBoundingClientRect();
       const { start, end } = this.range;
-      const inPlot = event.target.closest("#plots .u-over");
-      this.scale(Math.exp(0.002 * event.deltaY), inPlot ? start + ((event.clientX - left) / width) * (end - start) : this.middle);
+      const { left, width } = event.target.closest("#plots .u-over")?.getBoundingClientRect() ?? { left: 0, width: 0 };
+      this.scale(Math.exp(0.002 * event.deltaY), width ? start + ((event.clientX - left) / width) * (end - start) : undefined);
     };
     for (const id of ["plots", "timeline"]) element(id).addEventListener("wheel", wheel, { passive: false });
   }

@@ -7,17 +7,15 @@ const LONGEST_WAIT = 2000;
 
 /** Connection to the server; when that has gone it connects again, for as long as the page is open. */
 export class SocketSource {
-  /**
-   * @param {unknown} _ scripts, of which there are none
-   * @param {(frame: import("./frames.js").Frame) => void} onFrame
-   * @param {(open: boolean, reason: string) => void} onState called when the connection opens or closes
-   */
-  constructor(_, onFrame, onState) {
+  /** @param {(frame: import("./frames.js").Frame) => void} onFrame
+   * @param {(open: boolean, reason: string) => void} onState called when the connection opens or closes */
+  constructor(onFrame, onState) {
     const address = new URL(`/frames${location.search}`, location.href);
     this.address = address.href.replace(/^http/, "ws");
     this.onFrame = onFrame;
     this.onState = onState;
     this.wait = FIRST_WAIT;
+    this.ended = false; // by an error of the server's
     this.connect();
   }
 
@@ -28,8 +26,13 @@ export class SocketSource {
       this.wait = FIRST_WAIT;
       this.onState(true, "");
     };
-    socket.onmessage = (event) => this.onFrame(decode(event.data));
+    socket.onmessage = (event) => {
+      const frame = decode(event.data);
+      this.ended ||= frame.error !== undefined;
+      this.onFrame(frame);
+    };
     socket.onclose = (event) => {
+      if (this.ended) return;
       this.onState(false, event.reason);
       setTimeout(() => this.connect(), this.wait);
       this.wait = Math.min(2 * this.wait, LONGEST_WAIT);

@@ -9,35 +9,22 @@ export class Timeline {
   /** @param {HTMLElement} host @param {import("./marks.js").Listener} listener */
   constructor(host, listener) {
     this.host = host;
-    /** @type {import("./marks.js").Seen} */
-    this.seen = {};
-    /** @type {import("./marks.js").Range} */
-    this.range = { start: 0, end: 1 };
-    /** @type {number | null} */
-    this.playhead = null;
+    /** @type {import("./marks.js").Seen} */ this.seen = {};
+    /** @type {import("./marks.js").Range} */ this.range = { start: 0, end: 1 };
+    /** @type {number | null} */ this.playhead = null;
     const { hooks, ...shared } = sharedCursor(listener);
     const edge = { stroke: "transparent", width: 0, points: { show: false } };
-    this.plot = new uPlot(
-      {
-        ...this.size(),
-        ...shared,
-        series: [{}, { stroke: () => colourOf("force"), width: 1, points: { show: false } }, edge, { ...edge }],
-        bands: [{ series: [3, 2], fill: () => colourOf("force", 0.25) }],
-        scales: {
-          x: { time: false, range: () => this.whole() },
-          y: { range: (_, low, high) => axisRange(low, high, true) },
-        },
-        axes: [timeAxis(true), { show: false }],
-        padding: [2, 14, 0, 14],
-        hooks: {
-          ...hooks,
-          drawClear: [(plot) => drawSpans(plot, this.seen)],
-          draw: [(plot) => this.mark(plot)],
-        },
-      },
-      [[], [], [], []],
-      host,
-    );
+    /** @type {uPlot.Options} */
+    const options = {
+      ...this.size(), ...shared,
+      series: [{}, { stroke: () => colourOf("force"), width: 1, points: { show: false } }, edge, { ...edge }],
+      bands: [{ series: [3, 2], fill: () => colourOf("force", 0.25) }],
+      scales: { x: { time: false, range: () => this.whole() }, y: { range: (_, low, high) => axisRange(low, high, true) } },
+      axes: [timeAxis(true), { show: false }],
+      padding: [2, 14, 0, 14],
+      hooks: { ...hooks, drawClear: [(plot) => drawSpans(plot, this.seen)], draw: [(plot) => this.mark(plot)] },
+    };
+    this.plot = new uPlot(options, [[], [], [], []], host);
     new ResizeObserver(() => this.plot.setSize(this.size())).observe(host);
   }
 
@@ -45,14 +32,13 @@ export class Timeline {
     return { width: this.host.clientWidth || 300, height: this.host.clientHeight || 64 };
   }
 
-  /** @returns {[number, number]} */
+  /** @returns {[number, number]} ends of the run */
   whole() {
     const [first, last] = this.seen.extent ?? [0, 1];
     return [first, Math.max(last, first + 1e-6)];
   }
 
-  /** @param {import("./marks.js").Seen} seen @param {import("./marks.js").Range} range
-   * @param {number | null} playhead */
+  /** @param {import("./marks.js").Seen} seen @param {import("./marks.js").Range} range @param {number | null} playhead */
   draw(seen, range, playhead) {
     [this.seen, this.range, this.playhead] = [seen, range, playhead];
     const { t = [], mean = [], low = [], high = [] } = seen.timeline ?? {};

@@ -41,11 +41,5 @@ def test_a_line_ends_at_a_gap():
 
 def test_an_empty_bin_now_and_then_does_not_break_a_line():
     means = np.array([1.0, 1.0, np.nan, 1.0, 1.0, 1.0])
-    layer = with_gaps({"t": np.arange(6.0), "mean": means}, 1.0)
+    layer = with_gaps({"t": np.arange(6.0), "mean": means})
     assert np.isfinite(layer["mean"]).all()
-
-
-def test_parts_that_may_have_unread_values_between_them_are_not_joined():
-    layer = {"t": np.array([0.0, 1.0, 2.0, 5.0, 8.0]), "mean": np.ones(5)}
-    assert np.isnan(with_gaps(layer, 2.0)["mean"]).sum() == 0
-    assert np.isnan(with_gaps(layer, 1.0, known=3.0)["mean"]).sum() == 2

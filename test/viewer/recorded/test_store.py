@@ -139,6 +139,10 @@ def test_a_long_range_is_drawn_from_the_overview(drill_bag, impacts, monkeypatch
         frame = asked(store)
         assert (frame["view"]["detail"], frame["view"]["complete"]) == (OVERVIEW, False)
         assert frame["read"] < 1.0
+        # Five of forty parts give a first picture of the whole time.
+        sketch = frame["view"]["layers"]["peak_force"]
+        assert np.isfinite(sketch["mean"]).all()
+        assert (sketch["t"][0] < 0.3 * DURATION, sketch["t"][-1] > 0.7 * DURATION) == (True, True)
         store.read_all()
         frame = asked(store)
     view = frame["view"]
@@ -148,8 +152,7 @@ def test_a_long_range_is_drawn_from_the_overview(drill_bag, impacts, monkeypatch
     valid = np.isfinite(layer["mean"])
     assert (layer["low"][valid] <= layer["high"][valid]).all()
     assert layer["band"] == "5-95 %"
-    shown = max(layer["high"][valid].max(), layer["outliers"]["v"].max(initial=0.0))
-    assert shown == pytest.approx(peaks.max())
+    assert 0.9 * peaks.max() < layer["high"][valid].max() <= 1.0001 * peaks.max()
     assert np.nanmax(frame["timeline"]["high"]) == pytest.approx(peaks.max())
 
 

@@ -1,0 +1,44 @@
+"""The screen of a drill on an arm in a real browser: its feed, its plots, its hole."""
+
+import pytest
+from browser.screens import opened, served, text_has, until_screen
+from drill_client import start_drill
+from support import PATIENCE
+
+from rpud_sim.ros.client import DrillClient
+
+pytestmark = pytest.mark.extended
+
+NAMESPACE = "/arm_screen"
+VALUES = {
+    "feed_model": "arm",
+    "rotation_model": "friction_drive",
+    "strata": "sandstone",
+    "initial_feed": "0.005",
+}
+
+
+@pytest.fixture(scope="module")
+def drill():
+    with start_drill(NAMESPACE, **VALUES) as running:
+        yield running
+
+
+def test_feed_plots_and_hole_of_an_arm(drill, page_of):
+    with (
+        DrillClient(NAMESPACE, node_name="test_client", patience=PATIENCE) as client,
+        served(NAMESPACE) as server,
+    ):
+        page = opened(page_of, server, NAMESPACE)
+        page.until("!document.querySelector('#feed').hidden")
+        page.tab.fill("#rate", "-1")
+        page.tab.get_by_role("button", name="Feed", exact=True).click()
+        client.until(lambda: client.status.feed_value == pytest.approx(-1e-3))
+        until_screen(page, "screen.seen.hole?.layers[0].name === 'sandstone'")
+        text_has(page, "#section", "sandstone")
+        for title in ("torque", "feed and mount", "force of the arm on the mount"):
+            page.tab.locator("[data-plot=more] select").select_option(label=title)
+            quantity = "screen.plots.plots.at(-1).choice.layers[0].quantity"
+            until_screen(page, f"screen.seen.view.layers[{quantity}]?.t.length > 5")
+        page.keep("arm", whole=False)
+        page.check()
