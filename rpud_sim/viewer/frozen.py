@@ -67,8 +67,8 @@ def write_report(
         if others:
             frame["notice"] += f" The bag holds other drills: {', '.join(others):.200}."
         if "view" in frame:
-            frame |= _overview(store, client.drill, frame)
-        frame |= _sections(store, client.drill, frame)
+            frame |= _overview(content, client.drill, frame)
+        frame |= _sections(content, client.drill, frame)
         frame["report"] = _report(content, client.drill, frame, damages)
         name = Path(path).resolve().name
         write_new_file(out, frozen_page(f"{name} – report", encode(frame)), ReportError)
@@ -88,7 +88,7 @@ def write_report(
         return Reported(len(shown), sum(shown), left_out, damaged)
 
 
-def _overview(store: RecordedStore, drill: str, frame: Mapping[str, Any]) -> dict[str, Any]:
+def _overview(content: Opened, drill: str, frame: Mapping[str, Any]) -> dict[str, Any]:
     """Return ``view`` over the whole run, and the plots that it serves: those of the table."""
     plots = []
     for plot in frame["plots"]:
@@ -96,7 +96,8 @@ def _overview(store: RecordedStore, drill: str, frame: Mapping[str, Any]) -> dic
         plots.append({**plot, "choices": choices or plot["choices"][:1]})
     layers = [layer for plot in plots for each in plot["choices"] for layer in each["layers"]]
     count = int(min(BINS, max(frame["now"] / _FINEST, 1.0)))
-    view = store.view(drill, 0.0, frame["now"], count, {layer["quantity"] for layer in layers})
+    names = {layer["quantity"] for layer in layers}
+    view = content.views.view(drill, 0.0, frame["now"], count, names)
     for layer in view["layers"].values():
         ends = [layer.get("low"), layer.get("high")]
         if all(np.array_equal(layer["mean"], end, equal_nan=True) for end in ends):
@@ -108,14 +109,14 @@ def _of_table(choice: Mapping[str, Any]) -> bool:
     return all(layer["quantity"] in QUANTITIES for layer in choice["layers"])
 
 
-def _sections(store: RecordedStore, drill: str, frame: Mapping[str, Any]) -> dict[str, Any]:
+def _sections(content: Opened, drill: str, frame: Mapping[str, Any]) -> dict[str, Any]:
     """Return the kept blocks of motion: at the ends of equal parts of the run, and after faults."""
     now = float(frame["now"])
     moments = [*np.linspace(0.0, now, SECTIONS + 1)[1:]]
     for fault in frame.get("faults", [])[: SECTIONS // 2]:
         after = min(float(fault["onset"]) + 0.1, now)
         moments[int(np.argmin(np.abs(np.array(moments) - after)))] = after
-    found = [store.section(drill, moment) for moment in sorted({*moments})]
+    found = [content.waveforms.section(drill, moment) for moment in sorted({*moments})]
     sections = [section for section in found if section is not None]
     return {"sections": sections, "section": sections[-1]} if sections else {}
 

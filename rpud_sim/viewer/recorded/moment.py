@@ -10,6 +10,7 @@ import numpy as np
 
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.viewer import hole
+from rpud_sim.viewer.commands import Commands
 from rpud_sim.viewer.recorded.overview import Overview
 from rpud_sim.viewer.recorded.recording import Recording
 from rpud_sim.viewer.recorded.signals import STATUS
@@ -35,6 +36,16 @@ class Moments:
         self._waveforms = waveforms
         self._views = views
         self._codecs: dict[str, Codec] = {}
+
+    def at(self, drill: str, time: float, commands: Commands) -> dict[str, Any]:
+        """Return status, values, numbers and hole of a frame at a time [s]."""
+        found = {
+            "status": self.status(drill, time),
+            "values": self.values(drill, time),
+            "numbers": self.numbers(drill, time),
+        }
+        shown = self.hole(drill, time, commands.parameters)
+        return found | ({"hole": shown} if shown else {})
 
     def status(self, drill: str, time: float) -> dict[str, Any]:
         """Return the fields of the last status at a time [s] or before; none before the first."""

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import math
 import os
 import threading
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
@@ -20,7 +19,7 @@ from rpud_sim.viewer.recorded.moment import Moments
 from rpud_sim.viewer.recorded.overview import Overview
 from rpud_sim.viewer.recorded.recording import Recording
 from rpud_sim.viewer.recorded.signals import Signal
-from rpud_sim.viewer.recorded.views import Views
+from rpud_sim.viewer.recorded.views import MESSAGES_RANGE, Views
 from rpud_sim.viewer.recorded.waveforms import Waveforms
 from rpud_sim.viewer.server import PageServer, Place
 from rpud_sim.viewer.store import ClientState, StoreError
@@ -76,6 +75,7 @@ class RecordedStore:
         self._opened = 1  # how often the bag was opened
         self._version = 0  # of what was read; grows at most each ``_REFRESH``
         self._refreshed = 0.0
+        self._described: dict[str, Any] = {}  # plots by drill, and what they were made of
         self._error = ""
         self._asking = 0
         self._condition = threading.Condition()
@@ -151,56 +151,57 @@ class RecordedStore:
         with self._first():
             return self._frame(client) or None
 
-    def view(
-        self, drill: str, start: float, end: float, width: int, quantities: Iterable[str]
-    ) -> dict[str, Any]:
-        """Return the field ``view`` of a frame."""
-        return self._bag.views.view(drill, start, end, width, quantities)
-
-    def section(self, drill: str, end: float) -> dict[str, Any] | None:
-        """Return the field ``section`` of a frame."""
-        return self._bag.waveforms.section(drill, end)
-
     # Inside
 
     def _frame(self, client: ClientState) -> dict[str, Any]:
-        bag, sent, drill = self._bag, client.sent, client.drill
-        if sent.get("opened") is not bag:  # the bag was opened again: the browser forgets all
-            sent.clear()
-            sent["opened"] = bag
+        bag, drill, version, width = self._bag, client.drill, self._version, client.view.width
+        if client.sent.get("opened") is not bag:  # opened again: the browser forgets everything
+            client.sent = {"opened": bag}
             client.section = True
-        frame: dict[str, Any] = {}
-        now = bag.overview.end
-        version = self._version
+        sent, frame = client.sent, dict[str, Any]()
 
         def add(name: str, state: object, make: Callable[[], Mapping[str, Any]]) -> None:
-            if sent.get(name, _NOTHING) != state:
+            if name not in sent or sent[name] != state:
                 sent[name] = state
                 frame.update(make())
 
         plots, others = self._plots(drill)
+        now, commands = bag.overview.end, bag.marks.commands[drill]
+        playhead = now if client.playhead is None else min(max(client.playhead, 0.0), now)
+        drawn = [plot for plot in plots if plot["id"] != "motion"]  # that is drawn from sections
+        chosen = tuple(chosen_quantities(drawn, client.choices))
+        start, end = self._range(client, now)
+        whole = end - start > MESSAGES_RANGE  # it is made of what was read so far
         add("drills", drill, lambda: {"drills": self.drills, "drill": drill, "run": self._opened})
         add("plots", repr(plots), lambda: {"plots": plots, "quantities": for_browser() + others})
         add("state", version, lambda: self._state(now))
         add("timeline", version, lambda: {"timeline": bag.views.timeline(drill)})
-        add("marks", (version, bag.marks.version), lambda: self._marks(drill))
-        start, end = self._range(client, now)
-        drawn = [plot for plot in plots if plot["id"] != "motion"]  # that is drawn from sections
-        chosen = tuple(chosen_quantities(drawn, client.choices))
-        width = client.view.width
-        fresh = version if end - start > 1.0 or end > now - 1.0 else 0
-        shown = (start, end, width, chosen)
-        add("view", (shown, fresh), lambda: self._view(drill, start, end, width, chosen))
-        playhead = now if client.playhead is None else min(max(client.playhead, 0.0), now)
-        add("moment", playhead, lambda: self._moment(drill, playhead))
-        if client.section:
-            add("section", playhead, lambda: self._section(drill, playhead))
+        faults = bag.marks.faults(drill)
+        add("marks", bag.marks.version, lambda: {"faults": faults} | commands.frame(faults))
+        add(
+            "view",
+            (start, end, width, chosen, version if whole or end > now - _REFRESH else 0),
+            lambda: {
+                "view": bag.views.view(drill, start, end, width, chosen),
+                "steps": commands.steps(start, end, width),
+            },
+        )
+        add("moment", (playhead, version), lambda: bag.moments.at(drill, playhead, commands))
+        if client.section and sent.get("section") != playhead:
+            sent["section"] = playhead
+            if section := bag.waveforms.section(drill, playhead):
+                frame["section"] = section
         if "jump" in sent:
             frame["jump"] = sent.pop("jump")
         return frame
 
     def _plots(self, drill: str) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
         """Return the plots of a drill, and the quantities of the signals beyond the table."""
+        if self._described.get(drill, (None,))[0] != (self._opened, self._version):
+            self._described[drill] = (self._opened, self._version), *self._describe(drill)
+        return self._described[drill][1:]
+
+    def _describe(self, drill: str) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
         bag = self._bag
         known = {bag.views.signal(drill, quantity) for quantity in QUANTITIES}
         left = [
@@ -219,16 +220,14 @@ class RecordedStore:
             for each in others
         ]
         if bag.recording.is_drill(drill):
-            return drill_plots(lambda name: self._has(drill, name), choices), others
+            steps = bag.marks.commands[drill].quantities
+            plots = drill_plots(lambda name: name in steps or bag.views.has(drill, name), choices)
+            return plots, others
         plots = [
             {"id": f"signal{n}", "title": "signal", "choices": choices[n:] + choices[:n]}
             for n in range(min(_MOST_PLOTS, len(choices)))
         ]
         return plots, others
-
-    def _has(self, drill: str, quantity: str) -> bool:
-        steps = self._bag.marks.commands[drill].steps(0.0, math.inf, 1)
-        return quantity in steps or self._bag.views.has(drill, quantity)
 
     def _range(self, client: ClientState, now: float) -> tuple[float, float]:
         """Return the range that a browser shows; a bag that has not grown is shown as a whole."""
@@ -264,32 +263,6 @@ class RecordedStore:
             "losses": losses,
             "gaps": [list(gap) for gap in overview.gaps()[:_MOST_GAPS]],
         }
-
-    def _marks(self, drill: str) -> dict[str, Any]:
-        marks = self._bag.marks
-        faults = marks.faults(drill)
-        return {"faults": faults} | marks.commands[drill].frame(faults)
-
-    def _view(
-        self, drill: str, start: float, end: float, width: int, quantities: tuple[str, ...]
-    ) -> dict[str, Any]:
-        view = self._bag.views.view(drill, start, end, width, quantities)
-        steps = self._bag.marks.commands[drill].steps(start, end, width)
-        return {"view": view, "steps": steps}
-
-    def _moment(self, drill: str, playhead: float) -> dict[str, Any]:
-        moments = self._bag.moments
-        found = {
-            "status": moments.status(drill, playhead),
-            "values": moments.values(drill, playhead),
-            "numbers": moments.numbers(drill, playhead),
-        }
-        hole = moments.hole(drill, playhead, self._bag.marks.commands[drill].parameters)
-        return found | ({"hole": hole} if hole else {})
-
-    def _section(self, drill: str, playhead: float) -> dict[str, Any]:
-        section = self._bag.waveforms.section(drill, playhead)
-        return {"section": section} if section else {}
 
     def _notice(self) -> str:
         """Return what a user must know of the state of the bag; empty for nothing."""
@@ -387,9 +360,6 @@ def serve_bag(
         store.start()
         announce(server)
         server.run()
-
-
-_NOTHING = object()  # was sent
 
 
 def _quantity(signal: Signal, drill: str) -> dict[str, Any]:

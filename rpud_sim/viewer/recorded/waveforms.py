@@ -85,23 +85,24 @@ class Waveforms:
         It is rebuilt from the trajectory. Without one it has the samples of the waveform's topic.
         """
         waveform = self.between(drill, end - SECTION, end, SECTION_RATE)
-        if len(waveform.times):
-            # Gaps are NaN; of two runs it is the later one.
-            newest = int(np.flatnonzero(np.diff(waveform.numbers, prepend=0) <= 0)[-1:].sum())
-            first, last = int(waveform.numbers[newest]), int(waveform.numbers[-1])
-            places = waveform.numbers[newest:] - first
-            found: dict[str, Any] = {"exact": True, "period": 1.0 / SECTION_RATE}
-            found["time"] = float(waveform.times[newest])
-            for name in _MOTION:
-                found[name] = np.full(last - first + 1, np.nan, np.float32)
-                found[name][places] = waveform.channels[CHANNELS[name]][newest:]
-        elif (sampled := self._sampled(drill, end)) is not None:
-            found = sampled
-        else:
+        exact = len(waveform.times) > 0
+        if not exact:
+            waveform = self._sampled(drill, end - SECTION, end)
+        if not len(waveform.times):
             return None
-        impacts = self.impacts(drill, found["time"], end)
-        impacts["time"] = impacts["time"] - found["time"]
-        return found | {"impacts": np.column_stack([*impacts.values()]).tolist()}
+        # Of two runs it is the later one; what is missing is NaN.
+        newest = int(np.flatnonzero(np.diff(waveform.numbers, prepend=0) <= 0)[-1:].sum())
+        numbers = waveform.numbers[newest:] - waveform.numbers[newest]
+        step = -(-int(numbers[-1] + 1) // round(SECTION * SECTION_RATE + 1))
+        found: dict[str, Any] = {"exact": exact, "period": step / waveform.rate}
+        found["time"] = time = float(waveform.times[newest])
+        for name in _MOTION:
+            values = np.full(int(numbers[-1]) + 1, np.nan, np.float32)
+            values[numbers] = waveform.channels[CHANNELS[name]][newest:]
+            found[name] = values[::step]
+        impacts = self.impacts(drill, time, end)
+        rows = impacts["time"] - time, impacts["peak_force"], impacts["contact_duration"]
+        return found | {"impacts": np.column_stack(rows).tolist()}
 
     def impacts(self, drill: str, start: float, end: float) -> dict[str, np.ndarray]:
         """Return ``time``, ``peak_force`` and ``contact_duration`` of impacts in a range."""
@@ -134,42 +135,26 @@ class Waveforms:
                 return {name: float(values[place]) for name, values in found.items()}
         return None
 
-    def _sampled(self, drill: str, end: float) -> dict[str, Any] | None:
-        """Return a section from the samples of the waveform's topic."""
+    def _sampled(self, drill: str, start: float, end: float) -> Waveform:
+        """Return the samples of the waveform's topic between two times [s]."""
         recording = self._recording
-        blocks = []
+        parts, rate = [], SECTION_RATE
         for topic in recording.topics(drill, WAVEFORM)[:1]:
-            for number in recording.pieces_between(drill, end - SECTION, end):
+            for number in recording.pieces_between(drill, start, end):
                 for message, block in recording.decoded(number, topic, self._codecs[WAVEFORM]):
-                    time = recording.time_of(message, block.header.stamp)
-                    length = len(block.nodal_plane_position)
-                    if time < end and time + length * block.sample_period > end - SECTION:
-                        blocks.append((time, block))
-        if not blocks:
-            return None
-        blocks.sort(key=lambda each: each[0])
-        period = float(blocks[-1][1].sample_period)
-        begin = blocks[0][0]
-        places = np.concatenate(
-            [
-                np.rint((time - begin) / period) + np.arange(len(block.nodal_plane_position))
-                for time, block in blocks
-            ]
-        ).astype(int)
-        first = max(math.ceil((end - SECTION - begin) / period), 0)
-        last = min(math.floor((end - begin) / period), int(places.max()))
-        inside = (places >= first) & (places <= last)
-        if not inside.any():
-            return None
-        step = max(1, math.ceil((last - first + 1) / (SECTION * SECTION_RATE)))
-        found: dict[str, Any] = {"exact": False, "period": period * step}
-        found["time"] = begin + first * period
-        for name in _MOTION:
-            values = np.full(last - first + 1, np.nan, np.float32)
-            samples = np.concatenate([getattr(block, CHANNELS[name]) for _, block in blocks])
-            values[places[inside] - first] = samples[inside]
-            found[name] = values[::step]
-        return found
+                    lengths = {len(getattr(block, each)) for each in CHANNELS.values()}
+                    if len(lengths) > 1 or not 1e-9 <= block.sample_period <= SECTION:
+                        continue  # another program wrote it
+                    rate = round(1.0 / block.sample_period)
+                    begin = recording.time_of(message, block.header.stamp)
+                    numbers = round(begin * rate) + np.arange(len(block.contact_force))
+                    inside = (numbers >= start * rate) & (numbers <= end * rate)
+                    if inside.any():
+                        channels = {
+                            each: getattr(block, each)[inside] for each in CHANNELS.values()
+                        }
+                        parts.append((numbers[inside], numbers[inside] / rate, channels))
+        return _joined(parts, rate)
 
     def _stretches(
         self, drill: str, topic: str, numbers: Sequence[int]
