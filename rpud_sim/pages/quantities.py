@@ -59,10 +59,10 @@ QUANTITIES: dict[str, Quantity] = {
     for quantity in (
         Quantity("impact_rate", "impacts", "/s", 1.0, "force", 1e-3),
         Quantity(
-            "peak_force", "peak force", "kN", 1e-3, "force", 1e-3,
+            "peak_force", "peak force", "kN", 1e-3, "force", 0.5,
             sources=("ContactForce.peak_force",),
         ),
-        Quantity("contact_force", "contact force", "kN", 1e-3, "force", 1e-3),
+        Quantity("contact_force", "contact force", "kN", 1e-3, "force", 0.5),
         Quantity(
             "reacting_force", "load on the mount", "N", 1.0, "load", 1e-6, _TOWARD_ROCK,
             sources=("ReactingForce.force",),

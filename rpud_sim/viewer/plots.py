@@ -25,7 +25,7 @@ _PLOTS: tuple[tuple[str, str, tuple[_Choice, ...]], ...] = (
     (
         "motion",
         "motion",
-        (("", "", (("nodal_plane", _LINE), ("free_mass", _LINE), ("drill_tool", _LINE))),),
+        (("", "", (("actuator", _LINE), ("free_mass", _LINE), ("drill_tool", _LINE))),),
     ),
     (
         "more",

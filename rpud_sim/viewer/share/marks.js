@@ -16,18 +16,27 @@ export function axisOf(options) {
   return {
     stroke: () => colourOf("muted"), font: "11px system-ui, sans-serif", incrs: STEPS, ticks: { show: false },
     grid: { show: options.side !== 1, stroke: () => colourOf("rule"), width: 1 },
-    values: (_, values, __, ___, step) => {
-      const places = Math.max(0, Math.min(9, -Math.floor(Math.log10(step) + 1e-9)));
-      return values.map((value) => value.toFixed(places).replace("-", "\u2212"));
-    },
+    values: (_, values, __, ___, step) => tickTexts(values, step),
     ...options,
   };
+}
+
+/** @param {number[]} values of an axis @param {number} step between them @returns {string[]} */
+function tickTexts(values, step) {
+  const places = Math.max(0, Math.min(9, -Math.floor(Math.log10(step) + 1e-9)));
+  return values.map((value) => value.toFixed(places).replace("-", "\u2212"));
 }
 
 /** Return the time axis of a plot, whose times may be written below another one.
  * @param {boolean} written @returns {uPlot.Axis} */
 export function timeAxis(written) {
-  return axisOf({ size: written ? 18 : 0, gap: 4, space: 90, ...(written ? {} : { values: (_, values) => values.map(() => "") }) });
+  return axisOf({
+    size: written ? 18 : 0, gap: 4, space: 90,
+    values: (plot, values, _, __, step) => {
+      const edge = plot.bbox.width / uPlot.pxRatio + 8; // a text that would be cut there is left out
+      return tickTexts(values, step).map((text, i) => (written && plot.valToPos(values[i], "x") + 3.2 * text.length < edge ? text : ""));
+    },
+  });
 }
 
 /** Return options of a plot whose cursor is also that of the others, and where a drag zooms.

@@ -95,14 +95,14 @@ class TimePlot {
     /** @type {uPlot.Band[]} */ const bands = [];
     for (const layer of this.choice.layers) {
       const [colour, scale] = [this.colour(layer), this.unit(layer)];
-      const overview = () => (this.seen.view?.detail ?? "overview") === "overview";
+      const single = () => !this.known(layer)?.low && this.seen.view?.detail !== "overview"; // values, not bins
       /** @type {uPlot.Series} */
       const shown = { scale, stroke: () => colourOf(colour), width: 1.25, points: { size: 4, width: 0, fill: () => colourOf(colour) } };
       if (shown.points && layer.kind === "steps") shown.points.show = false;
-      else if (shown.points) shown.points.show = (plot, _, first, last) => !overview() && (last - first) * 6 < plot.bbox.width;
+      else if (shown.points) shown.points.show = (plot, _, first, last) => single() && (last - first) * 6 < plot.bbox.width;
       if (layer.kind === "steps") shown.paths = uPlot.paths.stepped?.({ align: 1 });
       // Impacts are events: no line joins them.
-      if (layer.quantity === "peak_force") shown.paths = (...of) => (overview() ? uPlot.paths.linear?.()(...of) ?? null : null);
+      if (layer.quantity === "peak_force") shown.paths = (...of) => (single() ? null : uPlot.paths.linear?.()(...of) ?? null);
       series.push(shown);
       if (layer.kind !== "band") continue;
       const edge = { scale, width: 0, stroke: () => "transparent", points: { show: false } };
@@ -111,7 +111,8 @@ class TimePlot {
     }
     /** @type {uPlot.Scales} */
     const scales = { x: { time: false, range: () => [this.range.start, this.range.end] } };
-    for (const unit of units) scales[unit] = { range: () => this.axes.get(unit) ?? [0, 1] };
+    const dir = this.definition.id === "motion" ? -1 : 1; // the rock is below
+    for (const unit of units) scales[unit] = { dir, range: () => this.axes.get(unit) ?? [0, 1] };
     const { hooks, ...shared } = sharedCursor(this.listener);
     return {
       ...this.size(), ...shared, series, bands, scales,
