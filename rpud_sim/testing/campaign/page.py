@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Literal
 from urllib.parse import quote
 
 import numpy as np
@@ -93,7 +93,10 @@ of the table below.</p>
 </tbody></table></div>
 """
 _MOST_FAILURES = 100  # in full: the table of runs has all
-_MARKERS = {PASSED: ("circle", "series2"), FAILED: ("x", "fault")}
+_MARKERS: dict[str, tuple[Literal["circle", "x"], str]] = {
+    PASSED: ("circle", "series2"),
+    FAILED: ("x", "fault"),
+}
 
 
 def campaign_page(results: CampaignResults) -> str:
