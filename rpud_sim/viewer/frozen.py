@@ -72,19 +72,20 @@ def write_report(
         frame["report"] = _report(content, client.drill, frame, damages)
         name = Path(path).resolve().name
         write_new_file(out, frozen_page(f"{name} – report", encode(frame)), ReportError)
-        summaries = recording.bag.readable_topics
-        parts = {f"part {number}": reason for number, reason in recording.damages.items()}
-        unreadable = {
-            name: f"{reader.unreadable} of its messages: {reader.reason}"
+        damaged = damages.texts
+        damaged |= {f"part {number}": reason for number, reason in recording.damages.items()}
+        damaged |= {
+            name: f"{reader.unreadable} of its messages cannot be read"
             for name, reader in recording.readers.items()
             if reader.unreadable
         }
-        return Reported(
-            len(recording.readers),
-            sum(each.message_count for each in summaries if each.topic.name in recording.readers),
-            dict(recording.left_out),
-            {**damages.texts, **parts, **unreadable},
-        )
+        left_out = {k: v for k, v in recording.left_out.items() if k not in damaged}
+        shown = [
+            summary.message_count
+            for summary in recording.bag.readable_topics
+            if summary.topic.name not in recording.left_out
+        ]
+        return Reported(len(shown), sum(shown), left_out, damaged)
 
 
 def _overview(store: RecordedStore, drill: str, frame: Mapping[str, Any]) -> dict[str, Any]:

@@ -24,6 +24,10 @@ BIN = 0.05  # length of the finest bins [s]
 _BINS = 1 << 14
 _LATEST_IMPACTS = 1000  # whose durations are kept: some two seconds
 _WHOLE_PERIOD = 1.0  # between additions to the bins of the whole run [s of real time]
+_ALWAYS = (  # quantities that each drill has, also before the first message or impact
+    *("peak_force", "impact_rate", "reacting_force"),
+    *("nodal_plane", "free_mass", "drill_tool"),
+)
 _TIMES = ("weight_on_bit_applied", "drive_applied", "feed_applied")
 
 _Sink = Callable[[int, tuple[Any, ...]], object]
@@ -172,8 +176,8 @@ class Heard:
         }
 
     def has(self, quantity: str) -> bool:
-        if quantity in ("peak_force", "impact_rate") or self.is_stepped(quantity):
-            return True  # no impacts are also something to see
+        if quantity in _ALWAYS or self.is_stepped(quantity):
+            return True
         return quantity in _SIGNALS and self.fine.has(quantity)
 
     def is_stepped(self, quantity: str) -> bool:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import threading
 import time
+from collections import Counter
 from collections.abc import Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass
+from contextlib import contextmanager, suppress
 from typing import Any
 
 from rpud_sim.ros.client import ClientError, DrillClient
+from rpud_sim.ros.client.telemetry import Telemetry
 from rpud_sim.viewer.live.actions import Actions, InterruptedWaitError, plain_refusal
 from rpud_sim.viewer.live.heard import Heard
 
@@ -23,26 +24,11 @@ _ANSWER_PATIENCE = 10.0  # s
 _INTERRUPTERS = ("pause", "reset")  # which a step that is under way must not delay
 
 
-@dataclass(frozen=True)
-class Connection:
-    """Connection to a drill."""
-
-    state: str  # ``searching``, ``connected`` or ``vanished``
-    since: float  # Unix time [s]
-    reason: str = ""  # why it is not connected
-
-
 class LiveDrill:
     """Hears one drill in a thread of its own, keeps what it has heard, and acts on it.
 
-    Any number of pages share it::
-
-        with LiveDrill("/rpud") as drill:
-            drill.actions.add("press", {"force": 30.0})
-            with drill.reading() as heard:
-                heard.status           # the latest status, {"weight_on_bit": 30.0, ...}
-            drill.connection.state     # searching, connected or vanished
-            drill.actions.outcomes     # waiting, then done, refused or failed
+    Any number of pages share it. ``connection`` is ``searching``, ``connected`` or ``vanished``,
+    since when [Unix s], and why.
 
     The drill need not be there at first. If it vanishes, the connection says so and the thread
     searches it again; what was heard stays until another run begins, whose number is
@@ -50,36 +36,28 @@ class LiveDrill:
     ends the wait for a step that is under way. ``error`` says why the thread has died.
     """
 
-    def __init__(
-        self, namespace: str = "/rpud", domain_id: int | None = None, node_name: str = "rpud_watch"
-    ) -> None:
+    def __init__(self, namespace: str, domain_id: int | None = None) -> None:
         self.error = ""
         self.actions = Actions()
         self.kinds: tuple[str, ...] = ()  # of faults that can be injected now
         self.channels: tuple[str, ...] = ()  # whose signals can be faulty
         self.refusals = (0, "")  # commands that the drill has refused from anybody, latest reason
-        self._options: dict[str, Any] = {"domain_id": domain_id, "node_name": node_name}
+        self._domain_id = domain_id
         self._lock = threading.Lock()
         self._wake = threading.Event()
         self._closed = False
         self._heard = Heard()
-        self._lost: dict[str, int] = {}
-        self._lost_before: dict[str, int] = {}
+        self._lost_before: Counter[str] = Counter()  # by clients that are closed
+        self._telemetry: Telemetry | None = None
         self._status_at = 0.0
         self._asked_run = 0
-        self._version = 0  # of what no message says
         # Here, so that the caller gets the error of a namespace that ROS does not allow.
         self._client: DrillClient | None = self._open(namespace)
         self.namespace = self._client.namespace
-        self.connection = Connection(SEARCHING, time.time(), f"no drill in {self.namespace} yet")
+        self.connection: dict[str, Any] = {}
+        self._connect(SEARCHING, f"no drill in {self.namespace} yet")
         self._thread = threading.Thread(target=self._live, name=f"drill {namespace}", daemon=True)
         self._thread.start()
-
-    def __enter__(self) -> LiveDrill:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
     def close(self) -> None:
         """Leave the graph; the drill goes on."""
@@ -88,19 +66,10 @@ class LiveDrill:
         self._thread.join()
 
     @property
-    def version(self) -> tuple[int, int, int]:
-        """What differs whenever there is anything new."""
-        return self._heard.version, self._version, self.actions.version
-
-    @property
     def lost(self) -> dict[str, int]:
         """Messages by topic that were sent and never arrived."""
-        lost = {**self._lost, "journal": self._heard.journal_lost}
-        return {
-            topic: count
-            for topic in {**lost, **self._lost_before}
-            if (count := lost.get(topic, 0) + self._lost_before.get(topic, 0))
-        }
+        lost = Counter(self._telemetry.lost if self._telemetry else ())
+        return dict(self._lost_before + lost + Counter(journal=self._heard.journal_lost))
 
     @contextmanager
     def reading(self) -> Iterator[Heard]:
@@ -131,9 +100,11 @@ class LiveDrill:
                 self._client.close()
 
     def _open(self, namespace: str) -> DrillClient:
-        client = DrillClient(namespace, patience=_ANSWER_PATIENCE, **self._options)
+        client = DrillClient(namespace, self._domain_id, "rpud_watch", _ANSWER_PATIENCE)
         client.observe(self._latched)
         client.check_while_waiting(self._check)
+        if self._telemetry is not None:
+            self._lost_before += Counter(self._telemetry.lost)
         self._telemetry = client.telemetry(self._heard.sinks())
         return client
 
@@ -162,8 +133,7 @@ class LiveDrill:
             try:
                 self._client.found(_SEARCH_PATIENCE)
             except ClientError as error:
-                if self.connection.reason != str(error):
-                    self._connect(self.connection.state, str(error))
+                self._connect(self.connection["state"], str(error))
                 self.actions.fail_all(str(error))
             else:
                 self._connect(CONNECTED, "")
@@ -192,34 +162,27 @@ class LiveDrill:
         return None
 
     def _look(self, client: DrillClient) -> None:
-        """Look at what no message says: refusals, losses, and which faults are possible."""
-        refusals, lost, run = client.last_refusal, dict(self._telemetry.lost), self._heard.run
-        if (refusals, lost) != (self.refusals, self._lost):
-            if refusals[0] > self.refusals[0]:
-                with self._lock:
-                    self._heard.refuse(plain_refusal(refusals[1]))
-            self.refusals, self._lost = refusals, lost
-            self._version += 1
+        """Look at what no message says: refusals, and which faults are possible."""
+        refusals, run = client.last_refusal, self._heard.run
+        if refusals[0] > self.refusals[0]:
+            with self._lock:
+                self._heard.refuse(plain_refusal(refusals[1]))
+        self.refusals = refusals
         if run != self._asked_run:
             self._asked_run = run
-            try:
+            with suppress(ClientError):  # it may be gone, which the next look shows
                 response = client.list_faults()
-            except ClientError:
-                return  # it may be gone, which the next look shows
-            self.kinds, self.channels = tuple(response.kinds), tuple(response.channels)
-            self._version += 1
+                self.kinds, self.channels = tuple(response.kinds), tuple(response.channels)
 
     def _lose(self, client: DrillClient, reason: str) -> None:
         self._connect(VANISHED, f"the drill in {self.namespace} is gone: {reason}")
-        self._lost_before, self._lost = self.lost, {}
         with self._lock:
-            self._heard.journal_lost = 0
             self._heard.restart()
         # A client knows the drill that it has found; another one needs another client.
         self._client = None
         client.close()
 
     def _connect(self, state: str, reason: str) -> None:
-        since = self.connection.since if state == self.connection.state else time.time()
-        self.connection = Connection(state, since, reason)
-        self._version += 1
+        is_new = state != self.connection.get("state")
+        since = time.time() if is_new else self.connection["since"]
+        self.connection = {"state": state, "since": since, "reason": reason}

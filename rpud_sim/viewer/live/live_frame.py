@@ -59,27 +59,29 @@ class LiveFrame:
             if client.sent.get("run", (None,))[0] != heard.run:
                 client.sent.clear()
                 client.section = True
-            self._put("run", heard.run)
-            self._put("growing", True)
-            self._put("drills", namespaces)
-            self._put("drill", drill.namespace)
-            self._put("connection", asdict(drill.connection))
-            self._put("kinds", drill.kinds)
-            self._put("channels", drill.channels)
-            self._put("refusals", drill.refusals)
-            self._put("losses", drill.lost)
-            if self._due("outcomes", drill.actions.version):
-                self._fields["outcomes"] = [asdict(each) for each in drill.actions.outcomes]
+            for field, value in {
+                "run": heard.run,
+                "growing": True,
+                "drills": namespaces,
+                "drill": drill.namespace,
+                "connection": drill.connection,
+                "kinds": drill.kinds,
+                "channels": drill.channels,
+                "refusals": drill.refusals,
+                "losses": drill.lost,
+                "outcomes": [asdict(each) for each in drill.actions.outcomes],
+                "status": heard.status,
+                "faults": heard.faults,
+            }.items():
+                self._put(field, value)
+            if "status" in self._fields:
+                self._fields["timing"] = _timing(heard.status)
             self._put_heard(heard)
             if heard.time is not None:
                 self._put_measured(heard, heard.time)
         return self._fields or None
 
     def _put_heard(self, heard: Heard) -> None:
-        if self._due("status", heard.status):
-            self._fields["status"] = heard.status
-            self._fields["timing"] = _timing(heard.status)
-        self._put("faults", heard.faults)
         if self._due("values", heard.version, 0.5):
             self._fields["values"] = heard.values
         if self._due("log", heard.log_version, 0.5):
@@ -97,20 +99,18 @@ class LiveFrame:
             self._put("gaps", [[0.0, heard.since]] if heard.since > _GAP else [])
         if self._due("has", now, 1.0):
             self._put("plots", drill_plots(heard.has))
-        if self._due("spark", now, 1.0):
             self._client.sent["sparks"] = _sparks(heard, now)
         if self._due("numbers", now, 0.2):
             self._fields["numbers"] = _numbers(heard, now, self._client.sent["sparks"])
-        if self._due("timeline", heard.whole.end, 1.0):
+        if self._due("whole", heard.whole.end, 1.0):
             line = heard.whole.view("peak_force", 0.0, heard.whole.end, _TIMELINE)
-            self._fields["timeline"] = {
-                "t": line.times, "low": line.low, "mean": line.mean, "high": line.high,
-            }  # fmt: skip
-        if self._due("hole", heard.whole.end, 1.0) and (found := _hole(heard)) is not None:
-            self._fields["hole"] = found
+            names = {"t": line.times, "low": line.low, "mean": line.mean, "high": line.high}
+            self._fields["timeline"] = names
+            if (found := _hole(heard)) is not None:
+                self._fields["hole"] = found
         block = heard.block
         if self._client.section and block is not None and self._due("section", block[0]):
-            self._fields["section"] = _section(heard)
+            self._fields["section"] = _section(heard, *block)
         self._put_view(heard, now)
 
     def _put_view(self, heard: Heard, now: float) -> None:
@@ -124,16 +124,19 @@ class LiveFrame:
         start, end = _range(client.view, now)
         plots = [plot for plot in sent["plots"][0] if plot["id"] != "motion"]
         parts = max(1, int(client.view.width / _POINT))
-        layers = {}
-        for quantity, kind in chosen_quantities(plots, client.choices).items():
-            if quantity in ("peak_force", "impact_rate"):
-                layers[quantity] = _impacts(heard, quantity, start, end, parts)
-            elif not heard.is_stepped(quantity):
-                layers[quantity] = _layer(heard, quantity, kind, start, end, parts)
+        layers = {
+            quantity: _layer(heard, quantity, kind, start, end, parts)
+            for quantity, kind in chosen_quantities(plots, client.choices).items()
+            if not heard.is_stepped(quantity)
+        }
         self._fields["view"] = {
-            "start": start, "end": end, "detail": "overview", "complete": True,
-            "band": "5-95 %", "layers": layers,
-        }  # fmt: skip
+            "start": start,
+            "end": end,
+            "detail": "overview",
+            "complete": True,
+            "band": "5-95 %",
+            "layers": layers,
+        }
         sent["cost"] = time.perf_counter() - began
 
     def _put(self, field: str, value: Any) -> None:
@@ -154,43 +157,29 @@ def _range(view: View, now: float) -> tuple[float, float]:
     return (view.start, view.end) if view.follow is None else (now - view.follow, now)
 
 
-def _impacts(heard: Heard, quantity: str, start: float, end: float, parts: int) -> dict[str, Any]:
-    if len(heard.impacts.between(start, end)[0]) > _MOST_EXACT:
-        if quantity == "peak_force":
-            return _layer(heard, quantity, "band", start, end, parts)
-        parts = min(parts, _TIMELINE)
-    start, end = max(start, heard.since or 0.0), min(end, heard.time or 0.0)
-    spread = heard.impacts.spread(start, max(start, end), parts)
-    if quantity == "impact_rate":
-        return {"t": spread.times, "mean": spread.rate}
-    return {
-        "t": spread.times,
-        "mean": spread.mean,
-        "low": spread.low,
-        "high": spread.high,
-        "band": "5-95 %",
-        "outliers": {"t": spread.outlier_times, "v": spread.outliers, "more": spread.more},
-    }
-
-
 def _layer(
     heard: Heard, quantity: str, kind: str, start: float, end: float, parts: int
 ) -> dict[str, Any]:
+    if quantity == "impact_rate" or (
+        quantity == "peak_force" and len(heard.impacts.between(start, end)[0]) < _MOST_EXACT
+    ):
+        start, end = max(start, heard.since or 0.0), min(end, heard.time or 0.0)
+        spread = heard.impacts.spread(start, max(start, end), min(parts, _TIMELINE))
+        if quantity == "impact_rate":
+            return {"t": spread.times, "mean": spread.rate}
+        outliers = {"t": spread.outlier_times, "v": spread.outliers, "more": spread.more}
+        band = {"low": spread.low, "high": spread.high, "band": "5-95 %", "outliers": outliers}
+        return {"t": spread.times, "mean": spread.mean, **band}
     found = heard.view(quantity, start, end, parts)
     known = np.isfinite(found.mean)
     layer = {"t": found.times[known], "mean": found.mean[known]}
-    if kind != "line":
-        layer |= {"low": found.low[known], "high": found.high[known]}
-    return {**layer, "band": "least-greatest"}
-
-
-def _measured(heard: Heard) -> dict[str, str]:
-    """Return quantities by the numbers that show them."""
-    power = "electrical_power" if heard.has("electrical_power") else "actuator_power"
+    if kind == "line":
+        return layer
     return {
-        "reacting_force": "reacting_force",
-        "power": power,
-        "penetration_rate": "penetration_rate",
+        **layer,
+        "low": found.low[known],
+        "high": found.high[known],
+        "band": "least-greatest",
     }
 
 
@@ -216,15 +205,18 @@ def _numbers(
     }
 
 
+def _measured(heard: Heard) -> dict[str, str]:
+    """Return quantities by the numbers that show them."""
+    power = "electrical_power" if heard.has("electrical_power") else "actuator_power"
+    own = ("reacting_force", "penetration_rate")
+    return {**dict(zip(own, own, strict=True)), "power": power}
+
+
 def _extremes(low: np.ndarray, mean: np.ndarray, high: np.ndarray) -> dict[str, Any]:
     known = np.isfinite(mean)
     if not known.any():
         return dict.fromkeys(("mean", "least", "greatest"))
-    return {
-        "mean": float(mean[known].mean()),
-        "least": float(low[known].min()),
-        "greatest": float(high[known].max()),
-    }
+    return {"mean": mean[known].mean(), "least": low[known].min(), "greatest": high[known].max()}
 
 
 def _sparks(heard: Heard, now: float) -> dict[str, np.ndarray]:
@@ -242,43 +234,36 @@ def _sparks(heard: Heard, now: float) -> dict[str, np.ndarray]:
     return {name: spark.astype(np.float32) for name, spark in sparks.items()}
 
 
-def _section(heard: Heard) -> dict[str, Any]:
-    """Return the end of the newest block."""
-    assert heard.block is not None
-    begin, period, arrays = heard.block
-    first = max(0, len(arrays[0]) - max(2, round(_SECTION / period)))
-    stride = -(-(len(arrays[0]) - first) // _MOST_SAMPLES)
-    time, end = begin + first * period, begin + len(arrays[0]) * period
+def _section(
+    heard: Heard, begin: float, period: float, arrays: tuple[np.ndarray, ...]
+) -> dict[str, Any]:
+    """Return the end of a block."""
+    length = len(arrays[0])
+    first = max(0, length - max(2, round(_SECTION / period)))
+    stride = -(-(length - first) // _MOST_SAMPLES)
+    time, end = begin + first * period, begin + length * period
     names = ("nodal_plane", "actuator", "free_mass", "drill_tool", "contact_force")
-    return {
-        "time": time,
-        "period": period * stride,
-        "exact": stride == 1,
-        **{
-            name: array[first::stride].astype(np.float32)
-            for name, array in zip(names, arrays, strict=False)
-        },
-        "impacts": [
-            [at - time, peak, duration]
-            for at, peak, duration in heard.latest_impacts
-            if time <= at < end
-        ],
+    samples = {
+        name: array[first::stride].astype(np.float32)
+        for name, array in zip(names, arrays, strict=False)
     }
+    impacts = [[at - time, *rest] for at, *rest in heard.latest_impacts if time <= at < end]
+    own = {"time": time, "period": period * stride, "exact": stride == 1, "impacts": impacts}
+    return {**samples, **own}
 
 
 def _hole(heard: Heard) -> dict[str, Any] | None:
     """Return depth, layers and log of the hole; None without a rock that has a depth."""
-    layers, end = hole.layers(heard.commands.parameters), heard.whole.end
+    layers = hole.layers(heard.commands.parameters)
     if not layers or not heard.has("depth"):
         return None
     depth, rate, torque = (
-        heard.whole.view(quantity, 0.0, end, _LOG_BINS).mean if heard.has(quantity) else None
+        heard.whole.view(quantity, 0.0, heard.whole.end, _LOG_BINS).mean
         for quantity in ("depth", "penetration_rate", "torque")
     )
-    if depth is None or rate is None:
-        return None
     latest = heard.values.get("borehole", heard.status).get("depth")
-    return {"depth": latest, "layers": layers, "log": hole.well_log(depth, rate, torque)}
+    log = hole.well_log(depth, rate, torque if heard.has("torque") else None)
+    return {"depth": latest, "layers": layers, "log": log}
 
 
 def _timing(status: Mapping[str, Any]) -> dict[str, str]:

@@ -127,7 +127,8 @@ class Moments:
         assert parts[0] is not None
         assert parts[1] is not None
         pieces = [*self._recording.pieces_between(drill, time - _SPAN, time)]
-        _, depths = self._views.series([depth], pieces, time - _SPAN, time)[depth]
+        times, depths = self._views.series([depth], pieces, time - _SPAN, time)[depth]
+        depths = depths[times <= time + 1e-9]
         known = parts[0][np.isfinite(parts[0])]
         latest = depths[-1:] if len(depths) else known[-1:]
         return {

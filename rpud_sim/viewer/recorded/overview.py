@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections import defaultdict
 
@@ -11,7 +12,7 @@ from rpud_sim.viewer.bins import Bins
 from rpud_sim.viewer.impacts import Impacts
 from rpud_sim.viewer.recorded.clock import JumpFinder
 from rpud_sim.viewer.recorded.lines import GAP, usual
-from rpud_sim.viewer.recorded.recording import Recording
+from rpud_sim.viewer.recorded.recording import PieceRows, Recording
 from rpud_sim.viewer.recorded.signals import IMPACTS, PEAK_FORCE, namespace
 
 BINS = 2**17  # greatest number of bins of a signal
@@ -21,6 +22,7 @@ _LEAST_BINS = 2**10
 _BIN_SIZE = 32  # bytes
 _LEAST_GAP = 0.1  # s
 _LEAST_STEPS = 10  # fewer messages have no usual distance
+_BATCH = 16  # parts that are read together
 _SPARE = 1.02  # of the time, for what is later than the last log time
 
 
@@ -38,7 +40,6 @@ class Overview:
         self.read = 0  # parts that were read in their order
         self.until = 0.0  # time up to which these reach [s]
         self.end = 0.0  # latest time of what was read, and at first the expected one [s]
-        self.version = 0  # grows with each part
         self._clear()
 
     @property
@@ -61,34 +62,39 @@ class Overview:
     def sample(self) -> None:
         """Read parts that are spread over the bag."""
         for number in self._recording.sample:
-            self._add(number)
+            self._add(self._recording.rows(number))
             self._sampled.add(number)
 
     def read_next(self) -> bool:
-        """Read the next part, if there is one; return whether the clocks stayed the same.
+        """Read the next few parts, if there are any; return whether the clocks stayed the same.
 
         If they did not, everything is to be read again, since all later times change.
         """
-        recording = self._recording
-        if self.complete:
-            return True
-        if not self._take_jumps():
-            # The clock was set between the sampled parts.
-            while self.read + 1 < len(recording.pieces):
-                self.read += 1
-                self._take_jumps()
-            recording.set_jumps(self._finder.jumps)
+        recording, numbers = self._recording, self._batch(self.read)
+        found = recording.rows_of(numbers)
+        if not self._take_jumps(found):
+            # The clock was set between the sampled parts. The same batches show the same jumps.
             self._finder = JumpFinder()
             self._sampled.clear()
+            for first in range(0, len(recording.pieces), _BATCH):
+                self._take_jumps(recording.rows_of(self._batch(first)))
+            recording.set_jumps(self._finder.jumps)
+            self._finder = JumpFinder()
             self.read = 0
             self._clear()
             return False
-        if self.read in self._sampled:
-            self.until = max(self.until, recording.end_of(self.read))
-        else:
-            self.until = max(self.until, self._add(self.read))
-        self.read += 1
+        if self.read not in self._sampled:
+            self._add(found)
+        self.until = max(self.until, recording.end_of(found))
+        self.read += len(numbers)
         return True
+
+    def _batch(self, first: int) -> list[int]:
+        """Return the parts that are read together: a sampled one alone, others until the next."""
+        if first in self._sampled:
+            return [first]
+        rest = range(first, min(first + _BATCH, len(self._recording.pieces)))
+        return [*itertools.takewhile(lambda number: number not in self._sampled, rest)]
 
     def gaps(self) -> list[tuple[float, float]]:
         """Return where no signal has messages for much longer than usual, from and to [s].
@@ -111,7 +117,7 @@ class Overview:
         recording = self._recording
         duration = max(recording.duration, 1e-3)
         if recording.pieces:
-            duration = max(duration, recording.end_of(len(recording.pieces) - 1))
+            duration = max(duration, recording.end_of(recording.rows(len(recording.pieces) - 1)))
         names = [signal.name for signal in recording.signals]
         fitting = MEMORY // (_BIN_SIZE * max(1, len(names)))
         count = min(BINS, max(_LEAST_BINS, 2 ** int(math.log2(fitting))))
@@ -119,21 +125,19 @@ class Overview:
         self.impacts: dict[str, Impacts] = defaultdict(Impacts)  # by drill
         self.until, self.end = 0.0, duration
 
-    def _take_jumps(self) -> bool:
+    def _take_jumps(self, found: PieceRows) -> bool:
         recording = self._recording
-        found = recording.rows(self.read)
         series = {drill: recording.series(drill, found) for drill in recording.clocks}
         return self._finder.add(series, recording.clocks)
 
-    def _add(self, number: int) -> float:
-        """Add the rows of a part; return their greatest time [s]."""
+    def _add(self, found: PieceRows) -> None:
+        """Add the rows of parts."""
         recording = self._recording
-        until = 0.0
-        for topic, rows in recording.rows(number).items():
+        for topic, rows in found.items():
             if not len(rows.stamps):
                 continue
             times = recording.elapsed(topic, rows)
-            until = max(until, float(times.max()))
+            self.end = max(self.end, float(times.max()))
             reader = recording.readers[topic]
             for signal in reader.signals:
                 self.bins.add(signal.name, times, rows.values[signal.column])
@@ -141,6 +145,3 @@ class Overview:
                 peaks = rows.values[PEAK_FORCE]
                 valid = np.isfinite(peaks)
                 self.impacts[namespace(topic)].add(times[valid], peaks[valid])
-        self.end = max(self.end, until)
-        self.version += 1
-        return until

@@ -152,13 +152,26 @@ class Recording:
         """Return the rows of a part, by topic; none of a damaged one."""
 
         def read() -> PieceRows:
-            found = self._read(number)
+            found = self.rows_of([number])
             for drill in self._held_by:
                 if times := self._times(drill, found):
                     self._spans[drill][number] = times
             return found
 
         return self._rows.get(number, read)
+
+    def rows_of(self, numbers: Iterable[int]) -> PieceRows:
+        """Return the rows of several parts together; unlike those of ``rows`` they are not kept."""
+        by_topic: dict[str, list[MessageBlock]] = {}
+        for number in numbers:
+            for block in self._undamaged(number, self._topics, self._blocks):
+                by_topic.setdefault(block.topic, []).append(block)
+        return {
+            name: self.readers[name].read(
+                blocks[0] if len(blocks) == 1 else joined([block.packed() for block in blocks])
+            )
+            for name, blocks in by_topic.items()
+        }
 
     def messages(self, number: int, topics: Sequence[str]) -> list[Message]:
         """Return the messages of topics in a part; none of a damaged one."""
@@ -211,9 +224,8 @@ class Recording:
             return (message.log_time - self.begin) / SECOND
         return (join_seconds(stamp.sec, stamp.nanosec) - clock.offset(message.log_time)) / SECOND
 
-    def end_of(self, number: int) -> float:
-        """Return the greatest time since the bag began in a part [s]; 0 without rows."""
-        found = self.rows(number)
+    def end_of(self, found: PieceRows) -> float:
+        """Return the greatest time since the bag began of some rows [s]; 0 without any."""
         ends = [
             float(self.elapsed(topic, rows).max())
             for topic, rows in found.items()
@@ -240,15 +252,6 @@ class Recording:
         for number, piece in enumerate(self.pieces[first:], first):
             for drill in {namespace(topic) for topic in piece.topics} & self._held_by.keys():
                 self._held_by[drill].append(number)
-
-    def _read(self, number: int) -> PieceRows:
-        by_topic: dict[str, list[MessageBlock]] = {}
-        for block in self._undamaged(number, self._topics, self._blocks):
-            by_topic.setdefault(block.topic, []).append(block)
-        return {
-            name: self.readers[name].read(blocks[0] if len(blocks) == 1 else joined(blocks))
-            for name, blocks in by_topic.items()
-        }
 
     def _blocks(self, piece: Piece) -> Iterable[MessageBlock]:
         if piece.blocks is not None:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -65,78 +65,52 @@ class Rows:
     values: dict[str, np.ndarray]
 
 
-@dataclass
 class TopicReader:
-    """Reader of the signals of one topic."""
+    """Reader of the signals of one topic, of which it takes at most so many."""
 
-    summary: TopicSummary  # of the topic
-    columns: Sequence[Column]  # of its table
-    unreadable: int = 0  # messages that are not of the type
-    reason: str = ""  # of the first of these
-    stamped: bool = field(init=False)
-    block: bool = field(init=False)
-    signals: tuple[Signal, ...] = field(init=False)
-
-    def __post_init__(self) -> None:
-        topic = self.summary.topic
-        self.block = self.columns[0].name == "time"
-        names = {column.name: column for column in self.columns}
-        stamp = names.get("header.stamp")
-        self.stamped = stamp is not None and stamp.kind is Kind.TIME
-        self.stamped &= stamp_column(self.columns) != "log_time"
+    def __init__(self, summary: TopicSummary, columns: Sequence[Column], most: int) -> None:
+        self.summary = summary
+        self.unreadable = 0  # messages that are not of the type
+        self.block = columns[0].name == "time"  # whether a message holds many rows
+        self.stamped = any(
+            (column.name, column.kind) == ("header.stamp", Kind.TIME) for column in columns
+        )
         numbers = [
             column
-            for column in self.columns
+            for column in columns
             if column.kind is Kind.NUMBER and column.name not in _NO_SIGNALS and not self.block
-        ]
+        ][:most]
         self.signals = tuple(
-            Signal(topic.name, topic.type, column.name, column.unit) for column in numbers
+            Signal(summary.topic.name, summary.topic.type, column.name, column.unit)
+            for column in numbers
         )
-        self._numbers = {column.name: column for column in numbers}
-        self._stamp = [stamp] if stamp is not None and self.stamped else []
-        self._fields = self._field_reader()
-
-    @property
-    def latched(self) -> bool:
-        """Whether messages may be older than the bag."""
-        return is_latched(self.summary)
-
-    def keep(self, signals: Iterable[Signal]) -> None:
-        """Read these signals alone."""
-        self.signals = tuple(signals)
-        self._fields = self._field_reader()
+        stamp = [column for column in columns if column.name == "header.stamp" and self.stamped]
+        assert summary.definition is not None  # a table needs it
+        codec, _ = compiled(summary.topic.type, summary.definition)
+        self._fields = FieldReader(codec, [*stamp, *numbers])
 
     def read(self, block: MessageBlock) -> Rows:
         """Return the rows of messages; count those that are not of the type."""
-        late = late_messages(block)
-        if late:
+        if late := late_messages(block):
             block = block.part(np.setdiff1d(np.arange(len(block)), [*late]))
-            self.unreadable += len(late)
-            self.reason = self.reason or next(iter(late.values()))
         found = self._fields.read(block)
-        if found.errors and not self.unreadable:
-            self.reason = found.errors[0][1]
-        self.unreadable += len(found.errors)
+        self.unreadable += len(late) + len(found.errors)
         logs = block.log_times[found.rows].astype(np.int64)
-        stamps = found.array(self._stamp[0].name) if self._stamp else logs
         values = {}
         for signal in self.signals:
             numbers = found.array(signal.column).astype(float)
             values[signal.column] = np.where(usable(numbers), numbers, np.nan)
-        return Rows(logs, stamps, values)
-
-    def _field_reader(self) -> FieldReader:
-        assert self.summary.definition is not None  # a table needs it
-        codec, _ = compiled(self.summary.topic.type, self.summary.definition)
-        numbers = [self._numbers[signal.column] for signal in self.signals]
-        return FieldReader(codec, [*self._stamp, *numbers])
+        return Rows(logs, found.array("header.stamp") if self.stamped else logs, values)
 
 
 def topic_readers(bag: BagReader) -> tuple[dict[str, TopicReader], dict[str, str]]:
     """Return the readers of topics by their names, and the reasons why others have none."""
     left_out = {**bag.damages, **bag.left_out}
     readers: dict[str, TopicReader] = {}
-    for summary in bag.readable_topics:
+    left = MOST_SIGNALS
+    for summary in sorted(
+        bag.readable_topics, key=lambda each: not each.topic.type.startswith(_OURS)
+    ):
         name = summary.topic.name
         if name in left_out or not summary.message_count:
             continue
@@ -144,11 +118,12 @@ def topic_readers(bag: BagReader) -> tuple[dict[str, TopicReader], dict[str, str
             left_out[name] = f"the bag has more than {MOST_TOPICS} topics"
             continue
         try:
-            readers[name] = TopicReader(summary, bag.columns(name))
+            readers[name] = TopicReader(summary, bag.columns(name), left)
         except BagFormatError as error:
             left_out[name] = str(error)
-    _limit(readers)
-    return readers, left_out
+        else:
+            left -= len(readers[name].signals)
+    return dict(sorted(readers.items())), left_out
 
 
 def clock_topics(readers: Mapping[str, TopicReader]) -> dict[str, frozenset[str]]:
@@ -159,36 +134,14 @@ def clock_topics(readers: Mapping[str, TopicReader]) -> dict[str, frozenset[str]
     """
     chosen: dict[str, frozenset[str]] = {}
     for drill in {namespace(name) for name in readers}:
-        stamped = {
-            name: reader
+        ranks = {
+            name: (is_latched(reader.summary), reader.block)
             for name, reader in readers.items()
             if namespace(name) == drill and reader.stamped
         }
-        groups = (
-            {name for name, each in stamped.items() if not each.latched and not each.block},
-            {name for name, each in stamped.items() if not each.latched},
-            set(stamped),
-        )
-        chosen[drill] = frozenset(next((group for group in groups if group), set()))
+        best = min(ranks.values(), default=None)
+        chosen[drill] = frozenset(name for name, rank in ranks.items() if rank == best)
     return chosen
-
-
-def _limit(readers: dict[str, TopicReader]) -> None:
-    """Keep at most ``MOST_SIGNALS``, those of drills first."""
-    left = MOST_SIGNALS
-    for reader in sorted(
-        readers.values(), key=lambda each: not each.summary.topic.type.startswith(_OURS)
-    ):
-        reader.keep(reader.signals[:left])
-        left -= len(reader.signals)
-
-
-def stamp_column(columns: Sequence[Column]) -> str:
-    """Return the column with the times of a topic's rows: log_time if there is no stamp."""
-    if columns[0].name == "time":
-        return "time"
-    stamped = any(column.name == "header.stamp" and column.kind is Kind.TIME for column in columns)
-    return "header.stamp" if stamped else "log_time"
 
 
 def is_latched(summary: TopicSummary) -> bool:

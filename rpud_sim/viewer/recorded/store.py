@@ -8,11 +8,12 @@ import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rpud_sim.foundation.quantities import ParameterError
-from rpud_sim.pages.quantities import QUANTITIES, for_browser
+from rpud_sim.pages.quantities import QUANTITIES, Quantity, for_browser
 from rpud_sim.viewer.plots import chosen_quantities, drill_plots
 from rpud_sim.viewer.recorded.marks import AT_ONCE, Marks
 from rpud_sim.viewer.recorded.moment import Moments
@@ -21,8 +22,10 @@ from rpud_sim.viewer.recorded.recording import Recording
 from rpud_sim.viewer.recorded.signals import Signal
 from rpud_sim.viewer.recorded.views import Views, is_drill
 from rpud_sim.viewer.recorded.waveforms import Waveforms
-from rpud_sim.viewer.server import PageServer, Place
 from rpud_sim.viewer.store import ClientState, StoreError
+
+if TYPE_CHECKING:
+    from rpud_sim.viewer.server import PageServer, Place
 
 _REFRESH = 1.0  # shortest time between pictures of what was read on, and looks at the files [s]
 _SHARE = 0.1  # greatest part of the time that these looks take
@@ -181,7 +184,8 @@ class RecordedStore:
         add("timeline", version, lambda: {"timeline": bag.views.timeline(drill)})
         add("marks", (version, bag.marks.version), lambda: self._marks(drill))
         start, end = self._range(client, now)
-        chosen = tuple(chosen_quantities(plots, client.choices))
+        drawn = [plot for plot in plots if plot["id"] != "motion"]  # that is drawn from sections
+        chosen = tuple(chosen_quantities(drawn, client.choices))
         width = client.view.width
         fresh = version if end - start > 1.0 or end > now - 1.0 else 0
         shown = (start, end, width, chosen)
@@ -226,13 +230,15 @@ class RecordedStore:
         return quantity in steps or self._bag.views.has(drill, quantity)
 
     def _range(self, client: ClientState, now: float) -> tuple[float, float]:
-        """Return the range that a browser shows; a bag that does not grow is shown as a whole."""
+        """Return the range that a browser shows; a bag that has not grown is shown as a whole."""
         view = client.view
         if view.follow is None:
-            return max(view.start, 0.0), min(view.end, now)
+            start = min(max(view.start, 0.0), now)
+            return start, max(min(view.end, now), start + 1e-9)
         if self._bag.recording.growing:
-            return max(now - view.follow, 0.0), now
-        return 0.0, now
+            client.sent["followed"] = True
+        followed = client.sent.get("followed", False)
+        return (max(now - view.follow, 0.0) if followed else 0.0), now
 
     def _state(self, now: float) -> dict[str, Any]:
         recording, overview = self._bag.recording, self._bag.overview
@@ -376,6 +382,8 @@ def serve_bag(
 
     ``announce`` is called once the server listens, and prints ``server.url("/screen")``.
     """
+    from rpud_sim.viewer.server import PageServer  # needs Tornado, which a report does without
+
     with RecordedStore(os.fspath(bag)) as store, PageServer(store, place) as server:
         store.start()
         announce(server)
@@ -387,14 +395,7 @@ _NOTHING = object()  # was sent
 
 def _quantity(signal: Signal, drill: str) -> dict[str, Any]:
     """Return a signal as a quantity of the table that the browser has."""
-    topic = signal.topic.removeprefix(f"{drill}/") if drill else signal.topic
-    return {
-        "name": signal.name,
-        "label": f"{topic} {signal.column}",
-        "unit": signal.unit,
-        "scale": 1.0,
-        "colour": "other",
-        "floor": 0.0,
-        "positive": "",
-        "zero": False,
-    }
+    topic = signal.topic.removeprefix(f"{drill}/")
+    found = asdict(Quantity(signal.name, f"{topic} {signal.column}", signal.unit, zero=False))
+    del found["sources"]
+    return found

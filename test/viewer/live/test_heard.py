@@ -107,7 +107,7 @@ def test_a_status_fills_what_no_topic_has(heard):
 
 def test_a_faulty_signal_without_a_number_leaves_the_bin_empty(heard):
     hear(heard, "reacting_force", 0, math.nan)
-    assert not heard.has("reacting_force")
+    assert not heard.fine.has("reacting_force")
 
 
 def test_the_newest_block_of_the_waveform_is_kept(heard):

@@ -8,12 +8,21 @@ import pytest
 from altered_bags import altered
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from sample_bags import write_offline_bag
 from viewer.recorded.recorded_bags import DURATION
 
 import rpud_sim.bag
+from rpud_sim.bag import BagWriter, Topic
+from rpud_sim.bag.cdr import Codec
+from rpud_sim.bag.definitions import find_definition, find_type_hash
 from rpud_sim.cli.main import main
+from rpud_sim.drilling.strata import Strata, preset_layer
 from rpud_sim.foundation.quantities import ParameterError
+from rpud_sim.inspection import offline_bag
 from rpud_sim.inspection.rebuild import rebuild
+from rpud_sim.simulation import preset
+from rpud_sim.simulation.configuration import Settings, to_configuration
+from rpud_sim.simulation.run import Beginning
 from rpud_sim.viewer.frames import decode, encode
 from rpud_sim.viewer.recorded.store import RecordedStore
 from rpud_sim.viewer.recorded.views import MESSAGES, OVERVIEW, WAVEFORM, WAVEFORM_RANGE
@@ -250,3 +259,66 @@ def test_no_bag_is_one_line(capsys, tmp_path):
     assert end.value.code == 1
     last = capsys.readouterr().err.splitlines()[-1]  # rclpy may complain of another test's node
     assert last == f"rpud watch: there is no bag at {tmp_path / 'none'}"
+
+
+def test_without_a_trajectory_the_section_is_that_of_the_waveform(tmp_path):
+    write_offline_bag(tmp_path / "whole", preset("drilling"), 0.5)
+    with RecordedStore(tmp_path / "whole") as store:
+        exact = store.section(DRILL, 0.33)
+    path = altered(
+        tmp_path / "whole",
+        tmp_path / "bag",
+        lambda m: [m.data],
+        {"/rpud/contact_force", "/rpud/waveform"},
+    )
+    with RecordedStore(path) as store:
+        section = store.section(DRILL, 0.33)
+    assert (exact["exact"], section["exact"]) == (True, False)
+    for name in ("free_mass", "nodal_plane", "actuator", "drill_tool"):
+        times = section["time"] + section["period"] * np.arange(len(section[name]))
+        places = np.rint((times - exact["time"]) / exact["period"]).astype(int)
+        inside = (places >= 0) & (places < len(exact[name]))
+        assert inside.sum() > 900
+        scale = np.ptp(exact["free_mass"])
+        error = np.abs(section[name][inside] - exact[name][places[inside]])
+        assert np.median(error) < 0.02 * scale, name
+    assert len(section["impacts"]) == len(exact["impacts"])
+
+
+def test_a_drill_in_strata_shows_its_hole(tmp_path):
+    strata = Strata((preset_layer("regolith"), preset_layer("chalk", 0.002))).to_text()
+    settings = Settings(to_configuration({"rotation_model": "friction_drive", "strata": strata}))
+    offline_bag.write_offline_bag(tmp_path / "bag", Beginning(settings), 3.0)
+    with RecordedStore(tmp_path / "bag") as store:
+        store.read_all()
+        frame = asked(store, playhead=2.5)
+    hole = frame["hole"]
+    assert [layer["name"] for layer in hole["layers"]] == ["regolith", "chalk"]
+    assert hole["depth"] == pytest.approx(frame["values"]["borehole"]["depth"], rel=1e-3)
+    assert hole["depth"] > 0.0
+    assert len(hole["log"]["depth"]) == len(hole["log"]["rate"]) > 10
+    assert frame["numbers"]["penetration_rate"]["mean"] > 0.0
+    choices = {choice["id"] for plot in frame["plots"] for choice in plot["choices"]}
+    assert {"depth", "rotation", "torque"} <= choices
+
+
+def test_a_foreign_bag_shows_its_signals(tmp_path):
+    kind, name = "geometry_msgs/msg/Vector3", "/robot/wrist"
+    codec = Codec(kind, find_definition(kind))
+    with BagWriter(tmp_path / "bag") as bag:
+        bag.add_topic(Topic(name, kind, find_type_hash(kind)), find_definition(kind))
+        for number in range(300):
+            data = codec.encode({"x": float(number), "y": 1.0, "z": 2.0})
+            bag.write(name, data, number * 10**7, number * 10**7)
+    with RecordedStore(tmp_path / "bag") as store:
+        store.read_all()
+        frame = asked(store)
+    assert (frame["drills"], frame["drill"]) == (["/robot"], "/robot")
+    assert len(frame["plots"]) == 3
+    shown = frame["plots"][0]["choices"][0]["layers"][0]["quantity"]
+    assert shown == "/robot/wrist x"
+    assert shown in {each["name"] for each in frame["quantities"]}
+    layer = frame["view"]["layers"][shown]
+    assert (layer["t"][-1], layer["mean"][-1]) == (pytest.approx(2.99), 299.0)
+    assert frame["values"] == {"wrist": {"x": 299.0, "y": 1.0, "z": 2.0}}
+    assert frame["numbers"]["impact_rate"] is None
