@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any, Literal
 from urllib.parse import quote
 
@@ -93,7 +93,7 @@ of the table below.</p>
 </tbody></table></div>
 """
 _MOST_FAILURES = 100  # in full: the table of runs has all
-_MARKERS: Mapping[str, tuple[Literal["circle", "x"], str]] = {
+_MARKERS: dict[str, tuple[Literal["circle", "x"], str]] = {
     PASSED: ("circle", "series2"),
     FAILED: ("x", "fault"),
 }

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.pages.quantities import QUANTITIES, Quantity, for_browser
@@ -21,8 +21,10 @@ from rpud_sim.viewer.recorded.recording import Recording
 from rpud_sim.viewer.recorded.signals import Signal
 from rpud_sim.viewer.recorded.views import MESSAGES_RANGE, Views
 from rpud_sim.viewer.recorded.waveforms import Waveforms
-from rpud_sim.viewer.server import PageServer, Place
 from rpud_sim.viewer.store import ClientState, StoreError
+
+if TYPE_CHECKING:
+    from rpud_sim.viewer.server import PageServer, Place
 
 _REFRESH = 1.0  # shortest time between pictures of what was read on, and looks at the files [s]
 _SHARE = 0.1  # greatest part of the time that these looks take
@@ -356,6 +358,8 @@ def serve_bag(
 
     ``announce`` is called once the server listens, and prints ``server.url("/screen")``.
     """
+    from rpud_sim.viewer.server import PageServer  # needs Tornado, which a report does without
+
     with RecordedStore(os.fspath(bag)) as store, PageServer(store, place) as server:
         store.start()
         announce(server)
