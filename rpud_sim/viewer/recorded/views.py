@@ -45,9 +45,19 @@ class Views:
         if quantity in self._signals:
             return self._signals[quantity]
         for source in QUANTITIES[quantity].sources if quantity in QUANTITIES else ():
-            for signal in self._signals.values():
-                if signal.drill == drill and signal.source == source and self.has_values(signal):
-                    return signal
+            found = [
+                signal
+                for signal in self._signals.values()
+                if signal.drill == drill and signal.source == source and self.has_values(signal)
+            ]
+            if found:  # of several topics of a type, that with its name is the drill's own
+                named = source.partition(".")[0].lower()
+                own = (
+                    each
+                    for each in found
+                    if each.topic.rpartition("/")[2].replace("_", "") == named
+                )
+                return next(own, found[0])
         return None
 
     def has_values(self, signal: Signal) -> bool:
