@@ -6,11 +6,16 @@ report is a recording that is frozen into one file. The browser shows all three 
 =============  ====================================================================================
 module         what it holds
 =============  ====================================================================================
+``server``     server of the screen: this machine alone, or others with a token
+``session``    one browser: what it looks at, what it has acknowledged, what it asks for
+``store``      what a server shows: ``live`` or ``recorded``
 ``frames``     what travels to the browser: a header and arrays, in bytes
+``plots``      plots of a drill, and which quantities they need
+``commands``   commands of a run in words, and as stepped lines
 ``impacts``    impacts of a run, and their spread over any range of time
 ``bins``       least, mean and greatest value of signals over a run, in bins that grow with it
-``server``     server of the screen: this machine alone, or others with a token
-``live``       a running drill: what was heard of it, and actions on it
+``hole``       the hole: layers of the rock, and rate and torque over the depth
+``live``       running drills: what was heard of them, and actions on them
 ``recorded``   a bag: its clocks, its signals, its exact waveform
 ``frozen``     report of a bag: the screen and its data in one file
 ``share``      the screen itself: HTML, CSS and ES modules, one a concept

@@ -143,7 +143,7 @@ class PageServer:
                 (r"/frames", _Frames),
             ],
             server=self,
-            transforms=[_Headers],
+            transforms=[_Headers, web.GZipContentEncoding],
             default_handler_class=web.ErrorHandler,
             default_handler_args={"status_code": _NOT_FOUND},
             websocket_max_message_size=LONGEST_REQUEST,
@@ -264,7 +264,7 @@ class _Guard:
         self._cookie = f"rpud_watch_{port}"
 
     def check(self, handler: web.RequestHandler) -> None:
-        """web.Finish a request that may not pass."""
+        """Finish a request that may not pass."""
         request = handler.request
         host = request.host.lower()
         origin = request.headers.get("Origin")

@@ -53,3 +53,21 @@ def test_where_nothing_was_heard_nothing_is_shown():
     seen = bins.view("x", 0.0, 8.0, 160)
     assert np.isfinite(seen.mean).sum() == 2
     assert not len(Bins(["x"], 0.05, 16).view("x", 5.0, 4.0, 10).times)
+
+
+@given(pairs=samples)
+def test_the_newest_bins_stay_as_fine_as_at_the_beginning(pairs):
+    pairs = sorted(pairs)
+    bins = Bins(["x"], 0.05, 256, newest=True)
+    for time, value in pairs:
+        bins.add("x", np.array([time]), np.array([value]))
+    bins.add("x", np.array([0.0, 1.0]), np.array([1e9, 1e9]))  # too old, or among the first
+    assert bins.width == 0.05
+    end = pairs[-1][0]
+    kept = max(bins.first * bins.width, 1.1)
+    assert end - bins.first * bins.width >= min(end, 127 * 0.05)
+    seen = bins.view("x", kept, end, 10_000)
+    new = [value for time, value in pairs if time >= kept + 0.05]
+    inside = seen.times > kept + 0.05
+    assert np.nanmax(seen.high[inside], initial=-np.inf) >= max(new, default=-np.inf)
+    assert np.nanmax(seen.high[inside], initial=-np.inf) < 1e9

@@ -12,6 +12,7 @@ import numpy as np
 
 from rpud_sim.pages.quantities import QUANTITIES, number_text
 from rpud_sim.viewer import hole
+from rpud_sim.viewer.impacts import part_length
 from rpud_sim.viewer.live.heard import SECTION, Heard
 from rpud_sim.viewer.live.live_drill import LiveDrill
 from rpud_sim.viewer.plots import chosen_quantities, drill_plots
@@ -124,7 +125,7 @@ class LiveFrame:
         plots = [plot for plot in sent["plots"][0] if plot["id"] != "motion"]
         parts = max(1, int(client.view.width / _POINT))
         layers = {
-            quantity: _layer(heard, quantity, kind, start, end, parts)
+            quantity: layer_of(heard, quantity, kind, start, end, parts)
             for quantity, kind in chosen_quantities(plots, client.choices).items()
             if not heard.is_stepped(quantity)
         }
@@ -156,19 +157,23 @@ def _range(view: View, now: float) -> tuple[float, float]:
     return (view.start, view.end) if view.follow is None else (now - view.follow, now)
 
 
-def _layer(
+def layer_of(
     heard: Heard, quantity: str, kind: str, start: float, end: float, parts: int
 ) -> dict[str, Any]:
-    if quantity == "impact_rate" or (
-        quantity == "peak_force" and len(heard.impacts.between(start, end)[0]) < _MOST_EXACT
-    ):
-        start, end = max(start, heard.since or 0.0), min(end, heard.time or 0.0)
-        spread = heard.impacts.spread(start, max(start, end), min(parts, _TIMELINE))
+    """Return a layer of ``view``: a quantity in about so many parts of a range of time [s]."""
+    if quantity in ("impact_rate", "peak_force"):
+        begin, last = max(start, heard.since or 0.0), min(end, heard.time or 0.0)
+        times, _ = heard.impacts.between(begin, last)
         if quantity == "impact_rate":
-            return {"t": spread.times, "mean": spread.rate}
-        outliers = {"t": spread.outlier_times, "v": spread.outliers, "more": spread.more}
-        band = {"low": spread.low, "high": spread.high, "band": "5-95 %", "outliers": outliers}
-        return {"t": spread.times, "mean": spread.mean, **band}
+            width = part_length(start, end, parts)
+            edges = np.arange(np.floor(begin / width), np.ceil(last / width) + 1) * width
+            counts = np.diff(np.searchsorted(times, edges)) * heard.impacts.stride
+            return {"t": edges[:-1] + 0.5 * width, "mean": counts / width}
+        if len(times) < _MOST_EXACT:
+            spread = heard.impacts.spread(begin, max(begin, last), parts)
+            outliers = {"t": spread.outlier_times, "v": spread.outliers, "more": spread.more}
+            band = {"low": spread.low, "high": spread.high, "band": "5-95 %", "outliers": outliers}
+            return {"t": spread.times, "mean": spread.mean, **band}
     found = heard.view(quantity, start, end, parts)
     known = np.isfinite(found.mean)
     layer = {"t": found.times[known], "mean": found.mean[known]}

@@ -56,6 +56,8 @@ class LiveStore:
     def open(self, client: ClientState) -> None:
         """Hear the drill that a browser shows; StoreError if it is unknown, or one too many."""
         name = f"/{(client.drill or self._default).strip('/')}"
+        if name in self.heard and self.heard[name].error:
+            del self.heard[name]  # another thread may do better
         if name not in self.heard:
             if name not in (self._default, *self._look()):
                 raise StoreError(f"there is no drill in {name}")

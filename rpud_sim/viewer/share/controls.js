@@ -39,7 +39,7 @@ export class Controls {
 
   /** @param {HTMLElement} origin with the name of the action @param {Record<string, any>} given */
   act(origin, given) {
-    this.last = origin.closest(".control");
+    this.last = origin.closest(".control.live");
     this.write(this.last, "");
     this.send({ act: origin.dataset.act, arguments: given });
   }

@@ -146,8 +146,7 @@ class Screen {
     const { drills = [], drill = "" } = this.seen;
     document.title = `${drill} \u2013 rpud`;
     element("drill").textContent = drill || "recording";
-    element("drill").classList.toggle("unseen", drills.length > 1);
-    element("drills").hidden = drills.length < 2;
+    [element("drill").hidden, element("drills").hidden] = [drills.length > 1, drills.length < 2];
     element("drills").replaceChildren(...drills.map((name) => new Option(name, name, false, name === drill)));
   }
 

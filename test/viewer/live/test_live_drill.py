@@ -146,6 +146,8 @@ def test_a_thread_that_dies_ends_the_page_with_a_message(drill, monkeypatch):
         assert error.endswith("has ended: ZeroDivisionError: division by zero")
         with pytest.raises(ClosedError):
             client.frame()
+        with ScreenClient(server.port) as again:
+            again.until(lambda seen: "numbers" in seen)
 
 
 @pytest.mark.extended
