@@ -17,6 +17,7 @@ from rpud_sim.foundation.terminal import complain, printable
 
 if TYPE_CHECKING:
     from rpud_sim.ros.client.drill_finder import DrillFinder
+    from rpud_sim.viewer.live.live_store import LiveStore
     from rpud_sim.viewer.server import PageServer
 
 HELP = "show running drills in the browser and act on them, or show a bag"
@@ -93,8 +94,9 @@ def watch_drills(arguments: argparse.Namespace) -> ExitCode:
     def announce(server: PageServer, finder: DrillFinder) -> None:
         _announce(server, finder, arguments)
 
-    def prepare(server: PageServer) -> None:
-        if arguments.until_eof:
+    def prepare(server: PageServer, store: LiveStore) -> None:
+        if arguments.until_eof:  # beside its drill: hear all of the run
+            store.hear()
             threading.Thread(target=_stop_at_end, args=(server,), daemon=True).start()
 
     with failing(ServerError), failing(StartError, code=ExitCode.USAGE):
@@ -145,7 +147,7 @@ def open_browser(url: str) -> None:
         complain("rpud watch", "no browser here: open the address yourself")
 
 
-def _stop_at_end(server: PageServer | PageServer) -> None:
+def _stop_at_end(server: PageServer) -> None:
     """Stop the server when standard input ends: its parent process has ended."""
     # Without the lock of sys.stdin, which the end of the program could not take.
     while os.read(sys.stdin.fileno(), 1024):
