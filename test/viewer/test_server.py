@@ -1,15 +1,19 @@
 """Server of the screen: whom it answers, what it serves, and how a browser gets frames."""
 
 import http.client
+from pathlib import Path
 from urllib.parse import quote
 
 import numpy as np
 import pytest
 from viewer.screen_client import ClosedError, ScreenClient, serving
 
+import rpud_sim.viewer
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.viewer.server import PageServer, Place, ServerError
 from rpud_sim.viewer.store import StoreError, View
+
+SHARE = Path(rpud_sim.viewer.__file__).parent / "share"
 
 
 class Numbers:
@@ -67,9 +71,9 @@ def answer(server, path="/screen", **headers):
         connection.putheader(name, value)
     connection.endheaders()
     response = connection.getresponse()
-    body = response.read().decode()
+    body = response.read()
     connection.close()
-    return response, body
+    return response, body if "Content-Encoding" in response.headers else body.decode()
 
 
 @pytest.mark.parametrize("path", ["/", "/screen", "/drills", "/share/list.js", "/frames"])
@@ -93,6 +97,22 @@ def test_each_answer_forbids_scripts_and_frames_of_others(server, path, status):
     for part in ("default-src 'none'", "script-src 'self'", "frame-ancestors 'none'"):
         assert part in policy
     assert "unsafe" not in policy
+
+
+def test_the_screen_is_small_on_the_way(server):
+    names = [path for path in SHARE.iterdir() if path.suffix in (".js", ".css", ".html")]
+    names += [path for path in (SHARE / "vendor").iterdir() if path.suffix in (".js", ".css")]
+    size = 0
+    for path in names:
+        known = {"Accept-Encoding": "gzip"}
+        response, body = answer(server, f"/share/{path.relative_to(SHARE)}", **known)
+        assert response.status == 200
+        size += len(body)
+        again, _ = answer(server, f"/share/{path.relative_to(SHARE)}", **known, **{
+            "If-None-Match": response.headers["ETag"]
+        })  # fmt: skip
+        assert again.status == 304
+    assert size < 120_000
 
 
 @pytest.mark.parametrize("path", ["/share/../server.py", "/share/%2e%2e/server.py", "/share/"])
