@@ -31,7 +31,7 @@ SCREEN = "import('/share/screen.js').then(({ rpudScreen: screen }) => %s)"
 
 
 def screen(browser: Browser, out: Path, folder: Path) -> None:
-    """Take the screen of a drill that bores through layers, pressed harder and jammed for a while."""
+    """Take the screen of a drill in layers of rock, pressed harder and jammed for a while."""
     words = ("run", "--duration", "600", "--quiet", "--watch", "0", "--set", f"strata={STRATA}")
     with background(*words, folder=folder) as drill:
         pages = open_in_both(browser, printed_url(drill), WIDE)
@@ -45,7 +45,7 @@ def screen(browser: Browser, out: Path, folder: Path) -> None:
 
 
 def motion(browser: Browser, out: Path, folder: Path) -> None:
-    """Film section and zigzag of a recorded run for six seconds; one picture a place of the clock."""
+    """Film section and zigzag of a recorded run: one picture a place of the clock."""
     rpud("simulate", "--duration", "12", "--set", f"strata={STRATA}", "--bag", folder / "drilled")
     with background("watch", "drilled", "--port", "0", folder=folder) as watch:
         url = printed_url(watch)

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections import defaultdict
 from typing import Any
 
-from rpud_sim.bag import BagError
-from rpud_sim.bag.cdr import Codec
+from rpud_sim.bag import Message
 from rpud_sim.viewer.commands import Commands
 from rpud_sim.viewer.recorded.recording import Recording
 from rpud_sim.viewer.recorded.signals import FAULTS, JOURNAL, namespace
@@ -20,11 +19,11 @@ class Marks:
 
     def __init__(self, recording: Recording) -> None:
         self._recording = recording
-        self._codecs = {
-            name: Codec(reader.summary.topic.type, reader.summary.definition or "")
+        self._topics = [
+            name
             for name, reader in recording.readers.items()
             if reader.summary.topic.type in (JOURNAL, FAULTS)
-        }
+        ]
         self.clear()
 
     def clear(self) -> None:
@@ -40,9 +39,10 @@ class Marks:
         pieces = self._recording.pieces
         while self._next < len(pieces):
             number, self._next = self._next, self._next + 1
-            if not pieces[number].topics.isdisjoint(self._codecs):
-                for message in self._recording.messages(number, tuple(self._codecs)):
-                    self._add(message)
+            if not pieces[number].topics.isdisjoint(self._topics):
+                for topic in self._topics:
+                    for message, decoded in self._recording.decoded(number, topic):
+                        self._add(message, decoded)
                 self.version += 1
                 return True
         return False
@@ -52,20 +52,18 @@ class Marks:
         found = [fault for (name, _, _), fault in self._faults.items() if name == drill]
         return sorted(found, key=lambda fault: float(fault["onset"]))
 
-    def _add(self, message: Any) -> None:
-        kind = self._recording.readers[message.topic].summary.topic.type
+    def _add(self, message: Message, decoded: Any) -> None:
         drill = namespace(message.topic)
         try:
-            decoded = self._codecs[message.topic].decode(message.data)
-            if kind == JOURNAL:
+            if hasattr(decoded, "faults"):
+                self._add_faults(drill, message, decoded)
+            else:
                 time = self._recording.time_of(message, decoded.header.stamp)
                 self.commands[drill].add(time, str(decoded.kind), decoded.content)
-            else:
-                self._add_faults(drill, message, decoded)
-        except (AttributeError, BagError, TypeError, ValueError):
+        except (AttributeError, TypeError, ValueError):
             self.unlisted += 1  # another type of the same name
 
-    def _add_faults(self, drill: str, message: Any, decoded: Any) -> None:
+    def _add_faults(self, drill: str, message: Message, decoded: Any) -> None:
         jumps = self._recording.clocks[drill].jumps
         run = sum(jump.log_time <= message.log_time for jump in jumps)
         for fault in decoded.faults:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping
+from functools import partial
 from typing import Any
 
 import numpy as np
 
-from rpud_sim.bag.cdr import Codec
 from rpud_sim.viewer import hole
 from rpud_sim.viewer.commands import Commands
 from rpud_sim.viewer.recorded.overview import Overview
@@ -35,7 +35,6 @@ class Moments:
         self._overview = overview
         self._waveforms = waveforms
         self._views = views
-        self._codecs: dict[str, Codec] = {}
 
     def at(self, drill: str, time: float, commands: Commands) -> dict[str, Any]:
         """Return status, values, numbers and hole of a frame at a time [s]."""
@@ -50,21 +49,16 @@ class Moments:
     def status(self, drill: str, time: float) -> dict[str, Any]:
         """Return the fields of the last status at a time [s] or before; none before the first."""
         recording = self._recording
-        for topic in recording.topics(drill, STATUS)[:1]:
-            if topic not in self._codecs:
-                definition = recording.readers[topic].summary.definition or ""
-                self._codecs[topic] = Codec(STATUS, definition)
-            numbers = recording.pieces_from(drill, time, back=True)
-            for number in itertools.islice(numbers, _MOST_BACK):
-                for message, status in reversed(
-                    recording.decoded(number, topic, self._codecs[topic])
-                ):
-                    if recording.time_of(message, status.header.stamp) <= time + 1e-9:
-                        fields = {k: v for k, v in vars(status).items() if _is_plain(v)}
-                        for name in _TIMES:
-                            if hasattr(status, name):
-                                fields[name] = recording.time_of(message, getattr(status, name))
-                        return fields
+        topic = recording.topic(drill, STATUS)
+        if not topic or not recording.readers[topic].stamped:
+            return {}
+        for number in itertools.islice(recording.pieces_from(drill, time, back=True), _MOST_BACK):
+            for message, status in reversed(recording.decoded(number, topic)):
+                if recording.time_of(message, status.header.stamp) <= time + 1e-9:
+                    fields = {k: v for k, v in vars(status).items() if _is_plain(v)}
+                    for name in filter(partial(hasattr, status), _TIMES):
+                        fields[name] = recording.time_of(message, getattr(status, name))
+                    return fields
         return {}
 
     def values(self, drill: str, time: float) -> dict[str, dict[str, float]]:

@@ -141,7 +141,8 @@ class Overview:
             reader = recording.readers[topic]
             for signal in reader.signals:
                 self.bins.add(signal.name, times, rows.values[signal.column])
-            if reader.summary.topic.type == IMPACTS and PEAK_FORCE in rows.values:
+            drill = namespace(topic)
+            if topic == recording.topic(drill, IMPACTS) and PEAK_FORCE in rows.values:
                 peaks = rows.values[PEAK_FORCE]
                 valid = np.isfinite(peaks)
-                self.impacts[namespace(topic)].add(times[valid], peaks[valid])
+                self.impacts[drill].add(times[valid], peaks[valid])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from bisect import bisect_left
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
@@ -12,7 +13,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 import rpud_sim.bag
-from rpud_sim.bag import BagError, BagReader, Message, Piece
+from rpud_sim.bag import BagError, Message, Piece
 from rpud_sim.bag.block_order import gathered_blocks
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.message_block import MessageBlock, joined
@@ -24,6 +25,7 @@ from rpud_sim.viewer.recorded.signals import (
     Rows,
     Signal,
     clock_topics,
+    is_stranger,
     namespace,
     topic_readers,
 )
@@ -51,19 +53,20 @@ class Recording:
 
     def __init__(self, path: str | Path) -> None:
         self.path = Path(path)
-        self._bag = rpud_sim.bag.open(path, unclosed=True)
+        self.bag = rpud_sim.bag.open(path, unclosed=True)
         try:
             self._files = _sizes(self.path)
-            self.begin = self._bag.start_time  # log time of its beginning [ns]
+            self.begin = self.bag.start_time  # log time of its beginning [ns]
             # By topic: readers, and reasons why there are no signals.
-            self.readers, self.left_out = topic_readers(self._bag)
-            self.pieces: list[Piece] = self._bag.pieces()
+            self.readers, self.left_out = topic_readers(self.bag)
+            self.pieces: list[Piece] = self.bag.pieces()
         except BaseException:
-            self._bag.close()
+            self.bag.close()
             raise
         self.damages: dict[int, str] = {}  # reasons why parts are not read, by their numbers
         self.lost = ""  # what happened to the files since they were opened; empty for nothing
         self._rows: Kept[PieceRows] = Kept(_MOST_VALUES, _values)
+        self._codecs: dict[str, Codec] = {}
         self._decoded: Kept[list[tuple[Message, Any]]] = Kept(_MOST_MESSAGES, len)
         self._clock_topics = clock_topics(self.readers)
         self._topics = frozenset(
@@ -80,21 +83,17 @@ class Recording:
         self._find_clocks()
 
     @property
-    def bag(self) -> BagReader:
-        return self._bag
-
-    @property
     def duration(self) -> float:
         """From the first to the last log time [s]."""
-        return self._bag.duration / SECOND
+        return self.bag.duration / SECOND
 
     @property
     def growing(self) -> bool:
         """Whether the bag was not closed, and something was written to it just now."""
-        if not self._bag.unclosed or self.lost:
+        if not self.bag.unclosed or self.lost:
             return False
         try:
-            return time.time() - self._bag.files[-1].stat().st_mtime < _STILL
+            return time.time() - self.bag.files[-1].stat().st_mtime < _STILL
         except OSError:
             return False
 
@@ -109,13 +108,14 @@ class Recording:
             for name, reader in self.readers.items()
         )
 
-    def topics(self, drill: str, kind: str) -> list[str]:
-        """Return the topics of a drill with messages of a type."""
-        return [
+    def topic(self, drill: str, kind: str) -> str:
+        """Return the topic of a drill with messages of a type, the drill's own first; or ""."""
+        found = [
             name
             for name, reader in self.readers.items()
             if reader.summary.topic.type == kind and namespace(name) == drill
         ]
+        return min(found, key=is_stranger, default="")
 
     @property
     def sample(self) -> list[int]:
@@ -151,8 +151,8 @@ class Recording:
         first = len(self.pieces)
         new = [piece for key, piece in pieces.items() if key not in known]
         self.pieces = [pieces[_key(piece)] for piece in self.pieces] + new
-        self._bag.close()
-        self._bag, self._files = bag, now
+        self.bag.close()
+        self.bag, self._files = bag, now
         self._note_parts(first)
         return True
 
@@ -185,19 +185,26 @@ class Recording:
         """Return the messages of topics in a part; none of a damaged one."""
         return self._undamaged(number, frozenset(topics), lambda piece: piece.read(topics))
 
-    def decoded(self, number: int, topic: str, codec: Codec) -> list[tuple[Message, Any]]:
-        """Return the messages of a topic in a part as they came and decoded; they are kept."""
+    def decoded(self, number: int, topic: str) -> list[tuple[Message, Any]]:
+        """Return the messages of a topic in a part as they came and decoded; they are kept.
+
+        Those that are not of the type are left out.
+        """
 
         def read() -> list[tuple[Message, Any]]:
             found = []
             for message in self.messages(number, (topic,)):
-                try:
-                    found.append((message, codec.decode(message.data)))
-                except BagError as error:
-                    self.damages.setdefault(number, str(error))
+                with suppress(BagError):
+                    found.append((message, self._codec(topic).decode(message.data)))
             return found
 
         return self._decoded.get((number, topic), read)
+
+    def _codec(self, topic: str) -> Codec:
+        if topic not in self._codecs:
+            summary = self.readers[topic].summary
+            self._codecs[topic] = Codec(summary.topic.type, summary.definition or "")
+        return self._codecs[topic]
 
     def pieces_between(self, drill: str, start: float, end: float) -> Iterator[int]:
         """Yield the numbers of parts that may hold what a drill did from ``start`` to ``end`` [s].
@@ -248,7 +255,7 @@ class Recording:
             self._spans[drill].clear()
 
     def close(self) -> None:
-        self._bag.close()
+        self.bag.close()
 
     def __enter__(self) -> Recording:
         return self

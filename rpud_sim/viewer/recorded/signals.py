@@ -12,6 +12,7 @@ from rpud_sim.bag.columns import Column, Kind, usable
 from rpud_sim.bag.field_values import FieldReader
 from rpud_sim.bag.message_block import MessageBlock
 from rpud_sim.bag.tables import compiled, late_messages
+from rpud_sim.simulation.topics import TOPICS
 
 MOST_SIGNALS = 120  # greatest number of signals of a bag
 MOST_TOPICS = 100  # greatest number of topics with signals
@@ -49,6 +50,11 @@ class Signal:
     def source(self) -> str:
         """``Type.column``, as the table of quantities names where a quantity comes from."""
         return f"{self.type.rpartition('/')[2]}.{self.column}"
+
+
+def is_stranger(topic: str) -> bool:
+    """Whether a drill has no topic of this name."""
+    return topic.rpartition("/")[2] not in TOPICS
 
 
 def namespace(topic: str) -> str:

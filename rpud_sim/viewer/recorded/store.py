@@ -268,8 +268,7 @@ class RecordedStore:
 
     def _notice(self) -> str:
         """Return what a user must know of the state of the bag; empty for nothing."""
-        bag, parts = self._bag, []
-        recording = bag.recording
+        bag, recording, parts = self._bag, self._bag.recording, []
         if recording.lost:
             parts.append(f"{recording.lost} since it was opened; this is what was there.")
         elif recording.bag.unclosed and not recording.growing:
@@ -277,11 +276,8 @@ class RecordedStore:
         if recording.damages:
             first = next(iter(recording.damages.values()))
             parts.append(f"{len(recording.damages)} damaged parts are skipped: {first:.300}")
-        unreadable = [
-            f"{reader.unreadable} of {name:.100}"
-            for name, reader in recording.readers.items()
-            if reader.unreadable
-        ]
+        counts = {name: reader.unreadable for name, reader in recording.readers.items()}
+        unreadable = [f"{count} of {name:.100}" for name, count in counts.items() if count]
         if unreadable:
             parts.append(f"Messages that cannot be read: {', '.join(unreadable[:5])}.")
         if bag.marks.unlisted:
@@ -289,7 +285,7 @@ class RecordedStore:
         if not recording.signals:
             parts.append("The bag holds no numbers that can be drawn over time.")
         elif recording.left_out:
-            names = ", ".join(list(recording.left_out)[:5])
+            names = ", ".join([*recording.left_out][:5])
             parts.append(f"Topics that cannot be drawn: {names:.300}.")
         return " ".join(parts)
 

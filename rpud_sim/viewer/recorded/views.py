@@ -13,7 +13,7 @@ from rpud_sim.viewer.impacts import Impacts, Spread
 from rpud_sim.viewer.recorded.lines import Layer, binned, joined, thinned, with_gaps
 from rpud_sim.viewer.recorded.overview import Overview
 from rpud_sim.viewer.recorded.recording import Recording
-from rpud_sim.viewer.recorded.signals import Signal
+from rpud_sim.viewer.recorded.signals import Signal, is_stranger
 from rpud_sim.viewer.recorded.waveforms import CHANNELS, Waveform, Waveforms
 
 OVERVIEW, MESSAGES, WAVEFORM = "overview", "messages", "waveform"  # what a view is made of
@@ -21,6 +21,7 @@ MESSAGES_RANGE = 10.0  # longest range of time that is drawn from the messages t
 WAVEFORM_RANGE = 0.05  # longest range of time that is drawn from the rebuilt waveform [s]
 
 _MOST_PIECES = 80  # parts of the bag that one view reads
+_POINT = 2  # width of a part of a band [px]
 _TIMELINE = 1000  # bins of the timeline
 _LEAST_IMPACTS = 8  # in a part of the time that shows their spread
 _IMPACTS = ("impact_rate", "peak_force")  # quantities of the impacts
@@ -50,14 +51,8 @@ class Views:
                 for signal in self._signals.values()
                 if signal.drill == drill and signal.source == source and self.has_values(signal)
             ]
-            if found:  # of several topics of a type, that with its name is the drill's own
-                named = source.partition(".")[0].lower()
-                own = (
-                    each
-                    for each in found
-                    if each.topic.rpartition("/")[2].replace("_", "") == named
-                )
-                return next(own, found[0])
+            if found:
+                return min(found, key=lambda signal: is_stranger(signal.topic))
         return None
 
     def has_values(self, signal: Signal) -> bool:
@@ -74,16 +69,17 @@ class Views:
         self, drill: str, start: float, end: float, width: int, quantities: Iterable[str]
     ) -> dict[str, Any]:
         """Return the field ``view`` of a frame with layers of some quantities."""
+        parts = max(1, width // _POINT)
         signals = {name: self.signal(drill, name) for name in quantities if name not in _IMPACTS}
         wanted = {name: signal for name, signal in signals.items() if signal is not None}
         peaks = bool(set(_IMPACTS) & set(quantities)) and self.has(drill, "peak_force")
         found: dict[str, Any] = {"start": start, "end": end, "band": "least-greatest"}
         numbers = self._parts(drill, wanted.values(), start, end)
         if numbers is None:
-            layers = {name: self.bins(signal, start, end, width) for name, signal in wanted.items()}
+            layers = {name: self.bins(signal, start, end, parts) for name, signal in wanted.items()}
             if peaks:
                 impacts = self._overview.impacts[drill]
-                ranges = self._ranges(start, end, width)
+                ranges = self._ranges(start, end, parts)
                 layers |= _impact_layers([_spread(impacts, *each) for each in ranges])
             complete = self._overview.complete
             return found | {"detail": OVERVIEW, "complete": complete, "layers": layers}
@@ -92,11 +88,11 @@ class Views:
         for name, signal in wanted.items():
             times, values = series[signal]
             if len(times) > width:
-                layers[name] = with_gaps(binned(times, values, start, end, width))
+                layers[name] = with_gaps(binned(times, values, start, end, parts))
             else:
                 layers[name] = with_gaps({"t": times, "mean": values})
         if peaks:
-            layers |= self._single_impacts(drill, start, end, width)
+            layers |= self._single_impacts(drill, start, end, parts)
         found["complete"] = not any(number in self._recording.damages for number in numbers)
         found["detail"] = MESSAGES
         if end - start < 1.001 * WAVEFORM_RANGE:
@@ -173,7 +169,7 @@ class Views:
         return ranges
 
     def _single_impacts(
-        self, drill: str, start: float, end: float, width: int
+        self, drill: str, start: float, end: float, parts: int
     ) -> dict[str, dict[str, Any]]:
         """Return rate and peak forces: each impact if a screen has room for it, else parts."""
         found = self._waveforms.impacts(drill, start, end)
@@ -181,8 +177,8 @@ class Views:
         times, peaks = found["time"][valid], found["peak_force"][valid]
         impacts = Impacts()
         impacts.add(times, peaks)
-        layers = _impact_layers([_spread(impacts, start, end, width)])
-        if 2 * len(times) <= width:
+        layers = _impact_layers([_spread(impacts, start, end, parts)])
+        if len(times) <= parts:
             layers["peak_force"] = {"t": times, "mean": peaks}
         return layers
 

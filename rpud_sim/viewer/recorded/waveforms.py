@@ -46,7 +46,11 @@ class Waveform:
     numbers: np.ndarray  # of the samples, shape (n,)
     times: np.ndarray  # since the bag began [s], shape (n,)
     channels: Mapping[str, np.ndarray] = field(default_factory=dict)  # by name, shape (n,)
-    cuts: tuple[int, ...] = ()  # places before which samples are missing
+
+    @property
+    def cuts(self) -> list[int]:
+        """Places before which samples are missing, or another run begins."""
+        return (np.flatnonzero(np.diff(self.numbers) != 1) + 1).tolist()
 
 
 class Waveforms:
@@ -54,11 +58,11 @@ class Waveforms:
 
     def __init__(self, recording: Recording) -> None:
         self._recording = recording
-        self._codecs = {kind: Codec(kind, find_definition(kind)) for kind in (TRAJECTORY, WAVEFORM)}
+        self._codec = Codec(TRAJECTORY, find_definition(TRAJECTORY))
 
     def has(self, drill: str) -> bool:
         """Whether the waveform of a drill can be rebuilt."""
-        return bool(self._recording.topics(drill, TRAJECTORY))
+        return bool(self._recording.topic(drill, TRAJECTORY))
 
     def between(self, drill: str, start: float, end: float, rate: int | None = None) -> Waveform:
         """Return the exact samples between two times since the bag began [s].
@@ -68,15 +72,13 @@ class Waveforms:
         if rate is None:
             rate = int(min(max(SAMPLES / max(end - start, 1e-9), 1.0), HIGHEST_RATE))
         parts = []
-        for topic in self._recording.topics(drill, TRAJECTORY)[:1]:
-            numbers = [*self._recording.pieces_between(drill, start, end)]
-            for zero, segments in self._stretches(drill, topic, numbers):
-                first = max(math.ceil((start - zero) * rate), first_sample(segments[0], rate))
-                last = min(math.floor((end - zero) * rate) + 1, end_sample(segments[-1], rate))
-                if last > first:
-                    samples = sample_between(segments, first, last, rate)
-                    counted = np.arange(first, last, dtype=np.int64)
-                    parts.append((counted, counted / rate + zero, vars(samples)))
+        for zero, segments in self._stretches(drill, start, end):
+            first = max(math.ceil((start - zero) * rate), first_sample(segments[0], rate))
+            last = min(math.floor((end - zero) * rate) + 1, end_sample(segments[-1], rate))
+            if last > first:
+                samples = sample_between(segments, first, last, rate)
+                counted = np.arange(first, last, dtype=np.int64)
+                parts.append((counted, counted / rate + zero, vars(samples)))
         return _joined(parts, rate)
 
     def section(self, drill: str, end: float) -> dict[str, Any] | None:
@@ -107,15 +109,14 @@ class Waveforms:
     def impacts(self, drill: str, start: float, end: float) -> dict[str, np.ndarray]:
         """Return ``time``, ``peak_force`` and ``contact_duration`` of impacts in a range."""
         recording = self._recording
-        names = ("peak_force", "contact_duration")
+        names, topic = ("peak_force", "contact_duration"), recording.topic(drill, IMPACTS)
         found = []
-        for topic in recording.topics(drill, IMPACTS)[:1]:
-            for number in recording.pieces_between(drill, start, end):
-                if (rows := recording.rows(number).get(topic)) is not None:
-                    times = recording.elapsed(topic, rows)
-                    inside = (times >= start) & (times <= end)
-                    values = [rows.values.get(name, np.full(len(times), np.nan)) for name in names]
-                    found.append(np.array([times, *values])[:, inside])
+        for number in recording.pieces_between(drill, start, end) if topic else ():
+            if (rows := recording.rows(number).get(topic)) is not None:
+                times = recording.elapsed(topic, rows)
+                inside = (times >= start) & (times <= end)
+                values = [rows.values.get(name, np.full(len(times), np.nan)) for name in names]
+                found.append(np.array([times, *values])[:, inside])
         rows_ = np.concatenate([np.empty((3, 0)), *found], axis=1)
         return dict(zip(("time", *names), rows_[:, np.argsort(rows_[0])], strict=True))
 
@@ -125,7 +126,7 @@ class Waveforms:
         """Return the first impact after a time since the bag began [s], or the last before it."""
         recording = self._recording
         for number in recording.pieces_from(drill, time, back=back):
-            if recording.pieces[number].topics.isdisjoint(recording.topics(drill, IMPACTS)):
+            if recording.topic(drill, IMPACTS) not in recording.pieces[number].topics:
                 continue
             begin, end = recording.span(drill, number) or (0.0, -1.0)
             found = self.impacts(drill, begin, end)
@@ -137,33 +138,39 @@ class Waveforms:
 
     def _sampled(self, drill: str, start: float, end: float) -> Waveform:
         """Return the samples of the waveform's topic between two times [s]."""
-        recording = self._recording
+        recording, topic = self._recording, self._recording.topic(drill, WAVEFORM)
         parts, rate = [], SECTION_RATE
-        for topic in recording.topics(drill, WAVEFORM)[:1]:
-            for number in recording.pieces_between(drill, start, end):
-                for message, block in recording.decoded(number, topic, self._codecs[WAVEFORM]):
-                    lengths = {len(getattr(block, each)) for each in CHANNELS.values()}
-                    if len(lengths) > 1 or not 1e-9 <= block.sample_period <= SECTION:
-                        continue  # another program wrote it
-                    rate = round(1.0 / block.sample_period)
-                    begin = recording.time_of(message, block.header.stamp)
-                    numbers = round(begin * rate) + np.arange(len(block.contact_force))
-                    inside = (numbers >= start * rate) & (numbers <= end * rate)
-                    if inside.any():
-                        channels = {
-                            each: getattr(block, each)[inside] for each in CHANNELS.values()
-                        }
-                        parts.append((numbers[inside], numbers[inside] / rate, channels))
+        for number in recording.pieces_between(drill, start, end) if topic else ():
+            for message, block in recording.decoded(number, topic):
+                channels = {
+                    name: np.asarray(getattr(block, name, ())) for name in CHANNELS.values()
+                }
+                length = len(channels["contact_force"])
+                alike = all(len(values) == length for values in channels.values())
+                if not (alike and 1e-9 <= block.sample_period <= SECTION):
+                    continue  # another program wrote it
+                rate = round(1.0 / block.sample_period)
+                begin = recording.time_of(message, block.header.stamp)
+                numbers = round(begin * rate) + np.arange(length)
+                inside = (numbers >= start * rate) & (numbers <= end * rate)
+                if inside.any():
+                    channels = {name: values[inside] for name, values in channels.items()}
+                    parts.append((numbers[inside], numbers[inside] / rate, channels))
         return _joined(parts, rate)
 
     def _stretches(
-        self, drill: str, topic: str, numbers: Sequence[int]
+        self, drill: str, start: float, end: float
     ) -> Iterator[tuple[float, np.ndarray]]:
-        """Yield gapless stretches of a trajectory, and when in the bag their time zero was [s]."""
-        clock = self._recording.clocks[drill]
+        """Yield gapless stretches of the trajectory, and when in the bag their time zero was [s].
+
+        They cover a range, and begin before it and end after it.
+        """
+        recording, topic = self._recording, self._recording.topic(drill, TRAJECTORY)
+        if not topic:
+            return
+        clock, zero = recording.clocks[drill], 0.0
         held: list[TrajectoryPiece] = []
-        zero = 0.0
-        for piece in self._trajectory(topic, numbers):
+        for piece in self._trajectory(topic, [*recording.pieces_between(drill, start, end)]):
             begin = (piece.origin - clock.offset(piece.log_time)) / SECOND
             if held and not (piece.follows and begin == zero):
                 yield zero, np.concatenate([each.segments for each in held])
@@ -174,19 +181,17 @@ class Waveforms:
             yield zero, np.concatenate([each.segments for each in held])
 
     def _trajectory(self, topic: str, numbers: Sequence[int]) -> Iterator[TrajectoryPiece]:
-        for _, adjacent in itertools.groupby(
-            enumerate(numbers), lambda each: each[1] - each[0]
-        ):  # parts of the bag that follow each other
+        recording = self._recording
+        # Parts of the bag that follow each other.
+        for _, adjacent in itertools.groupby(enumerate(numbers), lambda each: each[1] - each[0]):
             messages = [
                 message
                 for _, number in adjacent
-                for message in self._recording.messages(number, (topic,))
+                for message in recording.messages(number, (topic,))
             ]
             messages.sort(key=lambda message: message.log_time)
             try:
-                yield from trajectory_pieces(
-                    messages, self._codecs[TRAJECTORY], self._recording.path
-                )
+                yield from trajectory_pieces(messages, self._codec, recording.path)
             except BagError:
                 continue  # what came before the damage is drawn
 
@@ -196,11 +201,9 @@ def _joined(
 ) -> Waveform:
     parts = sorted(parts, key=lambda part: float(part[1][0]))
     names = parts[0][2] if parts else ()
-    cuts = np.cumsum([len(numbers) for numbers, _, _ in parts])[:-1]
     return Waveform(
         rate,
         np.concatenate([np.empty(0, np.int64), *(numbers for numbers, _, _ in parts)]),
         np.concatenate([np.empty(0), *(times for _, times, _ in parts)]),
         {name: np.concatenate([each[name] for _, _, each in parts]) for name in names},
-        tuple(int(cut) for cut in cuts),
     )
