@@ -12,7 +12,7 @@ from browser.pages import PHONE, SCHEMES, WIDE
 from browser.screens import of_screen, text_has, until_screen, view_of
 
 import rpud_sim.viewer
-from rpud_sim.pages.quantities import for_browser
+from rpud_sim.pages.quantities import QUANTITIES, for_browser
 from rpud_sim.viewer.frames import encode
 from rpud_sim.viewer.plots import drill_plots
 
@@ -123,6 +123,7 @@ def test_a_zoom_is_cut_from_the_overview(frozen):
 def test_playhead_picks_the_nearest_section_and_the_numbers_there(frozen):
     page = frozen()
     assert of_screen(page, "screen.clock.block.time") == 35.0
+    until_screen(page, "screen.clock.rest > 0")  # it is shown once, and rests
     of_screen(page, "screen.playhead.seek(18)")
     until_screen(page, "screen.clock.block.time === 20")
     page.until(
@@ -149,3 +150,18 @@ def test_the_verdict_comes_first_and_tables_are_folded(frozen, width):
         page.show(scheme)
         page.keep(f"frozen_{scheme}")
         page.check()
+
+
+def test_a_value_reads_as_in_the_terminal(frozen):
+    page = frozen()
+    values = [0.0, 1.247e-96, 3.3e-7, -2.5e-5, 0.0123, 0.9996, 7.0, -123.456, 98765.4, 1.5e9, None]
+    for name, quantity in QUANTITIES.items():
+        shown = page.tab.evaluate(
+            "([name, values]) => import('/share/quantities.js')"
+            ".then(({ valueText }) => values.map((value) => valueText(name, value)))",
+            [name, values],
+        )
+        plain = [
+            text.replace("\N{MINUS SIGN}", "-").replace("\N{NO-BREAK SPACE}", " ") for text in shown
+        ]
+        assert plain == [quantity.text(value) for value in values], name

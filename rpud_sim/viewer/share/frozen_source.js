@@ -15,7 +15,7 @@ export class FrozenSource {
     for (const script of elements("script.frame"))
       Object.assign(this.held, decode(Uint8Array.from(atob(script.textContent ?? ""), (letter) => letter.charCodeAt(0)).buffer));
     this.number = 0;
-    queueMicrotask(() => (this.answer({ ...this.held, sections: undefined, view: undefined, mode: "frozen" }), onState(true, "")));
+    queueMicrotask(() => (this.answer({ ...this.held, sections: undefined, section: undefined, view: undefined, mode: "frozen" }), onState(true, "")));
   }
 
   /** @param {Partial<Frame>} frame */
@@ -29,15 +29,14 @@ export class FrozenSource {
     const sections = this.held.sections ?? [];
     if (request.view && this.held.view) {
       const { start, end, width } = request.view;
-      const layers = Object.entries(this.held.view.layers).map(([name, layer]) => [name, partOf(layer, start, end, width)]);
+      const layers = Object.entries(this.held.view.layers).map(([name, layer]) => [name, partOf(layer, start, end, 0.5 * width)]);
       this.answer({ view: { ...this.held.view, start, end, layers: Object.fromEntries(layers) } });
     } else if (request.playhead !== undefined || request.section) {
       this.playhead = request.playhead ?? this.playhead ?? this.held.extent?.[0] ?? 0;
       const near = sections.reduce((best, each) => (away(each, this.playhead) < away(best, this.playhead) ? each : best), sections[0]);
-      const numbers = this.numbers(this.playhead);
-      const fresh = near && (request.section || near !== this.shown);
+      const fresh = near && near !== this.shown ? { section: { ...near, kept: sections.map((each) => each.time) } } : null;
       this.shown = near;
-      this.answer(fresh ? { numbers, section: { ...near, kept: sections.map((each) => each.time) } } : { numbers });
+      if (fresh || !request.section) this.answer({ numbers: this.numbers(this.playhead), ...fresh });
     } else if (request.seek) {
       const impacts = sections.flatMap((each) => each.impacts.map(([after, peak, contact]) => ({ time: each.time + after, peak_force: peak, contact_duration: contact })));
       const ahead = request.seek === "next";
