@@ -11,7 +11,7 @@ module          what it holds
 ``svg``         ``figure``, ``figures``, ``corner``: plots as pictures in the page
 ``scale``       ends and ticks of axes
 ``shapes``      paths, lines and texts of a picture
-``theme``       colours for light and dark, by name
+``share``       style of a page, and its colours for light and dark
 ==============  ===================================================================================
 
 A file::

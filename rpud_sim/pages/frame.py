@@ -9,7 +9,6 @@ from markupsafe import Markup
 
 from rpud_sim.foundation.terminal import printable
 from rpud_sim.pages.svg import figure, figures
-from rpud_sim.pages.theme import css_variables
 
 _STYLE = Path(__file__).parent / "share" / "page.css"
 _MACROS = """\
@@ -65,7 +64,7 @@ def render_page(body: str, title: str, **context: object) -> str:
     content = environment.from_string(f"{_MACROS}{body}").render(
         figure=figure, figures=figures, title=title, **context
     )
-    style = css_variables() + _STYLE.read_text(encoding="utf-8")
+    style = _STYLE.read_text(encoding="utf-8")
     return environment.from_string(_FRAME).render(
         title=title, style=Markup(style), body=Markup(content)
     )

@@ -34,7 +34,7 @@ class Line:
     x: np.ndarray  # x, y: its points, shape (n,)
     y: np.ndarray
     steps: bool = False  # whether it is drawn as steps
-    color: int | str = 0  # number of its colour, or the name of one in ``theme``
+    color: int | str = 0  # number of its colour, or the name of one in ``page.css``
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class Envelope:
     low: np.ndarray  # low, y, high: least, mean and greatest value of each part, shape (n,)
     y: np.ndarray
     high: np.ndarray
-    color: int | str = 0  # number of its colour, or the name of one in ``theme``
+    color: int | str = 0  # number of its colour, or the name of one in ``page.css``
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,7 @@ class Points:
     across: bool = False  # whether intervals are along x, not along y
     marker: Literal["circle", "x"] = "circle"
     size: float = 6.0  # of a point [pixels]
-    color: int | str = 0  # number of its colour, or the name of one in ``theme``
+    color: int | str = 0  # number of its colour, or the name of one in ``page.css``
     joined: bool = False  # whether a line joins them
     titles: tuple[str, ...] = ()  # of the points, under the pointer; from their values if empty
 
@@ -74,7 +74,7 @@ class Bars:
     name: str
     edges: np.ndarray  # shape (n + 1,)
     y: np.ndarray  # height of each bar, shape (n,)
-    color: int | str = 0  # number of its colour, or the name of one in ``theme``
+    color: int | str = 0  # number of its colour, or the name of one in ``page.css``
 
 
 @dataclass(frozen=True)
@@ -84,7 +84,7 @@ class Rule:
     name: str  # in the legend; empty for none
     value: float  # where it is
     across: bool = True  # whether it is horizontal
-    color: int | str = "text"  # number of its colour, or the name of one in ``theme``
+    color: int | str = "text"  # number of its colour, or the name of one in ``page.css``
     dash: Literal["solid", "dashed", "dotted"] = "dashed"  # of the line
     text: str = ""  # under the pointer
 
@@ -97,7 +97,7 @@ class Zone:
     low: float
     high: float
     across: bool = True  # whether it lies between two values of y, not of x
-    color: int | str = "muted"  # number of its colour, or the name of one in ``theme``
+    color: int | str = "muted"  # number of its colour, or the name of one in ``page.css``
     text: str = ""  # under the pointer
 
 

@@ -16,9 +16,9 @@ from rpud_sim.pages.plot import Axis, Bars, Envelope, Layer, Line, Plot, Points,
 from rpud_sim.pages.quantities import number_text
 from rpud_sim.pages.scale import Scale, scale_of
 from rpud_sim.pages.shapes import element, line, path, segments, text_at, titled, track, whole_parts
-from rpud_sim.pages.theme import series_color
 
 _LETTER = 7.2  # mean width of a letter of 12 pixels [pixels]
+_SERIES = 7  # colours; further series begin again with the first
 _APART = 32.0  # least distance of ticks upward [pixels]
 _OVERHANG = 14.0  # of a text beyond a side; a longer one would reach into its neighbour [pixels]
 _STROKE = 1.4  # width of a line [pixels]
@@ -244,7 +244,8 @@ def _values(layer: Points, number: int, plot: Plot) -> str:
 
 
 def _color(layer: Layer) -> str:
-    return series_color(layer.color) if isinstance(layer.color, int) else layer.color
+    number = layer.color
+    return f"series{number % _SERIES}" if isinstance(number, int) else number
 
 
 def _heading(axis: Axis) -> str:

@@ -1,6 +1,7 @@
 """Pictures show the data of their plots, with a text for those who do not see them."""
 
 import re
+from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
@@ -8,10 +9,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from rpud_sim.pages import svg
 from rpud_sim.pages.plot import Axis, Bars, Envelope, Line, Plot, Points, Rule, Zone
 from rpud_sim.pages.svg import corner, figure, figures
-from rpud_sim.pages.theme import DARK, LIGHT
 
+STYLE = (Path(svg.__file__).parent / "share" / "page.css").read_text()
 X = np.arange(4.0)
 Y = np.array([1.0, np.nan, 3.0, 4.0])
 LAYERS = (
@@ -46,7 +48,8 @@ def test_each_layer_is_drawn_in_colours_of_both_themes(layer):
     parsed(html)
     names = set(re.findall(r"var\(--(\w+)\)", html))
     assert names
-    assert names <= LIGHT.keys() & DARK.keys()
+    light, dark = (set(re.findall(r"--(\w+):", part)) for part in STYLE.split("@media")[:2])
+    assert names <= light == dark
     assert "nan" not in html
     assert "<title>title [N]</title><desc>What is seen.</desc>" in html
 

@@ -30,7 +30,7 @@ def sentence(found: Comparison) -> str:
     """Return the result, and the greatest of the differences."""
     text = f"{found.verdict[0].upper()}{found.verdict[1:]}"
     differing = [
-        (quantity.shown, each)
+        (quantity.shown, each, window.window.name)
         for window in found.windows
         for quantity in window.quantities
         for run in quantity.differences
@@ -39,7 +39,8 @@ def sentence(found: Comparison) -> str:
     ]
     if not differing:
         return f"{text}."
-    shown, most = max(differing, key=lambda pair: abs(math.log1p(pair[1].relative)))
+    shown, most, where = max(differing, key=lambda pair: abs(math.log1p(pair[1].relative)))
     difference, interval = difference_texts(shown, most)
     figure = "" if most.figure == MEAN else f" ({FIGURES[most.figure]})"
-    return f"{text}, most of all {shown.label}{figure}: {difference}, from {interval}."
+    segment = f" {where}" if len(found.windows) > 1 else ""
+    return f"{text}, most of all {shown.label}{figure}{segment}: {difference}, from {interval}."
