@@ -133,7 +133,8 @@ def serve_drills(
     """Serve the list of drills and a screen for each until SIGINT or SIGTERM.
 
     ``announce`` is called once the server listens, ``prepare`` before, such as to hear the drill
-    from the beginning, or to let something else stop the server. A page without a namespace shows the drill of ``namespace``.
+    from the beginning, or to let something else stop the server. A page without a namespace shows
+    the drill of ``namespace``.
     """
     with DrillFinder(domain_id) as finder:
         store = LiveStore(finder, namespace)
