@@ -33,7 +33,7 @@ export class Details {
     this.timing = part("timing and losses", () => this.timingRows());
     this.values = part("all values", () => this.valueTables());
     this.log = part("log of commands", () => this.logRows());
-    this.segments = part("values by segment", () => (this.seen.report?.tables ?? []).map((each) => tableOf(each.title, each.columns, each.rows)));
+    this.segments = part("values by segment", () => (this.seen.report?.tables ?? []).map(({ title, columns, rows }) => tableOf(title, columns, rows)));
   }
 
   /** @param {import("./marks.js").Seen} seen @param {import("./frames.js").Frame} frame */

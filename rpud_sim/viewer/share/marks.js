@@ -15,7 +15,7 @@ const STEPS = Array.from({ length: 30 }, (_, i) => [1, 2, 5].map((each) => Numbe
 export function axisOf(options) {
   return {
     stroke: () => colourOf("muted"), font: "11px system-ui, sans-serif", incrs: STEPS, ticks: { show: false },
-    grid: { show: options.side !== 1, stroke: () => colourOf("rule"), width: 1 },
+    grid: { stroke: () => colourOf("rule"), width: 1 },
     values: (_, values, __, ___, step) => tickTexts(values, step),
     ...options,
   };

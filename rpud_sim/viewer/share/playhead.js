@@ -13,7 +13,7 @@ export class Playhead {
     this.send = send;
     this.onMove = onMove;
     this.time = 0; // [s]
-    this.moved = false; // before, it is at the end, as of a live drill
+    this.moved = false; // by the reader; before, it is at the end, as of a live drill
     this.playing = 0; // when it moved last [ms]; 0 while it stands
     /** @type {[number, number, boolean]} */ this.whole = [0, 0, false]; // ends of the recording, and whether it grows
     /** @type {[number, number] | null} */ this.contact = null; // ends of the contact that was found last
@@ -23,12 +23,11 @@ export class Playhead {
   }
 
   /** @param {import("./marks.js").Seen} seen @param {import("./frames.js").Frame} frame */
-  draw(seen, frame) {
-    const [first, last] = seen.extent ?? [0, 0];
-    this.whole = [first, last, Boolean(seen.growing)];
-    if (seen.mode !== "live" && !this.moved && last !== this.time) this.go(last);
-    if (!frame.jump) return;
-    const { time, peak_force: peak, contact_duration: contact = CONTACT, none = "" } = frame.jump;
+  draw({ mode, extent: [first, last] = [0, 0], growing = false }, { jump }) {
+    this.whole = [first, last, growing];
+    if (mode !== "live" && !this.moved && last !== this.time) this.seek(last, false);
+    if (!jump) return;
+    const { time, peak_force: peak, contact_duration: contact = CONTACT, none = "" } = jump;
     element("contact").hidden = time === undefined;
     element("found").textContent = time === undefined ? none : `impact at ${time.toFixed(9)} s, ${valueText("peak_force", peak)}`;
     if (time === undefined) return;
@@ -36,14 +35,9 @@ export class Playhead {
     this.seek(time);
   }
 
-  /** @param {number} time [s] */
-  seek(time) {
-    this.moved = true; // by the reader
-    this.go(time);
-  }
-
-  /** @param {number} time [s] */
-  go(time) {
+  /** @param {number} time [s] @param {boolean} moved by the reader */
+  seek(time, moved = true) {
+    this.moved ||= moved;
     this.time = Math.max(this.whole[0], Math.min(time, this.whole[1]));
     this.send({ playhead: this.time });
     this.onMove();
@@ -58,9 +52,8 @@ export class Playhead {
     this.playing = this.playing ? 0 : performance.now();
     const [first, last, grows] = this.whole;
     if (this.playing && this.time >= last && !grows) this.time = first;
-    const button = element("play");
-    button.ariaPressed = String(this.playing > 0);
-    button.textContent = this.playing ? "Pause" : "Play";
+    element("play").ariaPressed = String(this.playing > 0);
+    element("play").textContent = this.playing ? "Pause" : "Play";
     if (this.playing) requestAnimationFrame((now) => this.step(now));
   }
 

@@ -40,8 +40,8 @@ class TimePlot {
     /** @type {Seen} */ this.seen = {};
     /** @type {Range} */ this.range = { start: 0, end: 1 };
     /** @type {number | null} */ this.playhead = null;
-    /** @type {Map<string, [number, number]>} */ this.axes = new Map(); // ends, by unit
-    this.span = 0; // for which the axes were fitted [s]
+    /** @type {[number, number] | null} */ this.ends = null; // of the axis of values
+    this.span = 0; // for which these were fitted [s]
     this.title = make("figcaption");
     this.area = make("div", { className: "area" });
     this.figure = make("figure", { className: "plot" }, this.title, this.area);
@@ -63,19 +63,19 @@ class TimePlot {
     this.choice = this.definition.choices.find((each) => each.id === id) ?? this.choice;
     this.select.value = this.choice.id;
     const { layers } = this.choice;
-    const units = [...new Set(layers.map((layer) => this.unit(layer)))];
     const name = this.definition.choices.length > 1 ? this.select : make("b", { textContent: this.choice.title || this.definition.title });
     this.legend = layers.map((layer) => {
       const [name, value] = [make("span"), make("output")];
       const entry = make("span", { className: `key ${layer.kind}` }, name, value);
       entry.style.setProperty("--of", `var(--${this.colour(layer)})`);
       const words = layers.length === 1 && layer.kind === "band" ? "mean" : layer.label;
-      return { layer, entry, name, value, words: units.length > 1 ? `${words}, ${this.unit(layer)}` : words };
+      return { layer, entry, name, value, words };
     });
-    this.title.replaceChildren(name, make("small", { textContent: units.length > 1 ? "" : units[0] }), ...this.legend.map(({ entry }) => entry));
+    const unit = make("small", { textContent: quantityOf(layers[0].quantity).unit });
+    this.title.replaceChildren(name, unit, ...this.legend.map(({ entry }) => entry));
     this.plot?.destroy();
-    this.axes.clear();
-    this.plot = new uPlot(this.options(units), this.data(), this.area);
+    this.ends = null;
+    this.plot = new uPlot(this.options(), this.data(), this.area);
     this.draw(this.seen, this.range, this.playhead);
   }
 
@@ -84,20 +84,15 @@ class TimePlot {
     return layer.colour || quantityOf(layer.quantity).colour;
   }
 
-  /** @param {PlotLayer} layer @returns {string} its unit, which names its axis */
-  unit(layer) {
-    return quantityOf(layer.quantity).unit || "y";
-  }
-
-  /** @param {string[]} units of the layers @returns {uPlot.Options} */
-  options(units) {
+  /** @returns {uPlot.Options} */
+  options() {
     /** @type {uPlot.Series[]} */ const series = [{}];
     /** @type {uPlot.Band[]} */ const bands = [];
     for (const layer of this.choice.layers) {
-      const [colour, scale] = [this.colour(layer), this.unit(layer)];
+      const colour = this.colour(layer);
       const single = () => !this.known(layer)?.low && this.seen.view?.detail !== "overview"; // values, not bins
       /** @type {uPlot.Series} */
-      const shown = { scale, stroke: () => colourOf(colour), width: 1.25, points: { size: 4, width: 0, fill: () => colourOf(colour) } };
+      const shown = { stroke: () => colourOf(colour), width: 1.25, points: { size: 4, width: 0, fill: () => colourOf(colour) } };
       if (shown.points && layer.kind === "steps") shown.points.show = false;
       else if (shown.points) shown.points.show = (plot, _, first, last) => single() && (last - first) * 6 < plot.bbox.width;
       if (layer.kind === "steps") shown.paths = uPlot.paths.stepped?.({ align: 1 });
@@ -105,28 +100,21 @@ class TimePlot {
       if (layer.quantity === "peak_force") shown.paths = (...of) => (single() ? null : uPlot.paths.linear?.()(...of) ?? null);
       series.push(shown);
       if (layer.kind !== "band") continue;
-      const edge = { scale, width: 0, stroke: () => "transparent", points: { show: false } };
+      const edge = { width: 0, stroke: () => "transparent", points: { show: false } };
       series.push(edge, { ...edge });
       bands.push({ series: [series.length - 1, series.length - 2], fill: () => colourOf(colour, 0.25) });
     }
-    /** @type {uPlot.Scales} */
-    const scales = { x: { time: false, range: () => [this.range.start, this.range.end] } };
-    const dir = this.definition.id === "motion" ? -1 : 1; // the rock is below
-    for (const unit of units) scales[unit] = { dir, range: () => this.axes.get(unit) ?? [0, 1] };
     const { hooks, ...shared } = sharedCursor(this.listener);
     return {
-      ...this.size(), ...shared, series, bands, scales,
-      axes: [timeAxis(this.written), ...units.slice(0, 2).map((scale, number) => this.axis(scale, number))],
+      ...this.size(), ...shared, series, bands,
+      scales: {
+        x: { time: false, range: () => [this.range.start, this.range.end] },
+        y: { dir: this.definition.id === "motion" ? -1 : 1, range: () => this.ends ?? [0, 1] }, // the rock is below
+      },
+      axes: [timeAxis(this.written), axisOf({ size: AXIS, gap: 6, space: 26 })],
       padding: [6, END, this.written ? 0 : 4, 0],
       hooks: { ...hooks, drawClear: [(plot) => drawSpans(plot, this.seen)], draw: [(plot) => this.mark(plot)], setCursor: [(plot) => this.read(plot)] },
     };
-  }
-
-  /** @param {string} scale @param {number} number of the axis; a second one stands inside, so that all plots are equally wide */
-  axis(scale, number) {
-    const own = this.choice.layers.find((layer) => number && this.unit(layer) === scale);
-    const place = number ? { side: 1, size: 0, gap: -34 } : { side: 3, size: AXIS, gap: 6 };
-    return axisOf({ scale, ...place, space: 26, stroke: () => colourOf(own ? this.colour(own) : "muted") });
   }
 
   /** @param {PlotLayer} layer @returns {import("./frames.js").Layer | undefined} what is known of it in the present view */
@@ -147,29 +135,25 @@ class TimePlot {
     return /** @type {uPlot.AlignedData} */ (tables.length === 1 ? tables[0] : uPlot.join(/** @type {any} */ (tables)));
   }
 
-  /** Fit the axes to what is in view; values above the 99.9 % quantile are marked at the upper edge. */
+  /** Fit the axis to what is in view; values above the 99.9 % quantile are marked at the upper edge. */
   fit() {
     const { start, end } = this.range;
-    if (Math.abs((end - start) / this.span - 1) > 0.01) this.axes.clear();
+    const before = Math.abs((end - start) / this.span - 1) > 0.01 ? null : this.ends;
     this.span = end - start;
-    for (const unit of new Set(this.choice.layers.map((layer) => this.unit(layer)))) {
-      /** @type {number[]} */ const values = [];
-      const layers = this.choice.layers.filter((layer) => this.unit(layer) === unit);
-      for (const layer of layers) {
-        const { scale } = quantityOf(layer.quantity);
-        const { t = [], mean, low, high, outliers } = this.known(layer) ?? {};
-        const [first, last] = [Math.max(0, placeOf(t, start)), placeOf(t, end) + 1];
-        for (const column of [mean, low, high])
-          for (let i = first; column && i < last; i += 1) if (column[i] === column[i]) values.push(column[i] * scale);
-        for (const value of outliers?.v ?? []) values.push(value * scale);
-      }
-      values.sort((a, b) => a - b);
-      const zero = layers.some((layer) => quantityOf(layer.quantity).zero);
-      const [low, high] = axisRange(values[0], values[Math.ceil(CLIP * (values.length - 1))], zero);
-      const before = this.axes.get(unit);
-      const fits = before && before[0] <= low && high <= before[1] && high - low > SHRINK * (before[1] - before[0]);
-      if (!fits) this.axes.set(unit, [low, high]);
+    /** @type {number[]} */ const values = [];
+    for (const layer of this.choice.layers) {
+      const { scale } = quantityOf(layer.quantity);
+      const { t = [], mean, low, high, outliers } = this.known(layer) ?? {};
+      const [first, last] = [Math.max(0, placeOf(t, start)), placeOf(t, end) + 1];
+      for (const column of [mean, low, high])
+        for (let i = first; column && i < last; i += 1) if (column[i] === column[i]) values.push(column[i] * scale);
+      for (const value of outliers?.v ?? []) values.push(value * scale);
     }
+    values.sort((a, b) => a - b);
+    const zero = this.choice.layers.some((layer) => quantityOf(layer.quantity).zero);
+    const [low, high] = axisRange(values[0], values[Math.ceil(CLIP * (values.length - 1))], zero);
+    const fits = before && before[0] <= low && high <= before[1] && high - low > SHRINK * (before[1] - before[0]);
+    this.ends = fits ? before : [low, high];
   }
 
   /** @param {Seen} seen @param {Range} range @param {number | null} playhead */
@@ -195,7 +179,7 @@ class TimePlot {
     ctx.save();
     for (const layer of this.choice.layers) {
       const { t, mean, high, outliers } = this.known(layer) ?? { t: [], mean: [] };
-      const top = plot.scales[this.unit(layer)]?.max ?? Infinity;
+      const top = plot.scales.y.max ?? Infinity;
       let above = 0;
       ctx.fillStyle = colourOf(this.colour(layer), 0.8);
       for (const [times, values, dots] of /** @type {const} */ ([[t, high ?? mean, false], [outliers?.t ?? [], outliers?.v ?? [], true]]))
@@ -205,7 +189,7 @@ class TimePlot {
           if (times[i] < this.range.start || times[i] > this.range.end || (inside && !dots) || value !== value) continue;
           const x = plot.valToPos(times[i], "x", true);
           ctx.beginPath();
-          if (inside) ctx.arc(x, plot.valToPos(value, this.unit(layer), true), 1.3 * ratio, 0, 7);
+          if (inside) ctx.arc(x, plot.valToPos(value, "y", true), 1.3 * ratio, 0, 7);
           else for (const [dx, dy] of [[-3, 4], [0, -1], [3, 4]]) ctx.lineTo(x + dx * ratio, bbox.top + dy * ratio);
           ctx.fill();
           above += Number(!inside);

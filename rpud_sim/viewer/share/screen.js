@@ -16,7 +16,6 @@ import { SocketSource } from "./socket_source.js";
 import { Timeline } from "./timeline.js";
 
 const LEAST = 1e-6; // time in view [s]
-const FOLLOWED = 20; // of a live drill, at first [s]
 const ASKED = 60; // between two requests for another view [ms]
 const ZOOM = 1.6; // by one key
 
@@ -25,7 +24,7 @@ class Screen {
   constructor() {
     /** @type {import("./marks.js").Seen} */ this.seen = {};
     /** @type {import("./marks.js").Range | null} */ this.zoomed = null; // null: follow the drill, or show all
-    this.follow = FOLLOWED; // [s]; infinite for the whole run
+    this.follow = 20; // of a live drill, in view [s]; infinite for the whole run
     this.asking = false;
     this.gone = ""; // when the server went
     this.reason = "";
@@ -63,9 +62,13 @@ class Screen {
 
   /** @returns {import("./marks.js").Range} time in view */
   get range() {
-    const [start, last] = this.extent;
-    const end = this.past ? last : this.seen.now ?? last;
+    const [start, end] = this.extent;
     return this.zoomed ?? { start: this.follows ? Math.max(start, end - this.follow) : start, end: Math.max(end, start + LEAST) };
+  }
+
+  /** Length of the time in view [s]. */
+  get span() {
+    return this.range.end - this.range.start;
   }
 
   // --- Frames ---
@@ -79,7 +82,7 @@ class Screen {
     if (!open) return;
     this.controls.forget();
     this.ask();
-    if (this.past) this.playhead.go(this.playhead.time);
+    if (this.past) this.playhead.seek(this.playhead.time, false);
     this.source.send({ section: true });
   }
 
@@ -90,9 +93,9 @@ class Screen {
 
   /** @param {import("./frames.js").Frame} frame */
   draw(frame) {
-    const { run, extent, mode } = this.seen;
+    const { run, extent, mode, drill, drills, plots } = this.seen;
     if (frame.run !== undefined && run !== undefined && frame.run !== run) {
-      this.seen = { mode, drill: this.seen.drill, drills: this.seen.drills, plots: this.seen.plots };
+      this.seen = { mode, drill, drills, plots };
       this.zoomed = null;
       this.clock.clear();
     }
@@ -121,22 +124,22 @@ class Screen {
     const { status = {}, faults = [] } = this.seen;
     const active = faults.filter((each) => each.active).map((each) => each.number);
     const shown = JSON.stringify([status.state, status.regime, status.drive_enabled, active]);
-    if (shown !== this.shown) {
-      this.shown = shown;
-      this.jumps = true;
-      if (!frame.section) this.source.send({ section: true });
-    }
+    if (shown !== this.shown && !frame.section) this.source.send({ section: true });
+    this.jumps ||= shown !== this.shown;
+    this.shown = shown;
     if (!frame.section) return;
+    const { time, kept } = frame.section;
+    if (kept) element("found").textContent = `motion at ${timeText(time, 1)}, the nearest of ${kept.length} blocks that the report keeps`;
     if (this.jumps || (this.past && !this.playhead.playing)) this.clock.jump(frame.section, status.state === "paused" && !this.past);
     else this.clock.set(frame.section);
     this.jumps = false;
   }
 
   drawTime() {
-    const { seen, range, range: { start, end } } = this;
+    const { seen, range, span } = this;
     const playhead = this.past ? this.playhead.time : null;
-    element("time").textContent = timeText(playhead ?? seen.now ?? 0, this.past ? Math.max(end - start, 0.01) : 30);
-    element("reach").textContent = this.zoomed ? `${timeText(start, end - start)} to ${timeText(end, end - start)} in view` : "";
+    element("time").textContent = timeText(playhead ?? seen.now ?? 0, this.past ? Math.max(span, 0.01) : 30);
+    element("reach").textContent = this.zoomed ? `${timeText(range.start, span)} to ${timeText(range.end, span)} in view` : "";
     for (const part of [this.plots, this.timeline]) part.draw(seen, range, playhead);
     for (const button of elements("#views button"))
       button.ariaPressed = String(!this.zoomed && Number(button.dataset.follow) === (this.past ? Infinity : this.follow));
@@ -198,10 +201,9 @@ class Screen {
     this.zoom(at - factor * (at - start), at + factor * (end - at));
   }
 
-  /** @param {number} share of the range in view */
-  move(share) {
-    const { start, end } = this.range;
-    this.zoom(start + share * (end - start), end + share * (end - start));
+  /** @param {number} shift [s] */
+  move(shift) {
+    this.zoom(this.range.start + shift, this.range.end + shift);
   }
 
   /** @param {number} time that was clicked at [s] */
@@ -213,15 +215,13 @@ class Screen {
   reveal() {
     const { start, end } = this.range;
     const { time, playing } = this.playhead;
-    const shift = time - start - (playing ? 0.1 : 0.5) * (end - start);
-    if (this.zoomed && (time < start || time > end)) this.zoom(start + shift, end + shift);
+    if (this.zoomed && (time < start || time > end)) this.move(time - start - (playing ? 0.1 : 0.5) * (end - start));
     else this.drawTime();
   }
 
   /** @param {number | null} time at the cursor */
   point(time) {
-    const { start, end } = this.range;
-    element("cursor").textContent = time === null ? "" : wordsAt(this.seen, time, end - start);
+    element("cursor").textContent = time === null ? "" : wordsAt(this.seen, time, this.span);
   }
 
   // --- Hands of the reader ---
@@ -240,8 +240,8 @@ class Screen {
     drills.onchange = () => (location.search = String(new URLSearchParams({ namespace: drills.value })));
     /** @type {Record<string, () => void>} */
     const keys = {
-      ArrowLeft: () => this.move(-0.25),
-      ArrowRight: () => this.move(0.25),
+      ArrowLeft: () => this.move(-0.25 * this.span),
+      ArrowRight: () => this.move(0.25 * this.span),
       "+": () => this.scale(1 / ZOOM),
       "-": () => this.scale(ZOOM),
       Home: () => this.look(null),
@@ -258,9 +258,8 @@ class Screen {
     const wheel = (/** @type {WheelEvent} */ event) => {
       if (!event.ctrlKey || !(event.target instanceof Element)) return;
       event.preventDefault();
-      const { start, end } = this.range;
       const { left, width } = event.target.closest("#plots .u-over")?.getBoundingClientRect() ?? { left: 0, width: 0 };
-      this.scale(Math.exp(0.002 * event.deltaY), width ? start + ((event.clientX - left) / width) * (end - start) : undefined);
+      this.scale(Math.exp(0.002 * event.deltaY), width ? this.range.start + ((event.clientX - left) / width) * this.span : undefined);
     };
     for (const id of ["plots", "timeline"]) element(id).addEventListener("wheel", wheel, { passive: false });
   }

@@ -2,16 +2,13 @@
 /* Source of a live or recorded screen: frames and requests over one WebSocket. */
 import { decode } from "./frames.js";
 
-const FIRST_WAIT = 250; // before the page connects again [ms]
-const LONGEST_WAIT = 2000;
+const [FIRST_WAIT, LONGEST_WAIT] = [250, 2000]; // before the page connects again [ms]
 
 /** Connection to the server; when that has gone it connects again, for as long as the page is open. */
 export class SocketSource {
   /** @param {(frame: import("./frames.js").Frame) => void} onFrame
    * @param {(open: boolean, reason: string) => void} onState called when the connection opens or closes */
   constructor(onFrame, onState) {
-    const address = new URL(`/frames${location.search}`, location.href);
-    this.address = address.href.replace(/^http/, "ws");
     this.onFrame = onFrame;
     this.onState = onState;
     this.wait = FIRST_WAIT;
@@ -20,7 +17,7 @@ export class SocketSource {
   }
 
   connect() {
-    const socket = new WebSocket(this.address);
+    const socket = new WebSocket(new URL(`/frames${location.search}`, location.href.replace(/^http/, "ws")));
     socket.binaryType = "arraybuffer";
     socket.onopen = () => {
       this.wait = FIRST_WAIT;
@@ -40,8 +37,7 @@ export class SocketSource {
     this.socket = socket;
   }
 
-  /** Send a request; without a connection it is lost, and the page says that there is none.
-   * @param {Record<string, any>} request */
+  /** Send a request; without a connection it is lost, and the page says so. @param {Record<string, any>} request */
   send(request) {
     if (this.socket?.readyState === WebSocket.OPEN) this.socket.send(JSON.stringify(request));
   }
