@@ -21,9 +21,9 @@ ROS = [
     "ros-jazzy-std-msgs==5.3.6",
     "ros-jazzy-std-srvs==5.3.6",
 ]
-WEB = ["bokeh", "scipy", "tornado"]
+WEB = ["scipy", "tornado"]
 EXPORT = ["pyarrow"]
-STUDIES = [*WEB, *EXPORT]
+STUDIES = ["scipy", *EXPORT]
 
 setup(
     name=PACKAGE,
@@ -37,7 +37,7 @@ setup(
         PACKAGE: ["py.typed"],
         f"{PACKAGE}.bag": ["share/*/msg/*.msg"],
         f"{PACKAGE}.kernels": ["compiled/*.kernel"],
-        f"{PACKAGE}.pages": ["share/*.css", "share/*.js"],
+        f"{PACKAGE}.pages": ["share/*.css"],
         f"{PACKAGE}.viewer": ["share/*", "share/vendor/*"],
     },
     python_requires=">=3.10",
@@ -56,7 +56,7 @@ setup(
     ],
     extras_require={
         "ros": [*ROS, f"rpud_msgs=={VERSION}"],
-        "web": WEB,  # watch, report, compare: whatever writes or serves a page
+        "web": WEB,  # watch, report, compare: whatever writes or serves a page of recorded runs
         "report": WEB,  # the same by its former name
         "export": EXPORT,
         "studies": STUDIES,  # sweep, fit

@@ -6,19 +6,18 @@ script it runs from end to end:
     rpud run --duration 5 --record bags/first
     python examples/analyse_a_bag.py bags/first
 
-It needs no ROS, but pandas and Bokeh: pip install pandas bokeh.
+It needs no ROS, but pandas: pip install pandas.
 """
 
 # %% Open the bag
 import sys
+from pathlib import Path
 
 import numpy as np
-from bokeh.layouts import column
-from bokeh.palettes import Colorblind
-from bokeh.plotting import figure, save
-from bokeh.resources import INLINE
 
 import rpud_sim.bag
+from rpud_sim.pages.frame import render_page
+from rpud_sim.pages.plot import Axis, Line, Plot
 
 bag = rpud_sim.bag.open(sys.argv[1] if len(sys.argv) > 1 else "bags/first")
 for summary in bag.topics:
@@ -53,20 +52,19 @@ mean = total / count
 deviation = np.sqrt(squares / count - mean**2)
 print(f"reacting force: {mean:.1f} N, standard deviation {deviation:.1f} N, {count} samples")
 
-# %% The last 50 ms of it as a page with plots that one can zoom
+# %% The last 50 ms of it as a page with plots
 waveform = bag.arrays("/rpud/waveform", start=bag.duration - 50_000_000)
 milliseconds = (waveform["time"] - waveform["time"][0]) / 1e6
-motion = figure(height=260, y_axis_label="position [mm], rock below", tools="xbox_zoom,reset")
-motion.y_range.flipped = True
+time = Axis("time", "ms")
 bodies = "actuator_position", "free_mass_position", "drill_tool_displacement"
-for name, color in zip(bodies, Colorblind[3], strict=True):
-    motion.line(milliseconds, 1e3 * waveform[name], color=color, legend_label=name)
-load = figure(height=260, x_range=motion.x_range, tools="xbox_zoom,reset")
-load.line(milliseconds, waveform["reacting_force"])
-load.yaxis.axis_label = "reacting force [N]"
-load.xaxis.axis_label = "time [ms]"
-plots = column(motion, load, sizing_mode="stretch_width")
-save(plots, "analysis.html", resources=INLINE, title="The last 50 ms")
+lines = [Line(name, milliseconds, 1e3 * waveform[name], color=n) for n, name in enumerate(bodies)]
+position = Axis(unit="mm", flipped=True)  # the rock is below
+motion = Plot("position", tuple(lines), y=position, x=time, height=260, width=1060)
+load = (Line("", milliseconds, waveform["reacting_force"]),)
+force = Plot("reacting force", load, y=Axis(unit="N"), x=time, height=200, width=1060)
+page = render_page("{{ figure(motion) }}{{ figure(force) }}", "The last 50 ms",
+                   motion=motion, force=force)  # fmt: skip
+Path("analysis.html").write_text(page, encoding="utf-8")
 print("analysis.html written")
 
 # %% Done

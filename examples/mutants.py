@@ -31,7 +31,7 @@ MUTANTS = {
     "ramps too fast": ("LARGEST_STEP = 2.0", "LARGEST_STEP = 3.0"),
     "ramps too slowly": ("LARGEST_STEP = 2.0", "LARGEST_STEP = 0.5"),
     "presses too hard": ("GREATEST_WEIGHT = 40.0", "GREATEST_WEIGHT = 100.0"),
-    "no retreat": ("now - self._struck > SILENCE", "False"),
+    "no retreat": ("now - max(self._struck, self._driven) > SILENCE", "False"),
     "late reaction": ("SILENCE = 300_000_000", "SILENCE = 600_000_000"),
     "nervous": ("SILENCE = 300_000_000", "SILENCE = 5_000_000"),
     "drive stays on": ("in (State.RAMPING, State.DRILLING)", "is not State.READY"),

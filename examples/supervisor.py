@@ -18,7 +18,7 @@ from geometry_msgs.msg import WrenchStamped
 from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
-from rpud_msgs.msg import ContactForce, Drive, ReactingForce, WeightOnBit
+from rpud_msgs.msg import ContactForce, Drive, ReactingForce, Status, WeightOnBit
 from std_srvs.srv import SetBool
 
 PERIOD = 100_000_000  # of the control, whose multiples it keeps [ns]
@@ -64,11 +64,13 @@ class Supervisor(Node):
         self._period = 0  # number of the last one
         self._struck = 0  # stamp of the last impact [ns]
         self._trusted = 0  # end of the last period in which the force sensor could be trusted [ns]
+        self._driven = math.inf  # stamp at which the drive began to run, if it does [ns]
         self._asking = False  # whether the answer of a service is missing
         self._states = self.create_publisher(DiagnosticArray, "supervisor/state", LATCHED)
         self._weights = self.create_publisher(WeightOnBit, "command/weight_on_bit", 10)
         self._drives = self.create_publisher(Drive, "command/drive", 10)
         # The clock comes last: an executor looks at subscriptions in the order of their creation.
+        self.create_subscription(Status, "status", self._on_status, LATCHED)
         self.create_subscription(ContactForce, "contact_force", self._on_impact, 1)  # the last
         self.create_subscription(ReactingForce, "reacting_force", self._on_reading, 1000)
         self.create_subscription(WrenchStamped, "wrench", self._on_clock, 1000)
@@ -81,6 +83,10 @@ class Supervisor(Node):
         if heard and self._engage.service_is_ready():
             self._search.cancel()
             self._change(State.READY, 0, "the drill is there")
+
+    def _on_status(self, message):
+        running = message.drive_enabled
+        self._driven = nanoseconds(message.drive_applied) if running else math.inf
 
     def _on_impact(self, message):
         self._struck = nanoseconds(message.header.stamp)
@@ -109,10 +115,10 @@ class Supervisor(Node):
             self._command(now)
 
     def _drill(self, now, force):
-        """Retreat if there is a reason, or else go on."""
-        if now - self._struck > SILENCE:
+        """Retreat if there is a reason, or else go on: without a drive that runs there is none."""
+        if now - max(self._struck, self._driven) > SILENCE:
             self._retreat(now, "no impacts under a running drive: jammed")
-        elif now - self._trusted >= BLINDNESS:
+        elif now - max(self._trusted, self._driven) >= BLINDNESS:
             self._retreat(now, "the force sensor cannot be trusted")
         elif force is not None:
             self._ramp(now, force)

@@ -25,6 +25,7 @@ def start_replayer(context: LaunchContext) -> list[Node]:
                 LaunchConfiguration("rate"),
                 "--start",
                 LaunchConfiguration("start"),
+                "--with-parent",  # or it would go on when launch is killed
                 *flags,
             ],
             ros_arguments=["--log-level", LaunchConfiguration("log_level")],

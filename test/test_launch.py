@@ -86,7 +86,10 @@ def test_nodes_are_executables_of_the_package_or_of_one_that_it_names(path):
 
 @pytest.mark.parametrize(
     ("executable", "flags"),
-    [("recorder", ["--out"]), ("replayer", ["--rate", "--start", "--loop", "--clock"])],
+    [
+        ("recorder", ["--out"]),
+        ("replayer", ["--rate", "--start", "--loop", "--clock", "--with-parent"]),
+    ],
 )
 def test_executables_know_the_flags_that_they_are_given(process, executable, flags):
     helper = process(executable, "--help")

@@ -66,7 +66,7 @@ def test_pytest_is_one_that_the_plugins_of_launch_load_into():
 
 
 def test_the_extra_of_tests_brings_what_every_page_and_comparison_needs():
-    assert {"bokeh", "scipy"} <= needed_by("web") <= needed_by("test")
+    assert {"scipy", "tornado"} <= needed_by("web") <= needed_by("test")
 
 
 def test_every_message_and_service_is_built():

@@ -13,7 +13,7 @@ ROOT = Path(__file__).resolve().parent.parent
 MANIFESTS = (ROOT / "package.xml", ROOT / "msg_defs" / "package.xml")
 
 
-PIP_KEYS = ("mcap-ros2-support", "python3-bokeh-pip", "python3-rosbags-pip")
+PIP_KEYS = ("mcap-ros2-support", "python3-rosbags-pip")
 # What bloom knows when it evaluates conditions.
 RELEASE = {"ROS_DISTRO": "jazzy", "ROS_VERSION": "2", "ROS_PYTHON_VERSION": "3"}
 

@@ -1,7 +1,8 @@
-"""Independent jobs on two threads, with their progress; the kernels release the GIL."""
+"""Independent jobs on a thread for each core, with their progress; the kernels release the GIL."""
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any, TypeVar
@@ -11,8 +12,6 @@ Result = TypeVar("Result")
 
 # Yields the items of an iterable of known length, and shows the progress under a title.
 Track = Callable[[Iterable[Any], int, str], Iterable[Any]]
-
-WORKERS = 2
 
 
 def silent(items: Iterable[Any], total: int, title: str) -> Iterable[Any]:
@@ -24,7 +23,7 @@ def gather(
     function: Callable[[Job], Result], jobs: Sequence[Job], title: str, track: Track
 ) -> list[Result]:
     """Return the results of the jobs, in their order."""
-    with ThreadPoolExecutor(WORKERS) as pool:
+    with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as pool:
         try:
             return list(track(pool.map(function, jobs), len(jobs), title))
         except BaseException:

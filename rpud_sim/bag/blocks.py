@@ -21,7 +21,7 @@ _TIME_COLUMNS = {
     "rpud_msgs/msg/Trajectory": {"origin", "sequence", "start_seconds", "start_fraction"},
     "rpud_msgs/msg/Waveform": {"header.stamp", "sample_period", "sequence"},
 }
-_MAX_DURATION = 9e9  # s; times are 64-bit nanoseconds
+_MAX_DURATION = 7e9  # s; with any stamp the times are 64-bit nanoseconds
 
 
 def holds_rows(type_name: str, columns: tuple[Column, ...]) -> bool:
@@ -68,10 +68,17 @@ def to_rows(
     if "sample_period" in rows:
         time = _sample_times(single, counts)
     else:
-        time = rows["origin"] + rows["start_seconds"] * SECOND
-        time += np.rint(rows["start_fraction"] * SECOND).astype(np.int64)
+        time = rows["origin"] + _starts(rows["start_seconds"], rows["start_fraction"])
     rows["sequence"] = rows["sequence"] + numbers.astype(np.uint64)
     return {TIME.name: time, **rows}
+
+
+def _starts(seconds: np.ndarray, fractions: np.ndarray) -> np.ndarray:
+    """Return the starts of segments since simulation time zero [ns]."""
+    fits = (seconds >= 0) & (seconds < _MAX_DURATION) & (fractions >= 0.0) & (fractions <= 1.0)
+    for row in np.flatnonzero(~fits):
+        raise BagFormatError(f"a segment starts at {seconds[row]} s + {fractions[row]:g} s")
+    return seconds * SECOND + np.rint(fractions * SECOND).astype(np.int64)
 
 
 def _sample_times(blocks: Mapping[str, np.ndarray], counts: np.ndarray) -> np.ndarray:

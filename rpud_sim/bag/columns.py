@@ -17,6 +17,8 @@ from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.errors import BagFormatError
 from rpud_sim.foundation.time import SECOND
 
+_GREATEST = 1e150  # squares of values beyond would overflow
+
 COLUMNS_LIMIT = 10_000  # greatest number of columns of a table
 
 # Columns of every table; a field with such a name gets underscores until it is unique.
@@ -196,3 +198,8 @@ def _comments(type_name: str, definition: str) -> dict[tuple[str, str], str]:
 def _long_name(name: str) -> str:
     package, _, short = name.rpartition("/")
     return f"{package.removesuffix('/msg')}/msg/{short}"
+
+
+def usable(values: np.ndarray) -> np.ndarray:
+    """Return which values can be counted and drawn: finite ones, and not beyond 1e150."""
+    return np.abs(values.astype(float, copy=False)) < _GREATEST

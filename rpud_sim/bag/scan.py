@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import struct
 import zlib
+from bisect import bisect_left
 from collections.abc import Generator, Iterator
 from dataclasses import dataclass
 from typing import BinaryIO
@@ -151,14 +152,24 @@ class Scan:
 
     def _cut_off(self, chunk: Chunk, offset: int, start: int) -> Iterator[Item]:
         """Yield the readable beginning of a chunk that reaches beyond the end of the file."""
-        count = 0
-        for found in _found(self._salvaged(chunk, start, self._size), False):
-            count += isinstance(found.record, Message)
-            yield found
+
+        def salvaged(end: int) -> Iterator[Found]:
+            return _found(self._salvaged(chunk, start, end), False)
+
+        found = count = 0
+        for item in salvaged(self._size):
+            found += 1
+            count += isinstance(item.record, Message)
+            yield item
+        if found:  # what is saved ends where a shorter file would have less
+            places = range(start, self._size)
+            offset = start + bisect_left(
+                places, found, key=lambda end: sum(1 for _ in salvaged(end))
+            )
         yield Damage(
             offset,
             self._size - offset,
-            f"is a chunk that is cut off; {count} messages of it were saved, without a checksum",
+            f"is of a chunk that is cut off; {count} messages of it were saved, without a checksum",
         )
 
     def _salvaged(self, chunk: Chunk, start: int, end: int) -> bytes:

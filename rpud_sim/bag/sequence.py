@@ -17,11 +17,12 @@ class SequenceGaps:
     Messages do not name their publisher. With one publisher the count is exact. With several, a
     number that continues no known sequence is a gap in the sequence just below it. If there are
     more publishers than known sequences, it begins a new sequence instead. ``publisher_count`` is
-    called at gaps only.
+    called at gaps only. What a sequence lacks before its first number counts where ``from_first``.
     """
 
     def __init__(self, publisher_count: Callable[[], int]) -> None:
         self.missing = 0  # messages that never arrived
+        self.from_first = False  # whether all publishers of new sequences began with number 1
         self._publisher_count = publisher_count
         self._last: list[int] = []  # number of each sequence, the most recent at the end
 
@@ -31,7 +32,9 @@ class SequenceGaps:
             last.remove(number - 1)
         else:
             below = max((before for before in last if before < number), default=None)
-            if below is not None and len(last) >= self._publisher_count():
+            if below is None:
+                self.missing += self.from_first * (number - 1)
+            elif len(last) >= self._publisher_count():
                 self.missing += number - below - 1
                 last.remove(below)
         last.append(number)

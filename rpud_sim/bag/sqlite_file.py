@@ -156,15 +156,14 @@ class SqliteFile:
             self.topic_channels.setdefault(each.topic, []).append(each)
         known = {each.id for each in self._reader.connections}
         self._spans: dict[int, tuple[int, int, int]] = {}
-        total = 0
-        for topic, *span in database.execute(
-            "SELECT topic_id, COUNT(*), MIN(timestamp), MAX(timestamp), SUM(LENGTH(data))"
+        # Rows have the lengths of their data: these are not read, as they would be in groups.
+        [(total,)] = database.execute("SELECT SUM(LENGTH(data)) FROM messages")
+        if total and total > self.size:
+            raise BagFormatError(f"its messages have more than the file's {self.size} bytes")
+        for topic, count, first, last in database.execute(
+            "SELECT topic_id, COUNT(*), MIN(timestamp), MAX(timestamp)"
             " FROM messages GROUP BY topic_id"
         ):
-            count, first, last, size = span
-            total += size or 0
-            if total > self.size:
-                raise BagFormatError(f"its messages have more than the file's {self.size} bytes")
             if not all(isinstance(time, int) and 0 <= time <= LATEST for time in (first, last)):
                 raise BagFormatError(f"times are from 0 to {LATEST}, not {first!r} to {last!r}")
             if topic in known:

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from rpud_sim.inspection.compare import Comparison
     from rpud_sim.inspection.compare.estimates import Difference
     from rpud_sim.inspection.compare.same_bits import TopicBits
+    from rpud_sim.pages.quantities import Quantity as ShownQuantity
 
 HELP = "compare runs: settings, commands, bits and distributions"
 DETAILS = (
@@ -210,23 +211,19 @@ def _figure_lines(found: Comparison) -> Iterator[str]:
         )
         yield printable(f"{window.window.name}: {spans}")
         rows = [
-            _row(quantity.title, quantity.unit, _letter(number), each)
+            _row(quantity.shown, _letter(number), each)
             for quantity in window.quantities
             for number, differences in enumerate(quantity.differences, 1)
             for place, each in enumerate(differences)
             if place == 0 or each.decision in (DIFFERS, UNDECIDED)
         ]
-        head = ("quantity", "figure", "run", "A", "value", "", "difference", "95 % interval", "")
+        head = ("quantity", "figure", "run", "A", "value", "difference", "95 % interval", "")
         yield from table(head, rows, left=3)
 
 
-def _row(title: str, unit: str, letter: str, each: Difference) -> tuple[str, ...]:
-    known, relative = (value == value for value in (each.low, each.relative))
-    if relative:
-        difference = f"{100.0 * each.relative:+.3g} %"
-        interval = f"{100.0 * each.relative_low:+.3g} to {100.0 * each.relative_high:+.3g} %"
-    else:
-        difference = f"{each.value:+.3g}"
-        interval = f"{each.low:+.3g} to {each.high:+.3g}" if known else "-"
-    figures = (f"{each.reference.value:.4g}", f"{each.other.value:.4g}")
-    return (title, each.figure, letter, *figures, unit, difference, interval, each.decision)
+def _row(shown: ShownQuantity, letter: str, each: Difference) -> tuple[str, ...]:
+    from rpud_sim.inspection.compare.wording import difference_texts
+
+    values = (shown.text(each.reference.value), shown.text(each.other.value))
+    texts = (*values, *difference_texts(shown, each))
+    return (shown.label, each.figure, letter, *texts, each.decision)

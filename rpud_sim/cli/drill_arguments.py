@@ -31,8 +31,8 @@ def number(text: str) -> float:
     return value
 
 
-def add_drill_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare --namespace, --domain and --patience."""
+def add_place_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare --namespace and --domain."""
     parser.add_argument(
         "--namespace",
         default=RecordOptions.namespace,
@@ -45,6 +45,11 @@ def add_drill_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="N",
         help="ROS domain (default: ROS_DOMAIN_ID, or 0)",
     )
+
+
+def add_drill_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare --namespace, --domain and --patience."""
+    add_place_arguments(parser)
     parser.add_argument(
         "--patience",
         action=Number,

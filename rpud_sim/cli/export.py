@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 
 from rpud_sim.cli.options import (
     LONGEST,
-    RUN,
     Number,
     add_bag_argument,
     add_json_argument,
     add_range_arguments,
+    add_run_argument,
 )
 from rpud_sim.cli.program import ExitCode, failing
 from rpud_sim.cli.progress import progress_bar
@@ -57,15 +57,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="HZ",
         help="export the waveform, rebuilt at this whole number of samples a second",
     )
-    parser.add_argument(
-        "--run",
-        action=Number,
-        quantity=RUN,
-        default=1,
-        metavar="N",
-        dest="number",
-        help="with --rate: number of the simulation, if resets began several (default: the first)",
-    )
+    add_run_argument(parser, "with --rate: ")
     add_range_arguments(parser, "export", LONGEST)
     add_json_argument(parser)
 

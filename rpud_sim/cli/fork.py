@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 from rpud_sim.cli.live_line import logging_above
 from rpud_sim.cli.options import (
     POSITIVE_SECONDS,
-    RUN,
     SECONDS,
     Number,
     add_bag_argument,
     add_json_argument,
+    add_run_argument,
 )
 from rpud_sim.cli.program import ExitCode, failing
 from rpud_sim.cli.progress import progress_bar
@@ -75,16 +75,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--out", metavar="DIR", help="write a new bag; with --live record it")
     parser.add_argument("--live", action="store_true", help="go on as a drill node, on ROS topics")
-    parser.add_argument(
-        "--run",
-        action=Number,
-        quantity=RUN,
-        default=1,
-        metavar="N",
-        dest="number",
-        help="number of the simulation, if resets or restored checkpoints began several "
-        "(default: the first)",
-    )
+    add_run_argument(parser)
     parser.add_argument(
         "--topic", metavar="NAME", help="topic of the journal, if there are several"
     )

@@ -10,6 +10,7 @@ from contextlib import AbstractContextManager, ExitStack, contextmanager
 from typing import TYPE_CHECKING, TypeVar
 
 from rpud_sim.foundation.terminal import columns, printable
+from rpud_sim.pages.quantities import QUANTITIES
 
 if TYPE_CHECKING:
     from rpud_sim.drilling.borehole import BoreholeState
@@ -111,7 +112,7 @@ def summary_text(
     figures: Figures, report: Report | None, faults: Sequence[FaultRecord] = ()
 ) -> str:
     jammed = any(record.fault.kind == _JAMMED for record in faults)
-    rate = _rate_text(figures, jammed, "impacts/s")
+    rate = _rate_texts(figures, jammed)[0]
     lines = [
         f"drilled {figures['duration']:.2f} s: {_joined({'rate': (rate,), **_forces(figures)})}"
     ]
@@ -124,7 +125,7 @@ def summary_text(
         f"{counts.messages_dropped} messages dropped"
     )
     if math.isfinite(status["depth"]):
-        lines.append(f"depth {_depth_text(status['depth'])}")
+        lines.append(f"depth {QUANTITIES['depth'].text(status['depth'])}")
     if report.requests_refused:
         lines.append(f"{report.requests_refused} requests refused")
     if report.last_refusal:
@@ -138,10 +139,10 @@ def summary_text(
 def _parts(report: Report) -> dict[str, tuple[str, ...]]:
     status, counts, timing = report.status, report.bookkeeping, report.timing
     kinds = [record.fault.kind for record in report.faults]
-    weight = f"{status['weight_on_bit']:.4g} N"
+    weight = QUANTITIES["weight_on_bit"].text(status["weight_on_bit"])
     drive = "" if status["drive_enabled"] else "drive off"
     jammed = _JAMMED in kinds
-    depth = _depth_text(status["depth"]) if math.isfinite(status["depth"]) else ""
+    depth = QUANTITIES["depth"].text(status["depth"]) if math.isfinite(status["depth"]) else ""
     refused = counts.commands_rejected + report.requests_refused
     dropped = counts.messages_dropped
     return {
@@ -150,10 +151,7 @@ def _parts(report: Report) -> dict[str, tuple[str, ...]]:
         "weight": (f"{weight} on bit", weight),
         "drive": (drive,),
         "lost": ("commands lost" if counts.commands_lost else "",),
-        "impacts": (
-            _rate_text(report.figures, jammed, "impacts/s"),
-            _rate_text(report.figures, jammed, "/s"),
-        ),
+        "impacts": _rate_texts(report.figures, jammed),
         **_forces(report.figures),
         "feed": _feed_texts(report.process.mount),
         "rotation": _rotation_texts(report.process.rotation),
@@ -162,7 +160,7 @@ def _parts(report: Report) -> dict[str, tuple[str, ...]]:
         "faults": _faults_texts(kinds),
         "refused": (f"{refused} refused" if refused else "",),
         "dropped": (f"{dropped} messages dropped", f"{dropped} dropped") if dropped else ("",),
-        "late": (f"late {1e3 * timing.lateness_max:.1f} ms", ""),
+        "late": (f"late {QUANTITIES['lateness'].text(timing.lateness_max)}", ""),
         "factor": (f"x{timing.real_time_factor:.3f}", ""),
     }
 
@@ -173,25 +171,28 @@ def _forces(figures: Figures) -> dict[str, tuple[str, ...]]:
     )
     forces: dict[str, tuple[str, ...]] = {"contact": ("",), "reacting": ("",)}
     if mean is not None and most is not None:
+        shown = QUANTITIES["peak_force"]
         forces["contact"] = (
-            f"contact force {mean:.0f} N mean {most:.0f} N max",
-            f"contact {mean:.0f} N, max {most:.0f} N",
-            f"contact {mean:.0f} N",
+            f"{shown.label} {shown.text(mean)} mean {shown.text(most)} max",
+            f"peak {shown.text(mean)}, max {shown.text(most)}",
+            f"peak {shown.text(mean)}",
             "",
         )
     if reacting is not None:
-        texts = (f"reacting force {reacting:.1f} N", f"reacting {reacting:.1f} N", "")
-        forces["reacting"] = texts
+        shown = QUANTITIES["reacting_force"]
+        text = shown.text(reacting)
+        forces["reacting"] = (f"{shown.label} {text}", f"load {text}", "")
     return forces
 
 
-def _rate_text(figures: Figures, jammed: bool, unit: str) -> str:
+def _rate_texts(figures: Figures, jammed: bool) -> tuple[str, ...]:
     """Return the rate of impacts; why there are none, if there are none."""
     rate = figures["drill_tool_impact_rate"]
-    if rate:
-        separator = "" if unit.startswith("/") else " "
-        return f"{rate:.0f}{separator}{unit}"
-    return "jammed" if jammed else "no impacts"
+    if not rate:
+        return ("jammed" if jammed else "no impacts",)
+    shown = QUANTITIES["impact_rate"]
+    text = shown.text(rate, unit=False)
+    return (f"{text} {shown.label}{shown.unit}", f"{text}{shown.unit}")
 
 
 def _faults_texts(kinds: Sequence[str]) -> tuple[str, ...]:
@@ -207,16 +208,16 @@ def _feed_texts(mount: MountState | None) -> tuple[str, ...]:
     """Return where the feed is and whether the tool touches the rock; empty without a feed."""
     if mount is None:
         return ("",)
-    feed = f"feed {1e3 * mount.feed:.2f} mm"
-    return (f"{feed}, {1e3 * mount.rate:.2f} mm/s", feed, "")
+    feed = f"feed {QUANTITIES['feed'].text(mount.feed)}"
+    return (f"{feed}, {QUANTITIES['feed_rate'].text(mount.rate)}", feed, "")
 
 
 def _rotation_texts(rotation: RotorState | None) -> tuple[str, ...]:
     """Return rate and torque of the rotation; empty without one."""
     if rotation is None:
         return ("",)
-    rate = "stalled" if rotation.stalled else f"{rotation.rate:.1f} rad/s"
-    return (f"{rate}, torque {1e3 * rotation.torque:.1f} mN m", rate, "")
+    rate = "stalled" if rotation.stalled else QUANTITIES["rotation_rate"].text(rotation.rate)
+    return (f"{rate}, torque {QUANTITIES['torque'].text(rotation.torque)}", rate, "")
 
 
 def _layer_texts(hole: BoreholeState | None) -> tuple[str, ...]:
@@ -224,10 +225,6 @@ def _layer_texts(hole: BoreholeState | None) -> tuple[str, ...]:
     if hole is None:
         return ("",)
     return (f"in {printable(hole.layer)}" if hole.layer else "broken through",)
-
-
-def _depth_text(depth: float) -> str:
-    return f"{1e3 * depth:.2f} mm"
 
 
 def _fault_line(record: FaultRecord) -> str:

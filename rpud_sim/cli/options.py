@@ -94,6 +94,20 @@ def add_json_argument(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--json", action="store_true", help="print one JSON object")
 
 
+def add_run_argument(parser: argparse.ArgumentParser, condition: str = "") -> None:
+    """Declare --run, ``number`` of the arguments; the condition begins its help."""
+    parser.add_argument(
+        "--run",
+        action=Number,
+        quantity=RUN,
+        default=1,
+        metavar="N",
+        dest="number",
+        help=f"{condition}number of the simulation, if resets or restored checkpoints began "
+        "several (default: the first)",
+    )
+
+
 def add_with_parent(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--with-parent",

@@ -71,7 +71,11 @@ def _account(recovery: Recovery) -> str:
     if recovery.size_lost:
         lines.append(f"{recovery.size_lost} bytes could not be read")
     if not recovery.closed:
-        bound = "" if recovery.max_loss is None else f", at most {recovery.max_loss:g} s"
+        bound = (
+            ""
+            if recovery.max_loss is None
+            else (f", at most {recovery.max_loss:g} s if processor and disk kept up")
+        )
         lines.append(f"not closed: what its recorder had yet to write is missing{bound}")
     if recovery.complete:
         lines.append("nothing is lost")

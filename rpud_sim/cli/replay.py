@@ -12,6 +12,7 @@ from rpud_sim.cli.options import (
     Number,
     add_bag_argument,
     add_range_arguments,
+    add_with_parent,
     options_from,
 )
 from rpud_sim.cli.program import ExitCode, failing
@@ -86,6 +87,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="begin when every replayed topic has a subscriber, without a limit of time; "
         f"otherwise it waits at most {DISCOVERY_TIME:g} s",
     )
+    add_with_parent(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -47,8 +47,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         quantity=POSITIVE_SECONDS,
         default=RecordOptions.max_loss,
         metavar="S",
-        help="with --record: seconds of messages that a crash may cost at most "
-        "(default: %(default)g)",
+        help="with --record: seconds of messages that a crash may cost at most, where processor "
+        "and disk keep up (default: %(default)g)",
     )
     parser.add_argument(
         "--watch",

@@ -9,15 +9,15 @@ import threading
 import time
 from typing import TYPE_CHECKING
 
-from rpud_sim.cli.drill_arguments import DOMAIN
+from rpud_sim.cli.drill_arguments import add_place_arguments
 from rpud_sim.cli.options import Number
 from rpud_sim.cli.program import ExitCode, failing
 from rpud_sim.foundation.quantities import Quantity
 from rpud_sim.foundation.terminal import complain, printable
-from rpud_sim.ros.record.record_options import RecordOptions
 
 if TYPE_CHECKING:
     from rpud_sim.ros.client.drill_finder import DrillFinder
+    from rpud_sim.viewer.live.live_store import LiveStore
     from rpud_sim.viewer.server import PageServer
 
 HELP = "show running drills in the browser and act on them, or show a bag"
@@ -57,18 +57,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "(default: %(default)s)",
     )
     parser.add_argument("--open", action="store_true", help="open the page in the browser")
-    parser.add_argument(
-        "--namespace",
-        default=RecordOptions.namespace,
-        help="namespace of the drill to begin with (default: %(default)s)",
-    )
-    parser.add_argument(
-        "--domain",
-        action=Number,
-        quantity=DOMAIN,
-        metavar="N",
-        help="ROS domain (default: ROS_DOMAIN_ID, or 0)",
-    )
+    add_place_arguments(parser)
     parser.add_argument("--until-eof", action="store_true", help=argparse.SUPPRESS)
 
 
@@ -105,8 +94,9 @@ def watch_drills(arguments: argparse.Namespace) -> ExitCode:
     def announce(server: PageServer, finder: DrillFinder) -> None:
         _announce(server, finder, arguments)
 
-    def prepare(server: PageServer) -> None:
-        if arguments.until_eof:
+    def prepare(server: PageServer, store: LiveStore) -> None:
+        if arguments.until_eof:  # beside its drill: hear all of the run
+            store.hear()
             threading.Thread(target=_stop_at_end, args=(server,), daemon=True).start()
 
     with failing(ServerError), failing(StartError, code=ExitCode.USAGE):
@@ -157,7 +147,7 @@ def open_browser(url: str) -> None:
         complain("rpud watch", "no browser here: open the address yourself")
 
 
-def _stop_at_end(server: PageServer | PageServer) -> None:
+def _stop_at_end(server: PageServer) -> None:
     """Stop the server when standard input ends: its parent process has ended."""
     # Without the lock of sys.stdin, which the end of the program could not take.
     while os.read(sys.stdin.fileno(), 1024):

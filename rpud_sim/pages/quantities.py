@@ -6,9 +6,12 @@ Screens, pages and lines in a terminal show a quantity in this one form.
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 
-_DIGITS = 3  # significant ones of a text
+NONE = "\N{EN DASH}"  # in place of a value that is not there
+_PREFIXES = {9: "G", 6: "M", 3: "k", 0: "", -3: "m", -6: "µ", -9: "n"}
+# Units that are shown with a prefix; angles, and what has no unit, stay as they are.
+_SCALED = ("m", "m/s", "N", "N s", "J", "W", "s", "V", "A", "Hz", "Pa", "C", "ohm", "F", "H")
 
 
 @dataclass(frozen=True)
@@ -23,22 +26,29 @@ class Quantity:
     floor: float = 0.0  # SI; what is smaller reads 0
     positive: str = ""  # what a positive value means, where it is not plain
     zero: bool = True  # whether its axis includes zero
+    digits: int = 3  # significant ones
     sources: tuple[str, ...] = ()  # ``Type.column`` of messages that have it, the best first
 
-    def text(self, value: float | None, *, unit: bool = True) -> str:
-        """Return a value, given in SI units, as people read it; a dash for none."""
+    def text(self, value: float | None, *, unit: bool = True, sign: bool = False) -> str:
+        """Return a value, given in SI units, as people read it; a dash for none.
+
+        ``sign`` shows that of a positive value too.
+        """
         if value is None or not math.isfinite(value):
-            return "\N{EN DASH}"
-        number = number_text(0.0 if abs(value) < self.floor else value * self.scale)
+            return NONE
+        number = number_text(0.0 if abs(value) < self.floor else value * self.scale, self.digits)
+        number = f"+{number}" if sign and value > 0.0 and number != "0" else number
         return f"{number} {self.unit}" if unit and self.unit else number
 
 
-def number_text(value: float) -> str:
-    """Return a number with three significant digits, and with all of them before the point."""
+def number_text(value: float, digits: int = 3) -> str:
+    """Return a number with some significant digits, and with all of them before the point."""
+    if not math.isfinite(value):
+        return NONE
     if not value:
         return "0"
-    places = max(0, _DIGITS - 1 - math.floor(math.log10(abs(value))))
-    text = f"{value:.{places}f}" if places <= 9 else f"{value:.{_DIGITS - 1}e}"
+    places = max(0, digits - 1 - math.floor(math.log10(abs(value))))
+    text = f"{value:.{places}f}" if places <= 9 else f"{value:.{digits - 1}e}"
     return text.rstrip("0").rstrip(".") if "." in text and "e" not in text else text
 
 
@@ -89,15 +99,15 @@ QUANTITIES: dict[str, Quantity] = {
             sources=("Borehole.depth", "Status.depth"),
         ),
         Quantity(
-            "penetration_rate", "rate", "mm/min", 6e4, "depth", 1e-10, "into the rock",
+            "penetration_rate", "penetration rate", "mm/min", 6e4, "depth", 1e-10, "into the rock",
             sources=("Borehole.penetration_rate", "Status.penetration_rate"),
         ),
         Quantity(
-            "torque", "torque of rock and cuttings", "N m", 1.0, "torque", 1e-9,
+            "torque", "torque of rock and cuttings", "mN m", 1e3, "torque", 1e-9,
             sources=("Rotation.torque",),
         ),
         Quantity(
-            "drive_torque", "torque of the drive", "N m", 1.0, "power", 1e-9,
+            "drive_torque", "torque of the drive", "mN m", 1e3, "power", 1e-9,
             sources=("Rotation.drive_torque",),
         ),
         Quantity(
@@ -148,8 +158,57 @@ QUANTITIES: dict[str, Quantity] = {
         Quantity(
             "lateness", "latest block", "ms", 1e3, "other", 1e-6, sources=("Status.lateness_max",)
         ),
+        Quantity("feed_rate", "rate of the feed", "mm/s", 1e3, "command", 1e-9, _TOWARD_ROCK),
+        Quantity("impact_interval", "interval between impacts", "ms", 1e3, "force", 1e-9),
+        Quantity("impact_velocity", "impact velocity", "m/s", 1.0, "mass", 1e-6),
+        Quantity("impact_energy", "energy of an impact", "mJ", 1e3, "force", 1e-9),
+        Quantity("contact_duration", "contact duration", "µs", 1e6, "force", 1e-9),
+        Quantity("impact_power", "power of the impacts", "W", 1.0, "power", 1e-6),
+        Quantity("weight_power", "power of weight on bit and gravity", "W", 1.0, "power", 1e-6),
+        Quantity("load_damper_power", "power lost in the load damper", "W", 1.0, "power", 1e-6),
+        Quantity("collision_power", "power lost in collisions", "W", 1.0, "power", 1e-6),
     )
 }  # fmt: skip
+
+
+# How figures of a run are shown.
+_FIGURES = {
+    "drill_tool_impact_rate": "impact_rate",
+    "actuator_impact_rate": "impact_rate",
+    "squeezed_impact_rate": "impact_rate",
+    "impact_velocity_mean": "impact_velocity",
+    "contact_force_mean": "peak_force",
+    "contact_force_p99": "peak_force",
+    "contact_force_max": "peak_force",
+    "contact_duration_mean": "contact_duration",
+    "kinetic_energy_rate": "power",
+    "energy_transferred_rate": "power",
+    "energy_absorbed_rate": "power",
+    "reacting_force_mean": "reacting_force",
+    "depth": "depth",
+    "penetration_rate": "penetration_rate",
+}
+
+
+def figure_quantity(name: str) -> Quantity:
+    """Return how a figure of a run is shown, by its name; its label is that name."""
+    known = QUANTITIES.get(_FIGURES.get(name, ""), Quantity("", "", ""))
+    return replace(known, name=name, label=name)
+
+
+def quantity_in(unit: str, greatest: float, label: str = "") -> Quantity:
+    """Return how a quantity outside the table is shown, such as a parameter.
+
+    ``unit`` is its SI unit. ``greatest`` is its greatest size: it gets one to three digits before
+    the point.
+    """
+    if unit == "kg" and 0.0 < greatest < 1.0:
+        return Quantity("", label, "g", 1e3)
+    if unit not in _SCALED or not math.isfinite(greatest) or greatest <= 0.0:
+        return Quantity("", label, "/s" if unit == "1/s" else unit)
+    exponent = min(max(3 * math.floor(math.log10(greatest) / 3.0 + 1e-12), -9), 9)
+    exponent = min(exponent, 0) if unit == "s" else exponent
+    return Quantity("", label, _PREFIXES[exponent] + unit, 10.0**-exponent)
 
 
 def for_browser() -> list[dict[str, object]]:

@@ -66,9 +66,9 @@ class StopRequest:
 
     def wait(self, seconds: float) -> bool:
         """Sleep for some seconds or until the stop is requested; return whether it is."""
-        if not self._requested:
+        if not self.requested:
             select.select([self._reading], [], [], max(0.0, seconds))
-        return self._requested
+        return self.requested
 
     def _handle(self, number: int, frame: FrameType | None) -> None:
         self.request()

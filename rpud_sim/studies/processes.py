@@ -89,7 +89,7 @@ def run_on_processes(
             ready = wait(busy)
             for connection in [item for item in busy if item in ready]:
                 worker, chunk, attempt = busy.pop(connection)
-                outcome = worker.receive()
+                outcome = worker.receive(chunk.number)
                 if outcome is None:
                     worker.stop()
                     if attempt == ATTEMPTS:
@@ -142,12 +142,14 @@ class _Worker:
         with contextlib.suppress(OSError):
             self.connection.send(chunk)
 
-    def receive(self) -> Any:
+    def receive(self, number: int) -> Any:
         """Return the outcome or an exception; None if the process has ended."""
         try:
             return self.connection.recv()
         except (EOFError, OSError):
             return None
+        except Exception as error:  # of pickle, after everything was received
+            return _pickling_error(number, "unpickled", error)
 
     def ask_to_stop(self) -> None:
         """Ask the process to end, if it gets time for that."""
@@ -184,6 +186,11 @@ def _start_server(module: str) -> None:
         signal.signal(signal.SIGINT, handler)
 
 
+def _pickling_error(number: int, done: str, error: Exception) -> WorkerError:
+    reason = " ".join(f"{type(error).__name__}: {error}".split())
+    return WorkerError(f"the outcome of chunk {number} cannot be {done}: {reason:.300}")
+
+
 def _send(worker: _Worker, job: tuple[Any, int], busy: dict[Connection, Any]) -> None:
     worker.send(job[0])
     busy[worker.connection] = (worker, *job)
@@ -204,7 +211,5 @@ def _work(connection: Connection, simulate: Callable[[Any], Any]) -> None:
             except OSError:
                 raise
             except Exception as error:  # of pickle, before anything is sent
-                reason = " ".join(f"{type(error).__name__}: {error}".split())
-                text = f"the outcome of chunk {chunk.number} cannot be pickled: {reason:.300}"
-                connection.send(WorkerError(text))
+                connection.send(_pickling_error(chunk.number, "pickled", error))
     signal.signal(signal.SIGTERM, signal.SIG_IGN)  # it ends by itself

@@ -17,6 +17,8 @@ from rpud_sim.bag.losses import RECORD_NAME as LOSSES_RECORD
 from rpud_sim.bag.losses import Losses, losses_to_record
 from rpud_sim.bag.manifest import RECORD_NAME as MANIFEST_RECORD
 from rpud_sim.bag.manifest import Manifest, installed_versions, machine_name
+from rpud_sim.bag.tested import RECORD_NAME as TESTED_RECORD
+from rpud_sim.bag.tested import Tested
 from rpud_sim.testing.drill import Drill
 from rpud_sim.testing.report_pages import ReportPages
 
@@ -52,16 +54,16 @@ def leave_artefacts(
         for index, system in enumerate(drill.systems, 1):
             file = own / f"{index}_{_NAME.sub('_', system.name)}.log"
             file.write_text(f"$ {' '.join(system.command)}\n{system.output}")
-        head = [f"test: {test}", f"seed: {drill.seed}", *drill.verdict_lines]
-        head += failure.splitlines()[:1] if not drill.verdict_lines else []
-        lines += _bag_and_report(own, drill, properties, reports, head)
+        said = drill.verdict_lines or failure.splitlines()[:1]
+        tested = Tested(test, "failed" if failure else "passed", str(drill.seed), tuple(said))
+        lines += _bag_and_report(own, drill, properties, reports, tested)
         lines.append(f"commands: {own / 'commands.txt'}; the last ones:")
         lines += [f"    {command}" for command in commands[-_LAST:] or ["(none)"]]
     (place / _MARKER).write_text(json.dumps({"test": test, **dict(properties)}, indent=2) + "\n")
     return Artefacts("\n".join(lines), tuple(properties))
 
 
-def write_bag(path: Path, drill: Drill) -> None:
+def write_bag(path: Path, drill: Drill, tested: Tested | None = None) -> None:
     """Write a bag of all that was published since the test began; its clock is simulation time."""
     manifest = Manifest(
         node=f"{drill.namespace}/drill_node",
@@ -73,6 +75,8 @@ def write_bag(path: Path, drill: Drill) -> None:
     entries = []
     with BagWriter(path) as bag:
         bag.add_record(MANIFEST_RECORD, manifest.to_record())
+        if tested is not None:
+            bag.add_record(TESTED_RECORD, tested.to_record())
         for name, heard in sorted(drill.heard.items()):
             kind = _type_name(heard.kind)
             offer = QosProfile(durability="transient_local" if heard.latched else "volatile")
@@ -98,14 +102,14 @@ def _bag_and_report(
     drill: Drill,
     properties: list[tuple[str, str]],
     reports: ReportPages,
-    head: Sequence[str],
+    tested: Tested,
 ) -> list[str]:
     bag, page = folder / "bag", folder / "report.html"
     try:
-        write_bag(bag, drill)
+        write_bag(bag, drill, tested)
     except BagError as error:
         return [f"bag: not written: {error}"]
-    reports.begin(bag, page, head)
+    reports.begin(bag, page)
     properties += [("rpud_bag", str(bag)), ("rpud_report", str(page))]
     return [f"bag: {bag}", f"report: {page}"]
 

@@ -8,12 +8,11 @@ from collections.abc import Mapping
 from contextlib import suppress
 
 from rclpy.node import Node
-from rclpy.topic_endpoint_info import TopicEndpointInfo
 
+from rpud_sim.ros.client.drill_search import node_name
 from rpud_sim.ros.discovery_probe import DiscoveryProbe
 from rpud_sim.testing.collector import COMMANDS, Collector
 
-_UNKNOWN = "_NODE_NAME_UNKNOWN_"  # of a publisher whose node has not been discovered
 _PATIENCE = 5.0  # with a node that does not answer, or has no services of parameters [s]
 _EVENTS = "/parameter_events"  # a topic on which every node publishes
 
@@ -129,9 +128,3 @@ class Introductions:
                 clients = node.get_client_names_and_types_by_node(name, namespace)
                 found[f"{namespace.rstrip('/')}/{name}"] = {service for service, _ in clients}
         return found
-
-
-def node_name(endpoint: TopicEndpointInfo) -> str:
-    """Return the full name of an endpoint's node; empty where that is not discovered yet."""
-    name = endpoint.node_name
-    return "" if name == _UNKNOWN else f"{endpoint.node_namespace.rstrip('/')}/{name}"

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import html
-import os
 import subprocess
 import sys
-from collections.abc import Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 
@@ -21,12 +19,9 @@ class ReportPages:
         self._pool = ThreadPoolExecutor(1, "rpud_report")
         self._pages: list[Future[None]] = []
 
-    def begin(self, bag: Path, page: Path, head: Sequence[str]) -> None:
-        """Write the page of a bag soon, below some lines.
-
-        Where that fails, the page's place has the reason.
-        """
-        self._pages.append(self._pool.submit(_write, bag, page, head))
+    def begin(self, bag: Path, page: Path) -> None:
+        """Write the page of a bag soon; where that fails, the page's place has the reason."""
+        self._pages.append(self._pool.submit(_write, bag, page))
 
     def finish(self) -> None:
         for page in self._pages:
@@ -34,14 +29,13 @@ class ReportPages:
         self._pool.shutdown()
 
 
-def _write(bag: Path, page: Path, head: Sequence[str]) -> None:
+def _write(bag: Path, page: Path) -> None:
     command = (sys.executable, "-m", "rpud_sim.cli.main", "report", str(bag), "--out", str(page))
     reason = ""
     with contextlib.suppress(FileNotFoundError):  # of a bag that the test itself has removed
         try:
             done = subprocess.run(
                 command,
-                env={**os.environ, "MPLBACKEND": "Agg"},
                 stdin=subprocess.DEVNULL,
                 capture_output=True,
                 timeout=_TIME,
@@ -49,8 +43,6 @@ def _write(bag: Path, page: Path, head: Sequence[str]) -> None:
             reason = done.stderr.decode(errors="replace")
         except (OSError, subprocess.TimeoutExpired) as error:
             reason = str(error)
-        if page.exists():
-            text, lines = page.read_text(), html.escape("\n".join(head))
-            page.write_text(text.replace("<body>", f"<body>\n<pre>{lines}</pre>", 1))
-        else:
-            page.write_text(f"<pre>The report could not be written: {reason}</pre>")
+        if not page.exists():
+            text = html.escape(f"The report could not be written: {reason}")
+            page.write_text(f"<pre>{text}</pre>")

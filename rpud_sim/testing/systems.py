@@ -13,11 +13,12 @@ from pathlib import Path
 
 from rpud_sim.foundation.quantities import ParameterError, suggestion
 from rpud_sim.foundation.time import SECOND
+from rpud_sim.ros.client.drill_search import node_name
 from rpud_sim.simulation.topics import TOPICS
 from rpud_sim.testing.answers import Answers
 from rpud_sim.testing.collector import COMMANDS, Collector
 from rpud_sim.testing.errors import LostMessagesError, SystemUnderTestError, is_verdict
-from rpud_sim.testing.introductions import Introductions, node_name
+from rpud_sim.testing.introductions import Introductions
 from rpud_sim.testing.processes import ChildProcess, stop_all
 
 _START = 30.0  # that nodes may take to start which the test does not start itself [s]
@@ -81,7 +82,7 @@ class Systems:
         self._environment = environment
         self._folder = Path(environment["ROS_LOG_DIR"]).parent
         self._processes: list[SystemUnderTest] = []
-        # topics and commands of the tests in which these have never answered
+        # longest wait, topics and commands of tests in which these have never published or answered
         self._silent: set[tuple[object, ...]] = set()
         self._count = 0
 
@@ -154,8 +155,12 @@ class Systems:
             lacking = lack()
             return not lacking
 
-        if not self._collector.until(complete, timeout, self.check, _POLL_PERIOD):
-            raise self._failure(system, "silent", f"{lacking} within {timeout:g} s")
+        need = (timeout, *self._answers.names, *words)
+        limit, again = self._patience(timeout, need)
+        if not self._collector.until(complete, limit, self.check, _POLL_PERIOD):
+            if not self._answers.connect():
+                self._silent.add(need)
+            raise self._failure(system, "silent", f"{lacking} within {limit:g} s{again}")
         return system
 
     def connected(self) -> bool:
@@ -182,8 +187,13 @@ class Systems:
         def complete() -> bool:
             return answers.connect() and self.connected()
 
-        if not self._collector.until(complete, _START, self.check, _POLL_PERIOD):
-            text = f"no publisher on {' and '.join(answers.names)} within {_START:g} s"
+        need = (_START, *answers.names, *(system.command for system in self._processes))
+        limit, again = self._patience(_START, need)
+        if not self._collector.until(complete, limit, self.check, _POLL_PERIOD):
+            names = " and ".join(answers.names)
+            text = f"no publisher on {names} within {limit:g} s{again}"
+            if not answers.connect():
+                self._silent.add(need)
             raise SystemUnderTestError(", ".join(answers.names), "silent", self._with_output(text))
         answers.introduced = True
         self._check_publishers()
@@ -193,18 +203,17 @@ class Systems:
         answers = self._answers
         if self._ended:
             return
-        commands = tuple(system.command for system in self._processes)
-        known = (*answers.names, *commands) in self._silent
-        limit = min(answers.timeout, _SILENT) if known else answers.timeout
+        commands = (system.command for system in self._processes)
+        need = (answers.timeout, *answers.names, *commands)
+        limit, again = self._patience(answers.timeout, need)
         if self._collector.until(lambda: not answers.missing(stamp), limit, self.check):
             return
         kind = "late" if answers.late(stamp) else "silent"
         if answers.never:
-            self._silent.add((*answers.names, *commands))
+            self._silent.add(need)
         text = (
             f"no answer for {stamp / SECOND:.3f} s of simulation time within "
-            f"{limit:g} s on {'; '.join(answers.missing(stamp))}"
-            f"{', as in a test before' if known else ''}"
+            f"{limit:g} s on {'; '.join(answers.missing(stamp))}{again}"
         )
         raise SystemUnderTestError(", ".join(answers.names), kind, self._with_output(text))
 
@@ -240,6 +249,11 @@ class Systems:
             system.resume()
         stop_all(self._processes)
         self._processes.clear()
+
+    def _patience(self, longest: float, need: tuple[object, ...]) -> tuple[float, str]:
+        """Return how long to wait for what was in vain in a test before [s], and words for it."""
+        known = need in self._silent
+        return (min(longest, _SILENT), ", as in a test before") if known else (longest, "")
 
     def _introduce(self, further: Mapping[bytes, str] = {}) -> list[str]:
         return self._introductions.lacking({**self._answers.publishers, **further})

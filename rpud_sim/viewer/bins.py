@@ -75,6 +75,14 @@ class Bins:
     def has(self, signal: str) -> bool:
         return bool(self._count[self._place[signal]].any())
 
+    def mean(self, signal: str, start: float, end: float) -> float:
+        """Return the mean of a signal from a time to another [s], to a bin; NaN without a value."""
+        place = self._place[signal]
+        first, last = (round(time / self.width) for time in (start, end))
+        chosen = slice(first, max(last, first + 1))
+        count = self._count[place, chosen].sum()
+        return float(self._total[place, chosen].sum() / count) if count else float("nan")
+
     def view(self, signal: str, start: float, end: float, parts: int) -> Envelope:
         """Return a signal in about so many parts of a range of time [s].
 

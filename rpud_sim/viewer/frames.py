@@ -23,9 +23,10 @@ def encode(frame: Mapping[str, Any]) -> bytes:
     """Return the bytes of a frame.
 
     Its values are plain ones, mappings, sequences and one-dimensional arrays. Times need double
-    precision, and have it; other arrays become single. A scalar that is not finite becomes null.
+    precision, and have it; other arrays become single. Equal arrays are sent once. A scalar that is
+    not finite becomes null.
     """
-    arrays: list[bytes] = []
+    arrays: dict[bytes, list[Any]] = {}
     size = 0
 
     def plain(value: Any) -> Any:
@@ -33,10 +34,11 @@ def encode(frame: Mapping[str, Any]) -> bytes:
         if isinstance(value, np.ndarray):
             kind = "f8" if value.dtype == np.float64 else "f4"
             data = np.ascontiguousarray(value, f"<{kind}").tobytes()
-            reference = {"$": [size, len(value), kind]}
-            arrays.append(data + bytes(-len(data) % _ALIGNED))
-            size += len(arrays[-1])
-            return reference
+            data += bytes(-len(data) % _ALIGNED)
+            if (reference := arrays.get(data)) is None:
+                reference = arrays[data] = [size, len(value), kind]
+                size += len(data)
+            return {"$": [reference[0], len(value), kind]}
         if isinstance(value, Mapping):
             return {str(key): plain(each) for key, each in value.items()}
         if isinstance(value, list | tuple):

@@ -174,6 +174,9 @@ def test_of_the_last_chunk_the_messages_that_are_whole_are_saved(tmp_path):
     assert found == TEXTS[:41]
     assert recovery.topics[TALK.name].unchecked == 41
     assert "41 messages of it were saved, without a checksum" in recovery.damages[0]
+    # Only the next one's head, and what its text begins with, are lost: no message counts as lost
+    # that was saved.
+    assert recovery.size_lost == 31 + 8
 
 
 def test_of_a_compressed_chunk_whole_blocks_are_saved(tmp_path):
@@ -186,6 +189,7 @@ def test_of_a_compressed_chunk_whole_blocks_are_saved(tmp_path):
     torn.write_bytes(whole[: len(whole) * 3 // 4])
     recovery = recover(torn, tmp_path / "out")
     assert 100 < recovery.message_count < 160
+    assert 0 < recovery.size_lost < 2**17  # less than a block, although random bytes are no smaller
     with rpud_sim.bag.open(tmp_path / "out") as bag:
         numbers = [int(message.data[8:].split()[0]) for message in bag.messages()]
     assert numbers == list(range(len(numbers)))

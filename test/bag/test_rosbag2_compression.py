@@ -250,6 +250,23 @@ def test_content_that_the_database_does_not_store_is_refused(tmp_path, script):
         read_all(path)
 
 
+def test_messages_larger_than_their_database_are_refused_before_they_are_read(tmp_path):
+    path = write(tmp_path / "run", StoragePlugin.SQLITE3, CompressionMode.NONE)
+    [file] = path.glob("*.db3")
+    with sqlite3.connect(file) as database:
+        (size,) = database.execute("PRAGMA page_size").fetchone()
+        (pages,) = database.execute("PRAGMA page_count").fetchone()
+        database.execute("DELETE FROM messages WHERE id > 1")
+        database.execute("UPDATE messages SET data = zeroblob(10000000)")
+    database.close()
+    # Without the pages of the large message, whose length its row still has.
+    content = bytearray(file.read_bytes()[: pages * size])
+    content[28:32] = pages.to_bytes(4, "big")
+    file.write_bytes(content)
+    with pytest.raises(BagFormatError, match=f"more than the file's {pages * size} bytes"):
+        rpud_sim.bag.open(path)
+
+
 def test_a_database_that_is_cut_off_is_one_line(tmp_path):
     path = write(tmp_path / "run", StoragePlugin.SQLITE3, CompressionMode.NONE, count=1000)
     [file] = path.glob("*.db3")

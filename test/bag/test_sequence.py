@@ -41,3 +41,12 @@ def test_thousands_of_short_publishers_leave_no_gap_and_no_trace():
         for number in (steady, 1, 2, 3):
             gaps.note(number)
     assert gaps.missing == 0
+
+
+@given(st.lists(st.integers(1, 10**6), min_size=1))
+def test_what_new_publishers_sent_before_they_were_heard_is_missing(firsts):
+    gaps = SequenceGaps(lambda: 1)
+    gaps.from_first = True
+    for first in sorted({2 * first for first in firsts}, reverse=True):  # none continues another
+        gaps.note(first)
+    assert gaps.missing == sum(2 * first - 1 for first in set(firsts))

@@ -1,6 +1,7 @@
 """Two lines turn any topic of a bag into NumPy arrays or a pandas frame."""
 
 import builtins
+import math
 import tracemalloc
 
 import numpy as np
@@ -24,6 +25,7 @@ from sample_bags import (
 import rpud_sim.bag
 from rpud_sim.bag import BagError, BagFormatError, BagWriter, Topic
 from rpud_sim.bag.blocks import _offsets as offsets_of_blocks
+from rpud_sim.bag.blocks import _starts as starts_of_segments
 from rpud_sim.bag.columns import Kind
 from rpud_sim.bag.definitions import find_definition
 from rpud_sim.bag.tables import Batch, Table
@@ -124,6 +126,14 @@ def test_samples_of_a_rate_that_is_not_whole():
     for period in (0.0, -1.0, float("nan"), float("inf")):
         with pytest.raises(BagFormatError, match=r"sample_period = .* s is no time"):
             _offsets(period, 0, 3)
+
+
+@pytest.mark.parametrize(
+    ("seconds", "fraction"), [(0, math.nan), (0, 1e300), (0, -0.1), (10**10, 0.0), (-1, 0.0)]
+)
+def test_segments_without_a_time_are_refused(seconds, fraction):
+    with pytest.raises(BagFormatError, match="a segment starts at "):
+        starts_of_segments(np.array([0, seconds]), np.array([0.5, fraction]))
 
 
 def test_any_type_of_ros_is_a_table(tmp_path):

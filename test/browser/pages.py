@@ -136,11 +136,8 @@ class BrowserPage:
             return False
 
     def settle(self) -> None:
-        """Wait until all is drawn: fonts, and Bokeh where the page has it."""
-        self.until(
-            "document.readyState === 'complete' && document.fonts.status === 'loaded'"
-            " && (!window.Bokeh || Bokeh.documents.every((each) => each.is_idle))"
-        )
+        """Wait until all is drawn, fonts too."""
+        self.until("document.readyState === 'complete' && document.fonts.status === 'loaded'")
         self.tab.evaluate("() => new Promise((f) => requestAnimationFrame(() => setTimeout(f)))")
 
     def see_all(self) -> None:

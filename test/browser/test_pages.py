@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 import yaml
-from browser.pages import PHONE, WIDE
+from browser.pages import HEIGHT, PHONE, WIDE
 from campaign_results import FAILURE, flown
 from sample_bags import STRING_DEFINITION, TALK, serialized_string, write_offline_bag
 
@@ -118,6 +118,10 @@ def file(request, tmp_path_factory):
     return page
 
 
+STUDIES = ("comparison", "fit", "sweep", "campaign")
+SCREENS = 4
+
+
 # Neither contrast depends on the width nor width on the colours: two readers see all.
 @pytest.mark.parametrize(("width", "scheme"), [(PHONE, "dark"), (WIDE, "light")])
 def test_a_page_is_good(file, page_of, width, scheme):
@@ -125,3 +129,19 @@ def test_a_page_is_good(file, page_of, width, scheme):
     page.settle()
     page.keep("page")
     page.check()
+
+
+def test_a_page_of_a_study_is_short_and_static(file, page_of, request):
+    if request.node.callspec.params["file"] not in STUDIES:
+        pytest.skip("a report is another kind of page")
+    page = page_of(file, offline=True)
+    page.settle()
+    assert page.tab.evaluate("document.documentElement.scrollHeight") < SCREENS * HEIGHT
+    assert page.tab.evaluate("document.scripts.length") == 0
+    for picture in page.tab.locator("svg[role=img]").all():
+        assert picture.locator("> title").text_content()
+    page.tab.evaluate(
+        "() => document.querySelectorAll('details').forEach((e) => { e.open = true; })"
+    )
+    page.check()
+    page.keep("open")

@@ -40,7 +40,7 @@ def test_a_page_is_taken_as_it_was_prepared_in_both_schemes(a_browser_is_there, 
 
 def test_make_picture_says_in_one_line_what_is_missing(tmp_path):
     done = subprocess.run(
-        [sys.executable, "-m", "toolchain.pictures", tmp_path, "report"],
+        [sys.executable, "-m", "toolchain.pictures", tmp_path, "screen"],
         env={**os.environ, "PATH": str(tmp_path), "CHROMIUM": ""},
         cwd=Path(__file__).resolve().parents[2],
         capture_output=True,

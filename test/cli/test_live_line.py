@@ -4,12 +4,14 @@ import dataclasses
 import io
 import math
 import os
+import re
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from rpud_sim.cli.live_line import LiveLine, live_text, logging_above, summary_text
+from rpud_sim.pages.quantities import QUANTITIES
 from rpud_sim.ros.drill.pacer import Timing
 from rpud_sim.ros.drill.report import NO_DELAYS, Report
 from rpud_sim.simulation.commands import Feed, WeightOnBit
@@ -79,9 +81,12 @@ def test_it_shows_state_weight_on_bit_impacts_forces_depth_and_timing(healthy):
     text = live_text(healthy)
     assert text.startswith("    0.1 s  running  8 N on bit  ")
     assert f"{healthy.figures['drill_tool_impact_rate']:.0f} impacts/s" in text
-    assert f"contact force {healthy.figures['contact_force_mean']:.0f} N mean" in text
-    assert f"reacting force {healthy.figures['reacting_force_mean']:.1f} N" in text
-    assert f"depth {1e3 * healthy.status['depth']:.2f} mm" in text
+    force = QUANTITIES["peak_force"].text(healthy.figures["contact_force_mean"])
+    assert f"peak force {force} mean" in text
+    assert re.search(r"peak force \d\.\d+ kN mean \d\.\d+ kN max", text)
+    load = QUANTITIES["reacting_force"].text(healthy.figures["reacting_force_mean"])
+    assert f"load on the mount {load}" in text
+    assert f"depth {QUANTITIES['depth'].text(healthy.status['depth'])}" in text
     assert text.endswith("late 1.3 ms  x1.000")
     assert "fault" not in text
     assert "refused" not in text
@@ -102,7 +107,7 @@ def test_a_jammed_drill_is_jammed_and_one_without_drive_has_no_impacts():
     assert "  jammed  " in text
     assert "faults: free_mass_jammed" in text
     assert "  -" not in text
-    assert "contact" not in text
+    assert "peak force" not in text
     off = live_text(Drill(drive_enabled=False, regime="free").report())
     assert "drive off  no impacts" in off
     assert "jammed" not in off
@@ -127,7 +132,7 @@ def test_in_80_columns_all_that_matters_is_there():
     drill.simulation.apply(WeightOnBit(123.4))
     text = live_text(drill.report(commands_rejected=123), 80)
     assert len(text) < 80
-    assert "123.4 N" in text
+    assert "123 N" in text
     assert "/s" in text
     assert "mm" in text
     assert "hard_rock +2" in text
@@ -142,9 +147,10 @@ def test_models_around_the_percussion_are_told_where_they_are_on():
     drill.simulation.apply(Feed("rate", 1e-3))
     report = drill.report()
     text = live_text(report)
-    assert "  feed 6.10 mm, 1.00 mm/s  " in text
+    assert "  feed 6.1 mm, 1 mm/s  " in text
     rotation = report.process.rotation
-    assert f"  {rotation.rate:.1f} rad/s, torque {1e3 * rotation.torque:.1f} mN m  " in text
+    rate, torque = QUANTITIES["rotation_rate"], QUANTITIES["torque"]
+    assert f"  {rate.text(rotation.rate)}, torque {torque.text(rotation.torque)}  " in text
     assert text.index("depth ") < text.index("  in sandstone  ")
     stalled = dataclasses.replace(
         report.process, rotation=dataclasses.replace(rotation, stalled=True)
@@ -229,7 +235,7 @@ def test_the_summary_has_faults_depth_and_the_last_refusal(healthy):
     assert "0 commands accepted, 1 refused, 0 messages dropped" in text
     assert "2 requests refused" in text
     assert r"last refusal: there is no fault 9\x1b to clear" in text
-    assert f"depth {1e3 * report.status['depth']:.2f} mm" in text
+    assert f"depth {QUANTITIES['depth'].text(report.status['depth'])}" in text
     assert "fault 1: hard_rock from 0.000 s to 0.100 s" in text
     assert text.endswith("fault 2: off on wrench from 0.100 s on")
     assert summary_text(healthy.figures, None).count("\n") == 0

@@ -16,7 +16,7 @@ from support import called
 import rpud_sim
 from rpud_sim.cli.main import COMMANDS, build_parser, load_command
 
-HEAVY = ("numpy", "numba", "scipy", "bokeh", "mcap", "yaml", "tqdm", "rclpy", "rpud_msgs")
+HEAVY = ("numpy", "numba", "scipy", "tornado", "mcap", "yaml", "tqdm", "rclpy", "rpud_msgs")
 # All that `rpud simulate` may need, beside the standard library.
 # Where ROS and the libraries of bags are missing, whichever is needed first is named.
 NO_ROS = (

@@ -74,7 +74,9 @@ def test_the_recorder_s_bound_is_shown(tmp_path, capsys):
     bag.add_record(RECORDING_RECORD, {"max_loss": "0.5"})
     bag.flush()
     assert run(tmp_path / "run", "--out", tmp_path / "out") == 3
-    assert capsys.readouterr().out.endswith("is missing, at most 0.5 s\n")
+    assert capsys.readouterr().out.endswith(
+        "is missing, at most 0.5 s if processor and disk kept up\n"
+    )
 
 
 def test_failures_are_1_and_one_line(torn, tmp_path, capsys):

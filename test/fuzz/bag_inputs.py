@@ -2,13 +2,23 @@
 
 from __future__ import annotations
 
+import functools
+import json
 import random
 import sqlite3
 import struct
+import tempfile
 from pathlib import Path
 
 import zstandard
 from mcap.writer import CompressionType, Writer
+
+import rpud_sim.bag
+from rpud_sim.bag import Message, TopicSummary
+from rpud_sim.inspection.offline_bag import write_offline_bag
+from rpud_sim.simulation.configuration import to_settings
+from rpud_sim.simulation.run import Beginning
+from rpud_sim.simulation.scenario import parse_scenario
 
 SEPARATOR = "=" * 80
 PART = f"{SEPARATOR}\nMSG: a_msgs/B\nfloat64 x\nstring name\n"
@@ -64,6 +74,17 @@ METADATA = """rosbag2_bagfile_information:
   ros_distro: jazzy
 """
 NUMBERS = [0, 1, 0x7F, 0x80, 0xFF, 0xFFFF, 2**31 - 1, 2**31, 2**32 - 1, 2**62, 2**63, 2**64 - 1]
+REALS = [0.0, -1.0, 1e-300, 1e9, 1e18, 1e308, float("inf"), float("-inf"), float("nan")]
+VALUES = [None, True, "", "x", "two\nlines", [], {}, [0.0], 0, -1, 10**400, 2**63, *REALS]
+DRILLS = (
+    {"telemetry_rate": 40, "sample_rate": 1000, "block_duration": 0.1},
+    {"telemetry_rate": 20, "sample_rate": 1000, "feed_model": "arm", "initial_feed": 0.005}
+    | {"rotation_model": "friction_drive", "strata": "sandstone"},
+)
+FAULTS = [
+    {"kind": "lost_preload", "onset": 0.03, "duration": 0.02},
+    {"kind": "noise", "channel": "wrench", "onset": 0.04},
+]
 WORDS = [
     "",
     ".inf",
@@ -79,9 +100,15 @@ WORDS = [
 ]
 
 
-def draw_bag(drawn: random.Random, folder: Path) -> Path:
-    """Write a bag, with or without metadata, into a new folder and return its path."""
+def draw_bag(drawn: random.Random, folder: Path, of_drills: float = 0.2) -> Path:
+    """Write a bag, with or without metadata, into a new folder and return its path.
+
+    Args:
+        of_drills: share of the bags that are a drill's, with a few odd messages.
+    """
     folder.mkdir()
+    if drawn.random() < of_drills:
+        return _write_drill(drawn, folder / "bag.mcap")
     mode = drawn.choice(["", "", "", "", "FILE", "MESSAGE"])
     storage = drawn.choice(["mcap"] * 5 + ["sqlite3"])
     file = folder / ("bag.mcap" if storage == "mcap" else "bag.db3")
@@ -179,6 +206,85 @@ def _message(drawn: random.Random, valid: bytes, compressed: bool) -> bytes:
         data = zstandard.compress(data)
         return damaged(drawn, data) if drawn.random() < 0.1 else data
     return data
+
+
+@functools.cache
+def drill_bag(number: int) -> tuple[list[TopicSummary], list[Message], dict[str, str]]:
+    """Return topics, messages and manifest of a drill's bag without damage."""
+    scenario = parse_scenario({"seed": 1, "faults": FAULTS}, "scenario")
+    beginning = Beginning(to_settings(DRILLS[number]), 0.2, 1, scenario)
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder, "bag")
+        write_offline_bag(path, beginning, 0.25)
+        with rpud_sim.bag.open(path) as bag:
+            return list(bag.topics), list(bag.messages()), bag.records("rpud_manifest")[0]
+
+
+def _write_drill(drawn: random.Random, file: Path) -> Path:
+    topics, messages, manifest = drill_bag(drawn.randrange(len(DRILLS)))
+    written = [(each.topic, each.data, each.log_time) for each in messages]
+    for _ in range(drawn.choice([0, 1, 1, 1, 2, 5, 20])):
+        name = drawn.choice(topics).topic.name
+        places = [place for place, each in enumerate(written) if each[0] == name]
+        if places:
+            place = drawn.choice(places)
+            written[place : place + 1] = _odd_messages(drawn, *written[place])
+    parameters = dict(manifest)
+    if drawn.random() < 0.2:
+        parameters["manifest"] = _odd_json(drawn, parameters["manifest"])
+    with file.open("wb") as stream:
+        writer = Writer(stream, compression=CompressionType.NONE, enable_crcs=False)
+        writer.start("ros2", "fuzz")
+        channels = {}
+        for each in topics:
+            text = _maybe(drawn, each.definition or "") if drawn.random() < 0.1 else each.definition
+            schema = writer.register_schema(each.topic.type, "ros2msg", (text or "").encode())
+            metadata = {"topic_type_hash": each.topic.type_hash, "offered_qos_profiles": OFFER}
+            channels[each.topic.name] = writer.register_channel(
+                each.topic.name, "cdr", schema, metadata
+            )
+        for number, (name, data, time) in enumerate(written):
+            writer.add_message(channels[name], time, data, time, number)
+        if drawn.random() < 0.9:
+            writer.add_metadata("rpud_manifest", parameters)
+        writer.finish()
+    if drawn.random() < 0.1:
+        file.write_bytes(damaged(drawn, file.read_bytes()))
+    return file
+
+
+def _odd_messages(
+    drawn: random.Random, name: str, data: bytes, time: int
+) -> list[tuple[str, bytes, int]]:
+    """Return what stands in place of a message: none, two, a later one, or one of other bytes."""
+    kind = drawn.randrange(8)
+    if kind == 0:
+        return []
+    if kind == 1:
+        return [(name, data, time)] * 2
+    if kind == 2:
+        return [(name, data, drawn.choice(NUMBERS))]
+    if kind == 3:
+        return [(name, damaged(drawn, data), time)]
+    changed = bytearray(data)
+    place = 4 + drawn.randrange(max(1, len(data) - 4)) // 4 * 4
+    number = struct.pack("<d", drawn.choice(REALS))
+    if kind == 4:
+        number = (drawn.choice(NUMBERS) % 2**64).to_bytes(8, "little")
+    if kind == 5:
+        number = (drawn.choice(NUMBERS) % 2**32).to_bytes(4, "little")
+    changed[place : place + len(number)] = number
+    return [(name, bytes(changed[: len(data)]), time)]
+
+
+def _odd_json(drawn: random.Random, text: str) -> str:
+    """Change one value of an object in JSON, or of an object in it, or a word of the text."""
+    content = json.loads(text)
+    inner = drawn.choice([content, *[each for each in content.values() if isinstance(each, dict)]])
+    if not inner or drawn.random() < 0.1:
+        return odd_text(drawn, text)
+    inner[drawn.choice(list(inner))] = drawn.choice(VALUES)
+    return json.dumps(content)
 
 
 def _write_mcap(drawn: random.Random, file: Path, compressed: bool) -> None:

@@ -65,6 +65,22 @@ def test_the_account_of_delivery_says_who_knows_the_drill(drill):
     assert "/bench/engage" in delivery.services
 
 
+def test_a_command_waits_for_the_drill_and_for_all_others_that_hear_it(drill):
+    with DrillClient("/bench") as recorder:
+        for topic in ("command/nobody", "command/weight_on_bit"):
+            recorder.node.create_subscription(WeightOnBit, topic, lambda _: None, 1)
+        alone, heard = (
+            drill.node.create_publisher(WeightOnBit, name, 1)
+            for name in ("command/nobody", "command/weight_on_bit")
+        )
+        drill.until(alone.get_subscription_count)
+        assert not drill._drill._is_heard(alone)
+        drill.until(lambda: drill._drill._is_heard(heard))
+        assert heard.get_subscription_count() == 2
+        for publisher in (alone, heard):
+            drill.node.destroy_publisher(publisher)
+
+
 def test_a_refused_command_raises_the_reason_of_the_drill(drill):
     with pytest.raises(RefusedError, match=r"^weight_on_bit = -1 N is outside its range \[0, 1"):
         drill.press(-1.0)

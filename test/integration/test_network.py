@@ -102,6 +102,7 @@ def test_all_sockets_are_bound_to_loopback_and_the_policy_names_all_that_is_offe
     client.until(lambda: client.status and client.status[-1].commands_accepted == 1)
     for pid in (drill.pid, recorder.pid, os.getpid()):
         assert set(sockets(pid)) == {"127.0.0.1"}
+        assert "/dev/shm/fastrtps" not in Path(f"/proc/{pid}/maps").read_text()
     assert excess(client, "drill_node") == NOTHING
     assert excess(client, "recorder") == NOTHING
     recorder.interrupt()

@@ -9,12 +9,16 @@ import time
 from pathlib import Path
 
 import pytest
+import rclpy
+from rclpy.duration import Duration
+from rclpy.qos import QoSProfile as MiddlewareProfile
+from rclpy.qos import ReliabilityPolicy
 from rclpy.serialization import deserialize_message, serialize_message
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import QosDurability, QosReliability
 from rosgraph_msgs.msg import Clock
 from rpud_msgs.msg import ContactForce, NodalPlane, Status
-from support import called
+from support import PATIENCE, called, until
 
 import rpud_sim.bag
 from rpud_sim.bag import BagWriter, QosProfile, Topic
@@ -34,6 +38,17 @@ STATUS = "/rpud/status"
 def program(process):
     """Start one of the programs beside this file."""
     return lambda name, *words: process(sys.executable, HERE / f"{name}.py", *map(str, words))
+
+
+@pytest.fixture
+def node():
+    """A node of this process beside the programs."""
+    context = rclpy.Context()
+    rclpy.init(context=context)
+    node = rclpy.create_node("talker", context=context, namespace="/rpud")
+    yield node
+    node.destroy_node()
+    rclpy.shutdown(context=context)
 
 
 def contents(path):
@@ -175,15 +190,30 @@ def test_a_recorder_that_ends_by_itself_in_the_middle_has_no_gap(process, progra
     assert began < sent[0] < times[-1] < time.time_ns()
 
 
-def test_what_is_lost_on_the_way_is_counted(process, program, tmp_path):
+def test_what_is_lost_on_the_way_is_counted(process, node, tmp_path):
     recorder = process("recorder", "--out", tmp_path / "run")
-    talker = program("talker", "--count", 20_000, "--rate", 10_000)
-    talker.wait_for_line("talking")
-    # While the recorder stands still, the middleware has to drop most of what is best effort.
+    unsure = MiddlewareProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+    planes = node.create_publisher(NodalPlane, "nodal_plane", unsure)
+    forces = node.create_publisher(ContactForce, "contact_force", 1)
+    numbers = itertools.count()
+
+    def publish(count):
+        for number in itertools.islice(numbers, count):
+            planes.publish(NodalPlane(position=float(number)))
+
+    def publish_and_wait():
+        """Publish one plane, and wait until the recorder has what was sent after it."""
+        publish(1)
+        forces.publish(ContactForce())
+        assert forces.wait_for_all_acked(Duration(seconds=PATIENCE))
+
+    until(lambda: all(each.get_subscription_count() for each in (planes, forces)))
+    publish_and_wait()
     os.kill(recorder.pid, signal.SIGSTOP)
-    time.sleep(1.0)
+    publish(20_000)  # far more than the middleware can hold for a recorder that stands still
     os.kill(recorder.pid, signal.SIGCONT)
-    talker.wait_for_line("published|not acknowledged")
+    publish_and_wait()  # the recorder has read what was held
+    publish_and_wait()
     recorder.interrupt()
     assert finished(recorder)
     lost = missing(contents(tmp_path / "run")[NODAL_PLANE])

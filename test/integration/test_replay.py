@@ -255,3 +255,11 @@ def test_a_bar_shows_the_position(bag, audience):
         replayer.until(lambda: "/1.9 s, paused, 1 messages" in replayer.text)
         audience.ask("stop")
         assert replayer.wait() == 0
+
+
+def test_a_replay_ends_with_its_parent_where_that_is_wanted(process, bag):
+    words = f"replayer {bag} --wait-for-subscribers --with-parent"
+    shell = process("sh", "-c", f"{words} & wait")
+    shell.wait_for_line("replaying .*: 2 topics")
+    shell.kill()
+    shell.wait_for_line(r"replayed \d+ messages")

@@ -6,7 +6,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rpud_sim.pages.quantities import QUANTITIES, for_browser, number_text
+from rpud_sim.pages.quantities import (
+    QUANTITIES,
+    Quantity,
+    figure_quantity,
+    for_browser,
+    number_text,
+    quantity_in,
+)
+from rpud_sim.studies.sweep.specification import SWEEP_FIGURES
 
 
 @pytest.mark.parametrize(
@@ -37,3 +45,44 @@ def test_the_browser_gets_every_quantity_in_plain_values():
     names = [each["name"] for each in for_browser()]
     assert names == list(QUANTITIES)
     assert all(quantity.label and quantity.scale > 0.0 for quantity in QUANTITIES.values())
+
+
+@pytest.mark.parametrize(
+    ("unit", "value", "text"),
+    [
+        ("m", 35.5e-6, "35.5 µm"),
+        ("N", 4e3, "4 kN"),
+        ("kg", 5e-3, "5 g"),
+        ("kg", 1.0, "1 kg"),
+        ("s", 90.0, "90 s"),
+        ("1/s", 4000.0, "4000 /s"),
+        ("", 0.8, "0.8"),
+        ("rad", 1e-3, "0.001 rad"),
+    ],
+)
+def test_what_is_not_in_the_table_gets_a_readable_unit(unit, value, text):
+    assert quantity_in(unit, value).text(value) == text
+
+
+@given(st.floats(1e-9, 1e11))
+def test_a_readable_unit_leaves_one_to_three_digits_before_the_point(greatest):
+    shown = quantity_in("N", greatest)
+    assert 0.999 <= shown.scale * greatest < 1000.1
+    assert shown.unit.endswith("N")
+
+
+def test_figures_of_a_run_are_shown_as_their_quantities():
+    assert figure_quantity("contact_force_p99").text(9357.0) == "9.36 kN"
+    assert figure_quantity("penetration_rate").text(5.5e-5) == "3.3 mm/min"
+    assert figure_quantity("events").text(1200.0) == "1200"
+    units = {name: unit for name, unit in SWEEP_FIGURES.items() if unit}
+    assert all(figure_quantity(name).unit for name in units)
+
+
+def test_a_sign_and_more_digits_are_on_demand():
+    share = Quantity("share", "share", "%", 100.0, floor=1e-5)
+    assert share.text(0.0521, sign=True) == "+5.21 %"
+    assert share.text(-0.0521, sign=True) == "-5.21 %"
+    assert share.text(1e-7, sign=True) == "0 %"
+    assert number_text(3.00149, 4) == "3.001"
+    assert number_text(math.inf) == "–"

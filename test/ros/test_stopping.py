@@ -33,7 +33,7 @@ def test_the_end_of_the_parent_requests_a_stop_where_it_is_wanted(monkeypatch, w
     with StopRequest(with_parent) as stop:
         assert not stop.requested
         monkeypatch.setattr(os, "getppid", lambda: 1)
-        assert (stop.requested, stop.orphaned) == (ends, ends)
+        assert (stop.requested, stop.orphaned, stop.wait(0.0)) == (ends, ends, ends)
 
 
 def test_a_hangup_that_is_ignored_stays_ignored():

@@ -13,7 +13,6 @@ from hypothesis import strategies as st
 from support import examples
 
 from rpud_sim.foundation.quantities import ParameterError
-from rpud_sim.inspection.report.power_flow import terms
 from rpud_sim.model.parameters import CONTACT_MODELS, REGIMES
 from rpud_sim.simulation import preset
 from rpud_sim.simulation.actuator import ActuatorParameters
@@ -23,6 +22,7 @@ from rpud_sim.simulation.energy_account import EnergyAccount, RecentEnergy, mean
 from rpud_sim.simulation.faults import Fault
 from rpud_sim.simulation.simulation import Simulation
 from rpud_sim.simulation.span import span_of
+from rpud_sim.viewer.powers import terms
 
 SECOND = 1_000_000_000
 PHYSICAL = ["free_mass_jammed", "lost_preload", "load_spring_binding", "restitution_loss"]

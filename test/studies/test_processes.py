@@ -1,8 +1,10 @@
 """Local processes: a lost one costs its own chunk alone, and a failure is one line."""
 
 import dataclasses
+import functools
 import multiprocessing
 import os
+import subprocess
 import weakref
 
 import pytest
@@ -40,6 +42,15 @@ def test_an_outcome_that_cannot_be_pickled_is_said(chunks):
     with pytest.raises(WorkerError, match=r"^the outcome of chunk 0 cannot be pickled: ") as caught:
         list(run_on_processes(weakref.ref, chunks[:1], 1))
     assert "\n" not in str(caught.value)
+    assert multiprocessing.active_children() == []
+
+
+def test_an_outcome_that_cannot_be_unpickled_is_said(chunks):
+    # Exceptions lose in a pickle what they were given by keyword.
+    outcome = functools.partial(subprocess.CalledProcessError, cmd="drill")
+    complaint = r"^the outcome of chunk 0 cannot be unpickled: TypeError: .* 'cmd'$"
+    with pytest.raises(WorkerError, match=complaint):
+        list(run_on_processes(outcome, chunks[:1], 1))
     assert multiprocessing.active_children() == []
 
 

@@ -1,6 +1,8 @@
 """The plugin as pytest sees it, in runs of pytest of their own."""
 
+import base64
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -8,10 +10,12 @@ from xml.etree import ElementTree
 
 import pytest
 
+from rpud_sim.viewer.frames import decode
+
 pytest_plugins = ["pytester"]
 
 SUPERVISOR = Path(__file__).with_name("supervisor.py").read_text()
-HEAVY = ("rclpy", "numba", "numpy", "bokeh", "rpud_sim.ros", "rpud_sim.simulation")
+HEAVY = ("rclpy", "numba", "numpy", "tornado", "rpud_sim.ros", "rpud_sim.simulation")
 
 
 def test_a_run_without_a_drill_imports_nothing_heavy():
@@ -80,9 +84,11 @@ def test_failing_tests_leave_artefacts_also_in_parallel_and_passing_ones_nothing
         ]
     )
     assert (folder / "bag" / "metadata.yaml").is_file()
-    page = (folder / "report.html").read_text()
-    assert "<pre>test: test_failing" in page
-    assert "seed: 0\n[R1] calm: failed, margin -" in page
+    [frame] = re.findall('class="frame">([^<]*)<', (folder / "report.html").read_text())
+    report = decode(base64.b64decode(frame))["report"]
+    assert report["test"].endswith("test_fails")
+    assert (report["verdict"], report["seed"]) == ("failed", "0")
+    assert report["requirements"][0].startswith("[R1] calm: failed, margin -")
     commands = (folder / "commands.txt").read_text()
     assert "press 20.0 N" in commands
     assert "at 0.000 s: step to 0.2 s" in commands

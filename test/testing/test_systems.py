@@ -99,6 +99,15 @@ def test_a_node_that_never_answers_is_waited_for_once(drill):
         assert "/rpud/caller calls /rpud/nowhere, which no node serves" in str(error.value)
 
 
+@pytest.mark.extended
+def test_a_node_that_never_publishes_its_answer_is_waited_for_once(drill):
+    for limit in ("within 3 s", "within 1 s, as in a test before"):
+        drill.begin(0)
+        drill.with_answers("/nowhere")
+        with pytest.raises(SystemUnderTestError, match=f"not publish on all of /nowhere {limit}"):
+            drill.start("python supervisor.py works", timeout=3.0)
+
+
 def test_a_start_that_fails_says_in_one_line_why(drill):
     with pytest.raises(SystemUnderTestError) as error:
         drill.start("nosuch --fast")

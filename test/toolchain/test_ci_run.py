@@ -43,7 +43,7 @@ def ci_run(tmp_path):
 
 
 def test_a_browser_that_is_there_is_required(ci_run, tmp_path):
-    printed, errors, code = ci_run(chromium="", apt_get="touch asked")
+    printed, errors, code = ci_run(chromium="", npm="", apt_get="touch asked")
     assert "make test RPUD_BROWSER=required -x" in printed
     assert "make test-all SEED=0 RPUD_BROWSER=required" in printed
     assert not (tmp_path / "asked").exists()
@@ -56,7 +56,7 @@ def test_a_browser_that_is_there_is_required(ci_run, tmp_path):
 def test_root_on_debian_installs_one_without_a_word(ci_run, tmp_path):
     install = '[ "$2" = update ] || /bin/cp bin/make bin/chromium'
     asked = 'echo noise "$@" | /usr/bin/tee -a asked'
-    printed, errors, code = ci_run(apt_get=f"{asked}; {install}")
+    printed, errors, code = ci_run(npm="", apt_get=f"{asked}; {install}")
     assert (tmp_path / "asked").read_text().split("\n")[1].endswith("chromium fonts-liberation")
     assert "make test RPUD_BROWSER=required" in printed
     assert "noise" not in printed

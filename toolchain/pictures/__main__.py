@@ -14,71 +14,55 @@ import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from urllib.parse import urljoin
 
-from playwright.sync_api import Browser, Page
+from playwright.sync_api import Browser
 from playwright.sync_api import Error as BrowserError
 
 from rpud_sim.foundation.terminal import complain
 from toolchain.pictures.diagrams import draw_blocks, draw_drill, draw_events
-from toolchain.pictures.screenshots import SCHEMES, chromium, open_in_both, save
+from toolchain.pictures.screenshots import SCHEMES, chromium, film, open_in_both, save
 
-CONFIG = Path(__file__).resolve().parents[2] / "config"
-WIDE = (1200, 900)
-TALL = (1200, 1670)
-
-
-def report(browser: Browser, out: Path, folder: Path) -> None:
-    """Take the page of `rpud report`, of a run with the faults of config/faults.yaml."""
-    page = folder / "report.html"
-    bag = record_faults(folder)
-    rpud("report", bag, "--out", page)
-    pages = open_in_both(browser, page.as_uri(), WIDE)
-    for each in pages:
-        show_plots(each)
-    save(pages, out)
+STRATA = Path(__file__).resolve().parents[2] / "config" / "strata_example.yaml"
+WIDE = (1400, 900)
+NARROW = {"width": 560, "height": 900}
+SECONDS, RATE = 6, 10  # of the film: s, pictures a second
+FILMED = ("figure#section svg", "figure#motion")  # one above the other
+SCREEN = "import('/share/screen.js').then(({ rpudScreen: screen }) => %s)"
 
 
-def live(browser: Browser, out: Path, folder: Path) -> None:
-    """Take the page of `rpud watch`, of a drill that was pressed harder and jammed for a while."""
-    with background("run", "--duration", "600"), background("watch", "--port", "0") as watch:
-        url = urljoin(printed_url(watch), "/drill?namespace=/rpud")
-        pages = open_in_both(browser, url, TALL)
-        for page in pages:
-            page.wait_for_function("document.querySelector('#state').textContent === 'running'")
-        pages[0].wait_for_timeout(6_000)
-        pages[0].get_by_role("spinbutton", name="weight on bit").fill("25")
+def screen(browser: Browser, out: Path, folder: Path) -> None:
+    """Take the screen of a drill in layers of rock, pressed harder and jammed for a while."""
+    words = ("run", "--duration", "600", "--quiet", "--watch", "0", "--set", f"strata={STRATA}")
+    with background(*words, folder=folder) as drill:
+        pages = open_in_both(browser, printed_url(drill), WIDE)
+        pages[0].wait_for_timeout(8_000)
+        pages[0].get_by_role("spinbutton", name="weight on bit").fill("14")
         pages[0].get_by_role("button", name="Press").click()
+        pages[0].wait_for_timeout(5_000)
+        rpud("inject", "free_mass_jammed", "--for", "1.5")
         pages[0].wait_for_timeout(7_000)
-        pages[0].get_by_role("combobox", name="fault").select_option("free_mass_jammed")
-        pages[0].get_by_role("button", name="Inject").click()
-        pages[0].wait_for_timeout(3_000)
-        pages[0].get_by_role("button", name="Clear all").click()
-        pages[0].wait_for_timeout(3_000)
         save(pages, out)
 
 
-def bag(browser: Browser, out: Path, folder: Path) -> None:
-    """Take the page of `rpud watch BAG`, zoomed into one contact of a run with faults."""
-    recorded = record_faults(folder)
-    with background("watch", recorded.name, "--port", "0", folder=folder) as watch:
-        pages = open_in_both(browser, printed_url(watch), WIDE)
-        for page in pages:
+def motion(browser: Browser, out: Path, folder: Path) -> None:
+    """Film section and zigzag of a recorded run: one picture a place of the clock."""
+    rpud("simulate", "--duration", "12", "--set", f"strata={STRATA}", "--bag", folder / "drilled")
+    with background("watch", "drilled", "--port", "0", folder=folder) as watch:
+        url = printed_url(watch)
+        for scheme, ending in SCHEMES.items():
+            page = browser.new_page(viewport=NARROW, color_scheme=scheme)
+            page.goto(url)
             page.wait_for_timeout(4_000)
-            page.get_by_role("textbox", name="cursor").fill("3.3")
-            page.get_by_role("button", name="next impact").click()
-            page.wait_for_timeout(2_000)
-            page.get_by_role("button", name="zoom to this contact").click()
-            page.wait_for_timeout(4_000)
-        save(pages, out)
-
-
-def record_faults(folder: Path) -> Path:
-    """Write the bag of a run with the faults of config/faults.yaml; it is the same every time."""
-    recorded = folder / "drilled"
-    scenario = f"scenario={CONFIG / 'faults.yaml'}"
-    rpud("simulate", "--duration", "12", "--set", scenario, "--bag", recorded)
-    return recorded
+            page.evaluate(SCREEN % "(screen.playhead.seek(11), 0)")
+            page.wait_for_timeout(3_000)
+            [length] = page.evaluate(SCREEN % "[screen.clock.end]")
+            pictures = []
+            for number in range(SECONDS * RATE):
+                place = length * number / (SECONDS * RATE)
+                page.evaluate(SCREEN % f"(screen.clock.still({place}), 0)")
+                pictures.append([page.locator(part).screenshot() for part in FILMED])
+            film(pictures, out.with_name(f"{out.stem}{ending}.webp"), RATE)
+            page.close()
 
 
 DRAWINGS: dict[str, Callable[[], str]] = {
@@ -86,21 +70,13 @@ DRAWINGS: dict[str, Callable[[], str]] = {
     "blocks": draw_blocks,
     "events": draw_events,
 }
-PAGES: dict[str, Callable[[Browser, Path, Path], None]] = {
-    "live": live,
-    "bag": bag,
-    "report": report,
-}
+PAGES: dict[str, Callable[[Browser, Path, Path], None]] = {"screen": screen, "motion": motion}
+KINDS = {"screen": "png", "motion": "webp"}
 FILES = [
     *(f"{name}.svg" for name in DRAWINGS),
-    *(f"{name}{ending}.png" for name in PAGES for ending in SCHEMES.values()),
+    *(f"{name}{ending}.{KINDS[name]}" for name in PAGES for ending in SCHEMES.values()),
 ]
 """Names of all pictures."""
-
-
-def show_plots(page: Page) -> None:
-    """Bring the plots over time to the top of the window."""
-    page.locator(".plot-controls").first.evaluate("(element) => element.scrollIntoView()")
 
 
 @contextmanager

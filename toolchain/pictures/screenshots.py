@@ -16,8 +16,8 @@ SCHEMES = {"light": "", "dark": "_dark"}
 """Endings of the names of files, by colour scheme."""
 
 _COLORS = 256
-_DRAWN = """() => document.readyState === 'complete'
-    && (!window.Bokeh || Bokeh.documents.every((each) => each.is_idle))"""
+_FILM_WIDTH = 400  # pixels
+_DRAWN = "() => document.readyState === 'complete'"
 
 
 @contextmanager
@@ -72,6 +72,30 @@ def save(pages: list[Page], out: Path) -> list[Path]:
         files[-1].write_bytes(smaller(page.screenshot()))
         page.close()
     return files
+
+
+def film(pictures: list[list[bytes]], out: Path, rate: int) -> None:
+    """Write pictures as an animated WebP, so many a second; each has parts, one above the other."""
+    frames = []
+    for parts in pictures:
+        images = [Image.open(io.BytesIO(part)).convert("RGB") for part in parts]
+        size = max(image.width for image in images), sum(image.height for image in images)
+        frames.append(Image.new("RGB", size, images[-1].getpixel((0, 0))))
+        top = 0
+        for image in images:
+            frames[-1].paste(image, ((size[0] - image.width) // 2, top))
+            top += image.height
+        frames[-1] = frames[-1].resize((_FILM_WIDTH, round(_FILM_WIDTH * size[1] / size[0])))
+    first, *others = frames
+    first.save(
+        out,
+        save_all=True,
+        append_images=others,
+        duration=1000 // rate,
+        loop=0,
+        quality=35,
+        method=4,
+    )
 
 
 def smaller(picture: bytes) -> bytes:

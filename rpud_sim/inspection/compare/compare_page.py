@@ -3,24 +3,29 @@
 from __future__ import annotations
 
 import os
+from typing import Any
 
-from rpud_sim.inspection.compare.estimates import DIFFERS, EQUIVALENT, SAME, UNDECIDED, Estimate
+from rpud_sim.inspection.compare.estimates import DIFFERS, Estimate
 from rpud_sim.inspection.compare.page_plots import (
+    difference_plot,
     distribution_plots,
-    interval_plot,
+    hidden_commands,
     label,
-    time_column,
+    time_plots,
 )
 from rpud_sim.inspection.compare.quantities import COUNTERS, MEAN, MEDIAN, P95, TIMING
 from rpud_sim.inspection.compare.recorded_drill import CompareError
 from rpud_sim.inspection.compare.results import Comparison, QuantityComparison, WindowComparison
 from rpud_sim.inspection.compare.same_bits import EQUAL, TopicBits, first_different
 from rpud_sim.inspection.compare.template import BODY, HEADINGS
+from rpud_sim.inspection.compare.wording import FIGURES, difference_texts, sentence
 from rpud_sim.inspection.output import write_new_file
 from rpud_sim.pages.frame import render_page
+from rpud_sim.pages.quantities import NONE as _UNSET
+from rpud_sim.pages.quantities import QUANTITIES, Quantity
 
-_UNSET = "–"
 _MOST_DRAWN = 3  # windows whose distributions are drawn
+_MOST_NAMED = 6  # settings that differ, which the page names above its plot
 _SHOWN_TEXT = 80  # characters of a value of a message
 
 
@@ -31,13 +36,12 @@ def write_page(found: Comparison, out: str | os.PathLike[str]) -> None:
 def render(found: Comparison) -> str:
     letters = [chr(ord("A") + number) for number in range(len(found.names))]
     drawn = found.windows[:_MOST_DRAWN]
-    decisions = [each.decision for each in found.differences]
-    tiles = [(text, str(decisions.count(text))) for text in (DIFFERS, SAME, EQUIVALENT, UNDECIDED)]
     return render_page(
         BODY,
         " and ".join(found.names) if len(found.names) < 3 else f"{len(found.names)} runs",
-        verdict=f"{found.verdict[0].upper()}{found.verdict[1:]}.",
-        tiles=[(f"figures: {text}", value) for text, value in tiles if value != "0"],
+        verdict=sentence(found),
+        named=[(letter, drill.path) for letter, drill in zip(letters, found.drills, strict=True)],
+        settings=_settings_line(found),
         warnings=[
             *found.warnings,
             *(
@@ -81,16 +85,21 @@ def render(found: Comparison) -> str:
             for number, run in enumerate(found.bits, 1)
         ],
         tolerance=f"{100.0 * found.tolerance:g} %" if found.tolerance else "",
-        windows=[_window(found, window, letters) for window in found.windows],
+        # The one with the most differences is open.
+        windows=sorted(
+            (_window(found, window, letters) for window in found.windows),
+            key=lambda item: -item["differing"],
+        ),
         distributions=[
             (
                 window.window.name,
-                [p for q in window.quantities for p in distribution_plots(found, window, q)],
+                list(distribution_plots(found, window)),
             )
             for window in drawn
         ],
         not_drawn=len(found.windows) - len(drawn),
-        over_time=time_column(found),
+        over_time=time_plots(found),
+        hidden=hidden_commands(found),
         timing=_timing_rows(found),
     )
 
@@ -114,32 +123,41 @@ def _bits_row(topic: TopicBits) -> tuple[str, ...]:
     return (topic.topic, topic.state, str(topic.messages), time, *values, topic.note)
 
 
-def _window(found: Comparison, window: WindowComparison, letters: list[str]) -> dict[str, object]:
+def _settings_line(found: Comparison) -> str:
+    if not found.parameters:
+        return "No parameter differs."
+    texts = [
+        f"{each.name} {' and '.join(value or _UNSET for value in each.values)} {each.unit}".rstrip()
+        for each in found.parameters[:_MOST_NAMED]
+    ]
+    more = len(found.parameters) - len(texts)
+    return f"What differs: {', '.join(texts)}{f', and {more} more' if more else ''}."
+
+
+def _window(found: Comparison, window: WindowComparison, letters: list[str]) -> dict[str, Any]:
     spans = dict.fromkeys(zip(window.window.begins, window.window.ends, strict=True))
     shown = ", ".join(f"{begin:.6g} to {end:.6g} s" for begin, end in spans)
-    rows = []
-    for quantity in window.quantities:
-        for number, run in enumerate(quantity.differences, 1):
-            for each in run:
-                rows.append(
-                    (
-                        quantity.title,
-                        each.figure,
-                        letters[number],
-                        f"{each.reference.value:.5g}",
-                        f"{each.other.value:.5g}",
-                        quantity.unit,
-                        show(each.value),
-                        _interval(each.low, each.high),
-                        _percent(each.relative),
-                        _interval(100.0 * each.relative_low, 100.0 * each.relative_high),
-                        show(each.chance, 2),
-                        each.decision,
-                    )
-                )
+    rows = [
+        (
+            quantity.shown.label,
+            FIGURES[each.figure],
+            letters[number],
+            quantity.shown.text(each.reference.value),
+            quantity.shown.text(each.other.value),
+            *difference_texts(quantity.shown, each),
+            f"{each.chance:.2g}" if each.chance == each.chance else _UNSET,
+            each.decision,
+        )
+        for quantity in window.quantities
+        for number, run in enumerate(quantity.differences, 1)
+        for each in run
+    ]
+    differing = sum(row[-1] == DIFFERS for row in rows)
     return {
-        "name": f"{window.window.name}: {shown}",
-        "intervals": interval_plot(found, window),
+        "name": f"{window.window.name[:1].upper()}{window.window.name[1:]}, {shown}",
+        "differing": differing,
+        "count": f"{differing} of {len(rows)} figures differ",
+        "plot": difference_plot(found, window),
         "rows": rows,
         "of_runs": [row for quantity in window.quantities for row in _values(quantity, letters)],
     }
@@ -149,51 +167,33 @@ def _values(quantity: QuantityComparison, letters: list[str]) -> list[tuple[str,
     rows = []
     for letter, run in zip(letters, quantity.runs, strict=True):
         if run is None:
-            rows.append((quantity.title, quantity.unit, letter, "0", *([_UNSET] * 8)))
+            rows.append((quantity.shown.label, letter, "0", *([_UNSET] * 8)))
             continue
         cells = [
-            cell for name in (MEAN, MEDIAN, P95) for cell in _estimate(run.estimates.get(name))
+            cell
+            for name in (MEAN, MEDIAN, P95)
+            for cell in _estimate(quantity.shown, run.estimates.get(name))
         ]
-        rows.append(
-            (
-                quantity.title,
-                quantity.unit,
-                letter,
-                str(run.count),
-                f"{run.estimates[MEAN].blocks:.0f}",
-                *cells,
-                show(run.greatest),
-            )
-        )
+        blocks = f"{run.estimates[MEAN].blocks:.0f}"
+        greatest = quantity.shown.text(run.greatest)
+        rows.append((quantity.shown.label, letter, str(run.count), blocks, *cells, greatest))
     return rows
 
 
-def _estimate(each: Estimate | None) -> tuple[str, str]:
+def _estimate(shown: Quantity, each: Estimate | None) -> tuple[str, str]:
     if each is None:
         return _UNSET, _UNSET
-    return show(each.value), _interval(each.low, each.high)
-
-
-def show(value: float, digits: int = 4) -> str:
-    """Return a number with some digits; a dash for NaN."""
-    return f"{value:.{digits}g}" if value == value else _UNSET
-
-
-def _percent(value: float) -> str:
-    return f"{100.0 * value:+.3g}" if value == value else _UNSET
-
-
-def _interval(low: float, high: float) -> str:
-    return f"{low:.4g} to {high:.4g}" if low == low and high == high else _UNSET
+    low, high = shown.text(each.low, unit=False), shown.text(each.high)
+    return shown.text(each.value), _UNSET if _UNSET in (low, high) else f"{low} to {high}"
 
 
 def _timing_rows(found: Comparison) -> list[tuple[str, ...]]:
     rows = []
     for name, title, unit in TIMING:
-        scale, shown = (1e3, " [ms]") if unit == "s" else (1.0, "")
+        shown = QUANTITIES["lateness"] if unit == "s" else Quantity("", "", "")
         for kind in ("median", "greatest"):
-            cells = [show(scale * getattr(timing, kind)[name]) for timing in found.timing]
-            rows.append((f"{title}, {kind}{shown}", *cells))
+            cells = [shown.text(getattr(timing, kind)[name]) for timing in found.timing]
+            rows.append((f"{title}, {kind}", *cells))
     for name, title in COUNTERS:
         counts = [timing.counters[name] for timing in found.timing]
         rows.append((title, *(_UNSET if count is None else str(count) for count in counts)))

@@ -224,7 +224,7 @@ def _compare_window(
             for values, other in zip(series[1:], figures[1:], strict=True)
         )
         found.append(
-            QuantityComparison(quantity.name, quantity.title, quantity.unit, figures, differences)
+            QuantityComparison(quantity.name, quantity.shown, quantity.unit, figures, differences)
         )
     return WindowComparison(window, tuple(found))
 

@@ -3,110 +3,123 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from typing import Literal
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from rpud_sim.inspection.compare.estimates import DIFFERS
+from rpud_sim.inspection.compare.estimates import (
+    DIFFERS,
+    EQUIVALENT,
+    SAME,
+    TOO_FEW,
+    UNDECIDED,
+    Difference,
+)
 from rpud_sim.inspection.compare.quantities import QUANTITIES, STATUS, Quantity
 from rpud_sim.inspection.compare.recorded_values import RecordedValues, series_of
-from rpud_sim.inspection.compare.results import (
-    Comparison,
-    QuantityComparison,
-    WindowComparison,
-)
-from rpud_sim.inspection.report.running_statistics import Envelope as RunningEnvelope
-from rpud_sim.pages.extent import readable_unit
-from rpud_sim.pages.plot import (
-    COMMAND,
-    FAULT,
-    Axis,
-    Envelope,
-    Layer,
-    Line,
-    Mark,
-    Plot,
-    Points,
-    Rule,
-    TimeColumn,
-    Zone,
-)
+from rpud_sim.inspection.compare.results import Comparison, QuantityComparison, WindowComparison
+from rpud_sim.inspection.compare.wording import FIGURES, difference_texts
+from rpud_sim.pages.plot import Axis, Envelope, Layer, Line, Plot, Points, Rule, Zone
 
 _CLASSES = 60
-_STEPS = 200  # of a cumulative distribution
 _TAIL = 0.002  # share of values beyond each end of a histogram
 _DECADES = 30.0  # greatest over least, above which classes are equal in the logarithm
-_DASHES: tuple[Literal["solid", "dashed", "dotted", "dotdash"], ...] = (
-    "solid",
-    "dashed",
-    "dotted",
-    "dotdash",
-)
-_APART = 0.5  # between the outer runs, in rows of an interval chart
-
+_APART = 0.5  # between the outer runs, in rows of the differences
+_ROW = 19  # height of a row of the differences [pixels]
+_BINS = 200  # of a series over time
+_MOST_COMMANDS = 60  # that are drawn; more would be a solid surface
+_COLORS = {
+    DIFFERS: "series1",
+    SAME: "muted",
+    EQUIVALENT: "series2",
+    UNDECIDED: "series4",
+    TOO_FEW: "muted",
+}
 # Quantities over time; others are on the page as distributions.
 _OVER_TIME = ("impact_rate", "peak_force", "reacting_force", "nodal_plane_position")
 
 
-def interval_plot(found: Comparison, window: WindowComparison) -> Plot | None:
-    """Return the chart of the relative differences with their intervals; None without any."""
+def difference_plot(found: Comparison, window: WindowComparison) -> Plot | None:
+    """Return the relative differences with their intervals; None without any."""
     rows = [
-        (f"{quantity.title}, {figure}", place)
+        (quantity, [run[place] if len(run) > place else None for run in quantity.differences])
         for quantity in window.quantities
-        for place, figure in enumerate(_tested(quantity))
-        if any(
-            len(run) > place and math.isfinite(run[place].relative) for run in quantity.differences
-        )
+        for place in range(max(map(len, quantity.differences), default=0))
     ]
-    if not rows:
+    if not any(each and math.isfinite(each.relative) for _, runs in rows for each in runs):
         return None
-    by_title = {q.title: q for q in window.quantities}
-    layers: list[Layer] = [Rule("no difference", 0.0, across=False, color="muted", dash="solid")]
+    layers: list[Layer] = [Rule("", 0.0, across=False, color="text", dash="solid")]
     if found.tolerance:
         edge = 100.0 * found.tolerance
         layers.insert(0, Zone("tolerance", -edge, edge, across=False))
-    runs = len(found.names) - 1
-    differing = 0
-    reached: list[np.ndarray] = [np.empty(0)]
-    for number in range(runs):
-        shift = (number - 0.5 * (runs - 1)) * _APART / max(runs - 1, 1) if runs > 1 else 0.0
-        points = []
-        for row, (text, place) in enumerate(rows):
-            run = by_title[text.rpartition(", ")[0]].differences[number]
-            if len(run) > place:
-                each = run[place]
-                points.append((row + shift, each.relative, each.relative_low, each.relative_high))
-                differing += each.decision == DIFFERS
-        y, middle, low, high = np.array(points, float).reshape(-1, 4).T
-        reached += [100.0 * low, 100.0 * high]
-        layers.append(
-            Points(
-                f"{label(found, number + 1)} against A",
-                100.0 * middle,
-                y,
-                100.0 * low,
-                100.0 * high,
-                across=True, color=number + 1, size=7.0,
-            )
-        )  # fmt: skip
-    ends = np.concatenate(reached)
-    ends = ends[np.isfinite(ends)]
-    reach = float(np.quantile(np.abs(ends), 0.9)) * 1.5 if len(ends) else 1.0
-    reach = max(reach, 150.0 * found.tolerance, 1e-6)
+    layers += _difference_points(found, rows)
+    names = tuple(_row_name(rows, row) for row in range(len(rows)))
+    one = len(found.names) == 2
+    count = sum(each.decision == DIFFERS for _, runs in rows for each in runs if each)
     return Plot(
-        "relative differences from A, with 95 % intervals",
+        "Differences from A, with 95 % intervals",
         tuple(layers),
-        f"{differing} of {len(rows) * runs} figures differ from A. An interval that does not "
-        "cross zero may still be chance: the table has decisions corrected for their number.",
-        y=Axis(categories=tuple(text for text, _ in rows), flipped=True),
-        x=Axis("difference", "%", low=-reach, high=reach),
-        height=max(160, (18 + 7 * (runs - 1)) * len(rows)),
+        f"{count} of {len(rows) * (len(found.names) - 1)} figures differ from A.",
+        y=Axis(categories=names, flipped=True, columns=_columns(rows) if one else ()),
+        x=Axis("difference", "%"),
+        height=(_ROW + 7 * (len(found.names) - 2)) * len(rows),
+        width=1068,
     )
 
 
-def _tested(quantity: QuantityComparison) -> tuple[str, ...]:
-    return next(known.tested for known in QUANTITIES if known.name == quantity.quantity)
+_Rows = Sequence[tuple[QuantityComparison, Sequence[Difference | None]]]
+
+
+def _difference_points(found: Comparison, rows: _Rows) -> Iterator[Points]:
+    """Yield a layer for each run; if there is one alone, for each decision."""
+    runs = len(found.names) - 1
+    points: dict[tuple[str, str | int], list[tuple[float, float, float, float, str]]] = {}
+    for row, (quantity, differences) in enumerate(rows):
+        for number, each in enumerate(differences):
+            if each is None or not math.isfinite(each.relative):
+                continue
+            key: tuple[str, str | int] = (each.decision, _COLORS[each.decision])
+            if runs > 1:
+                key = (f"{label(found, number + 1)} against A", number + 1)
+            shift = (number - 0.5 * (runs - 1)) * _APART / max(runs - 1, 1)
+            value, low, high = each.relative, each.relative_low, each.relative_high
+            point = (row + shift, 100.0 * value, 100.0 * low, 100.0 * high, _told(quantity, each))
+            points.setdefault(key, []).append(point)
+    for (name, color), group in points.items():
+        y, middle, low, high = np.array([point[:4] for point in group], float).T
+        texts = tuple(point[4] for point in group)
+        yield Points(name, middle, y, low, high, True, size=7.0, color=color, titles=texts)
+
+
+def _told(quantity: QuantityComparison, each: Difference) -> str:
+    shown = quantity.shown
+    difference, interval = difference_texts(shown, each)
+    return (
+        f"{shown.label}, {FIGURES[each.figure]}: {shown.text(each.reference.value)} and "
+        f"{shown.text(each.other.value)}, {difference} ({interval}): {each.decision}"
+    )
+
+
+def _row_name(rows: _Rows, row: int) -> str:
+    quantity, runs = rows[row]
+    figure = next(FIGURES[each.figure] for each in runs if each)
+    if row and rows[row - 1][0] is quantity:
+        return figure
+    return f"{quantity.shown.label}, {figure}"
+
+
+def _columns(rows: _Rows) -> tuple[tuple[str, tuple[str, ...]], ...]:
+    """Return values and difference beside each row of two runs."""
+    cells = []
+    for quantity, (each, *_) in rows:
+        if each is None:
+            cells.append(("", "", "", ""))
+            continue
+        shown = quantity.shown
+        one, other = shown.text(each.reference.value), shown.text(each.other.value)
+        cells.append((one, other, *difference_texts(shown, each)))
+    a, b, difference, interval = zip(*cells, strict=True)
+    return (("A", a), ("B", b), ("difference", difference), ("95 % interval", interval))
 
 
 def label(found: Comparison, number: int) -> str:
@@ -114,100 +127,92 @@ def label(found: Comparison, number: int) -> str:
     return f"{chr(ord('A') + number)} {found.names[number]:.60}"
 
 
-def distribution_plots(
-    found: Comparison, window: WindowComparison, quantity: QuantityComparison
-) -> list[Plot]:
-    """Return histogram and cumulative distribution of a quantity of all runs.
+def distribution_plots(found: Comparison, window: WindowComparison) -> Iterator[Plot]:
+    """Yield a histogram of each quantity of all runs.
 
-    There are none of a constant, and of a quantity that is averaged over the time.
+    There is none of a constant, and of a quantity that is averaged over the time.
     """
-    if any(known.name == quantity.quantity and known.averaged for known in QUANTITIES):
-        return []
-    series = []
-    for number, run in enumerate(found.values):
-        span = window.window.begins[number], window.window.ends[number]
-        values = series_of(run, quantity.quantity, *span)
-        series.append(np.empty(0) if values is None else values[np.isfinite(values)])
+    averaged = {known.name for known in QUANTITIES if known.averaged}
+    for quantity in window.quantities:
+        if quantity.quantity in averaged:
+            continue
+        series = []
+        for number, run in enumerate(found.values):
+            span = window.window.begins[number], window.window.ends[number]
+            values = series_of(run, quantity.quantity, *span)
+            series.append(np.empty(0) if values is None else values[np.isfinite(values)])
+        if plot := _distribution(found, quantity, series):
+            yield plot
+
+
+def _distribution(
+    found: Comparison, quantity: QuantityComparison, series: Sequence[np.ndarray]
+) -> Plot | None:
     together = np.concatenate(series)
     if not len(together) or not float(together.max()) > float(together.min()):
-        return []
+        return None
     low, high = np.quantile(together, [_TAIL, 1.0 - _TAIL])
     if not high > low * (1.0 + 1e-6):
         low, high = float(together.min()), float(together.max())
     log = low > 0.0 and high / low > _DECADES
-    factor, unit = readable_unit(quantity.unit, float(max(abs(low), abs(high))))
     edges = np.geomspace(low, high, _CLASSES + 1) if log else np.linspace(low, high, _CLASSES + 1)
     if not (np.diff(edges) > 0.0).all():
-        return []
-    axis = Axis(quantity.title, unit, log=log, low=low * factor, high=high * factor)
-    histogram: list[Layer] = []
-    cumulative: list[Layer] = []
-    shares = np.linspace(0.0, 1.0, _STEPS + 1)
+        return None
+    shown = quantity.shown
+    layers = []
     for number, values in enumerate(series):
-        if not len(values):
-            continue
-        counts = 100.0 * np.histogram(values, edges)[0] / len(values)
-        dash = _DASHES[number % len(_DASHES)]
-        name = label(found, number)
-        x = np.append(edges, edges[-1]) * factor
-        y = np.concatenate([counts, counts[-1:], [0.0]])
-        histogram.append(Line(name, x, y, steps=True, color=number, dash=dash))
-        cumulative.append(
-            Line(
-                name, np.quantile(values, shares) * factor, 100.0 * shares, color=number, dash=dash
-            )
-        )
-    text = "; ".join(
-        f"{chr(ord('A') + n)}: median {np.median(v) * factor:.4g} {unit}, "
-        f"95 % below {np.quantile(v, 0.95) * factor:.4g} {unit}"
-        for n, v in enumerate(series) if len(v)
+        if len(values):
+            shares = 100.0 * np.histogram(values, edges)[0] / len(values)
+            y = np.concatenate([shares, shares[-1:], [0.0]])
+            x = np.append(edges, edges[-1]) * shown.scale
+            layers.append(Line(label(found, number), x, y, steps=True, color=number))
+    medians = ", ".join(
+        f"{chr(ord('A') + number)} {shown.text(float(np.median(values)))}"
+        for number, values in enumerate(series)
+        if len(values)
+    )
+    axis = Axis("", shown.unit, log=log, low=low * shown.scale, high=high * shown.scale)
+    return Plot(
+        f"{shown.label} [{shown.unit}]", tuple(layers), f"Medians: {medians}.",
+        Axis(low=0.0), axis, 130, 340,
     )  # fmt: skip
-    return [
-        Plot(f"{quantity.title}: share of values in each of {_CLASSES} classes", tuple(histogram),
-             f"{text}.", Axis(unit="%", low=0.0), axis, 150),
-        Plot(f"{quantity.title}: share of values below", tuple(cumulative), "",
-             Axis(unit="%", low=0.0, high=100.0), axis, 150),
-    ]  # fmt: skip
 
 
-def time_column(found: Comparison) -> TimeColumn | None:
-    """Return the series of all runs over one time axis; None without any."""
+def time_plots(found: Comparison) -> list[Plot]:
+    """Return the series of all runs over one time axis."""
     begin = min((run.begin for run in found.values if math.isfinite(run.begin)), default=0.0)
     end = max((run.end for run in found.values if math.isfinite(run.end)), default=0.0)
     if not end > begin:
-        return None
+        return []
     wanted = [q for q in QUANTITIES if q.name in _OVER_TIME or q.topic == STATUS]
-    plots = [plot for q in wanted if (plot := _over_time(found, q, begin, end)) is not None]
-    return (
-        TimeColumn(tuple(plots), begin, end, _marks(found), label="simulation time")
-        if plots
-        else None
-    )
+    marks = tuple(_marks(found, end))
+    plots = (_over_time(found, quantity, begin, end, marks) for quantity in wanted)
+    return [plot for plot in plots if plot is not None]
 
 
-def _over_time(found: Comparison, quantity: Quantity, begin: float, end: float) -> Plot | None:
-    columns = [
-        (number, *series)
-        for number, run in enumerate(found.values)
-        if (series := _points(run, quantity)) is not None
-    ]
-    if not columns:
-        return None
-    greatest = max(float(np.abs(values).max()) for _, _, values in columns)
-    factor, unit = readable_unit(quantity.unit, greatest)
-    layers: list[Layer] = []
+def _over_time(
+    found: Comparison, quantity: Quantity, begin: float, end: float, marks: tuple[Layer, ...]
+) -> Plot | None:
+    shown = quantity.shown
+    layers: list[Layer] = [*marks]
     means = []
-    for number, times, values in columns:
-        name = label(found, number)
-        means.append(f"{chr(ord('A') + number)} {values.mean() * factor:.4g} {unit}".rstrip())
-        if quantity.topic == STATUS or quantity.name == "impact_rate":
-            layers.append(Line(name, times, values * factor, steps=True, color=number))
+    for number, run in enumerate(found.values):
+        points = _points(run, quantity)
+        if points is None:
             continue
-        envelope = RunningEnvelope(end - begin)
-        envelope.add(times - begin, values * factor)
-        x, (least, mean, most) = envelope.steps()
-        layers.append(Envelope(name, x + begin, least, mean, most, color=number))
-    return Plot(quantity.title, tuple(layers), f"Means: {', '.join(means)}.", Axis(unit=unit))
+        times, values = points
+        name = label(found, number)
+        means.append(f"{chr(ord('A') + number)} {shown.text(float(values.mean()))}")
+        values = values * shown.scale
+        if quantity.topic == STATUS or quantity.name == "impact_rate":
+            layers.append(Line(name, times, values, steps=True, color=number))
+        else:
+            layers.append(_envelope(name, times, values, number))
+    if not means:
+        return None
+    alt = f"Means: {', '.join(means)}."
+    x = Axis("simulation time", "s", low=begin, high=end)
+    return Plot(shown.label, tuple(layers), alt, Axis(unit=shown.unit), x, 130, 520)
 
 
 def _points(run: RecordedValues, quantity: Quantity) -> tuple[np.ndarray, np.ndarray] | None:
@@ -226,16 +231,30 @@ def _points(run: RecordedValues, quantity: Quantity) -> tuple[np.ndarray, np.nda
     return (arrays["time"][known], values[known]) if known.any() else None
 
 
-def _marks(found: Comparison) -> Sequence[Mark]:
-    """Return commands and faults; what all runs have at one time is one mark."""
-    marks = []
-    for kind, events in ((COMMAND, found.commands), (FAULT, found.faults)):
-        for event in events:
-            at: dict[tuple[float, float | None], list[str]] = {}
-            for number, (time, end) in enumerate(zip(event.times, event.ends, strict=True)):
-                if time is not None:
-                    at.setdefault((round(time, 6), end), []).append(chr(ord("A") + number))
-            for (time, end), letters in at.items():
-                whose = "" if len(letters) == len(found.names) else f" ({', '.join(letters)})"
-                marks.append(Mark(kind, time, f"{event.text}{whose}", end))
-    return marks
+def _envelope(name: str, times: np.ndarray, values: np.ndarray, color: int) -> Envelope:
+    """Return least, mean and greatest value of equal parts of the time that have any."""
+    width = (times[-1] - times[0]) / _BINS or 1.0
+    place = ((times - times[0]) / width).astype(int)
+    firsts = np.flatnonzero(np.diff(place, prepend=-1))
+    counts = np.diff(np.append(firsts, len(place)))
+    low, total, high = (part.reduceat(values, firsts) for part in (np.minimum, np.add, np.maximum))
+    middle = times[0] + (place[firsts] + 0.5) * width
+    return Envelope(name, middle, low, total / counts, high, color)
+
+
+def _marks(found: Comparison, end: float) -> Iterator[Layer]:
+    """Yield faults, and commands if there are not too many."""
+    for event in found.faults:
+        for begin, clear in dict.fromkeys(zip(event.times, event.ends, strict=True)):
+            if begin is not None:
+                until = end if clear is None else clear
+                yield Zone("", begin, until, False, "fault", event.text)
+    for event in () if hidden_commands(found) else found.commands:
+        for time in dict.fromkeys(event.times):
+            if time is not None:
+                yield Rule("", time, False, "command", "dotted", event.text)
+
+
+def hidden_commands(found: Comparison) -> int:
+    """Return the number of commands, if they are too many to be drawn; otherwise 0."""
+    return len(found.commands) if len(found.commands) > _MOST_COMMANDS else 0

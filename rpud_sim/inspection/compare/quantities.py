@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from rpud_sim.pages.quantities import QUANTITIES as SHOWN
+from rpud_sim.pages.quantities import Quantity as ShownQuantity
+
 MEAN, MEDIAN, P95 = "mean", "median", "p95"  # figures of a distribution
 
 _ALL = (MEAN, MEDIAN, P95)
@@ -14,7 +17,6 @@ class Quantity:
     """Quantity of a run."""
 
     name: str  # of the quantity, and of its key in JSON
-    title: str  # as a reader calls it
     unit: str  # SI unit
     topic: str  # relative name of its topic
     column: str = ""  # of the topic's table; empty if it is computed from impacts
@@ -27,31 +29,39 @@ class Quantity:
         """Whether its values are means over parts of the time, so that only their mean counts."""
         return self.tested == (MEAN,)
 
+    @property
+    def shown(self) -> ShownQuantity:
+        """How people read it."""
+        return SHOWN[_SHOWN_AS.get(self.name, self.name)]
+
+
+# Names in the table of quantities, where they differ from those in JSON.
+_SHOWN_AS = {"energy": "impact_energy", "nodal_plane_position": "nodal_plane"}
 
 IMPACTS = "contact_force"  # topic of the impacts
 STATUS = "status"  # topic of the powers and the timing
 
 QUANTITIES = (
     # The mean of the intervals is one over the rate, so it is not tested again.
-    Quantity("impact_rate", "impact rate", "1/s", IMPACTS, tested=(MEAN,)),
-    Quantity("impact_interval", "interval between impacts", "s", IMPACTS, tested=(MEDIAN, P95)),
-    Quantity("peak_force", "peak contact force", "N", IMPACTS, "peak_force"),
-    Quantity("impact_velocity", "impact velocity", "m/s", IMPACTS, "impact_velocity"),
-    Quantity("energy", "energy of an impact", "J", IMPACTS, "energy"),
-    Quantity("contact_duration", "contact duration", "s", IMPACTS, "contact_duration"),
-    Quantity("impact_power", "power of the impacts", "W", IMPACTS, tested=(MEAN,)),
-    Quantity("reacting_force", "reacting force", "N", "reacting_force", "force"),
-    Quantity("nodal_plane_position", "nodal plane position", "m", "nodal_plane", "position"),
+    Quantity("impact_rate", "1/s", IMPACTS, tested=(MEAN,)),
+    Quantity("impact_interval", "s", IMPACTS, tested=(MEDIAN, P95)),
+    Quantity("peak_force", "N", IMPACTS, "peak_force"),
+    Quantity("impact_velocity", "m/s", IMPACTS, "impact_velocity"),
+    Quantity("energy", "J", IMPACTS, "energy"),
+    Quantity("contact_duration", "s", IMPACTS, "contact_duration"),
+    Quantity("impact_power", "W", IMPACTS, tested=(MEAN,)),
+    Quantity("reacting_force", "N", "reacting_force", "force"),
+    Quantity("nodal_plane_position", "m", "nodal_plane", "position"),
     *(
-        Quantity(name, title, unit, STATUS, name, (MEAN,), fewest=16, resolution=resolution)
-        for name, title, unit, resolution in (
-            ("penetration_rate", "penetration rate", "m/s", 1e-12),
-            ("electrical_power", "electrical power", "W", 1e-9),
-            ("actuator_power", "power of the actuator on the free mass", "W", 1e-9),
-            ("weight_power", "power of weight on bit and gravity", "W", 1e-9),
-            ("load_damper_power", "power lost in the load damper", "W", 1e-9),
-            ("collision_power", "power lost in collisions", "W", 1e-9),
-            ("absorbed_power", "power that tool and rock absorb", "W", 1e-9),
+        Quantity(name, unit, STATUS, name, (MEAN,), fewest=16, resolution=resolution)
+        for name, unit, resolution in (
+            ("penetration_rate", "m/s", 1e-12),
+            ("electrical_power", "W", 1e-9),
+            ("actuator_power", "W", 1e-9),
+            ("weight_power", "W", 1e-9),
+            ("load_damper_power", "W", 1e-9),
+            ("collision_power", "W", 1e-9),
+            ("absorbed_power", "W", 1e-9),
         )
     ),
 )

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from rpud_sim.bag import BagReader
-from rpud_sim.bag.columns import Kind
+from rpud_sim.bag.columns import Kind, usable
 from rpud_sim.bag.tables import Batch
 from rpud_sim.foundation.time import SECOND, join_seconds
 from rpud_sim.inspection.compare.quantities import (
@@ -23,7 +23,6 @@ from rpud_sim.inspection.compare.quantities import (
 )
 from rpud_sim.inspection.compare.recorded_drill import RecordedDrill
 from rpud_sim.inspection.damages import Damages
-from rpud_sim.inspection.report.running_statistics import usable
 
 FAULTS = "faults"
 _FAULTS_TYPE = "rpud_msgs/msg/Faults"
@@ -70,8 +69,8 @@ class RecordedValues:
         arrays = self.topics.get(IMPACTS)
         if arrays is None or not len(arrays["sequence"]):
             return 0
-        numbers = arrays["sequence"]
-        return int(numbers[-1] - numbers[0] + 1 - len(numbers))
+        numbers = np.unique(arrays["sequence"])  # damaged bags repeat and mix them
+        return int(numbers[-1]) - int(numbers[0]) + 1 - len(numbers)
 
     def _filled(self) -> list[Arrays]:
         # A latched status may be older than the run's other messages.

@@ -16,6 +16,7 @@ from rpud_sim.inspection.compare.recorded_drill import RecordedDrill
 from rpud_sim.inspection.compare.recorded_values import RecordedValues
 from rpud_sim.inspection.compare.same_bits import DIFFERENT, EQUAL, TopicBits
 from rpud_sim.inspection.compare.windows import Window
+from rpud_sim.pages.quantities import Quantity
 
 
 @dataclass(frozen=True)
@@ -36,7 +37,7 @@ class QuantityComparison:
     """Comparison of one quantity in one window."""
 
     quantity: str  # its name
-    title: str  # as a reader calls it
+    shown: Quantity  # how people read it
     unit: str  # SI unit
     runs: tuple[RunFigures | None, ...]  # figures of each run; None where a run has no values
     # of each run after the first from the first, for each tested figure

@@ -13,7 +13,7 @@ import numpy as np
 
 from rpud_sim.bag import BagFormatError, Message
 from rpud_sim.bag.cdr import Codec
-from rpud_sim.foundation.time import join_seconds
+from rpud_sim.foundation.time import NEVER, join_seconds
 from rpud_sim.simulation.journal import STARTS, JournalEntry
 from rpud_sim.simulation.topics import TOPICS
 
@@ -88,7 +88,7 @@ def _decode(message: Message, codec: Codec) -> JournalEntry:
         fields = codec.decode(message.data)
         content = json.loads(fields.content)
         time = content.pop("time")
-        if type(time) is not int or time < 0:
+        if type(time) is not int or not 0 <= time < NEVER:
             raise ValueError(f"time = {time!r:.40}")
     except (BagFormatError, AttributeError, LookupError, RecursionError, ValueError) as error:
         reason = " ".join(f"{error!r:.120}".split())

@@ -5,8 +5,10 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from typing import Any
 
 import rpud_sim.bag
@@ -48,6 +50,9 @@ from rpud_sim.simulation.versions import engine_and_processor, mended_since
 
 # Time that is simulated beyond the last stamp: a block may end later [ns].
 _TAIL = 2 * SECOND
+_COMMANDS = ("command/weight_on_bit", "command/drive", "command/feed")
+_COUNTERS = ("commands_accepted", "commands_rejected", "commands_discarded")  # of a status
+_LAST_STATUS = 10 * SECOND  # of a bag, in which a living drill has published a status [ns]
 
 
 @dataclass(frozen=True)
@@ -174,6 +179,7 @@ class _Proof:
         if not undecided and older:
             undecided = f"{older} messages are of before the journal begins"
         self._check_older_faults(comparisons)
+        self._check_commands()
         differences = [*self._journal_differences, *(each.difference for each in decided)]
         held = [
             name for name in self._names if self._summaries[name].message_count or counts[name].tail
@@ -344,8 +350,8 @@ class _Proof:
     def _check_older_faults(self, comparisons: Mapping[str, TopicComparison]) -> None:
         """Compare the faults that a late recorder got first with those of the first state."""
         older = comparisons["faults"].older if "faults" in comparisons else None
-        if older is None:
-            return
+        if older is None or not self._first_faults:
+            return  # a journal that begins with a run has no state of before
         codec = self._codecs["faults"]
         header = {"header": header_fields("faults", recorded_key(older, codec)[0])}
         expected = codec.encode({**self._first_faults, **header})
@@ -353,6 +359,29 @@ class _Proof:
             found = first_difference(codec, older.data, expected)
             stamp = recorded_key(older, codec)[0]
             self._journal_differences.append(Difference(older.topic, stamp, older.log_time, *found))
+
+    def _check_commands(self) -> None:
+        """Warn if the drill took more commands than a bag with all of their topics holds."""
+        status = self._summaries.get("status")
+        held = [self._summaries.get(name) for name in (*_COMMANDS, "joint_commands")]
+        if status is None or self._stretches.runs > 1 or None in held[: len(_COMMANDS)]:
+            return  # the counters may have begun again, or the commands were not to be recorded
+        codec = self._coverage_codecs().get(status.topic.name)
+        if codec is None or not status.message_count:
+            return
+        names = {status.topic.name}
+        first = next(iter(self._bag.messages(names)))
+        end = max(0, self._bag.duration - _LAST_STATUS)
+        last = deque(chain([first], self._bag.messages(names, end)), maxlen=1)[0]
+        with contextlib.suppress(BagFormatError, TypeError):  # of another definition
+            before, after = codec.decode(first.data), codec.decode(last.data)
+            taken = sum(getattr(after, each, 0) - getattr(before, each, 0) for each in _COUNTERS)
+            count = sum(summary.message_count for summary in held if summary)
+            if taken > count:
+                self._warnings[
+                    f"the drill took {taken} commands from the first to the last status, and the "
+                    f"bag holds {count}"
+                ] = None
 
     def _add_journal_difference(
         self, message: Message, entry: JournalEntry, field: str, value: str, computed: str

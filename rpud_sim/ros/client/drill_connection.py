@@ -7,7 +7,7 @@ from typing import Any, TypeVar
 
 from rclpy.node import Node
 from rclpy.publisher import Publisher
-from rclpy.qos import QoSProfile
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from rpud_msgs.msg import Drive, Feed, Status, WeightOnBit
 from rpud_msgs.srv import (
     ClearFault,
@@ -24,7 +24,7 @@ from std_srvs.srv import SetBool
 
 from rpud_sim.ros.client.arguments import SECONDS
 from rpud_sim.ros.client.confirmation import Confirmation
-from rpud_sim.ros.client.drill_search import no_drill
+from rpud_sim.ros.client.drill_search import no_drill, node_name
 from rpud_sim.ros.client.drill_watch import DrillWatch
 from rpud_sim.ros.client.errors import NoAnswerError, NoDrillError, RefusedError
 from rpud_sim.ros.client.listening_node import ListeningNode
@@ -139,8 +139,17 @@ class DrillConnection:
             publisher = self.node.create_publisher(_COMMANDS[name], topic, _COMMAND_DEPTH)
             self._introduce(self._patience)
             self._publishers[name] = publisher
-            self.until(publisher.get_subscription_count, f"the drill did not subscribe to {topic}")
+            self.until(lambda: self._is_heard(publisher), f"the drill did not subscribe to {topic}")
         return self._publishers[name]
+
+    def _is_heard(self, publisher: Publisher) -> bool:
+        """Return whether the drill is among the subscribers, and all are connected."""
+        infos = self.node.get_subscriptions_info_by_topic(publisher.topic_name)
+        # One that asks for messages from before, which a command never has, is not connected.
+        volatile = DurabilityPolicy.VOLATILE
+        names = [node_name(info) for info in infos if info.qos_profile.durability == volatile]
+        drills = {name for name in self.watch.publishers if name}
+        return not drills.isdisjoint(names) and publisher.get_subscription_count() >= len(names)
 
     def call(self, name: str, request: Any, repeat: bool = False) -> Any:
         """Call a service of the drill and return its response.

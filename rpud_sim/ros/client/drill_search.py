@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from rclpy.node import Node
+from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from rpud_sim.foundation.quantities import suggestion
 
@@ -35,10 +36,11 @@ def publisher_names(node: Node, topic: str, kind: str) -> list[str]:
 
     A node whose name has not been discovered yet has an empty one.
     """
-    return [
-        ""
-        if endpoint.node_name == _UNKNOWN
-        else f"{endpoint.node_namespace.rstrip('/')}/{endpoint.node_name}"
-        for endpoint in node.get_publishers_info_by_topic(topic)
-        if endpoint.topic_type == kind
-    ]
+    infos = node.get_publishers_info_by_topic(topic)
+    return [node_name(endpoint) for endpoint in infos if endpoint.topic_type == kind]
+
+
+def node_name(endpoint: TopicEndpointInfo) -> str:
+    """Return the full name of an endpoint's node; empty where that is not discovered yet."""
+    name = endpoint.node_name
+    return "" if name == _UNKNOWN else f"{endpoint.node_namespace.rstrip('/')}/{name}"

@@ -18,6 +18,7 @@ from rpud_sim.ros.qos import RECORDING_DEPTH
 
 _ENCAPSULATION = 4  # bytes before the fields of every message (CDR)
 _MATCHING = 3.0  # s in which a publisher that was found should be connected
+_DISCOVERY = 3.5  # s in which every publisher is found; the middleware announces itself every 3 s
 _EARLIEST = 946_684_800_000_000_000  # the year 2000 [ns since the epoch]
 _LATEST = 2**63 - 1  # in a bag [ns since the epoch]
 _AHEAD = 86_400_000_000_000  # that our clock may be set back while a message waits [ns]
@@ -52,6 +53,8 @@ class RecordedTopic:
     numbered: bool = True  # whether the middleware numbers its messages
     # other types of the topic, which are not recorded
     further_types: set[str] = field(default_factory=set)
+    # when it was subscribed first, by the monotonic clock [s]
+    subscribed_at: float = field(default_factory=time.monotonic)
     damaged: int = 0  # messages that were damaged
     received_at: float = float("-inf")  # when a message came last, by the monotonic clock [s]
     # since when fewer publishers are connected than there are, by that clock [s]
@@ -79,6 +82,16 @@ class RecordedTopic:
             self.unmatched = None
             return True
         return False
+
+    def note_silence(self) -> None:
+        """Count from the first message of each publisher, if none has been found in all the time.
+
+        Those that come are new: what they send before they know the subscription is lost.
+        """
+        settled = time.monotonic() >= self.subscribed_at + _DISCOVERY
+        volatile = self.request.durability != DurabilityPolicy.TRANSIENT_LOCAL
+        if settled and volatile and not self.endpoints:
+            self.gaps.from_first = True
 
     def accept(self, data: bytes, info: dict[str, Any], *, counts: bool) -> Message | None:
         """Return the message, None if damaged or repeated; ``counts`` makes a gap a loss."""

@@ -53,6 +53,7 @@ class TopicSubscriber:
         """Subscribe again if the publishers of a topic need it."""
         endpoints = self._publishers(topic.name, topic.type)
         if not endpoints:
+            topic.note_silence()
             return
         topic.endpoints = endpoints
         offers = [endpoint.qos_profile for endpoint in endpoints]

@@ -33,3 +33,4 @@ class ReplayOptions:
     start_paused: bool = False  # Whether to wait at the beginning to be resumed
     # Whether to wait without limit for a subscriber of every topic
     wait_for_subscribers: bool = False
+    with_parent: bool = False  # Whether to stop also where the parent process has ended

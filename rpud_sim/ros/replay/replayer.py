@@ -51,7 +51,7 @@ class ReplayError(RuntimeError):
 
 def replay(options: ReplayOptions, ros_arguments: Sequence[str], make_bar: MakeBar) -> str:
     """Replay to the end of the bag or until a signal stops it, and return a summary."""
-    with StopRequest() as stop, rpud_sim.bag.open(options.bag) as bag:
+    with StopRequest(options.with_parent) as stop, rpud_sim.bag.open(options.bag) as bag:
         topics = _chosen_topics(bag, options)
         try:
             start_ros(ros_arguments)

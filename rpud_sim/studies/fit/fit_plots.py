@@ -1,74 +1,94 @@
-"""Plots of a fit: unknowns and pairs of them in the posterior, and the model beside the targets."""
+"""Plots of a fit: the posterior of its unknowns, and the model beside the targets."""
 
 from __future__ import annotations
 
-import itertools
+from dataclasses import replace
 
 import numpy as np
 
-from rpud_sim.pages.extent import readable_unit
 from rpud_sim.pages.plot import Axis, Bars, Layer, Plot, Points, Rule, Zone
+from rpud_sim.pages.quantities import Quantity, quantity_in
 from rpud_sim.studies.fit.fit import Comparison, Fit
 from rpud_sim.studies.fit.specification import unit_of
 
 _MOST_DOTS = 1500
 _BINS = 40
-_POSTERIOR, _BEST, _HELD = 0, 1, 2  # colors
-_ROW = 34  # pixels of a target
+_TAIL = 0.002  # share of the posterior beyond each end of what is shown
+_MARGIN = 0.15  # of what is shown, on each side
+_ROW = 26  # height of a target [pixels]
 
 
-def unknown_plots(fit: Fit) -> tuple[Plot, ...]:
-    """Return the posterior of every unknown, between its bounds."""
-    plots = []
-    for name, spread in fit.specification.unknowns.items():
-        factor, unit = _unit(fit, name)
-        edges = spread.at(np.linspace(0.0, 1.0, _BINS + 1))
-        counts, _ = np.histogram(fit.samples[name], edges)
-        interval = fit.identifiability.intervals[name]
-        low, high, best = (factor * x for x in (interval.low, interval.high, fit.best[name]))
-        layers: tuple[Layer, ...] = (
-            Zone("90 % interval", low, high, False, "series0"),
-            Bars(
-                "posterior",
-                factor * edges,
-                counts / max(len(fit.samples[name]), 1),
-                color=_POSTERIOR,
-            ),
-            Rule("best point", best, False, _color(_BEST), "solid"),
-        )
-        axis = _axis(fit, name)
-        alt = (
-            f"Best point {best:.4g}, 90 % interval {low:.4g} to {high:.4g}, bounds {axis.low:.4g} "
-            f"to {axis.high:.4g} {unit}".rstrip()
-        )
-        up = Axis(low=0.0)
-        plots.append(Plot(f"share of the posterior: {name}", layers, f"{alt}.", up, axis))
-    return tuple(plots)
+def unknown_quantity(fit: Fit, name: str) -> Quantity:
+    """Return how an unknown is shown."""
+    greatest = abs(fit.specification.unknowns[name].maximum)
+    return replace(quantity_in(unit_of(name), greatest, name), digits=4)
 
 
-def pair_plots(fit: Fit) -> tuple[Plot, ...]:
-    """Return the posterior of every pair of unknowns, between their bounds."""
+def corner_rows(fit: Fit) -> list[list[Plot]]:
+    """Return the posterior of every unknown and pair of them, as the rows of a triangle.
+
+    Each is shown where the posterior and the best point are, not from bound to bound.
+    """
     every = -(-len(fit.shares) // _MOST_DOTS)
-    names = list(fit.specification.unknowns)
-    plots = []
-    for column, row in itertools.combinations(range(len(names)), 2):
-        x, y = names[column], names[row]
-        correlation = fit.identifiability.correlation[row][column]
-        factors = _unit(fit, x)[0], _unit(fit, y)[0]
-        best_x, best_y = np.array([[factors[0] * fit.best[x]], [factors[1] * fit.best[y]]])
-        layers = (
-            Points(
-                "posterior",
-                factors[0] * fit.samples[x][::every],
-                factors[1] * fit.samples[y][::every],
-                size=2.5,
-                color=_POSTERIOR,
-            ),
-            Points("best point", best_x, best_y, marker="x", size=11, color=_BEST),
-        )
-        alt = f"Rank correlation {correlation:.2f}."
-        plots.append(Plot(y, layers, alt, _axis(fit, y), _axis(fit, x), 220))
-    return tuple(plots)
+    axes = {name: _axis(fit, name) for name in fit.specification.unknowns}
+    rows = []
+    for number, y in enumerate(axes):
+        row = [_pair(fit, x, y, axes, every) for x in list(axes)[:number]]
+        rows.append([*row, _single(fit, y, axes[y])])
+    return rows
+
+
+def corner_text(fit: Fit) -> str:
+    """Return the intervals and the correlations of the unknowns in words."""
+    found = fit.identifiability
+    texts = []
+    for name, interval in found.intervals.items():
+        shown = unknown_quantity(fit, name)
+        ends = f"{shown.text(interval.low, unit=False)} to {shown.text(interval.high)}"
+        texts.append(f"{name}: best point {shown.text(fit.best[name])}, 90 % interval {ends}.")
+    return " ".join([*texts, *(f"{ridge}." for ridge in found.ridges)])
+
+
+def _single(fit: Fit, name: str, axis: Axis) -> Plot:
+    shown = unknown_quantity(fit, name)
+    interval = fit.identifiability.intervals[name]
+    low, high = axis.low or 0.0, axis.high or 0.0
+    edges = np.geomspace(low, high, _BINS + 1) if axis.log else np.linspace(low, high, _BINS + 1)
+    counts, _ = np.histogram(shown.scale * fit.samples[name], edges)
+    layers: tuple[Layer, ...] = (
+        Zone("90 % interval", shown.scale * interval.low, shown.scale * interval.high, False),
+        Bars("posterior", edges, counts / max(len(fit.samples[name]), 1)),
+        Rule("best point", shown.scale * fit.best[name], False, "series1", "solid"),
+    )
+    return Plot(name, layers, y=Axis(low=0.0), x=axis)
+
+
+def _pair(fit: Fit, x: str, y: str, axes: dict[str, Axis], every: int) -> Plot:
+    scale_x, scale_y = (unknown_quantity(fit, name).scale for name in (x, y))
+    dots = scale_x * fit.samples[x][::every], scale_y * fit.samples[y][::every]
+    best = np.array([scale_x * fit.best[x]]), np.array([scale_y * fit.best[y]])
+    layers = (
+        Points("posterior", *dots, size=2.5),
+        Points("best point", *best, marker="x", size=10.0, color="series1"),
+    )
+    return Plot(y, layers, y=axes[y], x=axes[x])
+
+
+def _axis(fit: Fit, name: str) -> Axis:
+    """Return the axis of an unknown: where its posterior is, within the bounds."""
+    spread, shown = fit.specification.unknowns[name], unknown_quantity(fit, name)
+    low, high = np.quantile(fit.samples[name], [_TAIL, 1.0 - _TAIL]).tolist()
+    low, high = min(low, fit.best[name]), max(high, fit.best[name])
+    log = spread.scale == "log"
+    # A posterior of one point has no width.
+    if log:
+        factor = max((high / low) ** _MARGIN, 1.001)
+        low, high = low / factor, high * factor
+    else:
+        more = max(_MARGIN * (high - low), 1e-3 * (spread.maximum - spread.minimum))
+        low, high = low - more, high + more
+    low, high = max(low, spread.minimum), min(high, spread.maximum)
+    return Axis(name, shown.unit, log, shown.scale * low, shown.scale * high)
 
 
 def target_plot(fit: Fit) -> Plot:
@@ -77,50 +97,47 @@ def target_plot(fit: Fit) -> Plot:
     places = np.arange(len(shown), dtype=float)
     tolerance = np.array([abs(item.target.tolerance / item.target.value) for item in shown])
     layers: list[Layer] = [
-        Rule("the target", 1.0, False, dash="solid"),
+        Rule("", 1.0, False, dash="solid"),
         Points(
-            "tolerance",
-            np.ones(len(shown)),
-            places + 0.25,
-            1.0 - tolerance,
-            1.0 + tolerance,
-            across=True,
-            size=1.0,
-            color="muted",
+            "tolerance of the target", np.ones(len(shown)), places + 0.25,
+            1.0 - tolerance, 1.0 + tolerance, across=True, size=3.0, color="muted",
         ),
-    ]
+    ]  # fmt: skip
     for held, name, color in (
-        (False, "model; bar: 5 to 95 % of the posterior", _POSTERIOR),
-        (True, "held out", _HELD),
+        (False, "model; bar: 5 to 95 % of the posterior", "series0"),
+        (True, "held out", "series2"),
     ):
         chosen = [i for i, item in enumerate(shown) if item.target.hold_out == held]
         if chosen:
             low, high = np.sort([_predicted(shown[i]) for i in chosen], axis=1).T
             ratio = np.array([shown[i].ratio for i in chosen])
+            titles = tuple(_told(shown[i]) for i in chosen)
             layers.append(
-                Points(name, ratio, places[chosen], low, high, across=True, size=8.0, color=color)
-            )
+                Points(
+                    name, ratio, places[chosen], low, high,
+                    across=True, size=8.0, color=color, titles=titles,
+                )
+            )  # fmt: skip
+    texts = [_texts(item) for item in shown]
+    columns = (
+        tuple(zip(("target", "model"), zip(*texts, strict=True), strict=True)) if texts else ()
+    )
     titles = tuple(f"{item.target.title}{' (held out)' * item.target.hold_out}" for item in shown)
     far = max(shown, key=lambda item: abs(item.deviation), default=None)
-    alt = "" if far is None else f"Furthest: {far.target.title}, {far.ratio:.3f} of the target."
-    across = Axis("model / target")
-    height = 40 + _ROW * len(shown)
-    return Plot("targets", tuple(layers), alt, Axis(categories=titles), across, height)
+    alt = "" if far is None else f"Furthest: {_told(far)}."
+    up = Axis(categories=titles, flipped=True, columns=columns)
+    return Plot("Targets", tuple(layers), alt, up, Axis("model / target"), _ROW * len(shown), 1068)
+
+
+def _texts(item: Comparison) -> tuple[str, str]:
+    shown = quantity_in(item.target.measure.unit, abs(item.target.value))
+    return shown.text(item.target.value), shown.text(item.mean)
+
+
+def _told(item: Comparison) -> str:
+    target, model = _texts(item)
+    return f"{item.target.title}: target {target}, model {model}, {item.ratio:.3f} of the target"
 
 
 def _predicted(item: Comparison) -> tuple[float, float]:
     return item.low / item.target.value, item.high / item.target.value
-
-
-def _axis(fit: Fit, name: str) -> Axis:
-    spread, (factor, unit) = fit.specification.unknowns[name], _unit(fit, name)
-    return Axis(name, unit, spread.scale == "log", factor * spread.minimum, factor * spread.maximum)
-
-
-def _unit(fit: Fit, name: str) -> tuple[float, str]:
-    """Return a factor from SI units and the unit in which an unknown is short to read."""
-    return readable_unit(unit_of(name), fit.specification.unknowns[name].maximum)
-
-
-def _color(number: int) -> str:
-    return f"series{number}"

@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 
 from rpud_sim.foundation.whole_folder import whole_file
-from rpud_sim.pages import figures  # noqa: F401 - where Bokeh is missing, it fails before a run
 from rpud_sim.pages.frame import render_page
-from rpud_sim.pages.words import described
+from rpud_sim.pages.quantities import number_text, quantity_in
+from rpud_sim.pages.svg import corner
 from rpud_sim.studies.fit.fit import BEST_RUNS, Comparison, Fit
-from rpud_sim.studies.fit.fit_plots import pair_plots, target_plot, unknown_plots
+from rpud_sim.studies.fit.fit_plots import corner_rows, corner_text, target_plot, unknown_quantity
 from rpud_sim.studies.fit.folder import fit_versions
 from rpud_sim.studies.fit.identifiability import LEVEL
 from rpud_sim.studies.fit.parameter_file import parameter_file
@@ -27,46 +27,42 @@ POSTERIOR = "posterior.csv"
 REPORT = "report.html"
 
 _BODY = """\
-<p>Made by <code>{{ command }}</code>. Seed {{ seed }}, {{ runs }} runs.</p>
+<p class="verdict">{{ verdict }}</p>
 {% if not reached %}
-<p class="warning">The model does not reach every target. The intervals assume that it can.</p>
+<p class="warning">The intervals assume that the model can reach all targets.</p>
 {% endif %}
-<h2>Unknown parameters</h2>
-<p>Intervals hold the middle 90 % of the posterior probability. All values between the bounds were
-equally probable before the fit. The width is that of the interval over that between the bounds:
-near 1, the targets say nothing about the parameter.</p>
-{{ table(("parameter", "best point", "90 % interval", "unit", "width", "identified"), unknowns,
+{{ corner }}
+{% if ridges %}
+<p class="warning">The targets determine these pairs only together:
+{% for ridge in ridges %}{{ ridge }}{{ "." if loop.last else "; " }}{% endfor %}</p>
+{% endif %}
+{{ table(("parameter", "best point", "90 % interval", "width", "identified"), unknowns,
  caption="Unknown parameters") }}
 {% if choices %}
-<h3>Choices</h3>
 {{ table(("choices", "probability"), choices, caption="Choices") }}
 {% endif %}
-{% if ridges %}
-<p class="warning">The targets determine these pairs only together:</p>
-<ul>{% for ridge in ridges %}<li>{{ ridge }}</li>{% endfor %}</ul>
-{% else %}
-<p>No two parameters form a ridge.</p>
-{% endif %}
-{{ grid("unknowns", unknown_plots) }}
-{% if pair_plots %}
-<h3>Pairs of parameters</h3>
-<p>Dots are points of the posterior, the cross is the best point. The axes end at the bounds.</p>
-{{ grid("pairs", pair_plots, 20) }}
-{% endif %}
-<h2>Targets</h2>
+{{ figure(target_plot) }}
+<details><summary>How to read it</summary>
+<p>Made by <code>{{ command }}</code>. Seed {{ seed }}, {{ runs }} runs. Intervals hold the middle
+90 % of the posterior probability. All values between the bounds were equally probable before the
+fit. The plots show where the posterior is; the bounds may be outside. The width is that of the
+interval over that between the bounds: near 1, the targets say nothing about the parameter.</p>
+</details>
+<details><summary>Targets in numbers</summary>
 <p>The model's mean at the best point, over {{ best_runs }} runs. The deviation is in standard
 deviations of tolerance, chance of the runs, and error of the mean.
 Root mean square: {{ misfit }}{% if hold_out %}; of the targets that were held out: {{ hold_out }}
 {% endif %}.</p>
 {{ table(("target", "source", "value", "tolerance", "model", "one run ±", "model / target",
  "deviation", "held out"), targets, false, "Targets and the model") }}
-{{ grid("targets", target_plots) }}
-<h2>Rounds</h2>
+</details>
+<details><summary>Rounds</summary>
 <p>Each round simulates new points in a smaller region, around the posterior of the last one.
 The error is that of the polynomials, from leaving out one point at a time; it is in the
 intervals.</p>
 {{ table(("round", "choices", "region", "points", "degrees", "errors", "probability"), rounds,
  false, "Rounds") }}
+</details>
 """
 
 
@@ -182,26 +178,16 @@ def _page(fit: Fit, command: str) -> str:
         "Fit of a drill",
         command=command,
         seed=fit.specification.seed,
+        verdict=_verdict(fit),
         reached=fit.reached,
         runs=fit.simulations + fit.kept,
-        unknowns=[
-            (
-                name,
-                f"{fit.best[name]:.4g}",
-                f"{interval.low:.4g} to {interval.high:.4g}",
-                unit_of(name),
-                f"{interval.width:.2f}",
-                interval.identified,
-            )
-            for name, interval in intervals.items()
-        ],
+        unknowns=[_unknown(fit, name) for name in intervals],
         choices=[
             (_choices(choices), f"{share:.3f}") for choices, share in fit.probabilities if choices
         ],
         ridges=[str(ridge) for ridge in fit.identifiability.ridges],
-        unknown_plots=unknown_plots(fit),
-        pair_plots=[described(plot) for plot in pair_plots(fit)],
-        target_plots=[described(target_plot(fit))],
+        corner=corner("Posterior of the unknown parameters", corner_rows(fit), corner_text(fit)),
+        target_plot=target_plot(fit),
         best_runs=BEST_RUNS,
         misfit=f"{misfits[False]:.2f}",
         hold_out="" if misfits[True] is None else f"{misfits[True]:.2f}",
@@ -221,15 +207,32 @@ def _page(fit: Fit, command: str) -> str:
     )
 
 
+def _verdict(fit: Fit) -> str:
+    """Return in one sentence whether the model reaches the targets."""
+    used = [item for item in fit.comparisons if not item.target.hold_out]
+    if fit.reached:
+        return f"The model reaches all {len(used)} targets that the fit used."
+    worst = max(used, key=lambda item: abs(item.deviation))
+    ratio = number_text(worst.ratio)
+    return f"The model misses a target: {worst.target.title} is {ratio} times what it should be."
+
+
+def _unknown(fit: Fit, name: str) -> tuple[str, ...]:
+    interval, shown = fit.identifiability.intervals[name], unknown_quantity(fit, name)
+    ends = f"{shown.text(interval.low, unit=False)} to {shown.text(interval.high)}"
+    width = f"{interval.width:.2f}"
+    return (name, shown.text(fit.best[name]), ends, width, interval.identified)
+
+
 def _row(item: Comparison) -> tuple[str, ...]:
-    unit = item.target.measure.unit
+    shown = quantity_in(item.target.measure.unit, abs(item.target.value))
     return (
         item.target.title,
         item.target.source,
-        f"{item.target.value:.4g} {unit}",
-        f"± {item.target.tolerance:.2g}",
-        f"{item.mean:.4g} ± {item.standard_error:.1g}",
-        f"{item.spread:.2g}",
+        shown.text(item.target.value),
+        f"± {shown.text(item.target.tolerance)}",
+        f"{shown.text(item.mean, unit=False)} ± {shown.text(item.standard_error)}",
+        shown.text(item.spread),
         f"{item.ratio:.3f}",
         f"{item.deviation:+.2f}",
         "yes" if item.target.hold_out else "",

@@ -11,7 +11,6 @@ import pytest
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.testing.campaign.campaign_file import read_campaign
 from rpud_sim.testing.campaign.outcome import BROKEN, RunOutcome, fly, outcome_of
-from rpud_sim.testing.campaign.page import campaign_page  # noqa: F401 - fails without Bokeh
 from rpud_sim.testing.campaign.specification import CampaignRun, CampaignSpecification
 from rpud_sim.testing.errors import DrillError, LostMessagesError
 from rpud_sim.testing.plugin import give_back_drills, take_drill

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Literal
 from urllib.parse import quote
 
 import numpy as np
 
-from rpud_sim.pages import figures  # noqa: F401 - where Bokeh is missing, it fails before a run
 from rpud_sim.pages.frame import render_page
 from rpud_sim.pages.plot import Axis, Layer, Plot, Points, Rule
+from rpud_sim.pages.quantities import number_text
 from rpud_sim.testing.campaign.outcome import COMPLETED, ENDINGS, SYSTEM
 from rpud_sim.testing.campaign.results import CampaignResults, FlownRun, MatrixCell, Requirement
 from rpud_sim.verdicts.verdict import FAILED, OUTCOMES, PASSED, UNDECIDED
@@ -75,7 +75,7 @@ if the run ends before.</p>
 <h2>Margins and reaction times</h2>
 <p>A margin says by how much an expectation holds; below zero it failed. The runs have the numbers
 of the table below.</p>
-{{ grid("plots", plots, 20) }}
+{{ figures(plots, 20) }}
 {% endif %}
 <h2>Runs</h2>
 <div class="wide" tabindex="0" role="region" aria-label="Runs"><table>
@@ -93,7 +93,10 @@ of the table below.</p>
 </tbody></table></div>
 """
 _MOST_FAILURES = 100  # in full: the table of runs has all
-_MARKERS = {PASSED: ("circle", "series2"), FAILED: ("x", "fault")}
+_MARKERS: dict[str, tuple[Literal["circle", "x"], str]] = {
+    PASSED: ("circle", "series2"),
+    FAILED: ("x", "fault"),
+}
 
 
 def campaign_page(results: CampaignResults) -> str:
@@ -145,7 +148,7 @@ def _cell(cell: MatrixCell | None) -> dict[str, Any] | None:
         return None
     lines = []
     if cell.margin is not None:
-        lines.append(f"margin {cell.margin:.4g} {cell.unit}".rstrip())
+        lines.append(f"margin {number_text(cell.margin)} {cell.unit}".rstrip())
     if cell.reaction_time is not None:
         lines.append(f"reacts in {cell.reaction_time:.3f} s")
     if cell.outcome == UNDECIDED:
@@ -180,9 +183,11 @@ def _plots(results: CampaignResults, field: str, worst: Any) -> tuple[Plot, ...]
             number, value, verdict = worst(points, key=lambda point: point[1])
             unit = verdict.unit if field == "margin" else "s"
             title = f"{field.replace('_', ' ')}: {expectation.name}"
-            alt = f"Worst: {value:.4g} {unit}".rstrip() + f" in run {number}."
+            alt = f"Worst: {number_text(value)} {unit}".rstrip() + f" in run {number}."
             axes = Axis(unit=unit), Axis("run")
-            found.append(Plot(title, _layers(points, field == "margin"), alt, *axes))
+            found.append(
+                Plot(title, _layers(points, field == "margin"), alt, *axes, height=130, width=344)
+            )
     return tuple(found)
 
 

@@ -50,6 +50,7 @@ class LiveStore:
         self._clock = clock
         self._pages: dict[int, LiveDrill] = {}  # by browser
         self._left_at: dict[str, float] = {}
+        self._kept = ""  # drill that is heard without any page
         self._namespaces: list[str] = []
         self._looked = -math.inf
 
@@ -74,13 +75,18 @@ class LiveStore:
         client.drill = name
         self._pages[id(client)] = self.heard[name]
 
+    def hear(self) -> None:
+        """Hear the drill of pages that name none, from now on and as long as this exists."""
+        self._kept = self._default
+        self.heard[self._kept] = LiveDrill(self._kept, self._finder.domain_id)
+
     def close(self, client: ClientState) -> None:
         """Note that a browser does not show its drill any more."""
         self._left_at[self._pages.pop(id(client)).namespace] = self._clock()
 
     def tidy(self, linger: float = LINGER) -> None:
         """Hear no more of drills that no page has shown for so long [s]."""
-        shown = {drill.namespace for drill in self._pages.values()}
+        shown = {self._kept, *(drill.namespace for drill in self._pages.values())}
         for name in set(self.heard) - shown:
             if self._clock() - self._left_at[name] >= linger:
                 self.heard.pop(name).close()
@@ -122,17 +128,18 @@ def serve_drills(
     domain_id: int | None,
     namespace: str,
     announce: Callable[[PageServer, DrillFinder], object],
-    prepare: Callable[[PageServer], object] = lambda server: None,
+    prepare: Callable[[PageServer, LiveStore], object] = lambda server, store: None,
 ) -> None:
     """Serve the list of drills and a screen for each until SIGINT or SIGTERM.
 
-    ``announce`` is called once the server listens, ``prepare`` before, such as to let something
-    else stop the server. A page without a namespace shows the drill of ``namespace``.
+    ``announce`` is called once the server listens, ``prepare`` before, such as to hear the drill
+    from the beginning, or to let something else stop the server. A page without a namespace shows
+    the drill of ``namespace``.
     """
     with DrillFinder(domain_id) as finder:
         store = LiveStore(finder, namespace)
         server = PageServer(store, place, store.listing)
-        prepare(server)
+        prepare(server, store)
         try:
             with server:
                 announce(server, finder)

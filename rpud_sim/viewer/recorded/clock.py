@@ -8,7 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from rpud_sim.foundation.time import SECOND
-from rpud_sim.inspection.report.timeline import clock_jumps
+
+_BACK = SECOND  # step back of a clock that lateness does not explain [ns]
+_AHEAD = 60 * SECOND  # step ahead of a clock that passed time does not explain [ns]
 
 # Stamps and log times of messages in the order of their log times, each of shape (n,) [ns].
 Series = tuple[np.ndarray, np.ndarray]
@@ -26,7 +28,7 @@ class Jump:
 class Clock:
     """Conversion of stamps to times since the bag began.
 
-    Unlike ``Timeline`` it converts any part of a bag, in any order, because it knows the jumps.
+    It converts any part of a bag, in any order, because it knows the jumps.
     """
 
     zero: int | None  # stamp at the beginning of the bag [ns]; None where log times are used
@@ -88,3 +90,22 @@ class JumpFinder:
             self.jumps.setdefault(drill, []).extend(new)
             self._last[drill] = int(stamps[-1]), int(logs[-1])
         return known
+
+
+def clock_jumps(steps: np.ndarray, passed: np.ndarray) -> np.ndarray:
+    """Return which steps between stamps are jumps of their clock, shape (n,).
+
+    ``steps`` are from each stamp to the next one, ``passed`` is the time meanwhile; shapes (n,)
+    [ns].
+    """
+    return (steps < -_BACK) | (steps - passed > _AHEAD)
+
+
+def zero_stamp(stamps: np.ndarray, log_times: np.ndarray, begin: int) -> int:
+    """Return the stamp of a clock at the bag's beginning [ns], from a topic's first message.
+
+    ``stamps`` and ``log_times`` have the shape (n,) [ns]; ``begin`` is a log time [ns].
+    """
+    others = np.flatnonzero(log_times != log_times[0])
+    last = int(others[0]) - 1 if len(others) else -1  # a block is logged after its last row
+    return int(stamps[last]) - (int(log_times[0]) - begin)

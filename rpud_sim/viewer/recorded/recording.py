@@ -18,8 +18,7 @@ from rpud_sim.bag.block_order import gathered_blocks
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.message_block import MessageBlock, joined
 from rpud_sim.foundation.time import SECOND, join_seconds
-from rpud_sim.inspection.report.timeline import zero_stamp
-from rpud_sim.viewer.recorded.clock import Clock, Jump, Series, find_jumps
+from rpud_sim.viewer.recorded.clock import Clock, Jump, Series, find_jumps, zero_stamp
 from rpud_sim.viewer.recorded.kept import Kept
 from rpud_sim.viewer.recorded.signals import (
     OURS,

@@ -8,12 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from rpud_sim.bag import BagFormatError, BagReader, TopicSummary
-from rpud_sim.bag.columns import Column, Kind
+from rpud_sim.bag.columns import Column, Kind, usable
 from rpud_sim.bag.field_values import FieldReader
 from rpud_sim.bag.message_block import MessageBlock
 from rpud_sim.bag.tables import compiled, late_messages
-from rpud_sim.inspection.report.running_statistics import usable
-from rpud_sim.inspection.report.topic_survey import is_latched
 from rpud_sim.simulation.topics import TOPICS
 
 MOST_SIGNALS = 120  # greatest number of signals of a bag
@@ -150,3 +148,8 @@ def clock_topics(readers: Mapping[str, TopicReader]) -> dict[str, frozenset[str]
         best = min(ranks.values(), default=None)
         chosen[drill] = frozenset(name for name, rank in ranks.items() if rank == best)
     return chosen
+
+
+def is_latched(summary: TopicSummary) -> bool:
+    """Whether a topic's first messages may be older than the bag."""
+    return any(offer.durability == "transient_local" for offer in summary.topic.offered_qos)

@@ -33,7 +33,7 @@ _MOST_PLOTS = 5  # of a bag without a drill
 _MOST_GAPS = 300
 
 
-class _Opened:
+class Opened:
     """Recording, and what was read of it so far."""
 
     def __init__(self, path: Path) -> None:
@@ -74,7 +74,7 @@ class RecordedStore:
 
     def __init__(self, path: str | Path) -> None:
         self.path = Path(path)
-        self._bag = _Opened(self.path)
+        self._bag = Opened(self.path)
         self._opened = 1  # how often the bag was opened
         self._version = 0  # of what was read; grows at most each ``_REFRESH``
         self._refreshed = 0.0
@@ -90,11 +90,12 @@ class RecordedStore:
         """Read on in a thread."""
         self._thread.start()
 
-    def read_all(self) -> None:
-        """Read the whole bag; for one that no thread reads."""
+    def read_all(self) -> Opened:
+        """Read the whole bag and return it; for one that no thread reads."""
         while self._bag.read_next():
             pass
         self._version += 1
+        return self._bag
 
     def shut(self) -> None:
         """End the thread and release the files."""
@@ -152,17 +153,6 @@ class RecordedStore:
             return {"error": self._error} if client.sent.pop("error", True) else None
         with self._first():
             return self._frame(client) or None
-
-    def view(self, drill: str, start: float, end: float, width: int) -> dict[str, Any]:
-        """Return the field ``view`` of a frame with the layers of all choices."""
-        plots, _ = self._plots(drill)
-        choices = (choice for plot in plots for choice in plot["choices"])
-        names = {layer["quantity"] for choice in choices for layer in choice["layers"]}
-        return self._bag.views.view(drill, start, end, width, names)
-
-    def section(self, drill: str, end: float) -> dict[str, Any] | None:
-        """Return the field ``section`` of a frame."""
-        return self._bag.waveforms.section(drill, end)
 
     # Inside
 
@@ -349,7 +339,7 @@ class RecordedStore:
                 recording = self._bag.recording
                 before = len(recording.pieces), recording.lost, recording.growing
                 if not recording.grow():
-                    opened = _Opened(self.path)
+                    opened = Opened(self.path)
                     recording.close()
                     self._bag = opened
                     self._opened += 1

@@ -41,7 +41,7 @@ export class Timeline {
   /** @param {import("./marks.js").Seen} seen @param {import("./marks.js").Range} range @param {number | null} playhead */
   draw(seen, range, playhead) {
     [this.seen, this.range, this.playhead] = [seen, range, playhead];
-    const { t, mean, low, high } = seen.timeline ?? { t: [], mean: [], low: [], high: [] };
+    const { t = [], mean = [], low = [], high = [] } = seen.timeline ?? {};
     this.plot.setData([Array.from(t), ...[mean, low, high].map((values) => columnOf(values, t.length))]);
   }
 

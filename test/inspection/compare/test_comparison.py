@@ -3,9 +3,9 @@
 import json
 import math
 
+import numpy as np
 import pytest
 from altered_bags import altered, unchanged
-from inspection.report.read_page import Page
 from sample_bags import write_damaged, write_offline_bag
 
 import rpud_sim.bag as bags
@@ -14,9 +14,9 @@ from rpud_sim.cli.main import main
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.inspection.compare import CompareError, compare
-from rpud_sim.inspection.compare.compare_page import render
 from rpud_sim.inspection.compare.content import content
 from rpud_sim.inspection.compare.estimates import DIFFERS
+from rpud_sim.inspection.compare.recorded_values import RecordedValues
 from rpud_sim.simulation import preset, read_scenario
 
 DRILLING = preset("drilling")
@@ -296,8 +296,9 @@ def test_the_content_is_json_without_nan(made):
     assert {"p", "decision", "relative_low"} <= first["differences"][0][0].keys()
 
 
-def test_the_page_has_the_numbers_of_the_comparison(made):
-    found = compare([made / "a", made / "heavier"])
-    rate = found.windows[0].quantities[0]
-    one, other = (run.estimates["mean"].value for run in rate.runs)
-    assert f"impact rate mean B {one:.5g} {other:.5g}" in Page(render(found)).text
+@pytest.mark.parametrize(
+    ("numbers", "missing"), [([4, 6, 6, 7], 1), ([7, 5], 1), ([2**64 - 1, 2**64 - 1], 0)]
+)
+def test_missing_impacts_are_counted_in_any_order(numbers, missing):
+    arrays = {"time": np.zeros(len(numbers)), "sequence": np.array(numbers, np.uint64)}
+    assert RecordedValues(None, {"contact_force": arrays}).missing_impacts == missing

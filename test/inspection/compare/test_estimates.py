@@ -22,7 +22,7 @@ from rpud_sim.inspection.compare.estimates import (
 )
 from rpud_sim.inspection.compare.quantities import MEAN, MEDIAN, P95, Quantity
 
-FORCE = Quantity("peak_force", "peak contact force", "N", "contact_force", "peak_force")
+FORCE = Quantity("peak_force", "N", "contact_force", "peak_force")
 
 
 def values(count, mean=100.0, seed=0):

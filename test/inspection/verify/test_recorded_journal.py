@@ -200,6 +200,7 @@ def test_a_journal_with_a_gap_cannot_be_verified(bag, tmp_path, number, text):
     "edit",
     [
         lambda content: content.pop("time"),
+        lambda content: content.update(time=2**63),
         lambda content: content.pop("parameters"),
         lambda content: content["parameters"].update(telemetry_rate="fast"),
         lambda content: content["parameters"].update(block_duration=0.0),

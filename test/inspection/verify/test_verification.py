@@ -4,6 +4,7 @@ import struct
 
 import pytest
 from altered_bags import altered, flipped, messages_of, numbered
+from inspection.forked_runs import write_used
 from inspection.verify.proof_bags import DURATION, JOURNAL, ON_ARM
 from sample_bags import write_offline_bag
 
@@ -11,11 +12,14 @@ import rpud_sim.bag
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.definitions import find_definition
 from rpud_sim.inspection.offline_bag import write_offline_bag as write_bag
+from rpud_sim.inspection.verify.installed_types import installed_codec
 from rpud_sim.inspection.verify.verification import PROVED, verify
 from rpud_sim.simulation import preset
 from rpud_sim.simulation.configuration import to_settings
 from rpud_sim.simulation.run import Beginning
+from rpud_sim.simulation.topics import TOPICS
 
+INSTALLED = installed_codec(TOPICS["journal"].type)
 ARM = {
     "feed_model": "arm",
     "initial_feed": 0.005,
@@ -227,3 +231,18 @@ def test_a_recording_of_a_part_is_proved(bag, tmp_path):
     assert verification.proved
     assert totals(verification)[2:] == (0, 0)
     assert verification.topics["/rpud/nodal_plane"].equal == 19
+
+
+def test_a_journal_that_begins_with_a_later_run_proves_that_run(tmp_path):
+    write_used(tmp_path / "whole", {})
+    begun = []
+
+    def of_the_second_run(message):
+        if message.topic == JOURNAL and INSTALLED.decode(message.data).kind == "begin":
+            begun.append(message)
+        return [] if message.topic == JOURNAL and len(begun) < 2 else [message.data]
+
+    verification = verify(altered(tmp_path / "whole", tmp_path / "bag", of_the_second_run))
+    assert verification.first_difference is None
+    assert verification.undecided.endswith("messages are of before the journal begins")
+    assert verification.topics["/rpud/faults"].before > 0

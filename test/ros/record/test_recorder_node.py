@@ -167,6 +167,24 @@ def test_before_its_first_publisher_a_topic_is_recorded_as_its_subscribers_want(
     assert b"go" in message.data
 
 
+@pytest.mark.extended
+def test_what_a_new_publisher_sends_before_it_knows_the_recorder_is_lost(peer, record):
+    peer.create_subscription(String, "command", lambda _: None, RELIABLE)
+    messages = MessageQueue()
+    recorder = record(messages)
+    until(discovered(recorder, 1))
+    # Until every publisher that is there would have been found.
+    until(lambda: recorder.discover() or recorder._recordings["/rpud/command"].gaps.from_first)
+    publisher = peer.create_publisher(String, "command", SENSOR)  # which it cannot hear yet
+    for _ in range(5):
+        publisher.publish(String(data="too early"))
+    until(lambda: recorder.discover() or publisher.get_subscription_count())
+    publisher.publish(String(data="go"))
+    _, message = take(recorder, messages, 2)
+    assert b"go" in message.data
+    assert recorder.losses == {"/rpud/command": Losses(5)}
+
+
 def test_a_topic_without_a_message_is_declared_at_the_end(peer, record):
     peer.create_subscription(String, "command", lambda _: None, RELIABLE)
     messages = MessageQueue()

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from rpud_sim.foundation.quantities import ParameterError
+from rpud_sim.pages.scale import axis_ends
 from rpud_sim.simulation.configuration import to_settings
 from rpud_sim.simulation.parameter_files import read_parameter_file
 from rpud_sim.studies.fit import branches
@@ -15,6 +16,7 @@ from rpud_sim.studies.fit import fit as rounds
 from rpud_sim.studies.fit.branches import FitError, named_points
 from rpud_sim.studies.fit.design import values_at
 from rpud_sim.studies.fit.fit import fit_in, run_fit
+from rpud_sim.studies.fit.fit_plots import corner_rows, target_plot, unknown_quantity
 from rpud_sim.studies.fit.fit_report import write_fit
 from rpud_sim.studies.fit.folder import FitFolder
 from rpud_sim.studies.fit.proof import prove
@@ -100,10 +102,34 @@ def test_a_known_drill_is_found_with_its_choice_and_resumed(specification, tmp_p
     assert numbers["unknowns"]["weight_on_bit"]["low"] == interval.low
     page = (tmp_path / "fit" / "report.html").read_text()
     # The posterior of the unknown, and the targets.
-    assert page.count('<figure class="plot" data-plot="plot-') == 2
-    assert "<img" not in page
+    assert page.count('<svg role="img"') == 2
+    shown = unknown_quantity(fit, "weight_on_bit")
+    assert f"{shown.text(interval.low, unit=False)} to {shown.text(interval.high)}" in page
+    assert "The model reaches all 2 targets that the fit used." in page
+    assert "<script" not in page
     with pytest.raises(ParameterError, match=r"specification\.seed is 0 there"):
         run_fit(dataclasses.replace(specification, seed=1), tmp_path / "fit", 1)
+
+
+def test_a_corner_shows_where_the_posterior_is(specification, tmp_path):
+    fit = run_fit(specification, tmp_path / "fit", 2)
+    random = np.random.default_rng(0)
+    samples = {"weight_on_bit": random.normal(10.0, 0.01, 20_000)}
+    samples["weight_on_bit"][0] = 19.0  # far away
+    narrow = dataclasses.replace(
+        fit,
+        samples=samples,
+        best={**fit.best, "weight_on_bit": 10.05},
+        shares=np.zeros((20_000, 1)),
+    )
+    [[single]] = corner_rows(narrow)
+    assert 9.9 < single.x.low < 9.97
+    assert 10.05 < single.x.high < 10.1
+    plot = target_plot(fit)
+    low, high = axis_ends(plot, "x")
+    for item in fit.comparisons:
+        assert low < item.low / item.target.value < item.high / item.target.value < high
+    assert dict(plot.y.columns)["target"][1].endswith(" kN")
 
 
 def test_figures_out_of_reach_are_said_to_be(specification, tmp_path):

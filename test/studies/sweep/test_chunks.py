@@ -14,6 +14,7 @@ from rpud_sim.studies.sweep.chunks import Chunk, chunk_count, chunk_size, make_c
 from rpud_sim.studies.sweep.design import design_points
 from rpud_sim.studies.sweep.plan import point_seed
 from rpud_sim.studies.sweep.specification_file import parse_specification
+from rpud_sim.studies.sweep.sweep_report import sweep_page
 from rpud_sim.studies.sweep.tables import PointTables, error_name, simulation_table
 
 
@@ -109,3 +110,23 @@ def test_a_point_outside_the_ranges_is_a_failure_of_its_own_alone():
     assert outcome.failures == (reason, reason, None, None)
     assert np.isnan(outcome.figures[:2]).all()
     assert np.isfinite(outcome.figures[2:, 0]).all()
+
+
+def test_sweeps_of_two_seeds_share_no_simulation():
+    specifications = [sweep(points=64, repeat=2, seed=seed) for seed in (0, 1)]
+    seeds = [{point_seed(each, n, {}) for n in range(64)} for each in specifications]
+    assert [len(each) for each in seeds] == [64, 64]
+    assert not seeds[0] & seeds[1]
+    weights = [set(design_points(each)["weight_on_bit"].tolist()) for each in specifications]
+    assert not weights[0] & weights[1]
+
+
+def test_points_at_which_every_simulation_fails_have_no_figures():
+    specification = sweep(points=2, repeat=2)
+    (chunk,) = chunks_of(specification)
+    outside = dataclasses.replace(chunk, points={"weight_on_bit": np.array([-1.0, -2.0])})
+    table = PointTables(specification).add(simulation_table(outside, simulate(outside)))
+    assert table["members"].to_pylist() == [0, 0]
+    assert table["contact_force_mean"].to_pylist() == [None, None]
+    columns = {name: table[name].to_numpy() for name in table.column_names}
+    assert "4 simulations have no figures" in sweep_page(specification, columns, 4)

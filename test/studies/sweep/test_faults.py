@@ -106,8 +106,8 @@ def test_each_case_has_each_fault_and_none(made):
     assert rate["free_mass_jammed-1"] < 0.9 * rate["healthy"]
     assert all(row["depth"] > 0.0 for row in points)
     page = (made.folder / "report.html").read_text()
-    assert "Figures over case" in page
-    assert "Figures over fault" in page
+    assert "drill_tool_impact_rate by case" in page
+    assert "depth by fault" in page
 
 
 def test_every_bag_is_proved_and_its_ground_truth_is_the_label(made):

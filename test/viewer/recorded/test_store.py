@@ -207,7 +207,7 @@ def test_a_lost_block_is_a_gap_in_the_waveform(drill_bag, tmp_path):
         assert len(waveform.cuts) == 1
         assert np.diff(waveform.numbers).max() > 4000  # a block has 50 ms
         assert np.isnan(viewed(store, 0.19, 0.24)["layers"]["contact_force"]["mean"]).sum() <= 1
-        section = store.section(DRILL, 0.26)  # 20 ms, of which 10 ms are lost
+        section = store.read_all().waveforms.section(DRILL, 0.26)  # 20 ms, of which 10 ms are lost
         assert len(section["free_mass"]) == pytest.approx(600, abs=5)
         assert section["time"] == pytest.approx(0.25, abs=1e-4)
 
@@ -267,7 +267,7 @@ def test_no_bag_is_one_line(capsys, tmp_path):
 def test_without_a_trajectory_the_section_is_that_of_the_waveform(tmp_path):
     write_offline_bag(tmp_path / "whole", preset("drilling"), 0.5)
     with RecordedStore(tmp_path / "whole") as store:
-        exact = store.section(DRILL, 0.33)
+        exact = store.read_all().waveforms.section(DRILL, 0.33)
     path = altered(
         tmp_path / "whole",
         tmp_path / "bag",
@@ -275,7 +275,7 @@ def test_without_a_trajectory_the_section_is_that_of_the_waveform(tmp_path):
         {"/rpud/contact_force", "/rpud/waveform"},
     )
     with RecordedStore(path) as store:
-        section = store.section(DRILL, 0.33)
+        section = store.read_all().waveforms.section(DRILL, 0.33)
     assert (exact["exact"], section["exact"]) == (True, False)
     for name in ("free_mass", "nodal_plane", "actuator", "drill_tool"):
         times = section["time"] + section["period"] * np.arange(len(section[name]))
