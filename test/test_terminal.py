@@ -1,11 +1,15 @@
 """What a program prints is text, whatever a bag calls things."""
 
+import base64
+import re
+
 import pytest
 from sample_bags import SECOND, START, STRING_DEFINITION, serialized_string
 from support import called
 
 from rpud_sim.bag import BagWriter, Topic
 from rpud_sim.foundation.terminal import printable
+from rpud_sim.viewer.frames import decode
 
 EVIL = "/a\x1b[2J\r\n\x9b\u202e\x00"
 ESCAPED = r"/a\x1b[2J\r\n\x9b\u202e\x00"
@@ -43,5 +47,6 @@ def test_no_command_prints_what_steers_a_terminal(capsys, evil_bag, tmp_path, wo
     assert printable(printed.replace("\n", "")) == printed.replace("\n", "")
     if command == "report":
         page = (tmp_path / "out\x1b[2J").read_text(encoding="utf-8")
-        assert ESCAPED in page
+        [frame] = re.findall('class="frame">([^<]*)<', page)
+        assert f"{ESCAPED} " in " ".join(decode(base64.b64decode(frame))["timing"]) + " "
         assert not {"\x1b", "\x9b", "\u202e", "\x00"} & set(page)

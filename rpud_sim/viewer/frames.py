@@ -40,7 +40,7 @@ def encode(frame: Mapping[str, Any]) -> bytes:
                 size += len(data)
             return {"$": [reference[0], len(value), kind]}
         if isinstance(value, Mapping):
-            return {str(key): plain(each) for key, each in value.items()}
+            return {printable(str(key)): plain(each) for key, each in value.items()}
         if isinstance(value, list | tuple):
             return [plain(each) for each in value]
         if isinstance(value, np.generic):

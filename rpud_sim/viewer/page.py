@@ -8,6 +8,8 @@ import html
 import re
 from importlib.resources import files
 
+from rpud_sim.foundation.terminal import printable
+
 _IMPORT = re.compile(r'^import .*? from "\./([\w.]+)";\n', re.MULTILINE)
 _EXPORT = re.compile(r"^export (?=class|function|const|let)", re.MULTILINE)
 _STYLE = re.compile(r'<link rel="stylesheet" href="[^"]*?([\w./]+\.css)">\n?')
@@ -39,7 +41,7 @@ def frozen_page(title: str, frame: bytes) -> str:
     text = _SCRIPT.sub("", _STYLE.sub("", text))
     text = re.sub(
         "<title>.*?</title>",
-        lambda _: f"<title>{html.escape(title)}</title>\n{head}",
+        lambda _: f"<title>{html.escape(printable(title))}</title>\n{head}",
         text,
         count=1,
     )

@@ -78,7 +78,9 @@ class Heard:
         self.latest_impacts: deque[tuple[float, float, float]] = deque(maxlen=_LATEST_IMPACTS)
         self.fine = Bins(_SIGNALS, BIN, _BINS, newest=True)
         self.whole = Bins(_SIGNALS, BIN, _BINS)
-        self.block: tuple[float, float, tuple[np.ndarray, ...]] | None = None  # of the waveform
+        # Of the waveform: the newest whose impacts were heard too, and the newest of all.
+        self.block: tuple[float, float, tuple[np.ndarray, ...]] | None = None
+        self._newest = self.block
         self._latest: dict[str, tuple[Any, ...]] = {}
         self._pending: dict[str, list[tuple[np.ndarray, np.ndarray]]] = {}
         self._pending_since = 0.0
@@ -117,6 +119,9 @@ class Heard:
 
     def settle(self) -> None:
         """Take in the fast messages that wait."""
+        if self.block is not self._newest:  # impacts have topics, and delays, of their own
+            self.block = self._newest
+            self.version += 1
         for topic, waiting in self._waiting.items():
             if waiting:
                 self.version += 1
@@ -159,13 +164,13 @@ class Heard:
             if not (length and 0.0 < period < 1.0 and all(len(each) == length for each in arrays)):
                 continue
             begin = float(time)
-            if self.block is not None and length * period < SECTION:  # a pause has cut it
-                before, _, earlier = self.block
+            if self._newest is not None and length * period < SECTION:  # a pause has cut it
+                before, _, earlier = self._newest
                 if abs(before + len(earlier[0]) * period - begin) < period:
                     earlier = tuple(each[-round(SECTION / period) :] for each in earlier)
                     begin -= len(earlier[0]) * period
                     arrays = tuple(map(np.concatenate, zip(earlier, arrays, strict=True)))
-            self.block = begin, period, arrays
+            self._newest = begin, period, arrays
 
     def _add(self, quantity: str, times: np.ndarray, values: np.ndarray) -> None:
         if self.is_stepped(quantity):

@@ -110,9 +110,11 @@ def test_a_faulty_signal_without_a_number_leaves_the_bin_empty(heard):
     assert not heard.fine.has("reacting_force")
 
 
-def test_the_newest_block_of_the_waveform_is_kept(heard):
+def test_a_block_of_the_waveform_is_shown_when_its_impacts_had_time_to_arrive(heard):
     arrays = tuple(np.full(100, number) for number in range(6))
     hear(heard, "waveform", SECOND, 0, 1e-3, arrays)
+    assert heard.block is None
+    heard.settle()
     assert heard.block == (1.0, 1e-3, arrays)
 
 
@@ -120,16 +122,19 @@ def test_a_block_that_a_pause_has_cut_is_joined_to_the_one_before(heard):
     hear(heard, "waveform", SECOND, 0, 1e-3, tuple(np.full(100, number) for number in range(6)))
     cut = tuple(np.full(3, number) for number in range(6))
     hear(heard, "waveform", SECOND + SECOND // 10, 100, 1e-3, cut)
+    heard.settle()
     begin, _, arrays = heard.block
     assert begin == pytest.approx(1.08)
     assert [len(each) for each in arrays] == [23] * 6
     hear(heard, "waveform", 3 * SECOND, 900, 1e-3, cut)  # something is lost between them
+    heard.settle()
     assert heard.block[0] == 3.0
 
 
 def test_a_malformed_block_is_ignored(heard):
     hear(heard, "waveform", 0, 0, 1e-3, tuple(np.zeros(length) for length in (3, 3, 2, 3, 3, 3)))
     hear(heard, "waveform", 0, 0, math.nan, tuple(np.zeros(3) for _ in range(6)))
+    heard.settle()
     assert heard.block is None
 
 
