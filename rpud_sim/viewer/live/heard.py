@@ -46,6 +46,9 @@ for _quantity in QUANTITIES.values():
 _SIGNALS = tuple({name: None for names in _QUANTITIES.values() for name in names.values()})
 
 
+_Block = tuple[float, float, tuple[np.ndarray, ...]]  # begin [s], sample period [s], samples
+
+
 class Heard:
     """Latest values and history of one drill; not safe for threads by itself.
 
@@ -79,8 +82,8 @@ class Heard:
         self.fine = Bins(_SIGNALS, BIN, _BINS, newest=True)
         self.whole = Bins(_SIGNALS, BIN, _BINS)
         # Of the waveform: the newest whose impacts were heard too, and the newest of all.
-        self.block: tuple[float, float, tuple[np.ndarray, ...]] | None = None
-        self._newest = self.block
+        self.block: _Block | None = None
+        self._newest: _Block | None = None
         self._latest: dict[str, tuple[Any, ...]] = {}
         self._pending: dict[str, list[tuple[np.ndarray, np.ndarray]]] = {}
         self._pending_since = 0.0
