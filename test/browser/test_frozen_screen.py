@@ -124,6 +124,10 @@ def test_playhead_picks_the_nearest_section_and_the_numbers_there(frozen):
     page = frozen()
     assert of_screen(page, "screen.clock.block.time") == 35.0
     until_screen(page, "screen.clock.rest > 0")  # it is shown once, and rests
+    frames = "document.documentElement.dataset.frame"
+    before = page.tab.evaluate(frames)
+    until_screen(page, "screen.clock.rest > 0.4")
+    assert page.tab.evaluate(frames) == before  # nothing is drawn again
     of_screen(page, "screen.playhead.seek(18)")
     until_screen(page, "screen.clock.block.time === 20")
     page.until(

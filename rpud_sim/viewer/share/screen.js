@@ -104,7 +104,7 @@ class Screen {
     if (frame.quantities) setQuantities(frame.quantities);
     if (frame.mode) document.documentElement.dataset.mode = frame.mode;
     // The source knows a whole run only by its ends.
-    if (frame.mode !== mode || (frame.extent && frame.extent[1] !== extent?.[1] && !this.zoomed && !this.follows)) this.ask();
+    if ((frame.mode && frame.mode !== mode) || (frame.extent && frame.extent[1] !== extent?.[1] && !this.zoomed && !this.follows)) this.ask();
     if (frame.plots) this.plots.define(frame.plots);
     if (frame.drill !== undefined || frame.drills) this.drawDrills();
     if (frame.status?.regime) this.section.setRegime(frame.status.regime);
