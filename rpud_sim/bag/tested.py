@@ -14,7 +14,7 @@ _KEY = "test"
 
 
 @dataclass(frozen=True)
-class Tested:
+class RunVerdict:
     """Verdict of a test about the run in a bag."""
 
     test: str  # its name
@@ -27,11 +27,11 @@ class Tested:
         return {_KEY: json.dumps(asdict(self), ensure_ascii=True)}
 
 
-def tested_from_record(record: Mapping[str, str]) -> Tested:
+def tested_from_record(record: Mapping[str, str]) -> RunVerdict:
     """Return the verdict from the content of the metadata record."""
     with parsing(f"the record {RECORD_NAME}"):
         value = json.loads(record[_KEY])
-        return Tested(
+        return RunVerdict(
             str(value["test"]),
             str(value["verdict"]),
             str(value["seed"]),

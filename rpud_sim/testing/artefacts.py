@@ -18,7 +18,7 @@ from rpud_sim.bag.losses import Losses, losses_to_record
 from rpud_sim.bag.manifest import RECORD_NAME as MANIFEST_RECORD
 from rpud_sim.bag.manifest import Manifest, installed_versions, machine_name
 from rpud_sim.bag.tested import RECORD_NAME as TESTED_RECORD
-from rpud_sim.bag.tested import Tested
+from rpud_sim.bag.tested import RunVerdict
 from rpud_sim.testing.drill import Drill
 from rpud_sim.testing.report_pages import ReportPages
 
@@ -55,7 +55,7 @@ def leave_artefacts(
             file = own / f"{index}_{_NAME.sub('_', system.name)}.log"
             file.write_text(f"$ {' '.join(system.command)}\n{system.output}")
         said = drill.verdict_lines or failure.splitlines()[:1]
-        tested = Tested(test, "failed" if failure else "passed", str(drill.seed), tuple(said))
+        tested = RunVerdict(test, "failed" if failure else "passed", str(drill.seed), tuple(said))
         lines += _bag_and_report(own, drill, properties, reports, tested)
         lines.append(f"commands: {own / 'commands.txt'}; the last ones:")
         lines += [f"    {command}" for command in commands[-_LAST:] or ["(none)"]]
@@ -63,7 +63,7 @@ def leave_artefacts(
     return Artefacts("\n".join(lines), tuple(properties))
 
 
-def write_bag(path: Path, drill: Drill, tested: Tested | None = None) -> None:
+def write_bag(path: Path, drill: Drill, tested: RunVerdict | None = None) -> None:
     """Write a bag of all that was published since the test began; its clock is simulation time."""
     manifest = Manifest(
         node=f"{drill.namespace}/drill_node",
@@ -102,7 +102,7 @@ def _bag_and_report(
     drill: Drill,
     properties: list[tuple[str, str]],
     reports: ReportPages,
-    tested: Tested,
+    tested: RunVerdict,
 ) -> list[str]:
     bag, page = folder / "bag", folder / "report.html"
     try:

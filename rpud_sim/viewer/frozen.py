@@ -14,7 +14,7 @@ from rpud_sim.bag import BagFormatError
 from rpud_sim.bag.manifest import RECORD_NAME as MANIFEST
 from rpud_sim.bag.manifest import manifest_from_record
 from rpud_sim.bag.tested import RECORD_NAME as TESTED
-from rpud_sim.bag.tested import Tested, tested_from_record
+from rpud_sim.bag.tested import RunVerdict, tested_from_record
 from rpud_sim.inspection.damages import Damages
 from rpud_sim.inspection.output import check_new_file, write_new_file
 from rpud_sim.pages.quantities import QUANTITIES
@@ -154,7 +154,7 @@ def _report(
             except BagFormatError as error:
                 damages.add_record(name, error)
                 continue
-            if isinstance(found, Tested):
+            if isinstance(found, RunVerdict):
                 seen |= asdict(found)
             else:
                 tables += run_tables(found)
