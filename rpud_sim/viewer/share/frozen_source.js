@@ -48,13 +48,15 @@ export class FrozenSource {
   /** @param {number} time @returns {Frame["numbers"]} of the second before a time, by the overview */
   numbers(time) {
     return Object.fromEntries(Object.entries(this.held.numbers ?? {}).map(([name, held]) => {
-      const layer = this.held.view?.layers[name];
-      if (!layer || !held) return [name, held];
+      const whole = this.held.view?.layers[name];
+      if (!whole || !held) return [name, held];
+      // A rate needs enough impacts: its extremes are those of tenths of the second, as elsewhere.
+      const layer = name === "impact_rate" ? partOf(whole, time - 1, time, 10) : whole;
       const end = placeOf(layer.t, time) + 1;
       const first = Math.max(0, Math.min(placeOf(layer.t, time - 1) + 1, end - 1));
-      const of = (/** @type {import("./frames.js").Values} */ values, from = first) => Array.from(values).slice(from, end).filter(Number.isFinite);
+      const of = (/** @type {import("./frames.js").Values} */ values) => Array.from(values).slice(first, end).filter(Number.isFinite);
       const mean = of(layer.mean);
-      const spark = of(layer.mean, Math.max(0, end - 60));
+      const spark = Array.from(partOf(whole, time - 60, time, 60).mean).filter(Number.isFinite);
       if (!mean.length) return [name, { mean: null, least: null, greatest: null, spark }];
       const [least, greatest] = [Math.min(...of(layer.low ?? layer.mean)), Math.max(...of(layer.high ?? layer.mean))];
       return [name, { mean: meanOf(mean), least, greatest, spark }];
