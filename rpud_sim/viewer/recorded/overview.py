@@ -5,13 +5,14 @@ from __future__ import annotations
 import itertools
 import math
 from collections import defaultdict
+from collections.abc import Iterable
 
 import numpy as np
 
 from rpud_sim.viewer.bins import Bins
 from rpud_sim.viewer.impacts import Impacts
+from rpud_sim.viewer.picture import usual
 from rpud_sim.viewer.recorded.clock import JumpFinder
-from rpud_sim.viewer.recorded.lines import GAP, usual
 from rpud_sim.viewer.recorded.recording import PieceRows, Recording
 from rpud_sim.viewer.recorded.signals import IMPACTS, PEAK_FORCE, namespace
 
@@ -20,6 +21,7 @@ MEMORY = 256 * 2**20  # greatest size of the bins of all signals [bytes]
 
 _LEAST_BINS = 2**10
 _BIN_SIZE = 32  # bytes
+_GAP = 3.0  # distance of messages, in usual ones, from which on there is a gap
 _LEAST_GAP = 0.1  # s
 _LEAST_STEPS = 10  # fewer messages have no usual distance
 _BATCH = 16  # parts that are read together
@@ -61,9 +63,15 @@ class Overview:
 
     def sample(self) -> None:
         """Read parts that are spread over the bag."""
-        for number in self._recording.sample:
-            self._add(self._recording.rows(number))
-            self._sampled.add(number)
+        self.look(self._recording.sample)
+
+    def look(self, numbers: Iterable[int]) -> None:
+        """Read these parts now, if they were not read yet."""
+        if not self.complete:
+            for number in {*numbers} - self._sampled:
+                if number >= self.read:
+                    self._add(self._recording.rows(number))
+                    self._sampled.add(number)
 
     def read_next(self) -> bool:
         """Read the next few parts, if there are any; return whether the clocks stayed the same.
@@ -107,7 +115,7 @@ class Overview:
         steps = np.diff(used)
         if len(steps) < _LEAST_STEPS:
             return []
-        longest = max(GAP * usual(steps), _LEAST_GAP / width)
+        longest = max(_GAP * usual(steps), _LEAST_GAP / width)
         return [
             ((int(used[place]) + 1) * width, int(used[place + 1]) * width)
             for place in np.flatnonzero(steps > longest)

@@ -16,7 +16,6 @@ from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.pages.quantities import QUANTITIES, Quantity, for_browser
 from rpud_sim.viewer.plots import chosen_quantities, drill_plots
 from rpud_sim.viewer.recorded.marks import AT_ONCE, Marks
-from rpud_sim.viewer.recorded.moment import Moments
 from rpud_sim.viewer.recorded.overview import Overview
 from rpud_sim.viewer.recorded.recording import Recording
 from rpud_sim.viewer.recorded.signals import Signal
@@ -47,7 +46,6 @@ class Opened:
                     break
             self.waveforms = Waveforms(self.recording)
             self.views = Views(self.recording, self.overview, self.waveforms)
-            self.moments = Moments(self.recording, self.overview, self.waveforms, self.views)
         except BaseException:
             self.recording.close()
             raise
@@ -172,7 +170,7 @@ class RecordedStore:
         now, commands = bag.overview.end, bag.marks.commands[drill]
         playhead = now if client.playhead is None else min(max(client.playhead, 0.0), now)
         drawn = [plot for plot in plots if plot["id"] != "motion"]  # that is drawn from sections
-        chosen = tuple(chosen_quantities(drawn, client.choices))
+        kinds = chosen_quantities(drawn, client.choices)
         start, end = self._range(client, now)
         whole = end - start > MESSAGES_RANGE  # it is made of what was read so far
         add("drills", drill, lambda: {"drills": self.drills, "drill": drill, "run": self._opened})
@@ -183,13 +181,14 @@ class RecordedStore:
         add("marks", bag.marks.version, lambda: {"faults": faults} | commands.frame(faults))
         add(
             "view",
-            (start, end, width, chosen, version if whole or end > now - _REFRESH else 0),
+            (start, end, width, kinds, version if whole or end > now - _REFRESH else 0),
             lambda: {
-                "view": bag.views.view(drill, start, end, width, chosen),
+                "view": bag.views.view(drill, start, end, width, kinds),
                 "steps": commands.steps(start, end, width),
             },
         )
-        add("moment", (playhead, version), lambda: bag.moments.at(drill, playhead, commands))
+        parameters = commands.parameters
+        add("moment", (playhead, version), lambda: bag.views.moment(drill, playhead, parameters))
         if client.section and sent.get("section") != playhead:
             sent["section"] = playhead
             if section := bag.waveforms.section(drill, playhead):
