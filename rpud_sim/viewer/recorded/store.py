@@ -78,10 +78,9 @@ class RecordedStore:
         self._refreshed = 0.0
         self._described: dict[str, Any] = {}  # plots by drill, and what they were made of
         self._error = ""
-        self._asking = 0
-        self._condition = threading.Condition()
+        self._idle, self._ended = threading.Event(), threading.Event()
+        self._idle.set()  # while no page asks
         self._lock = threading.Lock()
-        self._ended = False
         self._thread = threading.Thread(target=self._run, name="read the bag", daemon=True)
 
     def start(self) -> None:
@@ -97,9 +96,7 @@ class RecordedStore:
 
     def shut(self) -> None:
         """End the thread and release the files."""
-        with self._condition:
-            self._ended = True
-            self._condition.notify_all()
+        self._ended.set()
         if self._thread.is_alive():
             self._thread.join()
         self._bag.recording.close()
@@ -292,15 +289,12 @@ class RecordedStore:
     @contextmanager
     def _first(self) -> Iterator[None]:
         """Keep the thread from reading on meanwhile."""
-        with self._condition:
-            self._asking += 1
+        self._idle.clear()
         try:
             with self._lock:
                 yield
         finally:
-            with self._condition:
-                self._asking -= 1
-                self._condition.notify_all()
+            self._idle.set()
 
     def _run(self) -> None:
         try:
@@ -321,16 +315,13 @@ class RecordedStore:
             raise
 
     def _may_read(self) -> bool:
-        with self._condition:
-            self._condition.wait_for(lambda: self._ended or not self._asking)
-            return not self._ended
+        self._idle.wait()
+        return not self._ended.is_set()
 
     def _wait_for_growth(self) -> None:
         """Wait until the bag has grown, and add what was written."""
         pause = _REFRESH
-        while not self._ended:
-            with self._condition:
-                self._condition.wait_for(lambda: self._ended, pause)
+        while not self._ended.wait(pause):
             if not self._may_read():
                 return
             begin = time.monotonic()
