@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import base64
+import hashlib
+import html
 import os
+import re
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
+from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -15,11 +20,11 @@ from rpud_sim.bag.manifest import RECORD_NAME as MANIFEST
 from rpud_sim.bag.manifest import manifest_from_record
 from rpud_sim.bag.tested import RECORD_NAME as TESTED
 from rpud_sim.bag.tested import RunVerdict, tested_from_record
+from rpud_sim.foundation.terminal import printable
 from rpud_sim.inspection.damages import Damages
 from rpud_sim.inspection.output import check_new_file, write_new_file
 from rpud_sim.pages.quantities import QUANTITIES
 from rpud_sim.viewer.frames import encode
-from rpud_sim.viewer.page import frozen_page
 from rpud_sim.viewer.recorded.signals import STATUS
 from rpud_sim.viewer.recorded.store import Opened, RecordedStore
 from rpud_sim.viewer.report_tables import energy_table, run_tables, segment_table
@@ -29,6 +34,13 @@ BINS = 3000  # of a layer, at most
 SECTIONS = 12  # blocks of motion that a report keeps
 
 _FINEST = 0.016  # shortest bin [s]: there are some impacts in each
+
+
+_IMPORT = re.compile(r'^import .*? from "\./([\w.]+)";\n', re.MULTILINE)
+_EXPORT = re.compile(r"^export (?=class|function|const|let)", re.MULTILINE)
+_STYLE = re.compile(r'<link rel="stylesheet" href="[^"]*?([\w./]+\.css)">\n?')
+_SCRIPT = re.compile(r'<script[^>]*src="[^"]*?([\w./]+\.js)"[^>]*></script>\n?')
+_SHARE = "share/"
 
 
 class ReportError(Exception):
@@ -96,8 +108,8 @@ def _overview(content: Opened, drill: str, frame: Mapping[str, Any]) -> dict[str
         plots.append({**plot, "choices": choices or plot["choices"][:1]})
     layers = [layer for plot in plots for each in plot["choices"] for layer in each["layers"]]
     count = int(min(BINS, max(frame["now"] / _FINEST, 1.0)))
-    names = {layer["quantity"] for layer in layers}
-    view = content.views.view(drill, 0.0, frame["now"], count, names)
+    kinds = {layer["quantity"]: "band" for layer in layers}
+    view = content.views.view(drill, 0.0, frame["now"], count, kinds)
     for layer in view["layers"].values():
         ends = [layer.get("low"), layer.get("high")]
         if all(np.array_equal(layer["mean"], end, equal_nan=True) for end in ends):
@@ -160,3 +172,59 @@ def _report(
                 tables += run_tables(found)
                 seen.setdefault("seed", found.seed)
     return seen | {"tables": tables}
+
+
+def frozen_page(title: str, frame: bytes) -> str:
+    """Return the screen with one frame, as one HTML file that needs no server and no network.
+
+    Its policy allows no request, and no script or style but these, by their hashes.
+    """
+    text = _asset("screen.html")
+    styles = "\n".join(_asset(name.removeprefix(_SHARE)) for name in _STYLE.findall(text))
+    vendored, entry = (name.removeprefix(_SHARE) for name in _SCRIPT.findall(text))
+    library, program = _asset(vendored), _joined(entry)
+    policy = (
+        f"default-src 'none'; img-src data:; style-src {_hash(styles)}; "
+        f"script-src {_hash(library)} {_hash(program)}; base-uri 'none'; form-action 'none'"
+    )
+    head = (
+        f'<meta http-equiv="Content-Security-Policy" content="{policy}">\n<style>{styles}</style>\n'
+    )
+    tail = (
+        '<script type="application/octet-stream;base64" class="frame">'
+        f"{base64.b64encode(frame).decode()}</script>\n"
+        f'<script>{library}</script>\n<script type="module">{program}</script>\n</body>'
+    )
+    text = _SCRIPT.sub("", _STYLE.sub("", text))
+    text = re.sub(
+        "<title>.*?</title>",
+        lambda _: f"<title>{html.escape(printable(title))}</title>\n{head}",
+        text,
+        count=1,
+    )
+    return text.replace("</body>", tail)
+
+
+def _joined(entry: str) -> str:
+    """Return a module and all that it imports as one, each after what it needs."""
+    order: list[str] = []
+    waiting: set[str] = set()
+
+    def visit(name: str) -> None:
+        if name in waiting:
+            return
+        waiting.add(name)
+        for needed in _IMPORT.findall(_asset(name)):
+            visit(needed)
+        order.append(name)
+
+    visit(entry)
+    return "\n".join(_EXPORT.sub("", _IMPORT.sub("", _asset(name))) for name in order)
+
+
+def _asset(name: str) -> str:
+    return files("rpud_sim.viewer").joinpath("share", name).read_text(encoding="utf-8")
+
+
+def _hash(text: str) -> str:
+    return f"'sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}'"

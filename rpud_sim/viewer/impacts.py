@@ -21,7 +21,6 @@ class Spread:
     mean: np.ndarray  # shape (n,) [N]
     low: np.ndarray  # 5 % of the impacts are below, shape (n,) [N]
     high: np.ndarray  # 5 % are above, shape (n,) [N]
-    rate: np.ndarray  # impacts per second, shape (n,) [1/s]
     outlier_times: np.ndarray  # greatest ones above ``high`` that stand out, shape (m,) [s]
     outliers: np.ndarray  # their peak forces, shape (m,) [N]
     more: int  # outliers that are not among these
@@ -112,11 +111,18 @@ class Impacts:
             mean,
             low,
             high,
-            numbers * self.stride / width,
             times[chosen],
             peaks[chosen],
             len(far) - len(chosen),
         )
+
+    def rate(self, start: float, end: float, parts: int) -> tuple[np.ndarray, np.ndarray]:
+        """Return the middles of such parts [s], and the impacts per second in each; shapes (n,)."""
+        width = part_length(start, end, parts)
+        edges = np.arange(np.floor(start / width), np.ceil(end / width) + 1) * width
+        times, _ = self.between(float(edges[0]), float(edges[-1]))
+        counts = np.diff(np.searchsorted(times, edges)) * self.stride
+        return edges[:-1] + 0.5 * width, counts / width
 
     def _sort(self) -> None:
         if not self._sorted:

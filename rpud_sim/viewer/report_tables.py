@@ -13,11 +13,29 @@ from rpud_sim.bag.manifest import Manifest
 from rpud_sim.pages.quantities import QUANTITIES
 from rpud_sim.viewer.bins import Bins
 from rpud_sim.viewer.impacts import Impacts
-from rpud_sim.viewer.powers import FEED_POWERS, INFLOWS, OUTFLOWS, terms
 
 MOST_SEGMENTS = 100  # further ones are in the last
 _LONGEST = 200  # characters of a cell
 _NEAR = 1e-3  # boundaries that are closer are one [s]
+
+# Fields of ``rpud_msgs/Status``, and their names in the picture.
+INFLOWS = {
+    "actuator_power": "work of the vibration",
+    "weight_power": "weight on bit and gravity",
+    "change_power": "changed parameters",
+}
+OUTFLOWS = {
+    "absorbed_power": "drill tool and rock",
+    "collision_power": "collisions of actuator and free mass",
+    "load_damper_power": "damping of the load spring",
+    "stored_power": "stored in motion and springs",
+}
+# Further fields, of a drill with a feed; NaN without one, and missing in earlier messages.
+FEED_POWERS = ("weight_on_bit_power", "feed_power", "mount_power")
+
+FEED = "feed"
+GRAVITY = "gravity"
+MOUNT = "arm, preload of the load spring and hole"
 
 Table = dict[str, Any]  # ``title``, ``columns`` and ``rows``, as a frame has it
 
@@ -107,6 +125,23 @@ def energy_table(means: Mapping[str, float], seconds: float) -> Table | None:
     ]
     columns = ["term", "energy [J]", "mean power [W]", "share of what comes in [%]"]
     return {"title": f"energy account of {seconds:.1f} s", "columns": columns, "rows": rows}
+
+
+def terms(powers: Mapping[str, float]) -> tuple[dict[str, float], dict[str, float]]:
+    """Return inflows and outflows by their names in the picture, of either sign [W].
+
+    Powers have the names of ``INFLOWS`` and ``OUTFLOWS``, and of ``FEED_POWERS`` if there are. With
+    a feed, its work flows in, in place of that of the weight on bit: the weight on bit passes it on
+    to the drill.
+    """
+    into = {text: powers[name] for name, text in INFLOWS.items()}
+    out = {text: powers[name] for name, text in OUTFLOWS.items()}
+    if all(math.isfinite(powers.get(name, math.nan)) for name in FEED_POWERS):
+        weight = into.pop(INFLOWS["weight_power"])
+        into[FEED] = powers["feed_power"]
+        into[GRAVITY] = weight - powers["weight_on_bit_power"]
+        out[MOUNT] = powers["mount_power"]
+    return into, out
 
 
 def run_tables(manifest: Manifest) -> list[Table]:

@@ -20,10 +20,11 @@ def filled(times, peaks, parts=1):
 
 @given(times=moments, parts=st.integers(1, 5), count=st.integers(1, 50))
 def test_every_impact_is_in_one_part(times, parts, count):
-    spread = filled(times, np.ones(len(times)), parts).spread(0.0, 100.0, count)
+    found = filled(times, np.ones(len(times)), parts)
+    spread = found.spread(0.0, 100.0, count)
     width = np.diff(spread.times)[0] if len(spread.times) > 1 else 2 * spread.times[0]
     inside = [time for time in times if time < spread.times[-1] + width / 2]
-    assert spread.rate.sum() * width == pytest.approx(len(inside))
+    assert found.rate(0.0, 100.0, count)[1].sum() * width == pytest.approx(len(inside))
 
 
 def test_mean_and_band_are_those_of_the_part():
@@ -52,9 +53,10 @@ def test_outliers_beyond_the_most_are_counted():
 
 
 def test_times_without_impacts_have_no_value():
-    spread = filled([0.1, 9.9], [1.0, 2.0]).spread(0.0, 10.0, 10)
+    found = filled([0.1, 9.9], [1.0, 2.0])
+    spread = found.spread(0.0, 10.0, 10)
     assert np.isnan(spread.mean[3])
-    assert spread.rate[3] == 0.0
+    assert found.rate(0.0, 10.0, 10)[1][3] == 0.0
     assert np.isnan(Impacts().spread(0.0, 1.0, 4).mean).all()
 
 
@@ -64,8 +66,7 @@ def test_of_many_impacts_every_second_stays_and_the_rate_is_right(monkeypatch):
     found = filled(times, np.ones(10_000), 7)
     assert found.total == 10_000
     assert len(found.between(0.0, 10.0)[0]) <= 1000
-    spread = found.spread(0.0, 8.0, 4)
-    assert spread.rate[1] == pytest.approx(1000.0, rel=0.05)
+    assert found.rate(0.0, 8.0, 4)[1][1] == pytest.approx(1000.0, rel=0.05)
 
 
 def test_impacts_may_come_in_any_order():

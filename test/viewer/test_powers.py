@@ -6,8 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rpud_sim.viewer.powers import FEED_POWERS, INFLOWS, MOUNT, OUTFLOWS, terms
-from rpud_sim.viewer.report_tables import energy_table
+from rpud_sim.viewer.report_tables import FEED_POWERS, INFLOWS, MOUNT, OUTFLOWS, energy_table, terms
 
 powers = st.lists(st.floats(-100.0, 100.0), min_size=6, max_size=6)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 from collections import deque
 from collections.abc import Callable
@@ -15,15 +16,17 @@ import numpy as np
 from rpud_sim.foundation.time import SECOND, join_seconds
 from rpud_sim.pages.quantities import QUANTITIES
 from rpud_sim.ros.client.telemetry import FIELDS
-from rpud_sim.viewer.bins import Bins, Envelope
+from rpud_sim.viewer.bins import Bins
 from rpud_sim.viewer.commands import Commands
 from rpud_sim.viewer.impacts import Impacts
+from rpud_sim.viewer.picture import Picture
 
 BIN = 0.05  # length of the finest bins [s]
 SECTION = 0.02  # length of the motion that a section shows [s]
 
 _BINS = 1 << 14
 _LATEST_IMPACTS = 1000  # whose durations are kept: some two seconds
+_MOST_EXACT = 60_000  # impacts of a view whose quantiles are computed; more have extremes
 _WHOLE_PERIOD = 1.0  # between additions to the bins of the whole run [s of real time]
 _ALWAYS = (  # quantities that each drill has, also before the first message or impact
     *("peak_force", "impact_rate", "reacting_force"),
@@ -201,14 +204,17 @@ class Heard:
         measured = quantity == "weight_on_bit" and "mount" in self._latest
         return quantity in self.commands.quantities and not measured
 
-    def period(self, quantity: str) -> float:
-        """Return the time in which there surely is a value of a quantity [s]."""
-        return 1.0 if _OWNERS.get(quantity) in self._latest else 2.0
-
-    def view(self, quantity: str, start: float, end: float, parts: int) -> Envelope:
-        """Return a quantity in about so many parts of a range of time [s]."""
+    def picture(self, start: float = math.inf) -> Picture:
+        """Return what is drawn from a time on [s]: the newest finely, or the whole run."""
         bins = self.fine if start >= self.fine.first * self.fine.width else self.whole
-        return bins.view(quantity, start, end, parts)
+        return Picture(
+            bins,
+            self.impacts,
+            lambda name: name if name in _SIGNALS and self.has(name) else None,
+            self.since or 0.0,
+            self.time or 0.0,
+            most=_MOST_EXACT,
+        )
 
     # Inside
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -63,42 +62,8 @@ def find_jumps(stamps: np.ndarray, log_times: np.ndarray) -> list[Jump]:
     steps, passed = np.diff(stamps), np.maximum(np.diff(log_times), 0)
     return [
         Jump(int(log_times[place + 1]), int(steps[place] - passed[place]))
-        for place in np.flatnonzero(clock_jumps(steps, passed)).tolist()
+        for place in np.flatnonzero((steps < -_BACK) | (steps - passed > _AHEAD)).tolist()
     ]
-
-
-class JumpFinder:
-    """Finder of all jumps of the clocks in a bag, which reads part by part from its beginning."""
-
-    def __init__(self) -> None:
-        self.jumps: dict[str, list[Jump]] = {}  # found so far, by drill
-        self._last: dict[str, tuple[int, int]] = {}
-
-    def add(self, series: Mapping[str, Series], clocks: Mapping[str, Clock]) -> bool:
-        """Take the next part, by drill; return whether the clocks know its jumps."""
-        known = True
-        for drill, (stamps, logs) in series.items():
-            if not len(stamps):
-                continue
-            if drill in self._last:
-                before = self._last[drill]
-                stamps, logs = np.append(before[0], stamps), np.append(before[1], logs)
-            new = find_jumps(stamps, logs)
-            known &= {each.log_time for each in new} <= {
-                each.log_time for each in clocks[drill].jumps
-            }
-            self.jumps.setdefault(drill, []).extend(new)
-            self._last[drill] = int(stamps[-1]), int(logs[-1])
-        return known
-
-
-def clock_jumps(steps: np.ndarray, passed: np.ndarray) -> np.ndarray:
-    """Return which steps between stamps are jumps of their clock, shape (n,).
-
-    ``steps`` are from each stamp to the next one, ``passed`` is the time meanwhile; shapes (n,)
-    [ns].
-    """
-    return (steps < -_BACK) | (steps - passed > _AHEAD)
 
 
 def zero_stamp(stamps: np.ndarray, log_times: np.ndarray, begin: int) -> int:

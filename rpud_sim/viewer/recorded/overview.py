@@ -5,13 +5,14 @@ from __future__ import annotations
 import itertools
 import math
 from collections import defaultdict
+from collections.abc import Iterable
 
 import numpy as np
 
 from rpud_sim.viewer.bins import Bins
 from rpud_sim.viewer.impacts import Impacts
-from rpud_sim.viewer.recorded.clock import JumpFinder
-from rpud_sim.viewer.recorded.lines import GAP, usual
+from rpud_sim.viewer.picture import usual
+from rpud_sim.viewer.recorded.clock import Jump, find_jumps
 from rpud_sim.viewer.recorded.recording import PieceRows, Recording
 from rpud_sim.viewer.recorded.signals import IMPACTS, PEAK_FORCE, namespace
 
@@ -20,6 +21,7 @@ MEMORY = 256 * 2**20  # greatest size of the bins of all signals [bytes]
 
 _LEAST_BINS = 2**10
 _BIN_SIZE = 32  # bytes
+_GAP = 3.0  # distance of messages, in usual ones, from which on there is a gap
 _LEAST_GAP = 0.1  # s
 _LEAST_STEPS = 10  # fewer messages have no usual distance
 _BATCH = 16  # parts that are read together
@@ -35,7 +37,7 @@ class Overview:
 
     def __init__(self, recording: Recording) -> None:
         self._recording = recording
-        self._finder = JumpFinder()
+        self._last: dict[str, tuple[int, int]] = {}  # stamp and log time by drill
         self._sampled: set[int] = set()
         self.read = 0  # parts that were read in their order
         self.until = 0.0  # time up to which these reach [s]
@@ -61,9 +63,15 @@ class Overview:
 
     def sample(self) -> None:
         """Read parts that are spread over the bag."""
-        for number in self._recording.sample:
-            self._add(self._recording.rows(number))
-            self._sampled.add(number)
+        self.look(self._recording.sample)
+
+    def look(self, numbers: Iterable[int]) -> None:
+        """Read these parts now, if they were not read yet."""
+        if not self.complete:
+            for number in {*numbers} - self._sampled:
+                if number >= self.read:
+                    self._add(self._recording.rows(number))
+                    self._sampled.add(number)
 
     def read_next(self) -> bool:
         """Read the next few parts, if there are any; return whether the clocks stayed the same.
@@ -72,14 +80,17 @@ class Overview:
         """
         recording, numbers = self._recording, self._batch(self.read)
         found = recording.rows_of(numbers)
-        if not self._take_jumps(found):
+        clocks = recording.clocks
+        if any(not {*new} <= {*clocks[drill].jumps} for drill, new in self._jumps(found)):
             # The clock was set between the sampled parts. The same batches show the same jumps.
-            self._finder = JumpFinder()
+            self._last.clear()
             self._sampled.clear()
+            jumps: dict[str, list[Jump]] = defaultdict(list)
             for first in range(0, len(recording.pieces), _BATCH):
-                self._take_jumps(recording.rows_of(self._batch(first)))
-            recording.set_jumps(self._finder.jumps)
-            self._finder = JumpFinder()
+                for drill, new in self._jumps(recording.rows_of(self._batch(first))):
+                    jumps[drill] += new
+            recording.set_jumps(jumps)
+            self._last.clear()
             self.read = 0
             self._clear()
             return False
@@ -107,7 +118,7 @@ class Overview:
         steps = np.diff(used)
         if len(steps) < _LEAST_STEPS:
             return []
-        longest = max(GAP * usual(steps), _LEAST_GAP / width)
+        longest = max(_GAP * usual(steps), _LEAST_GAP / width)
         return [
             ((int(used[place]) + 1) * width, int(used[place + 1]) * width)
             for place in np.flatnonzero(steps > longest)
@@ -125,10 +136,17 @@ class Overview:
         self.impacts: dict[str, Impacts] = defaultdict(Impacts)  # by drill
         self.until, self.end = 0.0, duration
 
-    def _take_jumps(self, found: PieceRows) -> bool:
-        recording = self._recording
-        series = {drill: recording.series(drill, found) for drill in recording.clocks}
-        return self._finder.add(series, recording.clocks)
+    def _jumps(self, found: PieceRows) -> list[tuple[str, list[Jump]]]:
+        """Return the jumps of each drill's clock in the parts that follow those before."""
+        jumps = []
+        for drill in self._recording.clocks:
+            stamps, logs = self._recording.series(drill, found)
+            if len(stamps):
+                before = self._last.get(drill, (stamps[0], logs[0]))
+                self._last[drill] = stamps[-1], logs[-1]
+                stamps, logs = np.append(before[0], stamps), np.append(before[1], logs)
+                jumps.append((drill, find_jumps(stamps, logs)))
+        return jumps
 
     def _add(self, found: PieceRows) -> None:
         """Add the rows of parts."""

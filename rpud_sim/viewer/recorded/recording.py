@@ -6,7 +6,7 @@ import time
 from bisect import bisect_left
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from functools import partial
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -19,7 +19,6 @@ from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.message_block import MessageBlock, joined
 from rpud_sim.foundation.time import SECOND, join_seconds
 from rpud_sim.viewer.recorded.clock import Clock, Jump, Series, find_jumps, zero_stamp
-from rpud_sim.viewer.recorded.kept import Kept
 from rpud_sim.viewer.recorded.signals import (
     OURS,
     Rows,
@@ -36,8 +35,7 @@ SAMPLED = 48
 # Longest time from the stamp of a message to that of others that are logged before it [s].
 LATE = 0.5
 
-_MOST_VALUES = 4_000_000  # numbers in the rows of all kept parts
-_MOST_MESSAGES = 4_000  # decoded messages that are kept
+_KEPT = 96  # parts whose rows, and decoded messages, are kept
 _STILL = 10.0  # a bag that was written to within so many seconds may still be recorded [s]
 
 PieceRows = dict[str, Rows]  # rows of one part of a bag, by topic
@@ -65,9 +63,10 @@ class Recording:
             raise
         self.damages: dict[int, str] = {}  # reasons why parts are not read, by their numbers
         self.lost = ""  # what happened to the files since they were opened; empty for nothing
-        self._rows: Kept[PieceRows] = Kept(_MOST_VALUES, _values)
+        # Rows of a part by topic, none of a damaged one; those that were used last are kept.
+        self.rows = lru_cache(_KEPT)(lambda number: self.rows_of([number]))
+        self.decoded = lru_cache(_KEPT)(self._decode)
         self._codecs: dict[str, Codec] = {}
-        self._decoded: Kept[list[tuple[Message, Any]]] = Kept(_MOST_MESSAGES, len)
         self._clock_topics = clock_topics(self.readers)
         self._topics = frozenset(
             name
@@ -78,7 +77,9 @@ class Recording:
         drills = {namespace(name) for name in self.readers}
         self._held_by: dict[str, list[int]] = {drill: [] for drill in drills}
         self._note_parts(0)
-        self._spans: dict[str, dict[int, tuple[float, float]]] = {drill: {} for drill in drills}
+        self._spans: dict[str, dict[int, tuple[float, float] | None]] = {
+            drill: {} for drill in drills
+        }
         self.clocks: dict[str, Clock] = {drill: Clock(None, self.begin) for drill in drills}
         self._find_clocks()
 
@@ -159,20 +160,8 @@ class Recording:
         self._note_parts(first)
         return True
 
-    def rows(self, number: int) -> PieceRows:
-        """Return the rows of a part, by topic; none of a damaged one."""
-
-        def read() -> PieceRows:
-            found = self.rows_of([number])
-            for drill in self._held_by:
-                if times := self._times(drill, found):
-                    self._spans[drill][number] = times
-            return found
-
-        return self._rows.get(number, read)
-
     def rows_of(self, numbers: Iterable[int]) -> PieceRows:
-        """Return the rows of several parts together; unlike those of ``rows`` they are not kept."""
+        """Return the rows of several parts together, by topic; they are not kept."""
         by_topic: dict[str, list[MessageBlock]] = {}
         for number in numbers:
             for block in self._undamaged(number, self._topics, self._blocks):
@@ -188,26 +177,16 @@ class Recording:
         """Return the messages of topics in a part; none of a damaged one."""
         return self._undamaged(number, frozenset(topics), lambda piece: piece.read(topics))
 
-    def decoded(self, number: int, topic: str) -> list[tuple[Message, Any]]:
-        """Return the messages of a topic in a part as they came and decoded; they are kept.
-
-        Those that are not of the type are left out.
-        """
-
-        def read() -> list[tuple[Message, Any]]:
-            found = []
-            for message in self.messages(number, (topic,)):
-                with suppress(BagError):
-                    found.append((message, self._codec(topic).decode(message.data)))
-            return found
-
-        return self._decoded.get((number, topic), read)
-
-    def _codec(self, topic: str) -> Codec:
+    def _decode(self, number: int, topic: str) -> list[tuple[Message, Any]]:
+        """Return the messages of a topic in a part, as they came and decoded; no others."""
         if topic not in self._codecs:
             summary = self.readers[topic].summary
             self._codecs[topic] = Codec(summary.topic.type, summary.definition or "")
-        return self._codecs[topic]
+        found = []
+        for message in self.messages(number, (topic,)):
+            with suppress(BagError):
+                found.append((message, self._codecs[topic].decode(message.data)))
+        return found
 
     def pieces_between(self, drill: str, start: float, end: float) -> Iterator[int]:
         """Yield the numbers of parts that may hold what a drill did from ``start`` to ``end`` [s].
@@ -307,20 +286,13 @@ class Recording:
         order = np.argsort(logs, kind="stable")
         return stamps[order], logs[order]
 
-    def _times(self, drill: str, found: PieceRows) -> tuple[float, float] | None:
-        stamps, logs = self.series(drill, found)
-        if not len(stamps):
-            return None
-        elapsed = self.clocks[drill].elapsed(stamps, logs)
-        return float(elapsed.min()), float(elapsed.max())
-
     def span(self, drill: str, number: int) -> tuple[float, float] | None:
         """Return the first and the last time of a drill in a part [s]; None if it has none."""
         if number not in self._spans[drill]:
-            found = self.rows(number)
-            if number not in self._spans[drill] and (times := self._times(drill, found)):
-                self._spans[drill][number] = times
-        return self._spans[drill].get(number)
+            stamps, logs = self.series(drill, self.rows(number))
+            times = self.clocks[drill].elapsed(stamps, logs)
+            self._spans[drill][number] = (times.min(), times.max()) if len(times) else None
+        return self._spans[drill][number]
 
     def _end(self, drill: str, number: int) -> float:
         span = self.span(drill, number)
@@ -334,24 +306,13 @@ class Recording:
                 continue
             series = [self.series(drill, self.rows(number)) for number in numbers]
             stamps, logs = (np.concatenate(each) for each in zip(*series, strict=True))
-            self.clocks[drill] = Clock(
-                self._zero(drill, numbers[0]), self.begin, tuple(find_jumps(stamps, logs))
+            first = self.rows(numbers[0])
+            rows = min(
+                (first[name] for name in topics & first.keys()), key=lambda each: each.log_times[0]
             )
+            zero = zero_stamp(rows.stamps, rows.log_times, self.begin)
+            self.clocks[drill] = Clock(zero, self.begin, tuple(find_jumps(stamps, logs)))
             self._spans[drill].clear()
-
-    def _zero(self, drill: str, number: int) -> int:
-        """Return the stamp of a drill's clock at the beginning of the bag [ns]."""
-        found = self.rows(number)
-        names = self._clock_topics[drill] & found.keys()
-        rows = min(
-            (found[name] for name in names if len(found[name].stamps)),
-            key=lambda each: int(each.log_times[0]),
-        )
-        return zero_stamp(rows.stamps, rows.log_times, self.begin)
-
-
-def _values(rows: PieceRows) -> int:
-    return sum(len(each.stamps) * (2 + len(each.values)) for each in rows.values())
 
 
 def _key(piece: Piece) -> tuple[int, int, int]:

@@ -16,7 +16,6 @@ from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.pages.quantities import QUANTITIES, Quantity, for_browser
 from rpud_sim.viewer.plots import chosen_quantities, drill_plots
 from rpud_sim.viewer.recorded.marks import AT_ONCE, Marks
-from rpud_sim.viewer.recorded.moment import Moments
 from rpud_sim.viewer.recorded.overview import Overview
 from rpud_sim.viewer.recorded.recording import Recording
 from rpud_sim.viewer.recorded.signals import Signal
@@ -47,7 +46,6 @@ class Opened:
                     break
             self.waveforms = Waveforms(self.recording)
             self.views = Views(self.recording, self.overview, self.waveforms)
-            self.moments = Moments(self.recording, self.overview, self.waveforms, self.views)
         except BaseException:
             self.recording.close()
             raise
@@ -80,10 +78,9 @@ class RecordedStore:
         self._refreshed = 0.0
         self._described: dict[str, Any] = {}  # plots by drill, and what they were made of
         self._error = ""
-        self._asking = 0
-        self._condition = threading.Condition()
+        self._idle, self._ended = threading.Event(), threading.Event()
+        self._idle.set()  # while no page asks
         self._lock = threading.Lock()
-        self._ended = False
         self._thread = threading.Thread(target=self._run, name="read the bag", daemon=True)
 
     def start(self) -> None:
@@ -99,9 +96,7 @@ class RecordedStore:
 
     def shut(self) -> None:
         """End the thread and release the files."""
-        with self._condition:
-            self._ended = True
-            self._condition.notify_all()
+        self._ended.set()
         if self._thread.is_alive():
             self._thread.join()
         self._bag.recording.close()
@@ -172,7 +167,7 @@ class RecordedStore:
         now, commands = bag.overview.end, bag.marks.commands[drill]
         playhead = now if client.playhead is None else min(max(client.playhead, 0.0), now)
         drawn = [plot for plot in plots if plot["id"] != "motion"]  # that is drawn from sections
-        chosen = tuple(chosen_quantities(drawn, client.choices))
+        kinds = chosen_quantities(drawn, client.choices)
         start, end = self._range(client, now)
         whole = end - start > MESSAGES_RANGE  # it is made of what was read so far
         add("drills", drill, lambda: {"drills": self.drills, "drill": drill, "run": self._opened})
@@ -183,13 +178,14 @@ class RecordedStore:
         add("marks", bag.marks.version, lambda: {"faults": faults} | commands.frame(faults))
         add(
             "view",
-            (start, end, width, chosen, version if whole or end > now - _REFRESH else 0),
+            (start, end, width, kinds, version if whole or end > now - _REFRESH else 0),
             lambda: {
-                "view": bag.views.view(drill, start, end, width, chosen),
+                "view": bag.views.view(drill, start, end, width, kinds),
                 "steps": commands.steps(start, end, width),
             },
         )
-        add("moment", (playhead, version), lambda: bag.moments.at(drill, playhead, commands))
+        parameters = commands.parameters
+        add("moment", (playhead, version), lambda: bag.views.moment(drill, playhead, parameters))
         if client.section and sent.get("section") != playhead:
             sent["section"] = playhead
             if section := bag.waveforms.section(drill, playhead):
@@ -293,15 +289,12 @@ class RecordedStore:
     @contextmanager
     def _first(self) -> Iterator[None]:
         """Keep the thread from reading on meanwhile."""
-        with self._condition:
-            self._asking += 1
+        self._idle.clear()
         try:
             with self._lock:
                 yield
         finally:
-            with self._condition:
-                self._asking -= 1
-                self._condition.notify_all()
+            self._idle.set()
 
     def _run(self) -> None:
         try:
@@ -322,16 +315,13 @@ class RecordedStore:
             raise
 
     def _may_read(self) -> bool:
-        with self._condition:
-            self._condition.wait_for(lambda: self._ended or not self._asking)
-            return not self._ended
+        self._idle.wait()
+        return not self._ended.is_set()
 
     def _wait_for_growth(self) -> None:
         """Wait until the bag has grown, and add what was written."""
         pause = _REFRESH
-        while not self._ended:
-            with self._condition:
-                self._condition.wait_for(lambda: self._ended, pause)
+        while not self._ended.wait(pause):
             if not self._may_read():
                 return
             begin = time.monotonic()

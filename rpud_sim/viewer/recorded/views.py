@@ -3,28 +3,26 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from rpud_sim.pages.quantities import QUANTITIES
-from rpud_sim.viewer.impacts import Impacts, Spread
-from rpud_sim.viewer.recorded.lines import Layer, binned, joined, thinned, with_gaps
+from rpud_sim.viewer.picture import IMPACTS, Layer, Picture, binned, joined, with_gaps
 from rpud_sim.viewer.recorded.overview import Overview
 from rpud_sim.viewer.recorded.recording import Recording
-from rpud_sim.viewer.recorded.signals import Signal, is_stranger
+from rpud_sim.viewer.recorded.signals import STATUS, Signal, is_stranger
 from rpud_sim.viewer.recorded.waveforms import CHANNELS, Waveform, Waveforms
 
-OVERVIEW, MESSAGES, WAVEFORM = "overview", "messages", "waveform"  # what a view is made of
+MESSAGES, WAVEFORM = "messages", "waveform"  # what a near view is made of
 MESSAGES_RANGE = 10.0  # longest range of time that is drawn from the messages themselves [s]
 WAVEFORM_RANGE = 0.05  # longest range of time that is drawn from the rebuilt waveform [s]
 
 _MOST_PIECES = 80  # parts of the bag that one view reads
-_POINT = 2  # width of a part of a band [px]
-_TIMELINE = 1000  # bins of the timeline
-_LEAST_IMPACTS = 8  # in a part of the time that shows their spread
-_IMPACTS = ("impact_rate", "peak_force")  # quantities of the impacts
+_MOST_BACK = 50  # parts of the bag that are searched for the latest status
+_TIMES = ("weight_on_bit_applied", "drive_applied", "feed_applied")
 
 Series = tuple[np.ndarray, np.ndarray]  # times since the bag began [s] and values, shape (n,)
 
@@ -60,64 +58,73 @@ class Views:
 
     def has(self, drill: str, quantity: str) -> bool:
         """Whether there is anything of a quantity."""
-        if quantity in _IMPACTS:
+        if quantity in IMPACTS:
             return self._overview.impacts[drill].total > 0
         exact = quantity in CHANNELS and self._waveforms.has(drill)
         return exact or self.signal(drill, quantity) is not None
 
+    def picture(self, drill: str) -> Picture:
+        """Return what the overview has of a drill."""
+        overview = self._overview
+
+        def name(quantity: str) -> str | None:
+            signal = self.signal(drill, quantity)
+            return signal.name if signal else None
+
+        samples = len(self._recording.sample) / max(overview.end, 1e-9)
+        impacts = overview.impacts[drill]
+        return Picture(overview.bins, impacts, name, 0.0, overview.end, overview.known, samples)
+
     def view(
-        self, drill: str, start: float, end: float, width: int, quantities: Iterable[str]
+        self, drill: str, start: float, end: float, width: int, kinds: Mapping[str, str]
     ) -> dict[str, Any]:
-        """Return the field ``view`` of a frame with layers of some quantities."""
-        parts = max(1, width // _POINT)
-        signals = {name: self.signal(drill, name) for name in quantities if name not in _IMPACTS}
+        """Return the field ``view`` of a frame with layers of quantities by their kinds."""
+        signals = {name: self.signal(drill, name) for name in kinds if name not in IMPACTS}
         wanted = {name: signal for name, signal in signals.items() if signal is not None}
-        peaks = bool(set(_IMPACTS) & set(quantities)) and self.has(drill, "peak_force")
-        found: dict[str, Any] = {"start": start, "end": end, "band": "least-greatest"}
         numbers = self._parts(drill, wanted.values(), start, end)
         if numbers is None:
-            layers = {name: self.bins(signal, start, end, parts) for name, signal in wanted.items()}
-            if peaks:
-                impacts = self._overview.impacts[drill]
-                ranges = self._ranges(start, end, parts)
-                layers |= _impact_layers([_spread(impacts, *each) for each in ranges])
-            complete = self._overview.complete
-            return found | {"detail": OVERVIEW, "complete": complete, "layers": layers}
-        series = self.series(wanted.values(), numbers, start, end)
-        layers = {}
+            return self.picture(drill).view(start, end, width, kinds)
+        self._overview.look(numbers)
+        layers = self.picture(drill).impact_layers(start, end, width, kinds)
+        times, peaks = self._overview.impacts[drill].between(start, end)
+        if "peak_force" in layers and len(times) <= width // 2:
+            layers["peak_force"] = {"t": times, "mean": peaks}
         for name, signal in wanted.items():
-            times, values = series[signal]
+            times, values = self.series([signal], numbers, start, end)[signal]
             if len(times) > width:
-                layers[name] = with_gaps(binned(times, values, start, end, parts))
+                layers[name] = with_gaps(binned(times, values, start, end, width // 2))
             else:
                 layers[name] = with_gaps({"t": times, "mean": values})
-        if peaks:
-            layers |= self._single_impacts(drill, start, end, parts)
-        found["complete"] = not any(number in self._recording.damages for number in numbers)
-        found["detail"] = MESSAGES
+        detail = MESSAGES
         if end - start < 1.001 * WAVEFORM_RANGE:
             waveform = self._waveforms.between(drill, start, end)
             if len(waveform.times):
-                found["detail"] = WAVEFORM
+                detail = WAVEFORM
                 for quantity, channel in CHANNELS.items():
                     layers[quantity] = _waveform_layer(waveform, channel, width)
-        return found | {"layers": layers}
+        complete = not any(number in self._recording.damages for number in numbers)
+        found = {"start": start, "end": end, "detail": detail, "complete": complete}
+        return {**found, "band": "least-greatest", "layers": layers}
 
     def timeline(self, drill: str) -> Layer:
         """Return the field ``timeline`` of a frame: peak force, else the first signal."""
         signals = [each for each in self._signals.values() if each.drill == drill]
         first = next(filter(self.has_values, signals), None)
         signal = self.signal(drill, "peak_force") or first
-        return self.bins(signal, 0.0, self._overview.end, _TIMELINE) if signal else {}
+        end = self._overview.end
+        return self.picture(drill).line(signal.name, 0.0, end) if signal else {}
 
-    def bins(self, signal: Signal, start: float, end: float, width: int) -> Layer:
-        """Return a signal in the overview's bins."""
-        layers = []
-        for begin, until, parts in self._ranges(start, end, width):
-            found = self._overview.bins.view(signal.name, begin, until, parts)
-            layer = {"t": found.times, "mean": found.mean, "low": found.low, "high": found.high}
-            layers.append(with_gaps(layer))
-        return joined(layers)
+    def moment(self, drill: str, time: float, parameters: Mapping[str, Any]) -> dict[str, Any]:
+        """Return status, values, numbers and hole of a frame at a time [s]."""
+        self._overview.look(self._recording.pieces_between(drill, time - 1.0, time))
+        picture, values = self.picture(drill), dict[str, dict[str, float]]()
+        for signal in self._signals.values():
+            if signal.drill == drill and (value := picture.latest(signal.name, time)) is not None:
+                values.setdefault(signal.topic.rpartition("/")[2], {})[signal.column] = value
+        found = {"status": self.status(drill, time), "values": values}
+        found["numbers"] = picture.numbers(time)
+        hole = picture.hole(time, parameters)
+        return found | ({"hole": hole} if hole else {})
 
     def series(
         self, wanted: Iterable[Signal], numbers: Sequence[int], start: float, end: float
@@ -143,6 +150,21 @@ class Views:
             series[signal] = times[first:last], values[first:last]
         return series
 
+    def status(self, drill: str, time: float) -> dict[str, Any]:
+        """Return the fields of the last status at a time [s] or before; none before the first."""
+        recording = self._recording
+        topic = recording.topic(drill, STATUS)
+        if not topic or not recording.readers[topic].stamped:
+            return {}
+        for number in itertools.islice(recording.pieces_from(drill, time, back=True), _MOST_BACK):
+            for message, status in reversed(recording.decoded(number, topic)):
+                if recording.time_of(message, status.header.stamp) <= time + 1e-9:
+                    fields = {k: v for k, v in vars(status).items() if _is_plain(v)}
+                    for name in filter(partial(hasattr, status), _TIMES):
+                        fields[name] = recording.time_of(message, getattr(status, name))
+                    return fields
+        return {}
+
     def _parts(
         self, drill: str, signals: Iterable[Signal], start: float, end: float
     ) -> list[int] | None:
@@ -155,50 +177,27 @@ class Views:
             found.update(itertools.islice(numbers, _MOST_PIECES + 1))
         return sorted(found) if len(found) <= _MOST_PIECES else None
 
-    def _ranges(self, start: float, end: float, width: int) -> list[tuple[float, float, int]]:
-        """Return a range as far as all of it was read, and the rest, with numbers of parts.
 
-        In the rest a part is so long that it holds something that was sampled.
-        """
-        known = min(max(self._overview.known, start), end)
-        share = (end - known) / max(self._overview.end, 1e-9)
-        ranges = [(start, known, width)] if known > start else []
-        if known < end or not ranges:
-            sampled = max(1, int(share * len(self._recording.sample)))
-            ranges.append((known, end, min(sampled, width)))
-        return ranges
+def thinned(times: np.ndarray, values: np.ndarray, most: int) -> Layer:
+    """Return the least and the greatest value of equal parts of the points, at their own times.
 
-    def _single_impacts(
-        self, drill: str, start: float, end: float, parts: int
-    ) -> dict[str, dict[str, Any]]:
-        """Return rate and peak forces: each impact if a screen has room for it, else parts."""
-        found = self._waveforms.impacts(drill, start, end)
-        valid = np.isfinite(found["peak_force"])
-        times, peaks = found["time"][valid], found["peak_force"][valid]
-        impacts = Impacts()
-        impacts.add(times, peaks)
-        layers = _impact_layers([_spread(impacts, start, end, parts)])
-        if len(times) <= parts:
-            layers["peak_force"] = {"t": times, "mean": peaks}
-        return layers
+    So no peak is lost, and every point is one of those given. ``times`` ascend [s] and ``values``
+    have no NaN, both of shape (n,). The result has at most ``most`` points.
+    """
+    if len(times) <= most:
+        return {"t": times, "mean": values}
+    edges = np.linspace(0, len(times), max(1, most // 2) + 1).astype(np.intp)
+    width = int(np.diff(edges).max())
+    places = np.minimum(edges[:-1, None] + np.arange(width), edges[1:, None] - 1)
+    parts = values[places]
+    rows = np.arange(len(places))
+    both = np.column_stack([places[rows, parts.argmin(1)], places[rows, parts.argmax(1)]])
+    kept = np.unique(np.concatenate([[0], both.ravel(), [len(times) - 1]]))
+    return {"t": times[kept], "mean": values[kept]}
 
 
-def _spread(impacts: Impacts, start: float, end: float, parts: int) -> Spread:
-    """Return the spread of impacts in parts that hold enough of them to have one."""
-    count = len(impacts.between(start, end)[0])
-    return impacts.spread(start, end, min(parts, max(1, count // _LEAST_IMPACTS)))
-
-
-def _impact_layers(spreads: Sequence[Spread]) -> dict[str, dict[str, Any]]:
-    peaks = [
-        with_gaps({"t": each.times, "mean": each.mean, "low": each.low, "high": each.high})
-        for each in spreads
-    ]
-    outliers = [{"t": each.outlier_times, "v": each.outliers} for each in spreads]
-    more = {"more": sum(each.more for each in spreads)}
-    rate = joined([{"t": each.times, "mean": each.rate} for each in spreads])
-    peak_force = {**joined(peaks), "outliers": {**joined(outliers), **more}, "band": "5-95 %"}
-    return {"peak_force": peak_force, "impact_rate": rate}
+def _is_plain(value: object) -> bool:
+    return isinstance(value, bool | int | float | str | np.generic)
 
 
 def _waveform_layer(waveform: Waveform, channel: str, most: int) -> Layer:

@@ -5,7 +5,6 @@ import pytest
 from viewer.live.test_heard import ORIGIN, PARAMETERS, SECOND, entry
 
 from rpud_sim.viewer.live.heard import Heard
-from rpud_sim.viewer.live.live_frame import layer_of
 
 RATE, SECONDS = 1000, 100
 
@@ -21,6 +20,11 @@ def heard():
         add(stamp, (number, float(number % RATE), 1e-5, 2.0, 0.01, 1.0, 0.5, False))
     heard.settle()
     return heard
+
+
+def layer_of(heard, quantity, kind, start, end, parts):
+    view = heard.picture(start).view(start, end, 2 * parts, {quantity: kind})
+    return view["layers"][quantity]
 
 
 @pytest.mark.parametrize("start", [0.0, 50.0, 95.0])

@@ -25,7 +25,7 @@ from rpud_sim.simulation.configuration import Settings, to_configuration
 from rpud_sim.simulation.run import Beginning
 from rpud_sim.viewer.frames import decode, encode
 from rpud_sim.viewer.recorded.store import RecordedStore
-from rpud_sim.viewer.recorded.views import MESSAGES, OVERVIEW, WAVEFORM, WAVEFORM_RANGE
+from rpud_sim.viewer.recorded.views import MESSAGES, WAVEFORM, WAVEFORM_RANGE
 from rpud_sim.viewer.store import ClientState, StoreError, View
 
 RATE = 1_000_000
@@ -137,7 +137,7 @@ def test_a_long_range_is_drawn_from_the_overview(drill_bag, impacts, monkeypatch
     monkeypatch.setattr("rpud_sim.viewer.recorded.recording.SAMPLED", 5)
     with RecordedStore(drill_bag) as store:
         frame = asked(store)
-        assert (frame["view"]["detail"], frame["view"]["complete"]) == (OVERVIEW, False)
+        assert (frame["view"]["detail"], frame["view"]["complete"]) == ("overview", False)
         assert frame["read"] < 1.0
         # Five of forty parts give a first picture of the whole time.
         sketch = frame["view"]["layers"]["peak_force"]

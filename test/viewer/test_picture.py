@@ -5,7 +5,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from rpud_sim.viewer.recorded.lines import binned, thinned, with_gaps
+from rpud_sim.viewer.picture import binned, with_gaps
+from rpud_sim.viewer.recorded.views import thinned
 
 VALUES = arrays.arrays(float, st.integers(0, 300), elements=st.floats(-1e9, 1e9))
 

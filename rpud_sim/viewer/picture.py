@@ -1,0 +1,205 @@
+"""What every screen draws of a drill: layers of its plots, numbers of its last second, its hole."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from rpud_sim.viewer import hole
+from rpud_sim.viewer.bins import Bins
+from rpud_sim.viewer.impacts import Impacts, part_length
+
+IMPACTS = ("impact_rate", "peak_force")  # quantities that the impacts themselves show
+
+_GAP = 3.0  # distance of two points, in usual ones, from which on there is a gap between them
+_POINT = 2  # width of a part of a band [px]
+_LEAST_IMPACTS = 8  # in a part of the time that shows their spread
+_RATES = 10  # parts of a second, whose rates of impacts are compared
+_SPARK = 60  # means of a sparkline, one a second
+_TIMELINE = 1000  # bins
+_LOG_BINS = 4000  # of the run, for rate and torque over the depth
+_NUMBERS = {  # quantities that a number shows: the first that there is
+    "reacting_force": ("reacting_force",),
+    "power": ("electrical_power", "actuator_power"),
+    "penetration_rate": ("penetration_rate",),
+}
+
+Layer = dict[str, Any]  # ``t`` and ``mean``, or with ``low`` and ``high``, arrays of equal shape
+Range = tuple[float, float, int]  # begin and end [s], number of parts
+
+
+@dataclass(frozen=True)
+class Picture:
+    """Quantities of a drill over its run, from which the fields of a frame are made."""
+
+    bins: Bins
+    impacts: Impacts
+    names: Callable[[str], str | None]  # name of a quantity in the bins; None if it has no values
+    since: float  # time from which on there are any values [s]
+    end: float  # time up to which there are any [s]
+    known: float = math.inf  # time up to which all values are there; only samples beyond it [s]
+    samples: float = 0.0  # beyond it [1/s]
+    most: float = math.inf  # impacts of a range whose quantiles are computed; more have extremes
+
+    def view(self, start: float, end: float, width: int, kinds: Mapping[str, str]) -> Layer:
+        """Return the field ``view`` of a frame: layers of quantities by their kinds."""
+        layers = self.impact_layers(start, end, width, kinds)
+        for quantity, kind in kinds.items():
+            if quantity not in IMPACTS and (name := self.names(quantity)):
+                layer = self.line(name, start, end, width // _POINT)
+                shown = ("t", "mean") if kind == "line" else ("t", "mean", "low", "high")
+                layers[quantity] = {each: layer[each] for each in shown}
+        found = {"start": start, "end": end, "detail": "overview", "complete": end <= self.known}
+        return {**found, "band": "least-greatest", "layers": layers}
+
+    def line(self, name: str, start: float, end: float, parts: int = _TIMELINE) -> Layer:
+        """Return a signal of the bins in about so many parts of a range of time [s]."""
+        views = [self.bins.view(name, *each) for each in self._ranges(start, end, parts)]
+        return joined(
+            [
+                with_gaps({"t": each.times, "mean": each.mean, "low": each.low, "high": each.high})
+                for each in views
+            ]
+        )
+
+    def impact_layers(
+        self, start: float, end: float, width: int, wanted: Mapping[str, str]
+    ) -> dict[str, Layer]:
+        """Return rate and peak forces of the impacts, as far as they are wanted."""
+        name, layers = self.names("peak_force"), dict[str, Layer]()
+        if name is None:
+            return layers
+        ranges = []
+        for begin, last, parts in self._ranges(start, end, width // _POINT):
+            count = len(self.impacts.between(begin, last)[0])
+            ranges.append((begin, last, min(parts, max(1, count // _LEAST_IMPACTS))))
+        if "impact_rate" in wanted:
+            rates = [self.impacts.rate(*each) for each in ranges]
+            layers["impact_rate"] = joined([{"t": t, "mean": rate} for t, rate in rates])
+        if "peak_force" not in wanted:
+            return layers
+        if len(self.impacts.between(start, end)[0]) >= self.most:
+            extremes = self.line(name, start, end, width // _POINT)
+            return layers | {"peak_force": {**extremes, "band": "least-greatest"}}
+        spreads = [self.impacts.spread(*each) for each in ranges]
+        peaks = [
+            with_gaps({"t": each.times, "mean": each.mean, "low": each.low, "high": each.high})
+            for each in spreads
+        ]
+        outliers = joined([{"t": each.outlier_times, "v": each.outliers} for each in spreads])
+        outliers["more"] = sum(each.more for each in spreads)
+        layers["peak_force"] = {**joined(peaks), "outliers": outliers, "band": "5-95 %"}
+        return layers
+
+    def numbers(self, now: float) -> dict[str, Layer | None]:
+        """Return the field ``numbers`` of a frame: of the last second before a time [s]."""
+        begin = min(max(now - 1.0, self.since), now - 1e-3)
+        seconds = min(_SPARK, max(1, int(now - self.since)))
+        found: dict[str, Layer | None] = dict.fromkeys((*IMPACTS, *_NUMBERS))
+        if name := self.names("peak_force"):
+            times, peaks = (each.astype(float) for each in self.impacts.between(begin, now))
+            counts = np.histogram(times, _RATES, (begin, now))[0] * self.impacts.stride
+            rates = counts * _RATES / (now - begin)
+            edges = now - np.arange(seconds, -1, -1.0)
+            times, _ = self.impacts.between(edges[0], now)
+            spark = np.diff(np.searchsorted(times, edges)) * self.impacts.stride
+            found["impact_rate"] = _figures(rates, rates, rates, spark)
+            means = self.bins.view(name, edges[0], now, seconds).mean
+            found["peak_force"] = _figures(peaks, peaks, peaks, means)
+        for number, quantities in _NUMBERS.items():
+            if name := next(filter(None, map(self.names, quantities)), None):
+                means = self.bins.view(name, now - seconds, now, seconds).mean
+                bins = self.bins.view(name, begin, now, 1 << 20)
+                if not np.isfinite(bins.mean).any():  # a status is as old as a second
+                    bins = self.bins.view(name, begin - 1.0, now, 1 << 20)
+                found[number] = _figures(bins.low, bins.mean, bins.high, means)
+        return found
+
+    def hole(self, now: float, parameters: Mapping[str, Any]) -> Layer | None:
+        """Return the field ``hole`` of a frame at a time [s]; None without a rock or a depth."""
+        names = [self.names(each) for each in ("depth", "penetration_rate", "torque")]
+        layers, end = hole.layers(parameters), max(now, self.bins.width)
+        if not layers or names[0] is None or names[1] is None:
+            return None
+        depth, rate, torque = (
+            self.bins.view(name, 0.0, end, _LOG_BINS).mean if name else np.full(1, np.nan)
+            for name in names
+        )
+        latest = self.latest(names[0], now)
+        if latest is None:
+            latest = next((each for each in depth[::-1] if np.isfinite(each)), 0.0)
+        log = hole.well_log(depth, rate, torque if names[2] else None)
+        return {"depth": latest, "layers": layers, "log": log}
+
+    def latest(self, name: str, now: float) -> float | None:
+        """Return the latest value of a signal of the bins in the second before a time [s]."""
+        means = self.bins.view(name, now - 1.0, now, 1 << 20).mean
+        known = means[np.isfinite(means)]
+        return float(known[-1]) if len(known) else None
+
+    def _ranges(self, start: float, end: float, parts: int) -> list[Range]:
+        """Return a range as far as all of it is known, and the rest, with numbers of parts.
+
+        In the rest a part is so long that it holds something that was sampled.
+        """
+        parts, length = max(1, parts), max(end - start, 1e-9)
+        start, end = max(start, self.since), min(end, self.end)
+        end = max(start, end)
+        known = min(max(self.known, start), end)
+        ranges = [(start, known, math.ceil(parts * (known - start) / length))]
+        if known < end:
+            ranges.append((known, end, min(max(1, int(self.samples * (end - known))), parts)))
+        return [each for each in ranges if each[1] > each[0]] or ranges[:1]
+
+
+def joined(layers: Sequence[Layer]) -> Layer:
+    """Return layers one after another in one."""
+    return {name: np.concatenate([each[name] for each in layers]) for name in layers[0]}
+
+
+def with_gaps(layer: Layer) -> Layer:
+    """Return a layer without its NaN, and with NaN between points that are far apart."""
+    valid = np.isfinite(layer["mean"])
+    layer = {name: values[valid] for name, values in layer.items()}
+    times = layer["t"]
+    steps = np.diff(times)
+    places = np.flatnonzero(steps > _GAP * max(usual(steps), 1e-9)) + 1
+    middles = 0.5 * (times[places - 1] + times[places])
+    return {
+        name: np.insert(values, places, middles if name == "t" else np.nan)
+        for name, values in layer.items()
+    }
+
+
+def usual(steps: np.ndarray) -> float:
+    """Return the usual distance between points: nine of ten are not longer."""
+    return float(np.quantile(steps, 0.9, method="lower")) if len(steps) else 0.0
+
+
+def binned(times: np.ndarray, values: np.ndarray, start: float, end: float, parts: int) -> Layer:
+    """Return least, mean and greatest value in about so many parts of a range of time [s].
+
+    ``times`` ascend [s] and ``values`` have no NaN, both of shape (n,), and not empty.
+    """
+    width = part_length(start, end, parts)
+    part = np.floor(times / width)
+    firsts = np.flatnonzero(np.diff(part, prepend=np.nan) != 0.0)
+    return {
+        "t": (part[firsts] + 0.5) * width,
+        "mean": np.add.reduceat(values, firsts) / np.diff(np.append(firsts, len(times))),
+        "low": np.minimum.reduceat(values, firsts),
+        "high": np.maximum.reduceat(values, firsts),
+    }
+
+
+def _figures(low: np.ndarray, mean: np.ndarray, high: np.ndarray, spark: np.ndarray) -> Layer:
+    known = np.isfinite(mean)
+    found: Layer = dict.fromkeys(("mean", "least", "greatest"))
+    if known.any():
+        found["mean"] = mean[known].mean()
+        found["least"], found["greatest"] = low[known].min(), high[known].max()
+    return {**found, "spark": spark[np.isfinite(spark)][-_SPARK:].astype(np.float32)}
