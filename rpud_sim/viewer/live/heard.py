@@ -25,6 +25,7 @@ BIN = 0.05  # length of the finest bins [s]
 SECTION = 0.02  # length of the motion that a section shows [s]
 
 _BINS = 1 << 14
+_JOINING = 0.2  # after the first message, in which other topics may not be heard yet [s]
 _LATEST_IMPACTS = 1000  # whose durations are kept: some two seconds
 _MOST_EXACT = 60_000  # impacts of a view whose quantiles are computed; more have extremes
 _WHOLE_PERIOD = 1.0  # between additions to the bins of the whole run [s of real time]
@@ -125,9 +126,12 @@ class Heard:
 
     def settle(self) -> None:
         """Take in the fast messages that wait."""
-        if self.block is not self._newest:  # impacts have topics, and delays, of their own
-            self.block = self._newest
-            self.version += 1
+        if self._newest is not self.block and self._newest is not None:
+            # Impacts have a topic, a beginning and delays of their own.
+            since = self.since or 0.0
+            if since < 2.0 * BIN or self._newest[0] > since + _JOINING:
+                self.block = self._newest
+                self.version += 1
         for topic, waiting in self._waiting.items():
             if waiting:
                 self.version += 1
