@@ -3,21 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from rpud_sim.viewer.impacts import part_length
 
-
-@dataclass(frozen=True)
-class Envelope:
-    """Signal in equal parts of a range of time; parts without a value are NaN."""
-
-    times: np.ndarray  # middle of each part, shape (n,) [s]
-    low: np.ndarray  # least value, shape (n,)
-    mean: np.ndarray  # of the values, shape (n,)
-    high: np.ndarray  # greatest value, shape (n,)
+Layer = dict[str, Any]  # ``t`` [s] and ``mean``, most with ``low`` and ``high``: equal shapes (n,)
 
 
 class Bins:
@@ -83,19 +75,18 @@ class Bins:
         count = self._count[place, chosen].sum()
         return float(self._total[place, chosen].sum() / count) if count else float("nan")
 
-    def view(self, signal: str, start: float, end: float, parts: int) -> Envelope:
-        """Return a signal in about so many parts of a range of time [s].
+    def view(self, signal: str, start: float, end: float, parts: int) -> Layer:
+        """Return least, mean and greatest value in about so many parts of a range of time [s].
 
-        Parts are whole bins, and begin at multiples of their length, so that they stay when the
-        range moves.
+        Parts without a value are NaN. They are whole bins, and begin at multiples of their length,
+        so that they stay when the range moves.
         """
         joined = max(1, 2 ** int(np.log2(max(1.0, part_length(start, end, parts) / self.width))))
         first = max(0, int(np.floor(start / self.width)) // joined * joined - self.first)
         last = min(int(np.ceil(end / self.width)) + 1 - self.first, self._least.shape[1])
         place = self._place[signal]
         if last <= first:
-            none = np.empty(0)
-            return Envelope(none, none, none, none)
+            return dict.fromkeys(("t", "mean", "low", "high"), np.empty(0))
         starts = np.arange(first, last, joined) - first
         least = np.minimum.reduceat(self._least[place, first:last], starts)
         greatest = np.maximum.reduceat(self._greatest[place, first:last], starts)
@@ -103,12 +94,12 @@ class Bins:
         count = np.add.reduceat(self._count[place, first:last], starts)
         none = np.full(len(starts), np.nan)
         used = count > 0
-        return Envelope(
-            (self.first + first + starts + 0.5 * joined) * self.width,
-            np.where(used, least, none),
-            np.divide(total, count, out=none.copy(), where=used),
-            np.where(used, greatest, none),
-        )
+        return {
+            "t": (self.first + first + starts + 0.5 * joined) * self.width,
+            "mean": np.divide(total, count, out=none.copy(), where=used),
+            "low": np.where(used, least, none),
+            "high": np.where(used, greatest, none),
+        }
 
     def used(self) -> np.ndarray:
         """Return the numbers of bins in which any signal has a value."""

@@ -12,8 +12,7 @@ from rpud_sim.inspection.compare.compare_page import render
 from rpud_sim.inspection.compare.estimates import DIFFERS
 from rpud_sim.inspection.compare.page_plots import difference_plot, time_plots
 from rpud_sim.inspection.compare.wording import sentence
-from rpud_sim.pages.plot import Envelope, Points, Zone
-from rpud_sim.pages.scale import axis_ends
+from rpud_sim.pages.plot import Envelope, Points, Zone, axis_ends
 from rpud_sim.simulation import preset, read_scenario
 
 DRILLING = preset("drilling")

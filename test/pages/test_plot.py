@@ -7,8 +7,7 @@ import pytest
 from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
-from rpud_sim.pages.plot import Axis, Bars, Line, Plot, Points
-from rpud_sim.pages.scale import axis_ends, scale_of
+from rpud_sim.pages.plot import Axis, Bars, Line, Plot, Points, axis_ends, scale_of
 
 numbers = st.floats(-1e12, 1e12)
 
