@@ -75,16 +75,6 @@ class Points:
 
 
 @dataclass(frozen=True)
-class Bars:
-    """Bars side by side, such as a histogram."""
-
-    name: str
-    edges: np.ndarray  # shape (n + 1,)
-    y: np.ndarray  # height of each bar, shape (n,)
-    color: int | str = 0  # number of its colour, or the name of one in ``page.css``
-
-
-@dataclass(frozen=True)
 class Rule:
     """Straight line through the whole plot, such as a limit."""
 
@@ -108,7 +98,7 @@ class Zone:
     text: str = ""  # under the pointer
 
 
-Layer: TypeAlias = Line | Envelope | Points | Bars | Rule | Zone
+Layer: TypeAlias = Line | Envelope | Points | Rule | Zone
 
 
 @dataclass(frozen=True)
@@ -198,8 +188,7 @@ def axis_ends(plot: Plot, side: str) -> tuple[float, float]:
     else:
         wide = high - low > 1e-9 * max(abs(low), abs(high))
         more = _MARGIN * (high - low) if wide else 0.5 * abs(high) or 0.5
-        bars = side == "y" and low == 0.0 and any(isinstance(each, Bars) for each in plot.layers)
-        low, high = low if bars else low - more, high + more
+        low, high = low - more, high + more
     low = low if axis.low is None else axis.low
     high = high if axis.high is None else axis.high
     return low, high if high > low else low + 1.0
@@ -210,8 +199,6 @@ def _held(layer: Layer, side: str) -> Iterator[Any]:
     if isinstance(layer, Rule | Zone):
         if layer.across == (side == "y"):
             yield from (layer.value,) if isinstance(layer, Rule) else (layer.low, layer.high)
-    elif isinstance(layer, Bars):
-        yield layer.edges if side == "x" else np.append(layer.y, 0.0)
     elif isinstance(layer, Envelope) and side == "y":
         yield from (layer.low, layer.high)
     elif isinstance(layer, Line | Envelope | Points):

@@ -15,7 +15,6 @@ from markupsafe import Markup, escape
 from rpud_sim.foundation.terminal import printable
 from rpud_sim.pages.plot import (
     Axis,
-    Bars,
     Envelope,
     Layer,
     Line,
@@ -178,13 +177,6 @@ def _draw(layer: Layer, x: Scale, y: Scale, plot: Plot) -> Iterator[Markup]:
             edge = np.concatenate([high[part], low[part][::-1]])
             yield path(track(around, edge) + "Z", "none", fill=color, opacity=0.25)
         yield path(track(at, y(layer.y)), color, _STROKE)
-    elif isinstance(layer, Bars):
-        edges, tops, base = x(layer.edges), y(layer.y), float(y.begin)
-        way = "".join(
-            f"M{a:.1f} {base:.1f}V{b:.1f}H{c:.1f}V{base:.1f}"
-            for a, b, c in zip(edges, tops, edges[1:], strict=False) if math.isfinite(b)
-        )  # fmt: skip
-        yield path(way, color, 0.5, fill=color, opacity=0.6)
     elif isinstance(layer, Rule):
         place = float((y if layer.across else x)(layer.value))
         ends = (0.0, place, width, place) if layer.across else (place, 0.0, place, height)

@@ -49,20 +49,16 @@ class Bins:
             values, bins = values[bins >= 0], bins[bins >= 0]
         if not len(bins):
             return
-        steps = bins[1:] - bins[:-1]
-        if not len(steps) or steps.min() >= 0:  # runs are faster than single values
-            firsts = np.concatenate([[0], np.flatnonzero(steps) + 1])
-            places = bins[firsts]
-            least, greatest = (f.reduceat(values, firsts) for f in (np.minimum, np.maximum))
-            self._least[place, places] = np.minimum(self._least[place, places], least)
-            self._greatest[place, places] = np.maximum(self._greatest[place, places], greatest)
-            self._total[place, places] += np.add.reduceat(values, firsts)
-            self._count[place, places] += np.append(firsts[1:], len(bins)) - firsts
-        else:
-            np.minimum.at(self._least[place], bins, values)
-            np.maximum.at(self._greatest[place], bins, values)
-            np.add.at(self._total[place], bins, values)
-            np.add.at(self._count[place], bins, 1)
+        if (np.diff(bins) < 0).any():
+            order = np.argsort(bins, kind="stable")
+            values, bins = values[order], bins[order]
+        firsts = np.flatnonzero(np.diff(bins, prepend=-1))
+        places = bins[firsts]
+        least, greatest = (f.reduceat(values, firsts) for f in (np.minimum, np.maximum))
+        self._least[place, places] = np.minimum(self._least[place, places], least)
+        self._greatest[place, places] = np.maximum(self._greatest[place, places], greatest)
+        self._total[place, places] += np.add.reduceat(values, firsts)
+        self._count[place, places] += np.diff(np.append(firsts, len(bins)))
 
     def has(self, signal: str) -> bool:
         return bool(self._count[self._place[signal]].any())

@@ -108,12 +108,8 @@ def _overview(content: Opened, drill: str, frame: Mapping[str, Any]) -> dict[str
         plots.append({**plot, "choices": choices or plot["choices"][:1]})
     layers = [layer for plot in plots for each in plot["choices"] for layer in each["layers"]]
     count = int(min(BINS, max(frame["now"] / _FINEST, 1.0)))
-    kinds = {layer["quantity"]: "band" for layer in layers}
+    kinds = {layer["quantity"]: layer["kind"] for layer in layers}
     view = content.views.view(drill, 0.0, frame["now"], count, kinds)
-    for layer in view["layers"].values():
-        ends = [layer.get("low"), layer.get("high")]
-        if all(np.array_equal(layer["mean"], end, equal_nan=True) for end in ends):
-            del layer["low"], layer["high"]  # one value a bin
     return {"plots": plots, "view": view}
 
 

@@ -13,11 +13,11 @@ from rpud_sim.drilling.rocks import ROCKS
 from rpud_sim.drilling.strata import find_strata
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.viewer.bins import Bins, Layer
-from rpud_sim.viewer.impacts import Impacts, part_length
+from rpud_sim.viewer.impacts import Impacts
 
+GAP = 3.0  # distance of two points, in usual ones, from which on there is a gap between them
 IMPACTS = ("impact_rate", "peak_force")  # quantities that the impacts themselves show
 
-_GAP = 3.0  # distance of two points, in usual ones, from which on there is a gap between them
 _POINT = 2  # width of a part of a band [px]
 _LEAST_IMPACTS = 8  # in a part of the time that shows their spread
 _RATES = 10  # parts of a second, whose rates of impacts are compared
@@ -162,7 +162,7 @@ def with_gaps(layer: Layer) -> Layer:
     layer = {name: values[valid] for name, values in layer.items()}
     times = layer["t"]
     steps = np.diff(times)
-    places = np.flatnonzero(steps > _GAP * max(usual(steps), 1e-9)) + 1
+    places = np.flatnonzero(steps > GAP * max(usual(steps), 1e-9)) + 1
     middles = 0.5 * (times[places - 1] + times[places])
     return {
         name: np.insert(values, places, middles if name == "t" else np.nan)
@@ -173,22 +173,6 @@ def with_gaps(layer: Layer) -> Layer:
 def usual(steps: np.ndarray) -> float:
     """Return the usual distance between points: nine of ten are not longer."""
     return float(np.quantile(steps, 0.9, method="lower")) if len(steps) else 0.0
-
-
-def binned(times: np.ndarray, values: np.ndarray, start: float, end: float, parts: int) -> Layer:
-    """Return least, mean and greatest value in about so many parts of a range of time [s].
-
-    ``times`` ascend [s] and ``values`` have no NaN, both of shape (n,), and not empty.
-    """
-    width = part_length(start, end, parts)
-    part = np.floor(times / width)
-    firsts = np.flatnonzero(np.diff(part, prepend=np.nan) != 0.0)
-    return {
-        "t": (part[firsts] + 0.5) * width,
-        "mean": np.add.reduceat(values, firsts) / np.diff(np.append(firsts, len(times))),
-        "low": np.minimum.reduceat(values, firsts),
-        "high": np.maximum.reduceat(values, firsts),
-    }
 
 
 def _figures(low: np.ndarray, mean: np.ndarray, high: np.ndarray, spark: np.ndarray) -> Layer:

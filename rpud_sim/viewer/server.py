@@ -98,7 +98,9 @@ class PageServer:
         if self.place.token:
             arguments["token"] = self.place.token
         query = f"?{urlencode(arguments, safe='/')}" if arguments else ""
-        return f"http://{_authority(_reachable(self.place.address), self.port)}{path}{query}"
+        host = self.place.address
+        host = socket.gethostname() if host in ("", "0.0.0.0", "::") else host  # of all interfaces
+        return f"http://{f'[{host}]' if ':' in host else host}:{self.port}{path}{query}"
 
     def stop(self) -> None:
         """End `run`, from any thread or from a handler of a signal."""
@@ -298,15 +300,6 @@ def _is_loopback(address: str) -> bool:
         return ipaddress.ip_address(address).is_loopback
     except ValueError:
         return address == "localhost"
-
-
-def _reachable(address: str) -> str:
-    """Return an address for a browser; that of all interfaces is none."""
-    return socket.gethostname() if address in ("", "0.0.0.0", "::") else address
-
-
-def _authority(host: str, port: int) -> str:
-    return f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
 
 
 def _why_not(place: Place, error: OSError) -> str:

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rpud_sim.pages import svg
-from rpud_sim.pages.plot import Axis, Bars, Envelope, Line, Plot, Points, Rule, Zone
+from rpud_sim.pages.plot import Axis, Envelope, Line, Plot, Points, Rule, Zone
 from rpud_sim.pages.svg import corner, figure, figures
 
 STYLE = (Path(svg.__file__).parent / "share" / "page.css").read_text()
@@ -23,7 +23,6 @@ LAYERS = (
     Points("points", X, Y, Y - 0.1, Y + 0.1, joined=True),
     Points("across", X, Y, X - 0.1, X + 0.1, across=True, marker="x"),
     Points("cloud", X, Y, size=2.0),
-    Bars("bars", np.arange(5.0), Y),
     Rule("rule", 2.0, text="of the rule"),
     Zone("zone", 1.0, 2.0, across=False, text="of the zone"),
 )

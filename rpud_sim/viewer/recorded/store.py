@@ -39,7 +39,7 @@ class Opened:
         self.recording = Recording(path)
         try:
             self.overview = Overview(self.recording)
-            self.overview.sample()
+            self.overview.look(self.recording.sample)
             self.marks = Marks(self.recording)
             for _ in range(AT_ONCE):
                 if not self.marks.read_next():

@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 
 from rpud_sim.pages.quantities import QUANTITIES
-from rpud_sim.viewer.bins import Layer
-from rpud_sim.viewer.picture import IMPACTS, Picture, binned, with_gaps
+from rpud_sim.viewer.bins import Bins, Layer
+from rpud_sim.viewer.impacts import part_length
+from rpud_sim.viewer.picture import IMPACTS, Picture, with_gaps
 from rpud_sim.viewer.recorded.overview import Overview
 from rpud_sim.viewer.recorded.recording import Recording
 from rpud_sim.viewer.recorded.signals import STATUS, Signal, is_stranger
@@ -91,7 +92,9 @@ class Views:
         for name, signal in wanted.items():
             times, values = self.series(signal, numbers, start, end)
             if len(times) > width:
-                layers[name] = with_gaps(binned(times, values, start, end, width // 2))
+                bins = Bins([name], part_length(start, end, width // 2), 2 * width, newest=True)
+                bins.add(name, times, values)
+                layers[name] = with_gaps(bins.view(name, start, end, width))
             else:
                 layers[name] = with_gaps({"t": times, "mean": values})
         detail = MESSAGES

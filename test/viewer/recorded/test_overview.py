@@ -33,7 +33,7 @@ def test_each_value_counts_once_whether_it_was_sampled_or_not(tmp_path, monkeypa
     values = np.random.default_rng(1).normal(size=500)
     with Recording(write_forces(tmp_path / "bag", forces(values))) as recording:
         overview = Overview(recording)
-        overview.sample()
+        overview.look(recording.sample)
         read_all(overview)
         (envelope,) = [whole(overview, 1)]
         assert (envelope["low"].min(), envelope["high"].max()) == (values.min(), values.max())
@@ -46,7 +46,7 @@ def test_a_part_of_the_bag_is_never_called_the_whole(tmp_path, monkeypatch):
     monkeypatch.setattr(recordings, "SAMPLED", 3)
     with Recording(write_forces(tmp_path / "bag", forces(np.arange(150.0)))) as recording:
         overview = Overview(recording)
-        overview.sample()
+        overview.look(recording.sample)
         while not overview.complete:
             assert overview.share < 1.0
             assert overview.gaps() == []
