@@ -16,6 +16,8 @@ from rpud_sim.viewer.bins import Bins, Layer
 from rpud_sim.viewer.impacts import Impacts
 
 GAP = 3.0  # distance of two points, in usual ones, from which on there is a gap between them
+SECTION = 0.02  # length of the motion that a section shows [s]
+MOTION = ("nodal_plane", "actuator", "free_mass", "drill_tool", "contact_force")
 IMPACTS = ("impact_rate", "peak_force")  # quantities that the impacts themselves show
 
 _POINT = 2  # width of a part of a band [px]

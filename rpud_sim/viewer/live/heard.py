@@ -19,10 +19,9 @@ from rpud_sim.ros.client.telemetry import FIELDS
 from rpud_sim.viewer.bins import Bins
 from rpud_sim.viewer.commands import Commands, fault_row
 from rpud_sim.viewer.impacts import Impacts
-from rpud_sim.viewer.picture import Picture
+from rpud_sim.viewer.picture import SECTION, Picture
 
 BIN = 0.05  # length of the finest bins [s]
-SECTION = 0.02  # length of the motion that a section shows [s]
 
 _BINS = 1 << 14
 _LATEST_IMPACTS = 1000  # whose durations are kept: some two seconds

@@ -15,8 +15,9 @@ from rpud_sim.foundation.quantities import ParameterError, shown
 from rpud_sim.pages.quantities import QUANTITIES, number_text
 from rpud_sim.ros.client.drill_finder import DrillFinder
 from rpud_sim.ros.starting import StartError
-from rpud_sim.viewer.live.heard import SECTION, Heard
+from rpud_sim.viewer.live.heard import Heard
 from rpud_sim.viewer.live.live_drill import LiveDrill
+from rpud_sim.viewer.picture import MOTION, SECTION
 from rpud_sim.viewer.plots import chosen_quantities, drill_plots
 from rpud_sim.viewer.server import PageServer, Place
 from rpud_sim.viewer.store import ClientState, StoreError, View
@@ -66,7 +67,7 @@ class LiveStore:
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self.heard: dict[str, LiveDrill] = {}  # drills by namespace
-        self._finder = finder
+        self.finder = finder
         self._default = f"/{namespace.strip('/')}"
         self._clock = clock
         self._pages: dict[int, LiveDrill] = {}  # by browser
@@ -90,7 +91,7 @@ class LiveStore:
                     f"{MOST_DRILLS} drills are shown already: close the pages of another one"
                 )
             try:
-                self.heard[name] = LiveDrill(name, self._finder.domain_id)
+                self.heard[name] = LiveDrill(name, self.finder.domain_id)
             except StartError as error:
                 raise StoreError(str(error)) from None
         client.drill = name
@@ -99,7 +100,7 @@ class LiveStore:
     def hear(self) -> None:
         """Hear the drill of pages that name none, from now on and as long as this exists."""
         self._kept = self._default
-        self.heard[self._kept] = LiveDrill(self._kept, self._finder.domain_id)
+        self.heard[self._kept] = LiveDrill(self._kept, self.finder.domain_id)
 
     def close(self, client: ClientState) -> None:
         """Note that a browser does not show its drill any more."""
@@ -133,14 +134,13 @@ class LiveStore:
     def listing(self) -> dict[str, Any]:
         """Return the drills of the domain for the list."""
         found = [
-            {**asdict(drill), "path": drill_path(drill.namespace)}
-            for drill in self._finder.drills()
+            {**asdict(drill), "path": drill_path(drill.namespace)} for drill in self.finder.drills()
         ]
-        return {"domain": self._finder.domain_id, "drills": found}
+        return {"domain": self.finder.domain_id, "drills": found}
 
     def _look(self) -> list[str]:
         self._looked = self._clock()
-        self._namespaces = [drill.namespace for drill in self._finder.drills()]
+        self._namespaces = [drill.namespace for drill in self.finder.drills()]
         return self._namespaces
 
 
@@ -229,10 +229,9 @@ def _section(
     first = max(0, length - max(2, round(SECTION / period)))
     stride = -(-(length - first) // _MOST_SAMPLES)
     time, end = begin + first * period, begin + length * period
-    names = ("nodal_plane", "actuator", "free_mass", "drill_tool", "contact_force")
     samples = {
         name: array[first::stride].astype(np.float32)
-        for name, array in zip(names, arrays, strict=False)
+        for name, array in zip(MOTION, arrays, strict=False)
     }
     impacts = [[at - time, *rest] for at, *rest in heard.latest_impacts if time <= at < end]
     own = {"time": time, "period": period * stride, "exact": stride == 1, "impacts": impacts}
@@ -253,22 +252,18 @@ def serve_drills(
     place: Place,
     domain_id: int | None,
     namespace: str,
-    announce: Callable[[PageServer, DrillFinder], object],
-    prepare: Callable[[PageServer, LiveStore], object] = lambda server, store: None,
+    announce: Callable[[PageServer, LiveStore], object],
 ) -> None:
     """Serve the list of drills and a screen for each until SIGINT or SIGTERM.
 
-    ``announce`` is called once the server listens, ``prepare`` before, such as to hear the drill
-    from the beginning, or to let something else stop the server. A page without a namespace shows
-    the drill of ``namespace``.
+    ``announce`` is called once the server listens. A page without a namespace shows the drill of
+    ``namespace``.
     """
     with DrillFinder(domain_id) as finder:
         store = LiveStore(finder, namespace)
-        server = PageServer(store, place, store.listing)
-        prepare(server, store)
         try:
-            with server:
-                announce(server, finder)
+            with PageServer(store, place, store.listing) as server:
+                announce(server, store)
                 server.run()
         finally:
             store.end()
