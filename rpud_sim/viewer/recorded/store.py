@@ -41,9 +41,7 @@ class Opened:
             self.overview = Overview(self.recording)
             self.overview.look(self.recording.sample)
             self.marks = Marks(self.recording)
-            for _ in range(AT_ONCE):
-                if not self.marks.read_next():
-                    break
+            all(self.marks.read_next() for _ in range(AT_ONCE))  # until there are no more
             self.waveforms = Waveforms(self.recording)
             self.views = Views(self.recording, self.overview, self.waveforms)
         except BaseException:
