@@ -35,25 +35,15 @@ class Axis:
 
 @dataclass(frozen=True)
 class Line:
-    """Line through points; with ``steps`` each value holds until the next one."""
+    """Line through points, with a band around it if it has one."""
 
     name: str
     x: np.ndarray  # x, y: its points, shape (n,)
     y: np.ndarray
-    steps: bool = False  # whether it is drawn as steps
+    steps: bool = False  # whether each value holds until the next one
     color: int | str = 0  # number of its colour, or the name of one in ``page.css``
-
-
-@dataclass(frozen=True)
-class Envelope:
-    """Mean of values in parts of the time, and the band from least to greatest."""
-
-    name: str
-    x: np.ndarray  # middle of each part, shape (n,)
-    low: np.ndarray  # low, y, high: least, mean and greatest value of each part, shape (n,)
-    y: np.ndarray
-    high: np.ndarray
-    color: int | str = 0  # number of its colour, or the name of one in ``page.css``
+    low: np.ndarray | None = None  # low, high: ends of the band, such as extremes, shape (n,)
+    high: np.ndarray | None = None
 
 
 @dataclass(frozen=True)
@@ -98,7 +88,7 @@ class Zone:
     text: str = ""  # under the pointer
 
 
-Layer: TypeAlias = Line | Envelope | Points | Rule | Zone
+Layer: TypeAlias = Line | Points | Rule | Zone
 
 
 @dataclass(frozen=True)
@@ -199,11 +189,10 @@ def _held(layer: Layer, side: str) -> Iterator[Any]:
     if isinstance(layer, Rule | Zone):
         if layer.across == (side == "y"):
             yield from (layer.value,) if isinstance(layer, Rule) else (layer.low, layer.high)
-    elif isinstance(layer, Envelope) and side == "y":
-        yield from (layer.low, layer.high)
-    elif isinstance(layer, Line | Envelope | Points):
+    else:
         yield getattr(layer, side)
-        if isinstance(layer, Points) and layer.across == (side == "x") and layer.low is not None:
+        across = isinstance(layer, Points) and layer.across
+        if across == (side == "x") and layer.low is not None:
             yield from (layer.low, layer.high)
 
 

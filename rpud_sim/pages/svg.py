@@ -15,7 +15,6 @@ from markupsafe import Markup, escape
 from rpud_sim.foundation.terminal import printable
 from rpud_sim.pages.plot import (
     Axis,
-    Envelope,
     Layer,
     Line,
     Plot,
@@ -168,15 +167,14 @@ def _draw(layer: Layer, x: Scale, y: Scale, plot: Plot) -> Iterator[Markup]:
     color = f"var(--{_color(layer)})"
     width, height = max(x.begin, x.end), max(y.begin, y.end)
     if isinstance(layer, Line):
-        way = track(x(layer.x), y(layer.y), layer.steps)
-        yield path(way, color, _STROKE)
-    elif isinstance(layer, Envelope):
-        at, low, high = x(layer.x), y(layer.low), y(layer.high)
-        for part in whole_parts(np.isfinite(low + high + at)):
-            around = np.concatenate([at[part], at[part][::-1]])
-            edge = np.concatenate([high[part], low[part][::-1]])
-            yield path(track(around, edge) + "Z", "none", fill=color, opacity=0.25)
-        yield path(track(at, y(layer.y)), color, _STROKE)
+        at = x(layer.x)
+        if layer.low is not None and layer.high is not None:
+            low, high = y(layer.low), y(layer.high)
+            for part in whole_parts(np.isfinite(low + high + at)):
+                around = np.concatenate([at[part], at[part][::-1]])
+                edge = np.concatenate([high[part], low[part][::-1]])
+                yield path(track(around, edge) + "Z", "none", fill=color, opacity=0.25)
+        yield path(track(at, y(layer.y), layer.steps), color, _STROKE)
     elif isinstance(layer, Rule):
         place = float((y if layer.across else x)(layer.value))
         ends = (0.0, place, width, place) if layer.across else (place, 0.0, place, height)

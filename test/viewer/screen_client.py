@@ -5,9 +5,9 @@ import json
 import threading
 from contextlib import contextmanager, suppress
 
-import numpy as np
 from support import PATIENCE
 from tornado.websocket import WebSocketClosedError, websocket_connect
+from viewer.frame_reader import decode
 
 from rpud_sim.viewer.server import PageServer, Place
 
@@ -100,17 +100,3 @@ def serving(store, listing=None, token=""):
     finally:
         server.stop()
         thread.join()
-
-
-def decode(data):
-    """Return the frame of some bytes, with its arrays."""
-    length = int.from_bytes(data[:4], "little")
-    begin = 4 + length + -(4 + length) % 8
-
-    def arrays(value):
-        if value.keys() != {"$"}:
-            return value
-        offset, count, kind = value["$"]
-        return np.frombuffer(data, f"<{kind}", count, begin + offset)
-
-    return json.loads(data[4 : 4 + length], object_hook=arrays)

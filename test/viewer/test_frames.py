@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-from viewer.screen_client import decode
+from viewer.frame_reader import decode
 
 from rpud_sim.viewer.frames import encode
 

@@ -9,8 +9,8 @@ from altered_bags import altered
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from sample_bags import write_offline_bag
+from viewer.frame_reader import decode
 from viewer.recorded.recorded_bags import DURATION
-from viewer.screen_client import decode
 
 import rpud_sim.bag
 from rpud_sim.bag import BagWriter, Topic
