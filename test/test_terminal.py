@@ -6,10 +6,10 @@ import re
 import pytest
 from sample_bags import SECOND, START, STRING_DEFINITION, serialized_string
 from support import called
+from viewer.frame_reader import decode
 
 from rpud_sim.bag import BagWriter, Topic
 from rpud_sim.foundation.terminal import printable
-from rpud_sim.viewer.frames import decode
 
 EVIL = "/a\x1b[2J\r\n\x9b\u202e\x00"
 ESCAPED = r"/a\x1b[2J\r\n\x9b\u202e\x00"

@@ -91,13 +91,11 @@ def watch_drills(arguments: argparse.Namespace) -> ExitCode:
     from rpud_sim.viewer.live.live_store import serve_drills
     from rpud_sim.viewer.server import Place, ServerError
 
-    def announce(server: PageServer, finder: DrillFinder) -> None:
-        _announce(server, finder, arguments)
-
-    def prepare(server: PageServer, store: LiveStore) -> None:
+    def announce(server: PageServer, store: LiveStore) -> None:
         if arguments.until_eof:  # beside its drill: hear all of the run
             store.hear()
             threading.Thread(target=_stop_at_end, args=(server,), daemon=True).start()
+        _announce(server, store.finder, arguments)
 
     with failing(ServerError), failing(StartError, code=ExitCode.USAGE):
         serve_drills(
@@ -105,7 +103,6 @@ def watch_drills(arguments: argparse.Namespace) -> ExitCode:
             arguments.domain,
             arguments.namespace,
             announce,
-            prepare,
         )
     return ExitCode.DONE
 

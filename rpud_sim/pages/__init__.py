@@ -7,10 +7,8 @@ module          what it holds
 ==============  ===================================================================================
 ``quantities``  ``QUANTITIES``: name, unit, scale and digits of everything that people see
 ``frame``       ``render_page``: a page from a template of jinja2
-``plot``        descriptions of plots: ``Plot``, its layers, ``Axis``
+``plot``        descriptions of plots: ``Plot``, its layers, ``Axis`` and its ticks
 ``svg``         ``figure``, ``figures``, ``corner``: plots as pictures in the page
-``scale``       ends and ticks of axes
-``shapes``      paths, lines and texts of a picture
 ``share``       style of a page, and its colours for light and dark
 ==============  ===================================================================================
 

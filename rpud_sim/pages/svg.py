@@ -7,15 +7,24 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from typing import Any
 
 import numpy as np
-from markupsafe import Markup
+from markupsafe import Markup, escape
 
 from rpud_sim.foundation.terminal import printable
-from rpud_sim.pages.plot import Axis, Bars, Envelope, Layer, Line, Plot, Points, Rule, Zone
+from rpud_sim.pages.plot import (
+    Axis,
+    Layer,
+    Line,
+    Plot,
+    Points,
+    Rule,
+    Scale,
+    Zone,
+    scale_of,
+)
 from rpud_sim.pages.quantities import number_text
-from rpud_sim.pages.scale import Scale, scale_of
-from rpud_sim.pages.shapes import element, line, path, segments, text_at, titled, track, whole_parts
 
 _LETTER = 7.2  # mean width of a letter of 12 pixels [pixels]
 _SERIES = 7  # colours; further series begin again with the first
@@ -158,22 +167,14 @@ def _draw(layer: Layer, x: Scale, y: Scale, plot: Plot) -> Iterator[Markup]:
     color = f"var(--{_color(layer)})"
     width, height = max(x.begin, x.end), max(y.begin, y.end)
     if isinstance(layer, Line):
-        way = track(x(layer.x), y(layer.y), layer.steps)
-        yield path(way, color, _STROKE)
-    elif isinstance(layer, Envelope):
-        at, low, high = x(layer.x), y(layer.low), y(layer.high)
-        for part in whole_parts(np.isfinite(low + high + at)):
-            around = np.concatenate([at[part], at[part][::-1]])
-            edge = np.concatenate([high[part], low[part][::-1]])
-            yield path(track(around, edge) + "Z", "none", fill=color, opacity=0.25)
-        yield path(track(at, y(layer.y)), color, _STROKE)
-    elif isinstance(layer, Bars):
-        edges, tops, base = x(layer.edges), y(layer.y), float(y.begin)
-        way = "".join(
-            f"M{a:.1f} {base:.1f}V{b:.1f}H{c:.1f}V{base:.1f}"
-            for a, b, c in zip(edges, tops, edges[1:], strict=False) if math.isfinite(b)
-        )  # fmt: skip
-        yield path(way, color, 0.5, fill=color, opacity=0.6)
+        at = x(layer.x)
+        if layer.low is not None and layer.high is not None:
+            low, high = y(layer.low), y(layer.high)
+            for part in whole_parts(np.isfinite(low + high + at)):
+                around = np.concatenate([at[part], at[part][::-1]])
+                edge = np.concatenate([high[part], low[part][::-1]])
+                yield path(track(around, edge) + "Z", "none", fill=color, opacity=0.25)
+        yield path(track(at, y(layer.y), layer.steps), color, _STROKE)
     elif isinstance(layer, Rule):
         place = float((y if layer.across else x)(layer.value))
         ends = (0.0, place, width, place) if layer.across else (place, 0.0, place, height)
@@ -263,3 +264,64 @@ def _widest(scale: Scale) -> float:
 def _shortened(text: str, room: float) -> str:
     most = max(int((room - _GAP) / _LETTER + 0.5), 4)
     return text if len(text) <= most else f"{text[: most - 1]}…"
+
+
+# Elements of a picture; places are in pixels
+
+
+def whole_parts(known: np.ndarray) -> Iterator[slice]:
+    """Yield the parts of a series between its gaps."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], known, [False]]).astype(int)))
+    yield from (slice(*pair) for pair in edges.reshape(-1, 2))
+
+
+def track(x: np.ndarray, y: np.ndarray, steps: bool = False) -> str:
+    """Return the way through points; NaN is a gap."""
+    texts = []
+    for part in whole_parts(np.isfinite(x) & np.isfinite(y)):
+        points = list(zip(x[part].tolist(), y[part].tolist(), strict=True))
+        texts.append(f"M{points[0][0]:.1f} {points[0][1]:.1f}")
+        texts += [f"H{a:.1f}V{b:.1f}" if steps else f"L{a:.1f} {b:.1f}" for a, b in points[1:]]
+    return "".join(texts)
+
+
+def segments(lines: Sequence[tuple[float, float, float, float]]) -> Markup:
+    """Return straight lines in the colour around them."""
+    return element("path", d="".join(f"M{a:.1f} {b:.1f}L{c:.1f} {d:.1f}" for a, b, c, d in lines))
+
+
+def path(way: str, stroke: str, width: float = 0.0, **style: Any) -> Markup:
+    """Return a path; it has no filling unless its style says so."""
+    found: dict[str, Any] = {"fill": "none", "stroke": stroke, "stroke_width": width, **style}
+    return element("path", d=way, **found)
+
+
+def line(
+    name: str, ends: tuple[float, float, float, float], text: str = "", **style: Any
+) -> Markup:
+    """Return a straight line with a text under the pointer."""
+    places = dict(zip(("x1", "y1", "x2", "y2"), ends, strict=True))
+    return element("line", (titled(text),), class_=name, **places, **style)
+
+
+def text_at(text: str, x: float, y: float, anchor: str, name: str = "tick", **style: Any) -> Markup:
+    inner = (escape(printable(text)),)
+    return element("text", inner, class_=name, x=x, y=y, text_anchor=anchor, **style)
+
+
+def titled(text: str) -> Markup:
+    """Return the text under the pointer; nothing for an empty one."""
+    return element("title", (escape(printable(text)),)) if text else Markup("")
+
+
+def element(tag: str, inner: Sequence[Markup] = (), **attributes: Any) -> Markup:
+    """Return an element; ``_`` in the name of an attribute stands for ``-``."""
+    texts = [
+        Markup(' {}="{}"').format(
+            name.rstrip("_").replace("_", "-"), f"{v:.4g}" if isinstance(v, float) else v
+        )
+        for name, v in attributes.items()
+    ]
+    return Markup("<{0}{1}>{2}</{0}>").format(
+        Markup(tag), Markup("").join(texts), Markup("").join(inner)
+    )

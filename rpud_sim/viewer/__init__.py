@@ -14,7 +14,7 @@ module         what it holds
 ``commands``   commands of a run in words, and as stepped lines
 ``impacts``    impacts of a run, and their spread over any range of time
 ``bins``       least, mean and greatest value of signals over a run, in bins that grow with it
-``hole``       the hole: layers of the rock, and rate and torque over the depth
+``picture``    what is drawn of a drill: layers, numbers of a second, the hole
 ``live``       running drills: what was heard of them, and actions on them
 ``recorded``   a bag: its clocks, its signals, its exact waveform
 ``frozen``     report of a bag: the screen and its data in one file

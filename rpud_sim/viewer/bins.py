@@ -3,21 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from rpud_sim.viewer.impacts import part_length
 
-
-@dataclass(frozen=True)
-class Envelope:
-    """Signal in equal parts of a range of time; parts without a value are NaN."""
-
-    times: np.ndarray  # middle of each part, shape (n,) [s]
-    low: np.ndarray  # least value, shape (n,)
-    mean: np.ndarray  # of the values, shape (n,)
-    high: np.ndarray  # greatest value, shape (n,)
+Layer = dict[str, Any]  # ``t`` [s] and ``mean``, most with ``low`` and ``high``: equal shapes (n,)
 
 
 class Bins:
@@ -57,20 +49,16 @@ class Bins:
             values, bins = values[bins >= 0], bins[bins >= 0]
         if not len(bins):
             return
-        steps = bins[1:] - bins[:-1]
-        if not len(steps) or steps.min() >= 0:  # runs are faster than single values
-            firsts = np.concatenate([[0], np.flatnonzero(steps) + 1])
-            places = bins[firsts]
-            least, greatest = (f.reduceat(values, firsts) for f in (np.minimum, np.maximum))
-            self._least[place, places] = np.minimum(self._least[place, places], least)
-            self._greatest[place, places] = np.maximum(self._greatest[place, places], greatest)
-            self._total[place, places] += np.add.reduceat(values, firsts)
-            self._count[place, places] += np.append(firsts[1:], len(bins)) - firsts
-        else:
-            np.minimum.at(self._least[place], bins, values)
-            np.maximum.at(self._greatest[place], bins, values)
-            np.add.at(self._total[place], bins, values)
-            np.add.at(self._count[place], bins, 1)
+        if (np.diff(bins) < 0).any():
+            order = np.argsort(bins, kind="stable")
+            values, bins = values[order], bins[order]
+        firsts = np.flatnonzero(np.diff(bins, prepend=-1))
+        places = bins[firsts]
+        least, greatest = (f.reduceat(values, firsts) for f in (np.minimum, np.maximum))
+        self._least[place, places] = np.minimum(self._least[place, places], least)
+        self._greatest[place, places] = np.maximum(self._greatest[place, places], greatest)
+        self._total[place, places] += np.add.reduceat(values, firsts)
+        self._count[place, places] += np.diff(np.append(firsts, len(bins)))
 
     def has(self, signal: str) -> bool:
         return bool(self._count[self._place[signal]].any())
@@ -83,19 +71,18 @@ class Bins:
         count = self._count[place, chosen].sum()
         return float(self._total[place, chosen].sum() / count) if count else float("nan")
 
-    def view(self, signal: str, start: float, end: float, parts: int) -> Envelope:
-        """Return a signal in about so many parts of a range of time [s].
+    def view(self, signal: str, start: float, end: float, parts: int) -> Layer:
+        """Return least, mean and greatest value in about so many parts of a range of time [s].
 
-        Parts are whole bins, and begin at multiples of their length, so that they stay when the
-        range moves.
+        Parts without a value are NaN. They are whole bins, and begin at multiples of their length,
+        so that they stay when the range moves.
         """
         joined = max(1, 2 ** int(np.log2(max(1.0, part_length(start, end, parts) / self.width))))
         first = max(0, int(np.floor(start / self.width)) // joined * joined - self.first)
         last = min(int(np.ceil(end / self.width)) + 1 - self.first, self._least.shape[1])
         place = self._place[signal]
         if last <= first:
-            none = np.empty(0)
-            return Envelope(none, none, none, none)
+            return dict.fromkeys(("t", "mean", "low", "high"), np.empty(0))
         starts = np.arange(first, last, joined) - first
         least = np.minimum.reduceat(self._least[place, first:last], starts)
         greatest = np.maximum.reduceat(self._greatest[place, first:last], starts)
@@ -103,12 +90,12 @@ class Bins:
         count = np.add.reduceat(self._count[place, first:last], starts)
         none = np.full(len(starts), np.nan)
         used = count > 0
-        return Envelope(
-            (self.first + first + starts + 0.5 * joined) * self.width,
-            np.where(used, least, none),
-            np.divide(total, count, out=none.copy(), where=used),
-            np.where(used, greatest, none),
-        )
+        return {
+            "t": (self.first + first + starts + 0.5 * joined) * self.width,
+            "mean": np.divide(total, count, out=none.copy(), where=used),
+            "low": np.where(used, least, none),
+            "high": np.where(used, greatest, none),
+        }
 
     def used(self) -> np.ndarray:
         """Return the numbers of bins in which any signal has a value."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from array import array
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -190,6 +190,19 @@ def _fault_text(fault: Mapping[str, Any]) -> str:
     magnitude = float(fault.get("magnitude") or 0.0)
     size = f" {magnitude:.4g}" if math.isfinite(magnitude) and magnitude else ""
     return kind + (f" of {channel}" if channel else "") + size
+
+
+def fault_row(fault: Any, seconds: Callable[[Any], float]) -> dict[str, Any]:
+    """Return a message's fault as a frame has it; ``seconds`` converts its stamps."""
+    return {
+        "number": int(fault.number),
+        "kind": str(fault.kind),
+        "channel": str(fault.channel),
+        "magnitude": float(fault.magnitude),
+        "onset": seconds(fault.onset),
+        "end": None if fault.active else seconds(fault.clear),
+        "active": bool(fault.active),
+    }
 
 
 def _fault_entries(fault: Mapping[str, Any]) -> Iterable[Entry]:

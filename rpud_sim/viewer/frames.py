@@ -52,18 +52,3 @@ def encode(frame: Mapping[str, Any]) -> bytes:
     header = json.dumps(plain(frame), separators=(",", ":"), allow_nan=False).encode()
     head = len(header).to_bytes(4, "little") + header
     return b"".join([head, bytes(-len(head) % _ALIGNED), *arrays])
-
-
-def decode(data: bytes) -> dict[str, Any]:
-    """Return the frame of some bytes, with its arrays; for tests and for readers in Python."""
-    length = int.from_bytes(data[:4], "little")
-    begin = 4 + length + -(4 + length) % _ALIGNED
-
-    def arrays(value: dict[str, Any]) -> Any:
-        if value.keys() != {"$"}:
-            return value
-        offset, count, kind = value["$"]
-        return np.frombuffer(data, f"<{kind}", count, begin + offset)
-
-    found: dict[str, Any] = json.loads(data[4 : 4 + length], object_hook=arrays)
-    return found

@@ -104,21 +104,17 @@ def _overview(content: Opened, drill: str, frame: Mapping[str, Any]) -> dict[str
     """Return ``view`` over the whole run, and the plots that it serves: those of the table."""
     plots = []
     for plot in frame["plots"]:
-        choices = [choice for choice in plot["choices"] if _of_table(choice)]
+        choices = [
+            choice
+            for choice in plot["choices"]
+            if all(layer["quantity"] in QUANTITIES for layer in choice["layers"])
+        ]
         plots.append({**plot, "choices": choices or plot["choices"][:1]})
     layers = [layer for plot in plots for each in plot["choices"] for layer in each["layers"]]
     count = int(min(BINS, max(frame["now"] / _FINEST, 1.0)))
-    kinds = {layer["quantity"]: "band" for layer in layers}
+    kinds = {layer["quantity"]: layer["kind"] for layer in layers}
     view = content.views.view(drill, 0.0, frame["now"], count, kinds)
-    for layer in view["layers"].values():
-        ends = [layer.get("low"), layer.get("high")]
-        if all(np.array_equal(layer["mean"], end, equal_nan=True) for end in ends):
-            del layer["low"], layer["high"]  # one value a bin
     return {"plots": plots, "view": view}
-
-
-def _of_table(choice: Mapping[str, Any]) -> bool:
-    return all(layer["quantity"] in QUANTITIES for layer in choice["layers"])
 
 
 def _sections(content: Opened, drill: str, frame: Mapping[str, Any]) -> dict[str, Any]:

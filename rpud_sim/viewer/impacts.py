@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -11,19 +11,6 @@ MOST = 4_000_000  # impacts that are kept: some two and a half hours of drilling
 _FIRST_LENGTH = 1 << 14
 _ENDS = (0.05, 0.95)  # quantiles of the band
 MOST_OUTLIERS = 200  # of one answer
-
-
-@dataclass(frozen=True)
-class Spread:
-    """Peak forces in equal parts of a range of time; parts without an impact are NaN."""
-
-    times: np.ndarray  # middle of each part, shape (n,) [s]
-    mean: np.ndarray  # shape (n,) [N]
-    low: np.ndarray  # 5 % of the impacts are below, shape (n,) [N]
-    high: np.ndarray  # 5 % are above, shape (n,) [N]
-    outlier_times: np.ndarray  # greatest ones above ``high`` that stand out, shape (m,) [s]
-    outliers: np.ndarray  # their peak forces, shape (m,) [N]
-    more: int  # outliers that are not among these
 
 
 class Impacts:
@@ -74,9 +61,11 @@ class Impacts:
         first, last = np.searchsorted(times, [start, end])
         return times[first:last], self._peaks[: self._count][first:last]
 
-    def spread(self, start: float, end: float, parts: int) -> Spread:
-        """Return the spread of the impacts in about so many parts of a range of time [s].
+    def spread(self, start: float, end: float, parts: int) -> dict[str, Any]:
+        """Return the spread of the peak forces in about so many parts of a range of time [s].
 
+        ``low`` and ``high`` are the ends of the band with 90 % of them; without an impact they are
+        NaN, as ``mean``. ``outliers`` stand out above the band; ``more`` are not among these.
         Parts begin at multiples of their length, a power of two of milliseconds, so that they stay
         when the range moves.
         """
@@ -106,15 +95,10 @@ class Impacts:
         chosen = far
         if len(far) > MOST_OUTLIERS:
             chosen = np.sort(far[np.argpartition(-peaks[far], MOST_OUTLIERS)[:MOST_OUTLIERS]])
-        return Spread(
-            (edges[:-1] + 0.5 * width),
-            mean,
-            low,
-            high,
-            times[chosen],
-            peaks[chosen],
-            len(far) - len(chosen),
-        )
+        more = len(far) - len(chosen)
+        outliers = {"t": times[chosen], "v": peaks[chosen], "more": more}
+        middles = edges[:-1] + 0.5 * width
+        return {"t": middles, "mean": mean, "low": low, "high": high, "outliers": outliers}
 
     def rate(self, start: float, end: float, parts: int) -> tuple[np.ndarray, np.ndarray]:
         """Return the middles of such parts [s], and the impacts per second in each; shapes (n,)."""

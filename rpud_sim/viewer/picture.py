@@ -9,18 +9,24 @@ from typing import Any
 
 import numpy as np
 
-from rpud_sim.viewer import hole
-from rpud_sim.viewer.bins import Bins
-from rpud_sim.viewer.impacts import Impacts, part_length
+from rpud_sim.drilling.rocks import ROCKS
+from rpud_sim.drilling.strata import find_strata
+from rpud_sim.foundation.quantities import ParameterError
+from rpud_sim.viewer.bins import Bins, Layer
+from rpud_sim.viewer.impacts import Impacts
 
+GAP = 3.0  # distance of two points, in usual ones, from which on there is a gap between them
+SECTION = 0.02  # length of the motion that a section shows [s]
+MOTION = ("nodal_plane", "actuator", "free_mass", "drill_tool", "contact_force")
 IMPACTS = ("impact_rate", "peak_force")  # quantities that the impacts themselves show
 
-_GAP = 3.0  # distance of two points, in usual ones, from which on there is a gap between them
 _POINT = 2  # width of a part of a band [px]
 _LEAST_IMPACTS = 8  # in a part of the time that shows their spread
 _RATES = 10  # parts of a second, whose rates of impacts are compared
 _SPARK = 60  # means of a sparkline, one a second
 _TIMELINE = 1000  # bins
+_COLOURS = 6  # of layers of the rock
+_LOG_PARTS = 200  # of the depth, at most
 _LOG_BINS = 4000  # of the run, for rate and torque over the depth
 _NUMBERS = {  # quantities that a number shows: the first that there is
     "reacting_force": ("reacting_force",),
@@ -28,7 +34,6 @@ _NUMBERS = {  # quantities that a number shows: the first that there is
     "penetration_rate": ("penetration_rate",),
 }
 
-Layer = dict[str, Any]  # ``t`` and ``mean``, or with ``low`` and ``high``, arrays of equal shape
 Range = tuple[float, float, int]  # begin and end [s], number of parts
 
 
@@ -58,13 +63,7 @@ class Picture:
 
     def line(self, name: str, start: float, end: float, parts: int = _TIMELINE) -> Layer:
         """Return a signal of the bins in about so many parts of a range of time [s]."""
-        views = [self.bins.view(name, *each) for each in self._ranges(start, end, parts)]
-        return joined(
-            [
-                with_gaps({"t": each.times, "mean": each.mean, "low": each.low, "high": each.high})
-                for each in views
-            ]
-        )
+        return joined([self.bins.view(name, *each) for each in self._ranges(start, end, parts)])
 
     def impact_layers(
         self, start: float, end: float, width: int, wanted: Mapping[str, str]
@@ -86,13 +85,10 @@ class Picture:
             extremes = self.line(name, start, end, width // _POINT)
             return layers | {"peak_force": {**extremes, "band": "least-greatest"}}
         spreads = [self.impacts.spread(*each) for each in ranges]
-        peaks = [
-            with_gaps({"t": each.times, "mean": each.mean, "low": each.low, "high": each.high})
-            for each in spreads
-        ]
-        outliers = joined([{"t": each.outlier_times, "v": each.outliers} for each in spreads])
-        outliers["more"] = sum(each.more for each in spreads)
-        layers["peak_force"] = {**joined(peaks), "outliers": outliers, "band": "5-95 %"}
+        outliers = [each.pop("outliers") for each in spreads]
+        more = sum(each.pop("more") for each in outliers)
+        layers["peak_force"] = joined(spreads) | {"band": "5-95 %"}
+        layers["peak_force"]["outliers"] = joined(outliers) | {"more": more}
         return layers
 
     def numbers(self, now: float) -> dict[str, Layer | None]:
@@ -108,36 +104,36 @@ class Picture:
             times, _ = self.impacts.between(edges[0], now)
             spark = np.diff(np.searchsorted(times, edges)) * self.impacts.stride
             found["impact_rate"] = _figures(rates, rates, rates, spark)
-            means = self.bins.view(name, edges[0], now, seconds).mean
+            means = self.bins.view(name, edges[0], now, seconds)["mean"]
             found["peak_force"] = _figures(peaks, peaks, peaks, means)
         for number, quantities in _NUMBERS.items():
             if name := next(filter(None, map(self.names, quantities)), None):
-                means = self.bins.view(name, now - seconds, now, seconds).mean
+                means = self.bins.view(name, now - seconds, now, seconds)["mean"]
                 bins = self.bins.view(name, begin, now, 1 << 20)
-                if not np.isfinite(bins.mean).any():  # a status is as old as a second
+                if not np.isfinite(bins["mean"]).any():  # a status is as old as a second
                     bins = self.bins.view(name, begin - 1.0, now, 1 << 20)
-                found[number] = _figures(bins.low, bins.mean, bins.high, means)
+                found[number] = _figures(bins["low"], bins["mean"], bins["high"], means)
         return found
 
     def hole(self, now: float, parameters: Mapping[str, Any]) -> Layer | None:
         """Return the field ``hole`` of a frame at a time [s]; None without a rock or a depth."""
         names = [self.names(each) for each in ("depth", "penetration_rate", "torque")]
-        layers, end = hole.layers(parameters), max(now, self.bins.width)
+        layers, end = rock_layers(parameters), max(now, self.bins.width)
         if not layers or names[0] is None or names[1] is None:
             return None
         depth, rate, torque = (
-            self.bins.view(name, 0.0, end, _LOG_BINS).mean if name else np.full(1, np.nan)
+            self.bins.view(name, 0.0, end, _LOG_BINS)["mean"] if name else np.full(1, np.nan)
             for name in names
         )
         latest = self.latest(names[0], now)
         if latest is None:
             latest = next((each for each in depth[::-1] if np.isfinite(each)), 0.0)
-        log = hole.well_log(depth, rate, torque if names[2] else None)
+        log = well_log(depth, rate, torque if names[2] else None)
         return {"depth": latest, "layers": layers, "log": log}
 
     def latest(self, name: str, now: float) -> float | None:
         """Return the latest value of a signal of the bins in the second before a time [s]."""
-        means = self.bins.view(name, now - 1.0, now, 1 << 20).mean
+        means = self.bins.view(name, now - 1.0, now, 1 << 20)["mean"]
         known = means[np.isfinite(means)]
         return float(known[-1]) if len(known) else None
 
@@ -157,7 +153,8 @@ class Picture:
 
 
 def joined(layers: Sequence[Layer]) -> Layer:
-    """Return layers one after another in one."""
+    """Return layers one after another in one, with their gaps."""
+    layers = [with_gaps(each) if "mean" in each else each for each in layers]
     return {name: np.concatenate([each[name] for each in layers]) for name in layers[0]}
 
 
@@ -167,7 +164,7 @@ def with_gaps(layer: Layer) -> Layer:
     layer = {name: values[valid] for name, values in layer.items()}
     times = layer["t"]
     steps = np.diff(times)
-    places = np.flatnonzero(steps > _GAP * max(usual(steps), 1e-9)) + 1
+    places = np.flatnonzero(steps > GAP * max(usual(steps), 1e-9)) + 1
     middles = 0.5 * (times[places - 1] + times[places])
     return {
         name: np.insert(values, places, middles if name == "t" else np.nan)
@@ -180,22 +177,6 @@ def usual(steps: np.ndarray) -> float:
     return float(np.quantile(steps, 0.9, method="lower")) if len(steps) else 0.0
 
 
-def binned(times: np.ndarray, values: np.ndarray, start: float, end: float, parts: int) -> Layer:
-    """Return least, mean and greatest value in about so many parts of a range of time [s].
-
-    ``times`` ascend [s] and ``values`` have no NaN, both of shape (n,), and not empty.
-    """
-    width = part_length(start, end, parts)
-    part = np.floor(times / width)
-    firsts = np.flatnonzero(np.diff(part, prepend=np.nan) != 0.0)
-    return {
-        "t": (part[firsts] + 0.5) * width,
-        "mean": np.add.reduceat(values, firsts) / np.diff(np.append(firsts, len(times))),
-        "low": np.minimum.reduceat(values, firsts),
-        "high": np.maximum.reduceat(values, firsts),
-    }
-
-
 def _figures(low: np.ndarray, mean: np.ndarray, high: np.ndarray, spark: np.ndarray) -> Layer:
     known = np.isfinite(mean)
     found: Layer = dict.fromkeys(("mean", "least", "greatest"))
@@ -203,3 +184,53 @@ def _figures(low: np.ndarray, mean: np.ndarray, high: np.ndarray, spark: np.ndar
         found["mean"] = mean[known].mean()
         found["least"], found["greatest"] = low[known].min(), high[known].max()
     return {**found, "spark": spark[np.isfinite(spark)][-_SPARK:].astype(np.float32)}
+
+
+def rock_layers(parameters: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Return the layers of the rock that a run's parameters choose; none without a rock."""
+    choice = str(parameters.get("strata") or "")
+    if not choice:
+        if parameters.get("rock_model", "none") == "none":
+            return []
+        return [{"from": 0.0, "to": None, "name": "rock", "colour": 0}]
+    if not choice.lstrip().startswith("{") and choice not in ROCKS:
+        return []  # a path: what is recorded or heard never makes this program read a file
+    try:
+        strata = find_strata(choice)
+    except ParameterError:  # another program wrote it
+        return []
+    names = list(dict.fromkeys(layer.name for layer in strata.layers))
+    return [
+        {
+            "from": layer.depth_from,
+            "to": end if np.isfinite(end := strata.end_of(number)) else None,
+            "name": layer.name,
+            "colour": names.index(layer.name) % _COLOURS,
+        }
+        for number, layer in enumerate(strata.layers)
+    ]
+
+
+def well_log(
+    depth: np.ndarray, rate: np.ndarray, torque: np.ndarray | None
+) -> dict[str, np.ndarray]:
+    """Return means of rate [m/s] and torque [N m] over equal parts of the depth [m].
+
+    All have one value for each moment, shape (n,); what is not finite is left out.
+    """
+    valid = np.isfinite(depth) & np.isfinite(rate) & (depth >= 0.0)
+    greatest = float(depth[valid].max(initial=0.0))
+    if greatest <= 0.0:
+        return {"depth": np.empty(0), "rate": np.empty(0), "torque": np.empty(0)}
+    part = np.minimum((depth[valid] / greatest * _LOG_PARTS).astype(int), _LOG_PARTS - 1)
+    used, places = np.unique(part, return_inverse=True)
+    counts = np.bincount(places)
+
+    def means(values: np.ndarray | None) -> np.ndarray:
+        if values is None:
+            return np.full(len(used), np.nan, np.float32)
+        found: np.ndarray = np.bincount(places, values[valid]) / counts
+        return found.astype(np.float32)
+
+    centres = ((used + 0.5) * greatest / _LOG_PARTS).astype(np.float32)
+    return {"depth": centres, "rate": means(rate), "torque": means(torque)}

@@ -7,61 +7,37 @@ from typing import Any
 
 from rpud_sim.pages.quantities import QUANTITIES
 
-_BAND, _LINE, _STEPS = "band", "line", "steps"
-
-# Identifier of a choice, its title, and its layers: quantity and kind.
-_Choice = tuple[str, str, tuple[tuple[str, str], ...]]
-_PLOTS: tuple[tuple[str, str, tuple[_Choice, ...]], ...] = (
-    (
-        "peak_force",
-        "peak force of the impacts",
-        (("", "", (("peak_force", _BAND), ("contact_force", _LINE))),),
-    ),
-    (
-        "load",
-        "load on the mount",
-        (("", "", (("reacting_force", _BAND), ("weight_on_bit", _STEPS))),),
-    ),
-    (
-        "motion",
-        "motion",
-        (("", "", (("actuator", _LINE), ("free_mass", _LINE), ("drill_tool", _LINE))),),
-    ),
-    (
-        "more",
-        "more",
-        (
-            ("depth", "depth of the hole", (("depth", _LINE),)),
-            ("rate", "rate of penetration", (("penetration_rate", _LINE),)),
-            (
-                "power",
-                "power, mean of a second",
-                (
-                    ("actuator_power", _LINE),
-                    ("absorbed_power", _LINE),
-                    ("electrical_power", _LINE),
-                ),
-            ),
-            ("impacts", "impacts per second", (("impact_rate", _LINE),)),
-            ("torque", "torque", (("torque", _BAND), ("drive_torque", _BAND))),
-            ("rotation", "rotation", (("rotation_rate", _BAND),)),
-            ("feed", "feed and mount", (("feed", _BAND), ("mount_position", _BAND))),
-            ("arm", "force of the arm on the mount", (("mount_force", _BAND),)),
-            ("positions", "positions", (("nodal_plane", _BAND), ("drill_tool", _BAND))),
-            ("voltage", "voltage of the drive", (("drive_voltage", _STEPS),)),
-            (
-                "frequency",
-                "drive and resonance",
-                (("drive_frequency", _STEPS), ("resonance_frequency", _LINE)),
-            ),
-            ("current", "current of the actuator", (("current", _LINE),)),
-            ("vibration", "amplitude of the vibration", (("vibration_amplitude", _LINE),)),
-            ("temperature", "temperature of the actuator", (("temperature", _LINE),)),
-            ("cuttings", "cuttings in the flutes", (("packed_cuttings", _LINE),)),
-            ("wear", "wear of the bit", (("bit_wear", _LINE),)),
-            ("lateness", "how late the latest block was", (("lateness", _LINE),)),
-        ),
-    ),
+_STEPS = ("weight_on_bit", "drive_voltage", "drive_frequency")
+_BANDS = (  # quantities that change faster than a screen shows
+    *("peak_force", "reacting_force", "mount_force", "torque", "drive_torque", "rotation_rate"),
+    *("feed", "mount_position", "nodal_plane", "drill_tool"),
+)
+# Choices of the last plot: title and quantities by identifier.
+_MORE = {
+    "depth": ("depth of the hole", "depth"),
+    "rate": ("rate of penetration", "penetration_rate"),
+    "power": ("power, mean of a second", "actuator_power", "absorbed_power", "electrical_power"),
+    "impacts": ("impacts per second", "impact_rate"),
+    "torque": ("torque", "torque", "drive_torque"),
+    "rotation": ("rotation", "rotation_rate"),
+    "feed": ("feed and mount", "feed", "mount_position"),
+    "arm": ("force of the arm on the mount", "mount_force"),
+    "positions": ("positions", "nodal_plane", "drill_tool"),
+    "voltage": ("voltage of the drive", "drive_voltage"),
+    "frequency": ("drive and resonance", "drive_frequency", "resonance_frequency"),
+    "current": ("current of the actuator", "current"),
+    "vibration": ("amplitude of the vibration", "vibration_amplitude"),
+    "temperature": ("temperature of the actuator", "temperature"),
+    "cuttings": ("cuttings in the flutes", "packed_cuttings"),
+    "wear": ("wear of the bit", "bit_wear"),
+    "lateness": ("how late the latest block was", "lateness"),
+}
+# Identifier and title of each plot, and its choices.
+_PLOTS = (
+    ("peak_force", "peak force of the impacts", {"": ("", "peak_force", "contact_force")}),
+    ("load", "load on the mount", {"": ("", "reacting_force", "weight_on_bit")}),
+    ("motion", "motion", {"": ("", "actuator", "free_mass", "drill_tool")}),
+    ("more", "more", _MORE),
 )
 
 
@@ -75,7 +51,7 @@ def drill_plots(
     """
     plots = []
     for name, title, choices in _PLOTS:
-        shown = [_choice(*choice, has) for choice in choices]
+        shown = [_choice(each, *choice, has=has) for each, choice in choices.items()]
         shown = [choice for choice in shown if choice["layers"]]
         if name == "more":
             shown += others
@@ -84,25 +60,29 @@ def drill_plots(
     return plots
 
 
-def _choice(
-    name: str, title: str, layers: tuple[tuple[str, str], ...], has: Callable[[str], bool]
-) -> dict[str, Any]:
-    found = [
-        {"quantity": quantity, "label": QUANTITIES[quantity].label, "kind": kind}
-        for quantity, kind in layers
-        if has(quantity)
+def _choice(name: str, title: str, *quantities: str, has: Callable[[str], bool]) -> dict[str, Any]:
+    layers = [
+        {"quantity": each, "label": QUANTITIES[each].label, "kind": _kind(each)}
+        for each in filter(has, quantities)
     ]
-    return {"id": name, "title": title, "layers": found}
+    return {"id": name, "title": title, "layers": layers}
+
+
+def _kind(quantity: str) -> str:
+    return "steps" if quantity in _STEPS else "band" if quantity in _BANDS else "line"
 
 
 def chosen_quantities(plots: Collection[dict[str, Any]], choices: Any) -> dict[str, str]:
-    """Return kinds of layers by the quantity that is shown, with these choices by plot."""
-    found = {}
+    """Return kinds of layers by the quantity that is shown, with these choices by plot.
+
+    The plot of the motion is drawn from sections.
+    """
+    found: dict[str, str] = {}
     for plot in plots:
+        if plot["id"] == "motion":
+            continue
         wanted = choices.get(plot["id"])
         options = plot["choices"]
         choice = next((each for each in options if each["id"] == wanted), options[0])
-        for layer in choice["layers"]:
-            if layer["kind"] == _BAND or layer["quantity"] not in found:
-                found[layer["quantity"]] = layer["kind"]
+        found |= {layer["quantity"]: layer["kind"] for layer in choice["layers"]}
     return found

@@ -87,19 +87,20 @@ class PageServer:
         self.port = int(self._sockets[0].getsockname()[1])  # on which it listens
         self.store = store
         self.listing = listing
-        self.guard = _Guard(place.token, self.port)
         self.pages = 0  # browsers that are connected
-        self._place = place
+        self.place = place
         self._worker = ThreadPoolExecutor(1, "store")
         self._loop: asyncio.AbstractEventLoop | None = None
         self._stop = asyncio.Event()
 
     def url(self, path: str = "/", **arguments: str) -> str:
         """Return the address of a page, with the token where one is needed."""
-        if self._place.token:
-            arguments["token"] = self._place.token
+        if self.place.token:
+            arguments["token"] = self.place.token
         query = f"?{urlencode(arguments, safe='/')}" if arguments else ""
-        return f"http://{_authority(_reachable(self._place.address), self.port)}{path}{query}"
+        host = self.place.address
+        host = socket.gethostname() if host in ("", "0.0.0.0", "::") else host  # of all interfaces
+        return f"http://{f'[{host}]' if ':' in host else host}:{self.port}{path}{query}"
 
     def stop(self) -> None:
         """End `run`, from any thread or from a handler of a signal."""
@@ -172,7 +173,12 @@ class _Headers(web.OutputTransform):
 
 
 class _Guarded(web.RequestHandler):
-    """Handler of requests that the guard lets pass."""
+    """Handler that requires the token, and rejects requests that another page sends.
+
+    A page of another site may ask the browser to connect here, or its name may suddenly resolve to
+    this machine. The browser tells both: in ``Origin`` and in ``Host``. Without a token the address
+    is that of the machine itself.
+    """
 
     @property
     def server(self) -> PageServer:
@@ -180,7 +186,34 @@ class _Guarded(web.RequestHandler):
         return found
 
     def prepare(self) -> None:
-        self.server.guard.check(self)
+        """Finish a request that may not pass."""
+        host = self.request.host.lower()
+        origin = self.request.headers.get("Origin")
+        if origin is not None and _parts(origin).netloc.lower() != host:
+            self._refuse(f"origin {origin!r:.200} is not this server")
+        token = self.server.place.token
+        cookie = f"rpud_watch_{self.server.port}"  # tells several servers apart
+        if not token:
+            if _parts(f"//{host}").hostname not in _LOOPBACK_NAMES:
+                self._refuse(f"host {host!r:.200} is not this machine")
+            return
+        if _is_equal(self.get_cookie(cookie), token):
+            return
+        given = self.get_query_argument("token", "")
+        if not _is_equal(given, token):
+            wrong = "this is not its token" if given else "the token is missing"
+            self._refuse(f"{wrong}: open the address that `rpud watch` has printed")
+        self.set_cookie(cookie, given, httponly=True, samesite="Strict", path="/")
+        # The address that stays in the history, and that others may see, has no token.
+        rest = [pair for pair in parse_qsl(self.request.query) if pair[0] != "token"]
+        self.redirect(f"{self.request.path}{'?' if rest else ''}{urlencode(rest, safe='/')}")
+        raise web.Finish
+
+    def _refuse(self, reason: str) -> None:
+        self.set_status(_FORBIDDEN)
+        self.set_header("Content-Type", "text/plain; charset=utf-8")
+        self.finish(f"{reason}\n")
+        raise web.Finish
 
 
 class _Shared(_Guarded, web.StaticFileHandler):
@@ -250,46 +283,6 @@ class _Frames(_Guarded, WebSocketHandler):
             self._task.cancel()
 
 
-class _Guard:
-    """Requires the token, and rejects requests that another page sends.
-
-    A page of another site may ask the browser to connect here, or its name may suddenly resolve to
-    this machine. The browser tells both: in ``Origin`` and in ``Host``. An empty token requires
-    none; the address is then that of the machine itself. ``port`` tells the cookies of several
-    servers apart.
-    """
-
-    def __init__(self, token: str, port: int) -> None:
-        self._token = token
-        self._cookie = f"rpud_watch_{port}"
-
-    def check(self, handler: web.RequestHandler) -> None:
-        """Finish a request that may not pass."""
-        request = handler.request
-        host = request.host.lower()
-        origin = request.headers.get("Origin")
-        if origin is not None and _parts(origin).netloc.lower() != host:
-            _refuse(handler, f"origin {origin!r:.200} is not this server")
-        if not self._token:
-            if _parts(f"//{host}").hostname not in _LOOPBACK_NAMES:
-                _refuse(handler, f"host {host!r:.200} is not this machine")
-            return
-        if self._is_token(handler.get_cookie(self._cookie, "")):
-            return
-        given = handler.get_query_argument("token", "")
-        if not self._is_token(given):
-            wrong = "this is not its token" if given else "the token is missing"
-            _refuse(handler, f"{wrong}: open the address that `rpud watch` has printed")
-        handler.set_cookie(self._cookie, given, httponly=True, samesite="Strict", path="/")
-        # The address that stays in the history, and that others may see, has no token.
-        rest = [pair for pair in parse_qsl(request.query) if pair[0] != "token"]
-        handler.redirect(f"{request.path}{'?' if rest else ''}{urlencode(rest, safe='/')}")
-        raise web.Finish
-
-    def _is_token(self, given: str | None) -> bool:
-        return hmac.compare_digest((given or "").encode(), self._token.encode())
-
-
 def _parts(url: str) -> SplitResult:
     """Return the parts of an address; empty ones if it is none."""
     try:
@@ -298,11 +291,8 @@ def _parts(url: str) -> SplitResult:
         return urlsplit("")
 
 
-def _refuse(handler: web.RequestHandler, reason: str) -> None:
-    handler.set_status(_FORBIDDEN)
-    handler.set_header("Content-Type", "text/plain; charset=utf-8")
-    handler.finish(f"{reason}\n")
-    raise web.Finish
+def _is_equal(given: str | None, token: str) -> bool:
+    return hmac.compare_digest((given or "").encode(), token.encode())
 
 
 def _is_loopback(address: str) -> bool:
@@ -310,15 +300,6 @@ def _is_loopback(address: str) -> bool:
         return ipaddress.ip_address(address).is_loopback
     except ValueError:
         return address == "localhost"
-
-
-def _reachable(address: str) -> str:
-    """Return an address for a browser; that of all interfaces is none."""
-    return socket.gethostname() if address in ("", "0.0.0.0", "::") else address
-
-
-def _authority(host: str, port: int) -> str:
-    return f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
 
 
 def _why_not(place: Place, error: OSError) -> str:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Protocol
@@ -31,6 +33,14 @@ class ClientState:
     playhead: float | None = None  # s; None if it has none
     section: bool = True  # whether the newest block is wanted; a frame with a section clears it
     sent: dict[str, Any] = field(default_factory=dict)  # belongs to the store
+
+    def is_due(self, name: str, key: Any, period: float = 0.0) -> bool:
+        """Return whether a field has changed and is older than a period [s]; it is sent then."""
+        before, at = self.sent.get(name, (None, -math.inf))
+        if key == before or time.monotonic() - at < period:
+            return False
+        self.sent[name] = key, time.monotonic()
+        return True
 
 
 class Store(Protocol):

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rpud_sim.pages import svg
-from rpud_sim.pages.plot import Axis, Bars, Envelope, Line, Plot, Points, Rule, Zone
+from rpud_sim.pages.plot import Axis, Line, Plot, Points, Rule, Zone
 from rpud_sim.pages.svg import corner, figure, figures
 
 STYLE = (Path(svg.__file__).parent / "share" / "page.css").read_text()
@@ -19,11 +19,10 @@ Y = np.array([1.0, np.nan, 3.0, 4.0])
 LAYERS = (
     Line("line", X, Y),
     Line("steps", X, Y, steps=True),
-    Envelope("envelope", X, Y - 1.0, Y, Y + 1.0),
+    Line("band", X, Y, low=Y - 1.0, high=Y + 1.0),
     Points("points", X, Y, Y - 0.1, Y + 0.1, joined=True),
     Points("across", X, Y, X - 0.1, X + 0.1, across=True, marker="x"),
     Points("cloud", X, Y, size=2.0),
-    Bars("bars", np.arange(5.0), Y),
     Rule("rule", 2.0, text="of the rule"),
     Zone("zone", 1.0, 2.0, across=False, text="of the zone"),
 )
@@ -144,7 +143,7 @@ def test_any_data_make_a_picture(items, log, steps):
     layers = (
         Line("a", x, y, steps=steps),
         Points("b", x, y, y - 1.0, y + 1.0),
-        Envelope("c", x, y, y, y),
+        Line("c", x, y, low=y, high=y),
     )
     html = figure(Plot("d", layers, y=Axis(log=log), x=Axis(log=log)))
     parsed(html)

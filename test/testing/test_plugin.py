@@ -9,8 +9,7 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
-
-from rpud_sim.viewer.frames import decode
+from viewer.frame_reader import decode
 
 pytest_plugins = ["pytester"]
 

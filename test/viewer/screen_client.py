@@ -7,8 +7,8 @@ from contextlib import contextmanager, suppress
 
 from support import PATIENCE
 from tornado.websocket import WebSocketClosedError, websocket_connect
+from viewer.frame_reader import decode
 
-from rpud_sim.viewer.frames import decode
 from rpud_sim.viewer.server import PageServer, Place
 
 

@@ -6,8 +6,9 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from viewer.frame_reader import decode
 
-from rpud_sim.viewer.frames import decode, encode
+from rpud_sim.viewer.frames import encode
 
 times = arrays(np.float64, st.integers(0, 20), elements=st.floats(allow_nan=False))
 values = arrays(np.float32, st.integers(0, 20), elements=st.floats(width=32, allow_nan=False))

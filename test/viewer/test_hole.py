@@ -5,7 +5,8 @@ import pytest
 
 from rpud_sim.drilling.rocks import ROCKS
 from rpud_sim.drilling.strata import Strata, preset_layer
-from rpud_sim.viewer.hole import layers, well_log
+from rpud_sim.viewer.picture import rock_layers as layers
+from rpud_sim.viewer.picture import well_log
 
 FIRST, SECOND = [*ROCKS][:2]
 

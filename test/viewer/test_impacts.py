@@ -22,18 +22,20 @@ def filled(times, peaks, parts=1):
 def test_every_impact_is_in_one_part(times, parts, count):
     found = filled(times, np.ones(len(times)), parts)
     spread = found.spread(0.0, 100.0, count)
-    width = np.diff(spread.times)[0] if len(spread.times) > 1 else 2 * spread.times[0]
-    inside = [time for time in times if time < spread.times[-1] + width / 2]
+    width = np.diff(spread["t"])[0] if len(spread["t"]) > 1 else 2 * spread["t"][0]
+    inside = [time for time in times if time < spread["t"][-1] + width / 2]
     assert found.rate(0.0, 100.0, count)[1].sum() * width == pytest.approx(len(inside))
 
 
 def test_mean_and_band_are_those_of_the_part():
     peaks = np.arange(1.0, 101.0)
     spread = filled(np.full(100, 0.5), peaks).spread(0.0, 1.0, 1)
-    part = np.flatnonzero(np.isfinite(spread.mean))
+    part = np.flatnonzero(np.isfinite(spread["mean"]))
     assert len(part) == 1
-    assert spread.mean[part] == 50.5
-    np.testing.assert_allclose([spread.low[part][0], spread.high[part][0]], [6.0, 95.0], atol=1.0)
+    assert spread["mean"][part] == 50.5
+    np.testing.assert_allclose(
+        [spread["low"][part][0], spread["high"][part][0]], [6.0, 95.0], atol=1.0
+    )
 
 
 def test_a_single_high_peak_is_an_outlier_and_does_not_widen_the_band():
@@ -41,23 +43,23 @@ def test_a_single_high_peak_is_an_outlier_and_does_not_widen_the_band():
     peaks = generator.uniform(900.0, 1100.0, 1000)
     peaks[500] = 43_800.0
     spread = filled(np.linspace(0.0, 1.0, 1000), peaks).spread(0.0, 1.0, 1)
-    assert np.nanmax(spread.high) < 1200.0
-    assert spread.outliers.tolist() == [np.float32(43_800.0)]
+    assert np.nanmax(spread["high"]) < 1200.0
+    assert spread["outliers"]["v"].tolist() == [np.float32(43_800.0)]
 
 
 def test_outliers_beyond_the_most_are_counted():
     peaks = np.where(np.arange(100_000) % 100, 1000.0, 9000.0)
     spread = filled(np.linspace(0.0, 1.0, 100_000), peaks).spread(0.0, 1.0, 1)
-    assert len(spread.outliers) + spread.more == 1000
-    assert len(spread.outliers) == module.MOST_OUTLIERS
+    assert len(spread["outliers"]["v"]) + spread["outliers"]["more"] == 1000
+    assert len(spread["outliers"]["v"]) == module.MOST_OUTLIERS
 
 
 def test_times_without_impacts_have_no_value():
     found = filled([0.1, 9.9], [1.0, 2.0])
     spread = found.spread(0.0, 10.0, 10)
-    assert np.isnan(spread.mean[3])
+    assert np.isnan(spread["mean"][3])
     assert found.rate(0.0, 10.0, 10)[1][3] == 0.0
-    assert np.isnan(Impacts().spread(0.0, 1.0, 4).mean).all()
+    assert np.isnan(Impacts().spread(0.0, 1.0, 4)["mean"]).all()
 
 
 def test_of_many_impacts_every_second_stays_and_the_rate_is_right(monkeypatch):

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from rpud_sim.viewer.picture import binned, with_gaps
+from rpud_sim.viewer.picture import with_gaps
 from rpud_sim.viewer.recorded.views import thinned
 
 VALUES = arrays.arrays(float, st.integers(0, 300), elements=st.floats(-1e9, 1e9))
@@ -21,17 +21,6 @@ def test_thinning_keeps_both_ends_and_every_extreme_and_invents_nothing(values, 
     if len(values):
         assert (line["mean"].min(), line["mean"].max()) == (values.min(), values.max())
         assert (line["t"][0], line["t"][-1]) == (times[0], times[-1])
-
-
-@given(arrays.arrays(float, st.integers(1, 300), elements=st.floats(-1e9, 1e9)), st.integers(1, 50))
-def test_bins_hold_every_value_and_their_means_lie_within(values, parts):
-    times = 0.01 * np.arange(len(values))
-    layer = binned(times, values, 0.0, float(times[-1]) + 1e-3, parts)
-    assert (layer["low"].min(), layer["high"].max()) == (values.min(), values.max())
-    margin = 1e-9 * np.abs(values).max()
-    assert (layer["low"] <= layer["mean"] + margin).all()
-    assert (layer["mean"] <= layer["high"] + margin).all()
-    assert (np.diff(layer["t"]) > 0.0).all()
 
 
 def test_a_line_ends_at_a_gap():

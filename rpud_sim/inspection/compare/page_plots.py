@@ -19,7 +19,7 @@ from rpud_sim.inspection.compare.quantities import QUANTITIES, STATUS, Quantity
 from rpud_sim.inspection.compare.recorded_values import RecordedValues, series_of
 from rpud_sim.inspection.compare.results import Comparison, QuantityComparison, WindowComparison
 from rpud_sim.inspection.compare.wording import FIGURES, difference_texts
-from rpud_sim.pages.plot import Axis, Envelope, Layer, Line, Plot, Points, Rule, Zone
+from rpud_sim.pages.plot import Axis, Layer, Line, Plot, Points, Rule, Zone
 
 _CLASSES = 60
 _TAIL = 0.002  # share of values beyond each end of a histogram
@@ -231,7 +231,7 @@ def _points(run: RecordedValues, quantity: Quantity) -> tuple[np.ndarray, np.nda
     return (arrays["time"][known], values[known]) if known.any() else None
 
 
-def _envelope(name: str, times: np.ndarray, values: np.ndarray, color: int) -> Envelope:
+def _envelope(name: str, times: np.ndarray, values: np.ndarray, color: int) -> Line:
     """Return least, mean and greatest value of equal parts of the time that have any."""
     width = (times[-1] - times[0]) / _BINS or 1.0
     place = ((times - times[0]) / width).astype(int)
@@ -239,7 +239,7 @@ def _envelope(name: str, times: np.ndarray, values: np.ndarray, color: int) -> E
     counts = np.diff(np.append(firsts, len(place)))
     low, total, high = (part.reduceat(values, firsts) for part in (np.minimum, np.add, np.maximum))
     middle = times[0] + (place[firsts] + 0.5) * width
-    return Envelope(name, middle, low, total / counts, high, color)
+    return Line(name, middle, total / counts, color=color, low=low, high=high)
 
 
 def _marks(found: Comparison, end: float) -> Iterator[Layer]:

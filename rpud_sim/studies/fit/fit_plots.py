@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from rpud_sim.pages.plot import Axis, Bars, Layer, Plot, Points, Rule, Zone
+from rpud_sim.pages.plot import Axis, Layer, Line, Plot, Points, Rule, Zone
 from rpud_sim.pages.quantities import Quantity, quantity_in
 from rpud_sim.studies.fit.fit import Comparison, Fit
 from rpud_sim.studies.fit.specification import unit_of
@@ -57,7 +57,7 @@ def _single(fit: Fit, name: str, axis: Axis) -> Plot:
     counts, _ = np.histogram(shown.scale * fit.samples[name], edges)
     layers: tuple[Layer, ...] = (
         Zone("90 % interval", shown.scale * interval.low, shown.scale * interval.high, False),
-        Bars("posterior", edges, counts / max(len(fit.samples[name]), 1)),
+        Line("posterior", edges, np.append(counts, 0) / max(len(fit.samples[name]), 1), steps=True),
         Rule("best point", shown.scale * fit.best[name], False, "series1", "solid"),
     )
     return Plot(name, layers, y=Axis(low=0.0), x=axis)

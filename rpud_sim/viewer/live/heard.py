@@ -17,12 +17,11 @@ from rpud_sim.foundation.time import SECOND, join_seconds
 from rpud_sim.pages.quantities import QUANTITIES
 from rpud_sim.ros.client.telemetry import FIELDS
 from rpud_sim.viewer.bins import Bins
-from rpud_sim.viewer.commands import Commands
+from rpud_sim.viewer.commands import Commands, fault_row
 from rpud_sim.viewer.impacts import Impacts
-from rpud_sim.viewer.picture import Picture
+from rpud_sim.viewer.picture import SECTION, Picture
 
 BIN = 0.05  # length of the finest bins [s]
-SECTION = 0.02  # length of the motion that a section shows [s]
 
 _BINS = 1 << 14
 _JOINING = 0.2  # after the first message, in which other topics may not be heard yet [s]
@@ -280,16 +279,7 @@ class Heard:
     def _faults(self, faults: Any) -> None:
         self.log_version += 1
         self.faults = [
-            {
-                "number": int(fault.number),
-                "kind": fault.kind,
-                "channel": fault.channel,
-                "magnitude": float(fault.magnitude),
-                "onset": self._seconds(_stamp(fault.onset)),
-                "end": None if fault.active else self._seconds(_stamp(fault.clear)),
-                "active": bool(fault.active),
-            }
-            for fault in faults.faults
+            fault_row(fault, lambda time: self._seconds(_stamp(time))) for fault in faults.faults
         ]
 
 

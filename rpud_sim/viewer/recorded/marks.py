@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections import defaultdict
+from functools import partial
 from typing import Any
 
 from rpud_sim.bag import Message
-from rpud_sim.viewer.commands import Commands
+from rpud_sim.viewer.commands import Commands, fault_row
 from rpud_sim.viewer.recorded.recording import Recording
 from rpud_sim.viewer.recorded.signals import FAULTS, JOURNAL, namespace
 
@@ -68,16 +69,7 @@ class Marks:
         run = sum(jump.log_time <= message.log_time for jump in jumps)
         for fault in decoded.faults:
             key = drill, run, int(fault.number)
-            active = bool(fault.active)
             if key not in self._faults and len(self._faults) >= MOST_FAULTS:
                 self.unlisted += 1
                 continue
-            self._faults[key] = {
-                "number": int(fault.number),
-                "kind": str(fault.kind),
-                "channel": str(fault.channel),
-                "magnitude": float(fault.magnitude),
-                "onset": self._recording.time_of(message, fault.onset),
-                "end": None if active else self._recording.time_of(message, fault.clear),
-                "active": active,
-            }
+            self._faults[key] = fault_row(fault, partial(self._recording.time_of, message))

@@ -11,7 +11,7 @@ import numpy as np
 
 from rpud_sim.viewer.bins import Bins
 from rpud_sim.viewer.impacts import Impacts
-from rpud_sim.viewer.picture import usual
+from rpud_sim.viewer.picture import GAP, usual
 from rpud_sim.viewer.recorded.clock import Jump, find_jumps
 from rpud_sim.viewer.recorded.recording import PieceRows, Recording
 from rpud_sim.viewer.recorded.signals import IMPACTS, PEAK_FORCE, namespace
@@ -21,7 +21,6 @@ MEMORY = 256 * 2**20  # greatest size of the bins of all signals [bytes]
 
 _LEAST_BINS = 2**10
 _BIN_SIZE = 32  # bytes
-_GAP = 3.0  # distance of messages, in usual ones, from which on there is a gap
 _LEAST_GAP = 0.1  # s
 _LEAST_STEPS = 10  # fewer messages have no usual distance
 _BATCH = 16  # parts that are read together
@@ -31,8 +30,8 @@ _SPARE = 1.02  # of the time, for what is later than the last log time
 class Overview:
     """Bins of all signals over the whole time of a recording, and the impacts of each drill.
 
-    ``sample`` fills them from parts that are spread over the bag, ``read_next`` one part after the
-    other. What a bag gains while it grows is read by further calls of it.
+    ``look`` fills them from parts anywhere in the bag, ``read_next`` one part after the other. What
+    a bag gains while it grows is read by further calls of it.
     """
 
     def __init__(self, recording: Recording) -> None:
@@ -40,6 +39,7 @@ class Overview:
         self._last: dict[str, tuple[int, int]] = {}  # stamp and log time by drill
         self._sampled: set[int] = set()
         self.read = 0  # parts that were read in their order
+        self._scanned = 0  # parts whose jumps of the clocks are known
         self.until = 0.0  # time up to which these reach [s]
         self.end = 0.0  # latest time of what was read, and at first the expected one [s]
         self._clear()
@@ -61,10 +61,6 @@ class Overview:
         """Time up to which no value is missing [s]; infinite if all was read."""
         return math.inf if self.complete else self.until
 
-    def sample(self) -> None:
-        """Read parts that are spread over the bag."""
-        self.look(self._recording.sample)
-
     def look(self, numbers: Iterable[int]) -> None:
         """Read these parts now, if they were not read yet."""
         if not self.complete:
@@ -80,9 +76,12 @@ class Overview:
         """
         recording, numbers = self._recording, self._batch(self.read)
         found = recording.rows_of(numbers)
-        clocks = recording.clocks
-        if any(not {*new} <= {*clocks[drill].jumps} for drill, new in self._jumps(found)):
-            # The clock was set between the sampled parts. The same batches show the same jumps.
+        clocks, found_jumps = recording.clocks, self._jumps(found)
+        if self.read >= self._scanned and any(
+            not {*new} <= {*clocks[drill].jumps} for drill, new in found_jumps
+        ):
+            # The clock was set between the sampled parts.
+            self._scanned = len(recording.pieces)
             self._last.clear()
             self._sampled.clear()
             jumps: dict[str, list[Jump]] = defaultdict(list)
@@ -118,7 +117,7 @@ class Overview:
         steps = np.diff(used)
         if len(steps) < _LEAST_STEPS:
             return []
-        longest = max(_GAP * usual(steps), _LEAST_GAP / width)
+        longest = max(GAP * usual(steps), _LEAST_GAP / width)
         return [
             ((int(used[place]) + 1) * width, int(used[place + 1]) * width)
             for place in np.flatnonzero(steps > longest)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from bisect import bisect_left
+from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from functools import lru_cache, partial
@@ -74,13 +75,9 @@ class Recording:
             if (reader.signals or reader.stamped)
             and (not reader.block or name in self._clock_topics[namespace(name)])
         )
-        drills = {namespace(name) for name in self.readers}
-        self._held_by: dict[str, list[int]] = {drill: [] for drill in drills}
-        self._note_parts(0)
-        self._spans: dict[str, dict[int, tuple[float, float] | None]] = {
-            drill: {} for drill in drills
-        }
-        self.clocks: dict[str, Clock] = {drill: Clock(None, self.begin) for drill in drills}
+        self._spans: dict[str, dict[int, tuple[float, float] | None]] = defaultdict(dict)
+        self._held = lru_cache(_KEPT)(self._numbers)
+        self.clocks = {drill: Clock(None, self.begin) for drill in self._clock_topics}
         self._find_clocks()
 
     @property
@@ -152,12 +149,10 @@ class Recording:
         if not known <= pieces.keys() or not counted <= self.readers.keys() | self.left_out.keys():
             bag.close()
             return False
-        first = len(self.pieces)
         new = [piece for key, piece in pieces.items() if key not in known]
         self.pieces = [pieces[_key(piece)] for piece in self.pieces] + new
         self.bag.close()
         self.bag, self._files = bag, now
-        self._note_parts(first)
         return True
 
     def rows_of(self, numbers: Iterable[int]) -> PieceRows:
@@ -201,7 +196,7 @@ class Recording:
 
     def pieces_from(self, drill: str, time: float, *, back: bool = False) -> Iterator[int]:
         """Yield the numbers of parts from a time [s] on, to the end or to the beginning."""
-        held = self._held_by.get(drill, [])
+        held = self._held(drill, len(self.pieces))
         end = partial(self._end, drill)
         if back:
             yield from reversed(held[: bisect_left(held, time + LATE, key=end) + 1])
@@ -245,10 +240,10 @@ class Recording:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def _note_parts(self, first: int) -> None:
-        for number, piece in enumerate(self.pieces[first:], first):
-            for drill in {namespace(topic) for topic in piece.topics} & self._held_by.keys():
-                self._held_by[drill].append(number)
+    def _numbers(self, drill: str, count: int) -> list[int]:
+        """Return which of the first parts hold topics of a drill."""
+        parts = enumerate(self.pieces[:count])
+        return [number for number, piece in parts if drill in map(namespace, piece.topics)]
 
     def _blocks(self, piece: Piece) -> Iterable[MessageBlock]:
         if piece.blocks is not None:

@@ -141,15 +141,11 @@ def clock_topics(readers: Mapping[str, TopicReader]) -> dict[str, frozenset[str]
     chosen: dict[str, frozenset[str]] = {}
     for drill in {namespace(name) for name in readers}:
         ranks = {
-            name: (is_latched(reader.summary), reader.block)
+            name: ("transient_local" in {each.durability for each in offers}, reader.block)
             for name, reader in readers.items()
             if namespace(name) == drill and reader.stamped
+            for offers in [reader.summary.topic.offered_qos]
         }
         best = min(ranks.values(), default=None)
         chosen[drill] = frozenset(name for name, rank in ranks.items() if rank == best)
     return chosen
-
-
-def is_latched(summary: TopicSummary) -> bool:
-    """Whether a topic's first messages may be older than the bag."""
-    return any(offer.durability == "transient_local" for offer in summary.topic.offered_qos)

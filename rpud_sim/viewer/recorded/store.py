@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
@@ -39,11 +39,9 @@ class Opened:
         self.recording = Recording(path)
         try:
             self.overview = Overview(self.recording)
-            self.overview.sample()
+            self.overview.look(self.recording.sample)
             self.marks = Marks(self.recording)
-            for _ in range(AT_ONCE):
-                if not self.marks.read_next():
-                    break
+            all(self.marks.read_next() for _ in range(AT_ONCE))  # until there are no more
             self.waveforms = Waveforms(self.recording)
             self.views = Views(self.recording, self.overview, self.waveforms)
         except BaseException:
@@ -76,7 +74,6 @@ class RecordedStore:
         self._opened = 1  # how often the bag was opened
         self._version = 0  # of what was read; grows at most each ``_REFRESH``
         self._refreshed = 0.0
-        self._described: dict[str, Any] = {}  # plots by drill, and what they were made of
         self._error = ""
         self._idle, self._ended = threading.Event(), threading.Event()
         self._idle.set()  # while no page asks
@@ -145,7 +142,7 @@ class RecordedStore:
     def frame(self, client: ClientState) -> dict[str, Any] | None:
         """Return what is new for a browser; None for nothing."""
         if self._error:
-            return {"error": self._error} if client.sent.pop("error", True) else None
+            raise StoreError(self._error)
         with self._first():
             return self._frame(client) or None
 
@@ -156,51 +153,40 @@ class RecordedStore:
         if client.sent.get("opened") is not bag:  # opened again: the browser forgets everything
             client.sent = {"opened": bag}
             client.section = True
-        sent, frame = client.sent, dict[str, Any]()
-
-        def add(name: str, state: object, make: Callable[[], Mapping[str, Any]]) -> None:
-            if name not in sent or sent[name] != state:
-                sent[name] = state
-                frame.update(make())
-
-        plots, others = self._plots(drill)
+        sent, due, views = client.sent, client.is_due, bag.views
+        if due("described", version):
+            sent["described plots"] = self._describe(drill)
+        plots, others = sent["described plots"]
         now, commands = bag.overview.end, bag.marks.commands[drill]
         playhead = now if client.playhead is None else min(max(client.playhead, 0.0), now)
-        drawn = [plot for plot in plots if plot["id"] != "motion"]  # that is drawn from sections
-        kinds = chosen_quantities(drawn, client.choices)
+        kinds = chosen_quantities(plots, client.choices)
         start, end = self._range(client, now)
         whole = end - start > MESSAGES_RANGE  # it is made of what was read so far
-        add("drills", drill, lambda: {"drills": self.drills, "drill": drill, "run": self._opened})
-        add("plots", repr(plots), lambda: {"plots": plots, "quantities": for_browser() + others})
-        add("state", version, lambda: self._state(now))
-        add("timeline", version, lambda: {"timeline": bag.views.timeline(drill)})
-        faults = bag.marks.faults(drill)
-        add("marks", bag.marks.version, lambda: {"faults": faults} | commands.frame(faults))
-        add(
-            "view",
-            (start, end, width, kinds, version if whole or end > now - _REFRESH else 0),
-            lambda: {
-                "view": bag.views.view(drill, start, end, width, kinds),
-                "steps": commands.steps(start, end, width),
-            },
-        )
-        parameters = commands.parameters
-        add("moment", (playhead, version), lambda: bag.views.moment(drill, playhead, parameters))
-        if client.section and sent.get("section") != playhead:
-            sent["section"] = playhead
-            if section := bag.waveforms.section(drill, playhead):
-                frame["section"] = section
+        frame: dict[str, Any] = {}
+        if due("drills", drill):
+            frame |= {"drills": self.drills, "drill": drill, "run": self._opened}
+        if due("plots", plots):
+            frame |= {"plots": plots, "quantities": for_browser() + others}
+        if due("state", version):
+            frame |= {**self._state(now), "timeline": views.timeline(drill)}
+        if due("marks", bag.marks.version):
+            faults = bag.marks.faults(drill)
+            frame |= {"faults": faults, **commands.frame(faults)}
+        recent = version if whole or end > now - _REFRESH else 0
+        if due("view", (start, end, width, kinds, recent)):
+            frame["view"] = views.view(drill, start, end, width, kinds)
+            frame["steps"] = commands.steps(start, end, width)
+        if due("moment", (playhead, version)):
+            frame |= views.moment(drill, playhead, commands.parameters)
+        if client.section and due("section", playhead):
+            section = bag.waveforms.section(drill, playhead)
+            frame |= {"section": section} if section else {}
         if "jump" in sent:
             frame["jump"] = sent.pop("jump")
         return frame
 
-    def _plots(self, drill: str) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
-        """Return the plots of a drill, and the quantities of the signals beyond the table."""
-        if self._described.get(drill, (None,))[0] != (self._opened, self._version):
-            self._described[drill] = (self._opened, self._version), *self._describe(drill)
-        return self._described[drill][1:]
-
     def _describe(self, drill: str) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+        """Return the plots of a drill, and the quantities of the signals beyond the table."""
         bag = self._bag
         known = {bag.views.signal(drill, quantity) for quantity in QUANTITIES}
         left = [

@@ -10,7 +10,9 @@ from typing import Any
 import numpy as np
 
 from rpud_sim.pages.quantities import QUANTITIES
-from rpud_sim.viewer.picture import IMPACTS, Layer, Picture, binned, joined, with_gaps
+from rpud_sim.viewer.bins import Bins, Layer
+from rpud_sim.viewer.impacts import part_length
+from rpud_sim.viewer.picture import IMPACTS, Picture, with_gaps
 from rpud_sim.viewer.recorded.overview import Overview
 from rpud_sim.viewer.recorded.recording import Recording
 from rpud_sim.viewer.recorded.signals import STATUS, Signal, is_stranger
@@ -23,8 +25,6 @@ WAVEFORM_RANGE = 0.05  # longest range of time that is drawn from the rebuilt wa
 _MOST_PIECES = 80  # parts of the bag that one view reads
 _MOST_BACK = 50  # parts of the bag that are searched for the latest status
 _TIMES = ("weight_on_bit_applied", "drive_applied", "feed_applied")
-
-Series = tuple[np.ndarray, np.ndarray]  # times since the bag began [s] and values, shape (n,)
 
 
 class Views:
@@ -90,9 +90,11 @@ class Views:
         if "peak_force" in layers and len(times) <= width // 2:
             layers["peak_force"] = {"t": times, "mean": peaks}
         for name, signal in wanted.items():
-            times, values = self.series([signal], numbers, start, end)[signal]
+            times, values = self.series(signal, numbers, start, end)
             if len(times) > width:
-                layers[name] = with_gaps(binned(times, values, start, end, width // 2))
+                bins = Bins([name], part_length(start, end, width // 2), 2 * width, newest=True)
+                bins.add(name, times, values)
+                layers[name] = with_gaps(bins.view(name, start, end, width))
             else:
                 layers[name] = with_gaps({"t": times, "mean": values})
         detail = MESSAGES
@@ -127,28 +129,19 @@ class Views:
         return found | ({"hole": hole} if hole else {})
 
     def series(
-        self, wanted: Iterable[Signal], numbers: Sequence[int], start: float, end: float
-    ) -> dict[Signal, Series]:
-        """Return signals from a time to another, with the value before and the one after."""
-        recording = self._recording
-        found: dict[Signal, list[Series]] = {signal: [] for signal in wanted}
+        self, signal: Signal, numbers: Sequence[int], start: float, end: float
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return times and values of a signal in a range, with the one before and the one after."""
+        recording, parts = self._recording, [np.empty((2, 0))]
         for number in numbers:
-            for topic, rows in recording.rows(number).items():
-                signals = [signal for signal in found if signal.topic == topic]
-                times = recording.elapsed(topic, rows) if signals else np.empty(0)
-                for signal in signals:
-                    values = rows.values[signal.column]
-                    valid = np.isfinite(values)
-                    found[signal].append((times[valid], values[valid]))
-        series = {}
-        for signal, parts in found.items():
-            times, values = np.concatenate([np.empty((2, 0)), *parts], axis=1)
-            order = np.argsort(times, kind="stable")
-            times, values = times[order], values[order]
-            first = max(int(np.searchsorted(times, start)) - 1, 0)
-            last = int(np.searchsorted(times, end, "right")) + 1
-            series[signal] = times[first:last], values[first:last]
-        return series
+            if (rows := recording.rows(number).get(signal.topic)) is not None:
+                both = recording.elapsed(signal.topic, rows), rows.values[signal.column]
+                parts.append(np.array(both)[:, np.isfinite(both[1])])
+        times, values = np.concatenate(parts, axis=1)
+        order = np.argsort(times, kind="stable")
+        first, last = np.searchsorted(times, [start, np.nextafter(end, np.inf)], sorter=order)
+        chosen = order[max(first - 1, 0) : last + 1]
+        return times[chosen], values[chosen]
 
     def status(self, drill: str, time: float) -> dict[str, Any]:
         """Return the fields of the last status at a time [s] or before; none before the first."""
@@ -210,4 +203,4 @@ def _waveform_layer(waveform: Waveform, channel: str, most: int) -> Layer:
     for part in parts[:-1]:
         part["t"] = np.append(part["t"], part["t"][-1])
         part["mean"] = np.append(part["mean"], np.nan)
-    return joined(parts)
+    return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}

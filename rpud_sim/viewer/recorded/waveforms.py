@@ -16,6 +16,7 @@ from rpud_sim.bag.definitions import find_definition
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.inspection.trajectory_pieces import TrajectoryPiece, trajectory_pieces
 from rpud_sim.simulation.rebuilding import end_sample, first_sample, sample_between
+from rpud_sim.viewer.picture import MOTION, SECTION
 from rpud_sim.viewer.recorded.recording import Recording
 from rpud_sim.viewer.recorded.signals import IMPACTS, TRAJECTORY, WAVEFORM
 
@@ -23,7 +24,6 @@ from rpud_sim.viewer.recorded.signals import IMPACTS, TRAJECTORY, WAVEFORM
 SAMPLES = 100_000
 
 HIGHEST_RATE = 1_000_000_000  # greatest rate of a rebuilt waveform [Hz], that of ``rpud export``
-SECTION = 0.02  # length of a section [s]
 SECTION_RATE = 60_000  # of its samples [Hz]
 
 # Channels by the quantities that they show.
@@ -35,7 +35,6 @@ CHANNELS = {
     "contact_force": "contact_force",
     "reacting_force": "reacting_force",
 }
-_MOTION = ("nodal_plane", "actuator", "free_mass", "drill_tool", "contact_force")
 
 
 @dataclass(frozen=True)
@@ -98,7 +97,7 @@ class Waveforms:
         step = -(-int(numbers[-1] + 1) // round(SECTION * SECTION_RATE + 1))
         found: dict[str, Any] = {"exact": exact, "period": step / waveform.rate}
         found["time"] = time = float(waveform.times[newest])
-        for name in _MOTION:
+        for name in MOTION:
             values = np.full(int(numbers[-1]) + 1, np.nan, np.float32)
             values[numbers] = waveform.channels[CHANNELS[name]][newest:]
             found[name] = values[::step]

@@ -12,8 +12,7 @@ from rpud_sim.inspection.compare.compare_page import render
 from rpud_sim.inspection.compare.estimates import DIFFERS
 from rpud_sim.inspection.compare.page_plots import difference_plot, time_plots
 from rpud_sim.inspection.compare.wording import sentence
-from rpud_sim.pages.plot import Envelope, Points, Zone
-from rpud_sim.pages.scale import axis_ends
+from rpud_sim.pages.plot import Points, Zone, axis_ends
 from rpud_sim.simulation import preset, read_scenario
 
 DRILLING = preset("drilling")
@@ -110,7 +109,9 @@ def test_each_segment_has_its_differences_and_faults_are_over_time(bags):
     assert (fault.low, fault.high) == (pytest.approx(0.25), pytest.approx(1.25))
     assert "bias" in fault.text
     peak = next(plot for plot in plots if plot.title == "peak force")
-    envelope = next(layer for layer in peak.layers if isinstance(layer, Envelope))
+    envelope = next(
+        layer for layer in peak.layers if getattr(layer, "low", None) is not None and layer.name
+    )
     values = found.values[0].topics["contact_force"]["peak_force"]
     assert envelope.high.max() == pytest.approx(1e-3 * values.max())
     assert envelope.low.min() == pytest.approx(1e-3 * values.min())

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from rpud_sim.foundation.quantities import ParameterError
-from rpud_sim.pages.scale import axis_ends
+from rpud_sim.pages.plot import axis_ends
 from rpud_sim.simulation.configuration import to_settings
 from rpud_sim.simulation.parameter_files import read_parameter_file
 from rpud_sim.studies.fit import branches

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from rpud_sim.pages.plot import axis_ends
 from rpud_sim.pages.quantities import number_text
-from rpud_sim.pages.scale import axis_ends
 from rpud_sim.simulation.statistics import FIGURES
 from rpud_sim.studies.sweep import sweep_report
 from rpud_sim.studies.sweep.point_plots import (

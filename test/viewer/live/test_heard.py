@@ -88,8 +88,8 @@ def test_all_quantities_of_the_whole_run_are_kept(heard):
     heard.settle()
     for found in (heard.fine, heard.whole):
         seen = found.view("reacting_force", 0.0, 2 * BIN, 2)
-        assert seen.low[:2].tolist() == [5.0, 7.0]
-        assert seen.high[:2].tolist() == [9.0, 7.0]
+        assert seen["low"][:2].tolist() == [5.0, 7.0]
+        assert seen["high"][:2].tolist() == [9.0, 7.0]
     assert heard.impacts.between(0.0, 4.0)[1].tolist() == [5.0, 9.0, 7.0, 1.0]
     assert heard.values["contact_force"]["peak_force"] == 1.0
     assert heard.since == 0.0
@@ -102,7 +102,7 @@ def test_a_status_fills_what_no_topic_has(heard):
     assert not heard.has("depth")
     hear(heard, "borehole", 2 * SECOND, 0.1, 1e-5, "chalk", math.nan, 0.0, 0.0, 0.0)
     heard.latched("status", status(3 * SECOND, depth=7.0))
-    assert np.nanmax(heard.fine.view("depth", 0.0, 4.0, 8).high) == 0.1
+    assert np.nanmax(heard.fine.view("depth", 0.0, 4.0, 8)["high"]) == 0.1
 
 
 def test_a_faulty_signal_without_a_number_leaves_the_bin_empty(heard):

@@ -33,25 +33,25 @@ def test_each_value_counts_once_whether_it_was_sampled_or_not(tmp_path, monkeypa
     values = np.random.default_rng(1).normal(size=500)
     with Recording(write_forces(tmp_path / "bag", forces(values))) as recording:
         overview = Overview(recording)
-        overview.sample()
+        overview.look(recording.sample)
         read_all(overview)
         (envelope,) = [whole(overview, 1)]
-        assert (envelope.low.min(), envelope.high.max()) == (values.min(), values.max())
+        assert (envelope["low"].min(), envelope["high"].max()) == (values.min(), values.max())
         times = np.arange(500) * 0.01
-        parts = np.searchsorted(times, envelope.times)
-        assert envelope.mean[0] == pytest.approx(values[: 2 * parts[0]].mean(), abs=0.05)
+        parts = np.searchsorted(times, envelope["t"])
+        assert envelope["mean"][0] == pytest.approx(values[: 2 * parts[0]].mean(), abs=0.05)
 
 
 def test_a_part_of_the_bag_is_never_called_the_whole(tmp_path, monkeypatch):
     monkeypatch.setattr(recordings, "SAMPLED", 3)
     with Recording(write_forces(tmp_path / "bag", forces(np.arange(150.0)))) as recording:
         overview = Overview(recording)
-        overview.sample()
+        overview.look(recording.sample)
         while not overview.complete:
             assert overview.share < 1.0
             assert overview.gaps() == []
             shown = whole(overview)
-            assert set(shown.low[np.isfinite(shown.low)]) <= set(np.arange(150.0))
+            assert set(shown["low"][np.isfinite(shown["low"])]) <= set(np.arange(150.0))
             overview.read_next()
         assert overview.share == 1.0
 
@@ -77,5 +77,5 @@ def test_a_reset_between_the_sampled_parts_is_found_when_all_is_read(tmp_path, m
         (clock,) = recording.clocks.values()
         assert [jump.log_time for jump in clock.jumps] == [1200 * STEP]
         shown = whole(overview)
-        valid = np.isfinite(shown.mean)
-        assert np.abs(shown.mean[valid] - 100.0 * shown.times[valid]).max() < 10.0
+        valid = np.isfinite(shown["mean"])
+        assert np.abs(shown["mean"][valid] - 100.0 * shown["t"][valid]).max() < 10.0

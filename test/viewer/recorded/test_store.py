@@ -9,6 +9,7 @@ from altered_bags import altered
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from sample_bags import write_offline_bag
+from viewer.frame_reader import decode
 from viewer.recorded.recorded_bags import DURATION
 
 import rpud_sim.bag
@@ -23,7 +24,7 @@ from rpud_sim.inspection.rebuild import rebuild
 from rpud_sim.simulation import preset
 from rpud_sim.simulation.configuration import Settings, to_configuration
 from rpud_sim.simulation.run import Beginning
-from rpud_sim.viewer.frames import decode, encode
+from rpud_sim.viewer.frames import encode
 from rpud_sim.viewer.recorded.store import RecordedStore
 from rpud_sim.viewer.recorded.views import MESSAGES, WAVEFORM, WAVEFORM_RANGE
 from rpud_sim.viewer.store import ClientState, StoreError, View

@@ -7,8 +7,7 @@ import pytest
 from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
-from rpud_sim.pages.plot import Axis, Bars, Line, Plot, Points
-from rpud_sim.pages.scale import axis_ends, scale_of
+from rpud_sim.pages.plot import Axis, Line, Plot, Points, axis_ends, scale_of
 
 numbers = st.floats(-1e12, 1e12)
 
@@ -41,11 +40,6 @@ def test_an_axis_holds_whole_intervals(items):
     low, high = axis_ends(Plot("b", (points,)), "x")
     assert low <= (value - under).min()
     assert (value + over).max() <= high
-
-
-def test_bars_rest_on_zero():
-    bars = Bars("a", np.arange(3.0), np.array([1.0, 4.0]))
-    assert axis_ends(Plot("b", (bars,)), "y")[0] == 0.0
 
 
 @given(st.floats(-1e9, 1e9), st.floats(1e-6, 1e9), st.floats(50.0, 2000.0), st.booleans())
