@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from viewer.frame_reader import decode
 
 import rpud_sim.bag
 import rpud_sim.viewer
@@ -18,7 +19,6 @@ from rpud_sim.simulation.changes import Planned
 from rpud_sim.simulation.configuration import Settings
 from rpud_sim.simulation.run import Beginning
 from rpud_sim.simulation.scenario import read_scenario
-from rpud_sim.viewer.frames import decode
 from rpud_sim.viewer.frozen import ReportError, write_report
 
 SECOND = 1_000_000_000
