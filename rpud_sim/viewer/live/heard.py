@@ -23,7 +23,7 @@ BIN = 0.05  # length of the finest bins [s]
 SECTION = 0.02  # length of the motion that a section shows [s]
 
 _BINS = 1 << 14
-_LATEST_IMPACTS = 1000  # whose durations are kept: some two seconds
+_LATEST_IMPACTS = 8192  # whose durations are kept: half a second of the densest
 _WHOLE_PERIOD = 1.0  # between additions to the bins of the whole run [s of real time]
 _ALWAYS = (  # quantities that each drill has, also before the first message or impact
     *("peak_force", "impact_rate", "reacting_force"),
@@ -201,13 +201,18 @@ class Heard:
         measured = quantity == "weight_on_bit" and "mount" in self._latest
         return quantity in self.commands.quantities and not measured
 
+    def is_reported(self, quantity: str) -> bool:
+        """Return whether a quantity comes with the status alone, as the mean of a second."""
+        return _OWNERS.get(quantity) not in self._latest
+
     def period(self, quantity: str) -> float:
         """Return the time in which there surely is a value of a quantity [s]."""
-        return 1.0 if _OWNERS.get(quantity) in self._latest else 2.0
+        return 2.0 if self.is_reported(quantity) else 1.0
 
     def view(self, quantity: str, start: float, end: float, parts: int) -> Envelope:
         """Return a quantity in about so many parts of a range of time [s]."""
-        bins = self.fine if start >= self.fine.first * self.fine.width else self.whole
+        kept = self.fine.first == 0 or start >= self.fine.first * self.fine.width
+        bins = self.fine if kept else self.whole
         return bins.view(quantity, start, end, parts)
 
     # Inside
@@ -264,7 +269,7 @@ class Heard:
         time = self._seconds(_stamp(status.header.stamp))
         self.time = max(self.time or 0.0, time)
         for field, quantity in _QUANTITIES["status"].items():
-            if _OWNERS.get(quantity) not in self._latest:
+            if self.is_reported(quantity):
                 self._add(quantity, np.array([time]), np.array([fields[field]], float))
 
     def _faults(self, faults: Any) -> None:

@@ -201,8 +201,11 @@ def _numbers(
     }
     for name, quantity in _measured(heard).items():
         bins = heard.fine.view(quantity, now - heard.period(quantity), now, 1 << 10)
-        is_there = heard.has(quantity)
-        found[name] = _extremes(bins.low, bins.mean, bins.high) if is_there else None
+        known = np.flatnonzero(np.isfinite(bins.mean))
+        if heard.is_reported(quantity):
+            known = known[-1:]
+        low, mean, high = (values[known] for values in (bins.low, bins.mean, bins.high))
+        found[name] = _extremes(low, mean, high) if heard.has(quantity) else None
     return {
         name: None if number is None else {**number, "spark": sparks[name]}
         for name, number in found.items()
