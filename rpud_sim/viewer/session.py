@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import json
-import math
 from collections.abc import Awaitable, Callable
 from dataclasses import replace
 from typing import Any
@@ -21,6 +20,7 @@ LONGEST_REQUEST = 4096  # bytes
 _MOST_WIDTH = 4000  # px
 _MOST_NAME = 256  # characters
 _MOST_CHOICES = 32
+_GREATEST = 1e12  # number that a page sends: the difference of any two can be divided finely
 
 # Calls a function in the one thread in which stores work.
 Work = Callable[..., Awaitable[Any]]
@@ -173,8 +173,10 @@ def _choices(asked: dict[str, Any]) -> dict[str, str]:
 
 
 def _number(value: Any) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+    if isinstance(value, bool) or not isinstance(value, int | float):
         raise ValueError("this is not a number")
+    if not abs(value) <= _GREATEST:
+        raise ValueError("this number is too great, or none")
     return float(value)
 
 

@@ -196,6 +196,8 @@ WRONG = (
     {"view": {"width": "wide"}},
     {"playhead": True},
     '{"playhead": NaN}',
+    {"playhead": 10**400},
+    {"view": {"start": -1e308, "end": 1e308}},
     {"choices": {str(number): "" for number in range(100)}},
     {"seek": "somewhere", "from": 0},
     {"drill": 3},

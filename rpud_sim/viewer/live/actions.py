@@ -109,6 +109,9 @@ class Actions:
             self._settle(number, REFUSED, plain_refusal(str(error)))
         except ClientError as error:
             self._settle(number, FAILED, str(error))
+        except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
+            # No page asks so; but the thread that hears the drill must not end by it.
+            self._settle(number, REFUSED, f"wrong arguments: {error}")
         except InterruptedWaitError:
             self._settle(number, FAILED, "interrupted")
         else:

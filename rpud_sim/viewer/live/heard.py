@@ -25,7 +25,7 @@ BIN = 0.05  # length of the finest bins [s]
 
 _BINS = 1 << 14
 _JOINING = 0.2  # after the first message, in which other topics may not be heard yet [s]
-_LATEST_IMPACTS = 1000  # whose durations are kept: some two seconds
+_LATEST_IMPACTS = 8192  # whose durations are kept: half a second of the densest
 _MOST_EXACT = 60_000  # impacts of a view whose quantiles are computed; more have extremes
 _WHOLE_PERIOD = 1.0  # between additions to the bins of the whole run [s of real time]
 _ALWAYS = (  # quantities that each drill has, also before the first message or impact
@@ -273,7 +273,7 @@ class Heard:
         time = self._seconds(_stamp(status.header.stamp))
         self.time = max(self.time or 0.0, time)
         for field, quantity in _QUANTITIES["status"].items():
-            if _OWNERS.get(quantity) not in self._latest:
+            if self.is_reported(quantity):
                 self._add(quantity, np.array([time]), np.array([fields[field]], float))
 
     def _faults(self, faults: Any) -> None:

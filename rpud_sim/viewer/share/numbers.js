@@ -36,8 +36,8 @@ export class Numbers {
       unit.textContent = quantity.unit;
       value.textContent = valueText(name, shown?.mean, false, true);
       value.dataset.exact = String(shown?.mean);
-      const spread = shown && shown.least !== null && shown.greatest !== null && shown.least !== shown.greatest;
-      ends.textContent = spread ? `${valueText(name, shown.least, false)} to ${valueText(name, shown.greatest, false)}` : "";
+      const [least, greatest] = [shown?.least, shown?.greatest].map((end) => valueText(name, end, false));
+      ends.textContent = least === greatest ? "" : `${least} to ${greatest}`;
       line.setAttribute("d", sparkPath(shown?.spark ?? []));
     }
   }

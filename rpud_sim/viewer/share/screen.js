@@ -18,6 +18,7 @@ import { Timeline } from "./timeline.js";
 const LEAST = 1e-6; // time in view [s]
 const ASKED = 60; // between two requests for another view [ms]
 const ZOOM = 1.6; // by one key
+const SURE = 3; // impacts that a block has by the mean rate; one with none is of another time
 
 /** All that frames have said of this run, and what the reader looks at. */
 class Screen {
@@ -124,8 +125,9 @@ class Screen {
     const { status = {}, faults = [] } = this.seen;
     const active = faults.filter((each) => each.active).map((each) => each.number);
     const shown = JSON.stringify([status.state, status.regime, status.drive_enabled, active]);
-    if (shown !== this.shown && !frame.section) this.source.send({ section: true });
-    this.jumps ||= shown !== this.shown;
+    const changed = shown !== this.shown || (frame.numbers !== undefined && this.contradicts(frame.numbers.impact_rate?.mean));
+    if (changed && !frame.section) this.source.send({ section: true });
+    this.jumps ||= changed;
     this.shown = shown;
     if (!frame.section) return;
     const { time, kept } = frame.section;
@@ -135,10 +137,19 @@ class Screen {
     this.jumps = false;
   }
 
+  /** Whether the moving section strikes and the number of a live drill says that it does not, or the other way round.
+   * @param {number | null | undefined} rate of the impacts [1/s] */
+  contradicts(rate) {
+    const { block, end } = this.clock;
+    if (this.past || !block || typeof rate !== "number") return false;
+    return block.impacts.length ? rate === 0 : rate * end > SURE;
+  }
+
   drawTime() {
     const { seen, range, span } = this;
     const playhead = this.past ? this.playhead.time : null;
-    element("time").textContent = timeText(playhead ?? seen.now ?? 0, this.past ? Math.max(span, 0.01) : 30);
+    const live = seen.status?.state === "paused" ? 0.1 : 30; // of a drill that stands, single steps are seen
+    element("time").textContent = timeText(playhead ?? seen.now ?? 0, this.past ? Math.max(span, 0.01) : live);
     element("reach").textContent = this.zoomed ? `${timeText(range.start, span)} to ${timeText(range.end, span)} in view` : "";
     for (const part of [this.plots, this.timeline]) part.draw(seen, range, playhead);
     for (const button of elements("#views button"))
