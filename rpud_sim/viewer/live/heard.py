@@ -273,7 +273,7 @@ class Heard:
         time = self._seconds(_stamp(status.header.stamp))
         self.time = max(self.time or 0.0, time)
         for field, quantity in _QUANTITIES["status"].items():
-            if self.is_reported(quantity):
+            if _OWNERS.get(quantity) not in self._latest:
                 self._add(quantity, np.array([time]), np.array([fields[field]], float))
 
     def _faults(self, faults: Any) -> None:
