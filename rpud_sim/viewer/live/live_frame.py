@@ -170,7 +170,8 @@ def layer_of(
             counts = np.diff(np.searchsorted(times, edges)) * heard.impacts.stride
             return {"t": edges[:-1] + 0.5 * width, "mean": counts / width}
         if len(times) < _MOST_EXACT:
-            spread = heard.impacts.spread(begin, max(begin, last), parts)
+            share = (last - begin) / (end - start)  # parts stay as long as those of other layers
+            spread = heard.impacts.spread(begin, max(begin, last), max(1, round(parts * share)))
             outliers = {"t": spread.outlier_times, "v": spread.outliers, "more": spread.more}
             band = {"low": spread.low, "high": spread.high, "band": "5-95 %", "outliers": outliers}
             return {"t": spread.times, "mean": spread.mean, **band}
