@@ -66,6 +66,7 @@ class Heard:
         self.origin: int | None = None
         self.journal_lost = 0
         self._located = False  # whether the origin is that of the drill that is heard now
+        self._former = (0, 0)  # origin of earlier stamps than the second one, of the same run
         self._kept: dict[str, Any] = {}  # latest latched message by topic
         self._journal_next = 0
         self._waiting: dict[str, list[tuple[int, tuple[Any, ...]]]] = {
@@ -146,7 +147,9 @@ class Heard:
 
     def _settle(self, topic: str, waiting: list[tuple[int, tuple[Any, ...]]]) -> None:
         stamps, messages = zip(*waiting, strict=True)
-        times = (np.array(stamps, np.int64) - (self.origin or 0)) / SECOND
+        counted = np.array(stamps, np.int64)
+        former, until = self._former
+        times = (counted - np.where(counted < until, former, self.origin or 0)) / SECOND
         if times[-1] < 0.0:
             return
         self.time = max(self.time or 0.0, float(times[-1]))
@@ -209,7 +212,8 @@ class Heard:
 
     def picture(self, start: float = math.inf) -> Picture:
         """Return what is drawn from a time on [s]: the newest finely, or the whole run."""
-        bins = self.fine if start >= self.fine.first * self.fine.width else self.whole
+        kept = self.fine.first == 0 or start >= self.fine.first * self.fine.width
+        bins = self.fine if kept else self.whole
         return Picture(
             bins,
             self.impacts,
@@ -222,7 +226,8 @@ class Heard:
     # Inside
 
     def _seconds(self, stamp: int) -> float:
-        return (stamp - (self.origin or 0)) / SECOND
+        former, until = self._former
+        return (stamp - (former if stamp < until else self.origin or 0)) / SECOND
 
     def _journal(self, entry: Any) -> None:
         number = int(entry.sequence)
@@ -246,14 +251,19 @@ class Heard:
                 }
             self._locate(stamp - content["time"])
         elif entry.kind == "origin" and isinstance(content.get("origin"), int):
+            former, time = self.origin, content["time"]
+            again = self._located and former is not None and self.time is not None
             self._locate(content["origin"])
+            if again and former != self.origin:  # stamps begin anew, and the run goes on
+                self._former = former or 0, content["origin"] + time
+                self.time = min(self.time or 0.0, time / SECOND)
         elif not self._located:
             self._locate(stamp - content["time"])
         self.log_version += 1
         self.commands.add(self._seconds(stamp), entry.kind, content)
 
     def _locate(self, origin: int) -> None:
-        self.origin, self._located = origin, True
+        self.origin, self._located, self._former = origin, True, (0, 0)
         for topic, message in self._kept.items():
             if _stamp(message.header.stamp) >= origin:
                 self._show(topic, message)

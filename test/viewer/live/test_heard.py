@@ -160,6 +160,32 @@ def test_a_reset_of_a_clock_that_begins_at_zero_forgets_the_status_of_the_run_be
     assert (heard.time, heard.status["state"]) == (0.0, "paused")
 
 
+def test_stamps_that_begin_anew_move_nothing_of_the_same_run(heard):
+    """A pause of 60 s is over; the status with a new stamp comes before the journal says so."""
+    hear(heard, "reacting_force", 1 * SECOND, 5.0)
+    heard.sinks()["reacting_force"](ORIGIN + 1_100_000_000, (6.0,))
+    heard.latched("status", status(61_200_000_000))
+    pause = 60 * SECOND
+    heard.latched("journal", entry(1, "origin", 1_200_000_000, origin=ORIGIN + pause))
+    hear(heard, "reacting_force", 1_300_000_000 + pause, 7.0)
+    assert heard.time == 1.3
+    bins = heard.fine.view("reacting_force", 0.0, 100.0, 10_000)
+    used = bins["mean"] > 0.0
+    assert [*zip(bins["t"][used].round(3), bins["mean"][used], strict=True)] == [
+        (1.025, 5.0),
+        (1.125, 6.0),
+        (1.325, 7.0),
+    ]
+
+
+def test_the_first_seconds_are_shown_at_once(heard):
+    """A view that begins before the run needs not wait for the bins of the whole run."""
+    for tenth in range(20):
+        hear(heard, "reacting_force", tenth * SECOND // 10, 1.0)
+    layer = heard.picture(-18.0).line("reacting_force", -18.0, 2.0, 400)
+    assert np.isfinite(layer["mean"]).sum() == 20
+
+
 def test_the_status_of_a_new_run_may_come_before_its_journal(heard):
     heard.latched("status", status(0, state="paused"))
     heard.latched("journal", entry(1, "begin", 0, parameters=PARAMETERS))

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from viewer.live.test_heard import ORIGIN, PARAMETERS, SECOND, entry
+from viewer.live.test_heard import ORIGIN, PARAMETERS, SECOND, entry, status
 
 from rpud_sim.viewer.live.heard import Heard
 
@@ -43,3 +43,18 @@ def test_near_the_band_has_most_impacts_and_far_all_of_them(heard):
     assert far["low"][1] == 0.0
     assert far["high"][1] == 999.0
     assert far["t"][0] == pytest.approx(10.0, abs=1.0)
+
+
+def test_parts_of_the_peak_force_are_as_long_where_little_was_heard(heard):
+    layers = heard.picture().view(-9990.0, 10.1, 10_000, {"peak_force": "band"})["layers"]
+    assert len(layers["peak_force"]["t"]) <= 4
+
+
+def test_a_number_that_a_status_says_is_that_of_the_latest_one():
+    heard = Heard()
+    heard.latched("journal", entry(0, "begin", 0, parameters=PARAMETERS))
+    lacks = {"electrical_power": np.nan}
+    for second, power in ((1, 400.0), (2, 16.0)):
+        heard.latched("status", status(second * SECOND, actuator_power=power, **lacks))
+    power = heard.picture().numbers(2.3)["power"]
+    assert [power[name] for name in ("mean", "least", "greatest")] == [16.0] * 3
