@@ -99,7 +99,10 @@ class Views:
             waveform = self._waveforms.between(drill, start, end)
             if len(waveform.times):
                 found["detail"] = WAVEFORM
+                struck = peaks and len(layers["peak_force"]["t"]) > 0
                 for quantity, channel in CHANNELS.items():
+                    if channel == "contact_force" and struck and not waveform.channels[channel].any():
+                        continue  # before drilling an impact has no duration, and so no waveform
                     layers[quantity] = _waveform_layer(waveform, channel, width)
         return found | {"layers": layers}
 
