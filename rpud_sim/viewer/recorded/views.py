@@ -101,7 +101,8 @@ class Views:
                 found["detail"] = WAVEFORM
                 struck = peaks and len(layers["peak_force"]["t"]) > 0
                 for quantity, channel in CHANNELS.items():
-                    if channel == "contact_force" and struck and not waveform.channels[channel].any():
+                    silent = channel == "contact_force" and not waveform.channels[channel].any()
+                    if silent and struck:
                         continue  # before drilling an impact has no duration, and so no waveform
                     layers[quantity] = _waveform_layer(waveform, channel, width)
         return found | {"layers": layers}

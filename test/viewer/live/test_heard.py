@@ -165,7 +165,9 @@ def test_stamps_that_begin_anew_move_nothing_of_the_same_run(heard):
     hear(heard, "reacting_force", 1_300_000_000 + pause, 7.0)
     assert heard.time == 1.3
     bins = heard.view("reacting_force", 0.0, 100.0, 10_000)
-    assert [*zip(bins.times[bins.mean > 0.0].round(3), bins.mean[bins.mean > 0.0], strict=True)] == [
+    assert [
+        *zip(bins.times[bins.mean > 0.0].round(3), bins.mean[bins.mean > 0.0], strict=True)
+    ] == [
         (1.025, 5.0),
         (1.125, 6.0),
         (1.325, 7.0),
