@@ -69,7 +69,7 @@ QUANTITIES: dict[str, Quantity] = {
         ),
         Quantity(
             "weight_on_bit", "weight on bit", "N", 1.0, "command", 1e-6, _TOWARD_ROCK,
-            sources=("Status.weight_on_bit", "Mount.weight_on_bit"),
+            sources=("Mount.weight_on_bit", "Status.weight_on_bit"),
         ),
         Quantity(
             "nodal_plane", "nodal plane", "mm", 1e3, "plane", 1e-12, _TOWARD_ROCK, zero=False,
@@ -83,7 +83,7 @@ QUANTITIES: dict[str, Quantity] = {
         ),
         Quantity(
             "electrical_power", "electrical power", "W", 1.0, "power", 1e-6,
-            sources=("Status.electrical_power", "ActuatorState.electrical_power"),
+            sources=("ActuatorState.electrical_power", "Status.electrical_power"),
         ),
         Quantity(
             "actuator_power", "power of the vibration", "W", 1.0, "power", 1e-6,

@@ -227,7 +227,7 @@ class _Shared(_Guarded, web.StaticFileHandler):
         return self._name or super().parse_url_path(url_path)
 
     def validate_absolute_path(self, root: str, absolute_path: str) -> str | None:
-        if not absolute_path.endswith(_SERVED):
+        if not absolute_path.endswith(_SERVED) or "\0" in absolute_path:
             raise web.HTTPError(_NOT_FOUND)
         return super().validate_absolute_path(root, absolute_path)
 

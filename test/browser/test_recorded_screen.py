@@ -182,6 +182,8 @@ def test_the_reader_chooses_a_signal_and_a_hostile_name_stays_text(recorded):
 @pytest.mark.parametrize("width", [PHONE, WIDE])
 def test_it_can_be_read_by_everybody(recorded, width):
     page = recorded(width=width)
+    page.tab.keyboard.press("p")
+    text_has(page, "#found", "^impact at")
     for scheme in SCHEMES:
         page.show(scheme)
         page.settle()

@@ -86,3 +86,9 @@ def test_a_sign_and_more_digits_are_on_demand():
     assert share.text(1e-7, sign=True) == "0 %"
     assert number_text(3.00149, 4) == "3.001"
     assert number_text(math.inf) == "–"
+
+
+@pytest.mark.parametrize("name", ["electrical_power", "weight_on_bit", "depth", "penetration_rate"])
+def test_what_is_measured_is_taken_from_its_topic_before_the_status(name):
+    """A running drill and its bag show the same: a status comes once a second."""
+    assert QUANTITIES[name].sources[-1] == f"Status.{name}"

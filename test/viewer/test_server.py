@@ -115,7 +115,15 @@ def test_the_screen_is_small_on_the_way(server):
     assert size < 120_000
 
 
-@pytest.mark.parametrize("path", ["/share/../server.py", "/share/%2e%2e/server.py", "/share/"])
+@pytest.mark.parametrize(
+    "path",
+    [
+        "/share/../server.py",
+        "/share/%2e%2e/server.py",
+        "/share/screen.css%00.js",
+        "/share/",
+    ],
+)
 def test_nothing_but_the_screen_is_served(server, path):
     assert answer(server, path)[0].status in (403, 404)
 

@@ -102,7 +102,11 @@ class Views:
             waveform = self._waveforms.between(drill, start, end)
             if len(waveform.times):
                 detail = WAVEFORM
+                struck = "peak_force" in layers and len(layers["peak_force"]["t"]) > 0
                 for quantity, channel in CHANNELS.items():
+                    silent = channel == "contact_force" and not waveform.channels[channel].any()
+                    if silent and struck:
+                        continue  # before drilling an impact has no duration, and so no waveform
                     layers[quantity] = _waveform_layer(waveform, channel, width)
         complete = not any(number in self._recording.damages for number in numbers)
         found = {"start": start, "end": end, "detail": detail, "complete": complete}

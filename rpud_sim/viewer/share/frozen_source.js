@@ -48,7 +48,8 @@ export class FrozenSource {
   /** @param {number} time @returns {Frame["numbers"]} of the second before a time, by the overview */
   numbers(time) {
     return Object.fromEntries(Object.entries(this.held.numbers ?? {}).map(([name, held]) => {
-      const whole = this.held.view?.layers[name];
+      const { layers = {} } = this.held.view ?? {};
+      const whole = name === "power" ? layers.electrical_power ?? layers.actuator_power : layers[name];
       if (!whole || !held) return [name, held];
       // A rate needs enough impacts: its extremes are those of tenths of the second, as elsewhere.
       const layer = name === "impact_rate" ? partOf(whole, time - 1, time, 10) : whole;

@@ -326,3 +326,16 @@ def test_a_foreign_bag_shows_its_signals(tmp_path):
     assert (layer["t"][-1], layer["mean"][-1]) == (pytest.approx(2.99), 299.0)
     assert frame["values"] == {"wrist": {"x": 299.0, "y": 1.0, "z": 2.0}}
     assert frame["numbers"]["impact_rate"] is None
+
+
+def test_an_impact_without_a_duration_has_no_waveform_of_zeros(tmp_path):
+    """Before drilling an impact has a peak force, and no contact force in any sample."""
+    write_offline_bag(tmp_path / "free", preset("free"), 0.5)
+    with RecordedStore(tmp_path / "free") as opened:
+        opened.read_all()
+        first = opened._bag.waveforms.next_impact(DRILL, 0.2)["time"]
+        shown = opened._bag.views.view(DRILL, first - 1e-5, first + 1e-5, 500, ["peak_force"])
+    assert shown["detail"] == WAVEFORM
+    assert len(shown["layers"]["peak_force"]["t"]) == 1
+    assert "free_mass" in shown["layers"]
+    assert "contact_force" not in shown["layers"]
