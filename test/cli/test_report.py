@@ -55,3 +55,11 @@ def test_a_drill_is_chosen_by_its_namespace(tmp_path, rpud):
     code, _, err = rpud("report", tmp_path / "bag", "--out", out_file, "--namespace", "/b")
     assert (code, err) == (1, "rpud report: the bag holds no drill /b\n")
     assert not out_file.exists()
+
+
+def test_a_bag_of_which_nothing_can_be_read_has_a_report(tmp_path, rpud):
+    with BagWriter(tmp_path / "bag") as bag:
+        bag.add_topic(Topic("/untold", "pkg/msg/Untold"))
+        bag.write("/untold", b"\x00\x01\x00\x00", 1, 1)
+    code, out, _ = rpud("report", tmp_path / "bag", "--out", tmp_path / "out.html")
+    assert (code, out) == (0, f"{tmp_path / 'out.html'}: 0 messages on 0 topics\n")

@@ -68,7 +68,7 @@ class Recording:
         self.rows = lru_cache(_KEPT)(lambda number: self.rows_of([number]))
         self.decoded = lru_cache(_KEPT)(self._decode)
         self._codecs: dict[str, Codec] = {}
-        self._clock_topics = clock_topics(self.readers)
+        self._clock_topics = clock_topics(self.readers) or {"": frozenset()}  # nothing is readable
         self._topics = frozenset(
             name
             for name, reader in self.readers.items()
