@@ -62,6 +62,7 @@ from rpud_sim.simulation.topics import TOPICS
 
 NAME = "drill_node"
 _THREADS = 3  # a step, a short request, and whatever else comes
+_LAST_ANSWERS = 10.0  # time for answers that are under way when the drill ends [s]
 
 
 class DrillNode(ManagedNode):
@@ -303,6 +304,6 @@ def spin(
     finally:
         with limited_end():
             node.stop()
-            executor.shutdown(timeout_sec=1.0)
+            executor.shutdown(timeout_sec=_LAST_ANSWERS)
     if node.failure is not None:
         raise RuntimeError(str(node.failure)) from node.failure
