@@ -112,7 +112,7 @@ class RecordedStore:
         recording = self._bag.recording
         found = sorted(set(recording.clocks))
         ours = [drill for drill in found if recording.is_drill(drill)]
-        return ours or [d for d in found if any(s.drill == d for s in recording.signals)] or [""]
+        return ours or [d for d in found if any(s.drill == d for s in recording.signals)] or found
 
     def open(self, client: ClientState) -> None:
         """Note one more browser; an unknown drill is an error, none is the first."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from functools import partial
 from typing import Any
 
@@ -158,7 +159,8 @@ class Views:
                 if recording.time_of(message, status.header.stamp) <= time + 1e-9:
                     fields = {k: v for k, v in vars(status).items() if _is_plain(v)}
                     for name in filter(partial(hasattr, status), _TIMES):
-                        fields[name] = recording.time_of(message, getattr(status, name))
+                        with suppress(AttributeError, TypeError):  # another program wrote it
+                            fields[name] = recording.time_of(message, getattr(status, name))
                     return fields
         return {}
 

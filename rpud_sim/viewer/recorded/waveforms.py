@@ -141,15 +141,19 @@ class Waveforms:
         parts, rate = [], SECTION_RATE
         for number in recording.pieces_between(drill, start, end) if topic else ():
             for message, block in recording.decoded(number, topic):
-                channels = {
-                    name: np.asarray(getattr(block, name, ())) for name in CHANNELS.values()
-                }
-                length = len(channels["contact_force"])
-                alike = all(len(values) == length for values in channels.values())
-                if not (alike and 1e-9 <= block.sample_period <= SECTION):
+                try:
+                    channels = {
+                        name: np.asarray(getattr(block, name), float) for name in CHANNELS.values()
+                    }
+                    period, stamp = float(block.sample_period), block.header.stamp
+                    begin = recording.time_of(message, stamp)
+                except (AttributeError, TypeError, ValueError):
                     continue  # another program wrote it
-                rate = round(1.0 / block.sample_period)
-                begin = recording.time_of(message, block.header.stamp)
+                length = len(channels["contact_force"])
+                alike = all(values.shape == (length,) for values in channels.values())
+                if not (alike and 1e-9 <= period <= SECTION):
+                    continue
+                rate = round(1.0 / period)
                 numbers = round(begin * rate) + np.arange(length)
                 inside = (numbers >= start * rate) & (numbers <= end * rate)
                 if inside.any():

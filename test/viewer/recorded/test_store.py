@@ -339,3 +339,16 @@ def test_an_impact_without_a_duration_has_no_waveform_of_zeros(tmp_path):
     assert len(shown["layers"]["peak_force"]["t"]) == 1
     assert "free_mass" in shown["layers"]
     assert "contact_force" not in shown["layers"]
+
+
+def test_a_waveform_of_another_definition_is_left_out(tmp_path):
+    topic = Topic("/rpud/waveform", "rpud_msgs/msg/Waveform")
+    with BagWriter(tmp_path / "bag") as bag:
+        bag.add_topic(topic, "float64 x")
+        for number in range(5):
+            time = number * 10**8
+            bag.write(topic.name, b"\x00\x01\x00\x00" + bytes(8), time, time)
+    with RecordedStore(tmp_path / "bag") as store:
+        frame = asked(store, playhead=0.3)
+    assert "section" not in frame
+    assert frame["now"] > 0.0
