@@ -1,4 +1,4 @@
-"""Commands in words: what changes something is told once, and what is left out is counted."""
+"""Commands in words: each change is listed once, and what is left out is counted."""
 
 import json
 

@@ -254,7 +254,7 @@ class Heard:
             former, time = self.origin, content["time"]
             again = self._located and former is not None and self.time is not None
             self._locate(content["origin"])
-            if again and former != self.origin:  # stamps begin anew, and the run goes on
+            if again and former != self.origin:  # the origin of stamps changed, and the run goes on
                 self._former = former or 0, content["origin"] + time
                 self.time = min(self.time or 0.0, time / SECOND)
         elif not self._located:

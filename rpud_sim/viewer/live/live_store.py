@@ -26,7 +26,7 @@ from rpud_sim.viewer.store import ClientState, StoreError, View
 LINGER = 120.0
 MOST_DRILLS = 16
 
-_GAP = 1.0  # at the beginning, in which nobody heard the drill, that is shown [s]
+_GAP = 1.0  # shortest time before the server heard the drill that is shown as a gap [s]
 _MOST_SAMPLES = 1200  # of a section
 _SHARE = 100.0  # a view may take one part of so many of the time
 

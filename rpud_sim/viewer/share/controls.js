@@ -32,7 +32,7 @@ export class Controls {
       };
   }
 
-  /** Begin anew: another server counts from zero. */
+  /** Forget the counts: another server begins at zero. */
   forget() {
     [this.told, this.refused] = [-1, 0];
   }
