@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,10 +11,6 @@ from rpud_sim.bag.errors import BagError
 from rpud_sim.bag.message_block import MessageBlock, joined
 from rpud_sim.bag.messages import OVERLAP_LIMIT, Message, Source, overlap_error
 
-READ_AHEAD = 16 * 2**20  # greatest size of chunks that threads read before they are due [bytes]
-
-_THREADS = 2
-_MOST_AHEAD = 3  # chunks
 _GATHERED_SIZE = 1 << 20  # bytes of messages that become blocks together
 _GATHERED_COUNT = 8192
 _LARGEST = 2**63 - 1
@@ -35,22 +29,22 @@ class _Part:
 def ordered_blocks(sources: Iterable[Source], end: int | None = None) -> Iterator[MessageBlock]:
     """Yield the messages of sources in blocks; within each topic they have the order of ``merged``.
 
-    While the caller works with a block, threads read the next chunks. ``end`` is the log time of
-    the first message that does not count [ns].
+    ``end`` is the log time of the first message that does not count [ns].
     """
     pending = sorted(sources, key=lambda source: source.start_time)
     if end is not None:
         pending = [source for source in pending if source.start_time < end]
     waiting: dict[str, list[_Part]] = {}
     opened: list[tuple[int, int]] = []  # last time and size of sources
-    for source, read in _read_ahead(pending):
+    for source in pending:
+        assert source.blocks is not None
         for topic in list(waiting):
             yield from _due(waiting, topic, source.start_time)
         opened = [each for each in opened if each[0] >= source.start_time]
         if opened and source.size + sum(size for _, size in opened) > OVERLAP_LIMIT:
             raise overlap_error()
         last = -1
-        for block in read():
+        for block in source.blocks():
             times = block.log_times
             if times[0] < source.start_time:  # its index is wrong
                 times = np.maximum(times, times.dtype.type(min(source.start_time, _LARGEST)))
@@ -128,32 +122,3 @@ def _due(waiting: dict[str, list[_Part]], topic: str, until: int | None) -> Iter
     block = joined([part.block.packed() for part in ready])
     order = np.argsort(np.concatenate([part.times for part in ready]), kind="stable")
     yield block.part(order)
-
-
-Read = Callable[[], list[MessageBlock]]
-
-
-def _read_ahead(sources: Sequence[Source]) -> Iterator[tuple[Source, Read]]:
-    """Yield sources with what returns their blocks; threads read the next ones meanwhile."""
-    left = deque(sources)
-    ahead: deque[tuple[Source, Read]] = deque()
-    size = 0  # of the sources in ``ahead``
-    with ThreadPoolExecutor(_THREADS, "rpud-read-ahead") as pool:
-        try:
-            while left or ahead:
-                while left and len(ahead) <= _MOST_AHEAD:
-                    source = left[0]
-                    assert source.blocks is not None
-                    if size + source.size <= READ_AHEAD:
-                        read: Read = pool.submit(source.blocks).result
-                    elif ahead:
-                        break
-                    else:
-                        read = source.blocks
-                    ahead.append((left.popleft(), read))
-                    size += source.size
-                source, read = ahead.popleft()
-                yield source, read
-                size -= source.size
-        finally:
-            pool.shutdown(cancel_futures=True)
