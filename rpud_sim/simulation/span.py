@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -59,18 +60,20 @@ class Span(Shared):
     @property
     def block(self) -> Block:
         """All blocks as one."""
-        electrical = self.electrical_energy
-        reading = self.readings[-1] if self.readings else None
+        return dataclasses.replace(self.after(0), electrical_energy=self.electrical_energy)
+
+    def after(self, number: int) -> Block:
+        """Return the blocks from a number on as one, whose electrical energy is unknown."""
         return Block(
-            self.start,
+            int(self.starts[number]),
             self.end,
-            self.covering,
-            self.impacts,
+            self.covering[self.opened[number] :],
+            self.impacts[self.struck[number - 1] if number else 0 :],
             self.rpud,
-            electrical,
-            reading,
+            math.nan,
+            self.readings[-1] if self.readings else None,
             self.states[-1] if self.states else AT_REST,
-            sum_accounts(self.feeds),
+            sum_accounts(self.feeds[number:]),
         )
 
     def sample_ends(self) -> Samples:
