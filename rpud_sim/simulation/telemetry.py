@@ -50,7 +50,7 @@ _SENSORS = (
 
 # Simulation time of the blocks that are done together, about [ns]: more takes more memory, and
 # saves little time.
-_TOGETHER = 4 * SECOND
+_TOGETHER = 2 * SECOND
 
 _PART = 1000  # samples of a waveform that are made in one part, about 0.2 ms
 
