@@ -64,7 +64,6 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _use_every_kernel() -> None:
     """Call each kernel once, because a kernel is compiled when it is first called."""
-    from rpud_sim.model import elementary
     from rpud_sim.model.single_contact import single_contact
     from rpud_sim.simulation.configuration import Configuration
     from rpud_sim.simulation.ensemble import compile_kernels, compile_members
@@ -75,12 +74,6 @@ def _use_every_kernel() -> None:
     compile_members(configuration)
     compile_kernels(dataclasses.replace(configuration, actuator=actuator))
     single_contact(configuration.parameters, 1.0)
-    for of_one in elementary.OF_ONE_NUMBER:
-        of_one(1.0)
-    for of_two in elementary.OF_TWO_NUMBERS:
-        of_two(1.0, 1.0)
-    for of_complex in elementary.OF_A_COMPLEX_NUMBER:
-        of_complex(1j)
 
 
 def _gather(store: KernelStore, folder: Path) -> None:

@@ -359,14 +359,16 @@ def complex_size(number):
     return hypotenuse(number.real, number.imag)
 
 
-# What Python calls, by its arguments: the set-up compiles it.
-OF_ONE_NUMBER = (
-    sin_cos,
-    sin_cos_cycles,
-    tangent,
-    exponential,
-    exponential_minus_one,
-    logarithm_one_plus,
+# What Python calls, with arguments of the types that it has.
+CALLED_BY_PYTHON = (
+    (sin_cos, (1.0,)),
+    (sin_cos_cycles, (1.0,)),
+    (tangent, (1.0,)),
+    (exponential, (1.0,)),
+    (exponential_minus_one, (1.0,)),
+    (logarithm_one_plus, (1.0,)),
+    (power, (1.0, 1.0)),
+    (arc_tangent, (1.0, 1.0)),
+    (complex_phase, (1j,)),
+    (complex_size, (1j,)),
 )
-OF_TWO_NUMBERS = (power, arc_tangent)
-OF_A_COMPLEX_NUMBER = (complex_phase, complex_size)
