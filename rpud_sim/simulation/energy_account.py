@@ -12,7 +12,8 @@ import numpy as np
 
 from rpud_sim.foundation.shared import Shared
 from rpud_sim.foundation.time import SECOND, split_fraction
-from rpud_sim.model.energy import TERMS, add_segments
+from rpud_sim.model.energy import TERMS
+from rpud_sim.model.tally import CLASSES, PART_ROOM, add_block, empty_tallies
 from rpud_sim.simulation.block import Block, join_blocks
 from rpud_sim.simulation.feed_account import FeedAccount
 from rpud_sim.simulation.span import Span
@@ -54,16 +55,25 @@ class EnergyAccount(Shared):
     @staticmethod
     def of(block: Block) -> EnergyAccount:
         """Return the account of a block."""
-        joules = np.zeros(len(TERMS))
-        add_segments(
+        tally = empty_tallies(1)
+        add_block(
             block.rpud,
             block.covering,
+            block.impacts[:0],
             *split_fraction(block.start),
             *split_fraction(block.end),
-            joules,
+            False,
+            tally,
+            np.zeros(CLASSES, np.int64),
+            np.zeros(PART_ROOM),
         )
-        terms = dict(zip(TERMS, joules.tolist(), strict=True))
-        return EnergyAccount(**terms, electrical=block.electrical_energy)
+        return EnergyAccount.from_tally(tally[0], block.electrical_energy)
+
+    @staticmethod
+    def from_tally(tally: np.void, electrical: float) -> EnergyAccount:
+        """Return the account of a tally, with the electrical energy [J]."""
+        terms = zip(TERMS, tally["account"].tolist(), strict=True)
+        return EnergyAccount(**dict(terms), electrical=electrical)
 
     def __add__(self, other: EnergyAccount) -> EnergyAccount:
         """Return the account of both."""
