@@ -151,7 +151,7 @@ class Telemetry:
         """Yield the impacts of a span and, if ``sampled``, what is due at its blocks' ends."""
         blocks, ends = np.arange(len(span)), span.ends
         if len(span.impacts):
-            struck = np.searchsorted(span.struck, np.arange(len(span.impacts)), side="right")
+            struck = span.struck.searchsorted(np.arange(len(span.impacts)), side="right")
             fields = contact_force_fields(span.impacts, self.origin)
             times = np.maximum(span.starts[struck], stamp_of(fields) - self.origin)
             yield Columns("contact_force", struck, times, fields)
