@@ -71,16 +71,16 @@ FEEDS = (Feed("rate", 0.01), Feed("rate", -0.02), Feed("rate", 0.03), Feed("posi
 PITCHES = (400_000, 20 * MILLISECOND, MILLISECOND)
 LIBRARY = "69a70c2a73408780"
 EXPECTED = {
-    "rotation alone": "26bd3a9ff7b2207f",
-    "rotation in one rock": "a11dac97a0a1892a",
-    "strata without rotation": "521aa4828a723b7e",
-    "rotation in strata": "b42c1c45d5db87af",
-    "arm": "bf817e5751c80962",
-    "arm before drilling": "5632f75d2b12244d",
-    "rigid arm": "16ac34d79a25d697",
-    "slipping arm": "8d25d3ed4cfb44e5",
-    "resonance": "f4856e4cf431c788",
-    "weak rotor": "17107975c58ddc00",
+    "rotation alone": "d376194f880a3817",
+    "rotation in one rock": "2cfea3dcfd160066",
+    "strata without rotation": "64323da64c64685d",
+    "rotation in strata": "fc3fac899121b2bd",
+    "arm": "387e80a58cb5c188",
+    "arm before drilling": "1c4bb8c5ebcdd189",
+    "rigid arm": "065b4b4693b480af",
+    "slipping arm": "14e2d6e25c98af93",
+    "resonance": "e10c3092b049b656",
+    "weak rotor": "69144c8d3d9c5632",
 }
 
 
