@@ -36,9 +36,9 @@ class Borehole:
     """Borehole in strata.
 
     Each impact deepens it by its energy above the threshold of the layer, and rotation by the depth
-    of its cut in each turn (``bit.cut``). Cuttings in the flutes hold both up (``cuttings``). A hole
-    as deep as the drill tool is long gets no deeper: the drill stands on the face of the rock, and
-    nothing presses the bit to the bottom.
+    of its cut in each turn (``bit.cut``). Cuttings in the flutes hold both up (``cuttings``). When
+    it is as deep as the drill tool is long, the drill stands on the face of the rock, and nothing
+    presses the bit to the bottom.
 
     Args:
         deepest: length of the drill tool [m].
@@ -64,16 +64,22 @@ class Borehole:
         self._clogged = 0.0  # by a fault in the last step
         self._side_offset = 0.0
         self._energy = 0.0  # spent on drilling so far [J]
-        self._cut_for: tuple[Layer, float, float, float] | None = None
-        self._last_cut = NO_CUT
-        self._known_state: BoreholeState | None = None
 
     @property
     def state(self) -> BoreholeState:
         """State at the last step."""
-        if self._known_state is None:  # few steps are looked at
-            self._known_state = self._state()
-        return self._known_state
+        new, blunt = self._bit.bit_wear_flat, self._bit.bit_blunt_flat
+        worn = min(self._wear_flat * self._worn_factor, max(self._area, new))
+        filling = self._cuttings.filling(self._tip, self._clogged)
+        return BoreholeState(
+            depth=self._depth,
+            penetration_rate=self._recent.penetration_rate,
+            layer="" if self._through else self._strata.layers[self._layer].name,
+            specific_energy=self._recent.specific_energy(self._area),
+            packed_cuttings=filling * self._bit.flute_area * self._tip,
+            bit_wear=(worn - new) / (blunt - new),
+            side_offset=self._side_offset,
+        )
 
     @property
     def depth(self) -> float:
@@ -131,7 +137,6 @@ class Borehole:
         self._energy += force * deeper + math.fsum(energies) + rotation.resisted
         self._recent.add(interval, self._depth, self._energy)
         self._worn_factor, self._clogged = disturbances.worn_factor, disturbances.clogged
-        self._known_state = None
 
     def _drills(self, percussion: Percussion) -> bool:
         """Return whether the tool is in rock into which it can get deeper."""
@@ -141,15 +146,8 @@ class Borehole:
         """Return the cut in a layer, with the pull of rock in the flutes."""
         if disturbances.screw_torque:
             force += disturbances.screw_torque / (self._radius * self._screw_slope(layer))
-        flat = self._wear_flat * disturbances.worn_factor
-        if flat > self._area:
-            flat = self._area
-        given = (layer, force, flat, disturbances.hardness)
-        # Resistance and progress of a step need the same cut.
-        if given != self._cut_for:
-            self._cut_for = given
-            self._last_cut = cut(self._bit, layer, self._radius, force, flat, disturbances.hardness)
-        return self._last_cut
+        flat = min(self._wear_flat * disturbances.worn_factor, self._area)
+        return cut(self._bit, layer, self._radius, force, flat, disturbances.hardness)
 
     def _layer_under(self, disturbances: Disturbances) -> Layer:
         """Return the layer at the bottom, or the stone in it that is harder."""
@@ -214,17 +212,3 @@ class Borehole:
         if tip < self._tip:
             self._cuttings.withdraw(self._tip, tip)
         self._tip = tip
-
-    def _state(self) -> BoreholeState:
-        new, blunt = self._bit.bit_wear_flat, self._bit.bit_blunt_flat
-        worn = min(self._wear_flat * self._worn_factor, max(self._area, new))
-        filling = self._cuttings.filling(self._tip, self._clogged)
-        return BoreholeState(
-            depth=self._depth,
-            penetration_rate=self._recent.penetration_rate,
-            layer="" if self._through else self._strata.layers[self._layer].name,
-            specific_energy=self._recent.specific_energy(self._area),
-            packed_cuttings=filling * self._bit.flute_area * self._tip,
-            bit_wear=(worn - new) / (blunt - new),
-            side_offset=self._side_offset,
-        )

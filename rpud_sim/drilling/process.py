@@ -119,11 +119,6 @@ class Process:
         return self._next_step
 
     @property
-    def mount(self) -> MountState | None:
-        """State of feed and mount at the last step; None without a feed."""
-        return self._mount.state if self._mount else None
-
-    @property
     def weight_on_bit(self) -> float | None:
         """Weight on bit until the next step [N]; None if the commanded one acts."""
         return self._mount.weight_on_bit if self._mount else None

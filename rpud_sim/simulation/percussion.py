@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from array import array
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from rpud_sim.drilling.inputs import Percussion
 from rpud_sim.model.drill import Drill
 from rpud_sim.model.segment import SEGMENT
 from rpud_sim.simulation.record_fields import reader_of
+
 # Time constant of the mean force on the rock [s]: most of a period of the RPUD on its load spring.
 FORCE_WINDOW = 0.1
 
@@ -50,20 +52,20 @@ class PercussionMeter:
     """Impacts and forces since the last step of the slow processes.
 
     The mean of R = W - k_1 u_np - c_1 v_np takes u_np as linear in the step: its period on the load
-    spring is a hundred times as long. By momentum the rock bears on average R and the weights of
-    the free mass and, with ``gravity_on_drill``, of the RPUD. The average of impacts fades with
-    ``FORCE_WINDOW``; at rest it is the weight on bit with these weights.
+    spring is a hundred times as long. By momentum the rock bears, on average, R with the weights of
+    the free mass and, with ``gravity_on_drill``, of the RPUD: at a standstill the weight on bit with
+    these. The mean of R fades with ``FORCE_WINDOW``.
     """
 
     def __init__(self, vibration_amplitude: float, position: float, weight_on_bit: float) -> None:
         self._nominal = vibration_amplitude
         self._position = position
         self._mean_force = weight_on_bit  # mean of R [N]
-        self._energies: list[float] = []
+        self._energies = array("d")
 
     def add(self, impacts: np.ndarray) -> None:
         """Add ``IMPACT`` records of impacts that have ended."""
-        self._energies += impacts["energy_transferred"].tolist()
+        self._energies.extend(impacts["energy_transferred"].tolist())
 
     def read(
         self,
@@ -87,6 +89,6 @@ class PercussionMeter:
         on_rock = self._mean_force + drill.free_mass * drill.gravity + drill.rpud_weight
         if not (drill.in_rock and on_rock > 0.0):
             on_rock = 0.0
-        energies, self._energies = tuple(self._energies), []
+        energies, self._energies = tuple(self._energies), array("d")
         self._position = position
         return Percussion(energies, ratio, drill.in_rock, force, on_rock)

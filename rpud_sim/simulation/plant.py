@@ -80,7 +80,7 @@ class Plant:
             position = nodal_plane_position(self._stepped.open_segment, *self._instant)
             nominal = parameters.vibration_amplitude
             self._percussion = PercussionMeter(nominal, position, parameters.weight_on_bit)
-            if (mount := self.process.mount) is not None:
+            if (mount := self.process.state.mount) is not None:
                 self._load_spring = LoadSpring(mount, self._pushing_rate(), position)
         # furthest time to advance to at once [ns]
         self.next_step = min(self.actuator.next_step, self.process.next_step)
@@ -216,7 +216,7 @@ class Plant:
 
     def feed_account(self, segment: np.ndarray) -> FeedAccount | None:
         """Return the account of feed and mount since time zero; None without a feed."""
-        if self._load_spring is None or (mount := self.process.mount) is None:
+        if self._load_spring is None or (mount := self.process.state.mount) is None:
             return None
         return self._load_spring.account(mount.work, nodal_plane_position(segment, *self._instant))
 
