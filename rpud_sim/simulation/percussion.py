@@ -53,8 +53,8 @@ class PercussionMeter:
 
     The mean of R = W - k_1 u_np - c_1 v_np takes u_np as linear in the step: its period on the load
     spring is a hundred times as long. By momentum the rock bears, on average, R with the weights of
-    the free mass and, with ``gravity_on_drill``, of the RPUD: at a standstill the weight on bit with
-    these. The mean of R fades with ``FORCE_WINDOW``.
+    the free mass and, with ``gravity_on_drill``, of the RPUD: at a standstill the weight on bit
+    with these. The mean of R fades with ``FORCE_WINDOW``.
     """
 
     def __init__(self, vibration_amplitude: float, position: float, weight_on_bit: float) -> None:
