@@ -43,8 +43,8 @@ PHASES = (0.05, 0.35, 0.65)  # of the vibration at time zero [cycles]
 # No change is a mean within the band of the healthy one. Effects are well inside or well outside.
 BANDS = {
     "torque": 0.14,
-    "rate of penetration": 0.12,
-    "percussion": 0.12,
+    "rate of penetration": 0.18,
+    "percussion": 0.18,
     "weight on bit": 0.12,
     "current": 0.2,
 }

@@ -200,7 +200,8 @@ class Borehole:
         grown = self._bit.bit_wear_rate * layer.abrasiveness * friction_work
         if grown:
             most = max(self._area, self._bit.bit_wear_flat)
-            worn = math.pi * (radius_of(self._wear_flat) + 0.5 * grown) ** 2
+            radius = radius_of(self._wear_flat) + 0.5 * grown
+            worn = math.pi * radius * radius
             self._wear_flat = min(worn, most)
 
     def _move_tip(self, mount_position: float | None) -> None:
