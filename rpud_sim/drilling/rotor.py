@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 from typing import NamedTuple
 
 from rpud_sim.drilling.rotor_values import Resistance, RotorState, RotorWork, Turned
