@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import accumulate
 
 import numpy as np
 
@@ -30,16 +31,13 @@ class MessageBlock:
 
     def part(self, chosen: slice | np.ndarray) -> MessageBlock:
         """Return some of the messages, in the same buffer."""
-        return replace(
-            self,
-            log_times=self.log_times[chosen],
-            publish_times=self.publish_times[chosen],
-            starts=self.starts[chosen],
-            sizes=self.sizes[chosen],
-        )
+        times = self.log_times[chosen], self.publish_times[chosen]
+        return MessageBlock(self.topic, *times, self.data, self.starts[chosen], self.sizes[chosen])
 
     def packed(self) -> MessageBlock:
-        """Return the same messages in a buffer that holds nothing else."""
+        """Return the same messages in a buffer that holds little else."""
+        if 2 * int(self.sizes.sum()) >= len(self.data):
+            return self
         data = gathered(self.data, self.starts, self.sizes)
         return replace(self, data=data, starts=np.cumsum(self.sizes) - self.sizes)
 
@@ -72,14 +70,14 @@ def joined(blocks: Sequence[MessageBlock]) -> MessageBlock:
     """Return the messages of packed blocks of one topic in one, in their order."""
     if len(blocks) == 1:
         return blocks[0]
-    sizes = np.concatenate([block.sizes for block in blocks])
+    begins = accumulate((len(block.data) for block in blocks), initial=0)
     return MessageBlock(
         blocks[0].topic,
         same_times([block.log_times for block in blocks]),
         same_times([block.publish_times for block in blocks]),
         np.concatenate([block.data for block in blocks]),
-        np.cumsum(sizes) - sizes,
-        sizes,
+        np.concatenate([block.starts + begin for block, begin in zip(blocks, begins, strict=False)]),
+        np.concatenate([block.sizes for block in blocks]),
     )
 
 
