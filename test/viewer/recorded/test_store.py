@@ -225,6 +225,26 @@ def test_without_a_trajectory_messages_are_drawn(drill_bag, tmp_path):
         assert "section" not in frame
 
 
+def test_without_a_trajectory_recorded_samples_are_drawn(tmp_path):
+    write_offline_bag(tmp_path / "whole", preset("drilling"), 0.5)
+    wanted = {"/rpud/waveform", "/rpud/contact_force"}
+    path = altered(tmp_path / "whole", tmp_path / "bag", lambda m: [m.data], wanted)
+    with rpud_sim.bag.open(path) as reader:
+        recorded = reader.arrays("/rpud/waveform")
+    period = recorded["sample_period"][0]
+    with RecordedStore(path) as store:
+        for start, end in ((0.3, 0.31), (0.3, 0.3 + 0.1 * period)):
+            view = viewed(store, start, end)
+            assert view["detail"] == WAVEFORM
+            layer = view["layers"]["free_mass"]
+            inside = (recorded["time"] >= (start - 0.99 * period) * 1e9) & (
+                recorded["time"] <= (end + 0.99 * period) * 1e9
+            )
+            assert len(layer["t"]) >= inside.sum() > 0
+            values = np.interp(recorded["time"][inside] / 1e9, layer["t"], layer["mean"])
+            assert values == pytest.approx(recorded["free_mass_position"][inside], rel=1e-5)
+
+
 def test_commands_and_faults_are_told_in_words(store):
     frame = asked(store)
     assert [(each["time"], each["kind"], each["text"]) for each in frame["log"]] == [
