@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import accumulate
 
 import numpy as np
+
+from rpud_sim.bag.messages import Message
 
 
 @dataclass(frozen=True)
@@ -79,6 +81,33 @@ def joined(blocks: Sequence[MessageBlock]) -> MessageBlock:
         np.concatenate([block.starts + begin for block, begin in zip(blocks, begins, strict=False)]),
         np.concatenate([block.sizes for block in blocks]),
     )
+
+
+def messages_of(
+    blocks: Sequence[MessageBlock], due: Sequence[np.ndarray] | None = None
+) -> Iterator[Message]:
+    """Yield the messages of blocks in the order of their log times.
+
+    Those of one time keep the order of the buffers, and of their places there. ``due`` has other
+    times for the order.
+    """
+    if not blocks:
+        return
+    buffers: dict[int, int] = {}
+    numbers = [buffers.setdefault(id(block.data), len(buffers)) for block in blocks]
+    counts = [len(block) for block in blocks]
+    starts = np.concatenate([block.starts for block in blocks])
+    logs = same_times([block.log_times for block in blocks])
+    times = logs if due is None else same_times(due)
+    order = np.lexsort((starts, np.repeat(numbers, counts), times))
+    own = np.repeat(np.arange(len(blocks)), counts)[order].tolist()
+    ends = starts + np.concatenate([block.sizes for block in blocks])
+    sent = same_times([block.publish_times for block in blocks])
+    rows = (each[order].tolist() for each in (logs, sent, starts, ends))
+    contents = [(block.topic, block.data.data) for block in blocks]
+    for number, log_time, publish_time, start, end in zip(own, *rows, strict=True):
+        topic, data = contents[number]
+        yield Message(topic, log_time, publish_time, data[start:end].tobytes())
 
 
 def same_times(times: Sequence[np.ndarray]) -> np.ndarray:

@@ -21,9 +21,9 @@ from sample_bags import (
 
 import rpud_sim.bag
 from rpud_sim.bag import BagError, BagFormatError, BagWriter
-from rpud_sim.bag.block_order import ordered_blocks
+from rpud_sim.bag.block_order import PiecesInOrder
 from rpud_sim.bag.message_block import MessageBlock
-from rpud_sim.bag.messages import Source
+from rpud_sim.bag.messages import Piece
 
 TOPICS = st.sampled_from(["/a", "/b", "/c"])
 ENTRIES = st.lists(
@@ -51,8 +51,10 @@ def test_a_begin_beyond_int64_that_no_message_has_is_no_error():
     times = np.array([1, 2])
     starts = np.zeros(2, np.int64)
     block = MessageBlock("/a", times, times, np.zeros(4, np.uint8), starts, starts)
-    source = Source(2**63, 4, lambda: iter(()), lambda: [block])
-    assert [found.log_times.tolist() for found in ordered_blocks([source])] == [[1, 2]]
+    piece = Piece(2**63, 2**63, 4, frozenset({"/a"}), lambda topics: [block])
+    found = PiecesInOrder([piece])
+    assert [block.log_times.tolist() for block in found.blocks()] == [[1, 2]]
+    assert [message.log_time for message in found.messages()] == [1, 2]
 
 
 def test_what_cannot_be_tables_is_looked_for_once(tmp_path):
