@@ -103,11 +103,15 @@ def messages_of(
     own = np.repeat(np.arange(len(blocks)), counts)[order].tolist()
     ends = starts + np.concatenate([block.sizes for block in blocks])
     sent = same_times([block.publish_times for block in blocks])
-    rows = (each[order].tolist() for each in (logs, sent, starts, ends))
-    contents = [(block.topic, block.data.data) for block in blocks]
-    for number, log_time, publish_time, start, end in zip(own, *rows, strict=True):
-        topic, data = contents[number]
-        yield Message(topic, log_time, publish_time, data[start:end].tobytes())
+    topics, contents = [block.topic for block in blocks], [block.data.data for block in blocks]
+    places = zip(own, starts[order].tolist(), ends[order].tolist(), strict=True)
+    yield from map(
+        Message,
+        map(topics.__getitem__, own),
+        logs[order].tolist(),
+        sent[order].tolist(),
+        (bytes(contents[number][start:end]) for number, start, end in places),
+    )
 
 
 def same_times(times: Sequence[np.ndarray]) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Messages by the block: the same messages, times, order and errors as one by one."""
+"""Messages by the block and one by one: those that were written, in the order of log times."""
 
 import tracemalloc
 
@@ -20,7 +20,7 @@ from sample_bags import (
 )
 
 import rpud_sim.bag
-from rpud_sim.bag import BagError, BagFormatError, BagWriter
+from rpud_sim.bag import BagError, BagFormatError, BagWriter, Message
 from rpud_sim.bag.block_order import PiecesInOrder
 from rpud_sim.bag.message_block import MessageBlock
 from rpud_sim.bag.messages import Piece
@@ -126,6 +126,19 @@ def test_they_are_the_same_whatever_wrote_the_file(
         use_chunking=chunked,
     )
     assert_same(path, topics=topics, start=start, duration=duration)
+    begin = START + min(time for _, time, _ in entries) + start
+    expected = [
+        Message(topic, START + time, START + number, data)
+        for number, (topic, time, data) in enumerate(entries)
+        if START + time >= begin and (topics is None or topic in topics)
+    ]
+    with rpud_sim.bag.open(path) as bag:
+        found = [*bag.messages(topics, start)]
+    assert sorted(found) == sorted(expected)
+    times = [message.log_time for message in found]
+    assert times == sorted(times)
+    if chunk_size > 10_000 or not chunked:  # in one part those of one time keep their order
+        assert found == sorted(expected, key=lambda each: each.log_time)
 
 
 @given(ENTRIES, st.sampled_from([60, 300, 1 << 20]), st.integers(0, 60))
