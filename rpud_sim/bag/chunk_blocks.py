@@ -155,9 +155,7 @@ def _heads(data: np.ndarray, places: np.ndarray) -> np.ndarray:
     return found
 
 
-def _blocks(
-    data: np.ndarray, places: np.ndarray, topics: Mapping[int, str]
-) -> list[MessageBlock]:
+def _blocks(data: np.ndarray, places: np.ndarray, topics: Mapping[int, str]) -> list[MessageBlock]:
     heads = _heads(data, places)
     held = np.bincount(heads["channel"])
     numbers = np.full(len(held), -1)  # of the topic of each channel; -1 if it is not wanted

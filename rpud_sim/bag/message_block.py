@@ -78,7 +78,9 @@ def joined(blocks: Sequence[MessageBlock]) -> MessageBlock:
         same_times([block.log_times for block in blocks]),
         same_times([block.publish_times for block in blocks]),
         np.concatenate([block.data for block in blocks]),
-        np.concatenate([block.starts + begin for block, begin in zip(blocks, begins, strict=False)]),
+        np.concatenate(
+            [block.starts + begin for block, begin in zip(blocks, begins, strict=False)]
+        ),
         np.concatenate([block.sizes for block in blocks]),
     )
 

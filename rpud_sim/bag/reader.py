@@ -161,9 +161,7 @@ class BagReader:
         streams = [stream.messages(topics, start_time) for stream in self._streams]
         return heapq.merge(chunked, *streams, key=attrgetter("log_time")) if streams else chunked
 
-    def _uncompressed(
-        self, piece: Piece, topics: Collection[str] | None
-    ) -> Iterator[MessageBlock]:
+    def _uncompressed(self, piece: Piece, topics: Collection[str] | None) -> Iterator[MessageBlock]:
         from rpud_sim.bag.block_order import PiecesInOrder, gathered_blocks
 
         messages = PiecesInOrder([piece], topics).messages()
@@ -242,7 +240,9 @@ class BagReader:
 
     @property
     def _chunks(self) -> Iterator[Piece]:
-        return (piece for file in self._filled if isinstance(file, McapFile) for piece in file.pieces())
+        return (
+            piece for file in self._filled if isinstance(file, McapFile) for piece in file.pieces()
+        )
 
     @property
     def _streams(self) -> list[SqliteFile]:
