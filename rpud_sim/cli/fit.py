@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import shlex
 import time
 from pathlib import Path
@@ -17,7 +18,7 @@ from rpud_sim.foundation.quantities import Quantity
 from rpud_sim.foundation.terminal import printable
 
 if TYPE_CHECKING:
-    from rpud_sim.studies.fit.fit import Fit
+    from rpud_sim.studies.fit.fit import Comparison, Fit
     from rpud_sim.studies.fit.proof import Proof
     from rpud_sim.studies.fit.specification import Specification
 
@@ -72,11 +73,12 @@ def _fit(arguments: argparse.Namespace, specification: Specification) -> int:
     write_fit(fit, out, command)
     if arguments.json:
         print_json({"out": str(out), **fit_content(fit), "run": fit.simulations, "kept": fit.kept})
-        return ExitCode.DONE
-    print(_text(fit))
-    wall = time.perf_counter() - started
-    print(f"{fit.simulations} runs, {fit.kept} kept, in {wall:.0f} s: {printable(out)}/report.html")
-    return ExitCode.DONE
+    else:
+        print(fit_text(fit))
+        wall = time.perf_counter() - started
+        where = f"{printable(out)}/report.html"
+        print(f"{fit.simulations} runs, {fit.kept} kept, in {wall:.0f} s: {where}")
+    return ExitCode.INCOMPLETE if fit.refusal else ExitCode.DONE
 
 
 def _prove(arguments: argparse.Namespace, specification: Specification) -> int:
@@ -95,21 +97,21 @@ def _prove(arguments: argparse.Namespace, specification: Specification) -> int:
     return ExitCode.DONE if proof.holds else ExitCode.FAILED
 
 
-def _text(fit: Fit) -> str:
-    from rpud_sim.studies.fit.specification import unit_of
-
+def fit_text(fit: Fit) -> str:
+    """Return what a fit found, for a terminal."""
     lines = []
-    for name, interval in fit.identifiability.intervals.items():
-        lines.append(
-            f"{name:28} {fit.best[name]:<10.4g} {interval.low:.4g} to {interval.high:.4g} "
-            f"{unit_of(name)}".rstrip()
-            + ("" if interval.identified == "yes" else f" (identified: {interval.identified})")
-        )
+    if fit.missed:
+        lines.append(f"not met: {fit.refusal}; there are no intervals")
+        lines += [_missed(item) for item in fit.missed]
+        lines.append("nearest point:")
+    elif fit.refusal:
+        lines.append(f"no intervals: {fit.refusal}")
+    lines += [_unknown(fit, name) for name in fit.specification.unknowns]
     for choices, share in fit.probabilities:
         if choices:
             words = ", ".join(f"{name} {value}" for name, value in choices.items())
             lines.append(f"{words}: probability {share:.3f}")
-    lines += [str(ridge) for ridge in fit.identifiability.ridges]
+    lines += [f"ridge: {ridge}" for ridge in (fit.found.ridges if fit.found else ())]
     for item in fit.comparisons:
         held = " (held out)" if item.target.hold_out else ""
         lines.append(
@@ -121,20 +123,46 @@ def _text(fit: Fit) -> str:
         f"misfit {fit.misfit(False):.2f} standard deviations"
         + ("" if hold_out is None else f", held out {hold_out:.2f}")
     )
-    if not fit.reached:
-        lines.append("the model does not reach every target: the intervals assume that it can")
     return "\n".join(lines)
 
 
+def _unknown(fit: Fit, name: str) -> str:
+    from rpud_sim.studies.fit.specification import unit_of
+
+    if fit.found is None:
+        return f"{name:28} {fit.best[name]:.4g} {unit_of(name)}".rstrip()
+    interval = fit.found.intervals[name]
+    # As many digits as tell both ends from the best point.
+    size, width = max(abs(interval.low), abs(interval.high)), interval.high - interval.low
+    digits = max(4, 2 + math.ceil(math.log10(size / width))) if width > 0.0 else 4
+    best, low, high = (f"{x:.{digits}g}" for x in (fit.best[name], interval.low, interval.high))
+    text = f"{name:28} {best:10} {low} to {high} {unit_of(name)}".rstrip()
+    return text + "".join(f" ({remark})" for remark in interval.remarks)
+
+
+def _missed(item: Comparison) -> str:
+    """Return by how much a target is missed."""
+    target, unit = item.target, item.target.measure.unit
+    difference = item.mean - target.value
+    side = "high" if difference > 0.0 else "low"
+    return (
+        f"{target.title}: {abs(difference):.4g} {unit}".rstrip()
+        + f" too {side}, {abs(item.deviation):.3g} standard deviations"
+    )
+
+
 def _proof_text(proof: Proof) -> str:
-    lines = [
-        f"{name:28} {100 * share:.1f} % of the 90 % intervals hold the true value"
-        for name, share in proof.covered.items()
-    ]
-    low, high = (f"{100 * share:.0f}" for share in proof.content()["range"])
+    content = proof.content()
+    lines = []
+    for name, found in content["covered"].items():
+        low, high = found["interval"]
+        lines.append(
+            f"{name:28} {found['count']} of {proof.drills} intervals hold the true value: "
+            f"{100 * found['share']:.1f} % ({100 * low:.1f} to {100 * high:.1f} %)"
+        )
     verdict = "within" if proof.holds else "outside"
     lines.append(
-        f"{proof.drills} synthetic drills, together {100 * proof.mean:.1f} %: "
-        f"{verdict} {low} to {high} %"
+        f"{100 * content['level']:g} % is {verdict} what chance allows; {proof.refused} synthetic "
+        "drills have no intervals"
     )
     return "\n".join(lines)

@@ -31,27 +31,16 @@ def fit_versions() -> dict[str, str]:
 
 def make_manifest(specification: Specification) -> dict[str, Any]:
     """Return everything that a fit's results depend on, as JSON reads it back."""
-    content = {
-        "specification": specification.content(),
-        "versions": fit_versions(),
-    }
+    content = {"specification": specification.content(), "versions": fit_versions()}
     found: dict[str, Any] = json.loads(json.dumps(content))
     return found
 
 
 class FitFolder:
-    """Files of one fit.
-
-    Args:
-        report: called with the number of finished runs.
-    """
+    """Files of one fit."""
 
     def __init__(
-        self,
-        path: Path,
-        specification: Specification,
-        workers: int,
-        report: Report,
+        self, path: Path, specification: Specification, workers: int, report: Report
     ) -> None:
         self.path = path
         self._specification = specification
@@ -62,12 +51,7 @@ class FitFolder:
         self.kept = 0
 
     def held(self) -> contextlib.AbstractContextManager[None]:
-        """Create or open the folder, and lock it against other processes.
-
-        Raises:
-            ParameterError: if it is locked or holds anything but this fit; nothing is changed then.
-            OSError: if it cannot be created.
-        """
+        """Create or open the folder, and lock it against other processes; see ``held_folder``."""
         return held_folder(self.path, self._manifest, "fit", ParameterError)
 
     def simulate(

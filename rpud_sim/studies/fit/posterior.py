@@ -7,7 +7,6 @@ follows ridges and separate peaks, and gives the evidence for each combination o
 
 from __future__ import annotations
 
-import copy
 import dataclasses
 import math
 
@@ -15,6 +14,7 @@ import numpy as np
 from scipy import optimize
 from scipy.stats import qmc
 
+from rpud_sim.studies.fit.design import Region
 from rpud_sim.studies.fit.specification import Target
 from rpud_sim.studies.fit.surrogate import Surrogate
 
@@ -27,7 +27,8 @@ class Likelihood:
     """Logarithm of the likelihood of the targets, from a surrogate.
 
     The error of a figure has three parts: the tolerance of its target, the chance of the runs whose
-    mean the target is, and the surrogate's own error.
+    mean the target is, and the surrogate's own error. Of the first two the greater one counts if
+    the target is from data (``Target.error``).
 
     Args:
         targets: of the fit, one for each figure.
@@ -43,15 +44,10 @@ class Likelihood:
         tolerance = np.where(surrogate.logarithmic, tolerance / safe, tolerance)
         groups = [target.group or str(number) for number, target in enumerate(targets)]
         same = np.array([[a == b for b in groups] for a in groups])
+        self._from_data = np.array([bool(target.group) for target in targets])
         # covariance of the targets' errors, as the figures are fitted
         self.tolerance = tolerance[:, None] * tolerance * np.where(same, surrogate.correlation, 0.0)
         self._values = surrogate.transform(values)
-
-    def with_values(self, values: np.ndarray) -> Likelihood:
-        """Return the likelihood of other values with the same errors, as the figures are fitted."""
-        other = copy.copy(self)
-        other._values = self.surrogate.transform(values)
-        return other
 
     def expected(self, shares: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return mean and covariance of the targets, as they are fitted, by point.
@@ -62,6 +58,8 @@ class Likelihood:
         raised = 0.5 * spread**2 * (1.0 - 1.0 / self._runs)
         mean = mean + np.where(self.surrogate.logarithmic, np.minimum(raised, 0.5), 0.0)
         chance = spread / np.sqrt(self._runs)
+        rest = np.sqrt(np.maximum(chance**2 - np.diag(self.tolerance), 0.0))
+        chance = np.where(self._from_data, rest, chance)
         covariance = (
             chance[:, :, None] * chance[:, None, :] * self.surrogate.correlation
             + self.surrogate.error
@@ -136,21 +134,23 @@ def sample(likelihood: Likelihood, particles: int, random: np.random.Generator) 
     return Posterior(shares, logs, evidence)
 
 
-def maximum(likelihood: Likelihood, posterior: Posterior, starts: int = 8) -> np.ndarray:
-    """Return the most probable point, shape (unknowns,)."""
-    region = likelihood.surrogate.region
-    order = np.argsort(-posterior.log_likelihood)[: starts * 8 : 8]
-    bounds = list(zip(region.low, region.high, strict=True))
+def maximum(likelihood: Likelihood, starts: np.ndarray, box: Region) -> np.ndarray:
+    """Return the most probable point of a box, shape (unknowns,).
+
+    Args:
+        starts: points in the box, the best first, shape (n, unknowns).
+    """
 
     def loss(point: np.ndarray) -> float:
-        value = float(likelihood(np.clip(point, region.low, region.high)[None])[0])
+        value = float(likelihood(np.clip(point, box.low, box.high)[None])[0])
         return -value if math.isfinite(value) else 1e12
 
-    best = posterior.shares[order[0]], -float(posterior.log_likelihood[order[0]])
-    for start in posterior.shares[order]:
+    bounds = list(zip(box.low, box.high, strict=True))
+    best = starts[0], loss(starts[0])
+    for start in starts:
         found = optimize.minimize(loss, start, method="L-BFGS-B", bounds=bounds)
         if found.fun < best[1]:
-            best = np.clip(found.x, region.low, region.high), float(found.fun)
+            best = np.clip(found.x, box.low, box.high), float(found.fun)
     return best[0]
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -25,8 +26,18 @@ class Target:
     parameters: tuple[tuple[str, Any], ...] = ()
     hold_out: bool = False  # whether the fit does not see it, and only reports it
     source: str = ""  # where the value comes from; may be empty
-    # of targets from the same data, whose errors are correlated; empty for a single one
+    # of targets from the same data, whose errors are correlated; empty for a single one. Their
+    # tolerance estimates the same chance as the model's runs, so the greater one counts.
     group: str = ""
+
+    def error(self, spread: float) -> float:
+        """Return the standard deviation of tolerance and chance.
+
+        Args:
+            spread: standard deviation of single runs.
+        """
+        chance = spread / math.sqrt(self.runs)
+        return max(chance, self.tolerance) if self.group else math.hypot(chance, self.tolerance)
 
     @property
     def title(self) -> str:

@@ -39,7 +39,6 @@ class Surrogate:
     spread_factors: np.ndarray  # coefficients for each figure, shape (terms, figures)
     correlation: np.ndarray  # of the figures of one run, shape (figures, figures)
     error: np.ndarray  # covariance of the surrogate's own errors, shape (figures, figures)
-    degrees: tuple[int, ...]  # of the polynomial of each figure
     valid: np.ndarray  # whether each point of the design had all figures
     points: KDTree | None  # nearest-neighbour index of the design, None if all are valid
 
@@ -122,7 +121,6 @@ def fit_surrogate(
         spread_factors,
         correlation,
         error,
-        tuple(int(terms.sum(axis=1).max()) for terms, *_ in fits),
         valid,
         tree,
     )

@@ -10,13 +10,28 @@ from hypothesis import strategies as st
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.model.single_contact import single_contact
 from rpud_sim.simulation import Simulation, preset
-from rpud_sim.simulation.configuration import Configuration
+from rpud_sim.simulation.configuration import Configuration, to_configuration
 from rpud_sim.simulation.ensemble import run_ensemble
 from rpud_sim.simulation.sampling import Times
 from rpud_sim.simulation.statistics import FIGURES
-from rpud_sim.studies.fit.measures import UNITS, Measure, impact_statistic, measure
+from rpud_sim.studies.fit.measures import (
+    DRILLING_FIGURES,
+    UNITS,
+    Measure,
+    impact_statistic,
+    measure,
+    missing_model,
+)
 
 DRILL = Configuration(preset("drilling"))
+ROTATING = to_configuration(
+    {
+        "regime": "drilling",
+        "actuator_model": "resonance",
+        "rock_model": "specific_energy",
+        "rotation_model": "friction_drive",
+    }
+)
 
 
 def test_the_figures_of_a_whole_run_are_those_of_simulate():
@@ -47,6 +62,40 @@ def test_the_figures_of_the_papers_windows_are_those_of_the_trajectory():
     }
     found = measure(DRILL, 0.05, list(measures.values()))
     assert dict(zip(measures, found, strict=True)) == pytest.approx(expected, rel=1e-9)
+
+
+def test_penetration_torque_and_powers_are_those_of_the_run():
+    expected = run_ensemble(ROTATING, 2.0, [0.1])
+    account, work = expected.accounts[0], expected.rotor_works[0]
+    rate, torque, electrical, mechanical, late = measure(
+        ROTATING,
+        0.1,
+        [
+            *(Measure(name, 0.0, 2.0) for name in DRILLING_FIGURES),
+            Measure("penetration_rate", 1.0, 2.0),
+        ],
+    )
+    assert rate == pytest.approx(expected.members[0]["penetration_rate"])
+    assert electrical == pytest.approx(account.electrical / 2.0)
+    assert mechanical == pytest.approx(account.actuator_work / 2.0)
+    simulation = Simulation(ROTATING, 0.1)
+    turned = simulation.advance_to(2 * SECOND).process.rotation.angle
+    assert torque == pytest.approx(work.resisted / turned, rel=0.05)
+    depth = [run_ensemble(ROTATING, end, [0.1]).members[0]["depth"] for end in (1.0, 2.0)]
+    assert late == pytest.approx(depth[1] - depth[0])
+
+
+@pytest.mark.parametrize(
+    ("figure", "missing"),
+    [
+        ("penetration_rate", "rock_model or strata"),
+        ("torque", "rotation_model"),
+        ("electrical_power", "actuator_model: resonance"),
+        ("actuator_power", ""),
+    ],
+)
+def test_a_figure_needs_the_part_that_has_it(figure, missing):
+    assert (missing_model(DRILL, figure), missing_model(ROTATING, figure)) == (missing, "")
 
 
 def test_a_window_holds_its_own_impacts_alone():
@@ -87,7 +136,7 @@ def test_every_figure_can_be_measured(figure):
     statistic = "max" if Measure(figure, 0.0, 0.1).figure in ("contact_force", "impulse") else ""
     impact = figure in ("contact_duration", "impact_velocity", "impact_energy")
     item = Measure(figure, 0.0, 0.1, "mean" if impact else statistic)
-    assert math.isfinite(measure(DRILL, 0.0, [item])[0])
+    assert math.isfinite(measure(ROTATING, 0.0, [item])[0])
     assert figure in str(item)
 
 

@@ -79,6 +79,14 @@ targets:
         (target(value=0), "targets[0].tolerance: '5 %' of 0 is no tolerance above 0"),
         (target(statistic="mean"), "targets[0].statistic: reacting_force_mean has none"),
         (target(figure="contact_force", statistic="median"), "statistic = 'median' is not one of"),
+        (
+            target(figure="torque"),
+            "targets[0].figure: torque [N m] needs the parameter rotation_mo",
+        ),
+        (
+            target(figure="penetration_rate"),
+            "penetration_rate [m/s] needs the parameter rock_model",
+        ),
         (target(window=0), "targets[0].window: begins at 0 s and ends at 0 s"),
         (target(window=[1, 2, 3]), "targets[0].window: [1, 2, 3] is neither seconds nor"),
         (target(impact_velocity=5), "impact_velocity: is for contact_peak_force and contact_peak"),
