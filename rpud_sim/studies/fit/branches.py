@@ -60,9 +60,6 @@ def explore(folder: FitFolder, specification: Specification, drill: str = "") ->
 
     Args:
         drill: prefix of the later rounds' files; the first round does not depend on the targets.
-
-    Raises:
-        FitError: if no point gives all figures, or none explains the targets.
     """
     branches = start_branches(specification)
     for number in range(specification.rounds):
@@ -129,11 +126,7 @@ def update(specification: Specification, branch: Branch, number: int) -> None:
 
 
 def weigh(branches: list[Branch]) -> list[Branch]:
-    """Return the branches that are probable enough, with their probabilities.
-
-    Raises:
-        FitError: if none explains the targets.
-    """
+    """Return the branches that are probable enough, with their probabilities."""
     found = [b for b in branches if b.posterior and math.isfinite(b.posterior.log_evidence)]
     if not found:
         raise FitError(

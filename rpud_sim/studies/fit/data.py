@@ -23,7 +23,7 @@ PARTS = 10  # of the data, for the sampling error
 LONGEST = 5.0  # of a run that is compared with the data [s]
 _LEAST_ERROR = 1e-3  # of the value: instruments are not better
 _FEWEST_IMPACTS, _FEWEST_SAMPLES = 100, 20
-_ENTRIES = ("bag", "csv", "skip", "regime", "parameters", "hold_out")
+_ENTRIES = ("bag", "csv", "skip", "parameters", "hold_out")
 _FIELDS = {field: name for name, (field, _) in IMPACT_VALUES.items()}
 _QUANTILES = (0.05, 0.5, 0.95)
 _TIMES = ("time", "header.stamp")
@@ -58,9 +58,6 @@ def read_data(
         content: of the entry: ``bag`` or ``csv``, ``skip``, ``hold_out``.
         own: parameters that the drill had.
         folder: at which paths begin.
-
-    Raises:
-        ParameterError: if the entry is not valid or its file has too few impacts and samples.
     """
     for name in content:
         if name not in _ENTRIES:

@@ -107,12 +107,6 @@ def run_fit(
     Args:
         out: its folder; new, or left by an earlier call of the same fit.
         report: called with the number of runs that finished since its last call.
-
-    Raises:
-        ParameterError: if the folder holds anything else.
-        FitError: if no point gives all figures, or none explains the targets.
-        WorkerError: if the workers fail.
-        OSError: if a file cannot be written.
     """
     folder = FitFolder(out, specification, workers, report)
     with folder.held():

@@ -72,9 +72,6 @@ def write_fit(fit: Fit, folder: Path, command: str) -> None:
     Args:
         folder: of the files; it exists.
         command: that makes them again.
-
-    Raises:
-        OSError: if a file cannot be written.
     """
     numbers = json.dumps(fit_content(fit), indent=1, allow_nan=False)
     _write(folder / NUMBERS, f"{numbers}\n".encode())

@@ -61,22 +61,17 @@ class FitFolder:
 
         Args:
             job: name of the work, different for each.
-            points: values of all unknowns at each point.
-            repeat: runs at each.
+            repeat: runs at each point.
 
         Returns:
             The measures, shape (points, repeat, targets).
-
-        Raises:
-            WorkerError: if the workers fail.
         """
         chunks = make_chunks(self._specification, points, repeat, seed)
         found = {chunk.number: self._read(job, chunk) for chunk in chunks}
         missing = [chunk for chunk in chunks if found[chunk.number] is None]
-        for chunk in chunks:
-            if found[chunk.number] is not None:
-                self.kept += len(chunk.points) * repeat
-                self.report(len(chunk.points) * repeat)
+        kept = repeat * sum(len(c.points) for c in chunks if found[c.number] is not None)
+        self.kept += kept
+        self.report(kept)
         if missing:
             # Compiled here once: the workers then find the kernels in the cache.
             condition = self._specification.conditions[0]

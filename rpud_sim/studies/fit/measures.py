@@ -16,7 +16,7 @@ from rpud_sim.model.segment import IMPACT, join_records
 from rpud_sim.model.single_contact import single_contact
 from rpud_sim.simulation.block import Block
 from rpud_sim.simulation.configuration import Configuration
-from rpud_sim.simulation.members import Figures, QuietRuns, runs_by_itself
+from rpud_sim.simulation.members import QuietRuns, runs_by_itself
 from rpud_sim.simulation.sampling import Times
 from rpud_sim.simulation.simulation import Simulation
 from rpud_sim.simulation.statistics import FIGURES, Statistics
@@ -132,9 +132,6 @@ def measure(configuration: Configuration, phase: float, measures: Sequence[Measu
     Args:
         phase: initial phase of the vibration [cycles].
         measures: which figures.
-
-    Raises:
-        EngineError: if the engine cannot finish the run.
     """
     windows: dict[tuple[int, int], _Window] = {}
     wanted = {_window(item) for item in measures if item.simulated}
@@ -234,7 +231,7 @@ class _Window:
             return self._statistics.account.electrical / duration
         if item.figure == "actuator_power":
             return self._statistics.account.actuator_work / duration
-        value = self._figures[item.figure]
+        value = self._statistics.figures()[item.figure]
         return math.nan if value is None else float(value)
 
     @cached_property
@@ -248,10 +245,6 @@ class _Window:
         return statistics
 
     @cached_property
-    def _figures(self) -> Figures:
-        return self._statistics.figures()
-
-    @cached_property
     def _impacts(self) -> np.ndarray:
         if len(self._parts) == 1:
             return self._parts[0].impacts
@@ -263,20 +256,8 @@ def impact_statistic(values: np.ndarray, item: Measure) -> float:
     if not len(values):
         return math.nan
     if item.statistic == "quantile":
-        return _quantile(values, item.quantile)
+        return float(np.quantile(values, item.quantile))
     return float(getattr(values, item.statistic)())
-
-
-def _quantile(values: np.ndarray, share: float) -> float:
-    """Return the quantile of NumPy's ``quantile``, whose calls would be a tenth of a fit's time."""
-    place = share * (len(values) - 1)
-    below = math.floor(place)
-    above = min(below + 1, len(values) - 1)
-    low, high = np.partition(values, (below, above))[[below, above]].tolist()
-    part = place - below
-    if part < 0.5:
-        return float(low + (high - low) * part)
-    return float(high - (high - low) * (1.0 - part))
 
 
 def _greatest(block: Block, channel: str) -> float:

@@ -82,9 +82,6 @@ def prove(
     Args:
         specification: of the fit; the values of its targets give only the tolerances.
         report: called with the number of drills that were fitted since its last call.
-
-    Raises:
-        FitError: if no drill can be fitted.
     """
     runs = _runs(specification)
     random = np.random.default_rng([specification.seed, _DRAWN])

@@ -74,11 +74,7 @@ class Specification:
     def configuration(
         self, unknown: Mapping[str, Any], condition: tuple[tuple[str, Any], ...] = ()
     ) -> Configuration:
-        """Return the drill for values of the unknowns and a target's own parameters.
-
-        Raises:
-            ParameterError: if a value is outside its range.
-        """
+        """Return the drill for values of the unknowns and a target's own parameters."""
         return to_configuration({**self.parameters, **unknown, **dict(condition)})
 
     def content(self) -> dict[str, Any]:

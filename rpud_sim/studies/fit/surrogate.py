@@ -82,9 +82,6 @@ def fit_surrogate(
         shares: the points, shape (points, unknowns).
         figures: of the runs, shape (points, repeat, figures); NaN if missing.
         groups: condition of each figure; runs of two conditions are independent.
-
-    Raises:
-        SurrogateError: if too few points have all figures.
     """
     valid = np.isfinite(figures).all(axis=(1, 2))
     fewest = 4 * (shares.shape[1] + 1)

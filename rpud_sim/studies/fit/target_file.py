@@ -44,7 +44,7 @@ _EFFORT = {
 }
 _TARGET = (
     *("figure", "statistic", "window", "value", "tolerance", "runs", "impact_velocity"),
-    *("regime", "parameters", "hold_out", "source"),
+    *("parameters", "hold_out", "source"),
 )
 _MOST_COMBINATIONS = 64
 # Parameters of the drill; those of the node change no figure.
@@ -52,11 +52,7 @@ _NAMES = tuple(name for name in PARAMETERS if name not in NODE_NAMES)
 
 
 def read_target_file(path: str | Path) -> Specification:
-    """Return the specification of a YAML file; the paths in it begin at its folder.
-
-    Raises:
-        ParameterError: if the file, or one that it names, cannot be used.
-    """
+    """Return the specification of a YAML file; the paths in it begin at its folder."""
     content = read_yaml(path)
     try:
         return parse_targets(content, Path(path).parent)
@@ -69,9 +65,6 @@ def parse_targets(content: Any, folder: Path = Path()) -> Specification:
 
     Args:
         folder: at which paths begin.
-
-    Raises:
-        ParameterError: if they are not valid; the text names the entry and the reason.
     """
     if content is None:
         raise ParameterError("is empty")
@@ -86,8 +79,7 @@ def parse_targets(content: Any, folder: Path = Path()) -> Specification:
     ]
     for number, item in enumerate(_list("data", entries.get("data", []))):
         entry = f"data[{number}]"
-        own = _own_parameters(entry, _mapping(entry, item))
-        _check_parameters(entry, own)
+        own = _own_parameters(entry, _mapping(entry, item), fixed)
         targets += read_data(entry, item, own, folder)
     effort = {
         name: allowed.check(name, entries[name])
@@ -178,8 +170,7 @@ def _target(entry: str, content: Any, fixed: Mapping[str, Any]) -> Target:
     least = -_GREATEST if measure.figure in SIGNED else 0.0
     allowed = Quantity(measure.unit, "", least, _GREATEST)
     value = float(allowed.check(f"{entry}.value", entries["value"]))
-    own = _own_parameters(entry, entries)
-    _check_parameters(entry, {**fixed, **own})
+    own = _own_parameters(entry, entries, fixed)
     return Target(
         measure,
         value,
@@ -193,10 +184,7 @@ def _target(entry: str, content: Any, fixed: Mapping[str, Any]) -> Target:
 
 def _measure(entry: str, entries: Mapping[str, Any]) -> Measure:
     figure = entries["figure"]
-    if not isinstance(figure, str) or figure not in UNITS:
-        raise ParameterError(
-            f"{entry}.figure: {shown_name(figure)} is not a figure; {did_you_mean(figure, UNITS)}"
-        )
+    _known(f"{entry}.figure: ", [figure], UNITS, "a figure")
     statistic, quantile = _statistic(entry, figure, entries.get("statistic"))
     start, end = _window(f"{entry}.window", entries.get("window", 5.0))
     if figure in CONTACT_FIGURES:
@@ -259,9 +247,12 @@ def _tolerance(entry: str, content: Any, value: float, unit: str) -> float:
     return float(tolerance)
 
 
-def _own_parameters(entry: str, entries: Mapping[str, Any]) -> dict[str, Any]:
+def _own_parameters(
+    entry: str, entries: Mapping[str, Any], fixed: Mapping[str, Any]
+) -> dict[str, Any]:
     own = dict(_mapping(f"{entry}.parameters", entries.get("parameters", {})))
-    return {"regime": entries["regime"], **own} if "regime" in entries else own
+    _check_parameters(entry, {**fixed, **own})
+    return own
 
 
 def _missing_models(specification: Specification) -> list[str]:
@@ -303,7 +294,7 @@ def _list(entry: str, content: Any) -> list[Any]:
 
 def _known(prefix: str, names: Iterable[Any], known: Iterable[str], kind: str) -> None:
     for name in names:
-        if name not in known:
+        if not isinstance(name, str) or name not in known:
             raise ParameterError(
                 f"{prefix}{shown_name(name)} is not {kind}; {did_you_mean(name, known)}"
             )

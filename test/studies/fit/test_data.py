@@ -45,7 +45,7 @@ def test_impacts_of_a_csv_file_become_targets_with_their_sampling_errors(tmp_pat
 
 
 def test_a_bag_gives_impacts_and_reacting_force():
-    found = from_data(BAG.parent, bag=BAG.name, regime="drilling", skip=0.2)
+    found = from_data(BAG.parent, bag=BAG.name, parameters={"regime": "drilling"}, skip=0.2)
     figures = {target.measure.figure for target in found.targets}
     assert {"contact_force", "drill_tool_impact_rate", "reacting_force_mean"} <= figures
     assert all(target.tolerance > 0.0 for target in found.targets)

@@ -4,8 +4,6 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.model.single_contact import single_contact
@@ -18,7 +16,6 @@ from rpud_sim.studies.fit.measures import (
     DRILLING_FIGURES,
     UNITS,
     Measure,
-    impact_statistic,
     measure,
     missing_model,
 )
@@ -138,15 +135,3 @@ def test_every_figure_can_be_measured(figure):
     item = Measure(figure, 0.0, 0.1, "mean" if impact else statistic)
     assert math.isfinite(measure(ROTATING, 0.0, [item])[0])
     assert figure in str(item)
-
-
-@given(
-    values=st.lists(st.floats(0.0, 1e6), min_size=1, max_size=40),
-    share=st.one_of(st.floats(0.0, 1.0), st.sampled_from([0.0, 0.05, 0.5, 0.95, 1.0])),
-)
-def test_a_quantile_of_impacts_is_that_of_numpy_to_the_last_bit(values, share):
-    impacts = np.array([(0, value) for value in values], [("contact", "u1"), ("force", "f8")])
-    found = impact_statistic(
-        impacts["force"], Measure("contact_force", 0.0, 1.0, "quantile", share)
-    )
-    assert found == np.quantile(values, share)

@@ -41,7 +41,11 @@ seed: 3
 phase_spread: 0.1
 targets:
   - {figure: contact_force, statistic: quantile 0.05, window: 0.6, value: 400, tolerance: 20}
-  - {figure: contact_peak_force, regime: drilling, value: 1650, tolerance: 2 %, hold_out: true}
+  - figure: contact_peak_force
+    parameters: {regime: drilling}
+    value: 1650
+    tolerance: 2 %
+    hold_out: true
   - {figure: kinetic_energy_rate, window: [1, 3], value: 20, tolerance: 5 %, runs: 4}
 """
     )
