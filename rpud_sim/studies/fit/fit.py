@@ -69,11 +69,15 @@ class Fit:
     comparisons: tuple[Comparison, ...]  # by target
     refusal: str  # why there are no intervals; empty if there are
     shares: np.ndarray  # equally probable points of the posterior over all choices
-    samples: Mapping[str, np.ndarray]  # the same in SI units, by unknown
     found: Identifiability | None  # what the targets determine; None without intervals
     probabilities: tuple[tuple[Mapping[str, Any], float], ...]  # of the combinations of choices
     simulations: int  # runs of this call
     kept: int  # runs of earlier calls
+
+    @property
+    def samples(self) -> Mapping[str, np.ndarray]:
+        """The points of the posterior in SI units, by unknown."""
+        return values_at(self.specification, self.shares)
 
     @property
     def missed(self) -> tuple[Comparison, ...]:
@@ -149,7 +153,6 @@ def fit_in(folder: FitFolder, specification: Specification) -> Fit:
         comparisons,
         refusal,
         shares,
-        values_at(specification, shares),
         None if refusal else identify(shares, specification.unknowns),
         tuple((branch.choices, branch.probability) for branch in branches),
         folder.simulated,

@@ -84,7 +84,6 @@ def write_fit(fit: Fit, folder: Path, command: str) -> None:
 def fit_content(fit: Fit) -> dict[str, Any]:
     """Return all numbers of a fit as plain values."""
     found = fit.found
-    names = list(fit.specification.unknowns)
     return {
         "reached": fit.reached,
         "missed": [item.target.title for item in fit.missed],
@@ -94,15 +93,11 @@ def fit_content(fit: Fit) -> dict[str, Any]:
         "unknowns": {
             name: {"best": fit.best[name], "unit": unit_of(name)}
             | ({} if found is None else _interval(found.intervals[name]))
-            for name in names
+            for name in fit.specification.unknowns
         },
         "choices": [
             {"choices": dict(choices), "probability": share} for choices, share in fit.probabilities
         ],
-        "correlation": {
-            name: dict(zip(names, map(float, row), strict=True))
-            for name, row in zip(names, found.correlation if found else (), strict=False)
-        },
         "ridges": [
             {"parameters": list(ridge.names), "correlation": ridge.correlation}
             for ridge in (found.ridges if found else ())

@@ -63,7 +63,6 @@ class Identifiability:
     """What the targets determine."""
 
     intervals: Mapping[str, Interval]  # by unknown
-    correlation: np.ndarray  # rank correlations, shape (unknowns, unknowns)
     ridges: tuple[Ridge, ...]  # the strongest first
 
 
@@ -117,4 +116,4 @@ def identify(shares: np.ndarray, unknowns: Mapping[str, Range]) -> Identifiabili
         if abs(correlation[i, j]) >= _RIDGE
     ]
     ridges = tuple(sorted(pairs, key=lambda ridge: -abs(ridge.correlation)))
-    return Identifiability(intervals, correlation, ridges)
+    return Identifiability(intervals, ridges)

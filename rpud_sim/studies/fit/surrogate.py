@@ -48,10 +48,6 @@ class Surrogate:
             logs = np.where(figures > 0.0, np.log(np.where(figures > 0.0, figures, 1.0)), np.nan)
         return np.where(self.logarithmic, logs, figures)
 
-    def restore(self, fitted: np.ndarray) -> np.ndarray:
-        """Return the inverse of ``transform``."""
-        return np.where(self.logarithmic, np.exp(np.where(self.logarithmic, fitted, 0.0)), fitted)
-
     def predict(self, shares: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return mean and spread of single runs, as they are fitted, each of shape (n, figures)."""
         unit = self.region.to_unit(shares)

@@ -115,14 +115,9 @@ def test_a_known_drill_is_found_with_its_choice_and_resumed(specification, tmp_p
 def test_a_corner_shows_where_the_posterior_is(specification, tmp_path):
     fit = run_fit(specification, tmp_path / "fit", 2)
     random = np.random.default_rng(0)
-    samples = {"weight_on_bit": random.normal(10.0, 0.01, 20_000)}
-    samples["weight_on_bit"][0] = 19.0  # far away
-    narrow = dataclasses.replace(
-        fit,
-        samples=samples,
-        best={**fit.best, "weight_on_bit": 10.05},
-        shares=np.zeros((20_000, 1)),
-    )
+    shares = random.normal(6.0 / 16.0, 0.01 / 16.0, (20_000, 1))
+    shares[0] = 15.0 / 16.0  # far away
+    narrow = dataclasses.replace(fit, shares=shares, best={**fit.best, "weight_on_bit": 10.05})
     [[single]] = corner_rows(narrow, fit.found)
     assert 9.9 < single.x.low < 9.97
     assert 10.05 < single.x.high < 10.1
