@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import math
 import shlex
 import time
 from pathlib import Path
@@ -18,7 +17,7 @@ from rpud_sim.foundation.quantities import Quantity
 from rpud_sim.foundation.terminal import printable
 
 if TYPE_CHECKING:
-    from rpud_sim.studies.fit.fit import Comparison, Fit
+    from rpud_sim.studies.fit.fit import Fit
     from rpud_sim.studies.fit.proof import Proof
     from rpud_sim.studies.fit.specification import Specification
 
@@ -102,22 +101,14 @@ def fit_text(fit: Fit) -> str:
     lines = []
     if fit.missed:
         lines.append(f"not met: {fit.refusal}; there are no intervals")
-        lines += [_missed(item) for item in fit.missed]
+        lines += [item.miss for item in fit.missed]
         lines.append("nearest point:")
     elif fit.refusal:
         lines.append(f"no intervals: {fit.refusal}")
     lines += [_unknown(fit, name) for name in fit.specification.unknowns]
-    for choices, share in fit.probabilities:
-        if choices:
-            words = ", ".join(f"{name} {value}" for name, value in choices.items())
-            lines.append(f"{words}: probability {share:.3f}")
+    lines += [f"{choices}: probability {share:.3f}" for choices, share in fit.choices]
     lines += [f"ridge: {ridge}" for ridge in (fit.found.ridges if fit.found else ())]
-    for item in fit.comparisons:
-        held = " (held out)" if item.target.hold_out else ""
-        lines.append(
-            f"{item.target.title}: {item.target.value:.4g} {item.target.measure.unit}".rstrip()
-            + f", model {item.mean:.4g}, ratio {item.ratio:.3f}{held}"
-        )
+    lines += map(str, fit.comparisons)
     hold_out = fit.misfit(True)
     lines.append(
         f"misfit {fit.misfit(False):.2f} standard deviations"
@@ -132,23 +123,9 @@ def _unknown(fit: Fit, name: str) -> str:
     if fit.found is None:
         return f"{name:28} {fit.best[name]:.4g} {unit_of(name)}".rstrip()
     interval = fit.found.intervals[name]
-    # As many digits as tell both ends from the best point.
-    size, width = max(abs(interval.low), abs(interval.high)), interval.high - interval.low
-    digits = max(4, 2 + math.ceil(math.log10(size / width))) if width > 0.0 else 4
-    best, low, high = (f"{x:.{digits}g}" for x in (fit.best[name], interval.low, interval.high))
-    text = f"{name:28} {best:10} {low} to {high} {unit_of(name)}".rstrip()
+    best = f"{fit.best[name]:.{interval.digits}g}"
+    text = f"{name:28} {best:10} {interval} {unit_of(name)}".rstrip()
     return text + "".join(f" ({remark})" for remark in interval.remarks)
-
-
-def _missed(item: Comparison) -> str:
-    """Return by how much a target is missed."""
-    target, unit = item.target, item.target.measure.unit
-    difference = item.mean - target.value
-    side = "high" if difference > 0.0 else "low"
-    return (
-        f"{target.title}: {abs(difference):.4g} {unit}".rstrip()
-        + f" too {side}, {abs(item.deviation):.3g} standard deviations"
-    )
 
 
 def _proof_text(proof: Proof) -> str:

@@ -59,6 +59,19 @@ class Comparison:
         """Whether the model is within three standard deviations of the target."""
         return abs(self.deviation) <= _FAR
 
+    @property
+    def miss(self) -> str:
+        """By how much the model misses the target, in words."""
+        difference = self.mean - self.target.value
+        amount = f"{abs(difference):.4g} {self.target.measure.unit}".rstrip()
+        side = "high" if difference > 0.0 else "low"
+        return f"{self.target.title}: {amount} too {side}, {abs(self.deviation):.3g} standard deviations"
+
+    def __str__(self) -> str:
+        value = f"{self.target.value:.4g} {self.target.measure.unit}".rstrip()
+        held = " (held out)" if self.target.hold_out else ""
+        return f"{self.target.title}: {value}, model {self.mean:.4g}, ratio {self.ratio:.3f}{held}"
+
 
 @dataclasses.dataclass(frozen=True)
 class Fit:
@@ -89,6 +102,15 @@ class Fit:
     def reached(self) -> bool:
         """Whether the model reaches every target that the fit used."""
         return not self.missed
+
+    @property
+    def choices(self) -> tuple[tuple[str, float], ...]:
+        """Combinations of choices in words, with their probabilities; empty without choices."""
+        texts = [
+            (", ".join(f"{name} {value}" for name, value in choices.items()), share)
+            for choices, share in self.probabilities
+        ]
+        return tuple((text, share) for text, share in texts if text)
 
     def misfit(self, hold_out: bool) -> float | None:
         """Return the root mean square of the deviations; None without such targets."""

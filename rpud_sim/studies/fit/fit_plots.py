@@ -22,7 +22,8 @@ _ROW = 26  # height of a target [pixels]
 def unknown_quantity(fit: Fit, name: str) -> Quantity:
     """Return how an unknown is shown."""
     greatest = abs(fit.specification.unknowns[name].maximum)
-    return replace(quantity_in(unit_of(name), greatest, name), digits=4)
+    digits = fit.found.intervals[name].digits if fit.found else 4
+    return replace(quantity_in(unit_of(name), greatest, name), digits=digits)
 
 
 def corner_rows(fit: Fit, found: Identifiability) -> list[list[Plot]]:
@@ -109,7 +110,7 @@ def target_plot(fit: Fit) -> Plot:
         chosen = [i for i, item in enumerate(shown) if item.target.hold_out == held]
         if chosen:
             ratio = np.array([shown[i].ratio for i in chosen])
-            titles = tuple(_told(shown[i]) for i in chosen)
+            titles = tuple(str(shown[i]) for i in chosen)
             layers.append(Points(name, ratio, places[chosen], size=8.0, color=color, titles=titles))
     texts = [_texts(item) for item in shown]
     columns = (
@@ -117,7 +118,7 @@ def target_plot(fit: Fit) -> Plot:
     )
     titles = tuple(f"{item.target.title}{' (held out)' * item.target.hold_out}" for item in shown)
     far = max(shown, key=lambda item: abs(item.deviation), default=None)
-    alt = "" if far is None else f"Furthest: {_told(far)}."
+    alt = "" if far is None else f"Furthest: {far}."
     up = Axis(categories=titles, flipped=True, columns=columns)
     return Plot("Targets", tuple(layers), alt, up, Axis("model / target"), _ROW * len(shown), 1068)
 
@@ -125,8 +126,3 @@ def target_plot(fit: Fit) -> Plot:
 def _texts(item: Comparison) -> tuple[str, str]:
     shown = quantity_in(item.target.measure.unit, abs(item.target.value))
     return shown.text(item.target.value), shown.text(item.mean)
-
-
-def _told(item: Comparison) -> str:
-    target, model = _texts(item)
-    return f"{item.target.title}: target {target}, model {model}, {item.ratio:.3f} of the target"

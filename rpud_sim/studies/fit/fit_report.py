@@ -32,10 +32,9 @@ _BODY = """\
 {% if refusal %}
 <p class="warning">There are no intervals: {{ refusal }}.</p>
 {% endif %}
-{% if missed %}
-{{ table(("target", "value", "model", "difference", "standard deviations"), missed,
- caption="Targets that the model does not reach") }}
-{% endif %}
+{% for miss in missed %}
+<p class="warning">{{ miss }}</p>
+{% endfor %}
 {{ corner }}
 {% if ridges %}
 <p class="warning">The targets determine these pairs only together:
@@ -156,16 +155,14 @@ def _page(fit: Fit, command: str) -> str:
         seed=fit.specification.seed,
         verdict=_verdict(fit),
         refusal=fit.refusal,
-        missed=[_missed(item) for item in fit.missed],
+        missed=[item.miss for item in fit.missed],
         runs=fit.simulations + fit.kept,
         percent=PERCENT,
         heading=("parameter", "best point", f"{PERCENT} interval", "width", "remarks")[
             : 5 if found else 2
         ],
         unknowns=[_unknown(fit, name) for name in fit.specification.unknowns],
-        choices=[
-            (_choices(choices), f"{share:.3f}") for choices, share in fit.probabilities if choices
-        ],
+        choices=[(choices, f"{share:.3f}") for choices, share in fit.choices],
         ridges=[str(ridge) for ridge in found.ridges] if found else [],
         corner=_corner(fit),
         target_plot=target_plot(fit),
@@ -191,13 +188,6 @@ def _verdict(fit: Fit) -> str:
     return f"Not met: the model does not reach {len(fit.missed)} of {used} targets."
 
 
-def _missed(item: Comparison) -> tuple[str, ...]:
-    shown = quantity_in(item.target.measure.unit, abs(item.target.value))
-    difference = shown.text(item.mean - item.target.value, sign=True)
-    value, model = shown.text(item.target.value), shown.text(item.mean)
-    return (item.target.title, value, model, difference, f"{item.deviation:+.1f}")
-
-
 def _unknown(fit: Fit, name: str) -> tuple[str, ...]:
     shown = unknown_quantity(fit, name)
     best = (name, shown.text(fit.best[name]))
@@ -221,10 +211,6 @@ def _row(item: Comparison) -> tuple[str, ...]:
         f"{item.deviation:+.2f}",
         "yes" if item.target.hold_out else "",
     )
-
-
-def _choices(choices: Any) -> str:
-    return ", ".join(f"{name} {value}" for name, value in choices.items())
 
 
 def _write(path: Path, content: bytes) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Mapping
 
 import numpy as np
@@ -36,6 +37,15 @@ class Interval:
         if self.width > _WIDE:
             return "no"
         return "weakly" if self.width > _NARROW else "yes"
+
+    @property
+    def digits(self) -> int:
+        """Digits that tell both ends from the values between them."""
+        width, size = self.high - self.low, max(abs(self.low), abs(self.high))
+        return max(4, 2 + math.ceil(math.log10(size / width))) if width > 0.0 else 17
+
+    def __str__(self) -> str:
+        return f"{self.low:.{self.digits}g} to {self.high:.{self.digits}g}"
 
     @property
     def remarks(self) -> tuple[str, ...]:

@@ -27,14 +27,9 @@ def parameter_file(fit: Fit, command: str) -> str:
         f"#   {command}",
         *([f"# No intervals: {fit.refusal}."] if fit.refusal else []),
     ]
-    for comparison in fit.comparisons:
-        target = comparison.target
-        seen = ", held out" if target.hold_out else ""
-        source = f"{target.source}: " if target.source else ""
-        lines.append(
-            f"# {source}{target.title}: {target.value:.4g} {target.measure.unit}".rstrip()
-            + f"; the model gives {comparison.mean:.4g}{seen}"
-        )
+    for item in fit.comparisons:
+        source = f"{item.target.source}: " if item.target.source else ""
+        lines.append(f"# {source}{item}")
     lines += ["/**:", "  ros__parameters:"]
     names = list(PARAMETERS)
     always = names[: names.index(_IMPACT_DYNAMICS_END) + 1]
@@ -72,8 +67,7 @@ def _comment(fit: Fit, name: str) -> str:
         if fit.found is None:
             return f"# fitted: no interval{unit}"
         interval = fit.found.intervals[name]
-        ends = f"{interval.low:.4g} to {interval.high:.4g}"
-        return f"# fitted: {', '.join((f'{PERCENT} interval {ends}{unit}', *interval.remarks))}"
+        return f"# fitted: {', '.join((f'{PERCENT} interval {interval}{unit}', *interval.remarks))}"
     if name in fit.specification.choices:
         share = sum(p for choices, p in fit.probabilities if choices[name] == fit.best[name])
         allowed = ", ".join(str(value) for value in fit.specification.choices[name])
