@@ -65,7 +65,8 @@ class Comparison:
         difference = self.mean - self.target.value
         amount = f"{abs(difference):.4g} {self.target.measure.unit}".rstrip()
         side = "high" if difference > 0.0 else "low"
-        return f"{self.target.title}: {amount} too {side}, {abs(self.deviation):.3g} standard deviations"
+        far = f"{abs(self.deviation):.3g} standard deviations"
+        return f"{self.target.title}: {amount} too {side}, {far}"
 
     def __str__(self) -> str:
         value = f"{self.target.value:.4g} {self.target.measure.unit}".rstrip()
