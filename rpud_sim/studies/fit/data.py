@@ -142,12 +142,12 @@ def _measures(field: str, start: float, end: float) -> list[Measure]:
     if field in _SAMPLED:
         return [Measure(_SAMPLED[field], start, end)]
     name = _FIELDS[field]
-    mean = Measure(name, start, end, "mean")
+    mean = Measure(name, start, end)
     if field == "energy":
         return [Measure("kinetic_energy_rate", start, end)]
     if field != "peak_force":
         return [mean]
-    quantiles = [Measure(name, start, end, "quantile", share) for share in _QUANTILES]
+    quantiles = [Measure(name, start, end, share) for share in _QUANTILES]
     return [Measure("drill_tool_impact_rate", start, end), mean, *quantiles]
 
 

@@ -34,12 +34,10 @@ IMPACT_VALUES = MappingProxyType(
         "impulse": ("impulse", "N s"),
     }
 )
-STATISTICS = ("mean", "min", "max", "quantile")
 
 # Figures of a whole window, in addition to those of ``rpud simulate``, with their units.
 WINDOW_FIGURES = MappingProxyType(
     {
-        "impacts": "",
         "kinetic_energy": "J",
         "nodal_plane_displacement": "m",
         "drill_tool_displacement": "m",
@@ -88,8 +86,7 @@ class Measure:
     figure: str  # of ``UNITS``
     start: float  # of its window, simulation time [s]
     end: float  # of its window [s]
-    statistic: str = ""  # of ``STATISTICS`` for values of impacts; empty for other figures
-    quantile: float = 0.5  # from 0 to 1, for the statistic of that name
+    quantile: float | None = None  # of values of impacts, from 0 to 1; None for their mean
     impact_velocity: float = 5.0  # of the free mass, for a figure of one collision [m/s]
 
     @property
@@ -105,8 +102,8 @@ class Measure:
     def __str__(self) -> str:
         if not self.simulated:
             return f"{self.figure} at {self.impact_velocity:g} m/s"
-        statistic = f", {self.statistic}" if self.statistic else ""
-        if self.statistic == "quantile":
+        statistic = ", mean" if self.figure in IMPACT_VALUES else ""
+        if self.quantile is not None:
             statistic = f", {100.0 * self.quantile:g} % quantile"
         return f"{self.figure}{statistic}, {self.start:g} to {self.end:g} s"
 
@@ -215,8 +212,6 @@ class _Window:
         duration = (self._parts[-1].end - self._parts[0].start) / SECOND
         if item.figure in IMPACT_VALUES:
             return impact_statistic(self._impacts[IMPACT_VALUES[item.figure][0]], item)
-        if item.figure == "impacts":
-            return float(len(self._impacts))
         if item.figure == "kinetic_energy":
             return float(self._impacts["energy"].sum())
         if item.figure in _CHANNELS:
@@ -255,9 +250,7 @@ def impact_statistic(values: np.ndarray, item: Measure) -> float:
     """Return the statistic of a measure over values of impacts; NaN if there are none."""
     if not len(values):
         return math.nan
-    if item.statistic == "quantile":
-        return float(np.quantile(values, item.quantile))
-    return float(getattr(values, item.statistic)())
+    return float(values.mean() if item.quantile is None else np.quantile(values, item.quantile))
 
 
 def _greatest(block: Block, channel: str) -> float:

@@ -24,7 +24,6 @@ from rpud_sim.studies.fit.measures import (
     CONTACT_FIGURES,
     IMPACT_VALUES,
     SIGNED,
-    STATISTICS,
     UNITS,
     Measure,
     missing_model,
@@ -43,7 +42,7 @@ _EFFORT = {
     "phase_spread": Quantity("cycles", "greatest initial phase", 0.0, 0.5),
 }
 _TARGET = (
-    *("figure", "statistic", "window", "value", "tolerance", "runs", "impact_velocity"),
+    *("figure", "statistic", "window", "value", "tolerance", "runs"),
     *("parameters", "hold_out", "source"),
 )
 _MOST_COMBINATIONS = 64
@@ -185,39 +184,31 @@ def _target(entry: str, content: Any, fixed: Mapping[str, Any]) -> Target:
 def _measure(entry: str, entries: Mapping[str, Any]) -> Measure:
     figure = entries["figure"]
     _known(f"{entry}.figure: ", [figure], UNITS, "a figure")
-    statistic, quantile = _statistic(entry, figure, entries.get("statistic"))
-    start, end = _window(f"{entry}.window", entries.get("window", 5.0))
     if figure in CONTACT_FIGURES:
-        speed = Quantity("m/s", "", 0.0, 1e3, exclusive=True).check(
-            f"{entry}.impact_velocity", entries.get("impact_velocity", 5.0)
-        )
-        return Measure(figure, 0.0, 0.0, impact_velocity=speed)
-    if "impact_velocity" in entries:
-        raise ParameterError(
-            f"{entry}.impact_velocity: is for {' and '.join(CONTACT_FIGURES)} alone"
-        )
-    return Measure(figure, start, end, statistic, quantile)
+        return Measure(figure, 0.0, 0.0)
+    start, end = _window(f"{entry}.window", entries.get("window", 5.0))
+    return Measure(figure, start, end, _quantile(f"{entry}.statistic", figure, entries))
 
 
-def _statistic(entry: str, figure: str, content: Any) -> tuple[str, float]:
+def _quantile(entry: str, figure: str, entries: Mapping[str, Any]) -> float | None:
+    """Return the quantile of ``statistic``; None for the mean."""
+    if "statistic" not in entries:
+        return None
     if figure not in IMPACT_VALUES:
-        if content is not None:
-            raise ParameterError(
-                f"{entry}.statistic: {figure} has none; those of {', '.join(IMPACT_VALUES)} have"
-            )
-        return "", 0.5
-    words = str("mean" if content is None else content).split()
-    if words[:1] == ["quantile"] and len(words) == 2:
-        try:
-            share: Any = float(words[1])
-        except ValueError:
-            share = words[1]
-        return "quantile", Quantity("", "", 0, 1).check(f"{entry}.statistic: quantile", share)
-    if len(words) != 1 or words[0] not in STATISTICS[:3]:
         raise ParameterError(
-            f"{entry}.statistic = {shown(content)} is not one of mean, min, max, quantile Q"
+            f"{entry}: {figure} has none; those of {', '.join(IMPACT_VALUES)} have"
         )
-    return words[0], 0.5
+    content = entries["statistic"]
+    if content == "mean":
+        return None
+    word, _, share = str(content).partition(" ")
+    try:
+        if word == "quantile":
+            return float(Quantity("", "", 0, 1).check(f"{entry}: quantile", float(share)))
+    except ValueError as error:
+        if isinstance(error, ParameterError):
+            raise
+    raise ParameterError(f"{entry} = {shown(content)} is neither mean nor quantile Q")
 
 
 def _window(entry: str, content: Any) -> tuple[float, float]:
