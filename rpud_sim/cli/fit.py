@@ -109,11 +109,7 @@ def fit_text(fit: Fit) -> str:
     lines += [f"{choices}: probability {share:.3f}" for choices, share in fit.choices]
     lines += [f"ridge: {ridge}" for ridge in (fit.found.ridges if fit.found else ())]
     lines += map(str, fit.comparisons)
-    hold_out = fit.misfit(True)
-    lines.append(
-        f"misfit {fit.misfit(False):.2f} standard deviations"
-        + ("" if hold_out is None else f", held out {hold_out:.2f}")
-    )
+    lines.append(f"misfit {fit.misfit_text}")
     return "\n".join(lines)
 
 

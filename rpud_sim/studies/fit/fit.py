@@ -23,7 +23,6 @@ from rpud_sim.studies.fit.branches import (
 from rpud_sim.studies.fit.design import Region, values_at
 from rpud_sim.studies.fit.folder import FitFolder, Report
 from rpud_sim.studies.fit.identifiability import Identifiability, identify, interval_shares
-from rpud_sim.studies.fit.posterior import Likelihood, maximum
 from rpud_sim.studies.fit.specification import Specification, Target
 
 CANDIDATES = 16  # for the best point
@@ -31,7 +30,6 @@ CANDIDATE_RUNS = 32
 BEST_RUNS = 64
 _FAR = 3.0  # deviation from which on the model does not reach a target
 _DIGITS = 4  # of the best point, unless its interval is narrower
-_STARTS = 8  # of the search for the most probable point
 
 
 @dataclasses.dataclass(frozen=True)
@@ -118,6 +116,13 @@ class Fit:
         found = [c.deviation for c in self.comparisons if c.target.hold_out == hold_out]
         return float(np.sqrt(np.mean(np.square(found)))) if found else None
 
+    @property
+    def misfit_text(self) -> str:
+        """Both misfits in words."""
+        hold_out = self.misfit(True)
+        more = "" if hold_out is None else f", held out {hold_out:.2f}"
+        return f"{self.misfit(False):.2f} standard deviations{more}"
+
 
 def most_simulations(specification: Specification) -> int:
     """Return the greatest number of runs of a fit."""
@@ -187,19 +192,12 @@ def _best(
     folder: FitFolder, specification: Specification, branch: Branch, box: Region
 ) -> tuple[dict[str, Any], np.ndarray]:
     """Return the best point of a box, chosen among candidates by simulation, and its runs."""
-    assert branch.surrogate is not None
     assert branch.posterior is not None
-    likelihood = Likelihood(branch.surrogate, specification.targets)
-    order = np.argsort(-branch.posterior.log_likelihood)
-    probable = branch.posterior.shares[order]
+    probable = branch.posterior.shares[np.argsort(-branch.posterior.log_likelihood)]
     probable = probable[box.holds(probable)]
-    last = max(len(probable) // 2, 1)
-    places = np.unique(np.geomspace(1, last, CANDIDATES - 1).astype(int) - 1)
-    within = Region(
-        np.maximum(box.low, branch.region.low), np.minimum(box.high, branch.region.high)
-    )
-    highest = maximum(likelihood, probable[: 8 * _STARTS : 8], within)
-    shares = np.concatenate([[highest], probable[places]])
+    # The most probable one, and others down to the middle of all, ever further apart.
+    places = np.geomspace(1, max(len(probable) // 2, 1), CANDIDATES).astype(int) - 1
+    shares = probable[np.unique(places)]
     low, high = (values_at(specification, side[None]) for side in (box.low, box.high))
     points = [
         {

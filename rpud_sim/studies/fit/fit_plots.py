@@ -116,7 +116,10 @@ def target_plot(fit: Fit) -> Plot:
     columns = (
         tuple(zip(("target", "model"), zip(*texts, strict=True), strict=True)) if texts else ()
     )
-    titles = tuple(f"{item.target.title}{' (held out)' * item.target.hold_out}" for item in shown)
+    titles = tuple(
+        f"{item.target.source} {item.target.title}{' (held out)' * item.target.hold_out}".strip()
+        for item in shown
+    )
     far = max(shown, key=lambda item: abs(item.deviation), default=None)
     alt = "" if far is None else f"Furthest: {far}."
     up = Axis(categories=titles, flipped=True, columns=columns)

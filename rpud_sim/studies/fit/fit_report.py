@@ -13,7 +13,6 @@ import numpy as np
 
 from rpud_sim.foundation.whole_folder import whole_file
 from rpud_sim.pages.frame import render_page
-from rpud_sim.pages.quantities import quantity_in
 from rpud_sim.pages.svg import corner
 from rpud_sim.studies.fit.fit import BEST_RUNS, Comparison, Fit
 from rpud_sim.studies.fit.fit_plots import corner_rows, corner_text, target_plot, unknown_quantity
@@ -28,7 +27,7 @@ POSTERIOR = "posterior.csv"
 REPORT = "report.html"
 
 _BODY = """\
-<p class="verdict">{{ verdict }}</p>
+<p class="verdict">{{ verdict }} Root mean square of the deviations: {{ misfit }}.</p>
 {% if refusal %}
 <p class="warning">There are no intervals: {{ refusal }}.</p>
 {% endif %}
@@ -46,21 +45,14 @@ _BODY = """\
 {% endif %}
 {{ figure(target_plot) }}
 <details><summary>How to read it</summary>
-<p>Made by <code>{{ command }}</code>. Seed {{ seed }}, {{ runs }} runs.
+<p>Made by <code>{{ command }}</code>. Seed {{ seed }}, {{ runs }} runs. The model's figures are
+means of {{ best_runs }} runs at the best point. All numbers are in fit.json.
 {% if not refusal %}
 Intervals hold {{ percent }} of the posterior probability. All values between the bounds were
 equally probable before the fit. The plots show where the posterior is; the bounds may be outside.
 The width is that of the interval over that between the bounds: near 1, the targets say nothing
 about the parameter.
 {% endif %}</p>
-</details>
-<details><summary>Targets in numbers</summary>
-<p>The model's mean at the best point, over {{ best_runs }} runs. The deviation is in standard
-deviations of tolerance, chance of the runs, and error of the mean.
-Root mean square: {{ misfit }}{% if hold_out %}; of the targets that were held out: {{ hold_out }}
-{% endif %}.</p>
-{{ table(("target", "source", "value", "tolerance", "model", "one run ±", "model / target",
- "deviation", "held out"), targets, false, "Targets and the model") }}
 </details>
 """
 
@@ -147,7 +139,6 @@ def _posterior(fit: Fit) -> bytes:
 
 def _page(fit: Fit, command: str) -> str:
     found = fit.found
-    misfits = {held: fit.misfit(held) for held in (False, True)}
     return render_page(
         _BODY,
         "Fit of a drill",
@@ -167,9 +158,7 @@ def _page(fit: Fit, command: str) -> str:
         corner=_corner(fit),
         target_plot=target_plot(fit),
         best_runs=BEST_RUNS,
-        misfit=f"{misfits[False]:.2f}",
-        hold_out="" if misfits[True] is None else f"{misfits[True]:.2f}",
-        targets=[_row(item) for item in fit.comparisons],
+        misfit=fit.misfit_text,
     )
 
 
@@ -196,21 +185,6 @@ def _unknown(fit: Fit, name: str) -> tuple[str, ...]:
     interval = fit.found.intervals[name]
     ends = f"{shown.text(interval.low, unit=False)} to {shown.text(interval.high)}"
     return (*best, ends, f"{interval.width:.2f}", "; ".join(interval.remarks))
-
-
-def _row(item: Comparison) -> tuple[str, ...]:
-    shown = quantity_in(item.target.measure.unit, abs(item.target.value))
-    return (
-        item.target.title,
-        item.target.source,
-        shown.text(item.target.value),
-        f"± {shown.text(item.target.tolerance)}",
-        f"{shown.text(item.mean, unit=False)} ± {shown.text(item.standard_error)}",
-        shown.text(item.spread),
-        f"{item.ratio:.3f}",
-        f"{item.deviation:+.2f}",
-        "yes" if item.target.hold_out else "",
-    )
 
 
 def _write(path: Path, content: bytes) -> None:

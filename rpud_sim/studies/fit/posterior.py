@@ -11,10 +11,8 @@ import dataclasses
 import math
 
 import numpy as np
-from scipy import optimize
 from scipy.stats import qmc
 
-from rpud_sim.studies.fit.design import Region
 from rpud_sim.studies.fit.specification import Target
 from rpud_sim.studies.fit.surrogate import Surrogate
 
@@ -132,26 +130,6 @@ def sample(likelihood: Likelihood, particles: int, random: np.random.Generator) 
         if power >= 1.0:
             break
     return Posterior(shares, logs, evidence)
-
-
-def maximum(likelihood: Likelihood, starts: np.ndarray, box: Region) -> np.ndarray:
-    """Return the most probable point of a box, shape (unknowns,).
-
-    Args:
-        starts: points in the box, the best first, shape (n, unknowns).
-    """
-
-    def loss(point: np.ndarray) -> float:
-        value = float(likelihood(np.clip(point, box.low, box.high)[None])[0])
-        return -value if math.isfinite(value) else 1e12
-
-    bounds = list(zip(box.low, box.high, strict=True))
-    best = starts[0], loss(starts[0])
-    for start in starts:
-        found = optimize.minimize(loss, start, method="L-BFGS-B", bounds=bounds)
-        if found.fun < best[1]:
-            best = np.clip(found.x, box.low, box.high), float(found.fun)
-    return best[0]
 
 
 def _step(logs: np.ndarray, power: float) -> float:
