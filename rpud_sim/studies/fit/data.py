@@ -87,8 +87,17 @@ def read_data(
                 f"{path}: {item} is {value:g} {item.unit}, and the model's is never negative"
             )
     return [
-        Target(item, value, error, runs, tuple(own.items()), hold_out, content[kind], entry)
-        for item, value, error in found
+        Target(
+            item,
+            value,
+            max(_LEAST_ERROR * abs(value), 1e-300),
+            runs,
+            tuple(own.items()),
+            hold_out,
+            content[kind],
+            sampling,
+        )
+        for item, value, sampling in found
     ]
 
 
@@ -117,7 +126,8 @@ def _measured(series: Series, skip: float) -> tuple[list[tuple[Measure, float, f
                 lasting = (end - start) / PARTS
                 pieces = [_value(item, values[parts == part], lasting) for part in range(PARTS)]
             error = _standard_error(np.array(pieces))
-            found.append((item, whole, max(error, _LEAST_ERROR * abs(whole), 1e-300)))
+            if math.isfinite(error):
+                found.append((item, whole, error))
     return found, max(1, int((end - start) / LONGEST))
 
 

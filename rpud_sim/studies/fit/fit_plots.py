@@ -95,7 +95,7 @@ def target_plot(fit: Fit) -> Plot:
     """Return the model over each target, with the target's tolerance."""
     shown = [item for item in fit.comparisons if item.target.value]
     places = np.arange(len(shown), dtype=float)
-    tolerance = np.array([abs(item.target.tolerance / item.target.value) for item in shown])
+    tolerance = np.array([abs(item.target.error(0.0) / item.target.value) for item in shown])
     layers: list[Layer] = [
         Rule("", 1.0, False, dash="solid"),
         Points(

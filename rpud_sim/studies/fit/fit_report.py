@@ -113,7 +113,7 @@ def _comparison(item: Comparison) -> dict[str, Any]:
         "source": item.target.source,
         "unit": item.target.measure.unit,
         "value": item.target.value,
-        "tolerance": item.target.tolerance,
+        "tolerance": item.target.error(0.0),
         "hold_out": item.target.hold_out,
         "model": _finite(item.mean),
         "standard_error": _finite(item.standard_error),

@@ -25,8 +25,8 @@ class Likelihood:
     """Logarithm of the likelihood of the targets, from a surrogate.
 
     The error of a figure has three parts: the tolerance of its target, the chance of the runs whose
-    mean the target is, and the surrogate's own error. Of the first two the greater one counts if
-    the target is from data (``Target.error``).
+    mean the target is, and the surrogate's own error. The parts of data show its chance as well, so
+    the greater of both counts. Chance is correlated as between the figures of a run.
 
     Args:
         targets: of the fit, one for each figure.
@@ -37,14 +37,10 @@ class Likelihood:
         values = np.array([target.value for target in targets])
         self._used = np.array([not target.hold_out for target in targets])
         self._runs = np.array([float(target.runs) for target in targets])
-        tolerance = np.array([target.tolerance for target in targets])
-        safe = np.where(values == 0.0, 1.0, np.abs(values))
-        tolerance = np.where(surrogate.logarithmic, tolerance / safe, tolerance)
-        groups = [target.group or str(number) for number, target in enumerate(targets)]
-        same = np.array([[a == b for b in groups] for a in groups])
-        self._from_data = np.array([bool(target.group) for target in targets])
-        # covariance of the targets' errors, as the figures are fitted
-        self.tolerance = tolerance[:, None] * tolerance * np.where(same, surrogate.correlation, 0.0)
+        # standard deviations of the targets' errors, as the figures are fitted
+        safe = np.where((values == 0.0) | ~surrogate.logarithmic, 1.0, np.abs(values))
+        self._tolerance = np.array([target.tolerance for target in targets]) / safe
+        self._sampling = np.array([target.sampling or 0.0 for target in targets]) / safe
         self._values = surrogate.transform(values)
 
     def expected(self, shares: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -55,13 +51,11 @@ class Likelihood:
         mean, spread = self.surrogate.predict(shares)
         raised = 0.5 * spread**2 * (1.0 - 1.0 / self._runs)
         mean = mean + np.where(self.surrogate.logarithmic, np.minimum(raised, 0.5), 0.0)
-        chance = spread / np.sqrt(self._runs)
-        rest = np.sqrt(np.maximum(chance**2 - np.diag(self.tolerance), 0.0))
-        chance = np.where(self._from_data, rest, chance)
+        chance = np.maximum(spread / np.sqrt(self._runs), self._sampling)
         covariance = (
             chance[:, :, None] * chance[:, None, :] * self.surrogate.correlation
             + self.surrogate.error
-            + self.tolerance
+            + np.diag(self._tolerance**2)
         )
         return mean, covariance
 

@@ -130,9 +130,11 @@ def _with_error(
         count = min(target.runs, len(runs))
         mean = float(column[:count].mean())
         scale = abs(mean / target.value) if target.value and mean else 1.0
-        tolerance = scale * target.tolerance
-        value = mean if target.group else random.normal(mean, tolerance)
-        found.append(dataclasses.replace(target, value=value, tolerance=tolerance, runs=count))
+        own: dict[str, Any] = {"tolerance": scale * target.tolerance, "runs": count}
+        if target.sampling is not None:
+            own["sampling"] = scale * target.sampling
+        value = float(random.normal(mean, own["tolerance"]))
+        found.append(dataclasses.replace(target, value=value, **own))
     return tuple(found)
 
 

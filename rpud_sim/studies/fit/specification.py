@@ -26,9 +26,8 @@ class Target:
     parameters: tuple[tuple[str, Any], ...] = ()
     hold_out: bool = False  # whether the fit does not see it, and only reports it
     source: str = ""  # where the value comes from; may be empty
-    # of targets from the same data, whose errors are correlated; empty for a single one. Their
-    # tolerance estimates the same chance as the model's runs, so the greater one counts.
-    group: str = ""
+    # standard error by chance, from the parts of the data that the value is from; else None
+    sampling: float | None = None
 
     def error(self, spread: float) -> float:
         """Return the standard deviation of tolerance and chance.
@@ -36,8 +35,8 @@ class Target:
         Args:
             spread: standard deviation of single runs.
         """
-        chance = spread / math.sqrt(self.runs)
-        return max(chance, self.tolerance) if self.group else math.hypot(chance, self.tolerance)
+        chance = max(spread / math.sqrt(self.runs), self.sampling or 0.0)
+        return math.hypot(chance, self.tolerance)
 
     @property
     def title(self) -> str:

@@ -92,7 +92,7 @@ def parse_targets(content: Any, folder: Path = Path()) -> Specification:
         raise ParameterError(f"unknowns: have more than {_MOST_COMBINATIONS} combinations")
     missing = _missing_models(specification)
     for number, target in enumerate(targets):
-        if missing[number] and not target.group:
+        if missing[number] and target.sampling is None:
             raise ParameterError(
                 f"targets[{number}].figure: {target.measure.figure} [{target.measure.unit}] needs "
                 f"the parameter {missing[number]}"
