@@ -2,7 +2,7 @@
 
 `offline_free` is a run without ROS before drilling, `run` a drill in real time from its start on,
 and `stepped` one that was stepped, commanded, reconfigured and given faults, with a resonant
-actuator and a rock model.
+actuator and a rock model. `arm` was stepped on an arm, with strata and rotation, and reset.
 """
 
 from pathlib import Path
@@ -16,8 +16,11 @@ BAGS = sorted((Path(__file__).parents[2] / "data").glob("*/*"))
 
 
 def test_bags_of_every_earlier_version_are_there():
-    assert {bag.parent.name for bag in BAGS} == {"0.1.0"}
-    assert {bag.name for bag in BAGS} == {"offline_free", "run", "stepped"}
+    names = [f"{bag.parent.name}/{bag.name}" for bag in BAGS]
+    assert names == [
+        *(f"0.1.0/{name}" for name in ("offline_free", "run", "stepped")),
+        *(f"0.2.0/{name}" for name in ("arm", "offline_free", "run", "stepped")),
+    ]
 
 
 # Runs with a resonant actuator, whose physics was mended after 0.1.0.
