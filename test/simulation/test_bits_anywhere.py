@@ -1,0 +1,91 @@
+"""The same drills have the same bits with another processor, C library, NumPy and without Numba.
+
+Each environment is a process of `same_bits.py` with a copy of the package, whose folder takes the
+kernels that are compiled for other processors.
+"""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import llvmlite.binding as llvm
+import pytest
+from numba.core.codegen import get_host_cpu_features
+from numpy._core._multiarray_umath import __cpu_dispatch__, __cpu_features__
+
+import rpud_sim
+
+PACKAGE = Path(rpud_sim.__file__).parent
+SCRIPT = Path(__file__).parents[1] / "same_bits.py"
+LIBRARIES = {
+    "GLIBC_TUNABLES": "glibc.cpu.hwcaps=-FMA,-AVX2,-FMA4,-AVX",
+    "NPY_DISABLE_CPU_FEATURES": " ".join(
+        name for name in __cpu_dispatch__ if __cpu_features__.get(name)
+    ),
+}
+# The kernels are made for x86-64-v2, unless a processor lacks a part of it.
+PLAIN = {"NUMBA_CPU_NAME": "x86-64", "NUMBA_CPU_FEATURES": ""}
+NATIVE = {
+    "NUMBA_CPU_NAME": llvm.get_host_cpu_name(),
+    "NUMBA_CPU_FEATURES": get_host_cpu_features().replace("+sahf", "-sahf"),
+}
+
+
+@pytest.fixture(scope="module")
+def package(tmp_path_factory):
+    """Folder with a copy of the package."""
+    folder = tmp_path_factory.mktemp("copy")
+    ignored = shutil.ignore_patterns("__pycache__")
+    shutil.copytree(PACKAGE, folder / "rpud_sim", ignore=ignored)
+    return folder
+
+
+def start(package: Path, shorter: float, environment: dict[str, str]) -> subprocess.Popen:
+    paths = os.pathsep.join(filter(None, (str(package), os.environ.get("PYTHONPATH"))))
+    return subprocess.Popen(
+        [sys.executable, SCRIPT, str(shorter)],
+        env={**os.environ, "PYTHONPATH": paths, **environment},
+        stdout=subprocess.PIPE,
+    )
+
+
+def digests(process: subprocess.Popen) -> dict[str, dict[str, str]]:
+    output, _ = process.communicate(timeout=300)
+    assert process.returncode == 0
+    return json.loads(output)
+
+
+def check(package: Path, shorter: float, environment: dict[str, str]) -> None:
+    here, there = start(package, shorter, {}), start(package, shorter, environment)
+    expected, found = digests(here), digests(there)
+    assert len(expected) == 7
+    differing = [
+        f"{drill}: {topic}"
+        for drill, topics in expected.items()
+        for topic, digest in topics.items()
+        if found[drill][topic] != digest
+    ]
+    assert differing == []
+
+
+def test_other_instructions_of_c_library_and_numpy_change_no_bit(package):
+    check(package, 4.0, LIBRARIES)
+
+
+@pytest.mark.extended
+@pytest.mark.parametrize(
+    ("environment", "shorter"),
+    [
+        (LIBRARIES, 0.1),
+        (PLAIN, 0.2),
+        (NATIVE, 0.2),
+        ({"NUMBA_DISABLE_JIT": "1"}, 5.0),
+        ({"NUMBA_DISABLE_JIT": "1", **LIBRARIES}, 5.0),
+    ],
+    ids=["libraries", "plain", "native", "python", "python_libraries"],
+)
+def test_no_environment_changes_a_bit(package, environment, shorter):
+    check(package, shorter, environment)
