@@ -8,10 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from rpud_sim.bag import BagFormatError, TopicSummary
+from rpud_sim.bag import BagError, BagFormatError, TopicSummary
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.definitions import find_type_hash
-from rpud_sim.bag.errors import DefinitionNotFoundError
 from rpud_sim.ros.types import UnknownTypeError, message_class
 
 # Type of the elements of a field, such as ``sequence<rpud_msgs/Fault>``.
@@ -27,7 +26,7 @@ def conversion(summary: TopicSummary, installed: Any) -> Callable[[bytes], Any] 
     topic = summary.topic
     try:
         same = topic.type_hash in ("", find_type_hash(topic.type))
-    except DefinitionNotFoundError:
+    except BagError:  # the type is no part of an installation
         return None
     if same or summary.definition is None:
         return None
