@@ -85,7 +85,7 @@ def main(shorter: float, folder: Path) -> None:
         found[name] = digests(folder / name)
         configuration = to_settings(DRILLS[name][0]).configuration
         members = run_members(configuration, duration, initial_phases(2, 1), accounts=True)
-        figures = repr([dataclasses.astuple(member) for member in members])
+        figures = json.dumps([dataclasses.astuple(member) for member in members])
         found[name]["figures"] = hashlib.sha256(figures.encode()).hexdigest()[:16]
     print(json.dumps(found))
 
