@@ -1,7 +1,6 @@
 """Digests of all messages and figures of some drills, to compare processes: `python same_bits.py`.
 
-It prints one JSON object: for each drill the digest of each topic, and of the figures of an
-ensemble. An argument shortens all drills by this factor; a second one is a folder for their bags.
+The first argument shortens all drills by this factor; a second one is a folder for their bags.
 """
 
 import dataclasses
@@ -77,7 +76,8 @@ def digests(bag: Path) -> dict[str, str]:
     return {topic: digest.hexdigest()[:16] for topic, digest in sorted(found.items())}
 
 
-def main(shorter: float, folder: Path) -> None:
+def all_digests(shorter: float, folder: Path) -> dict[str, dict[str, str]]:
+    """Digests of each topic of each drill, and of its figures; bags go into the folder."""
     found = {}
     for name, (_, length) in DRILLS.items():
         duration = length / 1000.0 / shorter
@@ -87,9 +87,10 @@ def main(shorter: float, folder: Path) -> None:
         members = run_members(configuration, duration, initial_phases(2, 1), accounts=True)
         figures = json.dumps([dataclasses.astuple(member) for member in members])
         found[name]["figures"] = hashlib.sha256(figures.encode()).hexdigest()[:16]
-    print(json.dumps(found))
+    return found
 
 
 if __name__ == "__main__":
     with tempfile.TemporaryDirectory() as scratch:
-        main(float(sys.argv[1]), Path(sys.argv[2] if len(sys.argv) > 2 else scratch))
+        place = Path(sys.argv[2] if len(sys.argv) > 2 else scratch)
+        print(json.dumps(all_digests(float(sys.argv[1]), place)))
