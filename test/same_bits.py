@@ -1,6 +1,7 @@
 """Digests of all messages and figures of some drills, to compare processes: `python same_bits.py`.
 
-The first argument shortens all drills by this factor; a second one is a folder for their bags.
+The argument shortens all drills by this factor. With `--keep` in its place, the digests become
+those of the engine version, in `data/bits.json`.
 """
 
 import dataclasses
@@ -19,7 +20,9 @@ from rpud_sim.simulation.ensemble import initial_phases, run_members
 from rpud_sim.simulation.faults import Fault
 from rpud_sim.simulation.run import Beginning
 from rpud_sim.simulation.scenario import Scenario, ScheduledFault
+from rpud_sim.simulation.versions import ENGINE
 
+KEPT = Path(__file__).parent / "data" / "bits.json"
 MILLISECOND = 1_000_000
 ROCK = {"rock_model": "specific_energy"}
 RESONANCE = {"actuator_model": "resonance", "generator": "tracking", "heating": True}
@@ -92,5 +95,8 @@ def all_digests(shorter: float, folder: Path) -> dict[str, dict[str, str]]:
 
 if __name__ == "__main__":
     with tempfile.TemporaryDirectory() as scratch:
-        place = Path(sys.argv[2] if len(sys.argv) > 2 else scratch)
-        print(json.dumps(all_digests(float(sys.argv[1]), place)))
+        if sys.argv[1] == "--keep":
+            kept = {"engine": ENGINE, **all_digests(1.0, Path(scratch))}
+            KEPT.write_text(json.dumps(kept, indent=1) + "\n")
+        else:
+            print(json.dumps(all_digests(float(sys.argv[1]), Path(scratch))))
