@@ -6,7 +6,6 @@ kernels that are compiled for other processors.
 
 import json
 import os
-import re
 import shutil
 import subprocess
 import sys
@@ -31,12 +30,6 @@ LIBRARIES = {
 }
 # The kernels are made for x86-64-v2, unless a processor lacks a part of it.
 PLAIN = {"NUMBA_CPU_NAME": "x86-64", "NUMBA_CPU_FEATURES": ""}
-# What C library, NumPy or processor round in their own ways; elementary.py has the same.
-OPEN = re.compile(
-    r"\b(math|cmath|np|numpy)\."
-    r"(a?(sin|cos|tan)h?|arc(sin|cos|tan)h?|a(rc)?tan2|exp2?|expm1|log(1p|2|10)?|hypot|pow(er)?"
-    r"|cbrt|phase|polar|dot|matmul|einsum|inner|interp|geomspace|logspace|linalg)\b"
-)
 NATIVE = {
     "NUMBA_CPU_NAME": llvm.get_host_cpu_name(),
     "NUMBA_CPU_FEATURES": get_host_cpu_features().replace("+sahf", "-sahf"),
@@ -75,18 +68,6 @@ def check(package: Path, folder: Path, shorter: float, environment: dict[str, st
 
 def test_other_instructions_of_c_library_and_numpy_change_no_bit(package, tmp_path):
     check(package, tmp_path, 8.0, LIBRARIES)
-
-
-def test_nothing_that_bits_depend_on_is_left_to_a_library():
-    rooms = [PACKAGE / room for room in ("foundation", "model", "drilling", "simulation")]
-    found = [
-        f"{source.relative_to(PACKAGE)}:{number}: {match[0]}"
-        for room in rooms
-        for source in sorted(room.rglob("*.py"))
-        for number, line in enumerate(source.read_text().splitlines(), 1)
-        for match in OPEN.finditer(line)
-    ]
-    assert found == []
 
 
 @pytest.mark.extended
