@@ -133,13 +133,6 @@ def sin_cos_cycles(cycles):
 
 
 @compiled
-def tangent(angle):
-    """Return the tangent of an angle [rad], within 3 ulp."""
-    sine, cosine = sin_cos(angle)
-    return sine / cosine
-
-
-@compiled
 def _power_of_two(exponent):
     """Return 2**exponent, for -1022 to 1023."""
     places = exponent + 1024
@@ -385,7 +378,6 @@ def complex_quotient(number, divisor):
 CALLED_BY_PYTHON = (
     (sin_cos, (1.0,)),
     (sin_cos_cycles, (1.0,)),
-    (tangent, (1.0,)),
     (exponential, (1.0,)),
     (exponential_minus_one, (1.0,)),
     (logarithm_one_plus, (1.0,)),

@@ -29,7 +29,6 @@ from rpud_sim.model.elementary import (
     power,
     sin_cos,
     sin_cos_cycles,
-    tangent,
 )
 
 mpmath.mp.prec = 200
@@ -84,7 +83,6 @@ BOUNDS = [
     pytest.param(decimal_logarithm, mpmath.log10, 2.0, (0.01, 4.0), id="decimal_logarithm"),
     pytest.param(logarithm_one_plus, mpmath.log1p, 1.0, (-0.99, 4.0), id="one_plus"),
     pytest.param(arc_cosine, mpmath.acos, 3.0, (-1.0, 1.0), id="arc_cosine"),
-    pytest.param(tangent, mpmath.tan, 3.0, (-1.57, 1.57), id="tangent"),
 ]
 
 
