@@ -15,6 +15,7 @@ class Percussion(NamedTuple):
     amplitude_ratio: float = 0.0
     in_rock: bool = False  # whether the drill tool was in the rock at the end of the step
     reacting_force: float = 0.0  # mean force on the mount, away from the rock [N]
+    load_damping: float = 0.0  # c_1 of the load spring [N s/m]
 
 
 @dataclasses.dataclass(frozen=True)

@@ -50,7 +50,7 @@ class PercussionMeter:
     """Impacts and reacting force since the last step of the slow processes.
 
     The mean of R = W - k_1 u_np - c_1 v_np takes u_np as linear in the step: its period on the load
-    spring is a hundred times as long.
+    spring is a hundred times as long. W has the force by the velocity of the mount as well.
     """
 
     def __init__(self, vibration_amplitude: float, position: float) -> None:
@@ -58,6 +58,10 @@ class PercussionMeter:
         self._position = position
         self._impacts = 0
         self._energy = 0.0
+
+    def shift(self, way: float) -> None:
+        """Count positions from an origin that is further ahead."""
+        self._position -= way
 
     def add(self, impacts: np.ndarray) -> None:
         """Add ``IMPACT`` records; the sum does not depend on how calls divide them."""
@@ -77,7 +81,9 @@ class PercussionMeter:
         velocity = (position - self._position) * SECOND / PROCESS_INTERVAL
         force = weight_on_bit - drill.load_spring_rate * mean - drill.rpud_damping * velocity
         ratio = amplitude / self._nominal if self._nominal > 0.0 else 0.0
-        percussion = Percussion(self._impacts, self._energy, ratio, drill.in_rock, force)
+        percussion = Percussion(
+            self._impacts, self._energy, ratio, drill.in_rock, force, drill.rpud_damping
+        )
         self._position = position
         self._impacts = 0
         self._energy = 0.0

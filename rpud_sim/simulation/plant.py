@@ -10,11 +10,11 @@ from rpud_sim.drilling.process import Process, Surroundings
 from rpud_sim.drilling.rock import Progress
 from rpud_sim.foundation.time import NEVER, SECOND, split_fraction
 from rpud_sim.model.drill import Drill, derive
-from rpud_sim.model.energy import RpudConstants
+from rpud_sim.model.energy import RpudConstants, withdrawal_work
 from rpud_sim.model.engine import Engine
 from rpud_sim.model.parameters import Parameters
 from rpud_sim.model.resonator import Resonance
-from rpud_sim.model.segment import IMPACT, SEGMENT, join_records
+from rpud_sim.model.segment import IMPACT, SEGMENT, join_records, motion_at
 from rpud_sim.simulation.actuator import Actuator, ActuatorReading
 from rpud_sim.simulation.commands import Drive
 from rpud_sim.simulation.conditions import Conditions
@@ -62,6 +62,7 @@ class Plant:
         self.process = Process(configuration.drilling, self._surroundings())
         if (weight := self.process.weight_on_bit) is not None:
             parameters = self._acting_parameters().replace(weight_on_bit=weight)
+        self._passed = 0.0  # by the origin of the bodies' displacements, not yet in the engine [m]
         # drive, generator and temperature
         self.actuator = Actuator(configuration.actuator, parameters.vibration_amplitude, drive)
         self._drill = derive(parameters)
@@ -79,7 +80,12 @@ class Plant:
             position = nodal_plane_position(self._stepped.open_segment, *self._instant)
             self._percussion = PercussionMeter(parameters.vibration_amplitude, position)
             if (mount := self.process.mount) is not None:
-                self._load_spring = LoadSpring(mount, self._pushing_rate(), position)
+                self._load_spring = LoadSpring(
+                    mount.work.stored,
+                    self.process.advance.compression,
+                    self._pushing_rate(),
+                    position,
+                )
         # furthest time to advance to at once [ns]
         self.next_step = min(self.actuator.next_step, self.process.next_step)
         self._in_force = (self._drill, *self._commands())
@@ -180,8 +186,20 @@ class Plant:
         self.process.step(percussion, self._surroundings(), self._conditions.disturbances)
         if self.process.in_contact is not in_contact:
             self._drill = self._derived()
-        if self._load_spring and (place := self.process.place) is not None:
-            self._load_spring.step(place, self._pushing_rate(), position)
+        if self._load_spring and (advance := self.process.advance) is not None:
+            self._load_spring.step(advance, self._pushing_rate(), position)
+            self._passed = advance.passed
+
+    def _note_withdrawal(self) -> None:
+        """Note that the origin of the bodies' displacements passes them by ``_passed``."""
+        assert self._stepped is not None
+        assert self._load_spring is not None
+        assert self._percussion is not None
+        segment = self._stepped.open_segment[0]
+        motion = motion_at(segment, self._stepped.ahead(*self._instant))
+        work = withdrawal_work(segment, self._drill.tool_spring_rate, motion, self._passed)
+        self._percussion.shift(self._passed)
+        self._load_spring.shift(self._passed, work)
 
     def _pushing_rate(self) -> float:
         """Rate with which the load spring pushes [N/m]."""
@@ -225,7 +243,7 @@ class Plant:
             )
 
     def _weight_on_bit(self) -> float:
-        weight = self.process.weight_on_bit
+        weight = self.process.preload
         if weight is None:
             return self.weight_on_bit * self._conditions.preload_factor
         return weight
@@ -241,7 +259,11 @@ class Plant:
         It happens once for each instant, so that the order of changes there makes no difference.
         """
         in_force = (self._drill, *self._commands())
-        if in_force != self._in_force:
+        fed = self._load_spring is not None
+        if in_force != self._in_force or self._passed or (fed and self.engine.seats):
             self._in_force = in_force
+            if self._passed:
+                self._note_withdrawal()
             seconds, fraction = self._instant
-            self.engine.change(seconds, fraction, *in_force)
+            self.engine.change(seconds, fraction, *in_force, self._passed, fed)
+            self._passed = 0.0
