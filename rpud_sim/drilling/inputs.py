@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from typing import NamedTuple
 
 
@@ -16,6 +17,7 @@ class Percussion(NamedTuple):
     in_rock: bool = False  # whether the drill tool was in the rock at the end of the step
     reacting_force: float = 0.0  # mean force on the mount, away from the rock [N]
     load_damping: float = 0.0  # c_1 of the load spring [N s/m]
+    reach: float = -math.inf  # how far the nodal plane comes until the next step [m]
 
 
 @dataclasses.dataclass(frozen=True)

@@ -121,6 +121,8 @@ class Advance(NamedTuple):
     moved: float = 0.0  # way of the mount past the bodies' places [m]
     passed: float = 0.0  # way of the origin past the bodies' places [m]
     damping_force: float = 0.0  # on the RPUD by the velocity of the mount [N]
+    # of the load spring by the way that the mount makes in half of the next step [N]
+    lead_force: float = 0.0
 
 
 class Mount:
@@ -190,9 +192,10 @@ class Mount:
 
     @property
     def preload(self) -> float:
-        """Force on the RPUD by mount's position and velocity until the next step [N]."""
+        """Force on the RPUD by position and velocity of the mount until the next step [N]."""
         advance = self.advance
-        return self._load.spring_rate * advance.compression + advance.damping_force
+        spring = self._load.spring_rate * advance.compression
+        return spring + advance.damping_force + advance.lead_force
 
     def step(
         self,
@@ -234,7 +237,7 @@ class Mount:
         way = self.position - position
         if not self.in_contact:
             way = (self.position - self._feed) - deflection
-        self._arrive(load, bottom, way, interval)
+        self._arrive(load, bottom, way, interval, percussion.reach)
 
     @property
     def _rest(self) -> float:
@@ -262,14 +265,17 @@ class Mount:
             return feed - most
         return feed + most if wanted > feed + most else wanted
 
-    def _arrive(self, load: Load, bottom: float, way: float, interval: float) -> None:
+    def _arrive(
+        self, load: Load, bottom: float, way: float, interval: float, reach: float
+    ) -> None:
         """Note what follows from the place that the mount has reached.
 
         Args:
             way: of the mount in the step, as the bodies see it [m].
+            reach: how far the RPUD comes until the next step, from the origin [m].
         """
         was_in_contact, self.bottom = self.in_contact, bottom
-        if self.position > bottom:
+        if self.position > bottom or load.origin + reach > bottom:
             self.in_contact = True
         elif self.position < bottom - self._parameters.contact_release:
             self.in_contact = False
@@ -281,5 +287,5 @@ class Mount:
             passed = self.position - load.origin
         push = load.push - load.spring_rate * passed
         self._load = load._replace(origin=origin, push=push)
-        force = load.damping * (way / interval)
-        self.advance = Advance(self.position - origin, way, passed, force)
+        damping, lead = load.damping * (way / interval), 0.5 * load.spring_rate * way
+        self.advance = Advance(self.position - origin, way, passed, damping, lead)

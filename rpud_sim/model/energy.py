@@ -21,7 +21,7 @@ from rpud_sim.model.segment import (
     EVENT_RELEASE,
     motion_at,
 )
-from rpud_sim.model.tolerances import LEAST_DEFORMATION, SAME_VELOCITY
+from rpud_sim.model.tolerances import LEAST_DEFORMATION, LOWEST_BOUNCE, SAME_VELOCITY
 from rpud_sim.model.vibration import TWO_PI
 
 # Terms of an account, in joules. What flows in:
@@ -323,23 +323,26 @@ def rests(segment):
 
 
 @compiled
-def add_change(before, after, motion, passed, account):
+def add_change(before, after, motion, begun, account):
     """Add what new constants and a new origin do to the energy of springs and drill tool.
 
     Args:
         motion: ``motion_at`` the instant, before it.
-        passed: way by which the origin of all displacements passes the bodies [m].
+        begun: the same after it and after the collisions at the instant.
 
     Returns:
         The motion after it.
     """
+    # Nothing else moves the nodal plane at once, or stops a drill tool away from zero.
+    commanded = after.event & EVENT_COMMAND
+    passed = motion[0] - begun[0] if commanded else 0.0
     u_np, v_np, u_ut, v_ut, u_fm, v_fm, u_dt, v_dt = motion
     tool_rate, new_rate = before.drill_tool_spring_rate, after.drill_tool_spring_rate
     account[CHANGES] += withdrawal_work(after, tool_rate, motion, passed)
     strain = u_dt  # where the stiffer spring of the drill tool acts
     u_dt -= passed
-    if new_rate != tool_rate and after.event & EVENT_COMMAND and rests(after):
-        # The rock stops the drill tool.
+    met = commanded and new_rate != tool_rate and abs(begun[6]) <= LEAST_DEFORMATION
+    if met and (rests(after) or abs(u_dt) > LOWEST_BOUNCE):
         softer = min(tool_rate, new_rate)
         account[RELEASE] += 0.5 * (before.drill_tool_mass * v_dt * v_dt + softer * u_dt * u_dt)
         u_dt = v_dt = 0.0
@@ -424,9 +427,7 @@ def add_ended_segment(rpud, segment, after, start, account):
     if segment.duration > start:
         add_motion(rpud, segment, start, segment.duration, True, account)
     motion = motion_at(after, 0.0)
-    # Nothing else moves the nodal plane at once.
-    passed = ended[0] - motion[0] if after.event & EVENT_COMMAND else 0.0
-    changed = add_change(segment, after, ended, passed, account)
+    changed = add_change(segment, after, ended, motion, account)
     mass, spring_rate = segment.drill_tool_mass, segment.drill_tool_spring_rate
     rested = add_rest(segment.contact, mass, spring_rate, after, changed, account)
     add_event(rpud, rested, motion, after, account)

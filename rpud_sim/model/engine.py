@@ -205,7 +205,7 @@ class Engine:
                 resonance weight on bit [N], voltage [V] and drive frequency [Hz].
             resonance_frequency: of a resonance [Hz].
             passed: way by which the origin of all displacements passes the bodies [m].
-            touches: whether the rock is at zero now, and stops a tool that the free mass is behind.
+            touches: whether the rock is at zero now, and stops a tool whose actuator is behind.
         """
         self.advance(seconds, fraction)
         if drill != self._target:
@@ -217,9 +217,8 @@ class Engine:
             self._drill = self._seating.popleft()[1]
         grips = False
         if self._seating and touches and not drill.jammed:
-            ahead = self.ahead(seconds, fraction)
-            u_fm = motion_at(self._open_segment[0], ahead)[4]
-            grips = u_fm - passed <= 0.0
+            motion = motion_at(self._open_segment[0], self.ahead(seconds, fraction))
+            grips = motion[2] - passed <= 0.0
         if grips:
             self._seating.clear()
             self._drill = drill

@@ -296,8 +296,8 @@ def interrupt(drill, states, open_segments, open_impacts, time, segments, impact
         time: after the segment's start [s].
         new: weight on bit [N], vibration amplitude [m], frequency [Hz] and resonance frequency
             [Hz] from here on; with a resonance the voltage [V] instead of the amplitude. Then the
-            way by which the origin of all displacements passes the bodies [m], and whether rock
-            grips the drill tool, which the free mass is behind.
+            way by which the origin of all displacements passes the bodies [m], and whether the
+            drill tool meets rock at zero.
     """
     state = states[0]
     segment = open_segments[0]
@@ -311,6 +311,7 @@ def interrupt(drill, states, open_segments, open_impacts, time, segments, impact
     state.u_fm -= passed
     state.u_dt -= passed
     if grips:
+        state.u_fm = min(state.u_fm, 0.0)
         state.u_dt = 0.0
         state.v_dt = 0.0
     if state.resonant:

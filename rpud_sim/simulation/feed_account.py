@@ -107,15 +107,18 @@ class LoadSpring:
         self._compression = compression
         self._spring_rate = spring_rate
         self._first_stored = stored
-        self._left = 0.0  # preload of the origin of the last step, until the bodies are shifted [J]
+        # Of the last step, until it is in the engine: way of the origin past the bodies [m], and the
+        # part of the preload that this takes [J].
+        self._passed = self._left = 0.0
         self._first_preload = self._preload(position)
         self._changes = 0.0
         self._mount_work = 0.0
         self._penetration = 0.0
         self._withdrawal = 0.0
-        self._damping_force = 0.0  # in the present step [N]
-        self._damping_work = 0.0  # on the RPUD, up to the last step [J]
-        self._damper = 0.0  # loss on a RPUD at rest since the last step [J]
+        # Forces of the present step by the velocity of the mount: of the damping, and all [N].
+        self._damping_force = self._motion_force = 0.0
+        self._damper = 0.0  # loss in the damping, up to the last step [J]
+        self._motion_work = 0.0  # of all these forces on the RPUD, up to the last step [J]
         self._start = position  # of the nodal plane at the last step [m]
 
     def step(self, advance: Advance, spring_rate: float, position: float) -> None:
@@ -127,11 +130,14 @@ class LoadSpring:
         deeper = after - advance.moved
         self._penetration -= _work(spring_rate, position, way, deeper)
         self._mount_work += _work(spring_rate, position, deeper, after)
-        self._compression = advance.compression
-        self._spring_rate = spring_rate
-        self._left = _work(spring_rate, position, advance.compression, after)
-        self._damping_work += self._damping_force * (position - self._start)
+        self._compression, self._passed = advance.compression, advance.passed
+        self._spring_rate, self._left = spring_rate, 0.0
+        if advance.passed:
+            self._left = _work(spring_rate, position, 0.0, after) - self._preload(position)
+        self._damper -= 2.0 * self._damping_force * (position - self._start)
+        self._motion_work += self._motion_force * (position - self._start)
         self._damping_force = advance.damping_force
+        self._motion_force = advance.damping_force + advance.lead_force
         self._damper += advance.damping_force * advance.moved
         self._start = position
 
@@ -144,11 +150,13 @@ class LoadSpring:
         self._start -= way
         self._mount_work -= self._left - work
         self._withdrawal += work
-        self._left = 0.0
+        self._passed = self._left = 0.0
 
     def account(self, work: MountWork, position: float) -> FeedAccount:
         """Return the account since time zero."""
-        on_drill = self._damping_work + self._damping_force * (position - self._start)
+        way = position - self._start
+        damper = self._damper - 2.0 * self._damping_force * way
+        motion_work = self._motion_work + self._motion_force * way
         return FeedAccount(
             feed_work=work.feed,
             host_work=work.host,
@@ -157,15 +165,15 @@ class LoadSpring:
             host_slip=work.slip,
             arm_stored=work.stored - self._first_stored,
             penetration_work=self._penetration,
-            load_damper=self._damper - 2.0 * on_drill,
+            load_damper=damper,
             withdrawal_work=self._withdrawal,
             preload_stored=self._preload(position) - self._first_preload,
-            coupling=work.drill - self._mount_work - self._damper + on_drill,
+            coupling=work.drill - self._mount_work - damper - motion_work,
         )
 
     def _preload(self, position: float) -> float:
         way = self._compression
-        return self._left + self._spring_rate * way * (0.5 * way - position)
+        return self._left + _work(self._spring_rate, position - self._passed, 0.0, way)
 
 
 def _work(spring_rate: float, position: float, start: float, end: float) -> float:

@@ -81,8 +81,9 @@ class PercussionMeter:
         velocity = (position - self._position) * SECOND / PROCESS_INTERVAL
         force = weight_on_bit - drill.load_spring_rate * mean - drill.rpud_damping * velocity
         ratio = amplitude / self._nominal if self._nominal > 0.0 else 0.0
+        reach = position + max(position - self._position, 0.0)
         percussion = Percussion(
-            self._impacts, self._energy, ratio, drill.in_rock, force, drill.rpud_damping
+            self._impacts, self._energy, ratio, drill.in_rock, force, drill.rpud_damping, reach
         )
         self._position = position
         self._impacts = 0

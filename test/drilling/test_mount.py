@@ -5,7 +5,7 @@ import math
 import pytest
 
 from rpud_sim.drilling.feed import Feed
-from rpud_sim.drilling.inputs import UNDISTURBED, Disturbances
+from rpud_sim.drilling.inputs import UNDISTURBED, Disturbances, Percussion
 from rpud_sim.drilling.mount import Mount, MountParameters
 from rpud_sim.foundation.quantities import ParameterError
 
@@ -16,10 +16,10 @@ DT = 1e-3
 class Rig:
     """A mount without percussion: the drill pushes back with the force of its load spring."""
 
-    def __init__(self, has_rock=True, **values):
+    def __init__(self, has_rock=True, damping=0.0, **values):
+        self.damping = damping
         self.mount = Mount(MountParameters(feed_model="arm", **values), RATE, has_rock)
-        self.bottom = 0.0
-        self.has_rock = has_rock
+        self.bottom = 0.0 if has_rock else math.inf
 
     @property
     def state(self):
@@ -28,8 +28,9 @@ class Rig:
     def go(self, steps, mode="rate", value=0.0, reaction=None, disturbances=UNDISTURBED):
         self.mount.motion = Feed(mode, value)
         for _ in range(steps):
-            force = self.state.weight_on_bit if reaction is None else reaction
-            self.mount.step(DT, self.bottom, force, RATE, self.has_rock, disturbances)
+            force = self.mount.preload if reaction is None else reaction
+            percussion = Percussion(reacting_force=force, load_damping=self.damping)
+            self.mount.step(DT, self.bottom, percussion, RATE, disturbances)
         return self.state
 
 
