@@ -58,6 +58,7 @@ class PercussionMeter:
         self._position = position
         self._impacts = 0
         self._energy = 0.0
+        self.arrived = 0.0  # energy of all impacts [J]
 
     def shift(self, way: float) -> None:
         """Count positions from an origin that is further ahead."""
@@ -68,6 +69,7 @@ class PercussionMeter:
         self._impacts += len(impacts)
         for energy in impacts["energy_transferred"].tolist():
             self._energy += energy
+            self.arrived += energy
 
     def read(
         self, position: float, weight_on_bit: float, drill: Drill, amplitude: float

@@ -11,7 +11,7 @@ from rpud_sim.drilling.rock import Progress
 from rpud_sim.foundation.time import NEVER, SECOND, split_fraction
 from rpud_sim.model.drill import Drill, derive
 from rpud_sim.model.energy import RpudConstants, withdrawal_work
-from rpud_sim.model.engine import Engine
+from rpud_sim.model.engine import Engine, EngineError
 from rpud_sim.model.parameters import Parameters
 from rpud_sim.model.resonator import Resonance
 from rpud_sim.model.segment import IMPACT, SEGMENT, join_records, motion_at
@@ -40,6 +40,10 @@ def rpud_constants(parameters: Parameters, resonance: Resonance | None) -> RpudC
         parameters.gravity_on_drill,
         0.0 if resonance is None else resonance.compliance,
     )
+
+
+# Energy that the steps of an arm may create in a second beside that of the impacts [J].
+LEAST_CREATED = 1.0
 
 
 class Plant:
@@ -72,6 +76,7 @@ class Plant:
         self._stepped: SteppedEngine | None = None
         self._percussion: PercussionMeter | None = None
         self._load_spring: LoadSpring | None = None
+        self._checked = (0.0, 0.0)  # coupling and energy of impacts at the last whole second [J]
         start = (parameters, initial_phase, self.actuator.level > 0.0, self.actuator.resonance)
         if self.process.next_step == NEVER:
             self.engine = Engine(*start)  # of the motion
@@ -189,6 +194,22 @@ class Plant:
         if self._load_spring and (advance := self.process.advance) is not None:
             self._load_spring.step(advance, self._pushing_rate(), position)
             self._passed = advance.passed
+            if self.time % SECOND == 0:
+                self._check_coupling(position)
+
+    def _check_coupling(self, position: float) -> None:
+        """Fail where the steps of the arm created more energy in a second than impacts brought."""
+        assert self._percussion is not None
+        before, arrived = self._checked
+        feed = self._account_feed(position)
+        self._checked = (feed.coupling, self._percussion.arrived)
+        created, brought = before - feed.coupling, self._percussion.arrived - arrived
+        if created > brought + LEAST_CREATED:
+            raise EngineError(
+                f"the arm is unstable: its steps created {created:.3g} J in the second before "
+                f"{self.time / SECOND:g} s, impacts brought {brought:.3g} J; it needs a higher "
+                "arm_stiffness, arm_damping or rpud_damping_ratio, or a lower load_spring_rate"
+            )
 
     def _note_withdrawal(self) -> None:
         """Note that the origin of the bodies' displacements passes them by ``_passed``."""
@@ -229,9 +250,15 @@ class Plant:
 
     def feed_account(self, segment: np.ndarray) -> FeedAccount | None:
         """Return the account of feed and mount since time zero; None without a feed."""
-        if self._load_spring is None or (mount := self.process.mount) is None:
+        if self._load_spring is None:
             return None
-        return self._load_spring.account(mount.work, nodal_plane_position(segment, *self._instant))
+        return self._account_feed(nodal_plane_position(segment, *self._instant))
+
+    def _account_feed(self, position: float) -> FeedAccount:
+        mount = self.process.mount
+        assert self._load_spring is not None
+        assert mount is not None
+        return self._load_spring.account(mount.work, position)
 
     def _make_progress(self, impacts: np.ndarray) -> None:
         if self._percussion is not None:

@@ -54,6 +54,7 @@ class Drill:
         return Report(
             time=self.run.time,
             status=self.run.status(state, bookkeeping)[2],
+            coupling_power=self.run.coupling_power,
             process=self.simulation.process,
             faults=self.simulation.faults.active,
             bookkeeping=bookkeeping,

@@ -17,6 +17,9 @@ from rpud_sim.simulation.ensemble import Figures
 from rpud_sim.simulation.fields import Bookkeeping, Fields
 from rpud_sim.simulation.ledger import FaultRecord
 
+# Power that the steps of the arm may lose or win, as a share of the work of actuator and feed.
+COUPLING_SHARE = 0.05
+LEAST_POWER = 0.1  # of both, so that a drill at rest is none [W]
 LAG_ERROR = 1.0  # simulation time this far behind its schedule is an error [s]
 
 
@@ -50,6 +53,7 @@ class Report:
 
     time: int  # simulation time [ns]
     status: Fields  # the fields of its ``rpud_msgs/Status``
+    coupling_power: float  # that the steps of the arm lose [W]; NaN without a feed
     process: ProcessState  # state of rotation, feed and borehole
     faults: tuple[FaultRecord, ...]  # that last
     bookkeeping: Bookkeeping  # counts and timing, as in the status
@@ -133,6 +137,7 @@ def report_to_diagnostics(
                     "depth [m]": f"{status['depth']:g}",
                     "penetration_rate [m/s]": f"{status['penetration_rate']:g}",
                     **_borehole_values(report),
+                    **_coupling_values(report),
                     "active_faults": status["active_faults"],
                     "namesakes": report.namesakes,
                 },
@@ -167,6 +172,13 @@ def _borehole_values(report: Report) -> dict[str, object]:
     return {"side_offset [m]": f"{borehole.side_offset:g}"}
 
 
+def _coupling_values(report: Report) -> dict[str, object]:
+    """Return what the steps of the arm lose; nothing without a feed."""
+    if report.process.mount is None:
+        return {}
+    return {"coupling_power [W]": f"{report.coupling_power:.3g}"}
+
+
 def _command_health(counts: Bookkeeping) -> tuple[bytes, str]:
     if counts.commands_lost:
         return DiagnosticStatus.ERROR, "commands are lost: the drill is made safe"
@@ -180,6 +192,13 @@ def _command_health(counts: Bookkeeping) -> tuple[bytes, str]:
 def _drill_health(report: Report) -> tuple[bytes, str]:
     if report.namesakes:
         return DiagnosticStatus.WARN, f"{report.namesakes + 1} nodes have this name"
+    powers = (report.status["actuator_power"], report.status["feed_power"], LEAST_POWER)
+    flow = max(map(abs, powers))
+    if abs(report.coupling_power) > COUPLING_SHARE * flow:
+        return DiagnosticStatus.WARN, (
+            f"steps of the arm lose {report.coupling_power:.3g} W, more than {COUPLING_SHARE:.0%} "
+            f"of {flow:.3g} W: the arm is too soft or too lightly damped for them"
+        )
     if faults := report.status["active_faults"]:
         return DiagnosticStatus.WARN, f"{faults} faults injected"
     return DiagnosticStatus.OK, report.status["state"]

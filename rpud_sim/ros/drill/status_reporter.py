@@ -161,6 +161,7 @@ class StatusReporter:
         self._last = Report(
             time=run.time,
             status=status[2],
+            coupling_power=run.coupling_power,
             process=run.simulation.process,
             faults=run.simulation.faults.active,
             bookkeeping=bookkeeping,

@@ -63,6 +63,7 @@ def report_of(run, **counts):
     return Report(
         time=run.time,
         status=run.status("running", bookkeeping)[2],
+        coupling_power=run.coupling_power,
         process=run.simulation.process,
         faults=run.simulation.faults.active,
         bookkeeping=bookkeeping,
@@ -82,6 +83,20 @@ def report_of(run, **counts):
 
 
 REPORT = made()
+
+
+def test_steps_of_the_arm_that_lose_power_are_a_warning():
+    run = begun(feed_model="arm", initial_feed=0.004)
+    list(run.advance_to(100 * MILLISECOND))
+    report = report_of(run)
+    drill = diagnostics(report).status[2]
+    values = {pair.key: pair.value for pair in drill.values}
+    assert (drill.level, drill.message) == (DiagnosticStatus.OK, "running")
+    assert abs(float(values["coupling_power [W]"])) < 0.05 * report.status["actuator_power"]
+    power = 0.06 * report.status["actuator_power"]
+    drill = diagnostics(dataclasses.replace(report, coupling_power=-power)).status[2]
+    assert drill.level == DiagnosticStatus.WARN
+    assert f"lose {-power:.3g} W, more than 5% of" in drill.message
 
 
 def nanoseconds(time):
