@@ -55,6 +55,7 @@ class Drill:
             time=self.run.time,
             status=self.run.status(state, bookkeeping)[2],
             coupling_power=self.run.coupling_power,
+            unloaded_amplitude=self.run.simulation.unloaded_amplitude,
             process=self.simulation.process,
             faults=self.simulation.faults.active,
             bookkeeping=bookkeeping,

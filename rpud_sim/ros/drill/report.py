@@ -20,6 +20,8 @@ from rpud_sim.simulation.ledger import FaultRecord
 # Power that the steps of the arm may lose or win, as a share of the work of actuator and feed.
 COUPLING_SHARE = 0.05
 LEAST_POWER = 0.1  # of both, so that a drill at rest is none [W]
+# Amplitude below which a driven vibration is stalled, as a share of that without load.
+STALLED_SHARE = 0.05
 LAG_ERROR = 1.0  # simulation time this far behind its schedule is an error [s]
 
 
@@ -54,6 +56,8 @@ class Report:
     time: int  # simulation time [ns]
     status: Fields  # the fields of its ``rpud_msgs/Status``
     coupling_power: float  # that the steps of the arm lose [W]; NaN without a feed
+    # of the driven vibration without load, on resonance [m]; 0 where no load acts on it
+    unloaded_amplitude: float
     process: ProcessState  # state of rotation, feed and borehole
     faults: tuple[FaultRecord, ...]  # that last
     bookkeeping: Bookkeeping  # counts and timing, as in the status
@@ -192,6 +196,12 @@ def _command_health(counts: Bookkeeping) -> tuple[bytes, str]:
 def _drill_health(report: Report) -> tuple[bytes, str]:
     if report.namesakes:
         return DiagnosticStatus.WARN, f"{report.namesakes + 1} nodes have this name"
+    amplitude, unloaded = report.status["vibration_amplitude"], report.unloaded_amplitude
+    if amplitude < STALLED_SHARE * unloaded:
+        return DiagnosticStatus.WARN, (
+            f"stalled: the vibration has {amplitude * 1e6:.2g} um, less than {STALLED_SHARE:.0%} "
+            f"of {unloaded * 1e6:.3g} um without load"
+        )
     powers = (report.status["actuator_power"], report.status["feed_power"], LEAST_POWER)
     flow = max(map(abs, powers))
     if abs(report.coupling_power) > COUPLING_SHARE * flow:

@@ -162,6 +162,7 @@ class StatusReporter:
             time=run.time,
             status=status[2],
             coupling_power=run.coupling_power,
+            unloaded_amplitude=run.simulation.unloaded_amplitude,
             process=run.simulation.process,
             faults=run.simulation.faults.active,
             bookkeeping=bookkeeping,
