@@ -151,7 +151,7 @@ def arm_forces(configuration, phase, duration, dt=1e-7):
     return _integrate_arm(_bodies(drill), tool, arm, vibration, duration, dt, 1e-3)
 
 
-def resonant_amplitude(configuration, duration, skipped, dt=1e-8):
+def resonant_amplitude(configuration, duration, skipped, dt):
     """Return the root mean square of the amplitude of a resonance [m], after a skipped time."""
     parameters, actuator = configuration.parameters, configuration.actuator
     drill, amplitude = derive(parameters), parameters.vibration_amplitude

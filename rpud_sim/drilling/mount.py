@@ -265,9 +265,7 @@ class Mount:
             return feed - most
         return feed + most if wanted > feed + most else wanted
 
-    def _arrive(
-        self, load: Load, bottom: float, way: float, interval: float, reach: float
-    ) -> None:
+    def _arrive(self, load: Load, bottom: float, way: float, interval: float, reach: float) -> None:
         """Note what follows from the place that the mount has reached.
 
         Args:

@@ -237,7 +237,14 @@ class Engine:
             names = ("voltage", "drive_frequency", "resonance_frequency")
             voltage, drive_frequency, resonance_frequency = (float(state[name]) for name in names)
             return weight_on_bit, voltage, drive_frequency, resonance_frequency, 0.0, 0.0
-        return weight_on_bit, float(state["target_amplitude"]), float(state["frequency"]), 0.0, 0.0, 0.0
+        return (
+            weight_on_bit,
+            float(state["target_amplitude"]),
+            float(state["frequency"]),
+            0.0,
+            0.0,
+            0.0,
+        )
 
     def ahead(self, seconds: int, fraction: float) -> float:
         """Time from the start of the open segment to a time [s]."""

@@ -107,8 +107,8 @@ class LoadSpring:
         self._compression = compression
         self._spring_rate = spring_rate
         self._first_stored = stored
-        # Of the last step, until it is in the engine: way of the origin past the bodies [m], and the
-        # part of the preload that this takes [J].
+        # Of the last step, until it is in the engine: way of the origin past the bodies [m], and
+        # the part of the preload that this takes [J].
         self._passed = self._left = 0.0
         self._first_preload = self._preload(position)
         self._changes = 0.0

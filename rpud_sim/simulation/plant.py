@@ -84,13 +84,10 @@ class Plant:
             self.engine = self._stepped = SteppedEngine(*start)
             position = nodal_plane_position(self._stepped.open_segment, *self._instant)
             self._percussion = PercussionMeter(parameters.vibration_amplitude, position)
-            if (mount := self.process.mount) is not None:
-                self._load_spring = LoadSpring(
-                    mount.work.stored,
-                    self.process.advance.compression,
-                    self._pushing_rate(),
-                    position,
-                )
+            mount, advance = self.process.mount, self.process.advance
+            if mount is not None and advance is not None:
+                way, rate = advance.compression, self._pushing_rate()
+                self._load_spring = LoadSpring(mount.work.stored, way, rate, position)
         # furthest time to advance to at once [ns]
         self.next_step = min(self.actuator.next_step, self.process.next_step)
         self._in_force = (self._drill, *self._commands())
@@ -218,7 +215,8 @@ class Plant:
         assert self._percussion is not None
         segment = self._stepped.open_segment[0]
         motion = motion_at(segment, self._stepped.ahead(*self._instant))
-        work = withdrawal_work(segment, self._drill.tool_spring_rate, motion, self._passed)
+        rate = self._drill.tool_spring_rate
+        work = float(withdrawal_work(segment, rate, motion, self._passed))
         self._percussion.shift(self._passed)
         self._load_spring.shift(self._passed, work)
 

