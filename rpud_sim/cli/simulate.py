@@ -161,6 +161,7 @@ def _figures(
     scenario: Scenario | None,
     planned: Sequence[Planned],
 ) -> dict[str, Any]:
+    from rpud_sim.drilling.rock import NO_DEEPER
     from rpud_sim.simulation.energy_account import mean_account
     from rpud_sim.simulation.ensemble import run_ensemble
     from rpud_sim.simulation.feed_account import mean_feed_account
@@ -174,6 +175,9 @@ def _figures(
         )
     figures: dict[str, Any] = dict(ensemble.mean())
     figures["real_time_factor"] = ensemble.real_time_factor
+    deepest = max(member.get("depth") or 0.0 for member in ensemble.members)
+    if deepest >= configuration.parameters.tool_length:
+        _show(NO_DEEPER)
     account = mean_account(list(ensemble.accounts))
     figures["energy_account"] = account.to_dict()
     if (feed := mean_feed_account(ensemble.feed_accounts)) is not None:

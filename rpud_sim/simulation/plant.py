@@ -59,7 +59,8 @@ class Plant:
         # commanded force [N]; a change takes effect at the present time. Without effect
         # where the weight on bit follows from a feed.
         self.weight_on_bit = parameters.weight_on_bit
-        self.progress = Progress(configuration.rock)  # into the rock by percussion alone
+        # into the rock by percussion alone
+        self.progress = Progress(configuration.rock, parameters.tool_length)
         self._conditions = Conditions(parameters)
         self._hardness = 1.0
         # rotation, feed and borehole
@@ -83,8 +84,9 @@ class Plant:
         else:
             self.engine = self._stepped = SteppedEngine(*start)
             position = nodal_plane_position(self._stepped.open_segment, *self._instant)
-            self._percussion = PercussionMeter(parameters.vibration_amplitude, position)
-            mount, advance = self.process.mount, self.process.advance
+            nominal = parameters.vibration_amplitude
+            self._percussion = PercussionMeter(nominal, position, parameters.weight_on_bit)
+            mount, advance = self.process.state.mount, self.process.advance
             if mount is not None and advance is not None:
                 way, rate = advance.compression, self._pushing_rate()
                 self._load_spring = LoadSpring(mount.work.stored, way, rate, position)
@@ -95,7 +97,8 @@ class Plant:
     @property
     def reading(self) -> ActuatorReading:
         """State of the actuator at the present time."""
-        return self.actuator.read(self.engine.amplitude, self.engine.account(*self._instant))
+        account = self.engine.account(*self._instant)
+        return self.actuator.read(self.engine.amplitude, account, self.process.draw)
 
     def advance_to(self, time: int) -> None:
         """Advance to a time [ns], not beyond the next step."""
@@ -183,7 +186,10 @@ class Plant:
             self._make_progress(struck)
         position = nodal_plane_position(engine.open_segment, *self._instant)
         weight = self._weight_on_bit()
-        percussion = self._percussion.read(position, weight, self._drill, engine.amplitude)
+        interval = self.process.interval / SECOND
+        percussion = self._percussion.read(
+            interval, position, weight, self._drill, engine.amplitude
+        )
         in_contact = self.process.in_contact
         self.process.step(percussion, self._surroundings(), self._conditions.disturbances)
         if self.process.in_contact is not in_contact:
@@ -229,7 +235,6 @@ class Plant:
         parameters = self._conditions.parameters
         depth = self.progress.depth
         return Surroundings(
-            self.weight_on_bit * self._conditions.preload_factor,
             self._conditions.load_spring_rate,
             parameters.regime == "drilling",
             depth if math.isfinite(depth) else 0.0,
@@ -253,7 +258,7 @@ class Plant:
         return self._account_feed(nodal_plane_position(segment, *self._instant))
 
     def _account_feed(self, position: float) -> FeedAccount:
-        mount = self.process.mount
+        mount = self.process.state.mount
         assert self._load_spring is not None
         assert mount is not None
         return self._load_spring.account(mount.work, position)

@@ -57,6 +57,7 @@ class Drill:
             coupling_power=self.run.coupling_power,
             unloaded_amplitude=self.run.simulation.unloaded_amplitude,
             process=self.simulation.process,
+            at_tool_length=self.simulation.at_tool_length,
             faults=self.simulation.faults.active,
             bookkeeping=bookkeeping,
             requests_refused=requests,

@@ -5,9 +5,9 @@ import pytest
 from direct_drill import arm_forces, resonant_amplitude
 from scipy.stats import t
 
-from rpud_sim.drilling import process
+from rpud_sim.drilling.process import Process
 from rpud_sim.model.engine import EngineError
-from rpud_sim.simulation import Simulation, percussion, plant, to_configuration
+from rpud_sim.simulation import Simulation, plant, to_configuration
 
 MILLISECOND = 1_000_000
 PHASES = (0.05, 0.3, 0.55, 0.8)
@@ -59,9 +59,7 @@ def test_the_force_of_an_arm_is_that_of_a_direct_integration(values):
 
 def test_half_the_step_gives_the_same_force(monkeypatch):
     whole = engine_figures(SOFT)
-    for module in (process, percussion):
-        monkeypatch.setattr(module, "PROCESS_INTERVAL", MILLISECOND // 2)
-    monkeypatch.setattr(process, "_INTERVAL", 0.5e-3)
+    monkeypatch.setattr(Process, "interval", MILLISECOND // 2)
     assert not differ(engine_figures(SOFT), whole, (0.02, 0.1, 0.1)).any()
 
 

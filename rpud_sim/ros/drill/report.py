@@ -11,6 +11,7 @@ from std_msgs.msg import Header
 
 from rpud_sim.drilling.feed import FEED_MODES, RATE
 from rpud_sim.drilling.process import ProcessState
+from rpud_sim.drilling.rock import NO_DEEPER
 from rpud_sim.ros.drill.pacer import Timing
 from rpud_sim.ros.lateness import Lateness
 from rpud_sim.simulation.ensemble import Figures
@@ -59,6 +60,7 @@ class Report:
     # of the driven vibration without load, on resonance [m]; 0 where no load acts on it
     unloaded_amplitude: float
     process: ProcessState  # state of rotation, feed and borehole
+    at_tool_length: bool  # whether the hole is as deep as the drill tool is long
     faults: tuple[FaultRecord, ...]  # that last
     bookkeeping: Bookkeeping  # counts and timing, as in the status
     requests_refused: int  # of services, since the start
@@ -211,6 +213,8 @@ def _drill_health(report: Report) -> tuple[bytes, str]:
         )
     if faults := report.status["active_faults"]:
         return DiagnosticStatus.WARN, f"{faults} faults injected"
+    if report.at_tool_length:
+        return DiagnosticStatus.WARN, NO_DEEPER
     return DiagnosticStatus.OK, report.status["state"]
 
 

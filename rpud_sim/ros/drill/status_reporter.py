@@ -164,6 +164,7 @@ class StatusReporter:
             coupling_power=run.coupling_power,
             unloaded_amplitude=run.simulation.unloaded_amplitude,
             process=run.simulation.process,
+            at_tool_length=run.simulation.at_tool_length,
             faults=run.simulation.faults.active,
             bookkeeping=bookkeeping,
             requests_refused=self._inbox.requests_refused,
