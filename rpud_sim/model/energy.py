@@ -341,7 +341,9 @@ def add_change(before, after, motion, begun, account):
     """
     # Nothing else moves the nodal plane at once, or stops a drill tool away from zero.
     commanded = after.event & EVENT_COMMAND
-    passed = motion[0] - begun[0] if commanded else 0.0
+    passed = motion[0] - begun[0]
+    if not commanded or abs(passed) <= LEAST_DEFORMATION:
+        passed = 0.0  # rounding
     u_np, v_np, u_ut, v_ut, u_fm, v_fm, u_dt, v_dt = motion
     tool_rate, new_rate = before.drill_tool_spring_rate, after.drill_tool_spring_rate
     account[CHANGES] += withdrawal_work(after, tool_rate, motion, passed)
