@@ -99,6 +99,4 @@ class PercussionMeter:
             self.arrived += energy
         reach = position + max(position - self._position, 0.0)
         self._position = position
-        return Percussion(
-            energies, ratio, drill.in_rock, force, on_rock, drill.rpud_damping, reach
-        )
+        return Percussion(energies, ratio, drill.in_rock, force, on_rock, drill.rpud_damping, reach)
