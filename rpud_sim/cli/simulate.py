@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
+import gc
 import importlib
 import math
 import os
@@ -92,13 +93,19 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _load_numba() -> None:
-    """Load Numba without SciPy's linear algebra, which no kernel uses: a fifth of the start."""
+    """Load Numba without SciPy's linear algebra, which no kernel uses: a fifth of the start.
+
+    Python need not search what stays to the end for cycles.
+    """
     if "scipy" not in sys.modules:
         sys.modules["scipy"] = None  # type: ignore[assignment]
+        gc.disable()
         try:
             importlib.import_module("numba.np.arraymath")
         finally:
             del sys.modules["scipy"]
+            gc.freeze()
+            gc.enable()
 
 
 def _refuse_assignments_to_the_node(arguments: argparse.Namespace) -> None:
