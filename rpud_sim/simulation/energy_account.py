@@ -6,7 +6,7 @@ import dataclasses
 import math
 import operator
 from collections import deque
-from itertools import chain
+from itertools import chain, islice
 
 import numpy as np
 
@@ -139,15 +139,11 @@ class RecentEnergy:
         absorbed_power + stored_power``, and with a feed ``feed_power`` is ``mount_power +
         weight_on_bit_power``. Without one the first two of these are NaN.
         """
-        total, feed, duration = EnergyAccount(), FeedAccount(), 0.0
+        total, feed, duration = EnergyAccount(), self._feed_account(), self._duration()
         if self._spans:
             first, *others = self._spans
-            late = int(np.searchsorted(first.ends, self._spans[-1].end - _WINDOW, side="right"))
-            recent = join_blocks([first.after(late), *(span.block for span in others)])
-            total = EnergyAccount.of(recent)
-            # One by one, so that they have the same bits however they came.
-            feed = sum(chain(first.feeds[late:], *(span.feeds for span in others)), feed)
-            duration = (recent.end - recent.start) / SECOND
+            blocks = [first.after(self._late()), *(span.block for span in others)]
+            total = EnergyAccount.of(join_blocks(blocks))
         energies = {
             "actuator_power": total.actuator_work,
             "weight_power": total.weight_on_bit_work + total.gravity_work,
@@ -165,3 +161,25 @@ class RecentEnergy:
             name: energy / duration if duration else 0.0 * abs(energy)
             for name, energy in energies.items()
         }
+
+    def coupling_power(self) -> float:
+        """Return the mean power of ``FeedAccount.coupling`` [W]; NaN without a feed."""
+        if not self._has_feed:
+            return math.nan
+        duration = self._duration()
+        return self._feed_account().coupling / duration if duration else 0.0
+
+    def _late(self) -> int:
+        """Return the number of blocks of the first span that ended before the last second."""
+        first, last = self._spans[0], self._spans[-1]
+        return int(np.searchsorted(first.ends, last.end - _WINDOW, side="right"))
+
+    def _duration(self) -> float:
+        if not self._spans:
+            return 0.0
+        return (self._spans[-1].end - int(self._spans[0].starts[self._late()])) / SECOND
+
+    def _feed_account(self) -> FeedAccount:
+        # One by one, so that they have the same bits however they came.
+        feeds = chain.from_iterable(span.feeds for span in self._spans)
+        return sum(islice(feeds, self._late() if self._spans else 0, None), FeedAccount())

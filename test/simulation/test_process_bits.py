@@ -72,11 +72,11 @@ EXPECTED = {
     "rotation in one rock": "44fb5727fb5f2a00",
     "strata without rotation": "5d7ba1a0009abe84",
     "rotation in strata": "e5ba44ac49f39b40",
-    "arm": "f8470f8fb3e10a6c",
-    "arm before drilling": "ae4e6ea38417c566",
-    "rigid arm": "781bd20b13ebc35f",
-    "slipping arm": "5f8bceaf1775e29d",
-    "resonance": "46bb07882b8d05b8",
+    "arm": "7310cde056dcc1d9",
+    "arm before drilling": "84c4b288f04a81a3",
+    "rigid arm": "166bbda3a22fc436",
+    "slipping arm": "99dcd2fe9befdd3e",
+    "resonance": "284aeafd09f7940f",
     "weak rotor": "3fe3bae9c62e8440",
 }
 
