@@ -13,8 +13,9 @@ import numpy as np
 from rpud_sim.foundation.shared import Shared
 from rpud_sim.foundation.time import SECOND, split_fraction
 from rpud_sim.model.energy import TERMS
+from rpud_sim.model.segment import SEGMENT, join_records
 from rpud_sim.model.tally import CLASSES, PART_ROOM, add_block, empty_tallies
-from rpud_sim.simulation.block import Block, join_blocks
+from rpud_sim.simulation.block import Block
 from rpud_sim.simulation.feed_account import FeedAccount
 from rpud_sim.simulation.span import Span
 
@@ -141,9 +142,7 @@ class RecentEnergy:
         """
         total, feed, duration = EnergyAccount(), self._feed_account(), self._duration()
         if self._spans:
-            first, *others = self._spans
-            blocks = [first.after(self._late()), *(span.block for span in others)]
-            total = EnergyAccount.of(join_blocks(blocks))
+            total = EnergyAccount.of(self._block())
         energies = {
             "actuator_power": total.actuator_work,
             "weight_power": total.weight_on_bit_work + total.gravity_work,
@@ -173,6 +172,15 @@ class RecentEnergy:
         """Return the number of blocks of the first span that ended before the last second."""
         first, last = self._spans[0], self._spans[-1]
         return int(np.searchsorted(first.ends, last.end - _WINDOW, side="right"))
+
+    def _block(self) -> Block:
+        """Return the last second as one block, without its impacts; a status waits for it."""
+        first, *others = self._spans
+        last, late = self._spans[-1], self._late()
+        parts = [first.covering[first.opened[late] : -1], *(span.covering[:-1] for span in others)]
+        covering = join_records([*parts, last.covering[-1:]], SEGMENT)
+        start = int(first.starts[late])
+        return Block(start, last.end, covering, last.impacts[:0], last.rpud, math.nan)
 
     def _duration(self) -> float:
         if not self._spans:

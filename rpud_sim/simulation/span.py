@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 from collections.abc import Sequence
 from itertools import accumulate
 
@@ -61,20 +60,16 @@ class Span(Shared):
     @property
     def block(self) -> Block:
         """All blocks as one."""
-        return dataclasses.replace(self.after(0), electrical_energy=self.electrical_energy)
-
-    def after(self, number: int) -> Block:
-        """Return the blocks from a number on as one, whose electrical energy is unknown."""
         return Block(
-            int(self.starts[number]),
+            self.start,
             self.end,
-            self.covering[self.opened[number] :],
-            self.impacts[self.struck[number - 1] if number else 0 :],
+            self.covering,
+            self.impacts,
             self.rpud,
-            math.nan,
+            self.electrical_energy,
             self.readings[-1] if self.readings else None,
             self.states[-1] if self.states else AT_REST,
-            sum_accounts(self.feeds[number:]),
+            sum_accounts(self.feeds),
         )
 
     def sample_ends(self) -> Samples:
