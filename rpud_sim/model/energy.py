@@ -449,25 +449,3 @@ def time_in(segment, seconds, fraction):
     """Time from a segment's start to a time, at least zero and at most its duration [s]."""
     time = float(seconds - segment.start_seconds) + (fraction - segment.start_fraction)
     return min(max(time, 0.0), segment.duration)
-
-
-@compiled
-def add_segments(rpud, covering, start_seconds, start_fraction, seconds, fraction, account):
-    """Add what happens between two times to an account.
-
-    Args:
-        covering: ``SEGMENT`` records, in order, that cover these times; the first may have begun
-            before, and every later one begins between them.
-        account: to add to, shape (len(TERMS),) [J].
-    """
-    start = time_in(covering[0], start_seconds, start_fraction)
-    motion = motion_at(covering[0], start)
-    account[STORED] -= stored_energy(covering[0], motion, rpud.mass)
-    last = len(covering) - 1
-    for i in range(last):
-        add_ended_segment(rpud, covering[i], covering[i + 1], start, account)
-        start = 0.0
-    end = time_in(covering[last], seconds, fraction)
-    if end > start:
-        add_motion(rpud, covering[last], start, end, True, account)
-    account[STORED] += stored_energy(covering[last], motion_at(covering[last], end), rpud.mass)

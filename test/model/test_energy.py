@@ -10,11 +10,11 @@ from hypothesis import strategies as st
 from scipy.integrate import quad
 from support import examples
 
-from rpud_sim.model import energy
+from rpud_sim.model import energy, tally
 from rpud_sim.model.engine import Engine
 from rpud_sim.model.guards import force_on_drill_tool
 from rpud_sim.model.parameters import preset
-from rpud_sim.model.segment import motion_at
+from rpud_sim.model.segment import IMPACT, motion_at
 from rpud_sim.model.vibration import harmonic_vibration
 
 RPUD = energy.RpudConstants(1.0, False, 0.0)
@@ -30,9 +30,11 @@ def trajectory(regime, seconds=0.3, phase=0.2, **changes):
 
 
 def account(segments, seconds, rpud=RPUD, start=0.0):
-    joules = np.zeros(len(energy.TERMS))
-    energy.add_segments(rpud, segments, 0, start, 0, seconds, joules)
-    return joules
+    tallies = tally.empty_tallies(1)
+    room = np.zeros(tally.CLASSES, np.int64), np.zeros(tally.PART_ROOM)
+    nothing = np.empty(0, IMPACT)
+    tally.add_block(rpud, segments, nothing, 0, start, 0, seconds, False, tallies, *room)
+    return tallies[0]["account"]
 
 
 def residual(joules):
@@ -162,8 +164,7 @@ def test_in_the_rock_all_that_is_transferred_is_absorbed():
     engine = Engine(preset("drilling"), 0.2)
     engine.advance(2, 0.0)
     segments, impacts = engine.drain_covering()
-    joules = np.zeros(len(energy.TERMS))
-    energy.add_segments(RPUD, segments, 0, 0.0, 2, 0.0, joules)
+    joules = account(segments, 2.0)
     absorbed = joules[energy.IMPACTS] + joules[energy.RELEASE]
     assert impacts["energy_transferred"].sum() == pytest.approx(absorbed, rel=2e-3)
     assert absorbed < impacts["energy"].sum()
