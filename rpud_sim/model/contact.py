@@ -8,6 +8,10 @@ import math
 from typing import NamedTuple
 
 from rpud_sim.model.compile import compiled
+from rpud_sim.model.elementary import arc_tangent
+
+# Tangent of the angles that are a short series of it: the next term is less than 1e-19 rad.
+_NEARLY_HALF = 1e-3
 
 
 class EffectiveTool(NamedTuple):
@@ -146,12 +150,23 @@ def release_time(cosine, sine, angular_frequency, gravity):
     Args:
         angular_frequency: w = omega_fmdt [rad/s].
     """
-    amplitude = math.hypot(cosine, sine)
-    if not angular_frequency**2 * amplitude > gravity:
+    lift = gravity / (angular_frequency * angular_frequency)
+    square = cosine * cosine + sine * sine - lift * lift
+    if not square > 0.0:
         return math.inf
-    start = math.atan2(-sine, cosine)
-    end = math.acos(-gravity / (angular_frequency**2 * amplitude))
-    return max(end - start, 0.0) / angular_frequency
+    # The point (cosine, -sine) turns until it is (-lift, root).
+    root = math.sqrt(square)
+    across = cosine * root - sine * lift
+    along = -cosine * lift - sine * root
+    if abs(across) < -_NEARLY_HALF * along:
+        ratio = across / along
+        near = ratio * ratio
+        angle = math.pi + ratio * (1.0 - near * (1.0 / 3.0 - 0.2 * near))
+    else:
+        angle = arc_tangent(across, along)
+    if angle < 0.0 and sine > 0.0:
+        angle += 2.0 * math.pi
+    return max(angle, 0.0) / angular_frequency
 
 
 @compiled

@@ -232,8 +232,7 @@ class Engine:
         capacity = self._capacity
         passed = 0
         while status == FULL:
-            self._room = np.empty(capacity + 1, SEGMENT)  # one for the open segment
-            segments = self._room[:-1]
+            segments = self._room = np.empty(capacity + 1, SEGMENT)  # one for the open segment
             impacts = np.empty(2 * capacity + 2, IMPACT)
             status, written, count = advance(
                 self._drill,

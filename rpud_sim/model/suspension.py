@@ -14,7 +14,18 @@ import math
 from typing import NamedTuple
 
 from rpud_sim.model.compile import compiled
+from rpud_sim.model.elementary import exponential, sin_cos
 from rpud_sim.model.vibration import TWO_PI
+
+
+class Oscillator(NamedTuple):
+    """A body on a spring, with the rates of its free vibration."""
+
+    mass: float
+    damping: float  # c [N s/m], less than critical
+    spring_rate: float  # k [N/m]
+    decay_rate: float  # a = xi omega_n [1/s]
+    angular_frequency: float  # omega_d = omega_n sqrt(1 - xi^2) [rad/s]
 
 
 class Oscillation(NamedTuple):
@@ -39,17 +50,22 @@ def damping_coefficient(damping_ratio, mass, spring_rate):
 
 
 @compiled
-def free_vibration(mass, damping, spring_rate, force, position, velocity):
-    """Closed form of a body on a spring under a constant force, eqs. (8)-(9) and (15)-(16).
+def oscillator(mass, damping, spring_rate):
+    """Return the ``Oscillator`` of a mass on a damped spring."""
+    a = 0.5 * damping / mass
+    return Oscillator(mass, damping, spring_rate, a, math.sqrt(spring_rate / mass - a * a))
+
+
+@compiled
+def free_vibration(body, force, position, velocity):
+    """Closed form of an ``Oscillator`` under a constant force, eqs. (8)-(9) and (15)-(16).
 
     Args:
-        damping: c [N s/m], less than critical.
-        spring_rate: k [N/m].
         force: F [N].
     """
-    a = 0.5 * damping / mass
-    w = math.sqrt(spring_rate / mass - a * a)
-    offset = force / spring_rate
+    a = body.decay_rate
+    w = body.angular_frequency
+    offset = force / body.spring_rate
     A_1 = position - offset
     A_2 = (velocity + a * A_1) / w
     return Oscillation(offset, a, w, A_1, A_2, 0.0, 0.0)
@@ -57,9 +73,7 @@ def free_vibration(mass, damping, spring_rate, force, position, velocity):
 
 @compiled
 def driven_vibration(
-    mass,
-    damping,
-    spring_rate,
+    body,
     force,
     force_sine,
     force_cosine,
@@ -68,23 +82,21 @@ def driven_vibration(
     position,
     velocity,
 ):
-    """Closed form of a body on a spring that also feels the harmonic vibration.
+    """Closed form of an ``Oscillator`` that also feels the harmonic vibration.
 
     Args:
         force_sine: H_s [N].
         force_cosine: H_c [N].
     """
     omega = TWO_PI * frequency
-    stiffness = spring_rate - mass * omega * omega
-    resistance = damping * omega
+    stiffness = body.spring_rate - body.mass * omega * omega
+    resistance = body.damping * omega
     square = stiffness * stiffness + resistance * resistance
     vibration_sine = (stiffness * force_sine + resistance * force_cosine) / square
     vibration_cosine = (stiffness * force_cosine - resistance * force_sine) / square
     steady = vibration_sine * turn.sine + vibration_cosine * turn.cosine
     steady_rate = omega * (vibration_sine * turn.cosine - vibration_cosine * turn.sine)
-    free = free_vibration(
-        mass, damping, spring_rate, force, position - steady, velocity - steady_rate
-    )
+    free = free_vibration(body, force, position - steady, velocity - steady_rate)
     return Oscillation(
         free.offset,
         free.decay_rate,
@@ -114,11 +126,11 @@ def swing_at(decay_rate, angular_frequency, time):
         return NO_SWING
     decay = 1.0
     if decay_rate != 0.0:
-        decay = math.exp(-decay_rate * time)
+        decay = exponential(-decay_rate * time)
     if angular_frequency == 0.0:
         return Swing(decay, 0.0)
-    angle = angular_frequency * time
-    return Swing(decay * math.cos(angle), decay * math.sin(angle))
+    sine, cosine = sin_cos(angular_frequency * time)
+    return Swing(decay * cosine, decay * sine)
 
 
 @compiled
