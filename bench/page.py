@@ -19,9 +19,6 @@ _SPEED = re.compile(
     r"engine, (?P<regime>\w+): "
     r"(speed over that of (?P<other>.+)|simulated seconds per second, rpud_sim)"
 )
-_LATE = re.compile(
-    r"telemetry, default: lateness of (?P<what>blocks|(a|an ordinary) bare .*), p99[.]9"
-)
 _MARKED = re.compile(r"(<!-- figures: (\w+) -->\n)(.*?)(<!-- end of figures -->)", re.DOTALL)
 
 
@@ -44,20 +41,10 @@ def _speed(parts: Sequence[Part]) -> Iterator[str]:
         yield f"| {what} | {regimes.get('drilling', '')} | {regimes.get('free', '')} |"
 
 
-def _lateness(parts: Sequence[Part]) -> Iterator[str]:
-    """Yield the table of the latest blocks of a node at its defaults, and of bare timers."""
-    yield "| 99.9 % are not later | ms |"
-    yield "|---|---|"
-    for row in rows_of(parts):
-        if matched := _LATE.fullmatch(row.name):
-            yield f"| {matched['what']} | {number(row.median)} |"
-
-
 SECTIONS: Mapping[str, Callable[[Sequence[Part]], Iterator[str]]] = {
     "goals": _goals,
     "machine": heading,
     "speed": _speed,
-    "lateness": _lateness,
 }
 """Contents between markers such as ``<!-- figures: goals -->``."""
 

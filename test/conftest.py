@@ -9,6 +9,7 @@ from contextlib import ExitStack
 import pytest
 from ament_index_python.packages import get_package_prefix
 from hypothesis import settings
+from hypothesis.internal.conjecture import providers
 from support import FEW, LOOPBACK, MANY_EXAMPLES, Process, claim_ros_domain
 
 # The shell that starts the tests changes nothing: a background job ignores SIGINT or SIGHUP, and a
@@ -45,6 +46,9 @@ os.environ.pop("ROS_LOCALHOST_ONLY", None)  # deprecated, and it would overrule 
 
 # The first example compiles, which takes longer than any deadline. `make test` draws the same
 # examples each time, so it never fails by chance. `make test-all` draws more, from a printed seed.
+# Hypothesis would also draw the constants of all modules that this process has imported so far,
+# which differs from run to run when several processes share the tests.
+providers.is_local_module_file = lambda _: False
 settings.register_profile("few", deadline=None, derandomize=True, database=None, max_examples=FEW)
 settings.register_profile("many", deadline=None, print_blob=True)
 settings.load_profile("many" if MANY_EXAMPLES else "few")

@@ -37,7 +37,7 @@ WINDOW = 3.0  # s, of which means are taken, at the end of the fault
 LASTING = 6.0  # s, of a fault until its end is looked at
 # The weight on bit changes slowly.
 LASTING_LONGER = {"choking": 8.0, "feed_stall": 8.0, "arm_slip": 8.0}
-PHASES = (0.05, 0.35, 0.65)  # of the vibration at time zero [cycles]
+PHASES = (0.45, 0.55, 0.3)  # of the vibration at time zero [cycles]
 
 # No change is a mean within the band of the healthy one. Effects are well inside or well outside.
 BANDS = {

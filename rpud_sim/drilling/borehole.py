@@ -12,6 +12,7 @@ from rpud_sim.drilling.recent import RecentDrilling
 from rpud_sim.drilling.rock import RockParameters
 from rpud_sim.drilling.rotor_values import NO_RESISTANCE, NOT_TURNED, Resistance, Turned
 from rpud_sim.drilling.strata import Layer, Strata, inclusion_in
+from rpud_sim.model.elementary import arc_tangent, tangent
 
 
 @dataclasses.dataclass(frozen=True)
@@ -153,7 +154,7 @@ class Borehole:
     def _screw_slope(self, layer: Layer) -> float:
         """Return torque over radius and axial force of a screw with friction: tan(phi + rho)."""
         slope = self._bit.flute_pitch / (2.0 * math.pi * self._radius)
-        return math.tan(min(math.atan(slope) + math.atan(layer.friction), 1.55))
+        return tangent(min(arc_tangent(slope, 1.0) + arc_tangent(layer.friction, 1.0), 1.55))
 
     def _walk(
         self, interval: float, turned: float, percussion: Percussion, disturbances: Disturbances
@@ -207,7 +208,8 @@ class Borehole:
         grown = self._bit.bit_wear_rate * layer.abrasiveness * friction_work
         if grown:
             most = max(self._area, self._bit.bit_wear_flat)
-            worn = math.pi * (radius_of(self._wear_flat) + 0.5 * grown) ** 2
+            radius = radius_of(self._wear_flat) + 0.5 * grown
+            worn = math.pi * radius * radius
             self._wear_flat = min(worn, most)
 
     def _move_tip(self, mount_position: float | None) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from rpud_sim.drilling.bit import BitParameters
+from rpud_sim.model.elementary import exponential_minus_one
 
 
 class Cuttings:
@@ -76,7 +77,7 @@ class Cuttings:
         came = bit.cuttings_bulking * produced
         share = risen / depth  # V v / depth over the step, in units of V
         if share > 0.0:
-            left = -math.expm1(-share)
+            left = -exponential_minus_one(-share)
             self.volume += (came / share - self.volume) * left
         else:
             self.volume += came

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 from rpud_sim.drilling.rotor_values import Resistance, RotorState, RotorWork, Turned
 from rpud_sim.foundation.parameters import ParameterGroup, choice, number
+from rpud_sim.model.elementary import exponential, exponential_minus_one, logarithm_one_plus
 
 
 @dataclasses.dataclass(frozen=True)
@@ -72,7 +73,7 @@ class Rotor:
             self._friction,
             self._flutes,
             self._faults,
-            0.5 * self._inertia * self._rate**2,
+            0.5 * self._inertia * self._rate * self._rate,
         )
         return RotorState(
             self._angle,
@@ -125,7 +126,7 @@ class Rotor:
             self._whole = _decay_in(interval, self._decay)
         decay, end = self._whole, 0.0
         if steady < 0.0 < rate:
-            stop = math.log1p(rate / -steady) / self._decay
+            stop = logarithm_one_plus(rate / -steady) / self._decay
             if stop <= interval:
                 decay = _decay_in(stop, self._decay)
         time, once, twice, remains = decay
@@ -135,7 +136,7 @@ class Rotor:
             if end < 0.0:
                 end = 0.0  # rounding
         turned = steady * time + away * once
-        squared = steady**2 * time + 2.0 * steady * away * once + away**2 * twice
+        squared = steady * steady * time + 2.0 * steady * away * once + away * away * twice
         # Integrals of rate and of its square give that of torque times rate.
         return turned, end, self._slope * (stack_rate * turned - squared)
 
@@ -151,7 +152,7 @@ def _decay_in(time: float, decay: float) -> _Decay:
     """Return the decay in a time [s] at a rate [1/s]."""
     return _Decay(
         time,
-        -math.expm1(-decay * time) / decay,
-        -math.expm1(-2.0 * decay * time) / (2.0 * decay),
-        math.exp(-decay * time),
+        -exponential_minus_one(-decay * time) / decay,
+        -exponential_minus_one(-2.0 * decay * time) / (2.0 * decay),
+        exponential(-decay * time),
     )

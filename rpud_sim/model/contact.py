@@ -8,7 +8,7 @@ import math
 from typing import NamedTuple
 
 from rpud_sim.model.compile import compiled
-from rpud_sim.model.elementary import arc_tangent
+from rpud_sim.model.elementary import arc_tangent, hypotenuse, sin_cos
 
 # Tangent of the angles that are a short series of it: the next term is less than 1e-19 rad.
 _NEARLY_HALF = 1e-3
@@ -38,10 +38,11 @@ def printed_tool(k_1, k_2, m_1, m_2):
         m_1: mass of part I [kg].
         m_2: mass of part II [kg].
     """
-    mass = ((k_1**2 + 3.0 * k_1 * k_2 + 3.0 * k_2**2) * m_1 + k_1**2 * m_2) / (
-        3.0 * (k_1 + k_2) ** 2
+    both = k_1 + k_2
+    mass = ((k_1 * k_1 + 3.0 * k_1 * k_2 + 3.0 * k_2 * k_2) * m_1 + k_1 * k_1 * m_2) / (
+        3.0 * both * both
     )
-    spring_rate = (k_1**2 - k_1 * k_2 + k_2**2) / (k_1 + k_2)
+    spring_rate = (k_1 * k_1 - k_1 * k_2 + k_2 * k_2) / both
     return EffectiveTool(mass, spring_rate)
 
 
@@ -68,7 +69,7 @@ def mode_shape_tool(k_1, k_2, m_1, m_2):
 
 def _mass_of_shape(shape, m_1, m_2):
     """m_eff,dt [kg] of a mode shape with f(L_dt1) = shape, eq. (25)."""
-    return ((1.0 + shape + shape**2) * m_1 + shape**2 * m_2) / 3.0
+    return ((1.0 + shape + shape * shape) * m_1 + shape * shape * m_2) / 3.0
 
 
 @compiled
@@ -95,10 +96,9 @@ def deformation(time, displacement, velocity, free_mass, tool_mass, tool_spring_
     """
     omega = natural_frequency(free_mass, tool_mass, tool_spring_rate)
     rest = free_mass * gravity / tool_spring_rate
-    sine = math.sin(omega * time)
-    cosine = math.cos(omega * time)
+    sine, cosine = sin_cos(omega * time)
     eta = rest + velocity / omega * sine + (displacement - rest) * cosine
-    acceleration = -omega * velocity * sine - omega**2 * (displacement - rest) * cosine
+    acceleration = -omega * velocity * sine - omega * omega * (displacement - rest) * cosine
     return eta, acceleration
 
 
@@ -117,7 +117,7 @@ def time_of_maximum(displacement, velocity, free_mass, tool_mass, tool_spring_ra
     """
     omega = natural_frequency(free_mass, tool_mass, tool_spring_rate)
     rest = free_mass * gravity / tool_spring_rate
-    angle = math.atan2(velocity / omega, displacement - rest)
+    angle = arc_tangent(velocity / omega, displacement - rest)
     if angle < 0.0:
         angle += 2.0 * math.pi
     return angle / omega
@@ -136,7 +136,7 @@ def force_at_maximum(displacement, velocity, free_mass, tool_mass, tool_spring_r
     """Greatest force of a contact that is left undisturbed [N], eqs. (30), (36) and (38)."""
     omega = natural_frequency(free_mass, tool_mass, tool_spring_rate)
     rest = free_mass * gravity / tool_spring_rate
-    return free_mass * (gravity + omega**2 * math.hypot(displacement - rest, velocity / omega))
+    return free_mass * (gravity + omega * omega * hypotenuse(displacement - rest, velocity / omega))
 
 
 @compiled

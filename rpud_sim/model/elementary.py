@@ -1,9 +1,10 @@
 """Elementary functions with the same bits on every machine.
 
-They use only additions, subtractions, multiplications, divisions and square roots of binary64, which
-IEEE 754 defines to the last bit. Sines, exponentials and logarithms of the C library and of NumPy
-differ between versions and between processors. Kernels inline these functions; without compilation
-the same code runs in Python. Order and grouping of the operations are part of their result.
+They use only additions, subtractions, multiplications, divisions and square roots of binary64,
+which IEEE 754 defines to the last bit. Sines, exponentials and logarithms of the C library and of
+NumPy differ between versions and between processors. Kernels inline these functions; without
+compilation the same code runs in Python. Order and grouping of the operations are part of their
+result.
 
 Each function reduces its argument to a short range, in which a polynomial completes the first terms
 of the series; ``python toolchain/polynomials.py`` computes the polynomials. Errors are given in
@@ -99,7 +100,7 @@ def _turned(sine, cosine, quarters):
 
 @compiled
 def sin_cos(angle):
-    """Return sine and cosine of an angle [rad], within 1.5e-16; NaN beyond 2.6e7 rad.
+    """Return sine and cosine of an angle [rad], within 1.6e-16; NaN beyond 2.6e7 rad.
 
     The engine's angles end with a segment, after 10 ms: few reach a thousand.
     """
@@ -356,3 +357,18 @@ def complex_phase(number):
 def complex_size(number):
     """Return the absolute value of a complex number."""
     return hypotenuse(number.real, number.imag)
+
+
+# What Python calls, with arguments of the types that it has.
+CALLED_BY_PYTHON = (
+    (sin_cos, (1.0,)),
+    (sin_cos_cycles, (1.0,)),
+    (tangent, (1.0,)),
+    (exponential, (1.0,)),
+    (exponential_minus_one, (1.0,)),
+    (logarithm_one_plus, (1.0,)),
+    (power, (1.0, 1.0)),
+    (arc_tangent, (1.0, 1.0)),
+    (complex_phase, (1j,)),
+    (complex_size, (1j,)),
+)

@@ -132,7 +132,8 @@ def first_strike(segment, limit, turn):
         slow_second += gravity
         u_fm, v_fm = segment.free_mass_position, segment.free_mass_velocity
     else:
-        slow_second += undamped_frequency(tool) ** 2 * decaying_amplitude(tool)
+        tool_rate = undamped_frequency(tool)
+        slow_second += tool_rate * tool_rate * decaying_amplitude(tool)
         displacement, v_fm = swinging_part(tool, NO_SWING)
         u_fm = tool.offset + displacement
     slow_second = max(slow_second, LEAST_BOUND)

@@ -174,7 +174,9 @@ def reacting_force(weight_on_bit, load_spring_rate, damping, position, velocity)
 @compiled
 def decaying_derivatives(motion, displacement, velocity):
     """Second [m/s^2] and third [m/s^3] derivative of the decaying part."""
-    square = motion.decay_rate**2 + motion.angular_frequency**2
+    a = motion.decay_rate
+    w = motion.angular_frequency
+    square = a * a + w * w
     acceleration = -square * displacement - 2.0 * motion.decay_rate * velocity
     jerk = -square * velocity - 2.0 * motion.decay_rate * acceleration
     return acceleration, jerk
@@ -183,10 +185,12 @@ def decaying_derivatives(motion, displacement, velocity):
 @compiled
 def decaying_amplitude(motion):
     """Bound on the decaying part at all later times [m]."""
-    return math.sqrt(motion.cosine**2 + motion.sine**2)
+    return math.sqrt(motion.cosine * motion.cosine + motion.sine * motion.sine)
 
 
 @compiled
 def undamped_frequency(motion):
     """omega_n [rad/s]: by this factor grows, at most, the bound of each further derivative."""
-    return math.sqrt(motion.decay_rate**2 + motion.angular_frequency**2)
+    a = motion.decay_rate
+    w = motion.angular_frequency
+    return math.sqrt(a * a + w * w)

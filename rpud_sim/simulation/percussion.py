@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from rpud_sim.drilling.inputs import Percussion
 from rpud_sim.drilling.process import PROCESS_INTERVAL
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.model.drill import Drill
+from rpud_sim.model.elementary import exponential, sin_cos, sin_cos_cycles
 from rpud_sim.model.segment import SEGMENT
 from rpud_sim.simulation.record_fields import reader_of
 
@@ -35,14 +34,13 @@ def nodal_plane_position(segment: np.ndarray, seconds: int, fraction: float) -> 
         _nodal_plane(segment)
     )
     elapsed = float(seconds - start) + (fraction - rest)
-    turn = omega * elapsed
-    position: float = offset + math.exp(-decay * elapsed) * (
-        cosine * math.cos(turn) + sine * math.sin(turn)
+    turned_sine, turned_cosine = sin_cos(omega * elapsed)
+    position: float = offset + exponential(-decay * elapsed) * (
+        cosine * turned_cosine + sine * turned_sine
     )
     if in_phase or in_quadrature:
-        cycles = phase + frequency * elapsed
-        angle = 2.0 * math.pi * (cycles - math.floor(cycles))
-        position += in_phase * math.sin(angle) + in_quadrature * math.cos(angle)
+        turned_sine, turned_cosine = sin_cos_cycles(phase + frequency * elapsed)
+        position += in_phase * turned_sine + in_quadrature * turned_cosine
     return position
 
 
