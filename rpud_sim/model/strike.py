@@ -35,12 +35,11 @@ from rpud_sim.model.suspension import (
     NO_SWING,
     Swing,
     decaying_amplitude,
-    decaying_derivatives,
     swinging_part,
     undamped_frequency,
 )
 from rpud_sim.model.tolerances import LONGEST_SEARCH, TOUCHING
-from rpud_sim.model.vibration import TWO_PI
+from rpud_sim.model.vibration import TWO_PI, Turn
 
 # Where the envelope allows a longer step than this, the vibration is not computed [cycles].
 _LONG = 0.5
@@ -51,9 +50,13 @@ _RISING = 0.2
 _FALLING = 0.45
 
 # Angle omega_n s within which a decaying swing is the first five terms of its series [rad]. The
-# next one is less than 1e-17 of the swing, and that of its rate 1e-13 of the greatest rate.
-_SHORT = 1e-3
+# next one is less than 3e-16 of the swing, and that of its rate 1e-12 of the greatest rate.
+_SHORT = 2e-3
 _SIXTH = 1.0 / 6.0
+
+# Angle within which the sine is the first five terms of its series, and the cosine too; the next
+# one is less than 3e-17 [rad].
+_NEAR = 0.1
 
 # Added and subtracted, it rounds to the nearest whole number.
 _ROUND = 6755399441055744.0  # 1.5 * 2**52
@@ -104,6 +107,21 @@ def soon_after(square, damping, displacement, velocity, time):
 
 
 @compiled
+def turned_by(turn, angle):
+    """``Turn`` after an angle of at most _NEAR, by the series of its sine and cosine [rad]."""
+    z = angle * angle
+    w = z * z
+    sine = angle + angle * z * (
+        (-1.0 / 6.0 + z * (1.0 / 120.0)) + w * (-1.0 / 5040.0 + z * (1.0 / 362880.0))
+    )
+    less = z * ((0.5 - z * (1.0 / 24.0)) + w * (1.0 / 720.0 - z * (1.0 / 40320.0)))
+    return Turn(
+        turn.sine + (turn.cosine * sine - turn.sine * less),
+        turn.cosine - (turn.sine * sine + turn.cosine * less),
+    )
+
+
+@compiled
 def first_strike(segment, limit, turn):
     """Find when the actuator strikes the free mass, which does not touch it, up to a limit [s].
 
@@ -142,6 +160,7 @@ def first_strike(segment, limit, turn):
     long = _LONG * period
     allowance = TOUCHING
     time = 0.0
+    turned = 0.0
     for number in range(LONGEST_SEARCH):
         slow = u_fm - nodal_plane.offset - displacement
         slow_slope = v_fm - velocity
@@ -158,8 +177,9 @@ def first_strike(segment, limit, turn):
             bend = max(curvature - slow_third * reach, -slow_second)
             step = Step(min(safe_step(envelope, slow_slope, bend), reach), False)
         else:
-            if time > 0.0:
-                turn = vibration_turn(segment, time)
+            angle = omega * (time - turned)
+            turned = time
+            turn = turned_by(turn, angle) if angle < _NEAR else vibration_turn(segment, time)
             value = slow - amplitude * turn.sine
             slope = slow_slope - omega * amplitude * turn.cosine
             if allowance > 0.0 and is_above(value, slope, peak + slow_second, allowance):
@@ -209,7 +229,10 @@ def first_landing(segment, limit):
     rate = undamped_frequency(tool)
     gravity = segment.free_mass_acceleration
     amplitude = decaying_amplitude(tool)
-    second = rate * rate * amplitude
+    square = rate * rate
+    damping = 2.0 * tool.decay_rate
+    short = _SHORT / rate
+    second = square * amplitude
     decay = 1.0
     last, _ = fall(segment.free_mass_position, segment.free_mass_velocity, gravity, limit)
     displacement, velocity = swinging_part(tool, NO_SWING)
@@ -217,10 +240,9 @@ def first_landing(segment, limit):
     allowance = TOUCHING
     time = 0.0
     for number in range(LONGEST_SEARCH):
-        acceleration, _ = decaying_derivatives(tool, displacement, velocity)
         value = tool.offset + displacement - u_fm
         slope = velocity - v_fm
-        curvature = acceleration - gravity
+        curvature = -square * displacement - damping * velocity - gravity
         most = max(second * decay + gravity, LEAST_BOUND)
         if allowance > 0.0 and is_above(value, slope, most, allowance):
             allowance = 0.0
@@ -237,8 +259,11 @@ def first_landing(segment, limit):
         # Its fall takes the free mass no further than it is at either end.
         if tool.offset - amplitude * decay > max(u_fm, last):
             return limit, False, number + 1
-        decay = exponential(-tool.decay_rate * time)
-        sine, cosine = sin_cos(tool.angular_frequency * time)
-        displacement, velocity = swinging_part(tool, Swing(decay * cosine, decay * sine))
+        if step.time < short:
+            displacement, velocity = soon_after(square, damping, displacement, velocity, step.time)
+        else:
+            decay = exponential(-tool.decay_rate * time)
+            sine, cosine = sin_cos(tool.angular_frequency * time)
+            displacement, velocity = swinging_part(tool, Swing(decay * cosine, decay * sine))
         u_fm, v_fm = fall(segment.free_mass_position, segment.free_mass_velocity, gravity, time)
     return time, False, LONGEST_SEARCH

@@ -26,6 +26,8 @@ class Oscillator(NamedTuple):
     spring_rate: float  # k [N/m]
     decay_rate: float  # a = xi omega_n [1/s]
     angular_frequency: float  # omega_d = omega_n sqrt(1 - xi^2) [rad/s]
+    compliance: float  # 1 / k [m/N]
+    radian: float  # 1 / omega_d [s]
 
 
 class Oscillation(NamedTuple):
@@ -53,7 +55,8 @@ def damping_coefficient(damping_ratio, mass, spring_rate):
 def oscillator(mass, damping, spring_rate):
     """Return the ``Oscillator`` of a mass on a damped spring."""
     a = 0.5 * damping / mass
-    return Oscillator(mass, damping, spring_rate, a, math.sqrt(spring_rate / mass - a * a))
+    w = math.sqrt(spring_rate / mass - a * a)
+    return Oscillator(mass, damping, spring_rate, a, w, 1.0 / spring_rate, 1.0 / w)
 
 
 @compiled
@@ -65,9 +68,9 @@ def free_vibration(body, force, position, velocity):
     """
     a = body.decay_rate
     w = body.angular_frequency
-    offset = force / body.spring_rate
+    offset = force * body.compliance
     A_1 = position - offset
-    A_2 = (velocity + a * A_1) / w
+    A_2 = (velocity + a * A_1) * body.radian
     return Oscillation(offset, a, w, A_1, A_2, 0.0, 0.0)
 
 
