@@ -33,8 +33,12 @@ from rpud_sim.kernels.store import KernelStore, digest_of_sources, kernel_name
 # arrays, so that those of the caller need not be counted as they are handed on.
 _OPTIONS = {"nopython": True, "nogil": True, "error_model": "numpy", "_nrt": False}
 
-# Parts of the mangled names of small rules whose calls take as long as they do.
-_INLINED = ("10elementary", "5model5steps", "9vibration", "10suspension", "9collision", "7segment")
+# Parts of the mangled names of rules that are compiled into their callers: small ones, whose calls
+# take as long as they do, and those with the drill's constants as arguments.
+_INLINED = (
+    *("10elementary", "5model5steps", "9vibration", "10suspension", "9collision", "7segment"),
+    *("10pass_event", "12open_segment"),
+)
 
 
 class _KernelLibrary(JITCodeLibrary):

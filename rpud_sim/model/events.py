@@ -191,35 +191,35 @@ def pass_event(drill, bodies, state, segment, after, impact, impacts, count, tur
             impacts[count] = impact
             count += 1
             state.impact_open = 0
-        open_segment(drill, bodies, state, after, turn)
-        return count, turn
-    event = 0
-    met = 0
-    opened = 0
-    if end == END_ACTUATOR_IMPACT:
-        met = CONTACT_ACTUATOR
-    elif end == END_DRILL_TOOL_IMPACT:
-        met = CONTACT_DRILL_TOOL
-    elif end == END_AMPLITUDE:
-        event = EVENT_COMMAND
-        if state.resonant:
-            update(state)
-        else:
-            state.amplitude = state.target_amplitude
-            # The sine is exactly zero here, so that the tip does not jump.
-            state.phase = 0.5 if 0.25 < state.phase < 0.75 else 0.0
-        turn = turn_at(state.phase)
-    elif end == END_ACTUATOR_RELEASE:
-        opened = CONTACT_ACTUATOR
-        event = EVENT_RELEASE
-    elif end == END_DRILL_TOOL_RELEASE:
-        opened = CONTACT_DRILL_TOOL
-        event = EVENT_RELEASE
-    elif end == END_DRILL_TOOL_REST:
-        state.u_dt = 0.0
-        state.v_dt = 0.0
-        event = EVENT_RELEASE
-    count, turn = settle(drill, state, impact, impacts, count, turn, met, opened, event)
+    else:
+        event = 0
+        met = 0
+        opened = 0
+        if end == END_ACTUATOR_IMPACT:
+            met = CONTACT_ACTUATOR
+        elif end == END_DRILL_TOOL_IMPACT:
+            met = CONTACT_DRILL_TOOL
+        elif end == END_AMPLITUDE:
+            event = EVENT_COMMAND
+            if state.resonant:
+                update(state)
+            else:
+                state.amplitude = state.target_amplitude
+                # The sine is exactly zero here, so that the tip does not jump.
+                state.phase = 0.5 if 0.25 < state.phase < 0.75 else 0.0
+            turn = turn_at(state.phase)
+        elif end == END_ACTUATOR_RELEASE:
+            opened = CONTACT_ACTUATOR
+            event = EVENT_RELEASE
+        elif end == END_DRILL_TOOL_RELEASE:
+            opened = CONTACT_DRILL_TOOL
+            event = EVENT_RELEASE
+        elif end == END_DRILL_TOOL_REST:
+            state.u_dt = 0.0
+            state.v_dt = 0.0
+            event = EVENT_RELEASE
+        count, turn = settle(drill, state, impact, impacts, count, turn, met, opened, event)
+    # Called in one place alone, so that it is compiled into the loop.
     open_segment(drill, bodies, state, after, turn)
     return count, turn
 
