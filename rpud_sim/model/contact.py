@@ -170,6 +170,16 @@ def release_time(cosine, sine, angular_frequency, gravity):
 
 
 @compiled
+def release_turn(cosine, sine, angular_frequency, gravity):
+    """Cosine and sine of the angle w s at that time, without the angle; arguments the same."""
+    lift = gravity / (angular_frequency * angular_frequency)
+    square = cosine * cosine + sine * sine
+    root = math.sqrt(max(square - lift * lift, 0.0))
+    whole = 1.0 / square
+    return -(lift * cosine + root * sine) * whole, (root * cosine - lift * sine) * whole
+
+
+@compiled
 def half_sine_impulse(mass_1, mass_2, restitution, closing_velocity, spring_rate):
     """Estimate the force of a collision: peak force [N], duration [s] and impulse [N s].
 

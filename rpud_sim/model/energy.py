@@ -24,6 +24,8 @@ from rpud_sim.model.segment import (
     CONTACT_DRILL_TOOL,
     EVENT_RELEASE,
     motion_at,
+    motion_of,
+    turns_at_end,
 )
 from rpud_sim.model.tolerances import LEAST_DEFORMATION, SAME_VELOCITY
 from rpud_sim.model.vibration import TWO_PI
@@ -387,9 +389,11 @@ def add_ended_segment(rpud, segment, after, start, account):
         start: time in the segment from which on it counts [s].
 
     Returns:
-        ``motion_at`` the end of the segment, and at the start of the next one.
+        ``motion_at`` the end of the segment, and at the start of the next one; and the ``Turns``
+        at that end.
     """
-    ended = motion_at(segment, segment.duration)
+    turns = turns_at_end(segment, after.event & EVENT_RELEASE != 0)
+    ended = motion_of(segment, segment.duration, turns)
     if segment.duration > start:
         add_motion(rpud, segment, start, segment.duration, True, account)
     motion = motion_at(after, 0.0)
@@ -397,7 +401,7 @@ def add_ended_segment(rpud, segment, after, start, account):
     mass, spring_rate = segment.drill_tool_mass, segment.drill_tool_spring_rate
     rested = add_rest(segment.contact, mass, spring_rate, after, ended, account)
     add_event(rpud, rested, motion, after, account)
-    return ended, motion
+    return ended, motion, turns
 
 
 @compiled

@@ -45,6 +45,7 @@ from rpud_sim.model.segment import (
     EVENT_RELEASE,
     motion_of,
     turns_at,
+    turns_at_end,
 )
 from rpud_sim.model.tolerances import (
     EVENT_BUDGET,
@@ -265,7 +266,7 @@ def advance(drill, states, open_segments, open_impacts, seconds, fraction, segme
             return status, written, count
         written += 1
         segments[written] = segment
-        turns = turns_at(segment, segment.duration)
+        turns = turns_at_end(segment, state.next_event == END_DRILL_TOOL_RELEASE)
         after = segments[written]
         count, _ = pass_event(drill, bodies, state, segment, after, impact, impacts, count, turns)
 

@@ -12,8 +12,9 @@ from rpud_sim.model.events import (
     start,
     status_before,
 )
+from rpud_sim.model.guards import END_DRILL_TOOL_RELEASE
 from rpud_sim.model.motion import oscillators_of
-from rpud_sim.model.segment import Turns, motion_of, turns_at
+from rpud_sim.model.segment import Turns, motion_of, turns_at_end
 from rpud_sim.model.suspension import NO_SWING
 from rpud_sim.model.tally import (
     IMPULSE,
@@ -72,7 +73,7 @@ def _advance_member(
         status = status_before(state, segment, seconds, fraction, is_full)
         if status != GOES_ON:
             return status, count
-        turns = turns_at(segment, segment.duration)
+        turns = turns_at_end(segment, state.next_event == END_DRILL_TOOL_RELEASE)
         contact = segment.contact
         end = segment.duration
         ended = motion_of(segment, end, turns)
