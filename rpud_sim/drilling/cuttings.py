@@ -54,14 +54,13 @@ class Cuttings:
 
     def step(
         self,
-        interval: float,
         produced: float,
         turned: float,
         impacts: float,
         depth: float,
         clearing: float,
     ) -> None:
-        """Let cuttings come in and leave during a step.
+        """Let cuttings come in and leave during an impact or a part of a turn.
 
         Args:
             produced: volume of the rock that they come from [m^3].

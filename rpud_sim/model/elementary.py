@@ -9,7 +9,8 @@ result.
 Each function reduces its argument to a short range, in which a polynomial completes the first terms
 of the series; ``python toolchain/polynomials.py`` computes the polynomials. Errors are given in
 units in the last place (ulp) of the result. Odd and even functions are so exactly, except that they
-may lose the sign of a zero. NaN and infinity give what they give in C.
+may lose the sign of a zero. NaN and infinity give what they give in C. Where a function rises, its
+results may fall by as much as their errors, which searches must allow.
 """
 
 import math
@@ -100,12 +101,16 @@ def _turned(sine, cosine, quarters):
 
 @compiled
 def sin_cos(angle):
-    """Return sine and cosine of an angle [rad], within 1.6e-16; NaN beyond 2.6e7 rad.
+    """Return sine and cosine of an angle [rad], within 1.6e-16.
 
-    The engine's angles end with a segment, after 10 ms: few reach a thousand.
+    Beyond 2.6e7 rad they are those of an angle within 2 ulp. Angles of the engine end with a
+    segment, after 10 ms: few reach a thousand.
     """
     if not abs(angle) <= _GREATEST_ANGLE:
-        return math.nan, math.nan
+        if not abs(angle) < math.inf:
+            return math.nan, math.nan
+        cycles = angle / _TWO_PI
+        angle = _TWO_PI * (cycles - ((cycles + _ROUND) - _ROUND))
     quarters = (angle * _QUARTERS_PER_RADIAN + _ROUND) - _ROUND
     r = ((angle - quarters * _QUARTER_1) - quarters * _QUARTER_2) - quarters * _QUARTER_3
     sine, cosine = _sine_and_cosine(r)
@@ -125,13 +130,6 @@ def sin_cos_cycles(cycles):
     quarters = (4.0 * part + _ROUND) - _ROUND
     sine, cosine = _sine_and_cosine(_TWO_PI * (part - 0.25 * quarters))
     return _turned(sine, cosine, int(quarters))
-
-
-@compiled
-def tangent(angle):
-    """Return the tangent of an angle [rad], within 3 ulp."""
-    sine, cosine = sin_cos(angle)
-    return sine / cosine
 
 
 @compiled
@@ -359,11 +357,27 @@ def complex_size(number):
     return hypotenuse(number.real, number.imag)
 
 
+@compiled
+def complex_quotient(number, divisor):
+    """Return the quotient of two complex numbers, by Smith's algorithm as CPython and Numba do.
+
+    NumPy, whose scalars take part without compilation, divides otherwise.
+    """
+    if abs(divisor.real) >= abs(divisor.imag):
+        ratio = divisor.imag / divisor.real
+        size = divisor.real + divisor.imag * ratio
+        real, imaginary = number.real + number.imag * ratio, number.imag - number.real * ratio
+    else:
+        ratio = divisor.real / divisor.imag
+        size = divisor.real * ratio + divisor.imag
+        real, imaginary = number.real * ratio + number.imag, number.imag * ratio - number.real
+    return complex(real / size, imaginary / size)
+
+
 # What Python calls, with arguments of the types that it has.
 CALLED_BY_PYTHON = (
     (sin_cos, (1.0,)),
     (sin_cos_cycles, (1.0,)),
-    (tangent, (1.0,)),
     (exponential, (1.0,)),
     (exponential_minus_one, (1.0,)),
     (logarithm_one_plus, (1.0,)),

@@ -13,6 +13,7 @@ from typing import NamedTuple
 from rpud_sim.model.compile import compiled
 from rpud_sim.model.elementary import (
     complex_exponential,
+    complex_quotient,
     complex_size,
     exponential_minus_one,
     sin_cos,
@@ -94,7 +95,7 @@ def exponential_integral(rate, duration):
     largest = max(abs(rate.real), abs(rate.imag))  # without a root where it is large enough
     if largest * duration < _SHORT and complex_size(rate) * duration < _SHORT:
         return duration * (1.0 + 0.5 * rate * duration)
-    return growth_over(rate, duration).whole / rate
+    return complex_quotient(growth_over(rate, duration).whole, rate)
 
 
 @compiled

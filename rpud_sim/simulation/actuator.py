@@ -199,8 +199,14 @@ class Actuator:
         # The linear law holds for small changes; far beyond them the frequency stays positive.
         return _limited(frequency + self._offset)
 
-    def read(self, amplitude: float, account: Account) -> ActuatorReading:
-        """Return the state that belongs to the engine's amplitude [m] and its account."""
+    def read(
+        self, amplitude: float, account: Account, rotor: tuple[float, float] = (0.0, 0.0)
+    ) -> ActuatorReading:
+        """Return the state that belongs to the engine's amplitude [m] and its account.
+
+        Args:
+            rotor: power [W] and energy [J] that the rotation draws as well, as a resistance does.
+        """
         if self.resonance is None:
             amplitude = self.level
         reading = ActuatorReading(
@@ -209,13 +215,16 @@ class Actuator:
         if self.resonance is None:
             return reading
         resistance = self._parameters.motional_resistance
+        power, energy = rotor
         envelope = account.envelope
+        if self._voltage > 0.0:
+            envelope += 2.0 * resistance * power / self._voltage
         return dataclasses.replace(
             reading,
             current=complex_size(envelope) / resistance,
             phase=complex_phase(envelope),
             electrical_power=self._voltage * envelope.real / (2.0 * resistance),
-            electrical_energy=account.drawn,
+            electrical_energy=account.drawn + energy,
             heat=account.heat,
             mechanical_work=account.work,
             stored=account.stored,

@@ -9,7 +9,7 @@ import rpud_sim
 
 PACKAGE = Path(rpud_sim.__file__).parent
 # Where the values of a bag are computed.
-ROOMS = ("model", "drilling", "simulation")
+ROOMS = ("model", "drilling", "simulation", "foundation", "bag")
 
 # Of math, what is exact or rounded once; the rest is the C library's.
 EXACT = {
@@ -31,11 +31,19 @@ INEXACT_DRAWS = {"normal", "standard_normal", "standard_exponential", "uniform",
 def faults(tree):
     """Return the lines of a module that call what is not exact."""
     for node in ast.walk(tree):
-        if isinstance(node, (ast.Import, ast.ImportFrom)):
-            names = [each.name for each in node.names]
-            module = getattr(node, "module", None) or ""
-            if module in ("math", "cmath") or "cmath" in names or "scipy" in (module, *names):
-                yield node.lineno, f"import of {module or names[0]}"
+        if isinstance(node, ast.Import):
+            libraries = {each.name.partition(".")[0] for each in node.names}
+            if libraries & {"cmath", "scipy"}:
+                yield node.lineno, "import"
+        elif isinstance(node, ast.ImportFrom):
+            library = (node.module or "").partition(".")[0]
+            names = {each.name for each in node.names}
+            if (
+                library in ("cmath", "scipy")
+                or (library == "math" and not names <= EXACT)
+                or (library == "numpy" and names & INEXACT)
+            ):
+                yield node.lineno, "import"
         elif isinstance(node, ast.Attribute):
             base = node.value.id if isinstance(node.value, ast.Name) else ""
             if (

@@ -68,16 +68,16 @@ KINDS = {
 FEEDS = (Feed("rate", 0.01), Feed("rate", -0.02), Feed("rate", 0.03), Feed("position", 0.006))
 PITCHES = (400_000, 20 * MILLISECOND, MILLISECOND)
 EXPECTED = {
-    "rotation alone": "e37218fa837893e6",
-    "rotation in one rock": "79e213909ab2c2f9",
-    "strata without rotation": "4fddf89628500e5c",
-    "rotation in strata": "3d05d371a7986bfe",
-    "arm": "a04464bf29d9e231",
-    "arm before drilling": "3549736b31c0fae4",
-    "rigid arm": "e954e36b5abef122",
-    "slipping arm": "f9e54604da25416a",
-    "resonance": "0f5eed835af8a194",
-    "weak rotor": "0903c5b5cc9ef6eb",
+    "rotation alone": "cd4de2fd31ffa3fd",
+    "rotation in one rock": "44fb5727fb5f2a00",
+    "strata without rotation": "5d7ba1a0009abe84",
+    "rotation in strata": "e5ba44ac49f39b40",
+    "arm": "f8470f8fb3e10a6c",
+    "arm before drilling": "ae4e6ea38417c566",
+    "rigid arm": "781bd20b13ebc35f",
+    "slipping arm": "5f8bceaf1775e29d",
+    "resonance": "46bb07882b8d05b8",
+    "weak rotor": "3fe3bae9c62e8440",
 }
 
 
