@@ -23,12 +23,13 @@ from rpud_sim.model.motion import CONTACT_BOTH
 from rpud_sim.model.segment import (
     CONTACT_ACTUATOR,
     CONTACT_DRILL_TOOL,
+    EVENT_COMMAND,
     EVENT_RELEASE,
     motion_at,
     motion_of,
     turns_at_end,
 )
-from rpud_sim.model.tolerances import LEAST_DEFORMATION, SAME_VELOCITY
+from rpud_sim.model.tolerances import LEAST_DEFORMATION, LOWEST_BOUNCE, SAME_VELOCITY
 from rpud_sim.model.vibration import TWO_PI
 
 # Terms of an account, in joules. What flows in:
@@ -310,14 +311,67 @@ def add_motion(rpud, segment, start, end, whole, account):
 
 
 @compiled
-def add_change(before, after, motion, account):
-    """Add what new constants do to the energy of the springs and of the drill tool."""
-    u_np, _, _, _, _, _, u_dt, v_dt = motion
+def withdrawal_work(segment, tool_spring_rate, motion, passed):
+    """Work on the springs of the drill while their mount withdraws from the bodies [J].
+
+    The spring of the rock does not move with the mount.
+
+    Args:
+        segment: that begins, or whose motion it is.
+        tool_spring_rate: of the drill tool on the other side of this instant [N/m].
+        motion: before it.
+        passed: way by which the origin of all displacements passes the bodies [m].
+    """
+    u_np, _, _, _, _, _, u_dt, _ = motion
+    softer = min(segment.drill_tool_spring_rate, tool_spring_rate)
+    at_np = segment.load_spring_rate * (passed - 2.0 * u_np)
+    return 0.5 * passed * (at_np + softer * (passed - 2.0 * u_dt))
+
+
+@compiled
+def rests(segment):
+    """Whether the drill tool is at rest at zero."""
+    return (
+        not segment.contact & CONTACT_DRILL_TOOL
+        and segment.drill_tool_cosine == 0.0
+        and segment.drill_tool_sine == 0.0
+    )
+
+
+@compiled
+def add_change(before, after, motion, begun, account):
+    """Add what new constants and a new origin do to the energy of springs and drill tool.
+
+    Args:
+        motion: ``motion_at`` the instant, before it.
+        begun: the same after it and after the collisions at the instant.
+
+    Returns:
+        The motion after it.
+    """
+    # Nothing else moves the nodal plane at once, or stops a drill tool away from zero.
+    commanded = after.event & EVENT_COMMAND
+    passed = motion[0] - begun[0]
+    if not commanded or abs(passed) <= LEAST_DEFORMATION:
+        passed = 0.0  # rounding
+    u_np, v_np, u_ut, v_ut, u_fm, v_fm, u_dt, v_dt = motion
+    tool_rate, new_rate = before.drill_tool_spring_rate, after.drill_tool_spring_rate
+    account[CHANGES] += withdrawal_work(after, tool_rate, motion, passed)
+    strain = u_dt  # where the stiffer spring of the drill tool acts
+    u_dt -= passed
+    met = commanded and new_rate != tool_rate and abs(begun[6]) <= LEAST_DEFORMATION
+    if met and (rests(after) or abs(u_dt) > LOWEST_BOUNCE):
+        softer = min(tool_rate, new_rate)
+        account[RELEASE] += 0.5 * (before.drill_tool_mass * v_dt * v_dt + softer * u_dt * u_dt)
+        u_dt = v_dt = 0.0
+    if new_rate > tool_rate:
+        strain = u_dt
     account[CHANGES] += 0.5 * (
         (after.load_spring_rate - before.load_spring_rate) * u_np * u_np
         + (after.drill_tool_mass - before.drill_tool_mass) * v_dt * v_dt
-        + (after.drill_tool_spring_rate - before.drill_tool_spring_rate) * u_dt * u_dt
+        + (new_rate - tool_rate) * strain * strain
     )
+    return u_np - passed, v_np, u_ut - passed, v_ut, u_fm - passed, v_fm, u_dt, v_dt
 
 
 @compiled
@@ -356,12 +410,7 @@ def add_event(rpud, before, after, segment, account):
     if segment.vibration_amplitude > 0.0:
         omega = TWO_PI * segment.vibration_frequency
         vibration_before += from_tip * omega * omega * rpud.tip_compliance
-    at_rest = (
-        not segment.contact & CONTACT_DRILL_TOOL
-        and segment.drill_tool_cosine == 0.0
-        and segment.drill_tool_sine == 0.0
-    )
-    if at_rest:
+    if rests(segment):
         # The rock has taken what motion and strain the impact left to the drill tool.
         on_tool = from_tip - segment.free_mass * (fm_after - fm_before)
         dt_after = dt_before + on_tool / tool_mass
@@ -398,9 +447,9 @@ def add_ended_segment(rpud, segment, after, start, account):
     if segment.duration > start:
         add_motion(rpud, segment, start, segment.duration, True, account)
     motion = motion_at(after, 0.0)
-    add_change(segment, after, ended, account)
+    changed = add_change(segment, after, ended, motion, account)
     mass, spring_rate = segment.drill_tool_mass, segment.drill_tool_spring_rate
-    rested = add_rest(segment.contact, mass, spring_rate, after, ended, account)
+    rested = add_rest(segment.contact, mass, spring_rate, after, changed, account)
     add_event(rpud, rested, motion, after, account)
     return ended, motion, turns
 

@@ -15,7 +15,7 @@ from rpud_sim.model.events import DONE, FULL, OVERLOADED, STALLED, advance, inte
 from rpud_sim.model.parameters import Parameters
 from rpud_sim.model.resonator import Account, Resonance, account
 from rpud_sim.model.seating import seating
-from rpud_sim.model.segment import IMPACT, SEGMENT, join_records
+from rpud_sim.model.segment import IMPACT, SEGMENT, join_records, motion_at
 from rpud_sim.model.tolerances import EVENT_BUDGET, LONGEST_STANDSTILL
 from rpud_sim.model.unusual import unusual_values
 
@@ -126,7 +126,7 @@ class Engine:
         """
         if not self._state["resonant"][0]:
             return Account(0j, 0.0, 0.0, 0.0, 0.0, 0.0)
-        return account(self._state[0], self._open_segment[0], self._ahead(seconds, fraction))
+        return account(self._state[0], self._open_segment[0], self.ahead(seconds, fraction))
 
     def advance(self, seconds: int, fraction: float) -> None:
         """Advance to a time, whole seconds and a fraction from 0 to 1; not back.
@@ -196,17 +196,21 @@ class Engine:
         drill: Drill,
         commands: tuple[float, float, float],
         resonance_frequency: float = 0.0,
+        passed: float = 0.0,
+        touches: bool = False,
     ) -> None:
         """Advance to a time and go on from there with other commands, and with another drill.
 
         Positions and velocities and the phase of the vibration stay continuous; the amplitude
         changes when the vibration next passes through zero. The rock takes hold of a free drill
-        tool step by step (see seating.py).
+        tool step by step (see seating.py), unless it touches it.
 
         Args:
             commands: weight on bit [N], vibration amplitude [m] and vibration frequency [Hz]; of a
                 resonance weight on bit [N], voltage [V] and drive frequency [Hz].
             resonance_frequency: of a resonance [Hz].
+            passed: way by which the origin of all displacements passes the bodies [m].
+            touches: whether the rock is at zero now, and stops a tool whose actuator is behind.
         """
         self.advance(seconds, fraction)
         if drill != self._target:
@@ -216,25 +220,45 @@ class Engine:
                 whole, rest = divmod(fraction + delay, 1.0)
                 self._seating.append(((seconds + int(whole), rest), step))
             self._drill = self._seating.popleft()[1]
-        self._interrupt(seconds, fraction, self._drill, (*commands, resonance_frequency))
+        grips = False
+        if self._seating and touches and not drill.jammed:
+            motion = motion_at(self._open_segment[0], self.ahead(seconds, fraction))
+            grips = motion[2] - passed <= 0.0
+        if grips:
+            self._seating.clear()
+            self._drill = drill
+        new = (*commands, resonance_frequency, passed, float(grips))
+        self._interrupt(seconds, fraction, self._drill, new)
 
-    def _commands(self) -> tuple[float, float, float, float]:
+    @property
+    def seats(self) -> bool:
+        """Whether the rock is taking hold of the drill tool."""
+        return bool(self._seating)
+
+    def _commands(self) -> tuple[float, ...]:
         state = self._state[0]
         weight_on_bit = float(state["weight_on_bit"])
         if state["resonant"]:
             names = ("voltage", "drive_frequency", "resonance_frequency")
             voltage, drive_frequency, resonance_frequency = (float(state[name]) for name in names)
-            return weight_on_bit, voltage, drive_frequency, resonance_frequency
-        return weight_on_bit, float(state["target_amplitude"]), float(state["frequency"]), 0.0
+            return weight_on_bit, voltage, drive_frequency, resonance_frequency, 0.0, 0.0
+        return (
+            weight_on_bit,
+            float(state["target_amplitude"]),
+            float(state["frequency"]),
+            0.0,
+            0.0,
+            0.0,
+        )
 
-    def _ahead(self, seconds: int, fraction: float) -> float:
+    def ahead(self, seconds: int, fraction: float) -> float:
         """Time from the start of the open segment to a time [s]."""
         state = self._state[0]
         return float(seconds - state["seconds"]) + (fraction - state["fraction"])
 
     def _advance(self, seconds: int, fraction: float) -> None:
         status = FULL
-        usual = int(_USUAL_RATE * self._ahead(seconds, fraction))
+        usual = int(_USUAL_RATE * self.ahead(seconds, fraction))
         capacity = min(max(self._capacity, usual), _MOST_CAPACITY)
         passed = 0
         while status == FULL:
@@ -273,7 +297,7 @@ class Engine:
         seconds: int,
         fraction: float,
         drill: Drill,
-        commands: tuple[float, float, float, float],
+        commands: tuple[float, ...],
     ) -> None:
         self._drill = drill
         segments = np.empty(1, SEGMENT)
@@ -283,7 +307,7 @@ class Engine:
             self._state,
             self._open_segment,
             self._open_impact,
-            self._ahead(seconds, fraction),
+            self.ahead(seconds, fraction),
             segments,
             impacts,
             commands,

@@ -278,7 +278,9 @@ def interrupt(drill, states, open_segments, open_impacts, time, segments, impact
     Args:
         time: after the segment's start [s].
         new: weight on bit [N], vibration amplitude [m], frequency [Hz] and resonance frequency
-            [Hz] from here on; with a resonance the voltage [V] instead of the amplitude.
+            [Hz] from here on; with a resonance the voltage [V] instead of the amplitude. Then the
+            way by which the origin of all displacements passes the bodies [m], and whether the
+            drill tool meets rock at zero.
     """
     state = states[0]
     segment = open_segments[0]
@@ -286,8 +288,15 @@ def interrupt(drill, states, open_segments, open_impacts, time, segments, impact
     end_segment(state, segment, impact, time, turns_at(segment, time))
     segments[0] = segment
     segments[0].duration = time
-    weight_on_bit, level, frequency, resonance_frequency = new
+    weight_on_bit, level, frequency, resonance_frequency, passed, grips = new
     state.weight_on_bit = weight_on_bit
+    state.u_np -= passed
+    state.u_fm -= passed
+    state.u_dt -= passed
+    if grips:
+        state.u_fm = min(state.u_fm, 0.0)
+        state.u_dt = 0.0
+        state.v_dt = 0.0
     if state.resonant:
         change_drive(state, level, frequency, resonance_frequency)
     else:

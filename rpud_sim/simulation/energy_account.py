@@ -200,9 +200,19 @@ class RecentEnergy:
             for name, energy in energies.items()
         }
 
+    def coupling_power(self) -> float:
+        """Return the mean power of ``FeedAccount.coupling`` [W]; NaN without a feed."""
+        if not self._has_feed:
+            return math.nan
+        duration = (self._blocks[-1][1] - self._blocks[0][0]) / SECOND if self._blocks else 0.0
+        return self._feed_account().coupling / duration if duration else 0.0
+
+    def _feed_account(self) -> FeedAccount:
+        return sum((account for _, account in self._feeds), FeedAccount())
+
     def _feed_energies(self) -> dict[str, float]:
         """Return the work of the feed, and of it what does not reach the drill [J]."""
         if not self._has_feed:
             return {"feed_power": math.nan, "mount_power": math.nan}
-        total = sum((account for _, account in self._feeds), FeedAccount())
+        total = self._feed_account()
         return {"feed_power": total.work, "mount_power": total.kept}

@@ -305,6 +305,11 @@ class Run:
             },
         )
 
+    @property
+    def coupling_power(self) -> float:
+        """Mean power in the last second that the steps of the arm lose [W]; NaN without a feed."""
+        return self._recent_energy.coupling_power()
+
     def note(self, kind: str, **content: Any) -> None:
         """Append an entry to the journal, if there is one, at the present time."""
         if self._journal is not None:

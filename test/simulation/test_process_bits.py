@@ -72,11 +72,11 @@ EXPECTED = {
     "rotation in one rock": "66ec1421c6075cee",
     "strata without rotation": "629fcda9259115b8",
     "rotation in strata": "154873f426eedb42",
-    "arm": "9635f1c18b1ffc9f",
-    "arm before drilling": "aef6dd6e007de779",
-    "rigid arm": "4b5e0f5bd97c9aea",
-    "slipping arm": "cc4e6037299aa33b",
-    "resonance": "4b513b5229473c69",
+    "arm": "7396eda4b38230f5",
+    "arm before drilling": "31628024533817fc",
+    "rigid arm": "75ad85ef8443a8f8",
+    "slipping arm": "91f537a35e76eb5a",
+    "resonance": "d291cf957b9ca92a",
     "weak rotor": "3f356c95a8e6df2f",
 }
 
