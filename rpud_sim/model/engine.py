@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from operator import itemgetter
+from sys import getrefcount
 
 import numpy as np
 
@@ -19,10 +20,13 @@ from rpud_sim.model.tolerances import EVENT_BUDGET, LONGEST_STANDSTILL
 from rpud_sim.model.unusual import unusual_values
 
 # Records that one call of the kernel can return, at least and at most; it is called again when they
-# are full. There is room for as many as the last advance had: a long one comes in one piece.
-# More would take fresh memory from the system, and short blocks a fifth longer.
+# are full. There is room for as many as the last advance had, or as a drill usually has: a long one
+# comes in one piece.
 _CAPACITY = 256
 _MOST_CAPACITY = 65536
+_USUAL_RATE = 1500.0  # segments in a simulated second
+_ROOMS = 3  # kept for the next advances: fresh memory from the system takes as long as the motion
+_FREE = 3  # references to a room that nobody looks at
 # What would be lost first if numbers overflowed: every other number of the state follows from them.
 _FINITE = ("u_np", "v_np", "u_fm", "v_fm", "u_dt", "v_dt", "amplitude", "frequency", "owed")
 # Of a state as a tuple: to look each one up by its name takes ten times as long.
@@ -98,6 +102,7 @@ class Engine:
         self._open_impact = np.zeros(1, IMPACT)
         self._capacity = _CAPACITY
         self._room = np.empty(0, SEGMENT)  # of the last call of the kernel
+        self._rooms: deque[np.ndarray] = deque(maxlen=_ROOMS)
         self._segments: list[np.ndarray] = []
         self._impacts: list[np.ndarray] = []
         impacts = np.zeros(2, IMPACT)
@@ -253,11 +258,11 @@ class Engine:
 
     def _advance(self, seconds: int, fraction: float) -> None:
         status = FULL
-        capacity = self._capacity
+        usual = int(_USUAL_RATE * self.ahead(seconds, fraction))
+        capacity = min(max(self._capacity, usual), _MOST_CAPACITY)
         passed = 0
         while status == FULL:
-            self._room = np.empty(capacity + 1, SEGMENT)  # one for the open segment
-            segments = self._room[:-1]
+            segments = self._room = self._free_room(capacity + 1)  # one for the open segment
             impacts = np.empty(2 * capacity + 2, IMPACT)
             status, written, count = advance(
                 self._drill,
@@ -275,6 +280,17 @@ class Engine:
         self._capacity = min(max(passed + passed // 8, _CAPACITY), _MOST_CAPACITY)
         if status != DONE or not is_finite(self._state):
             raise failure(status, self._parameters, self._drill, self._state)
+
+    def _free_room(self, count: int) -> np.ndarray:
+        """Return room for segments that nobody looks at, at least for a number of them."""
+        for room in self._rooms:
+            # Held by the deque, by this name and by the call.
+            if count <= len(room) <= 2 * count and getrefcount(room) == _FREE:
+                room.flags.writeable = True
+                return room
+        room = np.empty(count, SEGMENT)
+        self._rooms.append(room)
+        return room
 
     def _interrupt(
         self,
@@ -322,7 +338,6 @@ class Engine:
         if len(parts) != 1 or parts[0].base is not room or 2 * len(parts[0]) < len(room):
             return join_records([*parts, self._open_segment], SEGMENT)
         count = len(parts[0])
-        room[count] = self._open_segment[0]
         room.flags.writeable = False
         self._room = np.empty(0, SEGMENT)
         return room[: count + 1]

@@ -121,7 +121,7 @@ class SteppedEngine(Engine):
             )
             self._written += written
             self._struck += struck
-            if self._written == len(self._segment_room):
+            if status == FULL:
                 self._grow()
         if status != DONE or not all(map(math.isfinite, _finite_values(self._state))):
             raise failure(status, self._parameters, self._drill, self._state)

@@ -63,6 +63,13 @@ def integral(function, start, end):
     return quad(function, start, end, epsabs=0.0, epsrel=1e-10, limit=2000)[0]
 
 
+def motion_added(segment, start, end):
+    """Account of a part of a segment alone."""
+    added = np.zeros(len(energy.TERMS))
+    energy.add_motion(energy.RpudConstants(1.0, False, 0.0), segment, start, end, True, added)
+    return added
+
+
 def test_every_contact_is_there():
     assert sorted(CONTACTS) == [0, ACTUATOR, DRILL_TOOL, BOTH]
 
@@ -73,14 +80,15 @@ def test_the_dampers_take_the_integral_of_c_v_squared(contact, share):
     segment = CONTACTS[contact]
     end = min(segment["duration"], 5e-4)
     start = share * end
-    for body, name, loss in (
-        (1, "load_spring_damping", energy.load_damper_loss),
-        (7, "drill_tool_damping", energy.drill_tool_damper_loss),
+    added = motion_added(segment, start, end)
+    for body, name, term in (
+        (1, "load_spring_damping", energy.LOAD_DAMPER),
+        (7, "drill_tool_damping", energy.DRILL_TOOL_DAMPER),
     ):
         expected = segment[name] * integral(
             lambda time, body=body: motion_at(segment, time)[body] ** 2, start, end
         )
-        assert loss(segment, start, end) == pytest.approx(expected, rel=1e-7, abs=1e-18)
+        assert added[term] == pytest.approx(expected, rel=1e-7, abs=1e-18)
 
 
 @pytest.mark.parametrize("contact", sorted(CONTACTS))
@@ -105,7 +113,8 @@ def test_the_actuator_s_work_is_the_integral_of_its_force_and_the_vibration(cont
 
     expected = quad(power, 0.0, end, limit=500, epsrel=1e-7)[0] if contact & ACTUATOR else 0.0
     size = quad(lambda time: abs(power(time)), 0.0, end, limit=500, epsrel=1e-4)[0]
-    assert energy.actuator_work(segment, 0.0, end) == pytest.approx(expected, abs=1e-4 * size)
+    work = motion_added(segment, 0.0, end)[energy.ACTUATOR_WORK]
+    assert work == pytest.approx(expected, abs=1e-4 * size)
 
 
 @given(
@@ -227,10 +236,13 @@ def test_gravity_on_the_drill_is_work_on_the_rpud(mass, start):
     st.floats(1.0, 1e7),
     st.floats(0.0, 1.0),
 )
-def test_the_integral_of_a_square_has_the_bits_of_the_product_with_itself(
+def test_the_integral_of_a_square_is_that_of_the_product_with_itself(
     amplitude, decay, angular_frequency, duration
 ):
     rate = complex(decay, angular_frequency)
-    found = energy.decaying_square_integral.py_func(amplitude, rate, duration)
-    expected = energy.product_integral.py_func(amplitude, rate, amplitude, rate, duration)
-    assert found == expected
+    growth = energy.growth_over(rate, duration)
+    found = energy.decaying_square_integral.py_func(amplitude, rate, duration, growth)
+    speed = rate * amplitude
+    expected = energy.product_integral.py_func(speed, rate, speed, rate, duration)
+    most = abs(speed) ** 2 * duration
+    assert found == pytest.approx(expected, rel=1e-12, abs=1e-12 * most)
