@@ -30,8 +30,12 @@ class SimulationServices(ClientPart):
 
     def __init__(self, drill: DrillConnection) -> None:
         super().__init__(drill)
-        # of each topic, until the last step ended
-        self.published: Mapping[str, int] = {}
+        self._published: Mapping[str, int] = {}
+
+    @property
+    def published(self) -> Mapping[str, int]:
+        """Messages that the drill had published on each topic when the last step ended."""
+        return self._published
 
     def pause(self) -> None:
         """Let simulation time stand still; a step that is under way is interrupted."""
@@ -88,7 +92,7 @@ class SimulationServices(ClientPart):
     def _advance(self, name: str, request: Any) -> float:
         response = self._drill.call(name, request)
         _check(response.result)
-        self.published = dict(zip(response.topics, response.published, strict=True))
+        self._published = dict(zip(response.topics, response.published, strict=True))
         reached = join_seconds(response.time.sec, response.time.nanosec)
         self._drill.until(
             lambda: stamp_of(self.status) >= reached, "no status showed the end of the step"
