@@ -9,8 +9,6 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from typing import Any
 
-from rpud_msgs.msg import CommandResult
-
 from rpud_sim.ros.client import ClientError, DrillClient
 from rpud_sim.ros.client.telemetry import Telemetry
 from rpud_sim.viewer.live.actions import Actions, InterruptedWaitError, plain_refusal
@@ -120,7 +118,7 @@ class LiveDrill:
             self.refusals = message.commands_rejected, self.refusals[1]
         return None
 
-    def _note_refusals(self, results: Sequence[CommandResult], former: int) -> None:
+    def _note_refusals(self, results: Sequence[Any], former: int) -> None:
         refused = [(at, each.reason) for at, each in enumerate(results) if not each.accepted]
         with self._lock:
             for at, reason in refused:
