@@ -45,8 +45,11 @@ class Row(NamedTuple):
 
     @property
     def missed(self) -> bool:
-        """Whether there is a goal and the median does not keep it."""
-        return self.goal is not None and not self.goal.met(self.median)
+        """Whether there is a goal that is not shown to be met.
+
+        Times, rates and ratios are never negative: a turn that says so has failed.
+        """
+        return self.goal is not None and (min(self.values) < 0.0 or not self.goal.met(self.median))
 
     def __str__(self) -> str:
         """Return the row in one line."""

@@ -24,14 +24,15 @@ DRILL = to_configuration(
         "rotation_model": "friction_drive",
         "feed_model": "arm",
         "arm_stiffness": 2e5,
+        "rotor_stall_torque": 0.5,
         "load_spring_rate": 11000.0,
-        "initial_feed": 7e-4,
+        "initial_feed": 1e-3,
         "actuator_model": "resonance",
         "generator": "tracking",
         "motional_resistance": 25.0,
     }
 )
-FEED = Feed("rate", 1e-4)  # that the healthy drill keeps up with
+FEED = Feed("rate", 5.4e-4)  # that the healthy drill keeps up with
 START = 2.0  # s, when the fault begins
 WINDOW = 3.0  # s, of which means are taken, at the end of the fault
 LASTING = 6.0  # s, of a fault until its end is looked at
@@ -42,10 +43,10 @@ PHASES = (0.05, 0.35, 0.65)  # of the vibration at time zero [cycles]
 # No change is a mean within the band of the healthy one. Effects are well inside or well outside.
 BANDS = {
     "torque": 0.14,
-    "rate of penetration": 0.12,
-    "percussion": 0.08,
+    "rate of penetration": 0.18,
+    "percussion": 0.18,
     "weight on bit": 0.12,
-    "current": 0.06,
+    "current": 0.2,
 }
 COLUMNS = tuple(BANDS)
 CONFIDENCE = 0.99

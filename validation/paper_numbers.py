@@ -40,7 +40,7 @@ def _number(
 
 
 def _force(label: str, share: float, paper: float, statement: str) -> Number:
-    measure = Measure("contact_force", 0.0, _SHORT, "quantile", share)
+    measure = Measure("contact_force", 0.0, _SHORT, share)
     return Number(label, "drilling", measure, paper, statement)
 
 

@@ -9,12 +9,20 @@ from typing import BinaryIO
 
 import numpy as np
 from mcap.opcode import Opcode
-from mcap.records import ChunkIndex
+from mcap.records import Chunk, ChunkIndex
 
 from rpud_sim.bag.errors import BagFormatError
 from rpud_sim.bag.message_block import MessageBlock
-from rpud_sim.bag.messages import read_chunk
-from rpud_sim.bag.records import CONTENT_LIMIT, MESSAGE, RECORD, records_in
+from rpud_sim.bag.record_walk import Stretch
+from rpud_sim.bag.records import (
+    CONTENT_LIMIT,
+    MESSAGE,
+    RECORD,
+    parse,
+    read_record,
+    records_in,
+    uncompressed,
+)
 
 # Beginning of a message's record; its bytes follow.
 HEAD = np.dtype(
@@ -34,22 +42,50 @@ _LARGEST = np.uint64(2**63 - 1)
 
 
 def chunk_blocks(
-    stream: BinaryIO, index: ChunkIndex, topics: Mapping[int, str], start_time: int
+    stream: BinaryIO, index: ChunkIndex, topics: Mapping[int, str]
 ) -> list[MessageBlock]:
-    """Return a chunk's messages from ``start_time`` [ns] on, a block for each topic.
+    """Return a chunk's messages, a block for each topic in the order of log times.
 
-    Each block is in the order of log times. The position of ``stream`` stays as it is, so that a
-    thread may call this. ``topics`` has the names of the channels to read, by their numbers.
+    The position of ``stream`` stays as it is. ``topics`` has the names of the channels to read, by
+    their numbers.
     """
-    content = read_chunk(stream, index)
+    start = index.chunk_start_offset
+    end = start + index.chunk_length
+    chunk = parse(read_record(_Place(stream), start, end))
+    if not isinstance(chunk, Chunk) or chunk.uncompressed_size != index.uncompressed_size:
+        raise BagFormatError("a chunk is not what its index says")
+    content = uncompressed(chunk)
     data = np.frombuffer(content, np.uint8)
-    end = index.chunk_start_offset + index.chunk_length
     length = min(max(0, index.message_index_length), CONTENT_LIMIT)
     entries = _entries(memoryview(os.pread(stream.fileno(), length, end)))
     places = _indexed_places(data, entries)
     if places is None:
         places = _walked_places(content)
-    return _blocks(data, places, topics, start_time)
+    return _blocks(data, places, topics)
+
+
+def stretch_blocks(
+    stream: BinaryIO, stretch: Stretch, topics: Mapping[int, str]
+) -> list[MessageBlock]:
+    """Return the messages of a stretch of records outside of chunks, as ``chunk_blocks`` does."""
+    content = os.pread(stream.fileno(), stretch.end - stretch.start, stretch.start)
+    return _blocks(np.frombuffer(content, np.uint8), _walked_places(content), topics)
+
+
+class _Place:
+    """Place in a file of its own, so that threads may read the same file."""
+
+    def __init__(self, stream: BinaryIO) -> None:
+        self._descriptor = stream.fileno()
+        self._offset = 0
+
+    def seek(self, offset: int) -> None:
+        self._offset = offset
+
+    def read(self, length: int) -> bytes:
+        found = os.pread(self._descriptor, length, self._offset)
+        self._offset += len(found)
+        return found
 
 
 def _entries(section: memoryview) -> np.ndarray | None:
@@ -119,9 +155,7 @@ def _heads(data: np.ndarray, places: np.ndarray) -> np.ndarray:
     return found
 
 
-def _blocks(
-    data: np.ndarray, places: np.ndarray, topics: Mapping[int, str], start_time: int
-) -> list[MessageBlock]:
+def _blocks(data: np.ndarray, places: np.ndarray, topics: Mapping[int, str]) -> list[MessageBlock]:
     heads = _heads(data, places)
     held = np.bincount(heads["channel"])
     numbers = np.full(len(held), -1)  # of the topic of each channel; -1 if it is not wanted
@@ -130,8 +164,6 @@ def _blocks(
         if channel in topics:
             numbers[channel] = names.setdefault(topics[channel], len(names))
     of_message = numbers[heads["channel"]]
-    if start_time > 0:
-        of_message[heads["log_time"] < np.uint64(min(start_time, 2**64 - 1))] = -1
     order = np.argsort(of_message, kind="stable")
     counts = np.bincount(of_message + 1, minlength=len(names) + 1)
     blocks = []

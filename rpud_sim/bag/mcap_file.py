@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Callable, Collection, Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from functools import cached_property, lru_cache, partial
 from pathlib import Path
@@ -15,7 +15,7 @@ from mcap.records import Channel, ChunkIndex, Metadata, Schema
 from rpud_sim.bag.errors import BagError, BagFormatError, reading
 from rpud_sim.bag.latched import REPEATED_KEY
 from rpud_sim.bag.mcap_index import MessageTimes, check_ends, complete_statistics, read_summary
-from rpud_sim.bag.messages import Message, Piece, Source, chunk_messages, unchunked_messages
+from rpud_sim.bag.messages import Piece
 from rpud_sim.bag.metadata import Topic, load_offered_qos
 from rpud_sim.bag.record_walk import RecordWalk, Stretch
 from rpud_sim.bag.records import MAGIC, parse, read_record
@@ -153,53 +153,33 @@ class McapFile:
                 kinds=frozenset(map(self._kind, channels)),
             )
 
-    def sources(self, topics: Collection[str] | None, start_time: int) -> Iterator[Source]:
-        """Yield the chunks that may hold messages of ``topics`` from ``start_time`` [ns] on."""
-        wanted = self._wanted(topics)
-        if not self.closed:
-            for piece in self.pieces():
-                if piece.end_time >= start_time and piece.topics.intersection(wanted.values()):
-                    yield Source(
-                        piece.start_time, piece.size, partial(_from, piece, topics, start_time)
-                    )
-            return
-        if not self._index.chunk_indexes:
-            read = partial(unchunked_messages, self._path, self.size, wanted, start_time)
-            yield Source(self.start_time, 0, partial(self._guarded, read))
-        for index in self._index.chunk_indexes:
-            channels = index.message_index_offsets.keys()
-            if index.message_end_time < start_time or (channels and channels.isdisjoint(wanted)):
-                continue
-            yield Source(
-                index.message_start_time,
-                index.uncompressed_size,
-                partial(
-                    self._guarded, partial(chunk_messages, self._stream, index, wanted, start_time)
-                ),
-                partial(self._chunk_blocks, index, wanted, start_time),
-            )
-
     def pieces(self) -> Iterator[Piece]:
         """Yield the parts that can be read by themselves, in the order of the file."""
-        for index in self._index.chunk_indexes:
-            yield Piece(
-                index.message_start_time,
-                index.message_end_time,
-                index.uncompressed_size,
-                self._names(index.message_index_offsets) or frozenset(self.topic_channels),
-                partial(self._read_chunk, index),
-                partial(self._read_chunk_blocks, index),
-            )
         with self._reading():
-            loose = [] if self.closed and self._index.chunk_indexes else self._walk.stretches
-        for stretch in loose:
+            walk = None if self.closed and self._index.chunk_indexes else self._walk
+        index = walk.summary if walk else self._index
+        for chunk in index.chunk_indexes:
+            held = self._names(chunk.message_index_offsets)
+            yield Piece(
+                chunk.message_start_time,
+                chunk.message_end_time,
+                chunk.uncompressed_size,
+                held if chunk.message_index_offsets else frozenset(self.topic_channels),
+                partial(self._chunk_blocks, chunk),
+            )
+        if walk is None:
+            return
+        for stretch in walk.stretches:
             yield Piece(
                 stretch.first,
                 stretch.last,
                 stretch.end - stretch.start,
                 self._names(stretch.channels),
-                partial(self._read_stretch, stretch),
+                partial(self._stretch_blocks, stretch),
             )
+        if self.closed and not walk.whole:
+            everything = frozenset(self.topic_channels)
+            yield Piece(self.end_time, self.end_time, 0, everything, self._no_blocks)
 
     def _names(self, numbers: Iterable[int]) -> frozenset[str]:
         channels = self.channels
@@ -212,39 +192,29 @@ class McapFile:
             if topics is None or channel.topic in topics
         }
 
-    def _read_chunk(self, index: ChunkIndex, topics: Collection[str] | None) -> Iterator[Message]:
-        wanted = self._wanted(topics)
-        return self._guarded(partial(chunk_messages, self._stream, index, wanted, 0))
+    # NumPy is loaded here, because listing a bag does not need it.
 
     def _chunk_blocks(
-        self, index: ChunkIndex, wanted: dict[int, str], start_time: int
-    ) -> list[MessageBlock]:
-        from rpud_sim.bag.chunk_blocks import chunk_blocks  # NumPy, which listing does not need
-
-        with self._reading():
-            return chunk_blocks(self._stream, index, wanted, start_time)
-
-    def _read_chunk_blocks(
         self, index: ChunkIndex, topics: Collection[str] | None
     ) -> list[MessageBlock]:
-        return self._chunk_blocks(index, self._wanted(topics), 0)
+        from rpud_sim.bag.chunk_blocks import chunk_blocks
 
-    def _read_stretch(self, stretch: Stretch, topics: Collection[str] | None) -> Iterator[Message]:
-        read = partial(
-            unchunked_messages,
-            self._path,
-            self.size,
-            self._wanted(topics),
-            0,
-            stretch.start,
-            stretch.end,
-        )
-        found = list(self._guarded(read))
-        return iter(sorted(found, key=lambda message: message.log_time))
-
-    def _guarded(self, read: Callable[[], Iterator[Message]]) -> Iterator[Message]:
         with self._reading():
-            yield from read()
+            return chunk_blocks(self._stream, index, self._wanted(topics))
+
+    def _stretch_blocks(
+        self, stretch: Stretch, topics: Collection[str] | None
+    ) -> list[MessageBlock]:
+        from rpud_sim.bag.chunk_blocks import stretch_blocks
+
+        with self._reading():
+            return stretch_blocks(self._stream, stretch, self._wanted(topics))
+
+    def _no_blocks(self, topics: Collection[str] | None) -> list[MessageBlock]:
+        """Say why a file without chunks cannot be read to its end."""
+        with self._reading():
+            read_record(self._stream, self._walk.end, self.size - len(MAGIC))
+            raise BagFormatError("its messages do not end as they should")
 
     @contextmanager
     def _reading(self) -> Iterator[None]:
@@ -274,10 +244,6 @@ class McapFile:
         schema = self._index.schemas.get(channel.schema_id, _NO_SCHEMA)
         text = self._definitions.get(schema.id, "")
         return channel.message_encoding, schema.name, _without_comments(text)
-
-
-def _from(piece: Piece, topics: Collection[str] | None, start_time: int) -> Iterator[Message]:
-    return (message for message in piece.read(topics) if message.log_time >= start_time)
 
 
 # Thousands of channels share a few texts.

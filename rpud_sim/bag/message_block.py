@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import accumulate
 
 import numpy as np
+
+from rpud_sim.bag.messages import Message
 
 
 @dataclass(frozen=True)
@@ -30,16 +33,13 @@ class MessageBlock:
 
     def part(self, chosen: slice | np.ndarray) -> MessageBlock:
         """Return some of the messages, in the same buffer."""
-        return replace(
-            self,
-            log_times=self.log_times[chosen],
-            publish_times=self.publish_times[chosen],
-            starts=self.starts[chosen],
-            sizes=self.sizes[chosen],
-        )
+        times = self.log_times[chosen], self.publish_times[chosen]
+        return MessageBlock(self.topic, *times, self.data, self.starts[chosen], self.sizes[chosen])
 
     def packed(self) -> MessageBlock:
-        """Return the same messages in a buffer that holds nothing else."""
+        """Return the same messages in a buffer that holds little else."""
+        if 2 * int(self.sizes.sum()) >= len(self.data):
+            return self
         data = gathered(self.data, self.starts, self.sizes)
         return replace(self, data=data, starts=np.cumsum(self.sizes) - self.sizes)
 
@@ -72,14 +72,47 @@ def joined(blocks: Sequence[MessageBlock]) -> MessageBlock:
     """Return the messages of packed blocks of one topic in one, in their order."""
     if len(blocks) == 1:
         return blocks[0]
-    sizes = np.concatenate([block.sizes for block in blocks])
+    begins = accumulate((len(block.data) for block in blocks), initial=0)
     return MessageBlock(
         blocks[0].topic,
         same_times([block.log_times for block in blocks]),
         same_times([block.publish_times for block in blocks]),
         np.concatenate([block.data for block in blocks]),
-        np.cumsum(sizes) - sizes,
-        sizes,
+        np.concatenate(
+            [block.starts + begin for block, begin in zip(blocks, begins, strict=False)]
+        ),
+        np.concatenate([block.sizes for block in blocks]),
+    )
+
+
+def messages_of(
+    blocks: Sequence[MessageBlock], due: Sequence[np.ndarray] | None = None
+) -> Iterator[Message]:
+    """Yield the messages of blocks in the order of their log times.
+
+    Those of one time keep the order of the buffers, and of their places there. ``due`` has other
+    times for the order.
+    """
+    if not blocks:
+        return
+    buffers: dict[int, int] = {}
+    numbers = [buffers.setdefault(id(block.data), len(buffers)) for block in blocks]
+    counts = [len(block) for block in blocks]
+    starts = np.concatenate([block.starts for block in blocks])
+    logs = same_times([block.log_times for block in blocks])
+    times = logs if due is None else same_times(due)
+    order = np.lexsort((starts, np.repeat(numbers, counts), times))
+    own = np.repeat(np.arange(len(blocks)), counts)[order].tolist()
+    ends = starts + np.concatenate([block.sizes for block in blocks])
+    sent = same_times([block.publish_times for block in blocks])
+    topics, contents = [block.topic for block in blocks], [block.data.data for block in blocks]
+    places = zip(own, starts[order].tolist(), ends[order].tolist(), strict=True)
+    yield from map(
+        Message,
+        map(topics.__getitem__, own),
+        logs[order].tolist(),
+        sent[order].tolist(),
+        (bytes(contents[number][start:end]) for number, start, end in places),
     )
 
 

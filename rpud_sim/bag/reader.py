@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import heapq
 import os
 from collections.abc import Callable, Collection, Iterator
 from contextlib import ExitStack
 from dataclasses import replace
 from functools import cached_property, partial
+from itertools import takewhile
+from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, overload
 
 from rpud_sim.bag.errors import BagFormatError
-from rpud_sim.bag.messages import Message, Piece, merged
+from rpud_sim.bag.mcap_file import McapFile
+from rpud_sim.bag.messages import Message, Piece
 from rpud_sim.bag.rosbag2_compression import SUFFIX, uncompressed_messages
 from rpud_sim.bag.storage_files import open_storage_files, storage_files, summarize
 from rpud_sim.bag.topic_summary import TopicSummary
@@ -22,6 +26,7 @@ if TYPE_CHECKING:
 
     from rpud_sim.bag.columns import Column
     from rpud_sim.bag.message_block import MessageBlock
+    from rpud_sim.bag.sqlite_file import SqliteFile
     from rpud_sim.bag.tables import Batch, Table
 
 
@@ -113,14 +118,11 @@ class BagReader:
         return [content for file in self._files for content in file.records(name)]
 
     def messages(self, topics: Collection[str] | None = None, start: int = 0) -> Iterator[Message]:
-        """Yield messages in the order of their log times; without chunks, in that of the file.
+        """Yield messages in the order of their log times.
 
         The time from the bag's beginning up to ``start`` [ns] is skipped.
         """
-        start_time = self.start_time + start
-        found = merged(
-            source for file in self._filled for source in file.sources(topics, start_time)
-        )
+        found = self._messages(topics, self.start_time + start)
         return uncompressed_messages(found, self.path) if self._compressed else found
 
     def blocks(
@@ -135,25 +137,35 @@ class BagReader:
         chunk is a view of it: who keeps blocks should keep ``packed`` ones. ``start`` counts from
         the bag's beginning, ``duration`` from there [ns].
         """
-        from rpud_sim.bag.block_order import gathered_blocks, ordered_blocks
+        from rpud_sim.bag.block_order import PiecesInOrder, gathered_blocks
 
         start_time = self.start_time + start
         end = None if duration is None else start_time + duration
-        found = [source for file in self._filled for source in file.sources(topics, start_time)]
-        if self._compressed or any(source.blocks is None for source in found):
-            return gathered_blocks(self.messages(topics, start), end)
-        return ordered_blocks(found, end)
+        if self._compressed or self._streams:
+            found = self.messages(topics, start)
+            return gathered_blocks(takewhile(lambda m: end is None or m.log_time < end, found))
+        return PiecesInOrder(self._chunks, topics, start_time, end).blocks()
 
     def pieces(self) -> list[Piece]:
         """Return the parts that can be read by themselves, sorted by their beginnings."""
         found = [piece for file in self._filled for piece in file.pieces()]
         if self._compressed:
-            read = self._uncompressed
-            found = [replace(piece, read=partial(read, piece), blocks=None) for piece in found]
+            blocks = self._uncompressed
+            found = [replace(piece, blocks=partial(blocks, piece)) for piece in found]
         return sorted(found, key=lambda piece: piece.start_time)
 
-    def _uncompressed(self, piece: Piece, topics: Collection[str] | None) -> Iterator[Message]:
-        return uncompressed_messages(piece.read(topics), self.path)
+    def _messages(self, topics: Collection[str] | None, start_time: int) -> Iterator[Message]:
+        from rpud_sim.bag.block_order import PiecesInOrder
+
+        chunked = PiecesInOrder(self._chunks, topics, start_time).messages()
+        streams = [stream.messages(topics, start_time) for stream in self._streams]
+        return heapq.merge(chunked, *streams, key=attrgetter("log_time")) if streams else chunked
+
+    def _uncompressed(self, piece: Piece, topics: Collection[str] | None) -> Iterator[MessageBlock]:
+        from rpud_sim.bag.block_order import PiecesInOrder, gathered_blocks
+
+        messages = PiecesInOrder([piece], topics).messages()
+        return gathered_blocks(uncompressed_messages(messages, self.path))
 
     def columns(self, topic: str) -> tuple[Column, ...]:
         """Return the columns of a topic's table, with units; errors are those of ``batches``."""
@@ -225,6 +237,16 @@ class BagReader:
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+    @property
+    def _chunks(self) -> Iterator[Piece]:
+        return (
+            piece for file in self._filled if isinstance(file, McapFile) for piece in file.pieces()
+        )
+
+    @property
+    def _streams(self) -> list[SqliteFile]:
+        return [file for file in self._filled if not isinstance(file, McapFile)]
 
     @cached_property
     def _declared(self) -> tuple[tuple[TopicSummary, ...], dict[str, BagFormatError]]:

@@ -56,6 +56,8 @@ class RecordWalk:
         self.end = len(MAGIC)  # offset behind the last whole record [bytes]
         while (end := self._record(self.end)) is not None:
             self.end = end
+        head = self._finder.head(self.end)
+        self.whole = head is not None and head[0] in _ENDS  # whether it met the file's end
         self._complete_chunk()
         channels, total = self.summary.channels, sum(self._counts.values())
         self.summary.statistics = Statistics(

@@ -8,6 +8,7 @@ from contextlib import closing, contextmanager
 from functools import partial
 from itertools import pairwise
 from pathlib import Path
+from typing import TYPE_CHECKING
 from urllib.parse import quote
 
 import apsw
@@ -18,11 +19,14 @@ from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
 
 from rpud_sim.bag.definitions import find_definition
 from rpud_sim.bag.errors import BagError, BagFormatError, DefinitionNotFoundError, reading
-from rpud_sim.bag.messages import Message, Piece, Source
+from rpud_sim.bag.messages import Message, Piece
 from rpud_sim.bag.metadata import LATEST, Topic
 from rpud_sim.bag.qos import profiles_from_yaml
 from rpud_sim.bag.records import CONTENT_LIMIT
 from rpud_sim.bag.topic_summary import TopicSummary
+
+if TYPE_CHECKING:
+    from rpud_sim.bag.message_block import MessageBlock
 
 _PIECE = 1000  # messages that are read together, on average
 
@@ -103,10 +107,9 @@ class SqliteFile:
             ),
         )
 
-    def sources(self, topics: Collection[str] | None, start_time: int) -> Iterator[Source]:
-        """Yield the only source of messages of ``topics`` from ``start_time`` [ns] on."""
-        if wanted := self._wanted(topics):
-            yield Source(self.start_time, 0, lambda: self._messages(wanted, start_time))
+    def messages(self, topics: Collection[str] | None, start_time: int) -> Iterator[Message]:
+        """Yield the messages of ``topics`` from ``start_time`` [ns] on, in their order."""
+        return self._messages(self._wanted(topics), start_time)
 
     def pieces(self) -> Iterator[Piece]:
         """Yield parts of equal length in time, of about ``_PIECE`` messages each."""
@@ -117,10 +120,14 @@ class SqliteFile:
         size = self.size // max(1, parts)
         for start, end in pairwise(edges):
             if start < end:
-                yield Piece(start, end - 1, size, names, partial(self._read_part, start, end))
+                yield Piece(start, end - 1, size, names, partial(self._blocks, start, end))
 
-    def _read_part(self, start: int, end: int, topics: Collection[str] | None) -> Iterator[Message]:
-        return self._messages(self._wanted(topics), start, end)
+    def _blocks(
+        self, start: int, end: int, topics: Collection[str] | None
+    ) -> Iterator[MessageBlock]:
+        from rpud_sim.bag.block_order import gathered_blocks  # NumPy, which listing does not need
+
+        return gathered_blocks(self._messages(self._wanted(topics), start, end))
 
     def _wanted(self, topics: Collection[str] | None) -> list[Connection]:
         return [

@@ -206,12 +206,12 @@ def batches(
 
     total = 0
     for block in blocks:
-        name, rest = block.topic, block
-        while len(rest):
+        name = block.topic
+        rest: MessageBlock | None = block
+        while rest is not None:
             size = waiting[name].size
-            count = waiting[name].add(rest, tables[name].decoded_sizes(rest))
+            rest = waiting[name].add(rest, tables[name].decoded_sizes(rest))
             total += waiting[name].size - size
-            rest = rest.part(slice(count, None))
             if waiting[name].full:
                 total -= waiting[name].size
                 yield batch(name)
@@ -234,24 +234,28 @@ class _Waiting:
         self.size = self._decoded = 0  # memory that they take [bytes]
         self.full = False  # whether they must become a batch now
 
-    def add(self, block: MessageBlock, decoded: np.ndarray) -> int:
-        """Add the first messages of a block until they are full, and return their number.
+    def add(self, block: MessageBlock, decoded: np.ndarray) -> MessageBlock | None:
+        """Add the first messages of a block until they are full; return the others, if any.
 
         A block that makes less than two batches is not divided if none wait.
         """
-        sizes = self.size + np.cumsum(block.sizes + _OVERHEAD)
-        memory = self._decoded + np.cumsum(decoded)
-        size, used = int(sizes[-1]), int(memory[-1])
+        rest = None
+        size = self.size + int(block.sizes.sum()) + _OVERHEAD * len(block)
+        used = self._decoded + int(decoded.sum())
         self.full = size >= self._limit or used >= DECODED_SIZE
         alone = self.full and not self.blocks
         if self.full and (used >= DECODED_SIZE or not alone or size >= 2 * self._limit):
-            over = (sizes >= self._limit) | (memory >= DECODED_SIZE)
-            block = block.part(slice(0, int(over.argmax()) + 1))
-            size, used = int(sizes[len(block) - 1]), int(memory[len(block) - 1])
+            sizes = self.size + np.cumsum(block.sizes + _OVERHEAD)
+            memory = self._decoded + np.cumsum(decoded)
+            count = int(((sizes >= self._limit) | (memory >= DECODED_SIZE)).argmax()) + 1
+            size, used = int(sizes[count - 1]), int(memory[count - 1])
+            if count < len(block):
+                rest = block.part(slice(count, None))
+                block = block.part(slice(0, count))
         # A batch of one block is made at once. What waits must not keep the chunk in memory.
         self.blocks.append(block if alone else block.packed())
         self.size, self._decoded = size, used
-        return len(block)
+        return rest
 
 
 def _listed(names: Iterable[str]) -> str:

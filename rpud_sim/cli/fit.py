@@ -72,11 +72,12 @@ def _fit(arguments: argparse.Namespace, specification: Specification) -> int:
     write_fit(fit, out, command)
     if arguments.json:
         print_json({"out": str(out), **fit_content(fit), "run": fit.simulations, "kept": fit.kept})
-        return ExitCode.DONE
-    print(_text(fit))
-    wall = time.perf_counter() - started
-    print(f"{fit.simulations} runs, {fit.kept} kept, in {wall:.0f} s: {printable(out)}/report.html")
-    return ExitCode.DONE
+    else:
+        print(fit_text(fit))
+        wall = time.perf_counter() - started
+        where = f"{printable(out)}/report.html"
+        print(f"{fit.simulations} runs, {fit.kept} kept, in {wall:.0f} s: {where}")
+    return ExitCode.INCOMPLETE if fit.refusal else ExitCode.DONE
 
 
 def _prove(arguments: argparse.Namespace, specification: Specification) -> int:
@@ -95,46 +96,46 @@ def _prove(arguments: argparse.Namespace, specification: Specification) -> int:
     return ExitCode.DONE if proof.holds else ExitCode.FAILED
 
 
-def _text(fit: Fit) -> str:
-    from rpud_sim.studies.fit.specification import unit_of
-
+def fit_text(fit: Fit) -> str:
+    """Return what a fit found, for a terminal."""
     lines = []
-    for name, interval in fit.identifiability.intervals.items():
-        lines.append(
-            f"{name:28} {fit.best[name]:<10.4g} {interval.low:.4g} to {interval.high:.4g} "
-            f"{unit_of(name)}".rstrip()
-            + ("" if interval.identified == "yes" else f" (identified: {interval.identified})")
-        )
-    for choices, share in fit.probabilities:
-        if choices:
-            words = ", ".join(f"{name} {value}" for name, value in choices.items())
-            lines.append(f"{words}: probability {share:.3f}")
-    lines += [str(ridge) for ridge in fit.identifiability.ridges]
-    for item in fit.comparisons:
-        held = " (held out)" if item.target.hold_out else ""
-        lines.append(
-            f"{item.target.title}: {item.target.value:.4g} {item.target.measure.unit}".rstrip()
-            + f", model {item.mean:.4g}, ratio {item.ratio:.3f}{held}"
-        )
-    hold_out = fit.misfit(True)
-    lines.append(
-        f"misfit {fit.misfit(False):.2f} standard deviations"
-        + ("" if hold_out is None else f", held out {hold_out:.2f}")
-    )
-    if not fit.reached:
-        lines.append("the model does not reach every target: the intervals assume that it can")
+    if fit.missed:
+        lines.append(f"not met: {fit.refusal}; there are no intervals")
+        lines += [item.miss for item in fit.missed]
+        lines.append("nearest point:")
+    elif fit.refusal:
+        lines.append(f"no intervals: {fit.refusal}")
+    lines += [_unknown(fit, name) for name in fit.specification.unknowns]
+    lines += [f"{choices}: probability {share:.3f}" for choices, share in fit.choices]
+    lines += [f"ridge: {ridge}" for ridge in (fit.found.ridges if fit.found else ())]
+    lines += map(str, fit.comparisons)
+    lines.append(f"misfit {fit.misfit_text}")
     return "\n".join(lines)
 
 
+def _unknown(fit: Fit, name: str) -> str:
+    from rpud_sim.studies.fit.specification import unit_of
+
+    if fit.found is None:
+        return f"{name:28} {fit.best[name]:.4g} {unit_of(name)}".rstrip()
+    interval = fit.found.intervals[name]
+    best = f"{fit.best[name]:.{interval.digits}g}"
+    text = f"{name:28} {best:10} {interval} {unit_of(name)}".rstrip()
+    return text + "".join(f" ({remark})" for remark in interval.remarks)
+
+
 def _proof_text(proof: Proof) -> str:
-    lines = [
-        f"{name:28} {100 * share:.1f} % of the 90 % intervals hold the true value"
-        for name, share in proof.covered.items()
-    ]
-    low, high = (f"{100 * share:.0f}" for share in proof.content()["range"])
+    content = proof.content()
+    lines = []
+    for name, found in content["covered"].items():
+        low, high = found["interval"]
+        lines.append(
+            f"{name:28} {found['count']} of {proof.drills} intervals hold the true value: "
+            f"{100 * found['share']:.1f} % ({100 * low:.1f} to {100 * high:.1f} %)"
+        )
     verdict = "within" if proof.holds else "outside"
     lines.append(
-        f"{proof.drills} synthetic drills, together {100 * proof.mean:.1f} %: "
-        f"{verdict} {low} to {high} %"
+        f"{100 * content['level']:g} % is {verdict} what chance allows; {proof.refused} synthetic "
+        "drills have no intervals"
     )
     return "\n".join(lines)

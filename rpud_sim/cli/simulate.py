@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
+import gc
 import importlib
 import math
 import os
@@ -92,13 +93,19 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _load_numba() -> None:
-    """Load Numba without SciPy's linear algebra, which no kernel uses: a fifth of the start."""
+    """Load Numba without SciPy's linear algebra, which no kernel uses: a fifth of the start.
+
+    Python need not search what stays to the end for cycles.
+    """
     if "scipy" not in sys.modules:
         sys.modules["scipy"] = None  # type: ignore[assignment]
+        gc.disable()
         try:
             importlib.import_module("numba.np.arraymath")
         finally:
             del sys.modules["scipy"]
+            gc.freeze()
+            gc.enable()
 
 
 def _refuse_assignments_to_the_node(arguments: argparse.Namespace) -> None:
@@ -161,6 +168,7 @@ def _figures(
     scenario: Scenario | None,
     planned: Sequence[Planned],
 ) -> dict[str, Any]:
+    from rpud_sim.drilling.rock import NO_DEEPER
     from rpud_sim.simulation.energy_account import mean_account
     from rpud_sim.simulation.ensemble import run_ensemble
     from rpud_sim.simulation.feed_account import mean_feed_account
@@ -174,6 +182,9 @@ def _figures(
         )
     figures: dict[str, Any] = dict(ensemble.mean())
     figures["real_time_factor"] = ensemble.real_time_factor
+    deepest = max(member.get("depth") or 0.0 for member in ensemble.members)
+    if deepest >= configuration.parameters.tool_length:
+        _show(NO_DEEPER)
     account = mean_account(list(ensemble.accounts))
     figures["energy_account"] = account.to_dict()
     if (feed := mean_feed_account(ensemble.feed_accounts)) is not None:

@@ -19,6 +19,8 @@ import functools
 import math
 from typing import NamedTuple
 
+from rpud_sim.model.elementary import exponential_minus_one, logarithm_one_plus
+
 
 @dataclasses.dataclass(frozen=True)
 class Arm:
@@ -45,7 +47,8 @@ class Arm:
 
     def stored(self, deflection: float) -> float:
         """Return the energy of the arm's spring [J]."""
-        return 0.5 * self.stiffness * self.stretch(deflection) ** 2
+        stretch = self.stretch(deflection)
+        return 0.5 * self.stiffness * stretch * stretch
 
 
 class Load(NamedTuple):
@@ -117,14 +120,14 @@ def drift(arm: Arm, load: Load, position: float, rest: float, interval: float) -
         elif steepness == 0.0:
             way = min(net * away * length / arm.damping, distance)
         else:
-            end = -math.expm1(-steepness * length / arm.damping)
+            end = -exponential_minus_one(-steepness * length / arm.damping)
             way = net * away / steepness * end
             if way > distance:
                 way = distance
         if steepness == 0.0:
             damper += net * net * length / arm.damping
         else:
-            decay = -math.expm1(-2.0 * steepness * length / arm.damping)
+            decay = -exponential_minus_one(-2.0 * steepness * length / arm.damping)
             damper += 0.5 * net * net / steepness * decay
         position += away * way
         interval -= length
@@ -206,7 +209,7 @@ def _duration(arm: Arm, net: float, steepness: float, distance: float) -> float:
         return math.inf
     if steepness == 0.0:
         return arm.damping * distance / net
-    return -arm.damping / steepness * math.log1p(-steepness * distance / net)
+    return -arm.damping / steepness * logarithm_one_plus(-steepness * distance / net)
 
 
 def _excess(arm: Arm, position: float, rest: float) -> float:

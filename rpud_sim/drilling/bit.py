@@ -119,7 +119,7 @@ def cut(
     friction_force = weight_on_bit - cutting_force
     return Cut(
         depth,
-        0.5 * layer.specific_energy * hardness * radius**2 * depth,
+        0.5 * layer.specific_energy * hardness * radius * radius * depth,
         0.5 * layer.friction * bit.bit_shape_factor * radius * friction_force,
     )
 

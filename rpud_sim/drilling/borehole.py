@@ -10,8 +10,11 @@ from rpud_sim.drilling.cuttings import Cuttings
 from rpud_sim.drilling.inputs import Disturbances, Percussion
 from rpud_sim.drilling.recent import RecentDrilling
 from rpud_sim.drilling.rock import RockParameters
-from rpud_sim.drilling.rotor_values import NO_RESISTANCE, NOT_TURNED, Resistance, Turned
+from rpud_sim.drilling.rotor_values import NO_RESISTANCE, Resistance, Turned
 from rpud_sim.drilling.strata import Layer, Strata, inclusion_in
+
+# Torque over radius and axial force of a screw, at most: a screw of 88.8 degrees.
+STEEPEST = 48.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -32,17 +35,24 @@ class BoreholeState:
 class Borehole:
     """Borehole in strata.
 
-    Percussion deepens it as ``Progress`` does, by the energy of impacts above the threshold of the
-    layer; rotation by the depth of its cut in each turn (``bit.cut``). Cuttings in the flutes hold
-    both up (``cuttings``).
+    Each impact deepens it by its energy above the threshold of the layer, and rotation by the depth
+    of its cut in each turn (``bit.cut``). Cuttings in the flutes hold both up (``cuttings``). When
+    it is as deep as the drill tool is long, the drill stands on the face of the rock, and nothing
+    presses the bit to the bottom.
+
+    Args:
+        deepest: length of the drill tool [m].
     """
 
-    def __init__(self, bit: BitParameters, strata: Strata, rock: RockParameters) -> None:
+    def __init__(
+        self, bit: BitParameters, strata: Strata, rock: RockParameters, deepest: float
+    ) -> None:
         self._bit = bit
         self._strata = strata
         self._area = rock.hole_area
         self._radius = radius_of(rock.hole_area)
         self._breaking_share = rock.rock_energy_transfer
+        self._deepest = deepest
         self._cuttings = Cuttings(bit)
         self._recent = RecentDrilling()
         self._depth = 0.0
@@ -53,174 +63,11 @@ class Borehole:
         self._worn_factor = 1.0  # of a fault in the last step
         self._clogged = 0.0  # by a fault in the last step
         self._side_offset = 0.0
-        self._owed = 0.0  # energy that the free mass took back from the drill tool [J]
-        self._turned = NOT_TURNED  # in the last step
         self._energy = 0.0  # spent on drilling so far [J]
-        self._cut_for: tuple[Layer, float, float, float] | None = None
-        self._last_cut = NO_CUT
-        self._known_state: BoreholeState | None = None
 
     @property
     def state(self) -> BoreholeState:
         """State at the last step."""
-        if self._known_state is None:  # few steps are looked at
-            self._known_state = self._state()
-        return self._known_state
-
-    @property
-    def depth(self) -> float:
-        """Depth of the hole [m]."""
-        return self._depth
-
-    @property
-    def bottom(self) -> float:
-        """Depth at which the bit meets rock [m]; infinite below the rock."""
-        return math.inf if self._through else self._depth
-
-    def resistance(
-        self, weight_on_bit: float, in_rock: bool, disturbances: Disturbances
-    ) -> Resistance:
-        """Return the torque against the rotation of the drill tool."""
-        if not (in_rock or self._tip > 0.0):
-            return NO_RESISTANCE
-        done = NO_CUT
-        if in_rock and not self._through:
-            done = self._cut(self._layer_under(disturbances), weight_on_bit, disturbances)
-        flutes = self._cuttings.torque(self._tip, disturbances.clogged)
-        faults = disturbances.extra_torque + disturbances.screw_torque
-        return Resistance(done.cutting_torque, done.friction_torque, flutes, faults)
-
-    def step(
-        self,
-        interval: float,
-        percussion: Percussion,
-        rotation: Turned,
-        weight_on_bit: float,
-        mount_position: float | None,
-        disturbances: Disturbances,
-    ) -> None:
-        """Drill for one step.
-
-        Args:
-            mount_position: at the end of the step, as of ``MountState``; None without a feed.
-        """
-        turned = rotation.angle
-        before, self._turned = self._turned, rotation
-        resisted = rotation.resisted - before.resisted
-        impact_energy = percussion.energy if percussion.in_rock else 0.0
-        start = self._depth
-        layer = self._strata.layers[self._layer]
-        if percussion.in_rock and not self._through:
-            usable, self._owed = impact_energy + self._owed, 0.0
-            if usable < 0.0:
-                usable, self._owed = 0.0, usable
-            if disturbances.side_walk:
-                self._walk(interval, turned, percussion, disturbances)
-            self._deepen(usable, percussion.impacts, turned, weight_on_bit, disturbances)
-            self._wear(rotation.friction - before.friction, layer)
-        self._move_tip(mount_position)
-        produced = (self._depth - start) * self._area
-        impacts = percussion.impacts if percussion.in_rock else 0
-        self._cuttings.step(interval, produced, turned, impacts, self._tip, disturbances.clearing)
-        self._energy += weight_on_bit * (self._depth - start) + impact_energy + resisted
-        self._recent.add(interval, self._depth, self._energy)
-        self._worn_factor, self._clogged = disturbances.worn_factor, disturbances.clogged
-        self._known_state = None
-
-    def _cut(self, layer: Layer, weight_on_bit: float, disturbances: Disturbances) -> Cut:
-        """Return the cut in a layer, with the pull of rock in the flutes."""
-        weight = weight_on_bit
-        if disturbances.screw_torque:
-            weight += disturbances.screw_torque / (self._radius * self._screw_slope(layer))
-        flat = self._wear_flat * disturbances.worn_factor
-        if flat > self._area:
-            flat = self._area
-        given = (layer, weight, flat, disturbances.hardness)
-        # Resistance and progress of a step need the same cut.
-        if given != self._cut_for:
-            self._cut_for = given
-            self._last_cut = cut(
-                self._bit, layer, self._radius, weight, flat, disturbances.hardness
-            )
-        return self._last_cut
-
-    def _layer_under(self, disturbances: Disturbances) -> Layer:
-        """Return the layer at the bottom, or the stone in it that is harder."""
-        layer = self._strata.layers[self._layer]
-        strength = disturbances.inclusion_strength
-        return inclusion_in(layer, strength) if strength > layer.strength else layer
-
-    def _screw_slope(self, layer: Layer) -> float:
-        """Return torque over radius and axial force of a screw with friction: tan(phi + rho)."""
-        slope = self._bit.flute_pitch / (2.0 * math.pi * self._radius)
-        return math.tan(min(math.atan(slope) + math.atan(layer.friction), 1.55))
-
-    def _walk(
-        self, interval: float, turned: float, percussion: Percussion, disturbances: Disturbances
-    ) -> None:
-        """Let the bit walk sideways until the hole is one radius deep and guides it."""
-        if self._depth < self._radius and (turned > 0.0 or percussion.impacts):
-            self._side_offset += disturbances.side_walk * interval
-
-    def _deepen(
-        self,
-        energy: float,
-        impacts: int,
-        turned: float,
-        weight_on_bit: float,
-        disturbances: Disturbances,
-    ) -> None:
-        """Deepen the hole by one step, through as many layers as it reaches."""
-        hardness = disturbances.hardness
-        # A worn bit spreads the same blow over a larger area.
-        flat, new = self._wear_flat * disturbances.worn_factor, self._bit.bit_wear_flat
-        blunt = flat / new if flat > new > 0.0 else 1.0
-        clearance = self._cuttings.clearance(self._tip, disturbances.clogged)
-        held_up = disturbances.progress * clearance
-        turns = turned / (2.0 * math.pi)
-        left = 1.0  # of the step
-        while left > 0.0:
-            layer = self._layer_under(disturbances)
-            breaking = energy - impacts * layer.threshold_energy * hardness * blunt
-            deeper = self._breaking_share * breaking if breaking > 0.0 else 0.0
-            deeper /= layer.specific_energy * hardness * self._area
-            if turns > 0.0:
-                deeper += self._cut(layer, weight_on_bit, disturbances).depth * turns
-            deeper *= held_up
-            end = self._strata.end_of(self._layer)
-            if not self._depth + deeper * left >= end:
-                self._depth += deeper * left
-                return
-            left -= (end - self._depth) / deeper
-            self._depth = end
-            if self._layer + 1 == len(self._strata.layers):
-                self._through = True
-                return
-            self._layer += 1
-
-    def _wear(self, friction_work: float, layer: Layer) -> None:
-        """Widen the wear flats, which together have the area of one circle.
-
-        In the CERCHAR test the diameter of the flat grows with the distance slid under a constant
-        force, so it grows here with the friction work, and the area with its square.
-        """
-        grown = self._bit.bit_wear_rate * layer.abrasiveness * friction_work
-        if grown:
-            most = max(self._area, self._bit.bit_wear_flat)
-            worn = math.pi * (radius_of(self._wear_flat) + 0.5 * grown) ** 2
-            self._wear_flat = min(worn, most)
-
-    def _move_tip(self, mount_position: float | None) -> None:
-        tip = self._depth
-        if mount_position is not None:
-            tip = mount_position if mount_position > 0.0 else 0.0
-            if tip > self._depth:
-                tip = self._depth
-        if tip < self._tip:
-            self._cuttings.withdraw(self._tip, tip)
-        self._tip = tip
-
-    def _state(self) -> BoreholeState:
         new, blunt = self._bit.bit_wear_flat, self._bit.bit_blunt_flat
         worn = min(self._wear_flat * self._worn_factor, max(self._area, new))
         filling = self._cuttings.filling(self._tip, self._clogged)
@@ -233,3 +80,136 @@ class Borehole:
             bit_wear=(worn - new) / (blunt - new),
             side_offset=self._side_offset,
         )
+
+    @property
+    def depth(self) -> float:
+        """Depth of the hole [m]."""
+        return self._depth
+
+    @property
+    def bottom(self) -> float:
+        """Depth at which the bit meets rock [m]; infinite below the rock."""
+        return math.inf if self._through else self._depth
+
+    def resistance(self, percussion: Percussion, disturbances: Disturbances) -> Resistance:
+        """Return the torque against the rotation of the drill tool."""
+        if not (percussion.in_rock or self._tip > 0.0):
+            return NO_RESISTANCE
+        done = NO_CUT
+        if self._drills(percussion):
+            done = self._cut(self._layer_under(disturbances), percussion.rock_force, disturbances)
+        flutes = self._cuttings.torque(self._tip, disturbances.clogged)
+        faults = disturbances.extra_torque + disturbances.screw_torque
+        return Resistance(done.cutting_torque, done.friction_torque, flutes, faults)
+
+    def step(
+        self,
+        interval: float,
+        percussion: Percussion,
+        rotation: Turned,
+        mount_position: float | None,
+        disturbances: Disturbances,
+    ) -> None:
+        """Drill for one step.
+
+        Args:
+            mount_position: as of ``MountState``; None without a feed.
+        """
+        start = self._depth
+        layer = self._strata.layers[self._layer]
+        drills = self._drills(percussion)
+        energies = percussion.energies if percussion.in_rock else ()
+        turned, force = rotation.angle, percussion.rock_force if drills else 0.0
+        # The bit walks until the hole is one radius deep and guides it.
+        if drills and start < self._radius and (turned > 0.0 or energies):
+            self._side_offset += disturbances.side_walk * interval
+        # One impact after the other, however many a step has, and then the rotation.
+        parts = [(energy, 1, 0.0) for energy in energies]
+        for energy, impacts, angle in (*parts, (0.0, 0, turned)):
+            before = self._depth
+            if drills:
+                self._deepen(energy, angle, force, disturbances)
+            self._move_tip(mount_position)
+            produced = (self._depth - before) * self._area
+            self._cuttings.step(produced, angle, impacts, self._tip, disturbances.clearing)
+        self._wear(rotation.friction, layer)
+        deeper = self._depth - start
+        self._energy += force * deeper + math.fsum(energies) + rotation.resisted
+        self._recent.add(interval, self._depth, self._energy)
+        self._worn_factor, self._clogged = disturbances.worn_factor, disturbances.clogged
+
+    def _drills(self, percussion: Percussion) -> bool:
+        """Return whether the tool is in rock into which it can get deeper."""
+        return percussion.in_rock and not self._through and self._depth < self._deepest
+
+    def _cut(self, layer: Layer, force: float, disturbances: Disturbances) -> Cut:
+        """Return the cut in a layer, with the pull of rock in the flutes."""
+        if disturbances.screw_torque:
+            force += disturbances.screw_torque / (self._radius * self._screw_slope(layer))
+        flat = min(self._wear_flat * disturbances.worn_factor, self._area)
+        return cut(self._bit, layer, self._radius, force, flat, disturbances.hardness)
+
+    def _layer_under(self, disturbances: Disturbances) -> Layer:
+        """Return the layer at the bottom, or the stone in it that is harder."""
+        layer = self._strata.layers[self._layer]
+        strength = disturbances.inclusion_strength
+        return inclusion_in(layer, strength) if strength > layer.strength else layer
+
+    def _screw_slope(self, layer: Layer) -> float:
+        """Return torque over radius and axial force of a screw with friction: tan(phi + rho)."""
+        slope = self._bit.flute_pitch / (2.0 * math.pi * self._radius)
+        rest = 1.0 - slope * layer.friction
+        total = slope + layer.friction
+        return total / rest if total < STEEPEST * rest else STEEPEST
+
+    def _deepen(
+        self, energy: float, turned: float, force: float, disturbances: Disturbances
+    ) -> None:
+        """Deepen the hole by an impact or a rotation, through as many layers as it reaches."""
+        hardness = disturbances.hardness
+        # A worn bit spreads the same blow over a larger area.
+        flat, new = self._wear_flat * disturbances.worn_factor, self._bit.bit_wear_flat
+        blunt = flat / new if flat > new > 0.0 else 1.0
+        clearance = self._cuttings.clearance(self._tip, disturbances.clogged)
+        left = disturbances.progress * clearance  # of the depth without anything in the way
+        while left > 0.0 and not self._through and self._depth < self._deepest:
+            layer, deeper = self._layer_under(disturbances), 0.0
+            breaking = energy - layer.threshold_energy * hardness * blunt
+            if breaking > 0.0:
+                deeper = self._breaking_share * breaking
+                deeper /= layer.specific_energy * hardness * self._area
+            if turned > 0.0:
+                deeper += self._cut(layer, force, disturbances).depth * turned / (2.0 * math.pi)
+            layer_end = self._strata.end_of(self._layer)
+            end = min(layer_end, self._deepest)
+            if not self._depth + deeper * left >= end:
+                self._depth += deeper * left
+                return
+            left -= (end - self._depth) / deeper
+            self._depth = end
+            if end == layer_end:
+                self._through = self._layer + 1 == len(self._strata.layers)
+                self._layer += not self._through
+
+    def _wear(self, friction_work: float, layer: Layer) -> None:
+        """Widen the wear flats, which together have the area of one circle.
+
+        In the CERCHAR test the diameter of the flat grows with the distance slid under a constant
+        force, so it grows here with the friction work, and the area with its square.
+        """
+        grown = self._bit.bit_wear_rate * layer.abrasiveness * friction_work
+        if grown:
+            most = max(self._area, self._bit.bit_wear_flat)
+            radius = radius_of(self._wear_flat) + 0.5 * grown
+            worn = math.pi * radius * radius
+            self._wear_flat = min(worn, most)
+
+    def _move_tip(self, mount_position: float | None) -> None:
+        tip = self._depth
+        if mount_position is not None:
+            tip = mount_position if mount_position > 0.0 else 0.0
+            if tip > self._depth:
+                tip = self._depth
+        if tip < self._tip:
+            self._cuttings.withdraw(self._tip, tip)
+        self._tip = tip

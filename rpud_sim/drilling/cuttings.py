@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from rpud_sim.drilling.bit import BitParameters
+from rpud_sim.model.elementary import exponential_minus_one
 
 
 class Cuttings:
@@ -53,14 +54,13 @@ class Cuttings:
 
     def step(
         self,
-        interval: float,
         produced: float,
         turned: float,
         impacts: float,
         depth: float,
         clearing: float,
     ) -> None:
-        """Let cuttings come in and leave during a step.
+        """Let cuttings come in and leave during an impact or a part of a turn.
 
         Args:
             produced: volume of the rock that they come from [m^3].
@@ -76,7 +76,7 @@ class Cuttings:
         came = bit.cuttings_bulking * produced
         share = risen / depth  # V v / depth over the step, in units of V
         if share > 0.0:
-            left = -math.expm1(-share)
+            left = -exponential_minus_one(-share)
             self.volume += (came / share - self.volume) * left
         else:
             self.volume += came

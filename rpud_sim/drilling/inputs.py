@@ -9,12 +9,14 @@ from typing import NamedTuple
 class Percussion(NamedTuple):
     """Percussion during one step, immutable."""
 
-    impacts: int = 0  # number of impacts on the drill tool that ended in the step
-    energy: float = 0.0  # that they left in drill tool and rock [J]
+    # that each impact left in drill tool and rock [J], of those that ended in the step
+    energies: tuple[float, ...] = ()
     # amplitude of the vibration over its nominal value, at the end of the step
     amplitude_ratio: float = 0.0
     in_rock: bool = False  # whether the drill tool was in the rock at the end of the step
     reacting_force: float = 0.0  # mean force on the mount, away from the rock [N]
+    # on the rock, mean over ``FORCE_WINDOW`` [N]; zero while the tool is not in the rock
+    rock_force: float = 0.0
 
 
 @dataclasses.dataclass(frozen=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from typing import NamedTuple
 
 from rpud_sim.drilling.bit import BitParameters
@@ -16,11 +17,6 @@ from rpud_sim.drilling.rotor_values import NO_RESISTANCE, NOT_TURNED, RotorState
 from rpud_sim.drilling.strata import Strata, StrataParameters, uniform_strata
 from rpud_sim.foundation.shared import Shared
 from rpud_sim.foundation.time import NEVER, SECOND
-
-# A step is at each whole multiple of this [ns], so that steps do not depend on how the simulation
-# is advanced. It is short against the periods of load spring and arm.
-PROCESS_INTERVAL = 1_000_000
-_INTERVAL = PROCESS_INTERVAL / SECOND  # [s]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -36,6 +32,7 @@ class DrillingParameters:
     bit: BitParameters = dataclasses.field(default_factory=BitParameters)
     # where there are no strata; area of the hole
     rock: RockParameters = dataclasses.field(default_factory=RockParameters)
+    tool_length: float = math.inf  # of the drill tool, which no hole exceeds in depth [m]
 
     @property
     def layers(self) -> Strata | None:
@@ -59,7 +56,6 @@ class DrillingParameters:
 class Surroundings(NamedTuple):
     """What a step needs of the drill besides its percussion, immutable."""
 
-    weight_on_bit: float  # commanded force, which acts where there is no feed [N]
     load_spring_rate: float  # k_1 [N/m]
     has_rock: bool  # whether there is rock; otherwise the tool never touches any
     depth: float = 0.0  # of the hole by percussion alone [m], where there are no strata
@@ -88,18 +84,22 @@ class Process:
     Times are integer nanoseconds of simulation time.
     """
 
+    # A step is at each whole multiple of this [ns], so that steps do not depend on how the
+    # simulation is advanced. It is short against the periods of load spring and arm.
+    interval = 1_000_000
+
     def __init__(self, parameters: DrillingParameters, surroundings: Surroundings) -> None:
-        self._next_step = PROCESS_INTERVAL if parameters.active else NEVER
-        self._rotor: Rotor | None = None
+        self._next_step = self.interval if parameters.active else NEVER
+        rotates = parameters.rotation.rotation_model != "none"
+        self._rotor = Rotor(parameters.rotation) if rotates else None
         self._mount: Mount | None = None
-        self._borehole: Borehole | None = None
-        if parameters.rotation.rotation_model != "none":
-            self._rotor = Rotor(parameters.rotation)
         if parameters.mount.feed_model != "none":
             rate = surroundings.load_spring_rate
             self._mount = Mount(parameters.mount, rate, surroundings.has_rock)
+        self._borehole: Borehole | None = None
         if (layers := parameters.layers) is not None:
-            self._borehole = Borehole(parameters.bit, layers, parameters.rock)
+            bit, rock = parameters.bit, parameters.rock
+            self._borehole = Borehole(bit, layers, rock, parameters.tool_length)
         self._follows_rock = parameters.strata.found is None
         self._time = 0  # of the last step [ns]
 
@@ -117,11 +117,6 @@ class Process:
     def next_step(self) -> int:
         """Time of the next step [ns]; ``NEVER`` if there is nothing to step."""
         return self._next_step
-
-    @property
-    def mount(self) -> MountState | None:
-        """State of feed and mount at the last step; None without a feed."""
-        return self._mount.state if self._mount else None
 
     @property
     def weight_on_bit(self) -> float | None:
@@ -146,6 +141,11 @@ class Process:
         """Depth of the hole [m]; None without a borehole."""
         return self._borehole.depth if self._borehole else None
 
+    @property
+    def draw(self) -> tuple[float, float]:
+        """Power that the rotation takes from the stack [W], and its energy since time zero [J]."""
+        return self._rotor.draw if self._rotor else (0.0, 0.0)
+
     def feed(self, motion: Feed) -> None:
         """Let the drive of the feed make a motion, from the next step on.
 
@@ -158,23 +158,21 @@ class Process:
         self, percussion: Percussion, surroundings: Surroundings, disturbances: Disturbances
     ) -> None:
         """Take the step that is due at ``next_step``."""
-        interval = _INTERVAL
+        interval = self.interval / SECOND
         mount, borehole = self._mount, self._borehole
         if self._follows_rock and surroundings.hardness != 1.0:
             harder = disturbances.hardness * surroundings.hardness
             disturbances = dataclasses.replace(disturbances, hardness=harder)
-        weight = mount.weight_on_bit if mount else surroundings.weight_on_bit
         turned = NOT_TURNED
         if self._rotor:
             resistance = NO_RESISTANCE
             if borehole:
-                resistance = borehole.resistance(weight, percussion.in_rock, disturbances)
-            ratio = percussion.amplitude_ratio
-            turned = self._rotor.step(interval, ratio, resistance)
+                resistance = borehole.resistance(percussion, disturbances)
+            turned = self._rotor.step(interval, percussion.amplitude_ratio, resistance)
         bottom = surroundings.depth
         if borehole:
             position = mount.position if mount else None
-            borehole.step(interval, percussion, turned, weight, position, disturbances)
+            borehole.step(interval, percussion, turned, position, disturbances)
             bottom = borehole.bottom
         if mount:
             mount.step(
@@ -186,4 +184,4 @@ class Process:
                 disturbances,
             )
         self._time = self._next_step
-        self._next_step += PROCESS_INTERVAL
+        self._next_step += self.interval

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from array import array
 
-# Steps that the means go over: one second of steps of a millisecond.
-STEPS = 1000
+# The means go over this time [s].
+WINDOW = 1.0
 
 
 class RecentDrilling:
@@ -25,13 +25,14 @@ class RecentDrilling:
             energy: spent on drilling up to then [J].
         """
         time = self._times[self._now] + interval
-        if len(self._times) <= STEPS:
+        steps = len(self._times)
+        if (steps - 0.5) * interval < WINDOW:
             self._now += 1
             self._times.append(time)
             self._depths.append(depth)
             self._energies.append(energy)
             return
-        self._now = (self._now + 1) % (STEPS + 1)
+        self._now = (self._now + 1) % steps
         self._times[self._now] = time
         self._depths[self._now] = depth
         self._energies[self._now] = energy

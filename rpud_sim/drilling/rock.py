@@ -10,6 +10,8 @@ import numpy as np
 from rpud_sim.foundation.parameters import ParameterGroup, choice, number
 from rpud_sim.foundation.time import SECOND
 
+# Said of a hole at its greatest depth.
+NO_DEEPER = "the hole is as deep as the drill tool is long: it gets no deeper"
 # The penetration rate is the mean over this time [ns].
 RATE_WINDOW = SECOND
 
@@ -51,16 +53,19 @@ class Progress:
     """Depth of the hole, from the impacts on the drill tool while it is in the rock.
 
     Each impact deepens the hole by the energy that it leaves in drill tool and rock, times the
-    share that breaks the rock, over specific energy and area. Without a rock model depth and rate
-    are NaN.
+    share that breaks the rock, over specific energy and area. One after which the free mass has
+    taken energy from the drill tool breaks nothing. Without a rock model depth and rate are NaN.
+
+    Args:
+        deepest: greatest depth of the hole, the length of the drill tool [m].
     """
 
-    def __init__(self, parameters: RockParameters) -> None:
+    def __init__(self, parameters: RockParameters, deepest: float) -> None:
         self._modelled = parameters.rock_model != "none"
         self._metres_per_joule = parameters.rock_energy_transfer / (
             parameters.rock_specific_energy * parameters.hole_area
         )
-        self._reached = 0.0
+        self._deepest = deepest
         self._depth = 0.0 if self._modelled else math.nan
         self._times = np.empty(0, np.int64)
         self._depths = np.empty(0)
@@ -81,17 +86,15 @@ class Progress:
         """
         if not (self._modelled and len(impacts)):
             return
-        deeper = impacts["energy_transferred"] * (self._metres_per_joule * clearing / hardness)
+        deeper = np.maximum(impacts["energy_transferred"], 0.0)
+        deeper *= self._metres_per_joule * clearing / hardness
         # One after the other: a sum in pairs would depend on the blocks.
-        reached = np.add.accumulate(np.concatenate([[self._reached], deeper]))[1:]
-        self._reached = float(reached[-1])
-        # A free mass that takes energy back from the drill tool does not fill the hole again.
-        depths = np.maximum.accumulate(np.concatenate([[self._depth], reached]))
+        depths = np.add.accumulate(np.concatenate([[self._depth], deeper]))
+        depths = np.minimum(depths, self._deepest)
         self._depth = float(depths[-1])
-        deeper = np.diff(depths)
         fractions = np.rint(impacts["fraction"] * SECOND).astype(np.int64)
         self._times = np.concatenate([self._times, impacts["seconds"] * SECOND + fractions])
-        self._depths = np.concatenate([self._depths, deeper])
+        self._depths = np.concatenate([self._depths, np.diff(depths)])
         recent = np.searchsorted(self._times, self._times[-1] - RATE_WINDOW, side="right")
         self._times, self._depths = self._times[recent:], self._depths[recent:]
 

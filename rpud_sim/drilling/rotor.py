@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 from typing import NamedTuple
 
 from rpud_sim.drilling.rotor_values import Resistance, RotorState, RotorWork, Turned
 from rpud_sim.foundation.parameters import ParameterGroup, choice, number
+from rpud_sim.model.elementary import exponential, exponential_minus_one, logarithm_one_plus
 
 
 @dataclasses.dataclass(frozen=True)
@@ -47,6 +47,9 @@ class Rotor:
     ends at its exact time, so the result does not depend on how steps with the same torques divide
     the time. The tool stops where the rate reaches zero, and starts when the torque of the drive at
     rest exceeds the resistance. It never turns backward: all that resists is passive.
+
+    The surface of the stack moves at a w_0. So it gives T_d a w_0, and the slip between it and the
+    rotor heats by T_d (a w_0 - w).
     """
 
     def __init__(self, parameters: RotationParameters) -> None:
@@ -60,19 +63,20 @@ class Rotor:
         self._angle = self._rate = 0.0
         self._torque = self._drive_torque = 0.0
         # Work since time zero, as of ``RotorWork`` [J].
-        self._driven = 0.0
+        self._drawn = self._driven = 0.0
         self._cutting = self._friction = self._flutes = self._faults = 0.0
 
     @property
     def state(self) -> RotorState:
         """State at the last step."""
         work = RotorWork(
+            self._drawn,
             self._driven,
             self._cutting,
             self._friction,
             self._flutes,
             self._faults,
-            0.5 * self._inertia * self._rate**2,
+            0.5 * self._inertia * self._rate * self._rate,
         )
         return RotorState(
             self._angle,
@@ -82,6 +86,14 @@ class Rotor:
             self._rate == 0.0 and self._drive_torque > 0.0,
             work,
         )
+
+    @property
+    def draw(self) -> tuple[float, float]:
+        """Power that the stack gives to the drive [W], and its energy since time zero [J].
+
+        The power is negative while the rotor is faster than the stack.
+        """
+        return self._drive_torque * (self._rate + self._drive_torque / self._slope), self._drawn
 
     def step(self, interval: float, amplitude_ratio: float, resistance: Resistance) -> Turned:
         """Turn for one step and return what the borehole needs of it.
@@ -93,6 +105,9 @@ class Rotor:
         torque = cutting + friction + flutes + faults
         turned, rate, drive = self._turn(interval, amplitude_ratio, torque)
         self._drive_torque = self._drive_torque_at(amplitude_ratio, rate)
+        # The stack moves at the rate at which the torque of the drive is zero.
+        stack_rate = self._no_load_rate * amplitude_ratio
+        self._drawn += self._slope * stack_rate * (stack_rate * interval - turned)
         self._angle += turned
         self._rate = rate
         # At rest the resistance is only as large as the drive.
@@ -102,8 +117,7 @@ class Rotor:
         self._friction += friction * turned
         self._flutes += flutes * turned
         self._faults += faults * turned
-        resisted = math.fsum((self._cutting, self._friction, self._flutes, self._faults))
-        return Turned(turned, self._friction, resisted)
+        return Turned(turned, friction * turned, torque * turned)
 
     def _drive_torque_at(self, amplitude_ratio: float, rate: float) -> float:
         return self._stall_torque * amplitude_ratio - self._slope * rate
@@ -125,7 +139,7 @@ class Rotor:
             self._whole = _decay_in(interval, self._decay)
         decay, end = self._whole, 0.0
         if steady < 0.0 < rate:
-            stop = math.log1p(rate / -steady) / self._decay
+            stop = logarithm_one_plus(rate / -steady) / self._decay
             if stop <= interval:
                 decay = _decay_in(stop, self._decay)
         time, once, twice, remains = decay
@@ -135,7 +149,7 @@ class Rotor:
             if end < 0.0:
                 end = 0.0  # rounding
         turned = steady * time + away * once
-        squared = steady**2 * time + 2.0 * steady * away * once + away**2 * twice
+        squared = steady * steady * time + 2.0 * steady * away * once + away * away * twice
         # Integrals of rate and of its square give that of torque times rate.
         return turned, end, self._slope * (stack_rate * turned - squared)
 
@@ -151,7 +165,7 @@ def _decay_in(time: float, decay: float) -> _Decay:
     """Return the decay in a time [s] at a rate [1/s]."""
     return _Decay(
         time,
-        -math.expm1(-decay * time) / decay,
-        -math.expm1(-2.0 * decay * time) / (2.0 * decay),
-        math.exp(-decay * time),
+        -exponential_minus_one(-decay * time) / decay,
+        -exponential_minus_one(-2.0 * decay * time) / (2.0 * decay),
+        exponential(-decay * time),
     )

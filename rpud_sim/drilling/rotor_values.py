@@ -15,11 +15,6 @@ class Resistance(NamedTuple):
     flutes: float = 0.0  # of cuttings in the flutes
     faults: float = 0.0  # of binding and of rock that protrudes into the flutes
 
-    @property
-    def total(self) -> float:
-        """Sum of all parts [N m]."""
-        return self.cutting + self.friction + self.flutes + self.faults
-
 
 NO_RESISTANCE = Resistance()
 
@@ -31,16 +26,13 @@ class RotorWork:
     The work of the drive is the sum of cutting, friction, flutes, faults and kinetic energy.
     """
 
+    drawn: float = 0.0  # taken from the stack: what is above ``drive`` heats their friction
     drive: float = 0.0  # of the drive on the rotor
     cutting: float = 0.0  # that cut the rock
     friction: float = 0.0  # of the wear flat on the rock
     flutes: float = 0.0  # on cuttings in the flutes
     faults: float = 0.0  # against binding and rock that protrudes into the flutes
     kinetic: float = 0.0  # energy of the rotation now
-
-    def to_dict(self) -> dict[str, float]:
-        """Return the terms and the residual by name, ready for JSON [J]."""
-        return {**dataclasses.asdict(self), "residual": self.residual}
 
     @property
     def resisted(self) -> float:
@@ -69,8 +61,8 @@ class Turned(NamedTuple):
     """Rotation in one step as the borehole sees it, immutable."""
 
     angle: float = 0.0  # of the step [rad]
-    friction: float = 0.0  # work of the wear flat on the rock since time zero [J]
-    resisted: float = 0.0  # work against everything that resists the rotation since time zero [J]
+    friction: float = 0.0  # work of the wear flat on the rock [J]
+    resisted: float = 0.0  # work against everything that resists the rotation [J]
 
 
 NOT_TURNED = Turned()

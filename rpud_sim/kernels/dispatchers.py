@@ -125,9 +125,12 @@ class Kernel(CPUDispatcher):
         self, py_func: Callable[..., Any], store: KernelStore, sources: tuple[Path, ...]
     ) -> None:
         super().__init__(py_func, targetoptions=_OPTIONS, pipeline_class=_KernelCompiler)
-        inner = {**_OPTIONS, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-        self._rule = _Rule(py_func, targetoptions=inner, pipeline_class=_RuleCompiler)
         self._cache = _Files(f"{py_func.__module__}.{py_func.__qualname__}", store, sources)
+
+    @functools.cached_property
+    def _rule(self) -> _Rule:  # only when a caller is compiled: hundreds would slow every start
+        inner = {**_OPTIONS, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+        return _Rule(self.py_func, targetoptions=inner, pipeline_class=_RuleCompiler)
 
     @property
     def _numba_type_(self) -> Any:

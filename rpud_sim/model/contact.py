@@ -8,6 +8,7 @@ import math
 from typing import NamedTuple
 
 from rpud_sim.model.compile import compiled
+from rpud_sim.model.elementary import arc_cosine, arc_tangent, hypotenuse, sin_cos
 
 
 class EffectiveTool(NamedTuple):
@@ -34,10 +35,11 @@ def printed_tool(k_1, k_2, m_1, m_2):
         m_1: mass of part I [kg].
         m_2: mass of part II [kg].
     """
-    mass = ((k_1**2 + 3.0 * k_1 * k_2 + 3.0 * k_2**2) * m_1 + k_1**2 * m_2) / (
-        3.0 * (k_1 + k_2) ** 2
+    both = k_1 + k_2
+    mass = ((k_1 * k_1 + 3.0 * k_1 * k_2 + 3.0 * k_2 * k_2) * m_1 + k_1 * k_1 * m_2) / (
+        3.0 * both * both
     )
-    spring_rate = (k_1**2 - k_1 * k_2 + k_2**2) / (k_1 + k_2)
+    spring_rate = (k_1 * k_1 - k_1 * k_2 + k_2 * k_2) / both
     return EffectiveTool(mass, spring_rate)
 
 
@@ -64,7 +66,7 @@ def mode_shape_tool(k_1, k_2, m_1, m_2):
 
 def _mass_of_shape(shape, m_1, m_2):
     """m_eff,dt [kg] of a mode shape with f(L_dt1) = shape, eq. (25)."""
-    return ((1.0 + shape + shape**2) * m_1 + shape**2 * m_2) / 3.0
+    return ((1.0 + shape + shape * shape) * m_1 + shape * shape * m_2) / 3.0
 
 
 @compiled
@@ -91,10 +93,9 @@ def deformation(time, displacement, velocity, free_mass, tool_mass, tool_spring_
     """
     omega = natural_frequency(free_mass, tool_mass, tool_spring_rate)
     rest = free_mass * gravity / tool_spring_rate
-    sine = math.sin(omega * time)
-    cosine = math.cos(omega * time)
+    sine, cosine = sin_cos(omega * time)
     eta = rest + velocity / omega * sine + (displacement - rest) * cosine
-    acceleration = -omega * velocity * sine - omega**2 * (displacement - rest) * cosine
+    acceleration = -omega * velocity * sine - omega * omega * (displacement - rest) * cosine
     return eta, acceleration
 
 
@@ -113,7 +114,7 @@ def time_of_maximum(displacement, velocity, free_mass, tool_mass, tool_spring_ra
     """
     omega = natural_frequency(free_mass, tool_mass, tool_spring_rate)
     rest = free_mass * gravity / tool_spring_rate
-    angle = math.atan2(velocity / omega, displacement - rest)
+    angle = arc_tangent(velocity / omega, displacement - rest)
     if angle < 0.0:
         angle += 2.0 * math.pi
     return angle / omega
@@ -132,7 +133,7 @@ def force_at_maximum(displacement, velocity, free_mass, tool_mass, tool_spring_r
     """Greatest force of a contact that is left undisturbed [N], eqs. (30), (36) and (38)."""
     omega = natural_frequency(free_mass, tool_mass, tool_spring_rate)
     rest = free_mass * gravity / tool_spring_rate
-    return free_mass * (gravity + omega**2 * math.hypot(displacement - rest, velocity / omega))
+    return free_mass * (gravity + omega * omega * hypotenuse(displacement - rest, velocity / omega))
 
 
 @compiled
@@ -146,11 +147,11 @@ def release_time(cosine, sine, angular_frequency, gravity):
     Args:
         angular_frequency: w = omega_fmdt [rad/s].
     """
-    amplitude = math.hypot(cosine, sine)
-    if not angular_frequency**2 * amplitude > gravity:
+    amplitude = hypotenuse(cosine, sine)
+    if not angular_frequency * angular_frequency * amplitude > gravity:
         return math.inf
-    start = math.atan2(-sine, cosine)
-    end = math.acos(-gravity / (angular_frequency**2 * amplitude))
+    start = arc_tangent(-sine, cosine)
+    end = arc_cosine(-gravity / (angular_frequency * angular_frequency * amplitude))
     return max(end - start, 0.0) / angular_frequency
 
 

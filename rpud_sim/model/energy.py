@@ -8,11 +8,16 @@ breaks the conservation of momentum.
 Within a segment every power is a product of sums of ``Re(z exp(rate s))``, complex ``z`` and rate.
 """
 
-import cmath
-import math
 from typing import NamedTuple
 
 from rpud_sim.model.compile import compiled
+from rpud_sim.model.elementary import (
+    complex_exponential,
+    complex_size,
+    exponential_minus_one,
+    sin_cos,
+    sin_cos_cycles,
+)
 from rpud_sim.model.motion import CONTACT_BOTH
 from rpud_sim.model.segment import (
     CONTACT_ACTUATOR,
@@ -69,13 +74,13 @@ _SHORT = 1e-9
 def exponential_integral(rate, duration):
     """Integral of exp(rate s) over a duration, with a complex rate [1/s]."""
     largest = max(abs(rate.real), abs(rate.imag))  # without a root where it is large enough
-    if largest * duration < _SHORT and abs(rate) * duration < _SHORT:
+    if largest * duration < _SHORT and complex_size(rate) * duration < _SHORT:
         return duration * (1.0 + 0.5 * rate * duration)
-    growth = math.expm1(rate.real * duration)
-    half = math.sin(0.5 * rate.imag * duration)
+    growth = exponential_minus_one(rate.real * duration)
+    half, cosine = sin_cos(0.5 * rate.imag * duration)
     turned = 2.0 * half * half
     real = growth - (growth + 1.0) * turned
-    imaginary = (growth + 1.0) * math.sin(rate.imag * duration)
+    imaginary = (growth + 1.0) * (2.0 * half * cosine)
     return complex(real, imaginary) / rate
 
 
@@ -97,12 +102,12 @@ def decaying_square_integral(amplitude, rate, duration):
     twice = rate.real + rate.real
     if not abs(twice) * duration >= _SHORT:
         return product_integral(amplitude, rate, amplitude, rate, duration)
-    growth = math.expm1(twice * duration)
-    half = math.sin(rate.imag * duration)
+    growth = exponential_minus_one(twice * duration)
+    half, cosine = sin_cos(rate.imag * duration)
     turned = 2.0 * half * half
     turns = rate.imag + rate.imag
     real = growth - (growth + 1.0) * turned
-    imaginary = (growth + 1.0) * math.sin(turns * duration)
+    imaginary = (growth + 1.0) * (2.0 * half * cosine)
     swinging = amplitude * amplitude * (complex(real, imaginary) / complex(twice, turns))
     size = amplitude.real * amplitude.real + amplitude.imag * amplitude.imag
     return 0.5 * (swinging.real + size * (growth / twice))
@@ -123,7 +128,7 @@ def decaying_from(cosine, sine, decay_rate, angular_frequency, start):
     """Complex amplitude [m] and rate [1/s] of a decaying part, from a time on."""
     rate = complex(-decay_rate, angular_frequency)
     amplitude = complex(cosine, -sine)
-    return (amplitude * cmath.exp(rate * start) if start > 0.0 else amplitude), rate
+    return (amplitude * complex_exponential(rate * start) if start > 0.0 else amplitude), rate
 
 
 @compiled
@@ -142,7 +147,8 @@ def nodal_plane_parts(segment, start):
         start,
     )
     cycles = segment.vibration_phase + segment.vibration_frequency * start
-    turn = cmath.exp(complex(0.0, TWO_PI * cycles))
+    sine, cosine = sin_cos_cycles(cycles)
+    turn = complex(cosine, sine)
     steady = complex(segment.nodal_plane_vibration_cosine, -segment.nodal_plane_vibration_sine)
     omega = complex(0.0, TWO_PI * segment.vibration_frequency)
     return decaying, rate, steady * turn, turn, omega
@@ -211,7 +217,7 @@ def actuator_work(segment, start, end):
         spring_rate = segment.drill_tool_spring_rate
     decaying, rate, steady, turn, omega = nodal_plane_parts(segment, start)
     tip = steady + complex(0.0, -segment.vibration_amplitude) * turn
-    velocity = abs(omega) * segment.vibration_amplitude * turn
+    velocity = abs(omega.imag) * segment.vibration_amplitude * turn
     constant = spring_rate * segment.nodal_plane_offset - segment.free_mass * segment.gravity
     slow = (mass * rate * rate + damping * rate + spring_rate) * decaying
     fast = (mass * omega * omega + damping * omega + spring_rate) * tip

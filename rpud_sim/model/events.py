@@ -13,6 +13,7 @@ start, however many calls it takes to reach it.
 import math
 
 from rpud_sim.model.compile import compiled
+from rpud_sim.model.elementary import sin_cos_cycles
 from rpud_sim.model.guards import (
     END_ACTUATOR_IMPACT,
     END_ACTUATOR_RELEASE,
@@ -63,7 +64,7 @@ from rpud_sim.model.tolerances import (
     SHORTEST_SEGMENT,
     SLOWEST_IMPACT,
 )
-from rpud_sim.model.vibration import NO_TURN, TWO_PI, advance_phase, turn_at
+from rpud_sim.model.vibration import NO_TURN, advance_phase, turn_at
 
 # How an advance ends: at the requested time, with no room for more results, in a standstill, or
 # with more events than their budget. And that it has not ended yet.
@@ -324,7 +325,8 @@ def start(drill, states, open_segments, open_impacts, impacts):
     state = states[0]
     if state.resonant:
         begin_resonance(state)
-    state.u_np = -state.amplitude * math.sin(TWO_PI * state.phase)
+    sine, _ = sin_cos_cycles(state.phase)
+    state.u_np = -state.amplitude * sine
     set_constants(drill, open_segments[0])
     count, turn = settle(drill, state, open_impacts[0], impacts, 0, 0, 0, 0)
     open_segment(drill, state, open_segments[0], turn)

@@ -111,7 +111,7 @@ def tip_amplitude(segment):
     """Amplitude of the tip's steady vibration [m]."""
     in_phase = segment.nodal_plane_vibration_sine + segment.vibration_amplitude
     in_quadrature = segment.nodal_plane_vibration_cosine
-    return math.sqrt(in_phase**2 + in_quadrature**2)
+    return math.sqrt(in_phase * in_phase + in_quadrature * in_quadrature)
 
 
 @compiled
@@ -277,7 +277,7 @@ def guard_at(segment, end, time):
 def bounds_of(motion):
     """Bounds on the derivatives of an ``Oscillation``: omega_n, and of the second and third."""
     rate = undamped_frequency(motion)
-    second = rate**2 * decaying_amplitude(motion)
+    second = rate * rate * decaying_amplitude(motion)
     return rate, second, rate * second
 
 
@@ -297,7 +297,7 @@ def guard_bounds(segment, end):
     np_rate, np_second, np_third = bounds_of(nodal_plane_motion(segment))
     omega = TWO_PI * segment.vibration_frequency
     amplitude = tip_amplitude(segment)
-    vibration_second = omega**2 * amplitude
+    vibration_second = omega * omega * amplitude
     vibration_third = omega * vibration_second
     if impact and segment.contact != 0:
         _, dt_second, dt_third = bounds_of(drill_tool_motion(segment))
@@ -308,9 +308,9 @@ def guard_bounds(segment, end):
         slow = np_second + segment.gravity
         return Bounds(slow + vibration_second, np_third + vibration_third, slow, amplitude)
     mass, damping, spring_rate, _ = load_of(segment, end)
-    slow = np_second * (mass * np_rate**2 + damping * np_rate + spring_rate)
-    vibration = vibration_second * (mass * omega**2 + damping * omega + spring_rate)
-    stiffness = spring_rate - mass * omega**2
+    slow = np_second * (mass * np_rate * np_rate + damping * np_rate + spring_rate)
+    vibration = vibration_second * (mass * omega * omega + damping * omega + spring_rate)
+    stiffness = spring_rate - mass * omega * omega
     resistance = damping * omega
-    force = math.sqrt(stiffness**2 + resistance**2) * amplitude
+    force = math.sqrt(stiffness * stiffness + resistance * resistance) * amplitude
     return Bounds(slow + vibration, math.inf, slow, force)

@@ -9,6 +9,7 @@ import math
 
 from rpud_sim.model.compile import compiled
 from rpud_sim.model.contact import half_sine_impulse
+from rpud_sim.model.elementary import arc_tangent, sin_cos_cycles
 from rpud_sim.model.energy import drill_tool_damper_loss
 from rpud_sim.model.guards import force_of_swing, force_on_drill_tool
 from rpud_sim.model.motion import CONTACT_BOTH
@@ -29,9 +30,9 @@ FORCE_SAMPLES = 64
 @compiled
 def tip_integral(segment, time):
     """Integral of u_ut over the first part of a segment [m s]."""
-    start = TWO_PI * segment.vibration_phase
-    end = TWO_PI * (segment.vibration_phase + segment.vibration_frequency * time)
-    vibration = segment.vibration_amplitude * (math.cos(start) - math.cos(end))
+    _, start = sin_cos_cycles(segment.vibration_phase)
+    _, end = sin_cos_cycles(segment.vibration_phase + segment.vibration_frequency * time)
+    vibration = segment.vibration_amplitude * (start - end)
     return nodal_plane_integral(segment, time) + vibration / (TWO_PI * segment.vibration_frequency)
 
 
@@ -88,8 +89,8 @@ def greatest_contact_force(segment, time, turns):
         w = segment.drill_tool_angular_frequency
         lag = 0.5 * math.pi
         if segment.drill_tool_decay_rate != 0.0:
-            lag = math.atan2(w, -segment.drill_tool_decay_rate)
-        angle = math.atan2(segment.drill_tool_sine, segment.drill_tool_cosine)
+            lag = arc_tangent(w, -segment.drill_tool_decay_rate)
+        angle = arc_tangent(segment.drill_tool_sine, segment.drill_tool_cosine)
         angle += 1.5 * math.pi - 3.0 * lag
         while angle < 0.0:
             angle += TWO_PI

@@ -140,6 +140,11 @@ class Parameters(ParameterGroup):
         "drilling", REGIMES, "free is before drilling, drilling is in the rock", changeable=True
     )
 
+    @property
+    def tool_length(self) -> float:
+        """Length of the drill tool, parts I and II [m]: no hole is deeper."""
+        return self.section_1_length + self.section_2_length
+
     def replace(self, **changes: Any) -> Parameters:
         """Return a copy with some values changed."""
         for name in changes:

@@ -189,9 +189,9 @@ def hold_both(drill, state, v_ut, v_hv, stay, turn):
     )
     on_tip = on_tool + drill.free_mass * (acceleration - drill.gravity)
     energy = 0.5 * (
-        drill.rpud_mass * (v_ut - together) ** 2
-        + drill.free_mass * (state.v_fm - together) ** 2
-        + drill.tool_mass * (state.v_dt - together) ** 2
+        drill.rpud_mass * (v_ut - together) * (v_ut - together)
+        + drill.free_mass * (state.v_fm - together) * (state.v_fm - together)
+        + drill.tool_mass * (state.v_dt - together) * (state.v_dt - together)
     )
     caged = energy < min(on_tool, on_tip) * LOWEST_BOUNCE
     if (drill.jammed or pushes(on_tool)) and pushes(on_tip) and (stay or caged):

@@ -20,11 +20,18 @@ drawn = heat + work + stored - owed holds at every time, by construction. If a c
 than is stored, the vibration rests, and does no work, until the drive has made up for it.
 """
 
-import cmath
 import math
 from typing import NamedTuple
 
 from rpud_sim.model.compile import compiled
+from rpud_sim.model.elementary import (
+    arc_tangent,
+    complex_phase,
+    complex_size,
+    exponential_minus_one,
+    hypotenuse,
+    sin_cos_cycles,
+)
 from rpud_sim.model.energy import exponential_integral, nodal_plane_parts
 from rpud_sim.model.guards import END_ACTUATOR_RELEASE, load_of
 from rpud_sim.model.segment import CONTACT_ACTUATOR
@@ -50,7 +57,8 @@ class Resonance(NamedTuple):
     @property
     def compliance(self) -> float:
         """1 / (M Omega^2): displacement of the vibration by a static force at the tip [m/N]."""
-        return 2.0 * self.resistance * self.amplitude_per_volt**2 / self.decay_time
+        scale = self.amplitude_per_volt
+        return 2.0 * self.resistance * scale * scale / self.decay_time
 
 
 class Account(NamedTuple):
@@ -111,7 +119,7 @@ def envelope_after(state, time):
     away = complex(state.envelope_real, state.envelope_imag) - end
     area = away * exponential_integral(-rate, elapsed)
     decay = 2.0 / state.decay_time
-    square = (away * away.conjugate()).real * -math.expm1(-decay * elapsed) / decay
+    square = (away * away.conjugate()).real * -exponential_minus_one(-decay * elapsed) / decay
     heat = (end * end.conjugate()).real * elapsed + 2.0 * (end.conjugate() * area).real + square
     drawn = state.voltage * (end * elapsed + area).real
     double = 2.0 * state.resistance
@@ -183,8 +191,8 @@ def load(state, impulse, work):
 @compiled
 def drive_turn(state):
     """Factor that turns a complex number from the tip's frame at phase zero to the drive's."""
-    angle = TWO_PI * state.drive_phase
-    return complex(math.cos(angle), -math.sin(angle))
+    sine, cosine = sin_cos_cycles(state.drive_phase)
+    return complex(cosine, -sine)
 
 
 @compiled
@@ -199,8 +207,8 @@ def blow(drill, state, impulse):
     state.v_np -= impulse / drill.rpud_mass
     load(state, impulse * drive_turn(state), 0.5 * impulse * (v_hv + after))
     if after != v_hv:
-        phase = math.atan2(u_hv, after / omega) / TWO_PI
-        state.amplitude = math.hypot(u_hv, after / omega)
+        phase = arc_tangent(u_hv, after / omega) / TWO_PI
+        state.amplitude = hypotenuse(u_hv, after / omega)
         state.phase = phase - math.floor(phase)
 
 
@@ -257,8 +265,8 @@ def move_resonance(state, time):
 def load_by_contact(state, integral, work):
     """Let the contact of the segment that ended load the envelope, given ``contact_load``."""
     if work != 0.0 or integral != 0.0:
-        angle = TWO_PI * state.phase
-        turn = complex(math.cos(angle), math.sin(angle))
+        sine, cosine = sin_cos_cycles(state.phase)
+        turn = complex(cosine, sine)
         load(state, integral.conjugate() * turn * drive_turn(state), work)
 
 
@@ -275,7 +283,7 @@ def phase_error(state, frequency, interval):
     envelope, _, _ = envelope_after(state, interval)
     if envelope == 0.0:
         return 0.0
-    ahead = state.drive_phase + cmath.phase(envelope) / TWO_PI - state.phase
+    ahead = state.drive_phase + complex_phase(envelope) / TWO_PI - state.phase
     ahead += (state.drive_frequency - frequency) * interval
     return ahead - math.floor(ahead + 0.5)
 
@@ -348,8 +356,9 @@ def update(state):
         envelope = size * drive_turn(state)
     replace_envelope(state, before, envelope)
     _, end = course(state)
-    away = abs(envelope - end)
-    near = away <= STEADY * abs(end) or 0.0 < state.amplitude_per_volt * away <= LOWEST_BOUNCE
+    away = complex_size(envelope - end)
+    tip_away = state.amplitude_per_volt * away
+    near = away <= STEADY * complex_size(end) or 0.0 < tip_away <= LOWEST_BOUNCE
     state.phase = 0.0
     steady = near and abs(phase_error(state, state.drive_frequency, 0.0)) <= SAME_PHASE
     if end == 0.0:
@@ -357,7 +366,7 @@ def update(state):
     if steady:
         replace_envelope(state, envelope, end)
         envelope = end
-    state.amplitude = state.amplitude_per_volt * abs(envelope)
+    state.amplitude = state.amplitude_per_volt * complex_size(envelope)
     if steady:
         state.steady = 1
         state.frequency = state.drive_frequency

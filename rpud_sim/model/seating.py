@@ -10,6 +10,7 @@ adds is small and soon damped.
 from __future__ import annotations
 
 from rpud_sim.model.drill import ROCK_DAMPING_RATIO, Drill
+from rpud_sim.model.elementary import power
 from rpud_sim.model.suspension import damping_coefficient
 
 # Assumed, as the paper has no such transition: many periods of tool and drill, so that both follow,
@@ -30,7 +31,9 @@ def seating(before: Drill, after: Drill) -> list[tuple[float, Drill]]:
     steps = []
     for step in range(1, SEATING_STEPS):
         share = step / SEATING_STEPS
-        spring_rate = before.tool_spring_rate ** (1.0 - share) * after.tool_spring_rate**share
+        spring_rate = power(before.tool_spring_rate, 1.0 - share) * power(
+            after.tool_spring_rate, share
+        )
         drill = after._replace(
             in_rock=False,
             tool_mass=before.tool_mass,

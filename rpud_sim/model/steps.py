@@ -74,7 +74,7 @@ def is_above(guard, bounds, allowance):
     """Whether a guard is certain to rise above an allowance before it can fall."""
     if guard.slope <= 0.0 or guard.value > allowance:
         return guard.value > allowance
-    return guard.value + guard.slope**2 / (2.0 * bounds.second) > allowance
+    return guard.value + guard.slope * guard.slope / (2.0 * bounds.second) > allowance
 
 
 @compiled

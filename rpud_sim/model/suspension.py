@@ -14,6 +14,7 @@ import math
 from typing import NamedTuple
 
 from rpud_sim.model.compile import compiled
+from rpud_sim.model.elementary import exponential, sin_cos
 from rpud_sim.model.vibration import TWO_PI
 
 
@@ -114,11 +115,11 @@ def swing_at(decay_rate, angular_frequency, time):
         return NO_SWING
     decay = 1.0
     if decay_rate != 0.0:
-        decay = math.exp(-decay_rate * time)
+        decay = exponential(-decay_rate * time)
     if angular_frequency == 0.0:
         return Swing(decay, 0.0)
-    angle = angular_frequency * time
-    return Swing(decay * math.cos(angle), decay * math.sin(angle))
+    sine, cosine = sin_cos(angular_frequency * time)
+    return Swing(decay * cosine, decay * sine)
 
 
 @compiled
@@ -162,7 +163,9 @@ def reacting_force(weight_on_bit, load_spring_rate, damping, position, velocity)
 @compiled
 def decaying_derivatives(motion, displacement, velocity):
     """Second [m/s^2] and third [m/s^3] derivative of the decaying part."""
-    square = motion.decay_rate**2 + motion.angular_frequency**2
+    a = motion.decay_rate
+    w = motion.angular_frequency
+    square = a * a + w * w
     acceleration = -square * displacement - 2.0 * motion.decay_rate * velocity
     jerk = -square * velocity - 2.0 * motion.decay_rate * acceleration
     return acceleration, jerk
@@ -171,10 +174,12 @@ def decaying_derivatives(motion, displacement, velocity):
 @compiled
 def decaying_amplitude(motion):
     """Bound on the decaying part at all later times [m]."""
-    return math.sqrt(motion.cosine**2 + motion.sine**2)
+    return math.sqrt(motion.cosine * motion.cosine + motion.sine * motion.sine)
 
 
 @compiled
 def undamped_frequency(motion):
     """omega_n [rad/s]: by this factor grows, at most, the bound of each further derivative."""
-    return math.sqrt(motion.decay_rate**2 + motion.angular_frequency**2)
+    a = motion.decay_rate
+    w = motion.angular_frequency
+    return math.sqrt(a * a + w * w)

@@ -9,6 +9,7 @@ import math
 import numpy as np
 
 from rpud_sim.model.compile import compiled
+from rpud_sim.model.elementary import decimal_logarithm
 from rpud_sim.model.energy import (
     STORED,
     TERMS,
@@ -52,7 +53,7 @@ TALLY = np.dtype(
 # Contact forces are counted in logarithmic classes; what is beyond the ends counts as these [N].
 LEAST_FORCE, GREATEST_FORCE = 1e-6, 1e12
 CLASSES_PER_DECADE = 1000
-CLASSES = round(math.log10(GREATEST_FORCE / LEAST_FORCE) * CLASSES_PER_DECADE) + 1
+CLASSES = 18 * CLASSES_PER_DECADE + 1  # 18 decades
 
 QUANTILE = 0.99  # of the contact forces, that is one of the figures
 
@@ -166,7 +167,8 @@ def class_of(force):
     """Number of a contact force's class [N]."""
     if not force > LEAST_FORCE:
         return 0
-    return int(np.rint(math.log10(min(force, GREATEST_FORCE) / LEAST_FORCE) * CLASSES_PER_DECADE))
+    decades = decimal_logarithm(min(force, GREATEST_FORCE) / LEAST_FORCE)
+    return int(np.rint(decades * CLASSES_PER_DECADE))
 
 
 @compiled

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from rpud_sim.model.drill import Drill
@@ -44,7 +42,7 @@ def unusual_values(parameters: Parameters, drill: Drill, state: np.void) -> list
     ranked = sorted(
         (
             (
-                abs(math.log(value / getattr(usual, name))),
+                max(value / getattr(usual, name), getattr(usual, name) / value),
                 f"{name} = {value:.4g} {QUANTITIES[name].unit} (default: {getattr(usual, name):g})",
             )
             for name, value in _acting(parameters, drill, state).items()
@@ -52,7 +50,7 @@ def unusual_values(parameters: Parameters, drill: Drill, state: np.void) -> list
         ),
         reverse=True,
     )
-    far = [text for distance, text in ranked if distance > math.log(_USUAL)]
+    far = [text for factor, text in ranked if factor > _USUAL]
     return (far or [text for _, text in ranked[:1]])[:_MOST]
 
 

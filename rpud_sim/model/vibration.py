@@ -4,6 +4,7 @@ import math
 from typing import NamedTuple
 
 from rpud_sim.model.compile import compiled
+from rpud_sim.model.elementary import sin_cos_cycles
 
 TWO_PI = 2.0 * math.pi
 
@@ -22,8 +23,8 @@ NO_TURN = Turn(0.0, 1.0)
 @compiled
 def turn_at(phase):
     """Return the ``Turn`` of a phase [cycles]."""
-    angle = TWO_PI * phase
-    return Turn(math.sin(angle), math.cos(angle))
+    sine, cosine = sin_cos_cycles(phase)
+    return Turn(sine, cosine)
 
 
 @compiled

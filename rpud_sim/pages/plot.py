@@ -172,11 +172,11 @@ def axis_ends(plot: Plot, side: str) -> tuple[float, float]:
     found = np.concatenate([np.empty(0), *parts])
     found = found[usable(found, axis)]
     low, high = (float(found.min()), float(found.max())) if len(found) else (1.0, 1.0)
+    wide = high - low > 1e-9 * max(abs(low), abs(high))
     if axis.log:
-        more = (high / low) ** _MARGIN if high > low else 2.0
+        more = (high / low) ** _MARGIN if wide else 2.0
         low, high = low / more, high * more
     else:
-        wide = high - low > 1e-9 * max(abs(low), abs(high))
         more = _MARGIN * (high - low) if wide else 0.5 * abs(high) or 0.5
         low, high = low - more, high + more
     low = low if axis.low is None else axis.low

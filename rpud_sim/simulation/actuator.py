@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import cmath
 import dataclasses
 import math
 
 from rpud_sim.foundation.parameters import ParameterGroup, choice, flag, number, quantities
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.foundation.time import NEVER, SECOND
+from rpud_sim.model.elementary import complex_phase, complex_size, exponential_minus_one
 from rpud_sim.model.resonator import Account, Resonance
 from rpud_sim.simulation.commands import Drive
 
@@ -91,9 +91,10 @@ class ActuatorParameters(ParameterGroup):
             return math.inf
         omega = 2.0 * math.pi * self.resonance_frequency
         velocity_per_volt = omega * vibration_amplitude / self.nominal_voltage
-        if velocity_per_volt**2 == 0.0:
+        if velocity_per_volt * velocity_per_volt == 0.0:
             return math.inf
-        return self.quality_factor / (omega * self.motional_resistance * velocity_per_volt**2)
+        square = velocity_per_volt * velocity_per_volt
+        return self.quality_factor / (omega * self.motional_resistance * square)
 
 
 RESONANCE_FREQUENCY = quantities(ActuatorParameters)["resonance_frequency"]
@@ -198,8 +199,14 @@ class Actuator:
         # The linear law holds for small changes; far beyond them the frequency stays positive.
         return _limited(frequency + self._offset)
 
-    def read(self, amplitude: float, account: Account) -> ActuatorReading:
-        """Return the state that belongs to the engine's amplitude [m] and its account."""
+    def read(
+        self, amplitude: float, account: Account, rotor: tuple[float, float] = (0.0, 0.0)
+    ) -> ActuatorReading:
+        """Return the state that belongs to the engine's amplitude [m] and its account.
+
+        Args:
+            rotor: power [W] and energy [J] that the rotation draws as well, as a resistance does.
+        """
         if self.resonance is None:
             amplitude = self.level
         reading = ActuatorReading(
@@ -208,13 +215,16 @@ class Actuator:
         if self.resonance is None:
             return reading
         resistance = self._parameters.motional_resistance
+        power, energy = rotor
         envelope = account.envelope
+        if self._voltage > 0.0:
+            envelope += 2.0 * resistance * power / self._voltage
         return dataclasses.replace(
             reading,
-            current=abs(envelope) / resistance,
-            phase=cmath.phase(envelope),
+            current=complex_size(envelope) / resistance,
+            phase=complex_phase(envelope),
             electrical_power=self._voltage * envelope.real / (2.0 * resistance),
-            electrical_energy=account.drawn,
+            electrical_energy=account.drawn + energy,
             heat=account.heat,
             mechanical_work=account.work,
             stored=account.stored,
@@ -260,7 +270,7 @@ class Actuator:
         # decay time.
         bandwidth = self._parameters.tracking_bandwidth
         greatest = self._parameters.tracking_range
-        phase = cmath.phase(envelope)
+        phase = complex_phase(envelope)
         step = bandwidth * phase * (TRACKING_INTERVAL / SECOND) / self._decay_time
         self._pulled = min(max(self._pulled + step, -greatest), greatest)
         pulled = min(max(self._pulled + bandwidth * phase, -greatest), greatest)
@@ -273,7 +283,8 @@ class Actuator:
         power = (heat - self._heat) / interval
         end = parameters.ambient_temperature + parameters.thermal_resistance * power
         time_constant = parameters.thermal_resistance * parameters.heat_capacity
-        self._temperature -= (end - self._temperature) * math.expm1(-interval / time_constant)
+        share = -exponential_minus_one(-interval / time_constant)
+        self._temperature += (end - self._temperature) * share
         self._heat = heat
 
 

@@ -69,6 +69,7 @@ class Configuration(ParameterGroup):
             self.strata,
             self.bit,
             self.rock,
+            self.parameters.tool_length,
         )
 
     @property

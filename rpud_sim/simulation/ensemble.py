@@ -18,6 +18,7 @@ from numba.core import event
 from rpud_sim.drilling.rotor_values import RotorWork
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.model.compile import compilation_notice
+from rpud_sim.model.elementary import CALLED_BY_PYTHON
 from rpud_sim.model.engine import EngineError
 from rpud_sim.model.parameters import Parameters
 from rpud_sim.simulation.changes import Planned, apply_to_simulation
@@ -102,6 +103,8 @@ def compile_kernels(
         messages: also those that make a run's messages many at once.
     """
     with _notice(report):
+        for function, arguments in CALLED_BY_PYTHON:
+            function(*arguments)
         simulation = Simulation(configuration)
         block = simulation.advance_to(1000)
         statistics = Statistics()

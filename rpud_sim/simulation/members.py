@@ -98,7 +98,7 @@ class QuietRuns:
         self._statuses = np.full(len(phases), DONE)
         self._quantiles = np.full(len(phases), -1)
         self._drawn = [0.0] * len(phases)
-        self._progress = Progress(configuration.rock)
+        self._progress = Progress(configuration.rock, parameters.tool_length)
         self._begun = False
         self._time = 0
 

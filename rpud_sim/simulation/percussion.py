@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-import math
+from array import array
 
 import numpy as np
 
 from rpud_sim.drilling.inputs import Percussion
-from rpud_sim.drilling.process import PROCESS_INTERVAL
-from rpud_sim.foundation.time import SECOND
 from rpud_sim.model.drill import Drill
+from rpud_sim.model.elementary import exponential, sin_cos, sin_cos_cycles
 from rpud_sim.model.segment import SEGMENT
 from rpud_sim.simulation.record_fields import reader_of
+
+# Time constant of the mean force on the rock [s]: most of a period of the RPUD on its load spring.
+FORCE_WINDOW = 0.1
 
 _nodal_plane = reader_of(
     SEGMENT,
@@ -35,50 +37,57 @@ def nodal_plane_position(segment: np.ndarray, seconds: int, fraction: float) -> 
         _nodal_plane(segment)
     )
     elapsed = float(seconds - start) + (fraction - rest)
-    turn = omega * elapsed
-    position: float = offset + math.exp(-decay * elapsed) * (
-        cosine * math.cos(turn) + sine * math.sin(turn)
+    turned_sine, turned_cosine = sin_cos(omega * elapsed)
+    position: float = offset + exponential(-decay * elapsed) * (
+        cosine * turned_cosine + sine * turned_sine
     )
     if in_phase or in_quadrature:
-        cycles = phase + frequency * elapsed
-        angle = 2.0 * math.pi * (cycles - math.floor(cycles))
-        position += in_phase * math.sin(angle) + in_quadrature * math.cos(angle)
+        turned_sine, turned_cosine = sin_cos_cycles(phase + frequency * elapsed)
+        position += in_phase * turned_sine + in_quadrature * turned_cosine
     return position
 
 
 class PercussionMeter:
-    """Impacts and reacting force since the last step of the slow processes.
+    """Impacts and forces since the last step of the slow processes.
 
     The mean of R = W - k_1 u_np - c_1 v_np takes u_np as linear in the step: its period on the load
-    spring is a hundred times as long.
+    spring is a hundred times as long. By momentum the rock bears, on average, R with the weights of
+    the free mass and, with ``gravity_on_drill``, of the RPUD: at a standstill the weight on bit
+    with these. The mean of R fades with ``FORCE_WINDOW``.
     """
 
-    def __init__(self, vibration_amplitude: float, position: float) -> None:
+    def __init__(self, vibration_amplitude: float, position: float, weight_on_bit: float) -> None:
         self._nominal = vibration_amplitude
         self._position = position
-        self._impacts = 0
-        self._energy = 0.0
+        self._mean_force = weight_on_bit  # mean of R [N]
+        self._energies = array("d")
 
     def add(self, impacts: np.ndarray) -> None:
-        """Add ``IMPACT`` records; the sum does not depend on how calls divide them."""
-        self._impacts += len(impacts)
-        for energy in impacts["energy_transferred"].tolist():
-            self._energy += energy
+        """Add ``IMPACT`` records of impacts that have ended."""
+        self._energies.extend(impacts["energy_transferred"].tolist())
 
     def read(
-        self, position: float, weight_on_bit: float, drill: Drill, amplitude: float
+        self,
+        interval: float,
+        position: float,
+        weight_on_bit: float,
+        drill: Drill,
+        amplitude: float,
     ) -> Percussion:
         """Return the percussion since the last call.
 
         Args:
+            interval: since the last call [s].
             weight_on_bit: W since the last call [N].
         """
         mean = 0.5 * (self._position + position)
-        velocity = (position - self._position) * SECOND / PROCESS_INTERVAL
+        velocity = (position - self._position) / interval
         force = weight_on_bit - drill.load_spring_rate * mean - drill.rpud_damping * velocity
         ratio = amplitude / self._nominal if self._nominal > 0.0 else 0.0
-        percussion = Percussion(self._impacts, self._energy, ratio, drill.in_rock, force)
+        self._mean_force += (force - self._mean_force) * interval / (interval + FORCE_WINDOW)
+        on_rock = self._mean_force + drill.free_mass * drill.gravity + drill.rpud_weight
+        if not (drill.in_rock and on_rock > 0.0):
+            on_rock = 0.0
+        energies, self._energies = tuple(self._energies), array("d")
         self._position = position
-        self._impacts = 0
-        self._energy = 0.0
-        return percussion
+        return Percussion(energies, ratio, drill.in_rock, force, on_rock)

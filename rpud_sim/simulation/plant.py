@@ -55,7 +55,8 @@ class Plant:
         # commanded force [N]; a change takes effect at the present time. Without effect
         # where the weight on bit follows from a feed.
         self.weight_on_bit = parameters.weight_on_bit
-        self.progress = Progress(configuration.rock)  # into the rock by percussion alone
+        # into the rock by percussion alone
+        self.progress = Progress(configuration.rock, parameters.tool_length)
         self._conditions = Conditions(parameters)
         self._hardness = 1.0
         # rotation, feed and borehole
@@ -77,8 +78,9 @@ class Plant:
         else:
             self.engine = self._stepped = SteppedEngine(*start)
             position = nodal_plane_position(self._stepped.open_segment, *self._instant)
-            self._percussion = PercussionMeter(parameters.vibration_amplitude, position)
-            if (mount := self.process.mount) is not None:
+            nominal = parameters.vibration_amplitude
+            self._percussion = PercussionMeter(nominal, position, parameters.weight_on_bit)
+            if (mount := self.process.state.mount) is not None:
                 self._load_spring = LoadSpring(mount, self._pushing_rate(), position)
         # furthest time to advance to at once [ns]
         self.next_step = min(self.actuator.next_step, self.process.next_step)
@@ -87,7 +89,8 @@ class Plant:
     @property
     def reading(self) -> ActuatorReading:
         """State of the actuator at the present time."""
-        return self.actuator.read(self.engine.amplitude, self.engine.account(*self._instant))
+        account = self.engine.account(*self._instant)
+        return self.actuator.read(self.engine.amplitude, account, self.process.draw)
 
     def advance_to(self, time: int) -> None:
         """Advance to a time [ns], not beyond the next step."""
@@ -175,7 +178,10 @@ class Plant:
             self._make_progress(struck)
         position = nodal_plane_position(engine.open_segment, *self._instant)
         weight = self._weight_on_bit()
-        percussion = self._percussion.read(position, weight, self._drill, engine.amplitude)
+        interval = self.process.interval / SECOND
+        percussion = self._percussion.read(
+            interval, position, weight, self._drill, engine.amplitude
+        )
         in_contact = self.process.in_contact
         self.process.step(percussion, self._surroundings(), self._conditions.disturbances)
         if self.process.in_contact is not in_contact:
@@ -192,7 +198,6 @@ class Plant:
         parameters = self._conditions.parameters
         depth = self.progress.depth
         return Surroundings(
-            self.weight_on_bit * self._conditions.preload_factor,
             self._conditions.load_spring_rate,
             parameters.regime == "drilling",
             depth if math.isfinite(depth) else 0.0,
@@ -211,7 +216,7 @@ class Plant:
 
     def feed_account(self, segment: np.ndarray) -> FeedAccount | None:
         """Return the account of feed and mount since time zero; None without a feed."""
-        if self._load_spring is None or (mount := self.process.mount) is None:
+        if self._load_spring is None or (mount := self.process.state.mount) is None:
             return None
         return self._load_spring.account(mount.work, nodal_plane_position(segment, *self._instant))
 

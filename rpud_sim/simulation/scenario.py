@@ -139,7 +139,7 @@ def _drawn(name: str, value: Any, quantity: Quantity, random: np.random.Generato
     least, most = (quantity.check(f"{name}, uniform,", _finite(name, bound)) for bound in bounds)
     if not least <= most:
         raise FaultError(f"{name} = uniform: [{least:g}, {most:g}] has its least above its most")
-    return float(random.uniform(least, most))
+    return least + (most - least) * float(random.random())
 
 
 def _finite(name: str, value: Any) -> float:

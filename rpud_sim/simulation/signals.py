@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from rpud_sim.foundation.time import SECOND
+from rpud_sim.model.elementary import logarithm_one_plus, sin_cos_cycles
 from rpud_sim.simulation.channels import CHANNELS, Channel, Path
 from rpud_sim.simulation.fields import Fields
 from rpud_sim.simulation.ledger import FaultRecord
@@ -217,10 +218,17 @@ class _Intermittent(_Stage):
         return None if self._random.random() < self._magnitude else fields
 
 
+def _normal(random: np.random.Generator) -> float:
+    """Return a number of the standard normal distribution, by Box and Muller's transform."""
+    size = math.sqrt(-2.0 * logarithm_one_plus(-random.random()))
+    sine, _ = sin_cos_cycles(random.random())
+    return float(size * sine)
+
+
 class _Noise(_Stage):
     def _change(self, fields: Fields) -> Fields:
         main = self._channel.numbers[0]
-        disturbance = self._magnitude * float(self._random.standard_normal())
+        disturbance = self._magnitude * _normal(self._random)
         return _replaced(fields, {main: _at(fields, main) + disturbance})
 
 

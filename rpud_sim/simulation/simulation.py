@@ -113,6 +113,11 @@ class Simulation:
         return self._plant.progress.depth if depth is None else depth
 
     @property
+    def at_tool_length(self) -> bool:
+        """Whether the hole is as deep as the drill tool is long, and gets no deeper."""
+        return self.depth >= self.parameters.tool_length
+
+    @property
     def penetration_rate(self) -> float:
         """Mean rate over the last second [m/s]; NaN without strata and without a rock model."""
         if (borehole := self.process.borehole) is not None:

@@ -8,6 +8,7 @@ import numpy as np
 
 from rpud_sim.drilling.rotor_values import RotorWork
 from rpud_sim.foundation.time import SECOND, split_fraction
+from rpud_sim.model.elementary import power
 from rpud_sim.model.energy import DRILL_TOOL_DAMPER, IMPACTS, RELEASE, TERMS
 from rpud_sim.model.segment import EVENT_ACTUATOR_IMPACT, EVENT_DRILL_TOOL_IMPACT, EVENT_RELEASE
 from rpud_sim.model.tally import (
@@ -56,7 +57,10 @@ def count_events(event: np.ndarray) -> tuple[int, int]:
 
 def force_of(number: int) -> float | None:
     """Return the contact force of a class [N]; None for a negative number."""
-    return LEAST_FORCE * 10.0 ** (number / CLASSES_PER_DECADE) if number >= 0 else None
+    if number < 0:
+        return None
+    decades, part = divmod(number, CLASSES_PER_DECADE)
+    return LEAST_FORCE * float(f"1e{decades}") * power(10.0, part / CLASSES_PER_DECADE)
 
 
 def account_of(tally: np.void, electrical: float) -> EnergyAccount:

@@ -5,10 +5,11 @@ from sample_bags import TALK, write_bag
 
 import rpud_sim.bag
 from rpud_sim.bag import BagFormatError
+from rpud_sim.bag.message_block import messages_of
 
 
 def everything(bag):
-    return [message for piece in bag.pieces() for message in piece.read(None)]
+    return [message for piece in bag.pieces() for message in messages_of([*piece.blocks(None)])]
 
 
 def test_all_parts_together_hold_every_message_once(tmp_path):
@@ -18,10 +19,10 @@ def test_all_parts_together_hold_every_message_once(tmp_path):
         assert len(pieces) > 5
         assert everything(bag) == [*bag.messages()]
         for piece in pieces:
-            times = [message.log_time for message in piece.read({TALK.name})]
+            times = [time for block in piece.blocks({TALK.name}) for time in block.log_times]
             assert (piece.start_time, piece.end_time) == (times[0], times[-1])
             assert piece.topics == {TALK.name}
-            assert [*piece.read({"/other"})] == []
+            assert [*piece.blocks({"/other"})] == []
 
 
 @pytest.mark.parametrize("part", [0.3, 0.6, 0.95])

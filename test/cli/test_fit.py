@@ -51,6 +51,27 @@ def test_a_fit_prints_intervals_and_targets_and_writes_its_files(made):
     }
 
 
+def test_a_fit_that_misses_a_target_ends_with_code_three(capsys, tmp_path):
+    path = tmp_path / "targets.yaml"
+    far = TARGETS["targets"][0] | {"value": 500.0}
+    path.write_text(yaml.safe_dump(TARGETS | {"targets": [far]}))
+    options = ("fit", path, "--out", tmp_path / "fit", "--workers", 1)
+    code, printed, _ = called(capsys, *options)
+    first, missed, *_ = printed.splitlines()
+    assert code == 3
+    assert first == ("not met: the model does not reach 1 of 1 targets; there are no intervals")
+    assert missed.startswith("reacting_force_mean, 0 to 0.5 s: 4")
+    assert missed.endswith(" standard deviations")
+    code, printed, _ = called(capsys, *options, "--json")
+    content = json.loads(printed)
+    assert (code, content["reached"], content["missed"]) == (
+        3,
+        False,
+        ["reacting_force_mean, 0 to 0.5 s"],
+    )
+    assert set(content["unknowns"]["weight_on_bit"]) == {"best", "unit"}
+
+
 @pytest.mark.extended
 def test_a_fit_is_resumed_and_printed_as_one_object(targets, made):
     folder, _ = made
@@ -73,7 +94,8 @@ def test_a_proof_counts_the_intervals(targets, made):
     folder, _ = made
     done = rpud("fit", targets, "--out", folder, "--prove", 20, "--json")
     proof = json.loads(done.stdout)
-    assert (proof["drills"], list(proof["covered"])) == (20, ["weight_on_bit"])
+    assert proof["drills"] + proof["refused"] == 20
+    assert list(proof["covered"]) == ["weight_on_bit"]
     assert done.returncode == (0 if proof["holds"] else 1)
     assert json.loads((folder / "proof.json").read_text()) == proof
 

@@ -55,6 +55,7 @@ class Drill:
             time=self.run.time,
             status=self.run.status(state, bookkeeping)[2],
             process=self.simulation.process,
+            at_tool_length=self.simulation.at_tool_length,
             faults=self.simulation.faults.active,
             bookkeeping=bookkeeping,
             requests_refused=requests,

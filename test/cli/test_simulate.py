@@ -193,6 +193,16 @@ def test_depth_and_penetration_rate_are_there_where_there_is_a_rock(figures, sim
     assert lines["penetration_rate"][-1] == "m/s"
 
 
+def test_a_hole_as_deep_as_the_tool_is_long_is_told(simulate):
+    short = ("--set", "section_1_length=1e-5", "--set", "section_2_length=5e-6")
+    code, output, errors = simulate(*short, "--set", "strata=chalk", "--duration", 0.5)
+    assert code == 0
+    assert "depth                    1.5e-05 m" in output
+    assert errors == (
+        "rpud simulate: the hole is as deep as the drill tool is long: it gets no deeper\n"
+    )
+
+
 def test_faults_of_a_scenario_act_at_their_times(figures, tmp_path):
     file = tmp_path / "faults.yaml"
     file.write_text("faults: [{kind: free_mass_jammed, onset: 1.0}]")

@@ -20,6 +20,7 @@ from rpud_sim.model.segment import IMPACT
 
 ROCK = RockParameters()
 STEP = 1e-3  # s
+LENGTH = 0.09  # of the drill tool [m]
 # Flutes so wide that cuttings never matter, and a bit without wear flats.
 CLEAR = BitParameters(flute_area=1.0, bit_wear_flat=0.0)
 DRIVE = RotationParameters(rotation_model="friction_drive")
@@ -28,25 +29,31 @@ DRIVE = RotationParameters(rotation_model="friction_drive")
 class Drill:
     """Rotor and borehole, stepped as the process does."""
 
-    def __init__(self, strata="sandstone", bit=CLEAR, rotates=True, rock=ROCK):
+    def __init__(self, strata="sandstone", bit=CLEAR, rotates=True, rock=ROCK, length=LENGTH):
         layers = find_strata(strata) if isinstance(strata, str) else strata
-        self.borehole = Borehole(bit, layers, rock)
+        self.borehole = Borehole(bit, layers, rock, length)
         self.rotor = Rotor(DRIVE) if rotates else None
         self.steps = 0
 
-    def run(self, seconds, weight=10.0, energy=0.0, mount=None, faults=UNDISTURBED, ratio=1.0):
+    def run(self, seconds, force=10.0, energy=0.0, mount=None, faults=UNDISTURBED, ratio=1.0):
         """Drill with one impact in each 4 ms, of an energy [J]."""
         in_rock = mount is None or mount >= self.borehole.bottom
         for _ in range(round(seconds / STEP)):
             self.steps += 1
             impacts = int(energy > 0.0 and self.steps % 4 == 0)
-            percussion = Percussion(impacts, impacts * energy, ratio, in_rock)
+            force = force if in_rock else 0.0
+            percussion = Percussion((energy,) * impacts, ratio, in_rock, 0.0, force)
             turned = NOT_TURNED
             if self.rotor:
-                resistance = self.borehole.resistance(weight, in_rock, faults)
+                resistance = self.borehole.resistance(percussion, faults)
                 turned = self.rotor.step(STEP, ratio, resistance)
-            self.borehole.step(STEP, percussion, turned, weight, mount, faults)
+            self.borehole.step(STEP, percussion, turned, mount, faults)
         return self.borehole.state
+
+
+def blow(*energies, force=0.0):
+    """Percussion of a step in which impacts of some energies [J] end."""
+    return Percussion(energies, 1.0, True, 0.0, force)
 
 
 def filling(state):
@@ -59,11 +66,11 @@ def test_by_percussion_alone_it_is_as_deep_as_by_the_rock_parameters():
     energies = np.random.default_rng(1).normal(0.1, 0.1, 200)  # some are taken back
     impacts = np.zeros(200, IMPACT)
     impacts["energy_transferred"] = energies
-    progress = Progress(dataclasses.replace(ROCK, rock_model="specific_energy"))
+    progress = Progress(dataclasses.replace(ROCK, rock_model="specific_energy"), LENGTH)
     progress.add(impacts)
-    borehole = Borehole(CLEAR, uniform_strata(ROCK.rock_specific_energy), ROCK)
+    borehole = Borehole(CLEAR, uniform_strata(ROCK.rock_specific_energy), ROCK, LENGTH)
     for energy in energies:
-        borehole.step(STEP, Percussion(1, energy, 1.0, True), NOT_TURNED, 10.0, None, UNDISTURBED)
+        borehole.step(STEP, blow(energy), NOT_TURNED, None, UNDISTURBED)
     assert borehole.state.depth == pytest.approx(progress.depth, rel=1e-12)
 
 
@@ -73,6 +80,44 @@ def test_impacts_below_the_threshold_break_nothing():
     deep = Drill(rotates=False).run(0.4, energy=3.0 * threshold).depth
     deeper = Drill(rotates=False).run(0.4, energy=5.0 * threshold).depth
     assert deeper == pytest.approx(2.0 * deep)
+
+
+@given(st.lists(st.floats(-0.01, 0.1), min_size=1, max_size=8), st.floats(0.0, 0.08))
+def test_the_threshold_acts_on_each_impact_however_steps_divide_them(energies, threshold):
+    layer = dataclasses.replace(find_strata("sandstone").layers[0], threshold_energy=threshold)
+    breaking = math.fsum(max(0.0, energy - threshold) for energy in energies)
+    depth = ROCK.rock_energy_transfer * breaking / (layer.specific_energy * ROCK.hole_area)
+    found = []
+    for steps in ([energies], [[energy] for energy in energies]):
+        borehole = Borehole(CLEAR, Strata((layer,)), ROCK, LENGTH)
+        for each in steps:
+            borehole.step(STEP, blow(*each), NOT_TURNED, None, UNDISTURBED)
+        found.append(borehole.depth)
+    assert found[0] == found[1] == pytest.approx(depth, rel=1e-12)
+
+
+def test_impacts_that_choke_hold_each_other_up_however_steps_divide_them():
+    depths = []
+    for count in (1, 6):  # impacts in a step
+        borehole = Borehole(BitParameters(), find_strata("chalk"), ROCK, LENGTH)
+        for _ in range(300 // count):
+            borehole.step(STEP, blow(*[0.5] * count), NOT_TURNED, None, UNDISTURBED)
+        depths.append(borehole.depth)
+    free = 300 * 0.498 * ROCK.rock_energy_transfer / (10e6 * ROCK.hole_area)
+    assert depths[0] == depths[1] < 0.9 * free
+
+
+def test_the_hole_is_at_most_as_deep_as_the_tool_is_long_and_nothing_resists_there():
+    drill = Drill(rock=dataclasses.replace(ROCK, rock_energy_transfer=1.0), length=2e-3)
+    drill.run(0.05, energy=1.0)
+    assert drill.rotor.state.torque > 0.0
+    wear = [drill.run(seconds, energy=1.0).bit_wear for seconds in (1.0, 1.0)]
+    state = drill.borehole.state
+    assert (state.depth, drill.borehole.bottom, state.layer) == (2e-3, 2e-3, "sandstone")
+    assert state.penetration_rate == 0.0
+    assert math.isnan(state.specific_energy)
+    assert wear[0] == wear[1]
+    assert drill.rotor.state.torque < 1e-9  # of the last cuttings in the flutes
 
 
 def test_by_rotation_the_rate_is_the_depth_of_cut_times_the_turns():
@@ -88,7 +133,7 @@ def test_by_rotation_the_rate_is_the_depth_of_cut_times_the_turns():
 def test_a_sharp_bit_recovers_the_least_specific_energy_of_teale():
     # e = F / A + 2 pi N T / (A u): the thrust adds zeta d / (pi a), which is small for fine cuts.
     sharp = dataclasses.replace(CLEAR, bit_thrust_ratio=0.01)
-    state = Drill(bit=sharp).run(1.5, weight=0.2)
+    state = Drill(bit=sharp).run(1.5, force=0.2)
     assert state.specific_energy == pytest.approx(75e6, rel=2e-4)
 
 
@@ -98,7 +143,7 @@ def test_deeper_cuts_of_a_blunt_bit_come_close_to_the_least_specific_energy():
     least = layer.specific_energy
     found = []
     for weight in (4.0, 8.0, 16.0, 30.0):
-        state = Drill(Strata((layer,)), blunt).run(1.5, weight=weight)
+        state = Drill(Strata((layer,)), blunt).run(1.5, force=weight)
         thrust = weight / ROCK.hole_area
         found.append((state.specific_energy - thrust) / least)
     # The wear flat's friction becomes small beside the cut; nothing falls below the rock's energy.
@@ -110,7 +155,7 @@ def test_deeper_cuts_of_a_blunt_bit_come_close_to_the_least_specific_energy():
 def test_percussion_whose_energy_all_breaks_rock_takes_the_least_specific_energy():
     whole = dataclasses.replace(ROCK, rock_energy_transfer=1.0)
     rock = uniform_strata(75e6)
-    state = Drill(rock, rotates=False, rock=whole).run(1.2, weight=0.0, energy=0.1)
+    state = Drill(rock, rotates=False, rock=whole).run(1.2, force=0.0, energy=0.1)
     assert state.specific_energy == pytest.approx(75e6, rel=1e-9)
 
 
@@ -134,15 +179,13 @@ def test_layers_are_crossed_at_their_depths_also_within_one_step():
         (0.22, 2e-3, "hard"),
         (0.72, 2.25e-3, "hard"),
     ):
-        at_once = Borehole(CLEAR, THREE, whole)
-        blow = Percussion(1, energy, 1.0, True)
-        at_once.step(STEP, blow, NOT_TURNED, 0.0, None, UNDISTURBED)
+        at_once = Borehole(CLEAR, THREE, whole, LENGTH)
+        at_once.step(STEP, blow(energy), NOT_TURNED, None, UNDISTURBED)
         state = at_once.state
         assert (state.depth, state.layer) == (pytest.approx(depth, rel=1e-12), name)
-        slowly = Borehole(CLEAR, THREE, whole)
-        part = Percussion(1, energy / 7, 1.0, True)
+        slowly = Borehole(CLEAR, THREE, whole, LENGTH)
         for _ in range(7):
-            slowly.step(STEP, part, NOT_TURNED, 0.0, None, UNDISTURBED)
+            slowly.step(STEP, blow(energy / 7), NOT_TURNED, None, UNDISTURBED)
         assert slowly.state.depth == pytest.approx(depth, rel=1e-12)
 
 
@@ -150,7 +193,7 @@ def test_below_the_rock_nothing_resists():
     drill = Drill(THREE, rock=dataclasses.replace(ROCK, rock_energy_transfer=1.0))
     state = drill.run(1.0, energy=10.0)
     assert (state.depth, drill.borehole.bottom, state.layer) == (2.5e-3, math.inf, "")
-    assert drill.borehole.resistance(10.0, True, UNDISTURBED).cutting == 0.0
+    assert drill.borehole.resistance(blow(force=10.0), UNDISTURBED).cutting == 0.0
     assert drill.run(0.1, energy=10.0).depth == 2.5e-3
 
 
@@ -169,7 +212,7 @@ def test_too_much_weight_stalls_the_rotor_where_the_torques_say():
     limit = 2.0 * bit.bit_thrust_ratio * DRIVE.rotor_stall_torque / radius
     for weight, stalls in ((0.99 * limit, False), (1.01 * limit, True)):
         drill = Drill(bit=bit)
-        drill.run(0.2, weight=weight)
+        drill.run(0.2, force=weight)
         assert drill.rotor.state.stalled is stalls
 
 
@@ -313,15 +356,15 @@ def test_it_drills_with_each_parameter_at_the_ends_of_its_range(group, name, end
     elif name == "depth_from":
         values[group][name] = 0.0
     strata = Strata((Layer("one", **values[Layer]), Layer("two", 2e-5)), bottom=1e-2)
-    borehole = Borehole(BitParameters(**values[BitParameters]), strata, ROCK)
+    borehole = Borehole(BitParameters(**values[BitParameters]), strata, ROCK, LENGTH)
     rotor = Rotor(dataclasses.replace(DRIVE, **values[RotationParameters]))
     faults = Disturbances(screw_torque=1e-3, extra_torque=1e-3, clearing=0.0)
     for step in range(60):
-        weight, acting = 30.0 * (step % 3), faults if step % 2 else UNDISTURBED
-        resistance = borehole.resistance(weight, True, acting)
+        acting = faults if step % 2 else UNDISTURBED
+        percussion = Percussion((0.2,) * (step % 2), 1.0, True, 0.0, 30.0 * (step % 3))
+        resistance = borehole.resistance(percussion, acting)
         turned = rotor.step(STEP, 1.0 + step / 60, resistance)
-        blow = Percussion(step % 2, 0.2 * (step % 2), 1.0, True)
-        borehole.step(STEP, blow, turned, weight, None, acting)
+        borehole.step(STEP, percussion, turned, None, acting)
         found = [
             value for value in dataclasses.astuple(borehole.state) if not isinstance(value, str)
         ]

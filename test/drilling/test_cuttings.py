@@ -16,9 +16,9 @@ DEPTH = 0.05  # m
 TURN = 2.0 * math.pi
 
 
-def collect(seconds=1.0, produced=1e-9, turned=TURN, impacts=0, depth=DEPTH, clearing=1.0, of=None):
+def collect(produced=1e-9, turned=TURN, impacts=0, depth=DEPTH, clearing=1.0, of=None):
     cuttings = of or Cuttings(BIT)
-    cuttings.step(seconds, produced, turned, impacts, depth, clearing)
+    cuttings.step(produced, turned, impacts, depth, clearing)
     return cuttings
 
 
@@ -38,9 +38,9 @@ def test_the_steady_volume_is_the_inflow_times_the_way_over_the_speed():
 @given(st.floats(0.0, 50.0), st.integers(0, 500), st.integers(2, 20))
 def test_it_does_not_depend_on_how_the_time_is_divided(turned, impacts, pieces):
     whole, divided = Cuttings(BIT), Cuttings(BIT)
-    collect(1.0, 1e-9, turned, impacts, of=whole)
+    collect(1e-9, turned, impacts, of=whole)
     for _ in range(pieces):
-        collect(1.0 / pieces, 1e-9 / pieces, turned / pieces, impacts / pieces, of=divided)
+        collect(1e-9 / pieces, turned / pieces, impacts / pieces, of=divided)
     assert whole.volume == pytest.approx(divided.volume, rel=1e-9)
 
 
@@ -58,7 +58,7 @@ def test_rotation_clears_and_depth_chokes(turned, more, depth, deeper, clearing)
     less = collect(turned=slow, clearing=clearing).volume
     assert less >= collect(turned=slow).volume * (1.0 - 1e-12)
     # So long a step ends in the steady state.
-    steady = [collect(1e9, 1e-10, 1e6 * (turned + 0.1), depth=end) for end in (shallow, deep)]
+    steady = [collect(1e-10, 1e6 * (turned + 0.1), depth=end) for end in (shallow, deep)]
     assert steady[0].filling(shallow) <= steady[1].filling(deep) * (1.0 + 1e-9)
     assert steady[0].torque(shallow) <= steady[1].torque(deep) * (1.0 + 1e-9)
 

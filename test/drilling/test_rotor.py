@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from rpud_sim.drilling.rotor import RotationParameters, Rotor
-from rpud_sim.drilling.rotor_values import Resistance, RotorWork
+from rpud_sim.drilling.rotor_values import Resistance
 
 DRIVE = RotationParameters(
     rotation_model="friction_drive",
@@ -63,6 +63,22 @@ def test_a_stalled_tool_is_held_by_what_the_drive_gives_and_starts_below_the_sta
     assert not rotor.state.stalled
 
 
+@given(torque=st.floats(0.0, 0.2), ratio=st.floats(0.1, 2.0))
+def test_the_stack_gives_the_torque_of_the_drive_at_its_own_rate(torque, ratio):
+    rotor = turn(1.0, torque, ratio)
+    power, before = rotor.draw
+    driven = rotor.state.work.drive
+    turn(2.0, torque, ratio, rotor=rotor)
+    drive = rotor.state.drive_torque
+    assert power == pytest.approx(drive * 15.0 * ratio, rel=1e-9, abs=1e-12)
+    drawn = rotor.draw[1] - before
+    assert drawn == pytest.approx(2.0 * power, rel=1e-9, abs=1e-9)
+    # The slip between stack and rotor takes the rest: all of it where the rotor stands still.
+    slip = drive * (15.0 * ratio - rotor.state.rate)
+    lost = drawn - (rotor.state.work.drive - driven)
+    assert lost == pytest.approx(2.0 * slip, rel=1e-6, abs=1e-9)
+
+
 def test_a_drive_that_is_off_is_not_stalled_and_brakes_the_rotor():
     rotor = turn(1.0)
     turn(1.0, 0.01, ratio=0.0, rotor=rotor)
@@ -99,7 +115,7 @@ def test_the_result_does_not_depend_on_how_the_time_is_divided(steps, parameters
         one, other = whole.state, divided.state
         assert one.rate == pytest.approx(other.rate, rel=1e-8, abs=1e-8)
         assert one.angle == pytest.approx(other.angle, rel=1e-8, abs=1e-12)
-        for name in ("drive", "cutting"):
+        for name in ("drawn", "drive", "cutting"):
             expected = getattr(other.work, name)
             assert getattr(one.work, name) == pytest.approx(expected, rel=1e-7, abs=1e-12)
 
@@ -116,6 +132,7 @@ def test_the_works_add_up_and_nothing_comes_from_nowhere(steps, parameters):
         assert abs(work.residual) <= 1e-12 * size + 1e-18
         assert rotor.state.rate >= 0.0
         assert rotor.state.angle >= angle
+        assert work.drawn >= work.drive - 1e-12 * size
 
 
 @settings(max_examples=20)
@@ -139,10 +156,3 @@ def test_it_agrees_with_a_numerical_integration(parameters, ratio, share):
     state = turn(seconds, torque, ratio, parameters).state
     assert state.angle == pytest.approx(found.y[0][-1], rel=1e-5, abs=1e-9)
     assert state.rate == pytest.approx(found.y[1][-1], rel=1e-5, abs=1e-6)
-
-
-def test_the_account_by_name_has_all_terms_and_the_residual():
-    work = turn(1.0, 0.05).state.work
-    account = work.to_dict()
-    assert account.pop("residual") == work.residual
-    assert RotorWork(**account) == work

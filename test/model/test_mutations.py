@@ -22,7 +22,7 @@ MUTATIONS = [
     (13, "collision.py", "(mass_1 - restitution * mass_2)", "(mass_1 + restitution * mass_2)"),
     (13, "resets.py", "drill.drill_tool_restitution", "drill.actuator_restitution"),
     (22, "contact.py", "3.0 * k_1 * k_2", "2.0 * k_1 * k_2"),
-    (27, "contact.py", "k_1**2 - k_1 * k_2", "k_1**2 + k_1 * k_2"),
+    (27, "contact.py", "k_1 * k_1 - k_1 * k_2", "k_1 * k_1 + k_1 * k_2"),
     (36, "contact.py", "(displacement - rest) * cosine\n", "displacement * cosine\n"),
     (39, "contact.py", "return 2.0 * time_of_maximum(", "return time_of_maximum("),
 ]

@@ -145,7 +145,8 @@ def test_any_data_make_a_picture(items, log, steps):
         Points("b", x, y, y - 1.0, y + 1.0),
         Line("c", x, y, low=y, high=y),
     )
-    html = figure(Plot("d", layers, y=Axis(log=log), x=Axis(log=log)))
+    with np.errstate(divide="raise", invalid="raise"):
+        html = figure(Plot("d", layers, y=Axis(log=log), x=Axis(log=log)))
     parsed(html)
     assert "nan" not in "".join(paths(html))
     assert "inf" not in "".join(paths(html))

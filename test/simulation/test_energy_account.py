@@ -166,6 +166,31 @@ def test_it_is_the_same_in_any_blocks():
         assert other == pytest.approx(accounts[0], rel=1e-9, abs=1e-12, nan_ok=True)
 
 
+@pytest.mark.parametrize("stall_torque", [0.1, 0.01])  # it turns, it stalls
+def test_what_the_rotor_draws_is_electrical_too(stall_torque):
+    values = {"actuator_model": "resonance", "rotation_model": "friction_drive"}
+    rock = {"strata": "sandstone", "rotor_stall_torque": stall_torque}
+    simulation = Simulation(to_settings({**values, **rock}).configuration)
+    account = EnergyAccount()
+    for end in (3, 5):
+        account += EnergyAccount.of(simulation.advance_to(end * SECOND // 10))
+        reading, rotation = simulation.actuator, simulation.process.rotation
+        work = rotation.work
+        assert work.drawn > work.drive >= 0.0
+        used = reading.heat + reading.mechanical_work + reading.stored - reading.owed
+        assert reading.electrical_energy == pytest.approx(used + work.drawn, rel=1e-12)
+        assert account.electrical == pytest.approx(reading.electrical_energy, rel=1e-12)
+        assert reading.electrical_power == pytest.approx(
+            0.5 * reading.voltage * reading.current * math.cos(reading.phase), rel=1e-12
+        )
+    assert rotation.stalled == (stall_torque < 0.05)
+    # The percussion is that without a rotor, so all that is drawn more is the rotor's.
+    alone = Simulation(to_settings({"actuator_model": "resonance"}).configuration)
+    alone.advance_to(SECOND // 2)
+    more = reading.electrical_energy - alone.actuator.electrical_energy
+    assert more == pytest.approx(work.drawn, rel=1e-9)
+
+
 def test_the_gain_model_has_no_electrical_energy():
     account = EnergyAccount.of(Simulation(preset("drilling")).advance_to(SECOND // 10))
     assert math.isnan(account.electrical)

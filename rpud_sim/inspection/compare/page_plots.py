@@ -154,7 +154,7 @@ def _distribution(
     low, high = np.quantile(together, [_TAIL, 1.0 - _TAIL])
     if not high > low * (1.0 + 1e-6):
         low, high = float(together.min()), float(together.max())
-    log = low > 0.0 and high / low > _DECADES
+    log = low > 0.0 and high > low * _DECADES
     edges = np.geomspace(low, high, _CLASSES + 1) if log else np.linspace(low, high, _CLASSES + 1)
     if not (np.diff(edges) > 0.0).all():
         return None

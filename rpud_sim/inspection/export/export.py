@@ -7,7 +7,6 @@ import json
 import os
 import re
 from collections.abc import Callable, Collection, Mapping, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack
 from dataclasses import asdict, dataclass
 from importlib import import_module
@@ -15,10 +14,8 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
-import numpy as np
-
 import rpud_sim.bag
-from rpud_sim.bag import BagReader, TopicSummary
+from rpud_sim.bag import BagReader, Batch, TopicSummary
 from rpud_sim.bag.columns import Column
 from rpud_sim.bag.manifest import RECORD_NAME as MANIFEST
 from rpud_sim.foundation.time import SECOND
@@ -100,18 +97,10 @@ def export(
         )
         with new_folder(out, ExportError) as folder:
             files = _Files(bag, folder, file_format, chosen, damages)
-            with files, ThreadPoolExecutor(1, "rpud-export") as pool:
-                written: Future[None] | None = None
+            with files:
                 for batch in batches:
-                    if written is not None:
-                        written.result()
-                    # While a thread writes a batch, the next one is read.
-                    written = pool.submit(
-                        files.write, batch.topic, batch.columns, len(batch), batch.message_count
-                    )
+                    files.write(batch)
                     report(batch.message_count)
-                if written is not None:
-                    written.result()
             exported = Exported(
                 os.fspath(out), file_format, files.exported(), left_out, damages.texts
             )
@@ -189,12 +178,10 @@ class _Files:
     def __exit__(self, *_: object) -> None:
         self._open.close()
 
-    def write(
-        self, topic: str, columns: Mapping[str, np.ndarray], rows: int, messages: int
-    ) -> None:
-        self._files[topic].write(columns)
-        self._counts[topic][0] += messages
-        self._counts[topic][1] += rows
+    def write(self, batch: Batch) -> None:
+        self._files[batch.topic].write(batch.columns)
+        self._counts[batch.topic][0] += batch.message_count
+        self._counts[batch.topic][1] += len(batch)
 
     def exported(self) -> tuple[ExportedTopic, ...]:
         return tuple(

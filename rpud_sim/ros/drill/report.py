@@ -11,6 +11,7 @@ from std_msgs.msg import Header
 
 from rpud_sim.drilling.feed import FEED_MODES, RATE
 from rpud_sim.drilling.process import ProcessState
+from rpud_sim.drilling.rock import NO_DEEPER
 from rpud_sim.ros.drill.pacer import Timing
 from rpud_sim.ros.lateness import Lateness
 from rpud_sim.simulation.ensemble import Figures
@@ -51,6 +52,7 @@ class Report:
     time: int  # simulation time [ns]
     status: Fields  # the fields of its ``rpud_msgs/Status``
     process: ProcessState  # state of rotation, feed and borehole
+    at_tool_length: bool  # whether the hole is as deep as the drill tool is long
     faults: tuple[FaultRecord, ...]  # that last
     bookkeeping: Bookkeeping  # counts and timing, as in the status
     requests_refused: int  # of services, since the start
@@ -182,6 +184,8 @@ def _drill_health(report: Report) -> tuple[bytes, str]:
         return DiagnosticStatus.WARN, f"{report.namesakes + 1} nodes have this name"
     if faults := report.status["active_faults"]:
         return DiagnosticStatus.WARN, f"{faults} faults injected"
+    if report.at_tool_length:
+        return DiagnosticStatus.WARN, NO_DEEPER
     return DiagnosticStatus.OK, report.status["state"]
 
 

@@ -168,6 +168,7 @@ class StatusReporter:
             time=run.time,
             status=status[2],
             process=run.simulation.process,
+            at_tool_length=run.simulation.at_tool_length,
             faults=run.simulation.faults.active,
             bookkeeping=bookkeeping,
             requests_refused=self._inbox.requests_refused,

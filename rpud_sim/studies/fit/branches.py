@@ -11,6 +11,7 @@ import numpy as np
 
 from rpud_sim.studies.fit.design import Region, sobol_points, values_at
 from rpud_sim.studies.fit.folder import FitFolder
+from rpud_sim.studies.fit.identifiability import cut_off
 from rpud_sim.studies.fit.posterior import Likelihood, Posterior, sample
 from rpud_sim.studies.fit.specification import Specification
 from rpud_sim.studies.fit.surrogate import Surrogate, SurrogateError, fit_surrogate
@@ -20,6 +21,7 @@ _LEAST_PROBABILITY = 1e-4  # of a combination of choices that is followed furthe
 _PADDING = 0.25  # of the posterior's width, added to the next region on both sides
 _LEAST_WIDTH = 0.01  # of a region
 _TAIL = 0.002
+_SEEN = 0.01  # probability of a combination of choices that an interval depends on
 
 # What is drawn, as the second number of a seed.
 DESIGN, PHASES, SAMPLING, CANDIDATE, FINAL = range(5)
@@ -43,21 +45,36 @@ class Branch:
     probability: float = 0.0  # of the combination
 
 
-@dataclasses.dataclass(frozen=True)
-class Round:
-    """Account of a round for one combination of choices."""
+def start_branches(specification: Specification) -> list[Branch]:
+    """Return a branch between all bounds for each combination of choices."""
+    count = len(specification.unknowns)
+    empty = np.empty((0, specification.repeat, len(specification.targets)))
+    return [
+        Branch(number, choices, Region.whole(count), np.empty((0, count)), empty)
+        for number, choices in enumerate(specification.combinations)
+    ]
 
-    number: int  # of the round, from 1
-    choices: Mapping[str, Any]  # the combination
-    volume: float  # of the region, as a share of that between all bounds
-    points: int  # that the surrogate was fitted to
-    degrees: tuple[int, ...]  # of its polynomials, by target
-    errors: tuple[float, ...]  # of the surrogate, standard deviations as they are fitted, by target
-    probability: float  # of the combination
+
+def explore(folder: FitFolder, specification: Specification, drill: str = "") -> list[Branch]:
+    """Return the probable branches after all rounds.
+
+    Args:
+        drill: prefix of the later rounds' files; the first round does not depend on the targets.
+    """
+    branches = start_branches(specification)
+    for number in range(specification.rounds):
+        if number:
+            for branch in branches:
+                branch.region = next_region(branch)
+        for branch in branches:
+            add_design(folder, specification, branch, number, drill if number else "")
+            update(specification, branch, number)
+        branches = weigh(branches)
+    return branches
 
 
 def add_design(
-    folder: FitFolder, specification: Specification, branch: Branch, number: int
+    folder: FitFolder, specification: Specification, branch: Branch, number: int, drill: str = ""
 ) -> None:
     """Simulate the design of a round in a branch's region."""
     seed = specification.seed
@@ -65,7 +82,7 @@ def add_design(
         branch.region, specification.points, (seed, DESIGN, number, branch.number)
     )
     figures = folder.simulate(
-        f"round_{number + 1:02}_{branch.number:02}",
+        f"{drill}round_{number + 1:02}_{branch.number:02}",
         named_points(specification, shares, branch.choices),
         specification.repeat,
         (seed, PHASES, number, branch.number),
@@ -109,11 +126,7 @@ def update(specification: Specification, branch: Branch, number: int) -> None:
 
 
 def weigh(branches: list[Branch]) -> list[Branch]:
-    """Return the branches that are probable enough, with their probabilities.
-
-    Raises:
-        FitError: if none explains the targets.
-    """
+    """Return the branches that are probable enough, with their probabilities."""
     found = [b for b in branches if b.posterior and math.isfinite(b.posterior.log_evidence)]
     if not found:
         raise FitError(
@@ -138,25 +151,22 @@ def next_region(branch: Branch) -> Region:
     return Region(np.maximum(low - pad, 0.0), np.minimum(high + pad, 1.0))
 
 
-def to_round(branch: Branch, number: int) -> Round:
-    """Return the account of a branch after a round, numbered from 1."""
-    assert branch.surrogate is not None
-    return Round(
-        number,
-        branch.choices,
-        math.exp(branch.region.log_volume),
-        len(branch.shares),
-        branch.surrogate.degrees,
-        tuple(np.sqrt(np.diag(branch.surrogate.error)).tolist()),
-        branch.probability,
-    )
+def unfinished(specification: Specification, branches: list[Branch]) -> list[str]:
+    """Return the unknowns whose posterior the region of the last round cuts off."""
+    found: dict[str, None] = {}
+    for branch in branches:
+        if branch.posterior is None or branch.probability < _SEEN:
+            continue
+        region = branch.region
+        low, high = cut_off(branch.posterior.shares, region.low, region.high)
+        inner = low & (region.low > 0.0) | high & (region.high < 1.0)
+        found |= {n: None for n, cut in zip(specification.unknowns, inner, strict=True) if cut}
+    return list(found)
 
 
-def pool(
-    branches: list[Branch], random: np.random.Generator, particles: int = PARTICLES
-) -> np.ndarray:
+def pool(branches: list[Branch], random: np.random.Generator) -> np.ndarray:
     """Return points of all branches' posteriors, each as often as its branch is probable."""
-    numbers = random.multinomial(particles, [branch.probability for branch in branches])
+    numbers = random.multinomial(PARTICLES, [branch.probability for branch in branches])
     chosen = [
         branch.posterior.shares[random.permutation(len(branch.posterior.shares))[:number]]
         for branch, number in zip(branches, numbers, strict=True)

@@ -21,15 +21,29 @@ from rpud_sim.studies.fit.specification import Target
 
 PARTS = 10  # of the data, for the sampling error
 LONGEST = 5.0  # of a run that is compared with the data [s]
-MANY = 1_000_000_000  # runs: the tolerance has all of the data's chance
 _LEAST_ERROR = 1e-3  # of the value: instruments are not better
-_FEWEST = 100  # impacts, or samples of the reacting force
-
-
-_ENTRIES = ("bag", "csv", "skip", "regime", "parameters", "hold_out")
+_FEWEST_IMPACTS, _FEWEST_SAMPLES = 100, 20
+_ENTRIES = ("bag", "csv", "skip", "parameters", "hold_out")
 _FIELDS = {field: name for name, (field, _) in IMPACT_VALUES.items()}
 _QUANTILES = (0.05, 0.5, 0.95)
 _TIMES = ("time", "header.stamp")
+# Figures of what is sampled: means of the samples, or rates at which a sum grows.
+_MEANS = {
+    "reacting_force": "reacting_force_mean",
+    "torque": "torque",
+    "actuator_power": "actuator_power",
+}
+_SUMS = {"depth": "penetration_rate", "electrical_energy": "electrical_power"}
+_SAMPLED = _MEANS | _SUMS
+# Fields of a bag's topics; a topic that comes first goes before another with the same field.
+_TOPICS = {
+    "contact_force": {name: name for name in _FIELDS},
+    "reacting_force": {"force": "reacting_force"},
+    "rotation": {"torque": "torque"},
+    "borehole": {"depth": "depth"},
+    "actuator_state": {"electrical_energy": "electrical_energy"},
+    "status": {"depth": "depth", "actuator_power": "actuator_power"},
+}
 
 Series = dict[str, tuple[np.ndarray, np.ndarray]]  # times [s] and values, by field
 
@@ -44,9 +58,6 @@ def read_data(
         content: of the entry: ``bag`` or ``csv``, ``skip``, ``hold_out``.
         own: parameters that the drill had.
         folder: at which paths begin.
-
-    Raises:
-        ParameterError: if the entry is not valid or its file has too few impacts and samples.
     """
     for name in content:
         if name not in _ENTRIES:
@@ -63,11 +74,11 @@ def read_data(
     path = folder / content[kind]
     series = (_read_bag if kind == "bag" else _read_csv)(path)
     if not series:
-        raise ParameterError(f"{path}: has no topic contact_force or reacting_force of a drill")
-    found = _measured(series, skip)
+        raise ParameterError(f"{path}: has none of a drill's topics {', '.join(_TOPICS)}")
+    found, runs = _measured(series, skip)
     if not found:
         raise ParameterError(
-            f"{path}: has neither {_FEWEST} impacts nor {_FEWEST} samples of the reacting force "
+            f"{path}: has neither {_FEWEST_IMPACTS} impacts nor {_FEWEST_SAMPLES} samples "
             f"after {skip:g} s"
         )
     for item, value, _ in found:
@@ -76,35 +87,55 @@ def read_data(
                 f"{path}: {item} is {value:g} {item.unit}, and the model's is never negative"
             )
     return [
-        Target(item, value, error, MANY, tuple(own.items()), hold_out, content[kind], entry)
-        for item, value, error in found
+        Target(
+            item,
+            value,
+            max(_LEAST_ERROR * abs(value), 1e-300),
+            runs,
+            tuple(own.items()),
+            hold_out,
+            content[kind],
+            sampling,
+        )
+        for item, value, sampling in found
     ]
 
 
-def _measured(series: Series, skip: float) -> list[tuple[Measure, float, float]]:
-    """Return measures with their values and sampling errors."""
+def _measured(series: Series, skip: float) -> tuple[list[tuple[Measure, float, float]], int]:
+    """Return measures with values and sampling errors, and how many runs the data is long."""
     clocks = [times[np.isfinite(times)] for times, _ in series.values()]
     times = np.concatenate([np.empty(0), *clocks])
     if not len(times) or not times.max() > times.min() + skip:
-        return []
+        return [], 1
     start, end = float(times.min()) + skip, float(times.max())
     window = skip, skip + min(end - start, LONGEST)
     edges = np.linspace(start, end, PARTS + 1)
     found = []
     for field, (times, values) in series.items():
         kept = (times >= start) & (times < end) & np.isfinite(values)
-        if np.count_nonzero(kept) < _FEWEST:
+        fewest = _FEWEST_SAMPLES if field in _SAMPLED else _FEWEST_IMPACTS
+        if np.count_nonzero(kept) < fewest:
             continue
-        parts = np.clip(np.searchsorted(edges, times[kept], side="right") - 1, 0, PARTS - 1)
+        times, values = times[kept], values[kept]
+        parts = np.clip(np.searchsorted(edges, times, side="right") - 1, 0, PARTS - 1)
         for item in _measures(field, *window):
-            whole = _value(item, values[kept], end - start)
-            pieces = [
-                _value(item, values[kept][parts == part], (end - start) / PARTS)
-                for part in range(PARTS)
-            ]
+            if field in _SUMS:
+                whole, pieces = _growth(times, values, edges)
+            else:
+                whole = _value(item, values, end - start)
+                lasting = (end - start) / PARTS
+                pieces = [_value(item, values[parts == part], lasting) for part in range(PARTS)]
             error = _standard_error(np.array(pieces))
-            found.append((item, whole, max(error, _LEAST_ERROR * abs(whole), 1e-300)))
-    return found
+            if math.isfinite(error):
+                found.append((item, whole, error))
+    return found, max(1, int((end - start) / LONGEST))
+
+
+def _growth(times: np.ndarray, values: np.ndarray, edges: np.ndarray) -> tuple[float, list[float]]:
+    """Return the rate at which a sum grows, over all times and between edges."""
+    at = np.interp(edges, times, values)
+    whole = (values[-1] - values[0]) / (times[-1] - times[0])
+    return float(whole), (np.diff(at) / np.diff(edges)).tolist()
 
 
 def _standard_error(pieces: np.ndarray) -> float:
@@ -118,15 +149,15 @@ def _standard_error(pieces: np.ndarray) -> float:
 
 
 def _measures(field: str, start: float, end: float) -> list[Measure]:
-    if field == "reacting_force":
-        return [Measure("reacting_force_mean", start, end)]
+    if field in _SAMPLED:
+        return [Measure(_SAMPLED[field], start, end)]
+    name = _FIELDS[field]
+    mean = Measure(name, start, end)
     if field == "energy":
         return [Measure("kinetic_energy_rate", start, end)]
-    name = _FIELDS[field]
-    mean = Measure(name, start, end, "mean")
     if field != "peak_force":
         return [mean]
-    quantiles = [Measure(name, start, end, "quantile", share) for share in _QUANTILES]
+    quantiles = [Measure(name, start, end, share) for share in _QUANTILES]
     return [Measure("drill_tool_impact_rate", start, end), mean, *quantiles]
 
 
@@ -135,29 +166,28 @@ def _value(item: Measure, values: np.ndarray, duration: float) -> float:
         return len(values) / duration
     if item.figure == "kinetic_energy_rate":
         return float(values.sum()) / duration
-    if item.figure == "reacting_force_mean":
+    if item.figure in _MEANS.values():
         return float(values.mean()) if len(values) else math.nan
     return impact_statistic(values, item)
 
 
 def _read_bag(path: Path) -> Series:
-    """Return impacts and reacting force of the topics of a drill in a bag."""
+    """Return impacts and samples of the topics of a drill in a bag."""
     from rpud_sim.bag import BagError, open  # slow to load
 
-    fields = {"contact_force": tuple(_FIELDS), "reacting_force": ("force",)}
     series: Series = {}
     try:
         with open(path) as bag:
-            for topic in (summary.topic.name for summary in bag.readable_topics):
-                columns = fields.get(topic.rpartition("/")[2])
-                if columns is None:
-                    continue
-                table = bag.arrays(topic)
-                if not all(name in table for name in ("header.stamp", *columns)):
-                    continue
-                times = table["header.stamp"] / SECOND
-                for name in columns:
-                    series["reacting_force" if name == "force" else name] = times, table[name]
+            topics = [summary.topic.name for summary in bag.readable_topics]
+            for kind, columns in _TOPICS.items():
+                for topic in (name for name in topics if name.rpartition("/")[2] == kind):
+                    table = bag.arrays(topic)
+                    if not all(name in table for name in ("header.stamp", *columns)):
+                        continue
+                    times = table["header.stamp"] / SECOND
+                    for name, field in columns.items():
+                        if np.isfinite(table[name]).any():
+                            series.setdefault(field, (times, table[name]))
     except BagError as error:
         raise ParameterError(str(error)) from None
     return series
@@ -176,11 +206,11 @@ def _read_csv(path: Path) -> Series:
     clock = next((name for name in _TIMES if name in heading), None)
     if clock is None:
         raise ParameterError(f"{path}: has no column named {' or '.join(_TIMES)}")
-    names = {name: name for name in (*_FIELDS, "reacting_force") if name in heading}
+    names = {name: name for name in (*_FIELDS, *_SAMPLED) if name in heading}
     if not names and "force" in heading:  # of an exported topic
         names = {"force": "reacting_force"}
     if not names:
-        raise ParameterError(f"{path}: has no column named {', '.join(_FIELDS)} or reacting_force")
+        raise ParameterError(f"{path}: has no column named {', '.join((*_FIELDS, *_SAMPLED))}")
     times = _column(path, heading, content, clock) / (SECOND if clock != "time" else 1)
     return {
         field: (times[keep := np.isfinite(values)], values[keep])

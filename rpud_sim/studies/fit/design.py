@@ -103,11 +103,7 @@ def make_chunks(
 
 
 def simulate(chunk: Chunk) -> np.ndarray:
-    """Return the targets' measures of all runs, shape (points, repeat, targets); NaN if missing.
-
-    Raises:
-        WorkerError: if this worker's versions would give other bits than the fit's machine.
-    """
+    """Return the targets' measures of all runs, shape (points, repeat, targets); NaN if missing."""
     check_versions(chunk.versions)
     specification = chunk.specification
     found = np.full((*chunk.phases.shape[:2], len(specification.targets)), np.nan)

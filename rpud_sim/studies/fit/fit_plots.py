@@ -9,6 +9,7 @@ import numpy as np
 from rpud_sim.pages.plot import Axis, Layer, Line, Plot, Points, Rule, Zone
 from rpud_sim.pages.quantities import Quantity, quantity_in
 from rpud_sim.studies.fit.fit import Comparison, Fit
+from rpud_sim.studies.fit.identifiability import PERCENT, Identifiability, Interval
 from rpud_sim.studies.fit.specification import unit_of
 
 _MOST_DOTS = 1500
@@ -21,10 +22,11 @@ _ROW = 26  # height of a target [pixels]
 def unknown_quantity(fit: Fit, name: str) -> Quantity:
     """Return how an unknown is shown."""
     greatest = abs(fit.specification.unknowns[name].maximum)
-    return replace(quantity_in(unit_of(name), greatest, name), digits=4)
+    digits = fit.found.intervals[name].digits if fit.found else 4
+    return replace(quantity_in(unit_of(name), greatest, name), digits=digits)
 
 
-def corner_rows(fit: Fit) -> list[list[Plot]]:
+def corner_rows(fit: Fit, found: Identifiability) -> list[list[Plot]]:
     """Return the posterior of every unknown and pair of them, as the rows of a triangle.
 
     Each is shown where the posterior and the best point are, not from bound to bound.
@@ -34,29 +36,27 @@ def corner_rows(fit: Fit) -> list[list[Plot]]:
     rows = []
     for number, y in enumerate(axes):
         row = [_pair(fit, x, y, axes, every) for x in list(axes)[:number]]
-        rows.append([*row, _single(fit, y, axes[y])])
+        rows.append([*row, _single(fit, y, axes[y], found.intervals[y])])
     return rows
 
 
-def corner_text(fit: Fit) -> str:
+def corner_text(fit: Fit, found: Identifiability) -> str:
     """Return the intervals and the correlations of the unknowns in words."""
-    found = fit.identifiability
     texts = []
     for name, interval in found.intervals.items():
         shown = unknown_quantity(fit, name)
         ends = f"{shown.text(interval.low, unit=False)} to {shown.text(interval.high)}"
-        texts.append(f"{name}: best point {shown.text(fit.best[name])}, 90 % interval {ends}.")
+        texts.append(f"{name}: best point {shown.text(fit.best[name])}, {PERCENT} interval {ends}.")
     return " ".join([*texts, *(f"{ridge}." for ridge in found.ridges)])
 
 
-def _single(fit: Fit, name: str, axis: Axis) -> Plot:
+def _single(fit: Fit, name: str, axis: Axis, interval: Interval) -> Plot:
     shown = unknown_quantity(fit, name)
-    interval = fit.identifiability.intervals[name]
     low, high = axis.low or 0.0, axis.high or 0.0
     edges = np.geomspace(low, high, _BINS + 1) if axis.log else np.linspace(low, high, _BINS + 1)
     counts, _ = np.histogram(shown.scale * fit.samples[name], edges)
     layers: tuple[Layer, ...] = (
-        Zone("90 % interval", shown.scale * interval.low, shown.scale * interval.high, False),
+        Zone(f"{PERCENT} interval", shown.scale * interval.low, shown.scale * interval.high, False),
         Line("posterior", edges, np.append(counts, 0) / max(len(fit.samples[name]), 1), steps=True),
         Rule("best point", shown.scale * fit.best[name], False, "series1", "solid"),
     )
@@ -92,10 +92,10 @@ def _axis(fit: Fit, name: str) -> Axis:
 
 
 def target_plot(fit: Fit) -> Plot:
-    """Return the model over each target, with the target's tolerance and what is predicted."""
+    """Return the model over each target, with the target's tolerance."""
     shown = [item for item in fit.comparisons if item.target.value]
     places = np.arange(len(shown), dtype=float)
-    tolerance = np.array([abs(item.target.tolerance / item.target.value) for item in shown])
+    tolerance = np.array([abs(item.target.error(0.0) / item.target.value) for item in shown])
     layers: list[Layer] = [
         Rule("", 1.0, False, dash="solid"),
         Points(
@@ -104,27 +104,24 @@ def target_plot(fit: Fit) -> Plot:
         ),
     ]  # fmt: skip
     for held, name, color in (
-        (False, "model; bar: 5 to 95 % of the posterior", "series0"),
+        (False, "model at the best point", "series0"),
         (True, "held out", "series2"),
     ):
         chosen = [i for i, item in enumerate(shown) if item.target.hold_out == held]
         if chosen:
-            low, high = np.sort([_predicted(shown[i]) for i in chosen], axis=1).T
             ratio = np.array([shown[i].ratio for i in chosen])
-            titles = tuple(_told(shown[i]) for i in chosen)
-            layers.append(
-                Points(
-                    name, ratio, places[chosen], low, high,
-                    across=True, size=8.0, color=color, titles=titles,
-                )
-            )  # fmt: skip
+            titles = tuple(str(shown[i]) for i in chosen)
+            layers.append(Points(name, ratio, places[chosen], size=8.0, color=color, titles=titles))
     texts = [_texts(item) for item in shown]
     columns = (
         tuple(zip(("target", "model"), zip(*texts, strict=True), strict=True)) if texts else ()
     )
-    titles = tuple(f"{item.target.title}{' (held out)' * item.target.hold_out}" for item in shown)
+    titles = tuple(
+        f"{item.target.source} {item.target.title}{' (held out)' * item.target.hold_out}".strip()
+        for item in shown
+    )
     far = max(shown, key=lambda item: abs(item.deviation), default=None)
-    alt = "" if far is None else f"Furthest: {_told(far)}."
+    alt = "" if far is None else f"Furthest: {far}."
     up = Axis(categories=titles, flipped=True, columns=columns)
     return Plot("Targets", tuple(layers), alt, up, Axis("model / target"), _ROW * len(shown), 1068)
 
@@ -132,12 +129,3 @@ def target_plot(fit: Fit) -> Plot:
 def _texts(item: Comparison) -> tuple[str, str]:
     shown = quantity_in(item.target.measure.unit, abs(item.target.value))
     return shown.text(item.target.value), shown.text(item.mean)
-
-
-def _told(item: Comparison) -> str:
-    target, model = _texts(item)
-    return f"{item.target.title}: target {target}, model {model}, {item.ratio:.3f} of the target"
-
-
-def _predicted(item: Comparison) -> tuple[float, float]:
-    return item.low / item.target.value, item.high / item.target.value

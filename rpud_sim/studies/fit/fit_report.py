@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import io
 import json
 import math
@@ -12,12 +13,11 @@ import numpy as np
 
 from rpud_sim.foundation.whole_folder import whole_file
 from rpud_sim.pages.frame import render_page
-from rpud_sim.pages.quantities import number_text, quantity_in
 from rpud_sim.pages.svg import corner
 from rpud_sim.studies.fit.fit import BEST_RUNS, Comparison, Fit
 from rpud_sim.studies.fit.fit_plots import corner_rows, corner_text, target_plot, unknown_quantity
 from rpud_sim.studies.fit.folder import fit_versions
-from rpud_sim.studies.fit.identifiability import LEVEL
+from rpud_sim.studies.fit.identifiability import LEVEL, PERCENT, Interval
 from rpud_sim.studies.fit.parameter_file import parameter_file
 from rpud_sim.studies.fit.specification import unit_of
 
@@ -27,41 +27,32 @@ POSTERIOR = "posterior.csv"
 REPORT = "report.html"
 
 _BODY = """\
-<p class="verdict">{{ verdict }}</p>
-{% if not reached %}
-<p class="warning">The intervals assume that the model can reach all targets.</p>
+<p class="verdict">{{ verdict }} Root mean square of the deviations: {{ misfit }}.</p>
+{% if refusal %}
+<p class="warning">There are no intervals: {{ refusal }}.</p>
 {% endif %}
+{% for miss in missed %}
+<p class="warning">{{ miss }}</p>
+{% endfor %}
 {{ corner }}
 {% if ridges %}
 <p class="warning">The targets determine these pairs only together:
 {% for ridge in ridges %}{{ ridge }}{{ "." if loop.last else "; " }}{% endfor %}</p>
 {% endif %}
-{{ table(("parameter", "best point", "90 % interval", "width", "identified"), unknowns,
- caption="Unknown parameters") }}
+{{ table(heading, unknowns, caption="Unknown parameters") }}
 {% if choices %}
 {{ table(("choices", "probability"), choices, caption="Choices") }}
 {% endif %}
 {{ figure(target_plot) }}
 <details><summary>How to read it</summary>
-<p>Made by <code>{{ command }}</code>. Seed {{ seed }}, {{ runs }} runs. Intervals hold the middle
-90 % of the posterior probability. All values between the bounds were equally probable before the
-fit. The plots show where the posterior is; the bounds may be outside. The width is that of the
-interval over that between the bounds: near 1, the targets say nothing about the parameter.</p>
-</details>
-<details><summary>Targets in numbers</summary>
-<p>The model's mean at the best point, over {{ best_runs }} runs. The deviation is in standard
-deviations of tolerance, chance of the runs, and error of the mean.
-Root mean square: {{ misfit }}{% if hold_out %}; of the targets that were held out: {{ hold_out }}
-{% endif %}.</p>
-{{ table(("target", "source", "value", "tolerance", "model", "one run ±", "model / target",
- "deviation", "held out"), targets, false, "Targets and the model") }}
-</details>
-<details><summary>Rounds</summary>
-<p>Each round simulates new points in a smaller region, around the posterior of the last one.
-The error is that of the polynomials, from leaving out one point at a time; it is in the
-intervals.</p>
-{{ table(("round", "choices", "region", "points", "degrees", "errors", "probability"), rounds,
- false, "Rounds") }}
+<p>Made by <code>{{ command }}</code>. Seed {{ seed }}, {{ runs }} runs. The model's figures are
+means of {{ best_runs }} runs at the best point. All numbers are in fit.json.
+{% if not refusal %}
+Intervals hold {{ percent }} of the posterior probability. All values between the bounds were
+equally probable before the fit. The plots show where the posterior is; the bounds may be outside.
+The width is that of the interval over that between the bounds: near 1, the targets say nothing
+about the parameter.
+{% endif %}</p>
 </details>
 """
 
@@ -72,72 +63,48 @@ def write_fit(fit: Fit, folder: Path, command: str) -> None:
     Args:
         folder: of the files; it exists.
         command: that makes them again.
-
-    Raises:
-        OSError: if a file cannot be written.
     """
     numbers = json.dumps(fit_content(fit), indent=1, allow_nan=False)
     _write(folder / NUMBERS, f"{numbers}\n".encode())
     _write(folder / PARAMETERS, parameter_file(fit, command).encode())
-    _write(folder / POSTERIOR, _posterior(fit))
+    if not fit.refusal:
+        _write(folder / POSTERIOR, _posterior(fit))
     _write(folder / REPORT, _page(fit, command).encode())
 
 
 def fit_content(fit: Fit) -> dict[str, Any]:
     """Return all numbers of a fit as plain values."""
-    found = fit.identifiability
-    names = list(fit.specification.unknowns)
+    found = fit.found
     return {
+        "reached": fit.reached,
+        "missed": [item.target.title for item in fit.missed],
+        "refusal": fit.refusal or None,
         "best": dict(fit.best),
         "level": LEVEL,
         "unknowns": {
-            name: {
-                "best": fit.best[name],
-                "low": interval.low,
-                "median": interval.median,
-                "high": interval.high,
-                "unit": unit_of(name),
-                "width": interval.width,
-                "identified": interval.identified,
-            }
-            for name, interval in found.intervals.items()
+            name: {"best": fit.best[name], "unit": unit_of(name)}
+            | ({} if found is None else _interval(found.intervals[name]))
+            for name in fit.specification.unknowns
         },
         "choices": [
             {"choices": dict(choices), "probability": share} for choices, share in fit.probabilities
         ],
-        "correlation": {
-            name: dict(zip(names, map(float, row), strict=True))
-            for name, row in zip(names, found.correlation, strict=True)
-        },
         "ridges": [
             {"parameters": list(ridge.names), "correlation": ridge.correlation}
-            for ridge in found.ridges
-        ],
-        "directions": [
-            {"width": direction.width, "parts": dict(direction.parts)}
-            for direction in found.directions
+            for ridge in (found.ridges if found else ())
         ],
         "targets": [_comparison(item) for item in fit.comparisons],
-        "reached": fit.reached,
-        "misfit": fit.misfit(False),
-        "hold_out_misfit": fit.misfit(True),
-        "rounds": [
-            {
-                "round": item.number,
-                "choices": dict(item.choices),
-                "region": item.volume,
-                "points": item.points,
-                "degrees": list(item.degrees),
-                "errors": list(item.errors),
-                "probability": item.probability,
-            }
-            for item in fit.rounds
-        ],
+        "misfit": _finite(fit.misfit(False)),
+        "hold_out_misfit": _finite(fit.misfit(True)),
         "seed": fit.specification.seed,
         "simulations": fit.simulations + fit.kept,
         "versions": fit_versions(),
         "specification": fit.specification.content(),
     }
+
+
+def _interval(interval: Interval) -> dict[str, Any]:
+    return dataclasses.asdict(interval) | {"identified": interval.identified}
 
 
 def _comparison(item: Comparison) -> dict[str, Any]:
@@ -146,19 +113,19 @@ def _comparison(item: Comparison) -> dict[str, Any]:
         "source": item.target.source,
         "unit": item.target.measure.unit,
         "value": item.target.value,
-        "tolerance": item.target.tolerance,
+        "tolerance": item.target.error(0.0),
         "hold_out": item.target.hold_out,
         "model": _finite(item.mean),
         "standard_error": _finite(item.standard_error),
         "spread": _finite(item.spread),
         "ratio": _finite(item.ratio),
         "deviation": _finite(item.deviation),
-        "predicted": [_finite(item.low), _finite(item.high)],
+        "reached": item.reached,
     }
 
 
-def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None
+def _finite(value: float | None) -> float | None:
+    return value if value is not None and math.isfinite(value) else None
 
 
 def _posterior(fit: Fit) -> bytes:
@@ -171,76 +138,53 @@ def _posterior(fit: Fit) -> bytes:
 
 
 def _page(fit: Fit, command: str) -> str:
-    intervals = fit.identifiability.intervals
-    misfits = {held: fit.misfit(held) for held in (False, True)}
+    found = fit.found
     return render_page(
         _BODY,
         "Fit of a drill",
         command=command,
         seed=fit.specification.seed,
         verdict=_verdict(fit),
-        reached=fit.reached,
+        refusal=fit.refusal,
+        missed=[item.miss for item in fit.missed],
         runs=fit.simulations + fit.kept,
-        unknowns=[_unknown(fit, name) for name in intervals],
-        choices=[
-            (_choices(choices), f"{share:.3f}") for choices, share in fit.probabilities if choices
+        percent=PERCENT,
+        heading=("parameter", "best point", f"{PERCENT} interval", "width", "remarks")[
+            : 5 if found else 2
         ],
-        ridges=[str(ridge) for ridge in fit.identifiability.ridges],
-        corner=corner("Posterior of the unknown parameters", corner_rows(fit), corner_text(fit)),
+        unknowns=[_unknown(fit, name) for name in fit.specification.unknowns],
+        choices=[(choices, f"{share:.3f}") for choices, share in fit.choices],
+        ridges=[str(ridge) for ridge in found.ridges] if found else [],
+        corner=_corner(fit),
         target_plot=target_plot(fit),
         best_runs=BEST_RUNS,
-        misfit=f"{misfits[False]:.2f}",
-        hold_out="" if misfits[True] is None else f"{misfits[True]:.2f}",
-        targets=[_row(item) for item in fit.comparisons],
-        rounds=[
-            (
-                item.number,
-                _choices(item.choices),
-                f"{item.volume:.2g}",
-                item.points,
-                " ".join(map(str, item.degrees)),
-                " ".join(f"{error:.2g}" for error in item.errors),
-                f"{item.probability:.3f}",
-            )
-            for item in fit.rounds
-        ],
+        misfit=fit.misfit_text,
     )
+
+
+def _corner(fit: Fit) -> str:
+    if fit.found is None:
+        return ""
+    rows, text = corner_rows(fit, fit.found), corner_text(fit, fit.found)
+    return corner("Posterior of the unknown parameters", rows, text)
 
 
 def _verdict(fit: Fit) -> str:
     """Return in one sentence whether the model reaches the targets."""
-    used = [item for item in fit.comparisons if not item.target.hold_out]
+    used = sum(not item.target.hold_out for item in fit.comparisons)
     if fit.reached:
-        return f"The model reaches all {len(used)} targets that the fit used."
-    worst = max(used, key=lambda item: abs(item.deviation))
-    ratio = number_text(worst.ratio)
-    return f"The model misses a target: {worst.target.title} is {ratio} times what it should be."
+        return f"The model reaches all {used} targets that the fit used."
+    return f"Not met: the model does not reach {len(fit.missed)} of {used} targets."
 
 
 def _unknown(fit: Fit, name: str) -> tuple[str, ...]:
-    interval, shown = fit.identifiability.intervals[name], unknown_quantity(fit, name)
+    shown = unknown_quantity(fit, name)
+    best = (name, shown.text(fit.best[name]))
+    if fit.found is None:
+        return best
+    interval = fit.found.intervals[name]
     ends = f"{shown.text(interval.low, unit=False)} to {shown.text(interval.high)}"
-    width = f"{interval.width:.2f}"
-    return (name, shown.text(fit.best[name]), ends, width, interval.identified)
-
-
-def _row(item: Comparison) -> tuple[str, ...]:
-    shown = quantity_in(item.target.measure.unit, abs(item.target.value))
-    return (
-        item.target.title,
-        item.target.source,
-        shown.text(item.target.value),
-        f"± {shown.text(item.target.tolerance)}",
-        f"{shown.text(item.mean, unit=False)} ± {shown.text(item.standard_error)}",
-        shown.text(item.spread),
-        f"{item.ratio:.3f}",
-        f"{item.deviation:+.2f}",
-        "yes" if item.target.hold_out else "",
-    )
-
-
-def _choices(choices: Any) -> str:
-    return ", ".join(f"{name} {value}" for name, value in choices.items())
+    return (*best, ends, f"{interval.width:.2f}", "; ".join(interval.remarks))
 
 
 def _write(path: Path, content: bytes) -> None:

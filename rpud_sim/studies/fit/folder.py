@@ -31,27 +31,16 @@ def fit_versions() -> dict[str, str]:
 
 def make_manifest(specification: Specification) -> dict[str, Any]:
     """Return everything that a fit's results depend on, as JSON reads it back."""
-    content = {
-        "specification": specification.content(),
-        "versions": fit_versions(),
-    }
+    content = {"specification": specification.content(), "versions": fit_versions()}
     found: dict[str, Any] = json.loads(json.dumps(content))
     return found
 
 
 class FitFolder:
-    """Files of one fit.
-
-    Args:
-        report: called with the number of finished runs.
-    """
+    """Files of one fit."""
 
     def __init__(
-        self,
-        path: Path,
-        specification: Specification,
-        workers: int,
-        report: Report,
+        self, path: Path, specification: Specification, workers: int, report: Report
     ) -> None:
         self.path = path
         self._specification = specification
@@ -62,12 +51,7 @@ class FitFolder:
         self.kept = 0
 
     def held(self) -> contextlib.AbstractContextManager[None]:
-        """Create or open the folder, and lock it against other processes.
-
-        Raises:
-            ParameterError: if it is locked or holds anything but this fit; nothing is changed then.
-            OSError: if it cannot be created.
-        """
+        """Create or open the folder, and lock it against other processes; see ``held_folder``."""
         return held_folder(self.path, self._manifest, "fit", ParameterError)
 
     def simulate(
@@ -77,22 +61,17 @@ class FitFolder:
 
         Args:
             job: name of the work, different for each.
-            points: values of all unknowns at each point.
-            repeat: runs at each.
+            repeat: runs at each point.
 
         Returns:
             The measures, shape (points, repeat, targets).
-
-        Raises:
-            WorkerError: if the workers fail.
         """
         chunks = make_chunks(self._specification, points, repeat, seed)
         found = {chunk.number: self._read(job, chunk) for chunk in chunks}
         missing = [chunk for chunk in chunks if found[chunk.number] is None]
-        for chunk in chunks:
-            if found[chunk.number] is not None:
-                self.kept += len(chunk.points) * repeat
-                self.report(len(chunk.points) * repeat)
+        kept = repeat * sum(len(c.points) for c in chunks if found[c.number] is not None)
+        self.kept += kept
+        self.report(kept)
         if missing:
             # Compiled here once: the workers then find the kernels in the cache.
             condition = self._specification.conditions[0]

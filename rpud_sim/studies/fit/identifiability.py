@@ -3,12 +3,20 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Mapping
 
 import numpy as np
 from scipy import stats
 
-LEVEL = 0.90  # of the intervals
+from rpud_sim.studies.sweep.specification import Range
+
+LEVEL = 0.95  # of the intervals
+PERCENT = f"{100.0 * LEVEL:g} %"
+_TAIL = 0.5 * (1.0 - LEVEL)
+# Distance of the interval from a side, over its width, below which the side cuts the posterior off:
+# a normal distribution has a third of its peak there.
+_CUT_OFF = 0.05
 _WIDE, _NARROW = 0.8, 0.4  # width of an interval over that between the bounds
 _RIDGE = 0.6  # rank correlation from which on two unknowns form a ridge
 
@@ -20,8 +28,8 @@ class Interval:
     low: float  # end of the interval of ``LEVEL``, in SI units
     median: float  # of the posterior
     high: float  # other end
-    # of the interval over that of the same level between the bounds, on the prior's scale
-    width: float
+    width: float  # of the interval over that between the bounds, on the prior's scale
+    at_bound: tuple[str, ...]  # ends that a bound cuts off, ``low`` and ``high``
 
     @property
     def identified(self) -> str:
@@ -29,6 +37,21 @@ class Interval:
         if self.width > _WIDE:
             return "no"
         return "weakly" if self.width > _NARROW else "yes"
+
+    @property
+    def digits(self) -> int:
+        """Digits that tell both ends from the values between them."""
+        width, size = self.high - self.low, max(abs(self.low), abs(self.high))
+        return max(4, 2 + math.ceil(math.log10(size / width))) if width > 0.0 else 17
+
+    def __str__(self) -> str:
+        return f"{self.low:.{self.digits}g} to {self.high:.{self.digits}g}"
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What a reader of the interval has to know, in words."""
+        cut = [f"the {end} end is the bound: the true value may be beyond" for end in self.at_bound]
+        return (*cut, *([] if self.identified == "yes" else [f"identified: {self.identified}"]))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -46,43 +69,54 @@ class Ridge:
 
 
 @dataclasses.dataclass(frozen=True)
-class Direction:
-    """Principal direction of the posterior, in shares of the way between the bounds."""
-
-    width: float  # standard deviation over that of the prior; near 1, nothing is determined
-    parts: Mapping[str, float]  # of each unknown, by name; their squares add up to one
-
-
-@dataclasses.dataclass(frozen=True)
 class Identifiability:
     """What the targets determine."""
 
     intervals: Mapping[str, Interval]  # by unknown
-    correlation: np.ndarray  # rank correlations, shape (unknowns, unknowns)
     ridges: tuple[Ridge, ...]  # the strongest first
-    directions: tuple[Direction, ...]  # the widest first
 
 
-def interval_shares(shares: np.ndarray, level: float = LEVEL) -> tuple[np.ndarray, np.ndarray]:
-    """Return both ends of the central interval of equally probable points, by column."""
-    low, high = np.quantile(shares, (0.5 - 0.5 * level, 0.5 + 0.5 * level), axis=0)
+def cut_off(
+    shares: np.ndarray, low: np.ndarray | float = 0.0, high: np.ndarray | float = 1.0
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return for each column whether the low and the high side cut the distribution off."""
+    first, last = np.quantile(shares, (_TAIL, 1.0 - _TAIL), axis=0)
+    reach = _CUT_OFF * (last - first)
+    return first - low < reach, high - last < reach
+
+
+def interval_shares(shares: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return both ends of the interval of equally probable points, by column.
+
+    It is the central one. Where a bound cuts the posterior off, the interval begins at the bound:
+    the most probable value may be there.
+    """
+    at_low, at_high = cut_off(shares)
+    central = np.quantile(shares, (_TAIL, 1.0 - _TAIL), axis=0)
+    least, most = np.quantile(shares, (1.0 - LEVEL, LEVEL), axis=0)
+    low = np.where(at_low, 0.0, np.where(at_high, least, central[0]))
+    high = np.where(at_high, 1.0, np.where(at_low, most, central[1]))
     return low, high
 
 
-def identify(shares: np.ndarray, values: Mapping[str, np.ndarray]) -> Identifiability:
+def identify(shares: np.ndarray, unknowns: Mapping[str, Range]) -> Identifiability:
     """Return what a posterior determines.
 
     Args:
         shares: equally probable points, as shares of the way between the bounds.
-        values: the same points in SI units, by unknown.
+        unknowns: bounds, by name, in the order of the columns.
     """
-    names = list(values)
-    low, high = interval_shares(shares)
+    names = list(unknowns)
+    ends = np.stack([*interval_shares(shares), np.median(shares, axis=0)])
+    at_bound = np.stack(cut_off(shares))
     intervals = {}
-    for i, (name, column) in enumerate(values.items()):
-        ends = interval_shares(column)
-        width = float((high[i] - low[i]) / LEVEL)
-        intervals[name] = Interval(float(ends[0]), float(np.median(column)), float(ends[1]), width)
+    for i, (name, bounds) in enumerate(unknowns.items()):
+        low, high, median = bounds.at(ends[:, i]).tolist()
+        width = min(float(ends[1, i] - ends[0, i]) / LEVEL, 1.0)
+        cut = tuple(
+            end for end, is_cut in zip(("low", "high"), at_bound[:, i], strict=True) if is_cut
+        )
+        intervals[name] = Interval(low, median, high, width, cut)
     ranks = np.apply_along_axis(stats.rankdata, 0, shares)
     correlation = np.atleast_2d(np.corrcoef(ranks, rowvar=False))
     pairs = [
@@ -91,14 +125,5 @@ def identify(shares: np.ndarray, values: Mapping[str, np.ndarray]) -> Identifiab
         for j in range(i + 1, len(names))
         if abs(correlation[i, j]) >= _RIDGE
     ]
-    covariance = np.atleast_2d(np.cov(shares, rowvar=False)) * 12.0  # in units of the prior's
-    variances, vectors = np.linalg.eigh(covariance)
-    directions = tuple(
-        Direction(
-            float(np.sqrt(max(variances[i], 0.0))),
-            {name: float(part) for name, part in zip(names, vectors[:, i], strict=True)},
-        )
-        for i in range(len(names))[::-1]
-    )
     ridges = tuple(sorted(pairs, key=lambda ridge: -abs(ridge.correlation)))
-    return Identifiability(intervals, correlation, ridges, directions)
+    return Identifiability(intervals, ridges)

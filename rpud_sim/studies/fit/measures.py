@@ -16,12 +16,13 @@ from rpud_sim.model.segment import IMPACT, join_records
 from rpud_sim.model.single_contact import single_contact
 from rpud_sim.simulation.block import Block
 from rpud_sim.simulation.configuration import Configuration
-from rpud_sim.simulation.members import Figures, QuietRuns, runs_by_itself
+from rpud_sim.simulation.members import QuietRuns, runs_by_itself
 from rpud_sim.simulation.sampling import Times
 from rpud_sim.simulation.simulation import Simulation
 from rpud_sim.simulation.statistics import FIGURES, Statistics
 
 SAMPLE_RATE = 5000  # for the greatest displacements; these motions are slower than 100 Hz [Hz]
+_TORQUE_INTERVAL = SECOND // 100  # between samples of the torque [ns]
 
 # Values of single impacts, with the field of their record and unit, for a statistic over them.
 IMPACT_VALUES = MappingProxyType(
@@ -33,15 +34,22 @@ IMPACT_VALUES = MappingProxyType(
         "impulse": ("impulse", "N s"),
     }
 )
-STATISTICS = ("mean", "min", "max", "quantile")
 
 # Figures of a whole window, in addition to those of ``rpud simulate``, with their units.
 WINDOW_FIGURES = MappingProxyType(
     {
-        "impacts": "",
         "kinetic_energy": "J",
         "nodal_plane_displacement": "m",
         "drill_tool_displacement": "m",
+    }
+)
+# Figures of rock, rotor and actuator, as topics name them: means over a window.
+DRILLING_FIGURES = MappingProxyType(
+    {
+        "penetration_rate": "m/s",
+        "torque": "N m",  # of rock and cuttings against the rotation
+        "electrical_power": "W",
+        "actuator_power": "W",  # work of the vibration on the free mass
     }
 )
 # Those that are sampled, with their channels.
@@ -64,6 +72,7 @@ UNITS: Mapping[str, str] = MappingProxyType(
     {
         **FIGURES,
         **WINDOW_FIGURES,
+        **DRILLING_FIGURES,
         **{name: unit for name, (_, unit) in IMPACT_VALUES.items()},
         **{name: unit for name, (_, unit) in CONTACT_FIGURES.items()},
     }
@@ -77,8 +86,7 @@ class Measure:
     figure: str  # of ``UNITS``
     start: float  # of its window, simulation time [s]
     end: float  # of its window [s]
-    statistic: str = ""  # of ``STATISTICS`` for values of impacts; empty for other figures
-    quantile: float = 0.5  # from 0 to 1, for the statistic of that name
+    quantile: float | None = None  # of values of impacts, from 0 to 1; None for their mean
     impact_velocity: float = 5.0  # of the free mass, for a figure of one collision [m/s]
 
     @property
@@ -94,10 +102,25 @@ class Measure:
     def __str__(self) -> str:
         if not self.simulated:
             return f"{self.figure} at {self.impact_velocity:g} m/s"
-        statistic = f", {self.statistic}" if self.statistic else ""
-        if self.statistic == "quantile":
+        statistic = ", mean" if self.figure in IMPACT_VALUES else ""
+        if self.quantile is not None:
             statistic = f", {100.0 * self.quantile:g} % quantile"
         return f"{self.figure}{statistic}, {self.start:g} to {self.end:g} s"
+
+
+def missing_model(configuration: Configuration, figure: str) -> str:
+    """Return the parameter that a drill must set to have a figure; empty if it has it."""
+    rock = configuration.rock.rock_model != "none" or bool(configuration.strata.strata)
+    needs = {
+        "penetration_rate": (rock, "rock_model or strata"),
+        "torque": (configuration.rotation.rotation_model != "none", "rotation_model"),
+        "electrical_power": (
+            configuration.actuator.actuator_model == "resonance",
+            "actuator_model: resonance",
+        ),
+    }
+    has, parameter = needs.get(figure, (True, ""))
+    return "" if has else parameter
 
 
 def measure(configuration: Configuration, phase: float, measures: Sequence[Measure]) -> list[float]:
@@ -106,15 +129,12 @@ def measure(configuration: Configuration, phase: float, measures: Sequence[Measu
     Args:
         phase: initial phase of the vibration [cycles].
         measures: which figures.
-
-    Raises:
-        EngineError: if the engine cannot finish the run.
     """
     windows: dict[tuple[int, int], _Window] = {}
     wanted = {_window(item) for item in measures if item.simulated}
     edges = sorted({0, *(edge for window in wanted for edge in window)})
-    sampled = any(item.figure in _CHANNELS for item in measures)
-    for part in _parts(configuration, phase, edges, sampled) if wanted else ():
+    figures = {item.figure for item in measures}
+    for part in _parts(configuration, phase, edges, figures) if wanted else ():
         for window in wanted:
             if window[0] <= part.start and part.end <= window[1]:
                 windows.setdefault(window, _Window()).add(part)
@@ -135,36 +155,48 @@ def _contact(configuration: Configuration, item: Measure) -> float:
 
 @dataclasses.dataclass(frozen=True)
 class _Part:
-    """Part of a run between two edges of windows [ns]; its block if it is sampled."""
+    """Part of a run between two edges of windows."""
 
-    start: int
-    end: int
+    start: int  # [ns]
+    end: int  # [ns]
     statistics: Statistics
     impacts: np.ndarray
-    block: Block | None = None
+    deeper: float  # by which the hole gets deeper [m]; NaN without rock
+    torques: tuple[float, ...] = ()  # at even times, if they are wanted [N m]
+    blocks: tuple[Block, ...] = ()  # if the motion is sampled
 
 
 def _parts(
-    configuration: Configuration, phase: float, edges: Sequence[int], sampled: bool
+    configuration: Configuration, phase: float, edges: Sequence[int], figures: set[str]
 ) -> Iterator[_Part]:
     """Yield a run part by part, from one edge to the next."""
-    quiet = QuietRuns(configuration, (phase,)) if _is_quiet(configuration, sampled) else None
-    simulation = None if quiet else Simulation(configuration, phase)
+    if runs_by_itself(configuration) and figures.isdisjoint(_CHANNELS):
+        yield from _quiet_parts(configuration, phase, edges, "actuator_power" in figures)
+        return
+    simulation = Simulation(configuration, phase)
+    turns = "torque" in figures and configuration.rotation.rotation_model != "none"
     for start, end in itertools.pairwise(edges):
-        statistics = Statistics()
-        if quiet:
-            # A copy by bytes: NumPy copies structures field by field.
-            impacts = join_records([quiet.advance_to(end, statistics, whole=False)], IMPACT)
-            yield _Part(start, end, statistics, impacts)
-        if simulation:
-            block = simulation.advance_to(end)
+        depth, statistics = simulation.depth, Statistics()
+        between = range(start + _TORQUE_INTERVAL, end, _TORQUE_INTERVAL) if turns else ()
+        blocks = tuple(simulation.advance_to(time) for time in (*between, end))
+        for block in blocks:
             statistics.add(block)
-            yield _Part(start, end, statistics, block.impacts, block)
+        rotors = [block.process.rotation for block in blocks] if turns else []
+        torques = tuple(rotor.torque for rotor in rotors if rotor)
+        impacts = join_records([block.impacts for block in blocks], IMPACT)
+        yield _Part(start, end, statistics, impacts, simulation.depth - depth, torques, blocks)
 
 
-def _is_quiet(configuration: Configuration, sampled: bool) -> bool:
-    """Return whether a run needs no records, because its motion is not sampled."""
-    return not sampled and runs_by_itself(configuration)
+def _quiet_parts(
+    configuration: Configuration, phase: float, edges: Sequence[int], whole: bool
+) -> Iterator[_Part]:
+    """Yield a run that needs no records, because nothing in it is sampled."""
+    run = QuietRuns(configuration, (phase,))
+    for start, end in itertools.pairwise(edges):
+        depth, statistics = run.depth, Statistics()
+        # A copy by bytes: NumPy copies structures field by field.
+        impacts = join_records([run.advance_to(end, statistics, whole)], IMPACT)
+        yield _Part(start, end, statistics, impacts, run.depth - depth)
 
 
 class _Window:
@@ -177,27 +209,35 @@ class _Window:
         self._parts.append(part)
 
     def figure(self, item: Measure) -> float:
+        duration = (self._parts[-1].end - self._parts[0].start) / SECOND
         if item.figure in IMPACT_VALUES:
             return impact_statistic(self._impacts[IMPACT_VALUES[item.figure][0]], item)
-        if item.figure == "impacts":
-            return float(len(self._impacts))
         if item.figure == "kinetic_energy":
             return float(self._impacts["energy"].sum())
-        if item.figure in WINDOW_FIGURES:
-            channel = _CHANNELS[item.figure]
-            return max(_greatest(part.block, channel) for part in self._parts if part.block)
-        value = self._figures[item.figure]
+        if item.figure in _CHANNELS:
+            blocks = [block for part in self._parts for block in part.blocks]
+            return max(_greatest(block, _CHANNELS[item.figure]) for block in blocks)
+        if item.figure == "penetration_rate":
+            return math.fsum(part.deeper for part in self._parts) / duration
+        if item.figure == "torque":
+            torques = [torque for part in self._parts for torque in part.torques]
+            return math.fsum(torques) / len(torques) if torques else math.nan
+        if item.figure == "electrical_power":
+            return self._statistics.account.electrical / duration
+        if item.figure == "actuator_power":
+            return self._statistics.account.actuator_work / duration
+        value = self._statistics.figures()[item.figure]
         return math.nan if value is None else float(value)
 
     @cached_property
-    def _figures(self) -> Figures:
-        """Figures of all parts; one part needs no merging."""
+    def _statistics(self) -> Statistics:
+        """Statistics of all parts; one part needs no merging."""
         if len(self._parts) == 1:
-            return self._parts[0].statistics.figures()
+            return self._parts[0].statistics
         statistics = Statistics()
         for part in self._parts:
             statistics.merge(part.statistics)
-        return statistics.figures()
+        return statistics
 
     @cached_property
     def _impacts(self) -> np.ndarray:
@@ -210,21 +250,7 @@ def impact_statistic(values: np.ndarray, item: Measure) -> float:
     """Return the statistic of a measure over values of impacts; NaN if there are none."""
     if not len(values):
         return math.nan
-    if item.statistic == "quantile":
-        return _quantile(values, item.quantile)
-    return float(getattr(values, item.statistic)())
-
-
-def _quantile(values: np.ndarray, share: float) -> float:
-    """Return the quantile of NumPy's ``quantile``, whose calls would be a tenth of a fit's time."""
-    place = share * (len(values) - 1)
-    below = math.floor(place)
-    above = min(below + 1, len(values) - 1)
-    low, high = np.partition(values, (below, above))[[below, above]].tolist()
-    part = place - below
-    if part < 0.5:
-        return float(low + (high - low) * part)
-    return float(high - (high - low) * (1.0 - part))
+    return float(values.mean() if item.quantile is None else np.quantile(values, item.quantile))
 
 
 def _greatest(block: Block, channel: str) -> float:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from rpud_sim.foundation.quantities import Flag, Quantity
 from rpud_sim.simulation.configuration import PARAMETERS, to_values
 from rpud_sim.studies.fit.fit import Fit
-from rpud_sim.studies.fit.identifiability import LEVEL
+from rpud_sim.studies.fit.identifiability import PERCENT
 from rpud_sim.studies.fit.specification import Specification, unit_of
 
 _COLUMN = 43  # where comments begin
@@ -25,15 +25,11 @@ def parameter_file(fit: Fit, command: str) -> str:
         "# Best point of a fit. Values marked as fitted are not measured: the fit chose them so",
         "# that the model gives the targets. Made by",
         f"#   {command}",
+        *([f"# No intervals: {fit.refusal}."] if fit.refusal else []),
     ]
-    for comparison in fit.comparisons:
-        target = comparison.target
-        seen = ", held out" if target.hold_out else ""
-        source = f"{target.source}: " if target.source else ""
-        lines.append(
-            f"# {source}{target.title}: {target.value:.4g} {target.measure.unit}".rstrip()
-            + f"; the model gives {comparison.mean:.4g}{seen}"
-        )
+    for item in fit.comparisons:
+        source = f"{item.target.source}: " if item.target.source else ""
+        lines.append(f"# {source}{item}")
     lines += ["/**:", "  ros__parameters:"]
     names = list(PARAMETERS)
     always = names[: names.index(_IMPACT_DYNAMICS_END) + 1]
@@ -67,12 +63,11 @@ def _written(name: str, value: object) -> str:
 
 def _comment(fit: Fit, name: str) -> str:
     unit = f" [{unit_of(name)}]" if unit_of(name) else ""
-    interval = fit.identifiability.intervals.get(name)
-    if interval is not None:
-        text = f"# fitted: {LEVEL:.0%} interval {interval.low:.4g} to {interval.high:.4g}{unit}"
-        return text.replace("%", " %") + (
-            "" if interval.identified == "yes" else f", identified: {interval.identified}"
-        )
+    if name in fit.specification.unknowns:
+        if fit.found is None:
+            return f"# fitted: no interval{unit}"
+        interval = fit.found.intervals[name]
+        return f"# fitted: {', '.join((f'{PERCENT} interval {interval}{unit}', *interval.remarks))}"
     if name in fit.specification.choices:
         share = sum(p for choices, p in fit.probabilities if choices[name] == fit.best[name])
         allowed = ", ".join(str(value) for value in fit.specification.choices[name])

@@ -7,12 +7,10 @@ follows ridges and separate peaks, and gives the evidence for each combination o
 
 from __future__ import annotations
 
-import copy
 import dataclasses
 import math
 
 import numpy as np
-from scipy import optimize
 from scipy.stats import qmc
 
 from rpud_sim.studies.fit.specification import Target
@@ -27,7 +25,8 @@ class Likelihood:
     """Logarithm of the likelihood of the targets, from a surrogate.
 
     The error of a figure has three parts: the tolerance of its target, the chance of the runs whose
-    mean the target is, and the surrogate's own error.
+    mean the target is, and the surrogate's own error. The parts of data show its chance as well, so
+    the greater of both counts. Chance is correlated as between the figures of a run.
 
     Args:
         targets: of the fit, one for each figure.
@@ -38,20 +37,11 @@ class Likelihood:
         values = np.array([target.value for target in targets])
         self._used = np.array([not target.hold_out for target in targets])
         self._runs = np.array([float(target.runs) for target in targets])
-        tolerance = np.array([target.tolerance for target in targets])
-        safe = np.where(values == 0.0, 1.0, np.abs(values))
-        tolerance = np.where(surrogate.logarithmic, tolerance / safe, tolerance)
-        groups = [target.group or str(number) for number, target in enumerate(targets)]
-        same = np.array([[a == b for b in groups] for a in groups])
-        # covariance of the targets' errors, as the figures are fitted
-        self.tolerance = tolerance[:, None] * tolerance * np.where(same, surrogate.correlation, 0.0)
+        # standard deviations of the targets' errors, as the figures are fitted
+        safe = np.where((values == 0.0) | ~surrogate.logarithmic, 1.0, np.abs(values))
+        self._tolerance = np.array([target.tolerance for target in targets]) / safe
+        self._sampling = np.array([target.sampling or 0.0 for target in targets]) / safe
         self._values = surrogate.transform(values)
-
-    def with_values(self, values: np.ndarray) -> Likelihood:
-        """Return the likelihood of other values with the same errors, as the figures are fitted."""
-        other = copy.copy(self)
-        other._values = self.surrogate.transform(values)
-        return other
 
     def expected(self, shares: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return mean and covariance of the targets, as they are fitted, by point.
@@ -61,11 +51,11 @@ class Likelihood:
         mean, spread = self.surrogate.predict(shares)
         raised = 0.5 * spread**2 * (1.0 - 1.0 / self._runs)
         mean = mean + np.where(self.surrogate.logarithmic, np.minimum(raised, 0.5), 0.0)
-        chance = spread / np.sqrt(self._runs)
+        chance = np.maximum(spread / np.sqrt(self._runs), self._sampling)
         covariance = (
             chance[:, :, None] * chance[:, None, :] * self.surrogate.correlation
             + self.surrogate.error
-            + self.tolerance
+            + np.diag(self._tolerance**2)
         )
         return mean, covariance
 
@@ -134,24 +124,6 @@ def sample(likelihood: Likelihood, particles: int, random: np.random.Generator) 
         if power >= 1.0:
             break
     return Posterior(shares, logs, evidence)
-
-
-def maximum(likelihood: Likelihood, posterior: Posterior, starts: int = 8) -> np.ndarray:
-    """Return the most probable point, shape (unknowns,)."""
-    region = likelihood.surrogate.region
-    order = np.argsort(-posterior.log_likelihood)[: starts * 8 : 8]
-    bounds = list(zip(region.low, region.high, strict=True))
-
-    def loss(point: np.ndarray) -> float:
-        value = float(likelihood(np.clip(point, region.low, region.high)[None])[0])
-        return -value if math.isfinite(value) else 1e12
-
-    best = posterior.shares[order[0]], -float(posterior.log_likelihood[order[0]])
-    for start in posterior.shares[order]:
-        found = optimize.minimize(loss, start, method="L-BFGS-B", bounds=bounds)
-        if found.fun < best[1]:
-            best = np.clip(found.x, region.low, region.high), float(found.fun)
-    return best[0]
 
 
 def _step(logs: np.ndarray, power: float) -> float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -25,8 +26,17 @@ class Target:
     parameters: tuple[tuple[str, Any], ...] = ()
     hold_out: bool = False  # whether the fit does not see it, and only reports it
     source: str = ""  # where the value comes from; may be empty
-    # of targets from the same data, whose errors are correlated; empty for a single one
-    group: str = ""
+    # standard error by chance, from the parts of the data that the value is from; else None
+    sampling: float | None = None
+
+    def error(self, spread: float) -> float:
+        """Return the standard deviation of tolerance and chance.
+
+        Args:
+            spread: standard deviation of single runs.
+        """
+        chance = max(spread / math.sqrt(self.runs), self.sampling or 0.0)
+        return math.hypot(chance, self.tolerance)
 
     @property
     def title(self) -> str:
@@ -63,11 +73,7 @@ class Specification:
     def configuration(
         self, unknown: Mapping[str, Any], condition: tuple[tuple[str, Any], ...] = ()
     ) -> Configuration:
-        """Return the drill for values of the unknowns and a target's own parameters.
-
-        Raises:
-            ParameterError: if a value is outside its range.
-        """
+        """Return the drill for values of the unknowns and a target's own parameters."""
         return to_configuration({**self.parameters, **unknown, **dict(condition)})
 
     def content(self) -> dict[str, Any]:

@@ -39,7 +39,6 @@ class Surrogate:
     spread_factors: np.ndarray  # coefficients for each figure, shape (terms, figures)
     correlation: np.ndarray  # of the figures of one run, shape (figures, figures)
     error: np.ndarray  # covariance of the surrogate's own errors, shape (figures, figures)
-    degrees: tuple[int, ...]  # of the polynomial of each figure
     valid: np.ndarray  # whether each point of the design had all figures
     points: KDTree | None  # nearest-neighbour index of the design, None if all are valid
 
@@ -48,10 +47,6 @@ class Surrogate:
         with np.errstate(invalid="ignore", divide="ignore"):
             logs = np.where(figures > 0.0, np.log(np.where(figures > 0.0, figures, 1.0)), np.nan)
         return np.where(self.logarithmic, logs, figures)
-
-    def restore(self, fitted: np.ndarray) -> np.ndarray:
-        """Return the inverse of ``transform``."""
-        return np.where(self.logarithmic, np.exp(np.where(self.logarithmic, fitted, 0.0)), fitted)
 
     def predict(self, shares: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return mean and spread of single runs, as they are fitted, each of shape (n, figures)."""
@@ -83,9 +78,6 @@ def fit_surrogate(
         shares: the points, shape (points, unknowns).
         figures: of the runs, shape (points, repeat, figures); NaN if missing.
         groups: condition of each figure; runs of two conditions are independent.
-
-    Raises:
-        SurrogateError: if too few points have all figures.
     """
     valid = np.isfinite(figures).all(axis=(1, 2))
     fewest = 4 * (shares.shape[1] + 1)
@@ -122,7 +114,6 @@ def fit_surrogate(
         spread_factors,
         correlation,
         error,
-        tuple(int(terms.sum(axis=1).max()) for terms, *_ in fits),
         valid,
         tree,
     )

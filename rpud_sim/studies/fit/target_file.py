@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
@@ -23,9 +24,9 @@ from rpud_sim.studies.fit.measures import (
     CONTACT_FIGURES,
     IMPACT_VALUES,
     SIGNED,
-    STATISTICS,
     UNITS,
     Measure,
+    missing_model,
 )
 from rpud_sim.studies.fit.specification import Specification, Target
 from rpud_sim.studies.sweep.specification import SCALES, Range
@@ -41,8 +42,8 @@ _EFFORT = {
     "phase_spread": Quantity("cycles", "greatest initial phase", 0.0, 0.5),
 }
 _TARGET = (
-    *("figure", "statistic", "window", "value", "tolerance", "runs", "impact_velocity"),
-    *("regime", "parameters", "hold_out", "source"),
+    *("figure", "statistic", "window", "value", "tolerance", "runs"),
+    *("parameters", "hold_out", "source"),
 )
 _MOST_COMBINATIONS = 64
 # Parameters of the drill; those of the node change no figure.
@@ -50,11 +51,7 @@ _NAMES = tuple(name for name in PARAMETERS if name not in NODE_NAMES)
 
 
 def read_target_file(path: str | Path) -> Specification:
-    """Return the specification of a YAML file; the paths in it begin at its folder.
-
-    Raises:
-        ParameterError: if the file, or one that it names, cannot be used.
-    """
+    """Return the specification of a YAML file; the paths in it begin at its folder."""
     content = read_yaml(path)
     try:
         return parse_targets(content, Path(path).parent)
@@ -67,9 +64,6 @@ def parse_targets(content: Any, folder: Path = Path()) -> Specification:
 
     Args:
         folder: at which paths begin.
-
-    Raises:
-        ParameterError: if they are not valid; the text names the entry and the reason.
     """
     if content is None:
         raise ParameterError("is empty")
@@ -84,22 +78,30 @@ def parse_targets(content: Any, folder: Path = Path()) -> Specification:
     ]
     for number, item in enumerate(_list("data", entries.get("data", []))):
         entry = f"data[{number}]"
-        _check_parameters(entry, _own_parameters(entry, _mapping(entry, item)))
-        targets += read_data(entry, item, _own_parameters(entry, item), folder)
+        own = _own_parameters(entry, _mapping(entry, item), fixed)
+        targets += read_data(entry, item, own, folder)
     effort = {
-        name: _number(name, allowed, entries[name])
+        name: allowed.check(name, entries[name])
         for name, allowed in _EFFORT.items()
         if name in entries
     }
-    if not any(not target.hold_out for target in targets):
-        raise ParameterError("targets: holds no target that the fit may use")
     specification = Specification(fixed, unknowns, choices, tuple(targets), **effort)
     if specification.points & (specification.points - 1):
         raise ParameterError(f"points = {specification.points} is no power of two")
     if len(specification.combinations) > _MOST_COMBINATIONS:
         raise ParameterError(f"unknowns: have more than {_MOST_COMBINATIONS} combinations")
-    _check_pairs(specification)
-    return specification
+    missing = _missing_models(specification)
+    for number, target in enumerate(targets):
+        if missing[number] and target.sampling is None:
+            raise ParameterError(
+                f"targets[{number}].figure: {target.measure.figure} [{target.measure.unit}] needs "
+                f"the parameter {missing[number]}"
+            )
+    # A recording may have more than the drill of the fit is asked to model.
+    kept = tuple(t for t, parameter in zip(targets, missing, strict=True) if not parameter)
+    if all(target.hold_out for target in kept):
+        raise ParameterError("targets: holds no target that the fit may use")
+    return dataclasses.replace(specification, targets=kept)
 
 
 def _unknowns(
@@ -138,7 +140,7 @@ def _range(entry: str, name: str, content: Any) -> Range:
     if not (isinstance(content, list) and len(content) == 2):
         raise ParameterError(f"{entry}: {shown(content)} is not of the form [low, high]")
     allowed = PARAMETERS[name].allowed
-    low, high = (float(_number(f"{entry}: {name}", allowed, value)) for value in content)
+    low, high = (float(allowed.check(f"{entry}: {name}", value)) for value in content)
     if not low < high:
         raise ParameterError(f"{entry}: low {low:g} is not below high {high:g}")
     if scale == "log" and not low > 0.0:
@@ -163,70 +165,50 @@ def _target(entry: str, content: Any, fixed: Mapping[str, Any]) -> Target:
     for name in ("figure", "value", "tolerance"):
         if name not in entries:
             raise ParameterError(f"{entry}.{name}: is missing")
-    measure = parse_measure(entry, entries)
+    measure = _measure(entry, entries)
     least = -_GREATEST if measure.figure in SIGNED else 0.0
-    value = float(
-        _number(f"{entry}.value", Quantity(measure.unit, "", least, _GREATEST), entries["value"])
-    )
-    own = _own_parameters(entry, entries)
-    _check_parameters(entry, {**fixed, **own})
+    allowed = Quantity(measure.unit, "", least, _GREATEST)
+    value = float(allowed.check(f"{entry}.value", entries["value"]))
+    own = _own_parameters(entry, entries, fixed)
     return Target(
         measure,
         value,
         _tolerance(f"{entry}.tolerance", entries["tolerance"], value, measure.unit),
-        _number(f"{entry}.runs", Quantity("", "", 1, 1e9, whole=True), entries.get("runs", 1)),
+        Quantity("", "", 1, 1e9, whole=True).check(f"{entry}.runs", entries.get("runs", 1)),
         tuple(own.items()),
         Flag("").check(f"{entry}.hold_out", entries.get("hold_out", False)),
         Text("", "").check(f"{entry}.source", entries.get("source", "")),
     )
 
 
-def parse_measure(entry: str, entries: Mapping[str, Any]) -> Measure:
-    """Return the measure of an entry, from its figure, statistic, window and impact velocity.
-
-    Raises:
-        ParameterError: if one of them is not valid.
-    """
+def _measure(entry: str, entries: Mapping[str, Any]) -> Measure:
     figure = entries["figure"]
-    if not isinstance(figure, str) or figure not in UNITS:
-        raise ParameterError(
-            f"{entry}.figure: {shown_name(figure)} is not a figure; {did_you_mean(figure, UNITS)}"
-        )
-    statistic, quantile = _statistic(entry, figure, entries.get("statistic"))
-    start, end = _window(f"{entry}.window", entries.get("window", 5.0))
+    _known(f"{entry}.figure: ", [figure], UNITS, "a figure")
     if figure in CONTACT_FIGURES:
-        speed = _number(
-            f"{entry}.impact_velocity",
-            Quantity("m/s", "", 0.0, 1e3, exclusive=True),
-            entries.get("impact_velocity", 5.0),
-        )
-        return Measure(figure, 0.0, 0.0, impact_velocity=speed)
-    if "impact_velocity" in entries:
-        raise ParameterError(
-            f"{entry}.impact_velocity: is for {' and '.join(CONTACT_FIGURES)} alone"
-        )
-    return Measure(figure, start, end, statistic, quantile)
+        return Measure(figure, 0.0, 0.0)
+    start, end = _window(f"{entry}.window", entries.get("window", 5.0))
+    return Measure(figure, start, end, _quantile(f"{entry}.statistic", figure, entries))
 
 
-def _statistic(entry: str, figure: str, content: Any) -> tuple[str, float]:
+def _quantile(entry: str, figure: str, entries: Mapping[str, Any]) -> float | None:
+    """Return the quantile of ``statistic``; None for the mean."""
+    if "statistic" not in entries:
+        return None
     if figure not in IMPACT_VALUES:
-        if content is not None:
-            raise ParameterError(
-                f"{entry}.statistic: {figure} has none; those of {', '.join(IMPACT_VALUES)} have"
-            )
-        return "", 0.5
-    words = str("mean" if content is None else content).split()
-    if words[:1] == ["quantile"] and len(words) == 2:
-        try:
-            share: Any = float(words[1])
-        except ValueError:
-            share = words[1]
-        return "quantile", _number(f"{entry}.statistic: quantile", Quantity("", "", 0, 1), share)
-    if len(words) != 1 or words[0] not in STATISTICS[:3]:
         raise ParameterError(
-            f"{entry}.statistic = {shown(content)} is not one of mean, min, max, quantile Q"
+            f"{entry}: {figure} has none; those of {', '.join(IMPACT_VALUES)} have"
         )
-    return words[0], 0.5
+    content = entries["statistic"]
+    if content == "mean":
+        return None
+    word, _, share = str(content).partition(" ")
+    try:
+        if word == "quantile":
+            return float(Quantity("", "", 0, 1).check(f"{entry}: quantile", float(share)))
+    except ValueError as error:
+        if isinstance(error, ParameterError):
+            raise
+    raise ParameterError(f"{entry} = {shown(content)} is neither mean nor quantile Q")
 
 
 def _window(entry: str, content: Any) -> tuple[float, float]:
@@ -235,7 +217,7 @@ def _window(entry: str, content: Any) -> tuple[float, float]:
     if len(content) != 2:
         raise ParameterError(f"{entry}: {shown(content)} is neither seconds nor [from, to]")
     allowed = Quantity("s", "", 0.0, _LONGEST)
-    start, end = (_number(entry, allowed, value) for value in content)
+    start, end = (allowed.check(entry, value) for value in content)
     if not start < end:
         raise ParameterError(f"{entry}: begins at {start:g} s and ends at {end:g} s")
     return start, end
@@ -248,26 +230,37 @@ def _tolerance(entry: str, content: Any, value: float, unit: str) -> float:
         except ValueError:
             share = content
         percent = Quantity("%", "", 0.0, 1e3, exclusive=True)
-        tolerance = 0.01 * _number(entry, percent, share) * abs(value)
+        tolerance = 0.01 * percent.check(entry, share) * abs(value)
     else:
-        tolerance = _number(entry, Quantity(unit, "", 0.0, _GREATEST, exclusive=True), content)
+        tolerance = Quantity(unit, "", 0.0, _GREATEST, exclusive=True).check(entry, content)
     if not tolerance > 0.0:
         raise ParameterError(f"{entry}: {shown(content)} of {value:g} is no tolerance above 0")
     return float(tolerance)
 
 
-def _own_parameters(entry: str, entries: Mapping[str, Any]) -> dict[str, Any]:
+def _own_parameters(
+    entry: str, entries: Mapping[str, Any], fixed: Mapping[str, Any]
+) -> dict[str, Any]:
     own = dict(_mapping(f"{entry}.parameters", entries.get("parameters", {})))
-    return {"regime": entries["regime"], **own} if "regime" in entries else own
+    _check_parameters(entry, {**fixed, **own})
+    return own
 
 
-def _check_pairs(specification: Specification) -> None:
-    """Check every condition of the targets at the corners that bounds and choices have."""
+def _missing_models(specification: Specification) -> list[str]:
+    """Return the parameter that each target needs and a drill of the fit lacks, or nothing.
+
+    Every condition of the targets is checked at the corners that bounds and choices have.
+    """
+    found = [""] * len(specification.targets)
     for combination in specification.combinations:
         for end in ("minimum", "maximum"):
             values = {name: getattr(item, end) for name, item in specification.unknowns.items()}
             for condition in specification.conditions:
-                specification.configuration({**values, **combination}, condition)
+                drill = specification.configuration({**values, **combination}, condition)
+                for number, target in enumerate(specification.targets):
+                    if target.parameters == condition:
+                        found[number] = found[number] or missing_model(drill, target.measure.figure)
+    return found
 
 
 def _check_parameters(entry: str, values: Mapping[str, Any]) -> None:
@@ -292,11 +285,7 @@ def _list(entry: str, content: Any) -> list[Any]:
 
 def _known(prefix: str, names: Iterable[Any], known: Iterable[str], kind: str) -> None:
     for name in names:
-        if name not in known:
+        if not isinstance(name, str) or name not in known:
             raise ParameterError(
                 f"{prefix}{shown_name(name)} is not {kind}; {did_you_mean(name, known)}"
             )
-
-
-def _number(entry: str, allowed: Any, value: Any) -> Any:
-    return allowed.check(entry, value)

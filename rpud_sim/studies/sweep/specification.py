@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from rpud_sim.model.elementary import power
 from rpud_sim.simulation.changes import Planned
 from rpud_sim.simulation.configuration import Configuration, Settings, to_configuration, to_settings
 from rpud_sim.simulation.faults import Fault
@@ -43,7 +44,9 @@ class Range:
     def at(self, shares: np.ndarray) -> np.ndarray:
         """Return the values at shares of the way from minimum to maximum, in the same shape."""
         if self.scale == "log":
-            values = self.minimum * np.exp(shares * math.log(self.maximum / self.minimum))
+            ratio = self.maximum / self.minimum
+            growth = [power(ratio, share) for share in np.ravel(shares).tolist()]
+            values = self.minimum * np.reshape(growth, np.shape(shares))
         else:
             values = self.minimum + shares * (self.maximum - self.minimum)
         values = np.where(shares == 1.0, self.maximum, values)

@@ -5,19 +5,18 @@ from __future__ import annotations
 import time
 from bisect import bisect_left
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from functools import lru_cache, partial
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
 import rpud_sim.bag
 from rpud_sim.bag import BagError, Message, Piece
-from rpud_sim.bag.block_order import gathered_blocks
 from rpud_sim.bag.cdr import Codec
-from rpud_sim.bag.message_block import MessageBlock, joined
+from rpud_sim.bag.message_block import MessageBlock, joined, messages_of
 from rpud_sim.foundation.time import SECOND, join_seconds
 from rpud_sim.viewer.recorded.clock import Clock, Jump, Series, find_jumps, zero_stamp
 from rpud_sim.viewer.recorded.signals import (
@@ -40,7 +39,6 @@ _KEPT = 96  # parts whose rows, and decoded messages, are kept
 _STILL = 10.0  # a bag that was written to within so many seconds may still be recorded [s]
 
 PieceRows = dict[str, Rows]  # rows of one part of a bag, by topic
-_Read = TypeVar("_Read")
 
 
 class Recording:
@@ -159,7 +157,7 @@ class Recording:
         """Return the rows of several parts together, by topic; they are not kept."""
         by_topic: dict[str, list[MessageBlock]] = {}
         for number in numbers:
-            for block in self._undamaged(number, self._topics, self._blocks):
+            for block in self._undamaged(number, self._topics):
                 by_topic.setdefault(block.topic, []).append(block)
         return {
             name: self.readers[name].read(
@@ -170,7 +168,7 @@ class Recording:
 
     def messages(self, number: int, topics: Sequence[str]) -> list[Message]:
         """Return the messages of topics in a part; none of a damaged one."""
-        return self._undamaged(number, frozenset(topics), lambda piece: piece.read(topics))
+        return [*messages_of(self._undamaged(number, frozenset(topics)))]
 
     def _decode(self, number: int, topic: str) -> list[tuple[Message, Any]]:
         """Return the messages of a topic in a part, as they came and decoded; no others."""
@@ -245,24 +243,14 @@ class Recording:
         parts = enumerate(self.pieces[:count])
         return [number for number, piece in parts if drill in map(namespace, piece.topics)]
 
-    def _blocks(self, piece: Piece) -> Iterable[MessageBlock]:
-        if piece.blocks is not None:
-            return piece.blocks(self._topics)
-        return gathered_blocks(piece.read(self._topics))
-
-    def _undamaged(
-        self,
-        number: int,
-        topics: frozenset[str],
-        read: Callable[[Piece], Iterable[_Read]],
-    ) -> list[_Read]:
+    def _undamaged(self, number: int, topics: frozenset[str]) -> list[MessageBlock]:
         """Return what a part holds of some topics, up to its damage; note the damage."""
         piece = self.pieces[number]
-        found: list[_Read] = []
+        found: list[MessageBlock] = []
         if piece.topics.isdisjoint(topics):
             return found
         try:
-            found.extend(read(piece))  # what is before the damage stays
+            found.extend(piece.blocks(topics))  # what is before the damage stays
         except BagError as error:
             self.damages.setdefault(number, str(error))
         return found

@@ -21,7 +21,7 @@ from rpud_sim.viewer.recorded.waveforms import CHANNELS, Waveform, Waveforms
 
 MESSAGES, WAVEFORM = "messages", "waveform"  # what a near view is made of
 MESSAGES_RANGE = 10.0  # longest range of time that is drawn from the messages themselves [s]
-WAVEFORM_RANGE = 0.05  # longest range of time that is drawn from the rebuilt waveform [s]
+WAVEFORM_RANGE = 0.05  # longest range of time that is drawn from the waveform [s]
 
 _MOST_PIECES = 80  # parts of the bag that one view reads
 _MOST_BACK = 50  # parts of the bag that are searched for the latest status
@@ -61,8 +61,8 @@ class Views:
         """Whether there is anything of a quantity."""
         if quantity in IMPACTS:
             return self._overview.impacts[drill].total > 0
-        exact = quantity in CHANNELS and self._waveforms.has(drill)
-        return exact or self.signal(drill, quantity) is not None
+        known = quantity in CHANNELS and self._waveforms.has(drill)
+        return known or self.signal(drill, quantity) is not None
 
     def picture(self, drill: str) -> Picture:
         """Return what the overview has of a drill."""
@@ -101,6 +101,8 @@ class Views:
         detail = MESSAGES
         if end - start < 1.001 * WAVEFORM_RANGE:
             waveform = self._waveforms.between(drill, start, end)
+            if not len(waveform.times):
+                waveform = self._waveforms.recorded(drill, start, end, beyond=1)
             if len(waveform.times):
                 detail = WAVEFORM
                 struck = "peak_force" in layers and len(layers["peak_force"]["t"]) > 0

@@ -1,4 +1,4 @@
-"""Exact waveforms of any part of a bag, rebuilt from the trajectory, and sections of motion."""
+"""Waveforms of any part of a bag, rebuilt from the trajectory or as recorded, and sections."""
 
 from __future__ import annotations
 
@@ -39,10 +39,10 @@ CHANNELS = {
 
 @dataclass(frozen=True)
 class Waveform:
-    """Exact samples of the channels of a trajectory."""
+    """Samples of all channels."""
 
-    rate: int  # of the samples [Hz]; sample n is n / rate after simulation time zero
-    numbers: np.ndarray  # of the samples, shape (n,)
+    rate: int  # of the samples [Hz]
+    numbers: np.ndarray  # of the samples since simulation time zero, shape (n,)
     times: np.ndarray  # since the bag began [s], shape (n,)
     channels: Mapping[str, np.ndarray] = field(default_factory=dict)  # by name, shape (n,)
 
@@ -60,8 +60,8 @@ class Waveforms:
         self._codec = Codec(TRAJECTORY, find_definition(TRAJECTORY))
 
     def has(self, drill: str) -> bool:
-        """Whether the waveform of a drill can be rebuilt."""
-        return bool(self._recording.topic(drill, TRAJECTORY))
+        """Whether the waveform of a drill can be rebuilt, or was recorded."""
+        return any(self._recording.topic(drill, kind) for kind in (TRAJECTORY, WAVEFORM))
 
     def between(self, drill: str, start: float, end: float, rate: int | None = None) -> Waveform:
         """Return the exact samples between two times since the bag began [s].
@@ -88,7 +88,7 @@ class Waveforms:
         waveform = self.between(drill, end - SECTION, end, SECTION_RATE)
         exact = len(waveform.times) > 0
         if not exact:
-            waveform = self._sampled(drill, end - SECTION, end)
+            waveform = self.recorded(drill, end - SECTION, end)
         if not len(waveform.times):
             return None
         # Of two runs it is the later one; what is missing is NaN.
@@ -135,8 +135,8 @@ class Waveforms:
                 return {name: float(values[place]) for name, values in found.items()}
         return None
 
-    def _sampled(self, drill: str, start: float, end: float) -> Waveform:
-        """Return the samples of the waveform's topic between two times [s]."""
+    def recorded(self, drill: str, start: float, end: float, beyond: int = 0) -> Waveform:
+        """Return the samples of the waveform's topic between two times [s], and some beyond."""
         recording, topic = self._recording, self._recording.topic(drill, WAVEFORM)
         parts, rate = [], SECTION_RATE
         for number in recording.pieces_between(drill, start, end) if topic else ():
@@ -145,8 +145,8 @@ class Waveforms:
                     channels = {
                         name: np.asarray(getattr(block, name), float) for name in CHANNELS.values()
                     }
-                    period, stamp = float(block.sample_period), block.header.stamp
-                    begin = recording.time_of(message, stamp)
+                    period, sequence = float(block.sample_period), int(block.sequence)
+                    begin = recording.time_of(message, block.header.stamp)
                 except (AttributeError, TypeError, ValueError):
                     continue  # another program wrote it
                 length = len(channels["contact_force"])
@@ -154,11 +154,12 @@ class Waveforms:
                 if not (alike and 1e-9 <= period <= SECTION):
                     continue
                 rate = round(1.0 / period)
-                numbers = round(begin * rate) + np.arange(length)
-                inside = (numbers >= start * rate) & (numbers <= end * rate)
+                times = begin + np.arange(length) * period
+                inside = (times >= start - beyond * period) & (times <= end + beyond * period)
                 if inside.any():
                     channels = {name: values[inside] for name, values in channels.items()}
-                    parts.append((numbers[inside], numbers[inside] / rate, channels))
+                    numbers = (sequence % 2**62) + np.flatnonzero(inside)
+                    parts.append((numbers, times[inside], channels))
         return _joined(parts, rate)
 
     def _stretches(

@@ -64,6 +64,7 @@ def report_of(run, **counts):
         time=run.time,
         status=run.status("running", bookkeeping)[2],
         process=run.simulation.process,
+        at_tool_length=run.simulation.at_tool_length,
         faults=run.simulation.faults.active,
         bookkeeping=bookkeeping,
         requests_refused=3,
@@ -181,6 +182,14 @@ def test_faults_that_last_are_told_with_their_number():
         dataclasses.replace(REPORT, status={**REPORT.status, "active_faults": 2})
     ).status[2]
     assert (drill.level, drill.message) == (DiagnosticStatus.WARN, "2 faults injected")
+
+
+def test_a_hole_as_deep_as_the_tool_is_long_is_told():
+    run = begun(rock_model="specific_energy", section_1_length=1e-6, section_2_length=1e-6)
+    list(run.advance_to(200 * MILLISECOND))
+    drill = diagnostics(report_of(run)).status[2]
+    text = "the hole is as deep as the drill tool is long: it gets no deeper"
+    assert (drill.level, drill.message) == (DiagnosticStatus.WARN, text)
 
 
 ARM = {"feed_model": "arm", "initial_feed": 1e-3}

@@ -8,6 +8,10 @@ from mcap.writer import Writer
 
 from rpud_sim import bag
 from rpud_sim.foundation.quantities import ParameterError
+from rpud_sim.inspection.offline_bag import write_offline_bag
+from rpud_sim.simulation.configuration import to_configuration, to_settings
+from rpud_sim.simulation.run import Beginning
+from rpud_sim.studies.fit.measures import measure
 from rpud_sim.studies.fit.target_file import parse_targets
 
 BAG = Path(__file__).parents[2] / "data" / "0.1.0" / "run"
@@ -34,14 +38,13 @@ def test_impacts_of_a_csv_file_become_targets_with_their_sampling_errors(tmp_pat
     kept = forces[times >= times[0] + 1.0]
     mean = targets["contact_force, mean, 1 to 6 s"]
     assert mean.value == pytest.approx(kept.mean(), rel=1e-3)
-    assert mean.tolerance == pytest.approx(kept.std() / np.sqrt(len(kept)), rel=0.7)
+    assert mean.sampling == pytest.approx(kept.std() / np.sqrt(len(kept)), rel=0.7)
     assert targets["drill_tool_impact_rate, 1 to 6 s"].value == pytest.approx(200.0, rel=0.05)
     assert targets["contact_force, 95 % quantile, 1 to 6 s"].value > mean.value
-    assert {target.group for target in found.targets} == {"data[0]"}
 
 
 def test_a_bag_gives_impacts_and_reacting_force():
-    found = from_data(BAG.parent, bag=BAG.name, regime="drilling", skip=0.2)
+    found = from_data(BAG.parent, bag=BAG.name, parameters={"regime": "drilling"}, skip=0.2)
     figures = {target.measure.figure for target in found.targets}
     assert {"contact_force", "drill_tool_impact_rate", "reacting_force_mean"} <= figures
     assert all(target.tolerance > 0.0 for target in found.targets)
@@ -53,12 +56,44 @@ def test_a_bag_gives_impacts_and_reacting_force():
     assert mean.value == pytest.approx(impacts["peak_force"][kept].mean(), rel=0.05)
 
 
+def test_a_bag_gives_penetration_torque_and_power_to_a_drill_that_has_them(tmp_path):
+    models = {
+        "regime": "drilling",
+        "actuator_model": "resonance",
+        "rock_model": "specific_energy",
+        "rotation_model": "friction_drive",
+    }
+    write_offline_bag(tmp_path / "bag", Beginning(to_settings(models), 0.0), 3.0)
+    found = parse_targets(
+        FIT | {"parameters": models, "data": [{"bag": "bag", "skip": 0.5}]}, tmp_path
+    )
+    targets = {target.measure.figure: target for target in found.targets}
+    names = ("penetration_rate", "torque", "electrical_power")
+    window = [targets[name].measure for name in names]
+    assert {(item.start, round(item.end, 1)) for item in window} == {(0.5, 3.0)}
+    run = measure(to_configuration(models), 0.0, window)
+    assert [targets[name].value for name in names] == pytest.approx(run, rel=0.03)
+    without = from_data(tmp_path, bag="bag")
+    assert not {target.measure.figure for target in without.targets} & set(names)
+
+
+def test_a_column_of_depths_becomes_a_rate_of_penetration(tmp_path):
+    rows = "".join(f"{0.1 * n},{2e-5 * n + 1e-6 * (n % 3)}\n" for n in range(100))
+    (tmp_path / "drill.csv").write_text(f"time,depth\n{rows}")
+    (found,) = from_data(
+        tmp_path, csv="drill.csv", parameters={"rock_model": "specific_energy"}
+    ).targets
+    assert str(found.measure).startswith("penetration_rate")
+    assert found.value == pytest.approx(2e-4, rel=0.01)
+    assert found.error(0.0) < 0.02 * found.value
+
+
 @pytest.mark.parametrize(
     ("text", "complaint"),
     [
         ("", "has no column named time or header.stamp"),
         ("time,x\n1,2\n", "has no column named peak_force"),
-        ("time,peak_force\n1,2\n", "has neither 100 impacts nor 100 samples"),
+        ("time,peak_force\n1,2\n", "has neither 100 impacts nor 20 samples"),
         ("time,peak_force\n1,two\n", "line 2 has no number in peak_force"),
         ("time,peak_force\n1\n", "line 2 has no number in peak_force"),
     ],
@@ -85,5 +120,5 @@ def test_a_bag_without_a_drill_is_refused(tmp_path):
         writer = Writer(file)
         writer.start()
         writer.finish()
-    with pytest.raises(ParameterError, match="has no topic contact_force or reacting_force"):
+    with pytest.raises(ParameterError, match="has none of a drill's topics contact_force"):
         from_data(tmp_path, bag="other.mcap")

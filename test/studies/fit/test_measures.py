@@ -4,19 +4,31 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.model.single_contact import single_contact
 from rpud_sim.simulation import Simulation, preset
-from rpud_sim.simulation.configuration import Configuration
+from rpud_sim.simulation.configuration import Configuration, to_configuration
 from rpud_sim.simulation.ensemble import run_ensemble
 from rpud_sim.simulation.sampling import Times
 from rpud_sim.simulation.statistics import FIGURES
-from rpud_sim.studies.fit.measures import UNITS, Measure, impact_statistic, measure
+from rpud_sim.studies.fit.measures import (
+    DRILLING_FIGURES,
+    UNITS,
+    Measure,
+    measure,
+    missing_model,
+)
 
 DRILL = Configuration(preset("drilling"))
+ROTATING = to_configuration(
+    {
+        "regime": "drilling",
+        "actuator_model": "resonance",
+        "rock_model": "specific_energy",
+        "rotation_model": "friction_drive",
+    }
+)
 
 
 def test_the_figures_of_a_whole_run_are_those_of_simulate():
@@ -29,7 +41,7 @@ def test_the_figures_of_a_whole_run_are_those_of_simulate():
 
 def test_the_figures_of_the_papers_windows_are_those_of_the_trajectory():
     measures = {
-        "contact_force_low": Measure("contact_force", 0.0, 0.6, "quantile", 0.05),
+        "contact_force_low": Measure("contact_force", 0.0, 0.6, 0.05),
         "contact_force_max": Measure("contact_force_max", 0.0, 0.6),
         "kinetic_energy": Measure("kinetic_energy", 0.0, 0.6),
         "nodal_plane_displacement": Measure("nodal_plane_displacement", 0.0, 0.6),
@@ -49,17 +61,54 @@ def test_the_figures_of_the_papers_windows_are_those_of_the_trajectory():
     assert dict(zip(measures, found, strict=True)) == pytest.approx(expected, rel=1e-9)
 
 
+def test_penetration_torque_and_powers_are_those_of_the_run():
+    expected = run_ensemble(ROTATING, 2.0, [0.1])
+    account, work = expected.accounts[0], expected.rotor_works[0]
+    rate, torque, electrical, mechanical, late = measure(
+        ROTATING,
+        0.1,
+        [
+            *(Measure(name, 0.0, 2.0) for name in DRILLING_FIGURES),
+            Measure("penetration_rate", 1.0, 2.0),
+        ],
+    )
+    assert rate == pytest.approx(expected.members[0]["penetration_rate"])
+    assert electrical == pytest.approx(account.electrical / 2.0)
+    assert mechanical == pytest.approx(account.actuator_work / 2.0)
+    simulation = Simulation(ROTATING, 0.1)
+    turned = simulation.advance_to(2 * SECOND).process.rotation.angle
+    assert torque == pytest.approx(work.resisted / turned, rel=0.05)
+    depth = [run_ensemble(ROTATING, end, [0.1]).members[0]["depth"] for end in (1.0, 2.0)]
+    assert late == pytest.approx(depth[1] - depth[0])
+
+
+@pytest.mark.parametrize(
+    ("figure", "missing"),
+    [
+        ("penetration_rate", "rock_model or strata"),
+        ("torque", "rotation_model"),
+        ("electrical_power", "actuator_model: resonance"),
+        ("actuator_power", ""),
+    ],
+)
+def test_a_figure_needs_the_part_that_has_it(figure, missing):
+    assert (missing_model(DRILL, figure), missing_model(ROTATING, figure)) == (missing, "")
+
+
 def test_a_window_holds_its_own_impacts_alone():
     simulation = Simulation(DRILL.parameters, 0.5)
     simulation.advance_to(SECOND)
     impacts = simulation.advance_to(2 * SECOND).impacts
-    whole = [Measure("impacts", 0.0, 2.0), Measure("impacts", 0.0, 1.0)]
+    whole = [
+        Measure("drill_tool_impact_rate", 0.0, 2.0),
+        Measure("drill_tool_impact_rate", 0.0, 1.0),
+    ]
     count, mean, both, first = measure(
         DRILL,
         0.5,
-        [Measure("impacts", 1.0, 2.0), Measure("contact_force", 1.0, 2.0, "mean"), *whole],
+        [Measure("drill_tool_impact_rate", 1.0, 2.0), Measure("contact_force", 1.0, 2.0), *whole],
     )
-    assert count == len(impacts) == both - first
+    assert count == len(impacts) == pytest.approx(2.0 * both - first)
     assert mean == pytest.approx(impacts["peak_force"].mean())
 
 
@@ -78,26 +127,12 @@ def test_a_single_contact_needs_no_run():
 
 def test_a_figure_that_a_run_cannot_have_is_missing():
     still = Configuration(preset("drilling").replace(vibration_amplitude=0.0))
-    found = measure(still, 0.0, [Measure("contact_force", 0.1, 0.2, "mean")])
+    found = measure(still, 0.0, [Measure("contact_force", 0.1, 0.2)])
     assert math.isnan(found[0])
 
 
 @pytest.mark.parametrize("figure", UNITS)
 def test_every_figure_can_be_measured(figure):
-    statistic = "max" if Measure(figure, 0.0, 0.1).figure in ("contact_force", "impulse") else ""
-    impact = figure in ("contact_duration", "impact_velocity", "impact_energy")
-    item = Measure(figure, 0.0, 0.1, "mean" if impact else statistic)
-    assert math.isfinite(measure(DRILL, 0.0, [item])[0])
+    item = Measure(figure, 0.0, 0.1)
+    assert math.isfinite(measure(ROTATING, 0.0, [item])[0])
     assert figure in str(item)
-
-
-@given(
-    values=st.lists(st.floats(0.0, 1e6), min_size=1, max_size=40),
-    share=st.one_of(st.floats(0.0, 1.0), st.sampled_from([0.0, 0.05, 0.5, 0.95, 1.0])),
-)
-def test_a_quantile_of_impacts_is_that_of_numpy_to_the_last_bit(values, share):
-    impacts = np.array([(0, value) for value in values], [("contact", "u1"), ("force", "f8")])
-    found = impact_statistic(
-        impacts["force"], Measure("contact_force", 0.0, 1.0, "quantile", share)
-    )
-    assert found == np.quantile(values, share)

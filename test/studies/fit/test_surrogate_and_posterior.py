@@ -9,12 +9,14 @@ from scipy import stats
 
 from rpud_sim.studies.fit.design import Region, sobol_points
 from rpud_sim.studies.fit.identifiability import identify
-from rpud_sim.studies.fit.posterior import Likelihood, maximum, sample
+from rpud_sim.studies.fit.posterior import Likelihood, sample
 from rpud_sim.studies.fit.surrogate import SurrogateError, fit_surrogate
 from rpud_sim.studies.fit.target_file import parse_targets
+from rpud_sim.studies.sweep.specification import Range
 
 SPREAD = 0.05
 WHOLE = Region.whole(2)
+UNKNOWNS = {"weight_on_bit": Range(0.0, 10.0), "gravity": Range(0.0, 10.0)}
 
 
 def figures_at(shares, random, repeat=4):
@@ -52,7 +54,7 @@ def test_a_surrogate_gives_mean_and_spread_and_knows_its_error(surrogate):
     assert np.sqrt(np.mean((mean - expected) ** 2)) < 0.01
     assert spread == pytest.approx(np.full(spread.shape, SPREAD), rel=0.5)
     assert np.sqrt(np.diag(surrogate.error)) == pytest.approx([0.0, 0.0], abs=0.01)
-    assert surrogate.restore(surrogate.transform(np.array([2.0, 3.0]))) == pytest.approx([2.0, 3.0])
+    assert surrogate.transform(np.array([2.0, 3.0])) == pytest.approx(np.log([2.0, 3.0]))
 
 
 def test_a_surrogate_is_valid_inside_its_region_and_where_figures_exist():
@@ -87,22 +89,16 @@ def test_a_ridge_is_found_and_named(surrogate):
     random = np.random.default_rng(4)
     likelihood = Likelihood(surrogate, targets(tolerance="1 %", runs=100))
     posterior = sample(likelihood, 2048, random)
-    columns = {"weight_on_bit": posterior.shares[:, 0], "gravity": posterior.shares[:, 1]}
-    found = identify(posterior.shares, columns)
+    found = identify(posterior.shares, UNKNOWNS)
     assert [ridge.names for ridge in found.ridges] == [("weight_on_bit", "gravity")]
     assert found.ridges[0].correlation < -0.8
     assert "weight_on_bit falls as gravity rises" in str(found.ridges[0])
-    along, across = found.directions
-    assert along.width > 3.0 * across.width
-    assert along.parts["gravity"] * along.parts["weight_on_bit"] < 0.0
-    assert likelihood(maximum(likelihood, posterior)[None])[0] >= posterior.log_likelihood.max()
 
 
 def test_nothing_is_known_without_a_target_that_depends_on_it(surrogate):
     loose = targets(tolerance=1e6)
     posterior = sample(Likelihood(surrogate, loose), 2048, np.random.default_rng(4))
-    columns = {"weight_on_bit": posterior.shares[:, 0], "gravity": posterior.shares[:, 1]}
-    found = identify(posterior.shares, columns)
+    found = identify(posterior.shares, UNKNOWNS)
     assert {item.identified for item in found.intervals.values()} == {"no"}
     assert found.ridges == ()
 

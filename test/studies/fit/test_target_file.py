@@ -41,7 +41,11 @@ seed: 3
 phase_spread: 0.1
 targets:
   - {figure: contact_force, statistic: quantile 0.05, window: 0.6, value: 400, tolerance: 20}
-  - {figure: contact_peak_force, regime: drilling, value: 1650, tolerance: 2 %, hold_out: true}
+  - figure: contact_peak_force
+    parameters: {regime: drilling}
+    value: 1650
+    tolerance: 2 %
+    hold_out: true
   - {figure: kinetic_energy_rate, window: [1, 3], value: 20, tolerance: 5 %, runs: 4}
 """
     )
@@ -78,10 +82,25 @@ targets:
         (target(tolerance=0), "targets[0].tolerance = 0 N is outside its range"),
         (target(value=0), "targets[0].tolerance: '5 %' of 0 is no tolerance above 0"),
         (target(statistic="mean"), "targets[0].statistic: reacting_force_mean has none"),
-        (target(figure="contact_force", statistic="median"), "statistic = 'median' is not one of"),
+        (
+            target(figure="contact_force", statistic="median"),
+            "statistic = 'median' is neither mean",
+        ),
+        (
+            target(figure="torque"),
+            "targets[0].figure: torque [N m] needs the parameter rotation_mo",
+        ),
+        (
+            target(figure="penetration_rate"),
+            "penetration_rate [m/s] needs the parameter rock_model",
+        ),
         (target(window=0), "targets[0].window: begins at 0 s and ends at 0 s"),
         (target(window=[1, 2, 3]), "targets[0].window: [1, 2, 3] is neither seconds nor"),
-        (target(impact_velocity=5), "impact_velocity: is for contact_peak_force and contact_peak"),
+        (target(statistic="quantile 2"), "targets[0].statistic: reacting_force_mean has none"),
+        (
+            target(figure="contact_force", statistic="quantile 2"),
+            "quantile = 2 is outside its rang",
+        ),
         (target(parameters={"gravity": -1}), "targets[0]: gravity = -1 m/s^2 is outside"),
         (changed(data=[{}]), "data[0]: needs either bag or csv"),
         (changed(data=[{"csv": "missing.csv"}]), "missing.csv: No such file or directory"),

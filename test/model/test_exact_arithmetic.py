@@ -1,0 +1,91 @@
+"""What decides bits of a bag calls nothing whose rounding differs between machines."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+import rpud_sim
+
+PACKAGE = Path(rpud_sim.__file__).parent
+# Where the values of a bag are computed.
+ROOMS = ("model", "drilling", "simulation", "foundation", "bag")
+
+# Of math, what is exact or rounded once; the rest is the C library's.
+EXACT = {
+    *("ceil", "copysign", "fabs", "floor", "fmod", "frexp", "fsum", "inf", "isclose", "isfinite"),
+    *("isinf", "isnan", "ldexp", "nan", "nextafter", "pi", "sqrt", "trunc", "ulp"),
+}
+# Of NumPy, what calls a library or sums in an order of its own.
+INEXACT = {
+    *("sin", "cos", "tan", "arcsin", "arccos", "arctan", "arctan2", "sinh", "cosh", "tanh"),
+    *("exp", "exp2", "expm1", "log", "log2", "log10", "log1p", "hypot", "power", "float_power"),
+    *("cbrt", "angle", "sinc", "logaddexp", "logspace", "geomspace", "interp", "gradient"),
+    *("dot", "vdot", "inner", "outer", "matmul", "einsum", "tensordot", "linalg", "fft"),
+    *("convolve", "correlate", "cov", "corrcoef", "polyfit", "polyval", "trapezoid"),
+}
+# Random numbers that NumPy draws by logarithms, or by products and sums that a compiler may fuse.
+INEXACT_DRAWS = {"normal", "standard_normal", "standard_exponential", "uniform", "poisson"}
+
+
+def faults(tree):
+    """Return the lines of a module that call what is not exact."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            libraries = {each.name.partition(".")[0] for each in node.names}
+            if libraries & {"cmath", "scipy"}:
+                yield node.lineno, "import"
+        elif isinstance(node, ast.ImportFrom):
+            library = (node.module or "").partition(".")[0]
+            names = {each.name for each in node.names}
+            if (
+                library in ("cmath", "scipy")
+                or (library == "math" and not names <= EXACT)
+                or (library == "numpy" and names & INEXACT)
+            ):
+                yield node.lineno, "import"
+        elif isinstance(node, ast.Attribute):
+            base = node.value.id if isinstance(node.value, ast.Name) else ""
+            if (
+                (base == "math" and node.attr not in EXACT)
+                or (base in ("np", "numpy") and node.attr in INEXACT)
+                or node.attr in INEXACT_DRAWS
+            ):
+                yield node.lineno, node.attr
+        elif isinstance(node, ast.BinOp) and isinstance(node.op, ast.MatMult):
+            yield node.lineno, "@"
+        elif isinstance(node, ast.BinOp) and isinstance(node.op, ast.Pow):
+            # Powers of literal numbers are exact where they are used, such as 2.0**32.
+            if not (isinstance(node.left, ast.Constant) and isinstance(node.right, ast.Constant)):
+                yield node.lineno, "**"
+        elif isinstance(node, ast.Name) and node.id == "pow":
+            yield node.lineno, "pow"
+
+
+@pytest.mark.parametrize("room", ROOMS)
+def test_rooms_use_the_elementary_functions(room):
+    sources = sorted((PACKAGE / room).rglob("*.py"))
+    assert sources
+    found = [
+        f"{source.relative_to(PACKAGE)}:{line}: {what}"
+        for source in sources
+        for line, what in faults(ast.parse(source.read_text(encoding="utf-8")))
+    ]
+    assert found == []
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "import math\ny = math.sin(x)",
+        "from math import sin",
+        "import cmath",
+        "import numpy as np\ny = np.exp(x)",
+        "y = x**2",
+        "y = a @ b",
+        "y = random.standard_normal()",
+        "from scipy import signal",
+    ],
+)
+def test_what_is_not_exact_is_found(text):
+    assert list(faults(ast.parse(text)))
