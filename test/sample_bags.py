@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import struct
 from pathlib import Path
 from types import SimpleNamespace
@@ -13,7 +12,6 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 import rpud_sim.bag
 from rpud_sim.bag import BagWriter, QosProfile, Topic
-from rpud_sim.bag.cdr import Codec
 from rpud_sim.inspection import offline_bag
 from rpud_sim.inspection.verify.installed_types import installed_codec
 from rpud_sim.simulation import Parameters
@@ -173,23 +171,3 @@ def proved_messages(path: Path, skipped: int = 0) -> list[tuple[str, bytes]]:
     with rpud_sim.bag.open(path) as opened:
         found = list(opened.messages(codecs.keys(), skipped))
     return [(m.topic, codecs[m.topic].without_padding(m.data)) for m in found]
-
-
-def write_without_walk(path: Path, source: Path) -> Path:
-    """Copy a bag of a drill as a version before the walk of the bit wrote it; return the copy."""
-    name = f"{offline_bag.NAMESPACE}/borehole"
-    with rpud_sim.bag.open(source) as bag, BagWriter(path) as writer:
-        for summary in bag.topics:
-            topic, text = summary.topic, summary.definition
-            if topic.name == name:
-                new = Codec(topic.type, text)
-                text = "\n".join(line for line in text.splitlines() if "side_offset" not in line)
-                old = Codec(topic.type, text)
-                topic = dataclasses.replace(topic, type_hash=old.type_hash)
-            writer.add_topic(topic, text)
-        for message in bag.messages():
-            data = message.data
-            if message.topic == name:
-                data = old.encode(dataclasses.asdict(new.decode(data)))
-            writer.write(message.topic, data, message.log_time, message.publish_time)
-    return path

@@ -165,8 +165,6 @@ def _live(arguments: argparse.Namespace, changes: Changes) -> int:
             report=bar.update,
         )
         start = live_start(fork, changes)
-    for warning in fork.warnings:
-        complain("rpud fork", warning)
     namespace = arguments.namespace or fork.recorded.prefix.rstrip("/") or "/"
     with (
         failing(NamesakeError),

@@ -34,7 +34,6 @@ class Fork:
     history: tuple[tuple[int, Fields], ...]
     origin: Mapping[str, Any]  # the manifest's ``forked_from``
     scenario: str | None  # text of the scenario, if the bag has it
-    warnings: tuple[str, ...]  # one line each
 
 
 def open_fork(
@@ -57,7 +56,7 @@ def open_fork(
         scenario = _scenario(bag)
     time = round(at * SECOND)
     _check_instant(recorded, time, at)
-    warnings = recorded.version_warnings()
+    recorded.check_engine()
     try:
         resumed = resume(recorded.necessary(time), time, stop=stop, report=report)
     except JournalError as error:
@@ -72,7 +71,7 @@ def open_fork(
         "journal": recorded.digest(time),
         "changes": _to_json(changes),
     }
-    return Fork(recorded, time, resumed, history, origin, scenario, tuple(warnings))
+    return Fork(recorded, time, resumed, history, origin, scenario)
 
 
 def live_start(fork: Fork, changes: Changes) -> Start:

@@ -75,7 +75,7 @@ def write_fork(
         (continuation.end - fork.time) / SECOND,
         written,
         not changes.empty,
-        (*fork.warnings, *continuation.warnings),
+        tuple(continuation.warnings),
     )
 
 

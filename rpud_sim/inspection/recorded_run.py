@@ -11,13 +11,13 @@ from rpud_sim.bag import BagFormatError, BagReader, Message, TopicSummary
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.foundation.quantities import suggestion
 from rpud_sim.foundation.time import SECOND, join_seconds
-from rpud_sim.inspection.verify.installed_types import JOURNAL, proof_codec
+from rpud_sim.inspection.verify.installed_types import JOURNAL, journal_codec
 from rpud_sim.inspection.verify.recorded_journal import UnverifiableError, journal_entries
 from rpud_sim.simulation.block import boundaries_until, boundary
 from rpud_sim.simulation.fields import Fields
 from rpud_sim.simulation.journal import JournalEntry
 from rpud_sim.simulation.topics import PROVED
-from rpud_sim.simulation.versions import engine_and_processor, mended_since
+from rpud_sim.simulation.versions import other_engine
 
 # Length of the end of a bag that shows how far its last run came [ns].
 _END_LENGTH = 10 * SECOND
@@ -93,23 +93,10 @@ class RecordedRun:
             "content": decoded.content,
         }
 
-    def version_warnings(self) -> list[str]:
-        """Return what differs between the versions that made the run, and those here.
-
-        It raises a ForkError if the physics was corrected since, so that the run cannot be
-        repeated.
-        """
-        begin = _begin_of(self.before, self.entries)
-        if mended := mended_since(begin):
-            raise ForkError(f"{self.journal}: {mended}")
-        made_by = begin.get("made_by", {})
-        others = made_by if isinstance(made_by, dict) else {}
-        return [
-            f"made by {name} {others.get(name, 'unknown')!s:.80}, forked by {version}: the bits "
-            "may differ"
-            for name, version in engine_and_processor().items()
-            if others.get(name) != version
-        ]
+    def check_engine(self) -> None:
+        """Raise a ForkError if another engine made the run, so that it cannot be repeated."""
+        if reason := other_engine(_begin_of(self.before, self.entries)):
+            raise ForkError(f"{self.journal}: {reason}")
 
 
 def find_run(bag: BagReader, number: int = 1, topic: str | None = None) -> RecordedRun:
@@ -117,7 +104,7 @@ def find_run(bag: BagReader, number: int = 1, topic: str | None = None) -> Recor
     summary = _journal(bag, topic)
     name = summary.topic.name
     try:
-        codec = proof_codec(summary)
+        codec = journal_codec(summary)
     except UnverifiableError as error:
         raise ForkError(str(error)) from None
     entries: list[Recorded] = []

@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rpud_sim.model.compile import record_type
 from rpud_sim.model.contact import (
     EffectiveTool,
     mode_shape_tool,
@@ -101,7 +102,7 @@ def derive(parameters: Parameters, jammed: bool = False) -> Drill:
 
 # Everything that moves, at the start of the open segment. Positions in m, velocities in m/s,
 # positive toward the rock; the time is whole seconds and a fraction.
-STATE = np.dtype(
+STATE = record_type(
     [
         ("seconds", np.int64),
         ("fraction", np.float64),
@@ -142,6 +143,5 @@ STATE = np.dtype(
         ("heat", np.float64),
         ("work", np.float64),
         ("owed", np.float64),
-    ],
-    align=True,
+    ]
 )

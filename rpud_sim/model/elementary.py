@@ -357,6 +357,23 @@ def complex_size(number):
     return hypotenuse(number.real, number.imag)
 
 
+@compiled
+def complex_quotient(number, divisor):
+    """Return the quotient of two complex numbers, by Smith's algorithm as CPython and Numba do.
+
+    NumPy, whose scalars take part without compilation, divides otherwise.
+    """
+    if abs(divisor.real) >= abs(divisor.imag):
+        ratio = divisor.imag / divisor.real
+        size = divisor.real + divisor.imag * ratio
+        real, imaginary = number.real + number.imag * ratio, number.imag - number.real * ratio
+    else:
+        ratio = divisor.real / divisor.imag
+        size = divisor.real * ratio + divisor.imag
+        real, imaginary = number.real * ratio + number.imag, number.imag * ratio - number.real
+    return complex(real / size, imaginary / size)
+
+
 # What Python calls, with arguments of the types that it has.
 CALLED_BY_PYTHON = (
     (sin_cos, (1.0,)),

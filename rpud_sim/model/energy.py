@@ -13,6 +13,7 @@ from typing import NamedTuple
 from rpud_sim.model.compile import compiled
 from rpud_sim.model.elementary import (
     complex_exponential,
+    complex_quotient,
     complex_size,
     exponential_minus_one,
     sin_cos,
@@ -81,7 +82,7 @@ def exponential_integral(rate, duration):
     turned = 2.0 * half * half
     real = growth - (growth + 1.0) * turned
     imaginary = (growth + 1.0) * (2.0 * half * cosine)
-    return complex(real, imaginary) / rate
+    return complex_quotient(complex(real, imaginary), rate)
 
 
 @compiled
@@ -108,7 +109,8 @@ def decaying_square_integral(amplitude, rate, duration):
     turns = rate.imag + rate.imag
     real = growth - (growth + 1.0) * turned
     imaginary = (growth + 1.0) * (2.0 * half * cosine)
-    swinging = amplitude * amplitude * (complex(real, imaginary) / complex(twice, turns))
+    swing = complex_quotient(complex(real, imaginary), complex(twice, turns))
+    swinging = amplitude * amplitude * swing
     size = amplitude.real * amplitude.real + amplitude.imag * amplitude.imag
     return 0.5 * (swinging.real + size * (growth / twice))
 

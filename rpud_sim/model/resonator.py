@@ -27,6 +27,7 @@ from rpud_sim.model.compile import compiled
 from rpud_sim.model.elementary import (
     arc_tangent,
     complex_phase,
+    complex_quotient,
     complex_size,
     exponential_minus_one,
     hypotenuse,
@@ -104,7 +105,8 @@ def course(state):
     """Complex rate [1/s] at which the envelope approaches its end, and that end [V]."""
     detuning = TWO_PI * (state.drive_frequency - state.resonance_frequency) * state.decay_time
     factor = complex(1.0, detuning)
-    return factor / state.decay_time, state.voltage / factor
+    rate = complex(1.0 / state.decay_time, detuning / state.decay_time)
+    return rate, complex_quotient(complex(state.voltage, 0.0), factor)
 
 
 @compiled
@@ -296,7 +298,7 @@ def plan(state):
     if envelope != 0.0:
         # The rate at which the envelope turns, between drive and resonance.
         rate, end = course(state)
-        frequency += (rate * (end - envelope) / envelope).imag / TWO_PI
+        frequency += complex_quotient(rate * (end - envelope), envelope).imag / TWO_PI
         low = min(state.drive_frequency, state.resonance_frequency)
         frequency = min(
             max(frequency, low), state.drive_frequency + state.resonance_frequency - low

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rpud_sim.model.compile import compiled
+from rpud_sim.model.compile import compiled, record_type
 from rpud_sim.model.suspension import (
     Oscillation,
     Swing,
@@ -47,7 +47,7 @@ _OSCILLATION = ("offset", "decay_rate", "angular_frequency", "cosine", "sine")
 # Times are whole seconds and a fraction from 0 to 1, so that they keep their precision in long
 # runs. Lengths in m, rates in 1/s, phases in cycles; the field names are those of
 # rpud_msgs/Trajectory.
-SEGMENT = np.dtype(
+SEGMENT = record_type(
     [
         ("start_seconds", np.int64),
         ("start_fraction", np.float64),
@@ -66,11 +66,10 @@ SEGMENT = np.dtype(
         ("free_mass_acceleration", np.float64),
         *((f"drill_tool_{name}", np.float64) for name in _OSCILLATION),
         *((name, np.float64) for name in CONSTANTS),
-    ],
-    align=True,
+    ]
 )
 
-IMPACT = np.dtype(
+IMPACT = record_type(
     [
         ("sequence", np.uint64),
         ("seconds", np.int64),
@@ -82,8 +81,7 @@ IMPACT = np.dtype(
         ("energy", np.float64),
         ("energy_transferred", np.float64),
         ("squeezed", np.bool_),
-    ],
-    align=True,
+    ]
 )
 
 

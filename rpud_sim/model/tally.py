@@ -8,7 +8,7 @@ import math
 
 import numpy as np
 
-from rpud_sim.model.compile import compiled
+from rpud_sim.model.compile import compiled, record_type
 from rpud_sim.model.elementary import decimal_logarithm
 from rpud_sim.model.energy import (
     STORED,
@@ -30,7 +30,7 @@ from rpud_sim.model.segment import (
 from rpud_sim.model.vibration import turn_at
 
 # What happened in the parts of a run that were added, and the account of the part in progress.
-TALLY = np.dtype(
+TALLY = record_type(
     [
         ("events", np.int64),
         ("actuator_impacts", np.int64),
@@ -46,8 +46,7 @@ TALLY = np.dtype(
         ("energy_transferred", np.float64),
         ("reacting_impulse", np.float64),
         ("account", np.float64, (len(TERMS),)),
-    ],
-    align=True,
+    ]
 )
 
 # Contact forces are counted in logarithmic classes; what is beyond the ends counts as these [N].

@@ -22,7 +22,6 @@ class Channel:
     scale: float  # a disturbance of the main quantity that mission software notices, assumed [unit]
     numbers: tuple[Path, ...]  # every measured number; the first is the main quantity
     flags: tuple[Path, ...] = ()  # every measured truth value
-    added: tuple[Path, ...] = ()  # those of both that version 0.1.0 had not
 
 
 CHANNELS: Mapping[str, Channel] = {
@@ -53,7 +52,6 @@ CHANNELS: Mapping[str, Channel] = {
             ("energy_transferred",),
         ),
         (("squeezed",),),
-        (("energy_transferred",), ("squeezed",)),
     ),
     "rotation": Channel(
         "N m",

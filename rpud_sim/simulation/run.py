@@ -20,7 +20,7 @@ from rpud_sim.simulation.simulation import Simulation
 from rpud_sim.simulation.state import state_of
 from rpud_sim.simulation.telemetry import Stream, Telemetry, messages_of
 from rpud_sim.simulation.together import Entry, Together
-from rpud_sim.simulation.versions import PHYSICS, engine_and_processor
+from rpud_sim.simulation.versions import ENGINE, engine_versions
 
 
 @dataclasses.dataclass(frozen=True)
@@ -55,8 +55,8 @@ class Beginning:
                 }
                 for planned in (self.scenario.faults if self.scenario else ())
             ],
-            "physics": PHYSICS,
-            "made_by": engine_and_processor(),
+            "engine": ENGINE,
+            "made_by": engine_versions(),
         }
 
     @staticmethod

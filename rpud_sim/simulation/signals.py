@@ -151,28 +151,18 @@ class _Stuck(_Stage):
 
 
 class _Garbage(_Stage):
-    def __init__(self, *args: Any) -> None:
-        super().__init__(*args)
-        # Of its own, so that the garbage of version 0.1.0 is computed again bit for bit.
-        self._random_of_added = self._random.spawn(1)[0]
-
     def _change(self, fields: Fields) -> Fields:
         values: dict[Path, Any] = {
-            path: _garbage_number(self._random_for(path)) for path in self._channel.numbers
+            path: _garbage_number(self._random) for path in self._channel.numbers
         }
-        values.update(
-            {path: bool(self._random_for(path).integers(2)) for path in self._channel.flags}
-        )
+        values.update({path: self._random.random() < 0.5 for path in self._channel.flags})
         return _replaced(fields, values)
-
-    def _random_for(self, path: Path) -> np.random.Generator:
-        return self._random_of_added if path in self._channel.added else self._random
 
 
 def _garbage_number(random: np.random.Generator) -> float:
     if random.random() < NOT_FINITE_SHARE:
-        return (math.nan, math.inf, -math.inf)[random.integers(3)]
-    return float(np.frombuffer(random.bytes(8), np.dtype("<f8"))[0])
+        return (math.nan, math.inf, -math.inf)[int(3.0 * random.random())]
+    return float(np.uint64(random.bit_generator.random_raw()).view(np.float64))
 
 
 class _Wrong(_Stage):

@@ -35,7 +35,8 @@ class Impacts:
         self.total += len(times)
         kept = slice(self._skip, None, self.stride)
         self._skip = (self._skip - len(times)) % self.stride
-        times, peaks = times[kept], peaks[kept]
+        with np.errstate(over="ignore"):  # a faulty channel may hold garbage
+            times, peaks = times[kept], peaks[kept].astype(np.float32)
         end = self._count + len(times)
         if end > len(self._times):
             for name in ("_times", "_peaks"):
@@ -73,6 +74,8 @@ class Impacts:
         first, last = int(np.floor(start / width)), int(np.ceil(end / width))
         edges = np.arange(first, last + 1) * width
         times, peaks = self.between(float(edges[0]), float(edges[-1]))
+        finite = np.isfinite(peaks)  # what is not has no place among quantiles
+        times, peaks = times[finite], peaks[finite]
         count = last - first
         part = np.minimum((times / width).astype(np.intp) - first, count - 1)
         numbers = np.bincount(part, minlength=count)

@@ -183,7 +183,9 @@ def _figures(low: np.ndarray, mean: np.ndarray, high: np.ndarray, spark: np.ndar
     if known.any():
         found["mean"] = mean[known].mean()
         found["least"], found["greatest"] = low[known].min(), high[known].max()
-    return {**found, "spark": spark[np.isfinite(spark)][-_SPARK:].astype(np.float32)}
+    with np.errstate(over="ignore"):
+        spark = spark.astype(np.float32)
+    return {**found, "spark": spark[np.isfinite(spark)][-_SPARK:]}
 
 
 def rock_layers(parameters: Mapping[str, Any]) -> list[dict[str, Any]]:

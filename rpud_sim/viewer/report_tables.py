@@ -64,16 +64,16 @@ def segment_table(
         begins = begins[:MOST_SEGMENTS]
     rows = []
     for begin, until in pairwise([*begins, max(end, begins[-1])]):
-        _, peaks = impacts.between(begin, until)
-        peaks = peaks.astype(float)
+        _, held = impacts.between(begin, until)
+        peaks = held[np.isfinite(held)].astype(float)
         rows.append(
             [
                 f"{begin:.3f}",
                 f"{until:.3f}",
                 _in_force(steps, begin + _NEAR),
                 _active(faults, begin + _NEAR) or "none",
-                str(len(peaks) * impacts.stride),
-                _text("impact_rate", len(peaks) * impacts.stride / max(until - begin, 1e-9)),
+                str(len(held) * impacts.stride),
+                _text("impact_rate", len(held) * impacts.stride / max(until - begin, 1e-9)),
                 *(
                     _text("peak_force", float(figure))
                     for figure in (

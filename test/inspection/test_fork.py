@@ -151,16 +151,4 @@ def test_what_the_bag_does_not_hold_is_refused(used, plain, tmp_path):
         write_fork(plain, tmp_path / "fork", 0.3)
     with pytest.raises(ForkError, match="no journal named /rpud/jurnal, but /rpud/journal"):
         write_fork(plain, tmp_path / "fork", 0.3, topic="/rpud/jurnal")
-    mended = Path(__file__).parents[1] / "data" / "0.1.0" / "stepped"
-    with pytest.raises(ForkError, match=r"the physics was mended after version 0\.1\.0"):
-        write_fork(mended, tmp_path / "fork", 0.01)
     assert not (tmp_path / "fork").exists()
-
-
-def test_a_bag_of_an_earlier_version_is_forked_with_a_warning(tmp_path):
-    source = Path(__file__).parents[1] / "data" / "0.1.0" / "offline_free"
-    forked = write_fork(source, tmp_path / "fork", 0.05)
-    assert any(w.startswith("made by sources ") and "forked by" in w for w in forked.warnings)
-    force = {"/rpud/reacting_force"}
-    rest = [each for each in held(source, force) if each[0] > 50 * MILLISECOND]
-    assert [e for e in held(tmp_path / "fork", force) if e[0] > 50 * MILLISECOND] == rest

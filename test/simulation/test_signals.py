@@ -1,7 +1,6 @@
 """What a channel says while it fails: only its measurements change, and never by chance."""
 
 import copy
-import dataclasses
 import itertools
 import math
 import pickle
@@ -21,7 +20,7 @@ from rpud_sim.simulation.faults import KINDS, Fault
 from rpud_sim.simulation.ledger import FaultLedger, FaultRecord
 from rpud_sim.simulation.process_fields import process_fields
 from rpud_sim.simulation.sampling import Times
-from rpud_sim.simulation.signals import SignalFaults, _Garbage
+from rpud_sim.simulation.signals import SignalFaults
 from rpud_sim.simulation.simulation import Simulation
 
 MILLISECOND = 1_000_000
@@ -365,24 +364,3 @@ def test_no_message_is_lost_or_doubled_unless_a_fault_loses_it(run, records):
             for one in records
         ):
             assert stamps == [fields.stamp_of(message) for _, message in messages]
-
-
-def test_garbage_in_fields_that_came_later_leaves_that_of_the_earlier_ones():
-    """Bags of version 0.1.0 hold garbage that must be computed again bit for bit."""
-    contact_force = CHANNELS["contact_force"]
-    without = dataclasses.replace(
-        contact_force,
-        numbers=tuple(path for path in contact_force.numbers if path not in contact_force.added),
-        flags=(),
-        added=(),
-    )
-    fields = {name: 0.0 for (name,) in contact_force.numbers} | {"squeezed": False}
-    stages = [
-        _Garbage(channel, math.nan, np.random.default_rng(3), None)
-        for channel in (contact_force, without)
-    ]
-    for _ in range(20):
-        new, old = (stage.process(0, [fields])[0] for stage in stages)
-        for (name,) in without.numbers:
-            assert np.float64(new[name]).tobytes() == np.float64(old[name]).tobytes()
-        assert new["energy_transferred"] != 0.0

@@ -1,4 +1,4 @@
-"""The versions in a journal change with every source that the bits of a run depend on."""
+"""The versions in a journal: the engine, and the sources that the bits of a run depend on."""
 
 import shutil
 from pathlib import Path
@@ -7,9 +7,10 @@ import pytest
 
 import rpud_sim
 from rpud_sim.simulation.versions import (
-    PHYSICS,
-    engine_and_processor,
-    mended_since,
+    ENGINE,
+    engine_of,
+    engine_versions,
+    other_engine,
     source_digest,
     version_of,
 )
@@ -48,16 +49,43 @@ def test_a_change_of_a_reader_of_bags_does_not(copy):
 
 
 def test_the_versions_are_texts():
-    versions = engine_and_processor()
-    assert {"rpud_sim", "sources", "numpy", "numba", "processor", "c_library"} <= {*versions}
+    versions = engine_versions()
+    assert {"rpud_sim", "sources", "python", "numpy", "numba", "machine"} <= {*versions}
     assert all(isinstance(version, str) and version for version in versions.values())
     assert versions["sources"] == source_digest()
     assert version_of("no_such_package") == "unknown"
 
 
-def test_runs_that_have_lost_a_law_cannot_be_computed_again():
-    resonant = {"actuator_model": "resonance"}
-    assert "mended after version 0.1.0" in mended_since({"parameters": resonant})
-    assert "between versions 0.1.0 and 0.2.0" in mended_since({"physics": 2, "parameters": {}})
-    assert mended_since({"parameters": {}}) == ""
-    assert mended_since({"physics": PHYSICS, "parameters": resonant}) == ""
+@pytest.mark.parametrize(
+    ("beginning", "reason"),
+    [
+        ({"engine": ENGINE}, ""),
+        (
+            {"physics": 3, "made_by": {"rpud_sim": "0.2.0"}},
+            f"made by engine 3 of rpud_sim 0.2.0; this is engine {ENGINE}: "
+            "rpud_sim 0.2.0 proves it",
+        ),
+        (
+            {"made_by": {"rpud_sim": "0.1.0"}},
+            f"made by engine 1 of rpud_sim 0.1.0; this is engine {ENGINE}: "
+            "rpud_sim 0.1.0 proves it",
+        ),
+        (
+            {"engine": ENGINE + 1, "made_by": {"rpud_sim": "9.0"}},
+            f"made by engine {ENGINE + 1} of rpud_sim 9.0; this is engine {ENGINE}: "
+            "rpud_sim 9.0 proves it",
+        ),
+        (
+            {"physics": 2},
+            f"made by engine 2, of no release; this is engine {ENGINE}: no release proves it",
+        ),
+    ],
+)
+def test_a_run_of_another_engine_names_the_release_that_proves_it(beginning, reason):
+    assert other_engine(beginning) == reason
+
+
+@pytest.mark.parametrize("stranger", [None, [], {"engine": None}, {"engine": [], "made_by": 1}])
+def test_what_a_stranger_wrote_is_another_engine(stranger):
+    assert engine_of(stranger) != ENGINE
+    assert "proves it" in other_engine(stranger)

@@ -75,3 +75,11 @@ def test_impacts_may_come_in_any_order():
     found = filled([3.0, 1.0, 2.0], [30.0, 10.0, 20.0])
     times, peaks = found.between(0.0, 2.5)
     assert (times.tolist(), peaks.tolist()) == ([1.0, 2.0], [10.0, 20.0])
+
+
+def test_garbage_counts_as_impacts_and_leaves_the_band_of_the_others():
+    found = filled([0.1, 0.2, 0.3, 0.4, 0.5], [10.0, np.nan, 12.0, -1e300, np.inf])
+    spread = found.spread(0.0, 1.0, 1)
+    assert (spread["low"][0], spread["high"][0]) == pytest.approx((10.0, 12.0), rel=1e-3)
+    assert spread["mean"][0] == pytest.approx(11.0)
+    assert found.total == 5

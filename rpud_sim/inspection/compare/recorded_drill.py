@@ -17,6 +17,7 @@ from rpud_sim.inspection.damages import Damages
 from rpud_sim.inspection.recorded_run import ForkError, RecordedRun, find_run
 from rpud_sim.simulation.journal import JournalEntry
 from rpud_sim.simulation.topics import TOPICS
+from rpud_sim.simulation.versions import engine_of
 
 _NO_COMMANDS = ("begin", "origin", "stop", "flush", "save", "state", "end")
 _LATEST = 2**62  # later than every time [ns]
@@ -187,8 +188,8 @@ def _from_journal(
     parameters = begun.get("parameters")
     made_by = begun.get("made_by")
     versions = made_by if isinstance(made_by, dict) else {}
-    if "physics" in begun:
-        versions = {**versions, "physics": begun["physics"]}
+    if begun:
+        versions = {**versions, "engine": engine_of(begun)}
     if manifest:
         versions = {**manifest.versions, **versions}
     warnings = [recorded.torn] if recorded.torn else []

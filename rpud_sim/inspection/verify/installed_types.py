@@ -1,14 +1,8 @@
-"""Types of the messages of a proof: those that are installed here, or an earlier version of them.
-
-Later versions add fields to messages and take none away. So the computed message has every field of
-the recorded one, and the fields that the recorded one lacks are not proved.
-"""
+"""Types of the messages of a proof, as they are installed here."""
 
 from __future__ import annotations
 
 from functools import cache
-
-from rosbags.interfaces import Nodetype
 
 from rpud_sim.bag import BagFormatError, TopicSummary
 from rpud_sim.bag.cdr import Codec
@@ -20,7 +14,7 @@ JOURNAL = TOPICS["journal"].type
 
 
 def is_provable(summary: TopicSummary) -> bool:
-    """Whether a topic's type is the one that is installed here, or an earlier version of it."""
+    """Whether a topic's type is the one that is installed here."""
     try:
         proof_codec(summary)
     except UnverifiableError:
@@ -29,44 +23,24 @@ def is_provable(summary: TopicSummary) -> bool:
 
 
 def proof_codec(summary: TopicSummary) -> Codec:
-    """Return the codec of a topic whose type is the installed one or an earlier version of it."""
+    """Return the codec of a topic whose type is the installed one."""
     topic = summary.topic
     expected = _expected_type(topic.name, topic.type)
     if topic.type != expected:
         raise UnverifiableError(f"the type of {topic.name} is {topic.type:.80}, not {expected}")
-    if topic.type_hash in ("", find_type_hash(expected)):
-        return installed_codec(expected)
-    installed = installed_codec(expected)
-    try:
-        codec = Codec(expected, summary.definition or "")
-    except BagFormatError:
-        codec = None
-    if codec is None or not _fields(codec, expected) <= _fields(installed, expected):
+    if topic.type_hash not in ("", find_type_hash(expected)):
         raise UnverifiableError(f"{topic.name} is of another version of {expected}")
-    return codec
+    return installed_codec(expected)
 
 
-def fields_not_held(codec: Codec) -> list[str]:
-    """Return the fields of the installed type that a codec's type lacks, such as ``squeezed``."""
-    name = codec.type_name
-    lacking = _fields(installed_codec(name), name) - _fields(codec, name)
-    return sorted(path for path, _ in lacking)
-
-
-def _fields(codec: Codec, type_name: str, path: str = "") -> frozenset[tuple[str, str]]:
-    found: set[tuple[str, str]] = set()
-    for name, _, (node, described) in codec.fields(type_name):
-        inner = f"{path}.{name}" if path else name
-        kind = f"{node.name}"
-        if node in (Nodetype.ARRAY, Nodetype.SEQUENCE):
-            (node, described), length = described
-            kind += f" of {length} {node.name}"
-        if node == Nodetype.NAME:
-            found |= _fields(codec, described, inner)
-        else:
-            kind += f" {described}"
-        found.add((inner, kind))
-    return frozenset(found)
+def journal_codec(summary: TopicSummary) -> Codec:
+    """Return the codec of a journal of any version, for every bag's journal is read."""
+    if summary.topic.type_hash in ("", find_type_hash(JOURNAL)):
+        return installed_codec(JOURNAL)
+    try:
+        return Codec(JOURNAL, summary.definition or "")
+    except BagFormatError as error:
+        raise UnverifiableError(f"{summary.topic.name}: {error}") from None
 
 
 def _expected_type(name: str, type_name: str) -> str:

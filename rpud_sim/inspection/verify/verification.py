@@ -9,7 +9,6 @@ from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import chain
-from typing import Any
 
 import rpud_sim.bag
 from rpud_sim.bag import BagFormatError, BagReader, Message, TopicSummary
@@ -20,8 +19,8 @@ from rpud_sim.inspection.verify.content_comparison import ContentComparison
 from rpud_sim.inspection.verify.coverage import find_coverage
 from rpud_sim.inspection.verify.installed_types import (
     JOURNAL,
-    fields_not_held,
     is_provable,
+    journal_codec,
     proof_codec,
 )
 from rpud_sim.inspection.verify.messages import (
@@ -40,13 +39,13 @@ from rpud_sim.inspection.verify.recorded_topics import RecordedMessages, Recorde
 from rpud_sim.inspection.verify.topic_comparison import Counts, Difference, Suspect, TopicComparison
 from rpud_sim.simulation import EngineError
 from rpud_sim.simulation.fields import Fields, faults_fields, header_fields
-from rpud_sim.simulation.journal import JournalEntry
+from rpud_sim.simulation.journal import STARTS, JournalEntry
 from rpud_sim.simulation.rerun import JournalError, Rerun
 from rpud_sim.simulation.run import Run
 from rpud_sim.simulation.state import state_of
 from rpud_sim.simulation.together import Entry, Together, one_by_one
 from rpud_sim.simulation.topics import PROVED, TOPICS
-from rpud_sim.simulation.versions import engine_and_processor, mended_since
+from rpud_sim.simulation.versions import other_engine
 
 # Time that is simulated beyond the last stamp: a block may end later [ns].
 _TAIL = 2 * SECOND
@@ -69,7 +68,6 @@ class Verification:
     # stamp from which on messages are compared [ns]; None if the journal has the drill's start
     begins: int | None
     warnings: tuple[str, ...]  # one line each
-    other_versions: bool  # whether other versions made the bag than those that verified it
 
     @property
     def proved(self) -> bool:
@@ -117,7 +115,6 @@ def verify(
         sum(part.simulated for part in parts),
         max((part.begins for part in parts if part.begins is not None), default=None),
         tuple(dict.fromkeys(text for part in parts for text in part.warnings)),
-        any(part.other_versions for part in parts),
     )
 
 
@@ -125,7 +122,8 @@ class _Proof:
     def __init__(self, bag: BagReader, journal: TopicSummary) -> None:
         self._bag = bag
         self._journal = journal.topic.name
-        self._codec = proof_codec(journal)
+        self._codec = journal_codec(journal)
+        self._stretches = Stretches(self._entries())  # first: it refuses another engine
         prefix = self._journal[: -len("journal")]
         self._summaries = {
             summary.topic.name.removeprefix(prefix): summary
@@ -142,17 +140,9 @@ class _Proof:
             raise UnverifiableError(f"the bag holds nothing that {self._journal} could prove")
         self._codecs = {name: proof_codec(self._summaries[name]) for name in self._names}
         self._warnings: dict[str, None] = {}
-        for name, codec in self._codecs.items():
-            if lacking := fields_not_held(codec):
-                self._warnings[
-                    f"{self._summaries[name].topic.name} is of an earlier version, without "
-                    f"{', '.join(lacking)}"
-                ] = None
-        self._other_versions = False
         self._simulated = 0
 
     def run(self, report: Callable[[float], object]) -> Verification:
-        self._stretches = Stretches(self._entries())
         self._coverage = find_coverage(self._bag, self._coverage_codecs(), self._stretches)
         # of entries of the journal, and of what they prove at once
         self._journal_differences: list[Difference] = []
@@ -196,7 +186,6 @@ class _Proof:
             self._simulated,
             begins[0] if (begins := self._begins()) else None,
             tuple(self._warnings),
-            self._other_versions,
         )
 
     def _coverage_codecs(self) -> dict[str, Codec]:
@@ -288,10 +277,8 @@ class _Proof:
                 if entry.kind in BEGINNINGS or stretch < 0:
                     stretch += 1
                 if entry.kind == "begin":
-                    self._check_versions(entry.content)
                     before = 0
                 if entry.kind == "state" and rerun.run is None:
-                    self._check_versions(entry.content.get("beginning"))
                     before = entry.time
                 known = rerun.run
                 for found in rerun.repeat(entry):
@@ -391,7 +378,13 @@ class _Proof:
         )
 
     def _entries(self) -> Iterator[tuple[Message, JournalEntry]]:
-        return journal_entries(self._bag.messages({self._journal}), self._codec)
+        for message, entry in journal_entries(self._bag.messages({self._journal}), self._codec):
+            if entry.kind in STARTS:
+                held = entry.content
+                beginning = held if entry.kind == "begin" else held.get("beginning")
+                if reason := other_engine(beginning):
+                    raise UnverifiableError(f"{self._journal}: {reason}")
+            yield message, entry
 
     def _messages(self, name: str) -> Iterator[Message]:
         return self._bag.messages({self._summaries[name].topic.name})
@@ -399,15 +392,3 @@ class _Proof:
     def _count(self, simulated: int, report: Callable[[float], object]) -> None:
         self._simulated += simulated
         report(simulated / SECOND)
-
-    def _check_versions(self, content: Any) -> None:
-        mended = mended_since(content)
-        if mended:
-            raise UnverifiableError(f"{self._journal}: {mended}")
-        own = engine_and_processor()
-        made_by = content.get("made_by", {})
-        for name, version in own.items():
-            other = made_by.get(name, "unknown") if isinstance(made_by, dict) else "unknown"
-            if other != version:
-                self._other_versions = True
-                self._warnings[f"made by {name} {other!s:.80}, verified by {version}"] = None

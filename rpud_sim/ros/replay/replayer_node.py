@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable
 from math import inf
+from typing import Any
 
 from rclpy.duration import Duration
 from rclpy.exceptions import NameValidationException
@@ -18,6 +19,7 @@ from rpud_sim.bag import Message, Topic, TopicSummary
 from rpud_sim.foundation.terminal import printable
 from rpud_sim.foundation.time import split_seconds
 from rpud_sim.ros.qos import REPLAY_DEPTH, replay_offer
+from rpud_sim.ros.replay.earlier_types import conversion
 from rpud_sim.ros.types import UnknownTypeError, message_class
 
 CLOCK = "/clock"
@@ -71,6 +73,7 @@ class Replayer(Node):
                     raise UnknownTypeError(f"it is in {summary.topic.serialization_format!r}")
                 message = message_class(summary.topic.type)
                 self._check_name(summary.topic)
+                converted = conversion(summary, message)
             except UnknownTypeError as error:
                 self.get_logger().warning(printable(f"not replayed: {summary.topic.name}: {error}"))
                 continue
@@ -84,7 +87,8 @@ class Replayer(Node):
                 continue
             self._replayed[name] = publisher
             # Without the checks of rclpy: they take a fifth of the time of each message.
-            self._send[name] = publisher.handle.publish_raw
+            send: Callable[[Any], None] = publisher.handle.publish_raw
+            self._send[name] = send if converted is None else _chain(converted, publisher.publish)
             # A latched topic keeps only its last messages.
             latched = offer.durability == DurabilityPolicy.TRANSIENT_LOCAL
             self._depth[name] = inf if latched else min(offer.depth, REPLAY_DEPTH)
@@ -167,3 +171,9 @@ class Replayer(Node):
             if not publisher.wait_for_all_acked(Duration(nanoseconds=round(left * 1e9))):
                 lacking.append(name)
         return lacking
+
+
+def _chain(
+    converted: Callable[[bytes], Any], publish: Callable[[Any], None]
+) -> Callable[[bytes], None]:
+    return lambda data: publish(converted(data))

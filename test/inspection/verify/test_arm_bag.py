@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from sample_bags import write_without_walk
 
 import rpud_sim.bag
 from rpud_sim.inspection.offline_bag import write_offline_bag
@@ -87,12 +86,3 @@ def test_a_tool_that_rotates_in_one_rock_has_a_borehole_too(tmp_path):
         assert (bag.arrays("/rpud/borehole")["depth"][-1]) > 0.0
     assert verify(tmp_path / "bag").proved
     assert {"rotation", "borehole"} <= set(offered_topics(to_settings(values).values()))
-
-
-def test_a_bag_from_before_the_walk_of_the_bit_is_proved(arm, tmp_path):
-    name = "/rpud/borehole"
-    write_without_walk(tmp_path / "old", arm)
-    found = verify(tmp_path / "old")
-    assert found.proved
-    assert found.topics[name].equal == 50
-    assert found.warnings == (f"{name} is of an earlier version, without side_offset",)

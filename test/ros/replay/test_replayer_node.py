@@ -1,15 +1,20 @@
 """The node of the replayer publishes what it can, and names what it cannot. Over real DDS."""
 
 import dataclasses
+from pathlib import Path
 
 import pytest
 import rclpy
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
+from rpud_msgs.msg import ContactForce
 from sample_bags import CHAT, TALK, write_bag
+from support import until
 
 import rpud_sim.bag
 from rpud_sim.bag import QosProfile
 from rpud_sim.ros.replay.replayer_node import Replayer
+
+DATA = Path(__file__).parents[2] / "data"
 
 
 @pytest.fixture
@@ -91,3 +96,25 @@ def test_qos_that_cannot_be_offered_leaves_only_its_topic_out(replay, summaries)
     odd = changed(summaries[TALK.name], offered_qos=(QosProfile(lifespan=-(2**70)),))
     node = replay(odd, summaries[CHAT.name])
     assert node.topic_names == [CHAT.name]
+
+
+@pytest.mark.parametrize("release", ["0.1.0", "0.2.0"])
+def test_messages_of_an_earlier_release_arrive_with_what_they_have(replay, release):
+    with rpud_sim.bag.open(DATA / release / "run") as bag:
+        [summary] = (each for each in bag.topics if each.topic.name == "/rpud/contact_force")
+        recorded = next(bag.messages({summary.topic.name}))
+        expected = bag.arrays(summary.topic.name)["peak_force"][0]
+    node, subscriber = replay(summary), rclpy.create_node("subscriber")
+    received = []
+    subscriber.create_subscription(ContactForce, summary.topic.name, received.append, 10)
+    until(lambda: not node.unheard)
+
+    def arrives():
+        node.publish(recorded)
+        rclpy.spin_once(subscriber, timeout_sec=0.1)
+        return received
+
+    until(arrives)
+    subscriber.destroy_node()
+    assert received[0].peak_force == expected > 0.0
+    assert (received[0].energy_transferred == 0.0) == (release == "0.1.0")

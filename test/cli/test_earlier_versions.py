@@ -1,0 +1,93 @@
+"""Bags of earlier releases: each command that reads them does, and none computes them again.
+
+`offline_free` is a run without ROS before drilling, `run` a drill in real time from its start on,
+and `stepped` one that was stepped, commanded, reconfigured and given faults, with a resonant
+actuator and a rock model. `arm` was stepped on an arm, with strata and rotation, and reset.
+"""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import rpud_sim.bag
+from rpud_sim.simulation.versions import ENGINE
+
+DATA = Path(__file__).parents[1] / "data"
+ENGINES = {"0.1.0": 1, "0.2.0": 3}
+BAGS = sorted(DATA.glob("*/*"))
+every_bag = pytest.mark.parametrize("bag", BAGS, ids=lambda bag: f"{bag.parent.name}-{bag.name}")
+
+
+def test_bags_of_every_earlier_release_are_there():
+    assert [f"{bag.parent.name}/{bag.name}" for bag in BAGS] == [
+        *(f"0.1.0/{name}" for name in ("offline_free", "run", "stepped")),
+        *(f"0.2.0/{name}" for name in ("arm", "offline_free", "run", "stepped")),
+    ]
+
+
+@every_bag
+def test_verify_and_fork_say_which_release_proves_it(bag, tmp_path, rpud):
+    release = f"rpud_sim {bag.parent.name}"
+    reason = (
+        f"/rpud/journal: made by engine {ENGINES[bag.parent.name]} of {release}; "
+        f"this is engine {ENGINE}: {release} proves it\n"
+    )
+    assert rpud("verify", bag) == (1, "", f"rpud verify: {reason}")
+    fork = ("fork", bag, "--at", 0.01, "--out", tmp_path / "fork")
+    assert rpud(*fork) == (1, "", f"rpud fork: {reason}")
+    assert not (tmp_path / "fork").exists()
+
+
+@every_bag
+def test_its_contents_are_listed_and_reported(bag, tmp_path, rpud):
+    code, out, err = rpud("info", bag, "--json")
+    assert (code, err) == (0, "")
+    assert json.loads(out)["message_count"] > 90
+    page = tmp_path / "report.html"
+    assert rpud("report", bag, "--out", page)[0] == 0
+    assert page.stat().st_size > 100_000
+
+
+@every_bag
+def test_its_topics_are_exported(bag, tmp_path, rpud):
+    out = tmp_path / "tables"
+    assert rpud("export", bag, "--out", out, "--format", "numpy")[::2] == (0, "")
+    force = np.load(out / "rpud.contact_force" / "peak_force.npy")
+    with rpud_sim.bag.open(bag) as held:
+        np.testing.assert_array_equal(force, held.arrays("/rpud/contact_force")["peak_force"])
+
+
+@every_bag
+def test_its_waveform_is_rebuilt_from_its_trajectory(bag, tmp_path, rpud):
+    with rpud_sim.bag.open(bag) as held:
+        waveform = held.arrays("/rpud/waveform")
+    rate = round(1.0 / waveform["sample_period"][0])
+    out = tmp_path / "tables"
+    rebuild = ("export", bag, "--out", out, "--format", "numpy", "--rate", rate)
+    assert rpud(*rebuild)[::2] == (0, "")
+    # A reset begins the stamps again; the export has the first run.
+    resets = np.flatnonzero(np.diff(waveform["time"]) < 0)
+    recorded = slice(None, resets[0] + 1 if len(resets) else None)
+    table = {file.stem: np.load(file) for file in (out / "rpud.trajectory").glob("*.npy")}
+    times, here, there = np.intersect1d(
+        waveform["time"][recorded], table["time"], return_indices=True
+    )
+    assert len(times) > 100
+    for name, values in table.items():
+        if name in waveform and name != "time":
+            size = np.abs(waveform[name]).max()
+            np.testing.assert_allclose(
+                values[there], waveform[name][here], rtol=1e-9, atol=1e-9 * size
+            )
+
+
+@every_bag
+def test_it_is_compared_with_a_run_of_its_kind(bag, tmp_path, rpud):
+    other = DATA / ("0.2.0" if bag.parent.name == "0.1.0" else "0.1.0") / bag.name
+    other = other if other.is_dir() else DATA / "0.1.0" / "run"
+    code, out, err = rpud("compare", bag, other, "--settle", 0, "--json")
+    assert code in (0, 1, 3), err  # as the values are, and whether there are enough of them
+    versions = {each["name"]: each["values"] for each in json.loads(out)["versions"]}
+    assert versions["engine"] == [str(ENGINES[each.parent.name]) for each in (bag, other)]

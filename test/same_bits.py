@@ -1,0 +1,102 @@
+"""Digests of all messages and figures of some drills, to compare processes: `python same_bits.py`.
+
+The argument shortens all drills by this factor. With `--keep` in its place, the digests become
+those of the engine version, in `data/bits.json`.
+"""
+
+import dataclasses
+import hashlib
+import json
+import sys
+import tempfile
+from pathlib import Path
+
+import rpud_sim.bag
+from rpud_sim.inspection.offline_bag import write_offline_bag
+from rpud_sim.simulation.changes import Planned
+from rpud_sim.simulation.commands import Feed, WeightOnBit
+from rpud_sim.simulation.configuration import to_settings
+from rpud_sim.simulation.ensemble import initial_phases, run_members
+from rpud_sim.simulation.faults import Fault
+from rpud_sim.simulation.run import Beginning
+from rpud_sim.simulation.scenario import Scenario, ScheduledFault
+from rpud_sim.simulation.versions import ENGINE
+
+KEPT = Path(__file__).parent / "data" / "bits.json"
+MILLISECOND = 1_000_000
+ROCK = {"rock_model": "specific_energy"}
+RESONANCE = {"actuator_model": "resonance", "generator": "tracking", "heating": True}
+ARM = {
+    "feed_model": "arm",
+    "rotation_model": "friction_drive",
+    "strata": "{layers: [{depth_from: 0.0, rock: regolith}, {depth_from: 0.00002, rock: chalk}]}",
+    "initial_feed": 0.004,
+}
+DRILLS = {  # parameters, and simulated time [ms]
+    "free": ({"regime": "free"}, 100),
+    "drilling": ({}, 200),
+    "stiff": ({"contact_model": "printed", "drill_tool_restitution": 0.9}, 100),
+    "resonance": ({**RESONANCE, **ROCK}, 200),
+    "strata": ({"strata": "sandstone"}, 200),
+    "arm": (ARM, 200),
+    "faults": ({**RESONANCE, **ARM}, 200),
+}
+FAULTS = (
+    Fault("noise", "reacting_force"),
+    Fault("noise", "contact_force"),
+    Fault("garbage", "contact_force"),
+    Fault("garbage", "drill_tool"),
+    Fault("intermittent", "wrench", 0.5),
+    Fault("delayed", "nodal_plane", 0.01),
+    Fault("binding"),
+    Fault("resonance_drift"),
+    Fault("lost_preload", magnitude=0.4),
+)
+
+
+def beginning(name: str) -> Beginning:
+    settings = to_settings(DRILLS[name][0])
+    faults = tuple(
+        ScheduledFault((10 + number) * MILLISECOND, (100 + number) * MILLISECOND, fault)
+        for number, fault in enumerate(FAULTS if name == "faults" else ())
+    )
+    return Beginning(settings, 0.2, 3, Scenario(3, faults))
+
+
+def commands(name: str) -> list[Planned]:
+    if "feed_model" in DRILLS[name][0]:
+        return [Planned(5 * MILLISECOND, Feed("rate", 0.004))]
+    return [Planned(5 * MILLISECOND, WeightOnBit(12.0))]
+
+
+def digests(bag: Path) -> dict[str, str]:
+    found = {}
+    with rpud_sim.bag.open(bag) as opened:
+        for message in opened.messages():
+            if not message.topic.endswith("/journal"):  # it names the machine
+                digest = found.setdefault(message.topic, hashlib.sha256())
+                digest.update(message.data + message.log_time.to_bytes(8, "little"))
+    return {topic: digest.hexdigest()[:16] for topic, digest in sorted(found.items())}
+
+
+def all_digests(shorter: float, folder: Path) -> dict[str, dict[str, str]]:
+    """Digests of each topic of each drill, and of its figures; bags go into the folder."""
+    found = {}
+    for name, (_, length) in DRILLS.items():
+        duration = length / 1000.0 / shorter
+        write_offline_bag(folder / name, beginning(name), duration, planned=commands(name))
+        found[name] = digests(folder / name)
+        configuration = to_settings(DRILLS[name][0]).configuration
+        members = run_members(configuration, duration, initial_phases(2, 1), accounts=True)
+        figures = json.dumps([dataclasses.astuple(member) for member in members])
+        found[name]["figures"] = hashlib.sha256(figures.encode()).hexdigest()[:16]
+    return found
+
+
+if __name__ == "__main__":
+    with tempfile.TemporaryDirectory() as scratch:
+        if sys.argv[1] == "--keep":
+            kept = {"engine": ENGINE, **all_digests(1.0, Path(scratch))}
+            KEPT.write_text(json.dumps(kept, indent=1) + "\n")
+        else:
+            print(json.dumps(all_digests(float(sys.argv[1]), Path(scratch))))
