@@ -8,7 +8,7 @@ import pytest
 from rpud_msgs.msg import Feed, WeightOnBit
 from rpud_msgs.srv import ClearFault, InjectFault
 
-from rpud_sim.ros.drill.publishers import DIAGNOSTICS
+from rpud_sim.ros.drill.publishers import OF_NODE
 from rpud_sim.ros.types import message_class
 from rpud_sim.simulation.faults import KINDS
 from rpud_sim.simulation.topics import TOPICS
@@ -26,7 +26,7 @@ COMMANDS = {
     "/rpud/command/feed": ("rpud_msgs/Feed", Feed),
 }
 SERVICES = {"/rpud/inject_fault": InjectFault, "/rpud/clear_fault": ClearFault}
-PUBLISHED = {**TOPICS, "/diagnostics": DIAGNOSTICS}
+PUBLISHED = {**TOPICS, **OF_NODE}
 NUMBERS = ("double", "boolean", "uint32", "uint64")
 
 

@@ -41,6 +41,7 @@ class Collector:
     def __init__(self, client: DrillClient) -> None:
         self.time = 0  # of the drill, for messages without a stamp [ns]
         self.delivery = GetDelivery.Response()  # the drill's latest account
+        self.published: Mapping[str, int] = {}  # messages of the drill, by relative topic
         self._client = client
         self._context = client.node.context
         self.node = rclpy.create_node(
@@ -59,11 +60,6 @@ class Collector:
         for name, kind in COMMANDS.items():
             self.subscribe(name, kind)
         self._always = set(self._topics)
-
-    @property
-    def published(self) -> dict[str, int]:
-        """Number of messages that the drill has published, by relative topic; see ``ask``."""
-        return dict(zip(self.delivery.topics, self.delivery.published, strict=True))
 
     @property
     def topics(self) -> Mapping[str, HeardTopic]:
@@ -106,8 +102,9 @@ class Collector:
 
     def ask(self, nodes: Sequence[str] = ()) -> GetDelivery.Response:
         """Ask the drill for its account; see ``DrillClient.delivery``."""
-        self.delivery = self._client.delivery(nodes)
-        return self.delivery
+        found = self.delivery = self._client.delivery(nodes)
+        self.published = dict(zip(found.topics, found.published, strict=True))
+        return found
 
     def take(self) -> bool:
         """Take what has arrived, and return whether it was anything."""

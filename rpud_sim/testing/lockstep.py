@@ -114,8 +114,11 @@ class Lockstep:
 
     def settle(self) -> None:
         """Wait until all that the drill has published is here."""
+        self.collector.ask()
+        self._await_published()
+
+    def _await_published(self) -> None:
         collector, status = self.collector, self.collector.own("status")
-        collector.ask()
 
         def complete() -> bool:
             return (
@@ -155,7 +158,8 @@ class Lockstep:
             with self._guarded():
                 reached = DrillClient.step(self.client, length / SECOND)
             self.collector.time = round(reached * SECOND)
-            self.settle()
+            self.collector.published = self.client.published
+            self._await_published()
         period = self.answers.period
         if period and until % period == 0:
             self.systems.await_answers(until)

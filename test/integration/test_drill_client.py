@@ -2,13 +2,17 @@
 
 import pytest
 import rclpy
+from builtin_interfaces.msg import Time
 from rpud_msgs.msg import JournalEntry, Result, Status, WeightOnBit
+from std_msgs.msg import Header
 from support import PATIENCE, until
 
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.ros.client import DrillClient, NoAnswerError, NoDrillError, RefusedError
 
 PAUSED = {"start_paused": True, "publish_clock": True}
+
+RANGE = "weight_on_bit = {} N is outside its range [0, 1000] N"
 
 
 @pytest.fixture(scope="module")
@@ -111,6 +115,37 @@ def test_the_refusal_of_another_publisher_is_not_taken_for_its_own(drill):
     assert drill.status.weight_on_bit == 25.0
     drill.until(lambda: drill.status.commands_rejected == 1)
     drill.node.destroy_publisher(other)
+
+
+def test_a_publisher_knows_what_became_of_its_commands_by_their_stamps(drill):
+    given = drill.node.create_publisher(WeightOnBit, "command/weight_on_bit", 10)
+    drill.until(given.get_subscription_count)
+    for seconds, force in enumerate((11.0, -1.0, 12.0), start=1):
+        given.publish(WeightOnBit(header=Header(stamp=Time(sec=seconds)), force=force))
+    drill.until(lambda: drill.status.commands_accepted == 2)
+    drill.drive(False)
+    latest = drill.listen("command_results")  # it is latched
+    drill.until(lambda: latest)
+    said = {
+        each.header.stamp.sec: (each.kind, each.accepted, each.reason)
+        for each in latest[-1].results
+    }
+    assert said[3] == ("weight_on_bit", True, "")
+    assert said[2] == ("weight_on_bit", False, RANGE.format(-1))
+    assert ("drive", True, "") in said.values()
+    assert latest[-1].former == len(latest[-1].results) - 1
+    drill.node.destroy_publisher(given)
+
+
+def test_a_step_says_how_many_messages_it_has_published(drill):
+    impacts = drill.listen("contact_force")
+    drill.step(0.5)
+    before = drill.published["contact_force"] - len(impacts)
+    drill.step(0.5)
+    assert drill.published == dict(
+        zip((told := drill.delivery()).topics, told.published, strict=True)
+    )
+    assert drill.published["contact_force"] - before == len(impacts) > 0
 
 
 def test_a_step_is_over_when_all_its_messages_are_there(drill):

@@ -21,9 +21,7 @@ class Commands(ClientPart):
     def press(self, force: float) -> None:
         """Command a weight on bit [N]."""
         force = to_number("force", force)
-        self._drill.command(
-            "weight_on_bit", WeightOnBit(force=force), {"force": force}, {"weight_on_bit": force}
-        )
+        self._drill.command("weight_on_bit", WeightOnBit(force=force))
 
     def drive(
         self, enabled: bool = True, voltage: float | None = None, frequency: float | None = None
@@ -36,14 +34,7 @@ class Commands(ClientPart):
             voltage=present[0] if voltage is None else to_number("voltage", voltage),
             frequency=present[1] if frequency is None else to_number("frequency", frequency),
         )
-        values: dict[str, Any] = {"enabled": message.enabled}
-        # While the drive is off, zero stands for the present value.
-        if enabled or message.voltage:
-            values["voltage"] = message.voltage
-        if message.frequency:
-            values["frequency"] = message.frequency
-        in_status = {f"drive_{name}": value for name, value in values.items()}
-        self._drill.command("drive", message, values, in_status)
+        self._drill.command("drive", message)
 
     def feed(self, rate: float | None = None, position: float | None = None) -> None:
         """Command the feed of a drill on an arm: its rate or its position, and not both.
@@ -54,12 +45,10 @@ class Commands(ClientPart):
         if (rate is None) == (position is None):
             raise ParameterError("feed takes a rate or a position")
         if rate is not None:
-            mode, name, value = Feed.MODE_RATE, "rate", to_number("rate", rate)
+            message = Feed(mode=Feed.MODE_RATE, value=to_number("rate", rate))
         else:
-            mode, name, value = Feed.MODE_POSITION, "position", to_number("position", position)
-        message = Feed(mode=mode, value=value)
-        in_status = {"feed_mode": mode, "feed_value": value}
-        self._drill.command("feed", message, {"mode": name, "value": value}, in_status)
+            message = Feed(mode=Feed.MODE_POSITION, value=to_number("position", position))
+        self._drill.command("feed", message)
 
     def engage(self, on: bool = True) -> None:
         """Put the drill tool into the rock, or take it out."""

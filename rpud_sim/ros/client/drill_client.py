@@ -12,8 +12,8 @@ from rpud_msgs.srv import GetDelivery
 
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.ros.client.commands import Commands
-from rpud_sim.ros.client.confirmation import stamp_of
 from rpud_sim.ros.client.drill_connection import DrillConnection
+from rpud_sim.ros.client.drill_watch import stamp_of
 from rpud_sim.ros.client.fault_services import FaultServices
 from rpud_sim.ros.client.simulation_services import SimulationServices
 from rpud_sim.ros.client.telemetry import Telemetry
@@ -140,9 +140,10 @@ class DrillClient(Commands, FaultServices, SimulationServices):
         return self._drill.until(condition, what, patience)
 
     def observe(self, observer: Callable[[str, Any], object]) -> None:
-        """Call a function with the topic and each message of ``status``, ``faults``, ``journal``.
+        """Call a function with the name and each message of some topics.
 
-        They are latched: what came before is not repeated. Observe before the client has waited.
+        These are ``status``, ``faults``, ``journal`` and ``command_results``. They are latched:
+        what came before is not repeated. Observe before the client has waited.
         """
         self._drill.watch.observer = observer
 
@@ -166,8 +167,3 @@ class DrillClient(Commands, FaultServices, SimulationServices):
     def publishers(self) -> list[str]:
         """Full names of the nodes that publish the drill's status; no node, no drill."""
         return self._drill.watch.publishers
-
-    @property
-    def last_refusal(self) -> tuple[int, str]:
-        """Count of the commands that the drill has refused, and its reason for the latest."""
-        return self._drill.watch.last_refusal

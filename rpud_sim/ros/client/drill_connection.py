@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import secrets
+from collections.abc import Callable
 from typing import Any, TypeVar
 
 from rclpy.node import Node
@@ -23,7 +24,6 @@ from rpud_msgs.srv import (
 from std_srvs.srv import SetBool
 
 from rpud_sim.ros.client.arguments import SECONDS
-from rpud_sim.ros.client.confirmation import Confirmation
 from rpud_sim.ros.client.drill_search import no_drill, node_name
 from rpud_sim.ros.client.drill_watch import DrillWatch
 from rpud_sim.ros.client.errors import NoAnswerError, NoDrillError, RefusedError
@@ -63,6 +63,8 @@ class DrillConnection:
         self.listening = ListeningNode(node_name, namespace, domain_id)  # node of the client
         self.watch = DrillWatch(self.listening)  # what the drill says
         self._found = False
+        # The drill returns the headers of commands: so this client knows its own.
+        self._mark, self._commands = f"{node_name}-{secrets.token_hex(4)}", 0
         self._publishers: dict[str, Publisher] = {}
         self._clients = {
             name: self.node.create_client(kind, name) for name, kind in _SERVICES.items()
@@ -112,21 +114,15 @@ class DrillConnection:
         limit = self._patience if patience is None else float(patience)
         return self.listening.until(condition, limit, what)
 
-    def command(
-        self, name: str, message: Any, values: Mapping[str, Any], shown: Mapping[str, Any]
-    ) -> None:
-        """Publish a command by its topic, and wait until the drill has accepted it.
-
-        ``values`` are its fields that the journal will show, ``shown`` the same by the fields of
-        the status.
-        """
+    def command(self, name: str, message: Any) -> None:
+        """Publish a command by its topic, and wait until the drill has accepted it."""
         self.find()
         publisher = self._publisher(name)
-        confirmation = Confirmation(name, values, shown, self.status)
-        publisher.publish(message)
-        reason = self.watch.confirm(confirmation, self._patience)
-        if reason is not None:
-            raise RefusedError(reason)
+        self._commands += 1
+        frame = message.header.frame_id = f"{self._mark}/{self._commands}"
+        result = self.watch.result_of(lambda: publisher.publish(message), frame, self._patience)
+        if not result.accepted:
+            raise RefusedError(result.reason)
 
     def _publisher(self, name: str) -> Publisher:
         """Return the publisher of a command, which the drill hears.

@@ -1,4 +1,4 @@
-"""Watch over one drill: what its status, faults, journal and diagnostics say."""
+"""Watch over one drill: what its status, faults, journal and results of commands say."""
 
 from __future__ import annotations
 
@@ -8,21 +8,17 @@ from collections.abc import Callable
 from itertools import pairwise
 from typing import Any
 
-from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.qos import DurabilityPolicy, QoSProfile
-from rpud_msgs.msg import Faults, JournalEntry, Status
+from rpud_msgs.msg import CommandResult, CommandResults, Faults, JournalEntry, Status
 
-from rpud_sim.ros.client.confirmation import Confirmation
+from rpud_sim.foundation.time import join_seconds
 from rpud_sim.ros.client.drill_search import publisher_names
-from rpud_sim.ros.client.errors import NoAnswerError, NoDrillError
+from rpud_sim.ros.client.errors import NoDrillError
 from rpud_sim.ros.client.listening_node import ListeningNode
 
 _STATUS = "rpud_msgs/msg/Status"
 _STATUS_PERIOD = 2.5  # in which every living drill publishes a status, at any load [s]
-_GRACE = 2.0  # in which a command may be accepted after another publisher's was refused [s]
-_REASON = 3.0  # until the diagnostics show the reason of a refusal [s]; they come every second
 _LATCHED = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-_DIAGNOSTICS = QoSProfile(depth=100)
 _JOURNAL = QoSProfile(depth=1000, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
@@ -33,17 +29,18 @@ class DrillWatch:
         self.status: Status | None = None  # the latest, None before the first
         self.faults: Faults | None = None  # the latest, None before the first
         self.statuses = 0  # count of the statuses that came
-        # called with the name of a topic (``status``, ``faults``, ``journal``) and each
-        # of its messages
+        # called with the name of a topic (``status``, ``faults``, ``journal``,
+        # ``command_results``) and each of its messages
         self.observer: Callable[[str, Any], object] = lambda topic, message: None
         self._listening = listening
         self._sequence: deque[int] = deque(maxlen=100)  # publication numbers of the statuses
-        self._refusals: dict[str, tuple[int, str]] = {}  # by name: count and latest reason
-        self._confirmation: Confirmation | None = None
+        self._awaited = ""  # frame of the command whose result is awaited
+        self._result: CommandResult | None = None  # of that command
+        self._shown = 0  # number of the status that shows it
         listening.subscribe(Status, "status", self._on_status, _LATCHED)
         listening.subscribe(Faults, "faults", self._on_faults, _LATCHED)
         listening.subscribe(JournalEntry, "journal", self._on_entry, _JOURNAL)
-        listening.subscribe(DiagnosticArray, "/diagnostics", self._on_diagnostics, _DIAGNOSTICS)
+        listening.subscribe(CommandResults, "command_results", self._on_results, _LATCHED)
 
     @property
     def number(self) -> int:
@@ -55,11 +52,6 @@ class DrillWatch:
         """Full names of the nodes that publish the status."""
         node = self._listening.node
         return publisher_names(node, node.resolve_topic_name("status"), _STATUS)
-
-    @property
-    def last_refusal(self) -> tuple[int, str]:
-        """Count of the commands that the drill has refused, and why it refused the latest."""
-        return max((self._refusals.get(name, (0, "")) for name in self.publishers), default=(0, ""))
 
     def check_alone(self) -> None:
         """Check that one drill alone is there; one that was killed counts for nothing."""
@@ -77,51 +69,27 @@ class DrillWatch:
                 )
             self._listening.spin(0.02)
 
-    def confirm(self, confirmation: Confirmation, patience: float) -> str | None:
-        """Wait for the fate of a command that was sent; return why it was refused, None if not."""
-        refused_at = 0.0
+    def result_of(
+        self, command: Callable[[], object], frame: str, patience: float
+    ) -> CommandResult:
+        """Give a command whose header has this frame; return what became of it.
 
-        def decided() -> bool:
-            nonlocal refused_at
-            if confirmation.accepted:
-                return True
-            if not confirmation.refused:
-                return False
-            refused_at = refused_at or time.monotonic()
-            # The counter does not say whose command was refused. The latest status may be older
-            # than the publisher of this command.
-            node = self._listening.node
-            alone = (
-                self.status is not None
-                and self.status.commanders <= 1
-                and node.count_publishers(f"command/{confirmation.kind}") <= 1
-            )
-            return alone or time.monotonic() >= refused_at + _GRACE
-
-        self._confirmation = confirmation
-        try:
-            self._listening.until(decided, patience, "the drill did not accept the command")
-        finally:
-            self._confirmation = None
-        return None if confirmation.accepted else self._reason(confirmation.refused)
-
-    def _reason(self, count: int) -> str:
-        def reasons() -> list[str]:
-            known = [self._refusals.get(name, (0, "")) for name in self.publishers]
-            return [reason for refused, reason in known if refused >= count and reason]
-
-        try:
-            return self._listening.until(reasons, _REASON, "no reason came")[0]
-        except NoAnswerError:
-            return "the drill refused the command; its log says why"
+        The latest status shows it then.
+        """
+        self._awaited, self._result = frame, None
+        command()
+        what = "the drill did not accept the command"
+        result = self._listening.until(lambda: self._result, patience, what)
+        self._listening.until(
+            lambda: not self._sequence or self.number >= self._shown, patience, what
+        )
+        return result
 
     def _on_status(self, status: Status, info: dict[str, Any]) -> None:
         self.status = status
         self.statuses += 1
         if info.get("publication_sequence_number") is not None:
             self._sequence.append(info["publication_sequence_number"])
-        if self._confirmation is not None:
-            self._confirmation.see_status(status)
         self.observer("status", status)
 
     def _on_faults(self, faults: Faults) -> None:
@@ -130,14 +98,15 @@ class DrillWatch:
 
     def _on_entry(self, entry: JournalEntry) -> None:
         self.observer("journal", entry)
-        if self._confirmation is not None:
-            self._confirmation.see_entry(entry)
 
-    def _on_diagnostics(self, diagnostics: DiagnosticArray) -> None:
-        for status in diagnostics.status:
-            name, _, what = status.name.partition(": ")
-            if what == "commands" and status.hardware_id == "rpud_sim":
-                values = {each.key: each.value for each in status.values}
-                refused = values.get("commands_rejected", "")
-                if refused.isdecimal():
-                    self._refusals[name] = int(refused), values.get("last_refusal", "")
+    def _on_results(self, results: CommandResults) -> None:
+        for result in results.results:
+            if result.header.frame_id == self._awaited != "":
+                self._result, self._shown = result, results.status
+        self.observer("command_results", results)
+
+
+def stamp_of(message: Any) -> int:
+    """Return the stamp of a message with a header [ns]."""
+    stamp = message.header.stamp
+    return join_seconds(stamp.sec, stamp.nanosec)

@@ -12,7 +12,8 @@ from rpud_sim.foundation.quantities import ParameterError, did_you_mean, shown
 from rpud_sim.foundation.time import SECOND, join_seconds
 from rpud_sim.ros.client.arguments import SEED, to_duration, to_time
 from rpud_sim.ros.client.client_part import ClientPart
-from rpud_sim.ros.client.confirmation import stamp_of
+from rpud_sim.ros.client.drill_connection import DrillConnection
+from rpud_sim.ros.client.drill_watch import stamp_of
 from rpud_sim.ros.client.errors import RefusedError
 
 # What a reset may restart, by name.
@@ -26,6 +27,15 @@ SCOPES: Mapping[str, int] = {
 
 class SimulationServices(ClientPart):
     """Simulation time of a drill; a call returns when the topic ``status`` shows the change."""
+
+    def __init__(self, drill: DrillConnection) -> None:
+        super().__init__(drill)
+        self._published: Mapping[str, int] = {}
+
+    @property
+    def published(self) -> Mapping[str, int]:
+        """Messages that the drill had published on each topic when the last step ended."""
+        return self._published
 
     def pause(self) -> None:
         """Let simulation time stand still; a step that is under way is interrupted."""
@@ -82,6 +92,7 @@ class SimulationServices(ClientPart):
     def _advance(self, name: str, request: Any) -> float:
         response = self._drill.call(name, request)
         _check(response.result)
+        self._published = dict(zip(response.topics, response.published, strict=True))
         reached = join_seconds(response.time.sec, response.time.nanosec)
         self._drill.until(
             lambda: stamp_of(self.status) >= reached, "no status showed the end of the step"

@@ -16,7 +16,7 @@ from rpud_sim.ros.drill.paced_run import PacedRun
 from rpud_sim.ros.drill.pacer import Pacer
 from rpud_sim.ros.drill.publishers import DrillPublishers
 from rpud_sim.ros.drill.status_reporter import StatusReporter
-from rpud_sim.ros.drill.time_control import TimeControl
+from rpud_sim.ros.drill.time_control import Reached, TimeControl
 from rpud_sim.ros.drill.time_source import TimeSource
 from rpud_sim.simulation.checkpoints import Checkpoints
 from rpud_sim.simulation.configuration import Configuration, Settings
@@ -158,8 +158,8 @@ class Drilling:
         self.time_control.stop()
         self._pace()
 
-    def step(self, until: int) -> Future[int]:
-        """Let a paused simulation go on to a simulation time [ns]; the result is its stamp."""
+    def step(self, until: int) -> Future[Reached]:
+        """Let a paused simulation go on to a simulation time [ns]."""
         return self._paced.step(until)
 
     def act(self, action: Callable[[Run], None]) -> None:

@@ -15,12 +15,13 @@ from rpud_msgs.msg import Drive as DriveMessage
 from rpud_msgs.msg import Feed as FeedMessage
 from rpud_msgs.msg import WeightOnBit as WeightOnBitMessage
 from sensor_msgs.msg import JointState
+from std_msgs.msg import Header
 
 from rpud_sim.bag.sequence import SequenceGaps
 from rpud_sim.drilling.feed import POSITION, RATE
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.foundation.time import SECOND, join_seconds
-from rpud_sim.ros.drill.inbox import Inbox
+from rpud_sim.ros.drill.inbox import Command, Fate, Inbox
 from rpud_sim.ros.drill.joint_commands import to_feed
 from rpud_sim.ros.drill.publishers import COMMAND_QOS
 from rpud_sim.simulation.commands import Drive, Feed, WeightOnBit
@@ -43,10 +44,10 @@ class Gate:
         self._now = now
         self._open = threading.Event()
         for name, kind, handler in (
-            ("command/weight_on_bit", WeightOnBitMessage, self._on_weight_on_bit),
-            ("command/drive", DriveMessage, self._on_drive),
-            ("command/feed", FeedMessage, self._on_feed),
-            ("joint_commands", JointState, self._on_joint_commands),
+            ("command/weight_on_bit", WeightOnBitMessage, self._to_weight_on_bit),
+            ("command/drive", DriveMessage, self._to_drive),
+            ("command/feed", FeedMessage, self._to_feed),
+            ("joint_commands", JointState, self._joint_to_feed),
         ):
             _CommandTopic(node, name, kind, handler, inbox)
 
@@ -57,46 +58,35 @@ class Gate:
         else:
             self._open.clear()
 
-    def _on_weight_on_bit(self, message: WeightOnBitMessage, arrived: int) -> None:
-        try:
-            self._check("weight on bit", message.header.stamp)
-            self.settings.configuration.check_weight_on_bit()
-            self._inbox.accept(WeightOnBit(message.force), arrived)
-        except ParameterError as error:
-            self._inbox.refuse(str(error))
+    def _to_weight_on_bit(self, message: WeightOnBitMessage) -> WeightOnBit:
+        self._check("weight on bit", message.header.stamp)
+        self.settings.configuration.check_weight_on_bit()
+        return WeightOnBit(message.force)
 
-    def _on_drive(self, message: DriveMessage, arrived: int) -> None:
-        try:
-            self._check("drive", message.header.stamp)
-            drive = Drive(message.enabled, message.voltage, message.frequency)
-            self.settings.configuration.check_drive(drive)
-            self._inbox.accept(drive, arrived)
-        except ParameterError as error:
-            self._inbox.refuse(str(error))
+    def _to_drive(self, message: DriveMessage) -> Drive:
+        self._check("drive", message.header.stamp)
+        drive = Drive(message.enabled, message.voltage, message.frequency)
+        self.settings.configuration.check_drive(drive)
+        return drive
 
-    def _on_feed(self, message: FeedMessage, arrived: int) -> None:
-        try:
-            self._check("feed", message.header.stamp)
-            mode = _FEED_MODES.get(message.mode)
-            if mode is None:
-                raise ParameterError(f"feed mode = {message.mode} is not 0 (rate) or 1 (position)")
-            self._accept_feed(Feed(mode, message.value), arrived)
-        except ParameterError as error:
-            self._inbox.refuse(str(error))
+    def _to_feed(self, message: FeedMessage) -> Feed:
+        self._check("feed", message.header.stamp)
+        mode = _FEED_MODES.get(message.mode)
+        if mode is None:
+            raise ParameterError(f"feed mode = {message.mode} is not 0 (rate) or 1 (position)")
+        return self._checked(Feed(mode, message.value))
 
-    def _on_joint_commands(self, message: JointState, arrived: int) -> None:
-        try:
-            # Before the rest: the hardware interface publishes while no controller commands.
-            feed = to_feed(message)
-            if feed is not None:
-                self._check("joint_commands", message.header.stamp)
-                self._accept_feed(feed, arrived)
-        except ParameterError as error:
-            self._inbox.refuse(str(error))
+    def _joint_to_feed(self, message: JointState) -> Feed | None:
+        # Before the rest: the hardware interface publishes while no controller commands.
+        feed = to_feed(message)
+        if feed is None:
+            return None
+        self._check("joint_commands", message.header.stamp)
+        return self._checked(feed)
 
-    def _accept_feed(self, feed: Feed, arrived: int) -> None:
+    def _checked(self, feed: Feed) -> Feed:
         self.settings.configuration.check_feed(feed)
-        self._inbox.accept(feed, arrived)
+        return feed
 
     def _check(self, name: str, stamp: Time) -> None:
         if not self._open.is_set():
@@ -120,7 +110,7 @@ class _CommandTopic:
         node: Node,
         name: str,
         kind: type,
-        handler: Callable[[Any, int], None],
+        handler: Callable[[Any], Command | None],
         inbox: Inbox,
     ) -> None:
         self._name = name.removeprefix("command/")
@@ -161,11 +151,17 @@ class _CommandTopic:
         try:
             message = deserialize_message(payload, self._kind)
         except Exception:  # RMWError, or what the conversion to Python raises
-            self._inbox.refuse_malformed(
-                f"{self._name}: a payload of {len(payload)} bytes is malformed"
-            )
+            reason = f"{self._name}: a payload of {len(payload)} bytes is malformed"
+            self._inbox.refuse_malformed(Fate(self._name, Header(), reason))
+            return
+        fate = Fate(self._name, message.header)
+        try:
+            command = self._handler(message)
+        except ParameterError as error:
+            self._inbox.refuse(fate._replace(reason=str(error)))
         else:
-            self._handler(message, arrival(information))
+            if command is not None:
+                self._inbox.accept(command, fate, arrival(information))
 
     def _on_lost(self, event: Any) -> None:
         self._overwritten = event.total_count

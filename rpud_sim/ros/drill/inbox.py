@@ -1,4 +1,4 @@
-"""Inbox of commands from the executor to the pacing thread, with counts of refusals."""
+"""Inbox of commands from the executor to the pacing thread, and what became of each."""
 
 from __future__ import annotations
 
@@ -6,19 +6,29 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
+
+from std_msgs.msg import Header
 
 from rpud_sim.ros.lateness import Lateness
+from rpud_sim.simulation.commands import Drive, Feed, WeightOnBit
 
 if TYPE_CHECKING:
     from rclpy.impl.rcutils_logger import RcutilsLogger
 
-    from rpud_sim.simulation.commands import Drive, Feed, WeightOnBit
-
-    Command = WeightOnBit | Drive | Feed
+Command = WeightOnBit | Drive | Feed
 
 _LOGGED_PER_SECOND = 10
+_MOST_RESULTS = 1000  # that wait to be published: more are counted only
 _MALFORMED_PERIOD = 10.0  # between two log lines about malformed commands [s]
+
+
+class Fate(NamedTuple):
+    """What became of a command."""
+
+    kind: str  # name of its topic, without ``command/``
+    header: Header  # as it was sent; empty if it was malformed
+    reason: str = ""  # why it was refused; empty if it was accepted
 
 
 class Inbox:
@@ -29,7 +39,10 @@ class Inbox:
 
     def __init__(self, logger: RcutilsLogger) -> None:
         self._logger = logger
-        self._waiting: deque[tuple[int, Command]] = deque()
+        self._waiting: deque[tuple[int, Command, Fate]] = deque()
+        self._fates: deque[Fate] = deque(maxlen=_MOST_RESULTS)  # not published yet
+        self._latest: dict[tuple[str, bool], Fate] = {}  # by kind and whether it was accepted
+        self._fates_changed = False
         # of commands, from their arrival until they were drained, since ``begin_delays``
         self.delays = Lateness()
         self._second = 0
@@ -52,6 +65,11 @@ class Inbox:
         self.begin_delays()
         with self._counting:
             self.discarded = len(self._waiting)
+            self._latest.clear()
+            self._fates.clear()
+            why = "the drill began again before it could act"
+            self._fates.extend(fate._replace(reason=why) for _, _, fate in self._waiting)
+            self._fates_changed = True
             self._waiting.clear()
             self.accepted = 0
             self.rejected = 0
@@ -61,13 +79,14 @@ class Inbox:
     def begin_delays(self) -> None:
         self.delays = Lateness()
 
-    def accept(self, command: Command, arrived: int | None = None) -> None:
+    def accept(self, command: Command, fate: Fate, arrived: int | None = None) -> None:
         """Queue a command for the next block boundary.
 
         ``arrived`` is when the middleware received it, on the monotonic clock [ns]; None for now.
         """
+        arrived = time.monotonic_ns() if arrived is None else arrived
         with self._counting:
-            self._waiting.append((time.monotonic_ns() if arrived is None else arrived, command))
+            self._waiting.append((arrived, command, fate))
         self._notify()
 
     def discard(self, count: int) -> None:
@@ -76,16 +95,17 @@ class Inbox:
             self.discarded += count
         self._notify()
 
-    def refuse(self, reason: str) -> None:
+    def refuse(self, fate: Fate) -> None:
         """Count an invalid command, and log why."""
-        self._reject(reason)
+        self._reject(fate)
         with self._counting:
-            self._log(f"command refused: {reason}")
+            self._log(f"command refused: {fate.reason}")
 
-    def refuse_malformed(self, reason: str) -> None:
+    def refuse_malformed(self, fate: Fate) -> None:
         """Count a malformed command; log one in ten seconds."""
-        self._reject(reason)
-        self._logger.warning(f"command refused: {reason}", throttle_duration_sec=_MALFORMED_PERIOD)
+        self._reject(fate)
+        text = f"command refused: {fate.reason}"
+        self._logger.warning(text, throttle_duration_sec=_MALFORMED_PERIOD)
 
     def refuse_request(self, reason: str) -> None:
         """Count a service's request that is refused, and log why."""
@@ -94,10 +114,25 @@ class Inbox:
             self.last_refusal = reason
             self._log(f"request refused: {reason}")
 
-    def _reject(self, reason: str) -> None:
+    def take_fates(self) -> tuple[list[Fate], list[Fate]] | None:
+        """Return what became of the commands since the last call; None if nothing did.
+
+        Before them it returns those that were accepted and refused last until then, of each kind.
+        """
+        with self._counting:
+            if not (self._fates or self._fates_changed):
+                return None
+            former, found = list(self._latest.values()), list(self._fates)
+            self._latest.update(((fate.kind, not fate.reason), fate) for fate in found)
+            self._fates.clear()
+            self._fates_changed = False
+            return former, found
+
+    def _reject(self, fate: Fate) -> None:
         with self._counting:
             self.rejected += 1
-            self.last_refusal = reason
+            self.last_refusal = fate.reason
+            self._fates.append(fate)
         self._notify()
 
     def _log(self, text: str) -> None:
@@ -117,7 +152,8 @@ class Inbox:
             waiting = list(self._waiting)
             self._waiting.clear()
             self.accepted += len(waiting)
+            self._fates.extend(fate for _, _, fate in waiting)
         now = time.monotonic_ns()
-        for arrived, _ in waiting:
+        for arrived, _, _ in waiting:
             self.delays.add(now - arrived)
-        return [command for _, command in waiting]
+        return [command for _, command, _ in waiting]

@@ -18,7 +18,7 @@ from rpud_sim.ros.drill.inbox import Inbox
 from rpud_sim.ros.drill.pacer import Pacer
 from rpud_sim.ros.drill.publishers import DrillPublishers
 from rpud_sim.ros.drill.status_reporter import StatusReporter
-from rpud_sim.ros.drill.time_control import TimeControl
+from rpud_sim.ros.drill.time_control import Reached, TimeControl
 from rpud_sim.ros.scheduling import schedule_thread
 from rpud_sim.simulation.changes import Planned, apply_change
 from rpud_sim.simulation.run import Run
@@ -107,8 +107,8 @@ class PacedRun:
             self._advance_to(until)
         return 0.0
 
-    def step(self, goal: int) -> Future[int]:
-        """Begin a step to a simulation time [ns]; the result is the stamp of that time."""
+    def step(self, goal: int) -> Future[Reached]:
+        """Begin a step to a simulation time [ns]."""
         if self._apply_commands():  # they were given before
             self.report()
         return self.time_control.step(goal)
@@ -163,7 +163,7 @@ class PacedRun:
         if step is not None or due:
             self.report()
         if step is not None:
-            step.set_result(self._run.origin + until)
+            step.set_result(Reached(self._run.origin + until, self._publishers.published))
 
     def _fill_time(self, until: int) -> None:
         """Publish what has no deadline, in parts, until a deadline is near.

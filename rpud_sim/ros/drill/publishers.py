@@ -5,8 +5,8 @@ from __future__ import annotations
 import time
 from collections import Counter
 from collections.abc import Iterable, Mapping
+from typing import Any
 
-from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
@@ -17,7 +17,12 @@ from rpud_sim.ros.types import members_of, message_class
 from rpud_sim.simulation.fields import Fields, time_fields
 from rpud_sim.simulation.topics import TOPICS, Topic
 
-DIAGNOSTICS = Topic("diagnostic_msgs/msg/DiagnosticArray", 10, complete=False)
+RESULTS = "command_results"
+"""Topic of what became of the commands: of a running drill alone, no part of a simulation."""
+OF_NODE = {
+    "/diagnostics": Topic("diagnostic_msgs/msg/DiagnosticArray", 10, complete=False),
+    RESULTS: Topic("rpud_msgs/msg/CommandResults", 100, latched=True, complete=False),
+}
 # A node that joins a drill at a standstill has the time at once.
 CLOCK = Topic("rosgraph_msgs/msg/Clock", 1, latched=True, frame="", complete=False)
 COMMAND_QOS = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
@@ -60,7 +65,7 @@ class DrillPublishers:
         }
         self._publishers = {
             name: node.create_publisher(message_class(topic.type), name, qos_of(topic))
-            for name, topic in {**topics, "/diagnostics": DIAGNOSTICS}.items()
+            for name, topic in {**topics, **OF_NODE}.items()
         }
         # Without the checks of rclpy: they take a fifth of the time of each message.
         self._publish_raw = {
@@ -124,8 +129,9 @@ class DrillPublishers:
         if "/clock" in self._publishers:
             self.publish([(stamp, "/clock", {"clock": time_fields(stamp)})])
 
-    def publish_diagnostics(self, diagnostics: DiagnosticArray) -> None:
-        self._send("/diagnostics", serialize_message(diagnostics))
+    def publish_message(self, name: str, message: Any) -> None:
+        """Publish a message of ROS on a topic of ``OF_NODE``."""
+        self._send(name, serialize_message(message))
 
     def wait_for_subscribers(self, seconds: float = _LONGEST_WAIT) -> None:
         """Wait until reliable subscribers have everything, at most for this time in all [s]."""

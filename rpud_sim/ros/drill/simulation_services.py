@@ -22,7 +22,7 @@ from rpud_sim.foundation.time import SECOND, join_seconds
 from rpud_sim.ros.drill.drilling import Drilling
 from rpud_sim.ros.drill.host import DrillHost
 from rpud_sim.ros.drill.messages import nanoseconds_to_time
-from rpud_sim.ros.drill.time_control import InterruptedStepError, TimeControl
+from rpud_sim.ros.drill.time_control import InterruptedStepError, Reached, TimeControl
 from rpud_sim.ros.requests import StoppedError
 
 STOPPED = SimulationState.STATE_STOPPED
@@ -99,8 +99,8 @@ class SimulationServices:
 
         self._host.request(act)
 
-    def step_until(self, until_of: Callable[[Drilling], int]) -> int:
-        """Step to a simulation time [ns]; return the stamp that was reached.
+    def step_until(self, until_of: Callable[[Drilling], int]) -> Reached:
+        """Step to a simulation time [ns].
 
         ``until_of`` returns that time between two blocks, and may raise a RefusedError. A step that
         ends before its time is an InterruptedStepError.
@@ -130,7 +130,8 @@ class SimulationServices:
                 )
             return drilling.step(until)
 
-        return int(self._host.request(begin))
+        reached: Reached = self._host.request(begin)
+        return reached
 
     def answer(self, response: Any, act: Callable[[], Any]) -> Any:
         """Fill the response with the result of an action, and return it."""
@@ -185,12 +186,7 @@ class SimulationServices:
         self, request: StepSimulation.Request, response: StepSimulation.Response
     ) -> StepSimulation.Response:
         length = join_seconds(request.duration.sec, request.duration.nanosec)
-
-        def act() -> None:
-            reached = self.step_until(lambda drilling: drilling.run.time + length)
-            response.time = nanoseconds_to_time(reached)
-
-        return self.answer(response, act)
+        return self._answer_step(response, lambda drilling: drilling.run.time + length)
 
     def _on_run_to(
         self, request: RunToTime.Request, response: RunToTime.Response
@@ -208,9 +204,14 @@ class SimulationServices:
                 raise RefusedError(Result.RESULT_OPERATION_FAILED, reason)
             return stamp - drilling.run.origin
 
+        return self._answer_step(response, until)
+
+    def _answer_step(self, response: Any, until_of: Callable[[Drilling], int]) -> Any:
         def act() -> None:
-            reached = self.step_until(until)
-            response.time = nanoseconds_to_time(reached)
+            reached = self.step_until(until_of)
+            response.time = nanoseconds_to_time(reached.stamp)
+            response.topics = list(reached.published)
+            response.published = list(reached.published.values())
 
         return self.answer(response, act)
 

@@ -4,20 +4,25 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterable, Mapping
+from itertools import chain
 
 from rclpy.node import Node
+from rpud_msgs.msg import CommandResult, CommandResults
+from std_msgs.msg import Header
 
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.ros.drill.inbox import Inbox
+from rpud_sim.ros.drill.messages import nanoseconds_to_time
 from rpud_sim.ros.drill.namesakes import DuplicateNodes
 from rpud_sim.ros.drill.pacer import NO_TIMING, Pacer
-from rpud_sim.ros.drill.publishers import DrillPublishers
+from rpud_sim.ros.drill.publishers import RESULTS, DrillPublishers
 from rpud_sim.ros.drill.report import NO_DELAYS, Delays, Report, report_to_diagnostics
 from rpud_sim.ros.lateness import Lateness
 from rpud_sim.simulation.block import Block, join_blocks
 from rpud_sim.simulation.fields import Bookkeeping
 from rpud_sim.simulation.run import Run
 from rpud_sim.simulation.statistics import Statistics
+from rpud_sim.simulation.topics import MOUNT_FRAME
 
 REPORT_PERIOD = 1.0  # of status and diagnostics [s]
 CHANGE_PERIOD = 0.05  # of reports that commands cause while time goes on, at least [s]
@@ -158,6 +163,7 @@ class StatusReporter:
         )
         status = run.status(state, bookkeeping)
         self._publishers.publish([status])
+        self._publish_results(run.origin + run.time)
         self._last = Report(
             time=run.time,
             status=status[2],
@@ -188,14 +194,29 @@ class StatusReporter:
         if not self._diagnostics_wait or self._last is None:
             return
         self._diagnostics_wait = False
-        self._publishers.publish_diagnostics(
-            report_to_diagnostics(
-                self._last,
-                self._node.get_fully_qualified_name(),
-                self._node.get_clock().now().to_msg(),
-                self._telemetry_rate,
-            )
+        diagnostics = report_to_diagnostics(
+            self._last,
+            self._node.get_fully_qualified_name(),
+            self._node.get_clock().now().to_msg(),
+            self._telemetry_rate,
         )
+        self._publishers.publish_message("/diagnostics", diagnostics)
+
+    def _publish_results(self, stamp: int) -> None:
+        if (fates := self._inbox.take_fates()) is None:
+            return
+        header = Header(stamp=nanoseconds_to_time(stamp), frame_id=MOUNT_FRAME)
+        results = [
+            CommandResult(
+                kind=fate.kind, header=fate.header, accepted=not fate.reason, reason=fate.reason
+            )
+            for fate in chain(*fates)
+        ]
+        number = self._publishers.published["status"]
+        message = CommandResults(
+            header=header, results=results, former=len(fates[0]), status=number
+        )
+        self._publishers.publish_message(RESULTS, message)
 
     def _count(self) -> None:
         if self._blocks:

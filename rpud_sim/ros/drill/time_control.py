@@ -2,11 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from concurrent.futures import Future
+from typing import NamedTuple
 
 
 class InterruptedStepError(RuntimeError):
     """A step that ended before its goal; the text says why."""
+
+
+class Reached(NamedTuple):
+    """End of a step."""
+
+    stamp: int  # of the simulation time that was reached [ns]
+    published: Mapping[str, int]  # messages by topic until then, since its publisher exists
 
 
 class TimeControl:
@@ -16,7 +25,7 @@ class TimeControl:
         self._playing = False
         self._at_start = False
         self._goal: int | None = None
-        self._step: Future[int] = Future()
+        self._step: Future[Reached] = Future()
 
     @property
     def playing(self) -> bool:
@@ -58,13 +67,13 @@ class TimeControl:
         self.interrupt("the simulation was stopped")
         self._playing, self._at_start = False, True
 
-    def step(self, goal: int) -> Future[int]:
-        """Begin a step to a simulation time [ns]; the result is the stamp of that time."""
+    def step(self, goal: int) -> Future[Reached]:
+        """Begin a step to a simulation time [ns]."""
         self._goal = goal
         self._step = Future()
         return self._step
 
-    def complete_step(self, time: int) -> Future[int] | None:
+    def complete_step(self, time: int) -> Future[Reached] | None:
         """Return the step whose goal a simulation time [ns] reaches, None if there is none.
 
         The step is over then. Its result is for the caller to set, after the status is published.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from typing import Any
 
@@ -109,10 +109,23 @@ class LiveDrill:
         return client
 
     def _latched(self, topic: str, message: Any) -> None:
+        if topic == "command_results":
+            return self._note_refusals(message.results, message.former)
         with self._lock:
             self._heard.latched(topic, message)
         if topic == "status":
             self._status_at = time.monotonic()
+            self.refusals = message.commands_rejected, self.refusals[1]
+        return None
+
+    def _note_refusals(self, results: Sequence[Any], former: int) -> None:
+        refused = [(at, each.reason) for at, each in enumerate(results) if not each.accepted]
+        with self._lock:
+            for at, reason in refused:
+                if at >= former:
+                    self._heard.refuse(plain_refusal(reason))
+        if refused:
+            self.refusals = self.refusals[0], refused[-1][1]
 
     def _check(self) -> None:
         if self._closed:
@@ -162,14 +175,9 @@ class LiveDrill:
         return None
 
     def _look(self, client: DrillClient) -> None:
-        """Look at what no message says: refusals, and which faults are possible."""
-        refusals, run = client.last_refusal, self._heard.run
-        if refusals[0] > self.refusals[0]:
-            with self._lock:
-                self._heard.refuse(plain_refusal(refusals[1]))
-        self.refusals = refusals
-        if run != self._asked_run:
-            self._asked_run = run
+        """Look at what no message says: which faults are possible."""
+        if self._heard.run != self._asked_run:
+            self._asked_run = self._heard.run
             with suppress(ClientError):  # it may be gone, which the next look shows
                 response = client.list_faults()
                 self.kinds, self.channels = tuple(response.kinds), tuple(response.channels)

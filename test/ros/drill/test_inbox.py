@@ -3,8 +3,12 @@
 import threading
 import time
 
-from rpud_sim.ros.drill.inbox import Inbox
+from std_msgs.msg import Header
+
+from rpud_sim.ros.drill.inbox import Fate, Inbox
 from rpud_sim.simulation.commands import Drive, WeightOnBit
+
+GIVEN = Fate("weight_on_bit", Header())
 
 
 class Log:
@@ -19,7 +23,7 @@ def test_commands_come_out_once_in_the_order_in_which_they_came():
     inbox = Inbox(Log())
     commands = [WeightOnBit(1.0), Drive(False, 0.0, 0.0), WeightOnBit(2.0)]
     for command in commands:
-        inbox.accept(command)
+        inbox.accept(command, GIVEN)
     assert inbox.drain() == commands
     assert inbox.drain() == []
     assert (inbox.accepted, inbox.rejected) == (3, 0)
@@ -27,8 +31,8 @@ def test_commands_come_out_once_in_the_order_in_which_they_came():
 
 def test_the_delay_of_a_command_runs_from_its_arrival_until_it_is_drained():
     inbox = Inbox(Log())
-    inbox.accept(WeightOnBit(1.0), time.monotonic_ns() - 70_000_000)
-    inbox.accept(WeightOnBit(2.0))
+    inbox.accept(WeightOnBit(1.0), GIVEN, time.monotonic_ns() - 70_000_000)
+    inbox.accept(WeightOnBit(2.0), GIVEN)
     assert inbox.delays.count == 0
     inbox.drain()
     assert inbox.delays.count == 2
@@ -40,7 +44,7 @@ def test_the_delay_of_a_command_runs_from_its_arrival_until_it_is_drained():
 def test_a_refusal_is_counted_and_logged_with_its_reason():
     log = Log()
     inbox = Inbox(log)
-    inbox.refuse("weight_on_bit = -1 N is outside its range [0, 1000] N")
+    inbox.refuse(GIVEN._replace(reason="weight_on_bit = -1 N is outside its range [0, 1000] N"))
     assert inbox.drain() == []
     assert (inbox.accepted, inbox.rejected) == (0, 1)
     assert log.lines == ["command refused: weight_on_bit = -1 N is outside its range [0, 1000] N"]
@@ -59,7 +63,7 @@ def test_a_flood_is_counted_in_full_and_logged_in_part():
     log = Log()
     inbox = Inbox(log)
     for number in range(10_000):
-        inbox.refuse(str(number))
+        inbox.refuse(GIVEN._replace(reason=str(number)))
     assert inbox.rejected == 10_000
     # Ten lines and a note for each second, and the flood may span two.
     assert 11 <= len(log.lines) <= 22
@@ -70,22 +74,43 @@ def test_a_flood_is_counted_in_full_and_logged_in_part():
 def test_whoever_takes_is_woken_by_every_command_and_every_refusal():
     inbox = Inbox(Log())
     woken = []
-    inbox.accept(WeightOnBit(1.0))  # no thread waits yet
+    inbox.accept(WeightOnBit(1.0), GIVEN)  # no thread waits yet
     inbox.notify(lambda: woken.append(True))
-    inbox.accept(WeightOnBit(1.0))
-    inbox.refuse("for a reason")
+    inbox.accept(WeightOnBit(1.0), GIVEN)
+    inbox.refuse(GIVEN._replace(reason="for a reason"))
     assert len(woken) == 2
 
 
 def test_a_new_beginning_forgets_what_waits_and_what_was_counted():
     inbox = Inbox(Log())
-    inbox.accept(WeightOnBit(1.0))
+    inbox.accept(WeightOnBit(1.0), GIVEN)
     inbox.drain()
-    inbox.refuse("for a reason")
-    inbox.accept(WeightOnBit(2.0))
+    inbox.refuse(GIVEN._replace(reason="for a reason"))
+    inbox.accept(WeightOnBit(2.0), GIVEN)
     inbox.begin()
     assert inbox.drain() == []
     assert (inbox.accepted, inbox.rejected) == (0, 0)
+
+
+def test_each_fate_is_told_once_after_the_last_ones_of_each_kind():
+    inbox = Inbox(Log())
+    assert inbox.take_fates() is None
+    first, second, third = (
+        GIVEN._replace(header=Header(frame_id=name)) for name in ("first", "second", "third")
+    )
+    inbox.accept(WeightOnBit(1.0), first)
+    assert inbox.take_fates() is None  # it waits
+    inbox.drain()
+    assert inbox.take_fates() == ([], [first])
+    inbox.accept(WeightOnBit(2.0), second)
+    refused = third._replace(kind="drive", reason="for a reason")
+    inbox.refuse(refused)
+    inbox.drain()
+    assert inbox.take_fates() == ([first], [refused, second])
+    inbox.accept(WeightOnBit(3.0), third)
+    inbox.begin()
+    former, [discarded] = inbox.take_fates()
+    assert (former, discarded.header, "began again" in discarded.reason) == ([], third.header, True)
 
 
 def test_nothing_is_lost_between_two_threads():
@@ -94,7 +119,7 @@ def test_nothing_is_lost_between_two_threads():
 
     def fill():
         for force in forces:
-            inbox.accept(force)
+            inbox.accept(force, GIVEN)
 
     filler = threading.Thread(target=fill)
     filler.start()

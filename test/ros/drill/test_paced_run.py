@@ -5,8 +5,9 @@ import time
 import pytest
 import rclpy
 from manual_clock import SECOND, ManualClock
+from std_msgs.msg import Header
 
-from rpud_sim.ros.drill.inbox import Inbox
+from rpud_sim.ros.drill.inbox import Fate, Inbox
 from rpud_sim.ros.drill.namesakes import DuplicateNodes
 from rpud_sim.ros.drill.paced_run import PacedRun
 from rpud_sim.ros.drill.pacer import Pacer
@@ -20,6 +21,8 @@ MILLISECOND = 1_000_000
 PERIOD = 10 * MILLISECOND
 LEAD = 10 * MILLISECOND
 START = 17 * SECOND
+
+GIVEN = Fate("weight_on_bit", Header())
 
 
 class Publishers(DrillPublishers):
@@ -137,7 +140,7 @@ def test_a_command_that_comes_while_a_block_waits_acts_at_its_end(drill):
     seen = []
     drill.publishers.meanwhile = lambda: (
         seen.append(drill.weight_on_bit),
-        drill.inbox.accept(WeightOnBit(33.0)),
+        drill.inbox.accept(WeightOnBit(33.0), GIVEN),
     )
     assert drill.advance() == 2 * PERIOD
     assert seen == [before]
@@ -151,7 +154,7 @@ def test_a_stream_of_commands_acts_in_each_block_and_is_reported_at_a_rate_of_it
     began = time.monotonic()
     drill.publishers.topics.clear()
     for number in range(100):
-        drill.inbox.accept(WeightOnBit(10.0 + number))
+        drill.inbox.accept(WeightOnBit(10.0 + number), GIVEN)
         drill.advance()
         assert drill.weight_on_bit == 10.0 + number
     elapsed = time.monotonic() - began
@@ -164,7 +167,7 @@ def test_a_command_between_two_blocks_acts_at_the_next_end(drill):
     drill.play()
     drill.advance()
     before = drill.weight_on_bit
-    drill.inbox.accept(WeightOnBit(33.0))
+    drill.inbox.accept(WeightOnBit(33.0), GIVEN)
     assert drill.paced.advance() > 0.0  # nothing is due yet
     assert (drill.weight_on_bit, drill.paced.run.time) == (before, PERIOD)
     assert drill.advance() == 2 * PERIOD
@@ -222,7 +225,7 @@ def test_the_diagnostics_of_a_change_wait_for_time_and_come_once_in_a_report(dri
     drill.publishers.meanwhile = lambda: drill.clock.sleep(0.02)
     before = drill.publishers.topics.count("/diagnostics")
     for force in (31.0, 32.0, 33.0):
-        drill.inbox.accept(WeightOnBit(force))
+        drill.inbox.accept(WeightOnBit(force), GIVEN)
         drill.advance()
     assert drill.publishers.topics.count("/diagnostics") == before
     drill.pause()
@@ -250,7 +253,7 @@ def test_at_a_standstill_nothing_is_computed_until_it_plays_from_there_on(drill)
     drill.clock.now += 5 * SECOND
     assert drill.paced.advance() > 0.0
     assert drill.paced.run.time == PERIOD
-    drill.inbox.accept(WeightOnBit(33.0))
+    drill.inbox.accept(WeightOnBit(33.0), GIVEN)
     drill.paced.advance()
     assert drill.weight_on_bit == 33.0  # commands act at a standstill
     resumed = drill.clock.now
@@ -266,7 +269,7 @@ def test_a_step_waits_for_no_deadline_and_stops_at_its_goal(drill):
     assert drill.paced.advance() == 0.0
     assert (drill.paced.run.time, step.done()) == (PERIOD, False)
     assert drill.paced.advance() == 0.0
-    assert step.result(0.0) == drill.paced.run.time == PERIOD + PERIOD // 2
+    assert step.result(0.0).stamp == drill.paced.run.time == PERIOD + PERIOD // 2
     assert drill.reporter.last.status["state"] == "paused"
     assert (drill.clock.slept, drill.clock.now) == ([], START)
     drill.play()

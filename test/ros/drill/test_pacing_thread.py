@@ -90,7 +90,7 @@ def test_what_a_request_asks_for_itself_is_done_at_once(start):
 def test_a_stop_ends_a_step_with_an_error_and_a_standstill_at_once(start):
     thread, drilling = start(start_paused=True)
     reached = thread.request(lambda drilling: drilling.step(PERIOD))
-    assert reached == drilling.run.origin + PERIOD
+    assert reached.stamp == drilling.run.origin + PERIOD
     failures = []
 
     def step():

@@ -3,9 +3,10 @@
 import pytest
 import rclpy
 from rclpy.parameter import Parameter
+from std_msgs.msg import Header
 from support import until
 
-from rpud_sim.ros.drill.inbox import Inbox
+from rpud_sim.ros.drill.inbox import Fate, Inbox
 from rpud_sim.ros.drill.namesakes import DuplicateNodes
 from rpud_sim.ros.drill.pacer import Pacer
 from rpud_sim.ros.drill.publishers import DrillPublishers
@@ -17,6 +18,8 @@ from rpud_sim.simulation.statistics import Statistics
 
 SECOND = 1_000_000_000
 MILLISECOND = 1_000_000
+
+GIVEN = Fate("weight_on_bit", Header())
 
 
 class Drill:
@@ -108,10 +111,10 @@ def test_figures_are_those_since_the_full_report_before_and_totals_those_of_all(
 
 def test_commands_are_counted_and_refusals_call_for_a_report(drill):
     drill.report()
-    drill.inbox.accept(WeightOnBit(1.0))
+    drill.inbox.accept(WeightOnBit(1.0), GIVEN)
     drill.inbox.drain()
     assert not drill.reporter.refused_more()
-    drill.inbox.refuse("for a reason")
+    drill.inbox.refuse(GIVEN._replace(reason="for a reason"))
     assert drill.reporter.refused_more()
     report = drill.report()
     assert (report.bookkeeping.commands_accepted, report.bookkeeping.commands_rejected) == (1, 1)
@@ -121,7 +124,7 @@ def test_commands_are_counted_and_refusals_call_for_a_report(drill):
 def test_a_new_beginning_counts_from_zero(drill):
     drill.advance(SECOND)
     drill.report()
-    drill.inbox.refuse("for a reason")
+    drill.inbox.refuse(GIVEN._replace(reason="for a reason"))
     drill.reporter.begin()
     assert drill.reporter.due()
     assert drill.reporter.totals.figures()["events"] == 0
