@@ -3,6 +3,7 @@
 import itertools
 import os
 import resource
+import sys
 from pathlib import Path
 
 import pytest
@@ -214,8 +215,9 @@ def test_misuse_is_named(tmp_path):
 
 
 @pytest.fixture
-def small_disk():
+def small_disk(monkeypatch):
     """Limit the files of this process to 64 KiB; larger writes fail as on a full disk."""
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)  # it would be cut off, and stay
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (1 << 16, hard))
     yield

@@ -265,11 +265,12 @@ def test_a_type_that_is_not_installed_is_named_and_the_others_go_on(process, pro
 
 
 def test_a_recorder_says_when_the_disk_is_full(process, program, tmp_path):
-    # No file of the recorder can grow beyond 64 KiB.
+    # No file of the recorder can grow beyond 64 KiB, bytecode neither: cut off, it would stay.
     recorder = process(
         "bash",
         "-c",
-        'ulimit -f 64; exec recorder --compression none --out "$0"',
+        "export PYTHONDONTWRITEBYTECODE=1; ulimit -f 64; "
+        'exec recorder --compression none --out "$0"',
         tmp_path / "run",
     )
     program("talker", "--count", 100_000, "--rate", 2000)

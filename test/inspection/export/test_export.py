@@ -217,7 +217,8 @@ EXPORT = "import sys; from rpud_sim.inspection.export.export import *\n"
 def test_a_disk_that_is_full_is_one_error_and_leaves_nothing_behind(drilled, tmp_path, file_format):
     script = EXPORT + "try: export(*sys.argv[1:])\nexcept ExportError as error: print(error)"
     done = subprocess.run(
-        [sys.executable, "-c", script, drilled, tmp_path / "out", file_format],
+        # -B: the bytecode of what it imports would be cut off as well, and stay.
+        [sys.executable, "-B", "-c", script, drilled, tmp_path / "out", file_format],
         preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000)),
         capture_output=True,
         text=True,
