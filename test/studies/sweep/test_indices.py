@@ -101,10 +101,12 @@ def test_a_point_without_a_figure_costs_the_indices_of_that_figure_alone():
 
 
 def test_the_free_mass_explains_the_contact_force_and_gravity_nothing_but_noise(tmp_path):
-    result = run_sweep(parse_specification(STUDY), tmp_path / "out", 1)
-    assert (result.simulations, list(result.indices)) == (16 * 5, STUDY["figures"])
+    study = STUDY | {"points": 32}
+    result = run_sweep(parse_specification(study), tmp_path / "out", 1)
+    assert (result.simulations, list(result.indices)) == (32 * 5, STUDY["figures"])
     figure = result.indices["contact_force_mean"]
-    assert figure["inputs"]["free_mass"]["total"] > 0.8
+    # Of 32 points it has a standard error of 0.1.
+    assert figure["inputs"]["free_mass"]["total"] > 0.7
     assert figure["inputs"]["gravity"]["total"] < 0.15
     assert 0.0 <= figure["noise_share"] < 0.15
     low, high = figure["interval_90"]
