@@ -36,7 +36,7 @@ def test_hostile_inputs_are_refused_with_a_reason_and_harm_nothing(drill):
 
 
 def paused(drill):
-    drill.do(lambda drilling: drilling.pause())
+    drill.do(lambda live: live.pause())
     return "so to say"
 
 

@@ -33,13 +33,17 @@ _FEED_MODES = {FeedMessage.MODE_RATE: RATE, FeedMessage.MODE_POSITION: POSITION}
 class Gate:
     """Subscriptions to the commands; an invalid command is rejected with a reason.
 
-    ``now`` gives the stamp of a command that is given now [ns].
+    ``settings`` gives the settings in force, ``now`` the stamp of a command that is given now [ns].
     """
 
     def __init__(
-        self, node: Node, settings: Settings, inbox: Inbox, now: Callable[[], int]
+        self,
+        node: Node,
+        settings: Callable[[], Settings],
+        inbox: Inbox,
+        now: Callable[[], int],
     ) -> None:
-        self.settings = settings
+        self._settings = settings
         self._inbox = inbox
         self._now = now
         self._open = threading.Event()
@@ -60,13 +64,13 @@ class Gate:
 
     def _to_weight_on_bit(self, message: WeightOnBitMessage) -> WeightOnBit:
         self._check("weight on bit", message.header.stamp)
-        self.settings.configuration.check_weight_on_bit()
+        self._settings().configuration.check_weight_on_bit()
         return WeightOnBit(message.force)
 
     def _to_drive(self, message: DriveMessage) -> Drive:
         self._check("drive", message.header.stamp)
         drive = Drive(message.enabled, message.voltage, message.frequency)
-        self.settings.configuration.check_drive(drive)
+        self._settings().configuration.check_drive(drive)
         return drive
 
     def _to_feed(self, message: FeedMessage) -> Feed:
@@ -85,13 +89,13 @@ class Gate:
         return self._checked(feed)
 
     def _checked(self, feed: Feed) -> Feed:
-        self.settings.configuration.check_feed(feed)
+        self._settings().configuration.check_feed(feed)
         return feed
 
     def _check(self, name: str, stamp: Time) -> None:
         if not self._open.is_set():
             raise ParameterError(f"{name}: the drill is not active")
-        timeout = self.settings.command_timeout
+        timeout = self._settings().command_timeout
         given = join_seconds(stamp.sec, stamp.nanosec)
         # A stamp of zero means that there is none.
         if not (timeout and given):
