@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 from rpud_sim.cli.live_line import LiveLine, live_text, logging_above, summary_text
 from rpud_sim.pages.quantities import QUANTITIES
 from rpud_sim.ros.drill.pacer import Timing
-from rpud_sim.ros.drill.report import NO_DELAYS, Report
+from rpud_sim.ros.drill.report import Report
+from rpud_sim.ros.lateness import Lateness
 from rpud_sim.simulation.commands import Feed, WeightOnBit
 from rpud_sim.simulation.configuration import Settings, to_configuration
 from rpud_sim.simulation.faults import Fault
@@ -50,21 +51,19 @@ class Drill:
     def report(self, until=100 * MILLISECOND, state="running", requests=0, refusal="", **counts):
         self.statistics = Statistics()
         list(self.run.advance_to(until))
-        bookkeeping = Bookkeeping(**counts)
         return Report(
             time=self.run.time,
-            status=self.run.status(state, bookkeeping)[2],
+            status=self.run.status(state, Bookkeeping(**counts))[2],
             process=self.simulation.process,
             at_tool_length=self.simulation.at_tool_length,
             faults=self.simulation.faults.active,
-            bookkeeping=bookkeeping,
             requests_refused=requests,
             last_refusal=refusal,
             namesakes=0,
             scheduling="time-sharing",
             timing=TIMING,
-            command_delays=NO_DELAYS,
-            impact_delays=NO_DELAYS,
+            command_delays=Lateness(),
+            impact_delays=Lateness(),
             figures=self.statistics.figures(),
             published={},
             subscribers={},
@@ -176,9 +175,14 @@ def test_models_that_are_off_are_not_told(healthy):
     lost=st.booleans(),
 )
 def test_it_never_reaches_the_last_column(healthy, width, refused, dropped, late, lost):
-    counts = Bookkeeping(commands_rejected=refused, messages_dropped=dropped, commands_lost=lost)
+    status = {
+        **healthy.status,
+        "commands_rejected": refused,
+        "messages_dropped": dropped,
+        "commands_lost": lost,
+    }
     timing = dataclasses.replace(TIMING, lateness_max=late)
-    report = dataclasses.replace(healthy, bookkeeping=counts, timing=timing)
+    report = dataclasses.replace(healthy, status=status, timing=timing)
     text = live_text(report, width)
     assert len(text) < width
     assert text.isprintable()

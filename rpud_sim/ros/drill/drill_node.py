@@ -1,23 +1,4 @@
-"""Managed node of the drill.
-
-Publishers (docs/reference/topics.md): ``nodal_plane``, ``drill_tool``, ``reacting_force``,
-``wrench``, ``joint_states`` and ``actuator_state`` at ``telemetry_rate``; ``contact_force`` for
-every impact on the drill tool; ``waveform`` and ``trajectory`` in blocks; ``journal`` and
-``faults`` on change;
-``status`` and ``/diagnostics`` every second and on change; ``/clock`` with ``publish_clock``.
-
-Subscriptions: ``command/weight_on_bit`` (rpud_msgs/WeightOnBit), ``command/drive``
-(rpud_msgs/Drive). A command takes effect at the next block boundary; an invalid one is
-rejected, counted and logged.
-
-Services: ``engage`` (std_srvs/SetBool), ``inject_fault``, ``clear_fault``, ``list_faults``,
-``simulation/get_state``, ``set_state``, ``step``, ``run_to``, ``reset``, ``save``, ``restore`` and
-``get_delivery`` (rpud_msgs), those of a managed node, and those of ``simulation_interfaces`` if it
-is installed.
-
-Parameters: ``rpud_sim.simulation.configuration.PARAMETERS``, to be set while it is unconfigured;
-those of ``CHANGEABLE`` at any time.
-"""
+"""Managed node of the drill: its topics, services and parameters are those of docs/reference."""
 
 from __future__ import annotations
 
@@ -102,22 +83,22 @@ class DrillNode(ManagedNode):
     @property
     def report(self) -> Report | None:
         """The latest report, None before the first."""
-        return self.loop.live.reporter.last if self.loop.live else None
+        return live.reporter.last if (live := self.loop.live) else None
 
     @property
     def totals(self) -> Statistics:
         """Statistics since the start; to be read when it has stopped."""
-        return self.loop.live.reporter.totals if self.loop.live else Statistics()
+        return live.reporter.totals if (live := self.loop.live) else Statistics()
 
     @property
     def faults(self) -> tuple[FaultRecord, ...]:
         """Faults since the start; to be read when it has stopped."""
-        return self.loop.begun.run.simulation.faults.records if self.loop.begun else ()
+        return live.run.simulation.faults.records if (live := self.loop.begun) else ()
 
     @property
     def unheard(self) -> list[str]:
         """Topics of its namespace that have no subscriber."""
-        return self.loop.live.publishers.unheard if self.loop.live else []
+        return live.publishers.unheard if (live := self.loop.live) else []
 
     @property
     def sent(self) -> Mapping[str, int]:
@@ -128,8 +109,8 @@ class DrillNode(ManagedNode):
     def count_sent(self) -> None:
         """Count messages from now on; topics without a subscriber are published too."""
         self._sent = Counter()
-        if self.loop.live is not None:
-            self.loop.live.publishers.sent = self._sent
+        if (live := self.loop.live) is not None:
+            live.publishers.sent = self._sent
 
     def prepare(self) -> None:
         """Configure, with ``autostart`` and unless it has: its topics are there then."""
@@ -215,14 +196,14 @@ class DrillNode(ManagedNode):
         self.loop.request(lambda live: live.act(lambda run: run.control.activate(active)))
 
     def _report_before_start(self) -> None:
-        if self.loop.live is None:
+        if (live := self.loop.live) is None:
             self._namesakes.count()
         elif self.loop.begun is None:
-            self.loop.live.announce()
+            live.announce()
 
     def _now(self) -> int:
-        if self.settings.publish_clock and self.loop.live is not None:
-            return self.loop.live.stamp
+        if self.settings.publish_clock and (live := self.loop.live) is not None:
+            return live.stamp
         return int(self.get_clock().now().nanoseconds)
 
     def _fixed(self) -> str:
@@ -232,7 +213,7 @@ class DrillNode(ManagedNode):
         return "is read-only until the drill is cleaned up" if self.loop.live else ""
 
     def _apply_settings(self, settings: Settings) -> None:
-        if self.loop.begun is not None and self.loop.begun.settings != settings:
+        if (live := self.loop.begun) is not None and live.settings != settings:
             with contextlib.suppress(StoppedError):  # there is nothing left to change
                 # By then the settings may be later ones, of a reset.
                 self.loop.request(lambda live: live.configure(self.settings))

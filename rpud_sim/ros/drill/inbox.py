@@ -43,8 +43,7 @@ class Inbox:
         self._fates: deque[Fate] = deque(maxlen=_MOST_RESULTS)  # not published yet
         self._latest: dict[tuple[str, bool], Fate] = {}  # by kind and whether it was accepted
         self._fates_changed = False
-        # of commands, from their arrival until they were drained, since ``begin_delays``
-        self.delays = Lateness()
+        self._delays = Lateness()
         self._second = 0
         self._logged = 0
         self._notify: Callable[[], None] = lambda: None
@@ -62,7 +61,7 @@ class Inbox:
 
     def begin(self) -> None:
         """Count from zero, and discard waiting commands: they were meant for the run before."""
-        self.begin_delays()
+        self._delays = Lateness()
         with self._counting:
             self.discarded = len(self._waiting)
             self._latest.clear()
@@ -76,8 +75,10 @@ class Inbox:
             self.requests_refused = 0
             self.last_refusal = ""
 
-    def begin_delays(self) -> None:
-        self.delays = Lateness()
+    def take_delays(self) -> Lateness:
+        """Return the delays from arrival to ``drain``, since the last call."""
+        delays, self._delays = self._delays, Lateness()
+        return delays
 
     def accept(self, command: Command, fate: Fate, arrived: int | None = None) -> None:
         """Queue a command for the next block boundary.
@@ -155,5 +156,5 @@ class Inbox:
             self._fates.extend(fate for _, _, fate in waiting)
         now = time.monotonic_ns()
         for arrived, _, _ in waiting:
-            self.delays.add(now - arrived)
+            self._delays.add(now - arrived)
         return [command for _, command, _ in waiting]

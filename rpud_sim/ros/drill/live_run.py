@@ -139,8 +139,9 @@ class LiveRun:
 
     def announce(self) -> None:
         """Publish status and diagnostics before the beginning."""
-        self.run.place(self._source.return_to(self.run.time))
-        self.reporter.report("inactive", self.run)
+        self.run.place(self._source.origin(self.run.time))
+        self.reporter.finish()
+        self.reporter.report("inactive", self.run, self.pacer)
         self.reporter.publish_diagnostics()
 
     def begin(self, settings: Settings) -> None:
@@ -153,7 +154,7 @@ class LiveRun:
         self.settings = self._first_settings = settings
         self._replace(run, self.run.origin)
 
-    def start(self, stop: threading.Event, serve: Callable[[], None]) -> None:
+    def start_time(self, stop: threading.Event, serve: Callable[[], None]) -> None:
         """Let simulation time begin, now or with the first ``/clock``.
 
         ``stop`` ends the wait for ``/clock``; ``serve`` is called again and again meanwhile.
@@ -161,7 +162,7 @@ class LiveRun:
         # The first line that a process logs takes tens of milliseconds: before time zero, then.
         self._logger.info(_first_line(self.settings.configuration))
         self._source.wait(stop, serve)
-        self.run.place(self._source.return_to(self.run.time))
+        self.run.place(self._source.origin(self.run.time))
         self.reporter.finish()
         if self.follows_clock or not self.settings.start_paused:
             self.play()
@@ -323,8 +324,8 @@ class LiveRun:
         self._flush()
         old.note("restore", name=name)
         self.publishers.publish(old.entries())
-        now = old.origin + old.time - new.time
-        origin = self._source.return_to(new.time, now if continues else new.origin)
+        own = old.origin + old.time - new.time if continues else new.origin
+        origin = self._source.origin(new.time, own)
         self._resume(new, origin, old.control.active)
         new.note_state()  # a recorder that came after the checkpoint cannot go back to it
         self.reporter.begin()
@@ -352,11 +353,11 @@ class LiveRun:
         self._seed, self.settings = self._seed if seed is None else seed, settings
         self._flush()
         if new is not None:
-            self._replace(new, self._source.begin(None if time else old.origin + old.time))
+            self._replace(new, self._source.origin() if time else old.origin + old.time)
             self.reporter.begin()
             self._restored(settings)
         elif time:
-            old.place(self._source.begin() - old.time)
+            old.place(self._source.origin(old.time, -old.time))
         self._pace()
 
     def _hold(self, reason: str, playing: bool = False, at_start: bool = False) -> None:
@@ -369,7 +370,8 @@ class LiveRun:
         self.publish_deferred()
         factor = 1.0 if self.follows_clock else self.settings.real_time_factor
         if self.playing:
-            self.pacer.start(self.run.time, self._source.resume(self.run.time), factor)
+            due = self.stamp if self.follows_clock else None
+            self.pacer.start(self.run.time, due, factor)
         else:
             self.pacer.stop()
         # A drill in a hurry takes all that it can get, and others must have their share.

@@ -31,9 +31,6 @@ class Timing:
     real_time_factor: float
 
 
-NO_TIMING = Timing(0, 0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)  # before the start
-
-
 class Pacer:
     """Deadlines of simulation times, on an absolute schedule of blocks at a whole rate [Hz].
 

@@ -83,9 +83,9 @@ class PacingLoop:
     def clean_up(self) -> None:
         """Stop, and give up the live run."""
         self.stop()
-        if self.live is not None:
-            self.live.close()
-        self.live = self._thread = None
+        live, self.live, self._thread = self.live, None, None
+        if live is not None:
+            live.close()
 
     def turn(self, live: LiveRun) -> float:
         """Do what is due now; return for how long nothing more is due [s].
@@ -128,7 +128,7 @@ class PacingLoop:
     def _run(self, live: LiveRun, requests: Requests) -> None:
         # Any error must end the process too, or it would go on in silence.
         try:
-            live.start(self._stop, requests.serve)
+            live.start_time(self._stop, requests.serve)
             while not (self._stop.is_set() or live.finished):
                 requests.serve()
                 live.follow_clock()

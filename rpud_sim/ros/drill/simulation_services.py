@@ -63,7 +63,7 @@ class SimulationServices:
 
     def controls_time(self) -> bool:
         """Return whether time can be paused and stepped: it follows no other ``/clock``."""
-        return self._loop.begun is None or not self._loop.begun.follows_clock
+        return (live := self._loop.begun) is None or not live.follows_clock
 
     def get_state(self, request: Any, response: Any) -> Any:
         """Answer with the state."""

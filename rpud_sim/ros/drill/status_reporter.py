@@ -14,9 +14,9 @@ from rpud_sim.foundation.time import SECOND
 from rpud_sim.ros.drill.inbox import Inbox
 from rpud_sim.ros.drill.messages import nanoseconds_to_time
 from rpud_sim.ros.drill.namesakes import DuplicateNodes
-from rpud_sim.ros.drill.pacer import NO_TIMING, Pacer
+from rpud_sim.ros.drill.pacer import Pacer
 from rpud_sim.ros.drill.publishers import RESULTS, DrillPublishers
-from rpud_sim.ros.drill.report import NO_DELAYS, Delays, Report, report_to_diagnostics
+from rpud_sim.ros.drill.report import Report, report_to_diagnostics
 from rpud_sim.ros.lateness import Lateness
 from rpud_sim.simulation.block import Block, join_blocks
 from rpud_sim.simulation.fields import Bookkeeping
@@ -112,8 +112,9 @@ class StatusReporter:
         """Whether commands were refused or discarded since the last report."""
         if self._last is None:
             return False
-        counts = self._last.bookkeeping
-        reported = counts.commands_rejected, counts.commands_discarded
+        reported = tuple(
+            self._last.status[name] for name in ("commands_rejected", "commands_discarded")
+        )
         return (self._inbox.rejected, self._inbox.discarded) != reported
 
     @property
@@ -125,20 +126,17 @@ class StatusReporter:
         """Make the next report a full one."""
         self._due = 0
 
-    def report(self, state: str, run: Run, pacer: Pacer | None = None) -> None:
-        """Publish the status, with one of its STATE constants; ``pacer`` is None before the start.
+    def report(self, state: str, run: Run, pacer: Pacer) -> None:
+        """Publish the status, with one of its STATE constants.
 
         Diagnostics of it wait for ``publish_diagnostics``.
         """
         now = time.monotonic_ns()
-        if self._last is None or now >= self._due or pacer is None:
+        if self._last is None or now >= self._due:
             self.publish_diagnostics()  # one in each period, even where time is short
             self._count()
-            timing = pacer.read() if pacer else NO_TIMING
-            command_delays = Delays.of(self._inbox.delays) if pacer else NO_DELAYS
-            impact_delays = Delays.of(self._impact_delays) if pacer else NO_DELAYS
-            self._inbox.begin_delays()
-            self._impact_delays = Lateness()
+            timing, command_delays = pacer.read(), self._inbox.take_delays()
+            impact_delays, self._impact_delays = self._impact_delays, Lateness()
             figures = self._interval.figures()
             self._totals.merge(self._interval)
             self._interval = Statistics()
@@ -170,7 +168,6 @@ class StatusReporter:
             process=run.simulation.process,
             at_tool_length=run.simulation.at_tool_length,
             faults=run.simulation.faults.active,
-            bookkeeping=bookkeeping,
             requests_refused=self._inbox.requests_refused,
             last_refusal=self._inbox.last_refusal,
             namesakes=self._namesakes.count(),

@@ -289,13 +289,13 @@ def test_a_stale_stamp_is_refused_where_there_is_a_timeout(commander, seconds, w
 
 
 def test_the_delay_of_a_command_begins_when_the_middleware_has_it(shared):
-    shared.inbox.begin_delays()
+    shared.inbox.take_delays()
     shared.publishers[WeightOnBitMessage].publish(WeightOnBitMessage(force=12.0))
     sent = time.monotonic_ns()
     taken = []
     shared.until(lambda: taken.extend(shared.inbox.drain()) or taken)
     waited = (time.monotonic_ns() - sent) / SECOND
-    assert 0.0 < shared.inbox.delays.greatest <= waited + 0.01
+    assert 0.0 < shared.inbox.take_delays().greatest <= waited + 0.01
 
 
 def test_the_time_of_day_may_be_set_while_a_command_waits():

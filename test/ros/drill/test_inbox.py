@@ -33,12 +33,13 @@ def test_the_delay_of_a_command_runs_from_its_arrival_until_it_is_drained():
     inbox = Inbox(Log())
     inbox.accept(WeightOnBit(1.0), GIVEN, time.monotonic_ns() - 70_000_000)
     inbox.accept(WeightOnBit(2.0), GIVEN)
-    assert inbox.delays.count == 0
+    assert inbox.take_delays().count == 0
     inbox.drain()
-    assert inbox.delays.count == 2
-    assert inbox.delays.greatest >= 0.07
-    inbox.begin_delays()
-    assert (inbox.delays.count, inbox.delays.greatest) == (0, 0.0)
+    delays = inbox.take_delays()
+    assert delays.count == 2
+    assert delays.greatest >= 0.07
+    after = inbox.take_delays()
+    assert (after.count, after.greatest) == (0, 0.0)
 
 
 def test_a_refusal_is_counted_and_logged_with_its_reason():
