@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from rpud_sim.cli.live_line import LiveLine, live_text, logging_above, summary_text
 from rpud_sim.pages.quantities import QUANTITIES
-from rpud_sim.ros.drill.pacer import Timing
+from rpud_sim.ros.drill.pacer import Punctuality
 from rpud_sim.ros.drill.report import Report
 from rpud_sim.ros.lateness import Lateness
 from rpud_sim.simulation.commands import Feed, WeightOnBit
@@ -23,7 +23,7 @@ from rpud_sim.simulation.run import Beginning, Run
 from rpud_sim.simulation.statistics import Statistics
 
 MILLISECOND = 1_000_000
-TIMING = Timing(
+TIMING = Punctuality(
     blocks=300,
     deadlines_missed=0,
     lateness=0.0002,

@@ -13,7 +13,7 @@ from rpud_sim.ros.drill.pacing_loop import PacingLoop
 _MOST_NODES = 100  # that are asked at a time, whoever wants it
 
 
-class DeliveryService:
+class DeliveryServer:
     """Service ``simulation/get_delivery``; to be made after all subscriptions and services.
 
     Without a request it costs nothing.

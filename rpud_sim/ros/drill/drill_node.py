@@ -18,8 +18,8 @@ from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.ros.drill import standard_services
 from rpud_sim.ros.drill.declaration import DrillParameters
-from rpud_sim.ros.drill.delivery_service import DeliveryService
-from rpud_sim.ros.drill.fault_services import FaultServices
+from rpud_sim.ros.drill.delivery_service import DeliveryServer
+from rpud_sim.ros.drill.fault_services import FaultServer
 from rpud_sim.ros.drill.gate import Gate
 from rpud_sim.ros.drill.inbox import Inbox
 from rpud_sim.ros.drill.live_run import LiveRun
@@ -27,8 +27,8 @@ from rpud_sim.ros.drill.managed_node import ManagedNode, log_exceptions
 from rpud_sim.ros.drill.namesakes import DuplicateNodes
 from rpud_sim.ros.drill.pacing_loop import PacingLoop
 from rpud_sim.ros.drill.report import Report
-from rpud_sim.ros.drill.simulation_services import SimulationServices
-from rpud_sim.ros.drill.standard_services import StandardServices
+from rpud_sim.ros.drill.simulation_services import SimulationServer
+from rpud_sim.ros.drill.standard_services import StandardServer
 from rpud_sim.ros.drill.status_reporter import REPORT_PERIOD
 from rpud_sim.ros.requests import StoppedError
 from rpud_sim.ros.serving import quick_switches, serve
@@ -68,11 +68,11 @@ class DrillNode(ManagedNode):
         self._namesakes = DuplicateNodes(self)
         self._sent: Counter[str] | None = None
         self._gate = Gate(self, lambda: self.settings, self._inbox, self._now)
-        services = SimulationServices(self, self.loop)
+        services = SimulationServer(self, self.loop)
         if standard_services.INSTALLED:
-            StandardServices(self, services)
-        FaultServices(self, self.loop, lambda: self.settings)
-        DeliveryService(self, self.loop)
+            StandardServer(self, services)
+        FaultServer(self, self.loop, lambda: self.settings)
+        DeliveryServer(self, self.loop)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(REPORT_PERIOD, self._report_before_start, clock=steady)
 

@@ -24,7 +24,7 @@ from rpud_sim.simulation.simulation import Simulation
 from rpud_sim.simulation.topics import TOPICS
 
 
-class FaultServices:
+class FaultServer:
     """Services ``inject_fault``, ``clear_fault``, ``list_faults`` and ``engage``.
 
     ``settings`` gives the settings of the node, configured or not.

@@ -12,7 +12,7 @@ from std_msgs.msg import Header
 from rpud_sim.drilling.feed import FEED_MODES, RATE
 from rpud_sim.drilling.process import ProcessState
 from rpud_sim.drilling.rock import NO_DEEPER
-from rpud_sim.ros.drill.pacer import Timing
+from rpud_sim.ros.drill.pacer import Punctuality
 from rpud_sim.ros.lateness import Lateness
 from rpud_sim.simulation.ensemble import Figures
 from rpud_sim.simulation.fields import Fields
@@ -34,7 +34,7 @@ class Report:
     last_refusal: str  # why the latest command or request was refused
     namesakes: int  # other nodes of the same name
     scheduling: str  # how the system schedules the pacing thread
-    timing: Timing  # punctuality of the blocks
+    timing: Punctuality  # punctuality of the blocks
     command_delays: Lateness  # of commands, from their arrival until they acted, in the last second
     # of impacts, from their stamps until they were published, in the last second
     impact_delays: Lateness

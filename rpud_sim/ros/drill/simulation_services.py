@@ -39,7 +39,7 @@ class RefusedRequestError(Exception):
         self.result = result
 
 
-class SimulationServices:
+class SimulationServer:
     """Services of the namespace ``simulation``: states, steps, resets and checkpoints.
 
     States, results and refusals are those of the ``simulation_interfaces`` standard.

@@ -12,7 +12,7 @@ from rpud_sim.simulation.block import boundaries_until, boundary
 
 if TYPE_CHECKING:
     from rpud_sim.ros.drill.live_run import LiveRun
-    from rpud_sim.ros.drill.simulation_services import SimulationServices
+    from rpud_sim.ros.drill.simulation_services import SimulationServer
 
 try:
     from simulation_interfaces.action import SimulateSteps
@@ -46,7 +46,7 @@ _FEATURES_OF_TIME = (
 )
 
 
-class StandardServices:
+class StandardServer:
     """The standard's services for features, state, steps and resets, and its action for steps.
 
     ``get_simulator_features``, ``get_simulation_state``, ``set_simulation_state``,
@@ -55,7 +55,7 @@ class StandardServices:
     to the next boundary of one. ``services``, the drill's own, do the work.
     """
 
-    def __init__(self, node: Node, services: SimulationServices) -> None:
+    def __init__(self, node: Node, services: SimulationServer) -> None:
         self._services = services
         for kind, name, handler, group in (
             (GetSimulatorFeatures, "get_simulator_features", self._on_features, None),

@@ -7,7 +7,7 @@ from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.serialization import serialize_message
 
-from rpud_sim.ros.drill.pacer import Timing
+from rpud_sim.ros.drill.pacer import Punctuality
 from rpud_sim.ros.drill.report import Report, report_to_diagnostics
 from rpud_sim.ros.lateness import Lateness
 from rpud_sim.simulation.commands import Drive, Feed, WeightOnBit
@@ -19,7 +19,7 @@ from rpud_sim.simulation.run import Beginning, Run
 SECOND = 1_000_000_000
 MILLISECOND = 1_000_000
 ORIGIN = 1_700_000_000 * SECOND + 5
-ON_TIME = Timing(
+ON_TIME = Punctuality(
     blocks=300,
     deadlines_missed=4,
     lateness=0.0002,
