@@ -181,7 +181,7 @@ class DrillNode(ManagedNode):
     @log_exceptions
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
         self._gate.open(False)
-        self.loop.finish()
+        self.loop.quit()
         return TransitionCallbackReturn.SUCCESS
 
     def destroy_node(self) -> None:

@@ -140,7 +140,7 @@ class LiveRun:
     def announce(self) -> None:
         """Publish status and diagnostics before the beginning."""
         self.run.place(self._source.origin(self.run.time))
-        self.reporter.finish()
+        self.reporter.end_period()
         self.reporter.report("inactive", self.run, self.pacer)
         self.reporter.publish_diagnostics()
 
@@ -163,7 +163,7 @@ class LiveRun:
         self._logger.info(_first_line(self.settings.configuration))
         self._source.wait(stop, serve)
         self.run.place(self._source.origin(self.run.time))
-        self.reporter.finish()
+        self.reporter.end_period()
         if self.follows_clock or not self.settings.start_paused:
             self.play()
         else:
@@ -172,7 +172,7 @@ class LiveRun:
     def finish(self) -> None:
         """Publish what is left, and the last status."""
         self._flush("end")
-        self.reporter.finish()
+        self.reporter.end_period()
         self.report("stopped")
 
     def close(self) -> None:

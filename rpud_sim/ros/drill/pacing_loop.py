@@ -67,7 +67,7 @@ class PacingLoop:
             raise StoppedError("the node has not been activated")
         return self._requests.do(lambda: action(live))
 
-    def finish(self) -> None:
+    def quit(self) -> None:
         """Ask the node to end."""
         self._finished.set()
 

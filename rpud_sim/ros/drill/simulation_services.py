@@ -127,7 +127,7 @@ class SimulationServer:
 
     def _set_state(self, state: int) -> None:
         if state == QUITTING:
-            self._loop.finish()
+            self._loop.quit()
             return
         if state not in (STOPPED, PLAYING, PAUSED):
             unsupported = Result.RESULT_FEATURE_UNSUPPORTED

@@ -122,7 +122,7 @@ class StatusReporter:
         """Whether the last report is long enough ago for one of changes."""
         return time.monotonic_ns() >= self._rests_until
 
-    def finish(self) -> None:
+    def end_period(self) -> None:
         """Make the next report a full one."""
         self._due = 0
 

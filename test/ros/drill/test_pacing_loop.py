@@ -242,7 +242,7 @@ def test_impacts_are_published_within_a_period_of_their_stamps(drill):
     drill.live.play()
     for _ in range(20):
         drill.advance()
-    drill.reporter.finish()
+    drill.reporter.end_period()
     drill.live.report()
     delays = drill.reporter.last.impact_delays
     assert delays.count == drill.live.run.simulation.impact_count > 0

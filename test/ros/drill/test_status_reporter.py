@@ -98,7 +98,7 @@ def test_figures_are_those_since_the_full_report_before_and_totals_those_of_all(
     assert report.figures == figures(first)
     assert report.timing.blocks == 1
     assert report.time == 2 * SECOND
-    drill.reporter.finish()
+    drill.reporter.end_period()
     assert drill.reporter.due()
     report = drill.report()
     assert report.figures == figures(second)
