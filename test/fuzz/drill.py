@@ -15,6 +15,7 @@ from rclpy.logging import LoggingSeverity, get_logger
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.serialization import serialize_message
+from rpud_msgs.msg import CommandResult
 from rpud_msgs.srv import SetSimulationState
 
 from rpud_sim.ros.drill.drill_node import DrillNode
@@ -52,9 +53,9 @@ class Drill:
         inbox = self.node._inbox
         refuse = inbox.refuse
 
-        def remember(reason: str) -> None:
+        def remember(result: CommandResult, reason: str) -> None:
             self.reasons.append(reason)
-            refuse(reason)
+            refuse(result, reason)
 
         inbox.refuse = remember
         self._interval = sys.getswitchinterval()

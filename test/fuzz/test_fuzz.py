@@ -57,7 +57,9 @@ def test_what_harms_is_found(drill, monkeypatch, way, harm):
 
 
 def test_a_command_that_is_refused_but_not_counted_is_found(drill, monkeypatch):
-    monkeypatch.setattr(drill.node._inbox, "refuse", drill.reasons.append)
+    monkeypatch.setattr(
+        drill.node._inbox, "refuse", lambda result, reason: drill.reasons.append(reason)
+    )
 
     def send(inputs):
         for number in range(inputs):

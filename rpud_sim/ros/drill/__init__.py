@@ -1,7 +1,7 @@
 """The drill as a managed node.
 
-``DrillNode`` makes a ``LiveRun`` when it is configured. From its activation on the one thread of its
-``PacingLoop`` moves and changes it::
+``DrillNode`` makes a ``LiveRun`` when it is configured. From its activation on the one thread of
+its ``PacingLoop`` moves and changes it::
 
     topics   -> Gate -> Inbox -> PacingLoop.turn: read commands, advance, publish, sleep
     services -> PacingLoop.request -> LiveRun: play, pause, step, reset, save, restore, configure

@@ -11,17 +11,17 @@ from builtin_interfaces.msg import Time
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.serialization import deserialize_message
+from rpud_msgs.msg import CommandResult
 from rpud_msgs.msg import Drive as DriveMessage
 from rpud_msgs.msg import Feed as FeedMessage
 from rpud_msgs.msg import WeightOnBit as WeightOnBitMessage
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Header
 
 from rpud_sim.bag.sequence import SequenceGaps
 from rpud_sim.drilling.feed import POSITION, RATE
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.foundation.time import SECOND, join_seconds
-from rpud_sim.ros.drill.inbox import Command, Fate, Inbox
+from rpud_sim.ros.drill.inbox import Command, Inbox
 from rpud_sim.ros.drill.joint_commands import to_feed
 from rpud_sim.ros.drill.publishers import COMMAND_QOS
 from rpud_sim.simulation.commands import Drive, Feed, WeightOnBit
@@ -156,16 +156,16 @@ class _CommandTopic:
             message = deserialize_message(payload, self._kind)
         except Exception:  # RMWError, or what the conversion to Python raises
             reason = f"{self._name}: a payload of {len(payload)} bytes is malformed"
-            self._inbox.refuse_malformed(Fate(self._name, Header(), reason))
+            self._inbox.refuse_malformed(CommandResult(kind=self._name), reason)
             return
-        fate = Fate(self._name, message.header)
+        result = CommandResult(kind=self._name, header=message.header)
         try:
             command = self._handler(message)
         except ParameterError as error:
-            self._inbox.refuse(fate._replace(reason=str(error)))
+            self._inbox.refuse(result, str(error))
         else:
             if command is not None:
-                self._inbox.accept(command, fate, arrival(information))
+                self._inbox.accept(command, result, arrival(information))
 
     def _on_lost(self, event: Any) -> None:
         self._overwritten = event.total_count

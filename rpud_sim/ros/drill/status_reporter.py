@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterable, Mapping
-from itertools import chain
 
 from rclpy.node import Node
-from rpud_msgs.msg import CommandResult, CommandResults
+from rpud_msgs.msg import CommandResults
 from std_msgs.msg import Header
 
 from rpud_sim.foundation.time import SECOND
@@ -198,18 +197,14 @@ class StatusReporter:
         self._publishers.publish_message("/diagnostics", diagnostics)
 
     def _publish_results(self, stamp: int) -> None:
-        if (fates := self._inbox.take_fates()) is None:
+        if (results := self._inbox.take_results()) is None:
             return
-        header = Header(stamp=nanoseconds_to_time(stamp), frame_id=MOUNT_FRAME)
-        results = [
-            CommandResult(
-                kind=fate.kind, header=fate.header, accepted=not fate.reason, reason=fate.reason
-            )
-            for fate in chain(*fates)
-        ]
-        number = self._publishers.published["status"]
+        former, found = results
         message = CommandResults(
-            header=header, results=results, former=len(fates[0]), status=number
+            header=Header(stamp=nanoseconds_to_time(stamp), frame_id=MOUNT_FRAME),
+            results=[*former, *found],
+            former=len(former),
+            status=self._publishers.published["status"],
         )
         self._publishers.publish_message(RESULTS, message)
 

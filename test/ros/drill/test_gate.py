@@ -30,9 +30,9 @@ class Heard(Inbox):
         super().__init__(logger)
         self.reasons = []
 
-    def refuse(self, fate):
-        self.reasons.append(fate.reason)
-        super().refuse(fate)
+    def refuse(self, result, reason):
+        self.reasons.append(reason)
+        super().refuse(result, reason)
 
 
 class Commander:

@@ -9,11 +9,11 @@ from functools import partial
 import pytest
 import rclpy
 from manual_clock import SECOND, ManualClock
-from std_msgs.msg import Header
+from rpud_msgs.msg import CommandResult
 from support import until
 
 from rpud_sim.ros.drill import live_run
-from rpud_sim.ros.drill.inbox import Fate, Inbox
+from rpud_sim.ros.drill.inbox import Inbox
 from rpud_sim.ros.drill.live_run import InterruptedStepError, LiveRun
 from rpud_sim.ros.drill.namesakes import DuplicateNodes
 from rpud_sim.ros.drill.pacer import Pacer
@@ -29,7 +29,7 @@ PERIOD = 10 * MILLISECOND
 LEAD = 10 * MILLISECOND
 START = 17 * SECOND
 
-GIVEN = Fate("weight_on_bit", Header())
+GIVEN = CommandResult(kind="weight_on_bit")
 
 
 class Publishers(DrillPublishers):

@@ -3,10 +3,10 @@
 import pytest
 import rclpy
 from rclpy.parameter import Parameter
-from std_msgs.msg import Header
+from rpud_msgs.msg import CommandResult
 from support import until
 
-from rpud_sim.ros.drill.inbox import Fate, Inbox
+from rpud_sim.ros.drill.inbox import Inbox
 from rpud_sim.ros.drill.namesakes import DuplicateNodes
 from rpud_sim.ros.drill.pacer import Pacer
 from rpud_sim.ros.drill.publishers import DrillPublishers
@@ -19,7 +19,7 @@ from rpud_sim.simulation.statistics import Statistics
 SECOND = 1_000_000_000
 MILLISECOND = 1_000_000
 
-GIVEN = Fate("weight_on_bit", Header())
+GIVEN = CommandResult(kind="weight_on_bit")
 
 
 class Drill:
@@ -114,7 +114,7 @@ def test_commands_are_counted_and_refusals_call_for_a_report(drill):
     drill.inbox.accept(WeightOnBit(1.0), GIVEN)
     drill.inbox.drain()
     assert not drill.reporter.refused_more()
-    drill.inbox.refuse(GIVEN._replace(reason="for a reason"))
+    drill.inbox.refuse(GIVEN, "for a reason")
     assert drill.reporter.refused_more()
     report = drill.report()
     assert (report.status["commands_accepted"], report.status["commands_rejected"]) == (1, 1)
@@ -124,7 +124,7 @@ def test_commands_are_counted_and_refusals_call_for_a_report(drill):
 def test_a_new_beginning_counts_from_zero(drill):
     drill.advance(SECOND)
     drill.report()
-    drill.inbox.refuse(GIVEN._replace(reason="for a reason"))
+    drill.inbox.refuse(GIVEN, "for a reason")
     drill.reporter.begin()
     assert drill.reporter.due()
     assert drill.reporter.totals.figures()["events"] == 0
