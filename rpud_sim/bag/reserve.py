@@ -29,6 +29,10 @@ class Reserve:
         if size <= self._size:
             return True
         size = (size + _STEP - 1) // _STEP * _STEP
+        disk = os.statvfs(self._path.parent)
+        # A file system may fill itself before it says that it cannot hold so much.
+        if size - self._size > disk.f_bavail * disk.f_frsize:
+            return False
         descriptor = os.open(self._path, os.O_WRONLY | os.O_CREAT, 0o600)
         try:
             os.posix_fallocate(descriptor, 0, size)

@@ -80,13 +80,19 @@ def test_without_a_reserve_it_is_torn(tmp_path, fill):
         rpud_sim.bag.open(path)
 
 
-def test_room_that_no_disk_has_is_not_held(tmp_path):
+def test_room_that_no_disk_has_is_not_held_and_not_even_tried(tmp_path, monkeypatch):
+    asked = []
+    allocate = os.posix_fallocate
+    monkeypatch.setattr(
+        os, "posix_fallocate", lambda *words: asked.append(words) or allocate(*words)
+    )
     reserve = Reserve(tmp_path)
     assert reserve.hold(1)
     size = (tmp_path / FILE_NAME).stat().st_blocks * 512
     assert size >= 1 << 20
     disk = os.statvfs(tmp_path)
     assert not reserve.hold(2 * disk.f_blocks * disk.f_frsize)
+    assert len(asked) == 1  # or no other program could write meanwhile
     assert reserve.release()
     assert not (tmp_path / FILE_NAME).exists()
     assert not reserve.hold(1)
