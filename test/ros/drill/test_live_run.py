@@ -1,13 +1,17 @@
 """Time plays, is paused, stopped or stepped; a step ends at its goal or by an error."""
 
+import dataclasses
+
 import pytest
 import rclpy
+from rpud_msgs.msg import CommandResult
 
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.ros.drill.inbox import Inbox
 from rpud_sim.ros.drill.live_run import InterruptedStepError, LiveRun
 from rpud_sim.ros.drill.namesakes import DuplicateNodes
 from rpud_sim.ros.drill.pacing_loop import PacingLoop
+from rpud_sim.simulation.commands import WeightOnBit
 from rpud_sim.simulation.configuration import Settings
 
 SECOND = 1_000_000_000
@@ -16,15 +20,35 @@ PLAY, PAUSE, HALT = LiveRun.play, LiveRun.pause, LiveRun.halt
 
 
 @pytest.fixture
-def live():
+def make():
     rclpy.init()
     node = rclpy.create_node("drill_node", namespace="/rpud")
-    made = LiveRun(node, Settings(), Inbox(node.get_logger()), DuplicateNodes(node))
-    made.begin(made.settings)
-    yield made
-    made.close()
+    made = []
+
+    def create(**values):
+        restored = []
+        inbox = Inbox(node.get_logger())
+        live = LiveRun(node, Settings(**values), inbox, DuplicateNodes(node), restored.append)
+        live.inbox, live.restored = inbox, restored
+        live.begin(live.settings)
+        made.append(live)
+        return live
+
+    yield create
+    for live in made:
+        live.close()
     node.destroy_node()
     rclpy.try_shutdown()
+
+
+@pytest.fixture
+def live(make):
+    return make()
+
+
+@pytest.fixture
+def own_clock(make):
+    return make(publish_clock=True)
 
 
 def finish_step(live):
@@ -68,6 +92,47 @@ def test_a_step_runs_until_its_goal_and_its_status_comes_before_its_result(live,
     finish_step(live)
     assert reported == [("paused", False)]
     assert step.result(0.0).stamp == live.stamp == live.run.origin + GOAL
+
+
+def test_a_step_reports_at_every_second_of_its_own_time(live, monkeypatch):
+    reported = []
+    report = live.report
+    monkeypatch.setattr(live, "report", lambda: reported.append(live.run.time) or report())
+    live.reporter.end_period()  # however much time has elapsed
+    live.step(5 * SECOND // 2)
+    finish_step(live)
+    assert reported == [SECOND, 2 * SECOND, 5 * SECOND // 2]
+
+
+def test_commands_that_came_before_a_step_act_before_it_and_are_reported(live):
+    live.inbox.accept(WeightOnBit(33.0), CommandResult(kind="weight_on_bit"))
+    live.step(GOAL)
+    assert live.run.time == 0
+    assert live.reporter.last.status["weight_on_bit"] == 33.0
+
+
+def test_the_settings_of_the_run_come_back_with_it_but_for_its_pace(live):
+    first, changed = live.settings, dataclasses.replace(live.settings, command_timeout=2.0)
+    live.configure(changed)
+    live.save("changed")
+    live.reset(time=True, state=True)
+    assert live.settings == live.restored[-1] == first
+    live.configure(dataclasses.replace(first, real_time_factor=0.5))
+    live.restore("changed")
+    assert live.settings == live.restored[-1] == dataclasses.replace(changed, real_time_factor=0.5)
+
+
+def test_a_reset_of_the_time_alone_goes_on_at_stamp_zero_where_the_drill_is_its_source(own_clock):
+    own_clock.step(GOAL)
+    finish_step(own_clock)
+    assert own_clock.stamp == GOAL
+    own_clock.reset(time=True, state=False)
+    assert (own_clock.run.time, own_clock.stamp) == (GOAL, 0)
+    own_clock.step(2 * GOAL)
+    finish_step(own_clock)
+    assert own_clock.stamp == GOAL
+    own_clock.reset(time=False, state=True)
+    assert (own_clock.run.time, own_clock.stamp) == (0, GOAL)
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ from manual_clock import SECOND, ManualClock
 from rpud_msgs.msg import CommandResult
 from support import until
 
-from rpud_sim.ros.drill import live_run
+from rpud_sim.ros.drill import live_run, status_reporter
 from rpud_sim.ros.drill.inbox import Inbox
 from rpud_sim.ros.drill.live_run import InterruptedStepError, LiveRun
 from rpud_sim.ros.drill.namesakes import DuplicateNodes
@@ -222,19 +222,23 @@ def test_what_was_put_off_comes_before_the_end_and_with_the_stamps_of_its_time(d
     assert sent[0] == sent[1]
 
 
-def test_the_diagnostics_of_a_change_wait_for_time_and_come_once_in_a_report(drill):
+def test_the_diagnostics_of_changes_wait_for_time_and_come_once(drill, monkeypatch):
+    monkeypatch.setattr(status_reporter, "CHANGE_PERIOD", 0.0)  # each change is reported at once
+    monkeypatch.setattr(status_reporter, "REPORT_PERIOD", 3600.0)
     drill = drill()
     drill.live.play()
     drill.advance()
     drill.publishers.meanwhile = lambda: drill.clock.sleep(0.02)
-    before = drill.publishers.topics.count("/diagnostics")
+    before = Counter(drill.publishers.topics)
     for force in (31.0, 32.0, 33.0):
         drill.inbox.accept(WeightOnBit(force), GIVEN)
         drill.advance()
-    assert drill.publishers.topics.count("/diagnostics") == before
-    drill.live.pause()
-    assert drill.publishers.topics.count("/diagnostics") >= before + 1
-    assert drill.publishers.topics[-1] == "/diagnostics"
+    assert drill.publishers.topics.count("status") == before["status"] + 3
+    assert drill.publishers.topics.count("/diagnostics") == before["/diagnostics"]
+    drill.publishers.meanwhile = lambda: None
+    for _ in range(20):
+        drill.advance()
+    assert drill.publishers.topics.count("/diagnostics") == before["/diagnostics"] + 1
 
 
 def test_impacts_are_published_within_a_period_of_their_stamps(drill):
@@ -289,6 +293,14 @@ def test_as_fast_as_possible_no_deadline_is_waited_for(drill):
         assert drill.live.run.time == number * PERIOD
     assert (drill.clock.slept, drill.clock.now) == ([], START)
     assert drill.publishers.patient
+
+
+def test_as_fast_as_possible_streams_follow_their_blocks(drill):
+    drill = drill(factor=0.0)
+    drill.live.play()
+    for _ in range(10):
+        drill.turn()
+    assert streams_of(drill) == ["waveform", "trajectory"] * 2
 
 
 def test_another_factor_changes_the_pace_from_a_block_on(drill):
