@@ -1,9 +1,13 @@
 """Time plays, is paused, stopped or stepped; a step ends at its goal or by an error."""
 
 import dataclasses
+import threading
 
 import pytest
 import rclpy
+from rclpy.clock import ClockType
+from rclpy.parameter import Parameter
+from rclpy.time import Time
 from rpud_msgs.msg import CommandResult
 
 from rpud_sim.foundation.quantities import ParameterError
@@ -22,14 +26,14 @@ PLAY, PAUSE, HALT = LiveRun.play, LiveRun.pause, LiveRun.halt
 @pytest.fixture
 def make():
     rclpy.init()
-    node = rclpy.create_node("drill_node", namespace="/rpud")
     made = []
 
-    def create(**values):
-        restored = []
-        inbox = Inbox(node.get_logger())
+    def create(use_sim_time=False, **values):
+        overrides = [Parameter("use_sim_time", value=use_sim_time)]
+        node = rclpy.create_node("drill_node", namespace="/rpud", parameter_overrides=overrides)
+        inbox, restored = Inbox(node.get_logger()), []
         live = LiveRun(node, Settings(**values), inbox, DuplicateNodes(node), restored.append)
-        live.inbox, live.restored = inbox, restored
+        live.node, live.inbox, live.restored = node, inbox, restored
         live.begin(live.settings)
         made.append(live)
         return live
@@ -37,7 +41,7 @@ def make():
     yield create
     for live in made:
         live.close()
-    node.destroy_node()
+        live.node.destroy_node()
     rclpy.try_shutdown()
 
 
@@ -185,3 +189,18 @@ def test_a_step_goes_forward_and_not_too_far(live, goal):
     with pytest.raises(ParameterError, match=r"step = .* s is outside its range \(0, 1e\+06\] s"):
         live.step(goal)
     assert live.goal is None
+
+
+def test_a_drill_that_follows_a_clock_does_not_drift_from_it_when_its_settings_change(make):
+    live = make(use_sim_time=True)
+    clock = live.node.get_clock()
+
+    def tell(nanoseconds):
+        clock.set_ros_time_override(Time(nanoseconds=nanoseconds, clock_type=ClockType.ROS_TIME))
+
+    tell(7 * SECOND)
+    live.start_time(threading.Event(), lambda: None)
+    assert (live.follows_clock, live.playing, live.stamp) == (True, True, 7 * SECOND)
+    tell(7 * SECOND + GOAL // 2)
+    live.configure(dataclasses.replace(live.settings, real_time_factor=0.5))
+    assert live.pacer.remaining(GOAL) == pytest.approx(GOAL / 2 / SECOND)
