@@ -15,15 +15,17 @@ node.create_subscription(Status, "status", statuses.append, latched)
 commands = node.create_publisher(WeightOnBit, "command/weight_on_bit", 10)
 
 
-def connected():
-    """Return whether the drill, and a recorder if there is one, will get the command."""
+def ready():
+    """Return whether the drill runs, and it and its recorder will get the command."""
+    if not statuses or statuses[-1].state != Status.STATE_RUNNING:
+        return False
     listeners = node.get_subscriptions_info_by_topic("command/weight_on_bit")
     names = [listener.node_name for listener in listeners]
     return "drill_node" in names and commands.get_subscription_count() >= len(names)
 
 
 # ROS drops a message without a subscriber, so the command waits for the running drill.
-while not statuses or not connected():
+while not ready():
     rclpy.spin_once(node, timeout_sec=0.1)
 commands.publish(WeightOnBit(force=WEIGHT))
 while statuses[-1].weight_on_bit != WEIGHT:

@@ -44,7 +44,7 @@ PHASES = (0.05, 0.35, 0.65)  # of the vibration at time zero [cycles]
 BANDS = {
     "torque": 0.14,
     "rate of penetration": 0.18,
-    "percussion": 0.18,
+    "percussion": 0.14,
     "weight on bit": 0.12,
     "current": 0.2,
 }

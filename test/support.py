@@ -14,10 +14,13 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import IO, TypeVar
 
+import numpy as np
 import pytest
 from ament_index_python.packages import get_package_share_directory
 
 from rpud_sim.cli.main import main
+from rpud_sim.simulation.fields import trajectory_cuts, trajectory_fields
+from rpud_sim.simulation.together import row_of
 
 _PROFILE = Path(get_package_share_directory("rpud_sim"), "config", "fastdds_loopback.xml")
 _FAST_DDS = os.environ.get("RMW_IMPLEMENTATION", "rmw_fastrtps_cpp").startswith("rmw_fastrtps")
@@ -196,3 +199,12 @@ class Process:
         return AssertionError(
             f"{' '.join(self.command)} {what}; its output:\n" + "\n".join(self._lines)
         )
+
+
+def trajectory_messages(segments, sequence, origin):
+    """Give the fields of the trajectories of finished segments, one for each set of constants."""
+    if not len(segments):
+        return []
+    cuts = np.array([0, *trajectory_cuts(segments).tolist(), len(segments)])
+    columns = trajectory_fields(segments, cuts, sequence, origin)
+    return [row_of(columns, number) for number in range(len(cuts) - 1)]

@@ -46,11 +46,10 @@ class BagFolder:
         chunk_size: int = CHUNK_SIZE,
         custom_data: Mapping[str, str] | None = None,
         reserved: bool = False,
-        ahead: int = 0,
     ) -> None:
         _check_compression(compression)
         self.path = Path(os.path.abspath(path))
-        self._compression, self._chunk_size, self._ahead = compression, chunk_size, ahead
+        self._compression, self._chunk_size = compression, chunk_size
         self._custom_data = dict(custom_data or {})
         # By their numbers in the bag; ``_numbers`` are those in the open file.
         self._channels: list[tuple[str, str, Schema | None, dict[str, str]]] = []
@@ -193,7 +192,7 @@ class BagFolder:
     def _open_file(self) -> OutputFile:
         name = f"{self.path.name}_{len(self._closed_files)}.mcap"
         path = self.path / name
-        file = OutputFile(path, self._compression, self._chunk_size, self._reserve, self._ahead)
+        file = OutputFile(path, self._compression, self._chunk_size, self._reserve)
         self._numbers = [file.add_channel(*channel) for channel in self._channels]
         _sync(self.path)
         return file

@@ -5,8 +5,8 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from functools import cached_property
-from typing import Any
+from functools import cached_property, lru_cache
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from rosbags.interfaces import Nodetype
@@ -19,15 +19,34 @@ from rpud_sim.bag.budget import Budget
 from rpud_sim.bag.encoder import CODES, Encoder, Members, Sequence
 from rpud_sim.bag.errors import DAMAGED, BagFormatError
 
+if TYPE_CHECKING:
+    from rosbags.interfaces.typing import Typesdict
+
 # Greatest definition of a type, with all types that it needs [characters].
 DEFINITION_LIMIT = 256 * 2**10
 
 FIELDS_SIZE_LIMIT = 64 * 2**10  # greatest definition of a type without its comments [characters]
 
 _COMMENT = re.compile(r"#.*")
+_SEPARATOR = re.compile(r"^={80}\nMSG: ", re.MULTILINE)
 _WRITTEN_OUT_LIMIT = 10_000
 _PADDING = 3  # bytes behind the last field, so that messages follow each other aligned
 _NO_FIELDS = "structure_needs_at_least_one_member"  # field of a type without fields in CDR
+
+
+@lru_cache(64)
+def _types_in(part: str, type_name: str) -> Typesdict:
+    return get_types_from_msg(part, type_name)
+
+
+def _types_of(definition: str, type_name: str) -> Typesdict:
+    """Return a type and those that it needs; what definitions share is parsed once."""
+    first, *others = _SEPARATOR.split(definition)
+    types = dict(_types_in(first, type_name))
+    for part in others:
+        name, _, text = part.partition("\n")
+        types.update(_types_in(text, name.strip()))
+    return types
 
 
 class Codec:
@@ -47,7 +66,7 @@ class Codec:
                 "without its comments, too many to compile"
             )
         with self._understanding("definition"):
-            types = get_types_from_msg(definition, type_name)
+            types = _types_of(definition, type_name)
             if sum(map(_written_out, types.values())) > _WRITTEN_OUT_LIMIT:
                 raise ValueError(f"arrays have more than {_WRITTEN_OUT_LIMIT} elements together")
             self._store.register(types)

@@ -47,6 +47,7 @@ _SIZES = {code: struct.calcsize(f"={code}") for code in CODES.values() if code !
 _MOST_LAYOUTS = 256
 _DTYPES = {code: np.dtype(code) for code in _SIZES}
 _COUNT = ("I", 4, 4)  # before each text and sequence
+_PAD = "pad"  # first word of the names of what is between numbers
 _RAGGED = -1  # in place of the length of a sequence that differs from message to message
 
 
@@ -115,8 +116,10 @@ class Encoder:
         if dtype is None:
             dtype = _record(self._members, lengths)
             _keep(self._records, key, dtype)
-        rows = np.zeros(count, dtype)
-        for name, value in zip(dtype.names or (), (_ENCAPSULATION, *flat), strict=True):
+        rows = np.empty(count, dtype)
+        values = iter((_ENCAPSULATION, *flat))
+        for name in dtype.names or ():
+            value = b"" if name.startswith(_PAD) else next(values)
             rows[name] = value
             _check_fits(value, rows[name])
         return rows.view(np.uint8), np.full(count, dtype.itemsize, np.int64)
@@ -279,16 +282,14 @@ def _keep(known: dict[tuple[int, ...], Any], key: tuple[int, ...], value: Any) -
 
 
 def _record(kind: Members, lengths: list[int]) -> np.dtype:
-    formats, offsets = [f"S{len(_ENCAPSULATION)}"], [0]
-    end = len(_ENCAPSULATION)
-    for code, size, alignment in _parts(kind, iter(lengths)):
-        end += -(end - len(_ENCAPSULATION)) % alignment
-        offsets.append(end)
-        formats.append(f"S{size}" if code.endswith("s") else code)
-        end += size
-    names = [f"part {number}" for number in range(len(formats))]
-    layout: Any = {"names": names, "formats": formats, "offsets": offsets, "itemsize": end}
-    return np.dtype(layout)
+    members = [("head", f"S{len(_ENCAPSULATION)}")]
+    end = 0
+    for number, (code, size, alignment) in enumerate(_parts(kind, iter(lengths))):
+        if pad := -end % alignment:
+            members.append((f"{_PAD} {number}", f"S{pad}"))
+        members.append((f"part {number}", f"S{size}" if code.endswith("s") else code))
+        end += pad + size
+    return np.dtype(members)
 
 
 def _layout(kind: Members, lengths: list[int]) -> str:

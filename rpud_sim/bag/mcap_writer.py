@@ -8,9 +8,7 @@ from __future__ import annotations
 
 import struct
 import zlib
-from collections import deque
 from collections.abc import Mapping
-from concurrent.futures import Future, ThreadPoolExecutor
 from typing import BinaryIO
 
 import numpy as np
@@ -32,23 +30,21 @@ from mcap.records import (
     SummaryOffset,
 )
 
-from rpud_sim.bag.open_chunk import ClosedChunk, Compressor, OpenChunk, Records
+from rpud_sim.bag.open_chunk import Compressor, OpenChunk, Records
 from rpud_sim.bag.records import MAGIC
 
 
 class McapWriter:
     """Writer of a new MCAP file; options as of ``OutputFile``, but compressions by MCAP's names.
 
-    Without ``ahead`` a chunk is in the stream as soon as it is full.
+    A chunk is in the stream as soon as it is full. No thread compresses it: what threads of Python
+    wait for each other takes more processor time, and saves little of the other.
     """
 
-    def __init__(self, stream: BinaryIO, chunk_size: int, compression: str, ahead: int = 0) -> None:
+    def __init__(self, stream: BinaryIO, chunk_size: int, compression: str) -> None:
         self._stream = stream
         self._chunk_size = chunk_size
         self._compressor = Compressor(compression)
-        self._ahead = ahead
-        self._thread = ThreadPoolExecutor(1, "compression") if ahead else None
-        self._compressed: deque[tuple[ClosedChunk, Future[tuple[bytes, bytes]]]] = deque()
         self._chunk = OpenChunk()
         self._schemas: list[Schema] = []
         self._channels: list[Channel] = []
@@ -63,14 +59,6 @@ class McapWriter:
     def pending(self) -> int:
         """Greatest size of the chunk in progress and its indexes [bytes]."""
         return self._chunk.size + 16 * self._chunk.count
-
-    @property
-    def in_flight(self) -> int:
-        """Greatest size of the closed chunks that are not in the stream yet [bytes]."""
-        return sum(
-            len(chunk.data) + 8 * sum(map(len, chunk.entries.values()))
-            for chunk, _ in self._compressed
-        )
 
     def start(self, profile: str, library: str) -> None:
         self._stream.write(MAGIC + _bytes_of(Header(profile, library)))
@@ -118,7 +106,6 @@ class McapWriter:
             self._close_full_chunk()
 
     def add_attachment(self, attachment: Attachment) -> None:
-        self.settle()
         content = _bytes_of(attachment)
         index = AttachmentIndex(
             offset=self._stream.tell(),
@@ -133,26 +120,18 @@ class McapWriter:
         self._stream.write(content)
 
     def add_metadata(self, name: str, content: dict[str, str]) -> None:
-        self.settle()
         record = _bytes_of(Metadata(name=name, metadata=content))
         self._metadata.append(MetadataIndex(self._stream.tell(), len(record), name))
         self._stream.write(record)
 
-    def settle(self) -> None:
-        """Wait until every closed chunk is in the stream."""
-        while self._compressed:
-            self._write_chunk(*self._compressed.popleft())
-
     def flush(self) -> None:
         """Close the chunk in progress, and pass everything on to the file."""
         self._close_chunk()
-        self.settle()
         self._stream.flush()
 
     def finish(self) -> None:
         """Write what is left, and the summary section; the stream remains open."""
         self._close_chunk()
-        self.settle()
         self._stream.write(_bytes_of(DataEnd(0)))
         start = self._stream.tell()
         summary = RecordBuilder()
@@ -180,11 +159,6 @@ class McapWriter:
         footer = Footer(start, offset_start, zlib.crc32(content + head))
         self._stream.write(_bytes_of(footer) + MAGIC)
 
-    def close(self) -> None:
-        """End the thread; what it still does is lost."""
-        if self._thread is not None:
-            self._thread.shutdown(cancel_futures=True)
-
     def _declare(self, record: McapRecord) -> None:
         self._chunk.declare(_bytes_of(record))
 
@@ -202,15 +176,7 @@ class McapWriter:
             return
         chunk, self._chunk = self._chunk.close(), OpenChunk()
         self.chunk_count += 1
-        if self._thread is None:
-            self._write_chunk(chunk, None)
-            return
-        self._compressed.append((chunk, self._thread.submit(self._compressor.record, chunk)))
-        while len(self._compressed) > self._ahead:
-            self._write_chunk(*self._compressed.popleft())
-
-    def _write_chunk(self, chunk: ClosedChunk, record: Future[tuple[bytes, bytes]] | None) -> None:
-        head, data = self._compressor.record(chunk) if record is None else record.result()
+        head, data = self._compressor.record(chunk)
         start = self._stream.tell()
         self._stream.write(head)
         self._stream.write(data)

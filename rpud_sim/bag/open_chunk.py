@@ -21,8 +21,9 @@ COMPRESSIONS = {"none": "", "lz4": "lz4", "zstd": "zstd"}
 
 HEAD_SIZE = HEAD.itemsize  # size of a message's record before its data [bytes]
 
-# Twice as fast as the library's default, for 2 % more bytes of a drill's messages.
-_LEVEL = 1
+# Bits of a drill's numbers are noise for the most part. Level 1 takes three times as long as -1,
+# its bytes twice as long to read, and they are 5 % fewer.
+_LEVEL = -1
 _HEAD = struct.Struct("<BQHIQQ")  # kind, length, channel, number, log and publish time
 _INDEX = struct.Struct("<BQHI")  # kind, length, channel, size of the entries
 # Messages of at most this size are moved all at once, larger ones one by one [bytes].

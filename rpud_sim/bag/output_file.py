@@ -26,7 +26,7 @@ class OutputFile:
     """New MCAP file: channels, messages in chunks, records.
 
     A chunk is closed beyond ``chunk_size`` uncompressed bytes. ``reserve`` is room for the file's
-    end. Another thread compresses ``ahead`` chunks meanwhile; the size then is that of before.
+    end.
     """
 
     def __init__(
@@ -35,11 +35,10 @@ class OutputFile:
         compression: str,
         chunk_size: int,
         reserve: Reserve | None = None,
-        ahead: int = 0,
     ) -> None:
         self.path = path
         self._stream = io.BufferedWriter(ReservedFile(path, reserve))
-        self._writer = McapWriter(self._stream, chunk_size, COMPRESSIONS[compression], ahead)
+        self._writer = McapWriter(self._stream, chunk_size, COMPRESSIONS[compression])
         self._writer.start(profile="ros2", library="rpud_sim")
         self._schemas: dict[tuple[str, str, bytes], int] = {}
         self._channel_count = 0
@@ -67,7 +66,7 @@ class OutputFile:
     @property
     def closed_size(self) -> int:
         """Greatest size of the file, were it closed now [bytes]."""
-        size = self._written + self._pending + self._writer.in_flight
+        size = self._written + self._pending
         return size + self._chunk_count * (128 + 10 * self._channel_count) + self.end_size
 
     @property
@@ -90,7 +89,6 @@ class OutputFile:
         Channel(number, topic, encoding, dict(metadata), schema_id).write(copies)
         # The writer declares it in the first chunk only. If that were damaged, all other chunks
         # would be unreadable. So the declaration is outside of the chunks as well.
-        self._writer.settle()
         content = copies.end()
         self._stream.write(content)
         self._channel_count += 1
@@ -158,7 +156,6 @@ class OutputFile:
 
     def close(self) -> None:
         """Close the file, complete or not."""
-        self._writer.close()
         self._stream.close()
 
     def _touch(self) -> None:

@@ -33,8 +33,6 @@ class BagWriter:
         max_file_size: a new file begins before one is larger [bytes], unless a single message is.
         max_file_duration: a new file begins before one lasts longer [s].
         reserved: whether ``reserve`` keeps room on the disk to close the bag.
-        ahead: chunks that another thread compresses meanwhile. They are in the file later, and the
-            size of an open file is known less well. So it is for bags that are not split.
     """
 
     def __init__(
@@ -47,9 +45,8 @@ class BagWriter:
         max_file_size: int | None = None,
         max_file_duration: float | None = None,
         reserved: bool = False,
-        ahead: int = 0,
     ) -> None:
-        self._folder = BagFolder(path, compression, chunk_size, custom_data, reserved, ahead)
+        self._folder = BagFolder(path, compression, chunk_size, custom_data, reserved)
         self._max_size = max_file_size
         self._max_duration = max_file_duration and round(max_file_duration * SECOND)
         self._channels: dict[str, int] = {}

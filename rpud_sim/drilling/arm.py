@@ -1,15 +1,16 @@
 """Arm: quasi-static motion of a mount between a feed and the load spring, in closed form.
 
-The mount has no mass of its own. With its guide's viscous friction c_a it moves as
+The mount has no mass of its own. With its guide's viscous friction c_a and the damping c_1 of the
+load spring it moves as
 
-    c_a dx/dt = A(x) - L(x)
+    (c_a + c_1) dx/dt = A(x) - L(x)
 
 where A is the force of the arm, toward the rock, and L that of the drill, away from it. A is that
 of a spring of stiffness k_a behind a play; its host slips where it would exceed the anchoring
-force. L is the force of the load spring, k_1 (x - p) beyond the bottom p of the hole, less a push
-that is constant during a step. A - L falls with x and is linear between its knots, so that the
-mount moves in one direction during a step: by an exponential between two knots, which it reaches
-at the time of a logarithm.
+force. L is k_1 (x - o), o the origin of the RPUD's displacement, less the mean k_1 u_np + c_1 v_np
+during a step. A - L falls with x and is linear between its knots, so that the mount moves in one
+direction during a step: by an exponential between two knots, which it reaches at the time of a
+logarithm.
 """
 
 from __future__ import annotations
@@ -55,25 +56,16 @@ class Load(NamedTuple):
     """Force of the drill on the mount, away from the rock, by the mount's position."""
 
     spring_rate: float  # of the load spring [N/m]
-    # p, position of the mount at which the load spring is not compressed [m]; infinite if
-    # there is no bottom
-    bottom: float
+    damping: float  # of the load spring [N s/m]
+    origin: float  # position of the mount at which the load spring has no preload [m]
     push: float  # constant force toward the rock [N]
 
-    def spring(self, position: float) -> float:
-        """Return the force of the load spring, the weight on bit [N]."""
-        return self.spring_rate * (position - self.bottom) if position > self.bottom else 0.0
-
     def force(self, position: float) -> float:
-        """Return the force of the drill [N]."""
-        if position > self.bottom:
-            return self.spring_rate * (position - self.bottom) - self.push
-        return 0.0 - self.push
+        """Return the force of the drill on a mount at rest [N]."""
+        return self.spring_rate * (position - self.origin) - self.push
 
     def work(self, start: float, end: float) -> float:
-        """Return the work that a motion does on the drill [J]."""
-        if start < self.bottom < end or end < self.bottom < start:
-            return self.work(start, self.bottom) + self.work(self.bottom, end)
+        """Return the work of this force on the drill in a motion [J]."""
         return 0.5 * (self.force(start) + self.force(end)) * (end - start)
 
 
@@ -82,7 +74,7 @@ class Move(NamedTuple):
 
     position: float  # of the mount at the end [m]
     slipped: float = 0.0  # way of the host [m]
-    damper: float = 0.0  # energy that the guide's friction took [J]
+    damper: float = 0.0  # energy that friction of the guide and damping of the load spring took [J]
     slip: float = 0.0  # energy that the host's slipping took [J]
     work: float = 0.0  # on the drill [J]
     shift_work: float = 0.0  # that moved the place at rest [J]
@@ -98,7 +90,8 @@ def drift(arm: Arm, load: Load, position: float, rest: float, interval: float) -
     """
     start = position
     reach, half_play = arm.reach, arm.half_play
-    knots = (load.bottom, rest - half_play, rest + half_play, rest - reach, rest + reach)
+    knots = (rest - half_play, rest + half_play, rest - reach, rest + reach)
+    damping = arm.damping + load.damping
     damper = 0.0
     while interval > 0.0:
         net = _net_force(arm, load, position, rest)
@@ -111,23 +104,23 @@ def drift(arm: Arm, load: Load, position: float, rest: float, interval: float) -
             if 0.0 < ahead < distance:
                 distance = ahead
         middle = position + away * (0.5 * distance if distance < math.inf else 1.0)
-        steepness = _steepness(arm, load, middle - rest, middle)
-        length = _duration(arm, net * away, steepness, distance)
+        steepness = _steepness(arm, load, middle - rest)
+        length = _duration(damping, net * away, steepness, distance)
         if length > interval:
             length = interval
         if length < interval:
             way = distance
         elif steepness == 0.0:
-            way = min(net * away * length / arm.damping, distance)
+            way = min(net * away * length / damping, distance)
         else:
-            end = -exponential_minus_one(-steepness * length / arm.damping)
+            end = -exponential_minus_one(-steepness * length / damping)
             way = net * away / steepness * end
             if way > distance:
                 way = distance
         if steepness == 0.0:
-            damper += net * net * length / arm.damping
+            damper += net * net * length / damping
         else:
-            decay = -exponential_minus_one(-2.0 * steepness * length / arm.damping)
+            decay = -exponential_minus_one(-2.0 * steepness * length / damping)
             damper += 0.5 * net * net / steepness * decay
         position += away * way
         interval -= length
@@ -194,22 +187,21 @@ def _in_play(arm: Arm, position: float, rest: float, driving: float) -> bool:
     return position > rest - arm.half_play
 
 
-def _steepness(arm: Arm, load: Load, deflection: float, position: float) -> float:
+def _steepness(arm: Arm, load: Load, deflection: float) -> float:
     """Return by how much A - L falls with the position between two knots [N/m]."""
-    steepness = load.spring_rate if position > load.bottom else 0.0
     if arm.half_play < abs(deflection) < arm.reach:
-        steepness += arm.stiffness
-    return steepness
+        return load.spring_rate + arm.stiffness
+    return load.spring_rate
 
 
-def _duration(arm: Arm, net: float, steepness: float, distance: float) -> float:
+def _duration(damping: float, net: float, steepness: float, distance: float) -> float:
     """Return the time in which a net force moves the mount over a distance [s]."""
     left = net - steepness * distance
     if distance == math.inf or left <= 0.0:
         return math.inf
     if steepness == 0.0:
-        return arm.damping * distance / net
-    return -arm.damping / steepness * logarithm_one_plus(-steepness * distance / net)
+        return damping * distance / net
+    return -damping / steepness * logarithm_one_plus(-steepness * distance / net)
 
 
 def _excess(arm: Arm, position: float, rest: float) -> float:
@@ -221,16 +213,10 @@ def _excess(arm: Arm, position: float, rest: float) -> float:
 
 def _held(arm: Arm, load: Load, position: float, target: float) -> float:
     """Return how far a rigid arm carries the mount before its host slips [m]."""
-    if target > position:
-        room = arm.anchoring + load.push
-        if room <= 0.0:
-            return position
-        if load.spring_rate == 0.0 or load.bottom == math.inf:
-            return target
-        return min(target, max(position, load.bottom + room / load.spring_rate))
-    room = load.push - arm.anchoring
-    if room <= 0.0:
+    if load.spring_rate == 0.0:
         return target
-    if load.spring_rate == 0.0 or load.bottom == math.inf:
-        return position
-    return max(target, min(position, load.bottom + room / load.spring_rate))
+    if target > position:
+        end = load.origin + (load.push + arm.anchoring) / load.spring_rate
+        return min(target, max(position, end))
+    end = load.origin + (load.push - arm.anchoring) / load.spring_rate
+    return max(target, min(position, end))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from typing import NamedTuple
 
 
@@ -17,6 +18,8 @@ class Percussion(NamedTuple):
     reacting_force: float = 0.0  # mean force on the mount, away from the rock [N]
     # on the rock, mean over ``FORCE_WINDOW`` [N]; zero while the tool is not in the rock
     rock_force: float = 0.0
+    load_damping: float = 0.0  # c_1 of the load spring [N s/m]
+    reach: float = -math.inf  # how far the nodal plane comes until the next step [m]
 
 
 @dataclasses.dataclass(frozen=True)

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from typing import NamedTuple
 
 from rpud_sim.drilling.arm import Arm, Load, Move, arm_force, drift, shift
 from rpud_sim.drilling.feed import POSITION, RATE, STOPPED, Feed
-from rpud_sim.drilling.inputs import Disturbances
+from rpud_sim.drilling.inputs import Disturbances, Percussion
 from rpud_sim.foundation.parameters import ParameterGroup, choice, number
 from rpud_sim.foundation.quantities import ParameterError
 
@@ -90,7 +91,7 @@ class MountWork:
     slip: float = 0.0  # lost where the host slips by the force of the arm
     host: float = 0.0  # work of a host that slips by itself, by a fault
     stored: float = 0.0  # in the arm's spring now
-    drill: float = 0.0  # work on the drill: on its load spring, and against its reacting force
+    drill: float = 0.0  # work on the drill, against its reacting force
 
 
 @dataclasses.dataclass(frozen=True)
@@ -105,19 +106,33 @@ class MountState:
     feed: float  # position of the feed's drive [m]
     rate: float  # of the feed's drive [m/s]
     force: float  # of the arm on the mount, toward the rock [N]
-    weight_on_bit: float  # force of the compressed load spring [N]
+    weight_on_bit: float  # force of the load spring, compressed between mount and rock [N]
     in_contact: bool  # whether the drill tool is in the rock
     slip: float  # way of the host since time zero, toward the rock [m]
     bottom: float  # of the hole [m]; infinite if there is none
     work: MountWork = MountWork()  # energies since time zero
 
 
+class Advance(NamedTuple):
+    """Motion of the mount in one step, as the bodies of the drill see it."""
+
+    # way of the mount beyond the origin of the bodies' displacements, after the step [m]
+    compression: float
+    moved: float = 0.0  # way of the mount past the bodies' places [m]
+    passed: float = 0.0  # way of the origin past the bodies' places [m]
+    damping_force: float = 0.0  # on the RPUD by the velocity of the mount [N]
+    # of the load spring by the way that the mount makes in half of the next step [N]
+    lead_force: float = 0.0
+
+
 class Mount:
     """Mount of the drill on a feed.
 
-    The load spring is compressed by what mount and hole leave it: W = k_1 (x - p), at least zero.
-    The tool gets into the rock where x is beyond the bottom p of the hole, and leaves it
-    ``contact_release`` before it.
+    The load spring is compressed by what mount and hole leave it: W = k_1 (x - p). Its damping acts
+    on the velocity of the RPUD relative to the mount. The tool gets into the rock where x is beyond
+    the bottom p of the hole, and leaves it ``contact_release`` before it. From then on the drill's
+    displacements count from the mount, x = o: each step moves this origin and leaves the bodies
+    where they are. They go along with the drive of the feed alone.
     """
 
     def __init__(
@@ -133,15 +148,18 @@ class Mount:
         )
         self.motion = STOPPED
         # The arm has come to rest under the load spring before time zero.
-        start = parameters.initial_feed
-        load = Load(load_spring_rate, 0.0 if has_rock else math.inf, 0.0)
-        settled = drift(self._arm, load, start, start, math.inf)
-        self.position, self._feed, self._slip = settled.position, start, settled.slipped
+        self.position = self._feed = start = parameters.initial_feed
+        self.in_contact = has_rock and start > 0.0
+        self.bottom = 0.0 if has_rock else math.inf
+        self._load = Load(load_spring_rate, 0.0, 0.0 if self.in_contact else start, 0.0)
+        self._slip = 0.0
+        if self.in_contact:
+            settled = drift(self._arm, self._load, start, start, math.inf)
+            self.position, self._slip = settled.position, settled.slipped
         self._rate = 0.0  # of the feed's drive [m/s]
+        self.advance = Advance(self.position - self._load.origin)  # in the last step
         self._feed_work = self._damper_loss = self._slip_loss = self._host_work = 0.0
         self._drill_work = 0.0
-        self.in_contact = False
-        self._arrive(load)
 
     @property
     def state(self) -> MountState:
@@ -167,13 +185,24 @@ class Mount:
             work,
         )
 
+    @property
+    def weight_on_bit(self) -> float:
+        """Force of the load spring, compressed between mount and rock [N], at least zero."""
+        return max(self._load.spring_rate * self.advance.compression, 0.0)
+
+    @property
+    def preload(self) -> float:
+        """Force on the RPUD by position and velocity of the mount until the next step [N]."""
+        advance = self.advance
+        spring = self._load.spring_rate * advance.compression
+        return spring + advance.damping_force + advance.lead_force
+
     def step(
         self,
         interval: float,
         bottom: float,
-        reacting_force: float,
+        percussion: Percussion,
         load_spring_rate: float,
-        has_rock: bool,
         disturbances: Disturbances,
     ) -> None:
         """Move for one step.
@@ -183,14 +212,14 @@ class Mount:
 
         Args:
             bottom: depth of the hole at the end [m]; infinite if there is no bottom.
-            reacting_force: mean force of the drill on the mount in the step [N].
         """
         spring_rate = load_spring_rate * disturbances.preload_factor
+        damping = percussion.load_damping
         # What the drill's own motion takes from the force of the load spring.
-        push = self.weight_on_bit - reacting_force
-        load = Load(spring_rate, self.bottom, push)
-        self._take(drift(self._arm, load, self.position, self._feed + self._slip, interval))
-        load = Load(spring_rate, bottom if has_rock else math.inf, push)
+        push = self.preload - percussion.reacting_force
+        position, deflection = self.position, self.position - self._feed
+        load = Load(spring_rate, damping, self._load.origin, push)
+        self._take(drift(self._arm, load, self.position, self._rest, interval), damping)
         if disturbances.arm_slip_rate:
             rest = self._rest
             self._slip -= disturbances.arm_slip_rate * interval
@@ -205,19 +234,23 @@ class Mount:
             moved = shift(self._arm, load, self.position, rest, self._rest)
             self._take(moved)
             self._feed_work += moved.shift_work
-        self._arrive(load)
+        way = self.position - position
+        if not self.in_contact:
+            way = (self.position - self._feed) - deflection
+        self._arrive(load, bottom, way, interval, percussion.reach)
 
     @property
     def _rest(self) -> float:
         """Place of the mount at which the arm is not deflected [m]."""
         return self._feed + self._slip
 
-    def _take(self, moved: Move) -> None:
+    def _take(self, moved: Move, load_damping: float = 0.0) -> None:
         self.position, slipped, damper, slip, work, _ = moved
+        share = load_damping / (load_damping + self._arm.damping)
         self._slip += slipped
-        self._damper_loss += damper
+        self._damper_loss += (1.0 - share) * damper
         self._slip_loss += slip
-        self._drill_work += work
+        self._drill_work += work + share * damper
 
     def _next_feed(self, interval: float, stalled: bool) -> float:
         """Return the position of the feed's drive after a step [m]."""
@@ -232,12 +265,25 @@ class Mount:
             return feed - most
         return feed + most if wanted > feed + most else wanted
 
-    def _arrive(self, load: Load) -> None:
-        """Note what follows from the place that the mount has reached."""
-        self._load = load
-        self.bottom = load.bottom
-        self.weight_on_bit = load.spring(self.position)
-        if self.position > load.bottom:
+    def _arrive(self, load: Load, bottom: float, way: float, interval: float, reach: float) -> None:
+        """Note what follows from the place that the mount has reached.
+
+        Args:
+            way: of the mount in the step, as the bodies see it [m].
+            reach: how far the RPUD comes until the next step, from the origin [m].
+        """
+        was_in_contact, self.bottom = self.in_contact, bottom
+        if self.position > bottom or load.origin + reach > bottom:
             self.in_contact = True
-        elif self.position < load.bottom - self._parameters.contact_release:
+        elif self.position < bottom - self._parameters.contact_release:
             self.in_contact = False
+        origin = bottom if self.in_contact else self.position
+        passed = 0.0
+        if not was_in_contact:
+            passed = way - (self.position - origin)
+        elif not self.in_contact:
+            passed = self.position - load.origin
+        push = load.push - load.spring_rate * passed
+        self._load = load._replace(origin=origin, push=push)
+        damping, lead = load.damping * (way / interval), 0.5 * load.spring_rate * way
+        self.advance = Advance(self.position - origin, way, passed, damping, lead)

@@ -10,7 +10,7 @@ from rpud_sim.drilling.bit import BitParameters
 from rpud_sim.drilling.borehole import Borehole, BoreholeState
 from rpud_sim.drilling.feed import Feed
 from rpud_sim.drilling.inputs import Disturbances, Percussion
-from rpud_sim.drilling.mount import Mount, MountParameters, MountState
+from rpud_sim.drilling.mount import Advance, Mount, MountParameters, MountState
 from rpud_sim.drilling.rock import RockParameters
 from rpud_sim.drilling.rotor import RotationParameters, Rotor
 from rpud_sim.drilling.rotor_values import NO_RESISTANCE, NOT_TURNED, RotorState
@@ -124,17 +124,22 @@ class Process:
         return self._mount.weight_on_bit if self._mount else None
 
     @property
+    def preload(self) -> float | None:
+        """Force of the mount on the RPUD until the next step [N]; None if the commanded one acts.
+
+        It is the weight on bit, and what the mount's motion adds to it.
+        """
+        return self._mount.preload if self._mount else None
+
+    @property
     def in_contact(self) -> bool | None:
         """Whether the tool is in the rock until the next step; None if ``regime`` says it."""
         return self._mount.in_contact if self._mount else None
 
     @property
-    def place(self) -> tuple[float, float] | None:
-        """Position of the mount and bottom of the hole at the last step [m]; None without a feed.
-
-        The bottom is infinite if there is none.
-        """
-        return (self._mount.position, self._mount.bottom) if self._mount else None
+    def advance(self) -> Advance | None:
+        """Motion of the mount in the last step; None without a feed."""
+        return self._mount.advance if self._mount else None
 
     @property
     def depth(self) -> float | None:
@@ -177,10 +182,9 @@ class Process:
         if mount:
             mount.step(
                 interval,
-                bottom,
-                percussion.reacting_force,
+                bottom if surroundings.has_rock else math.inf,
+                percussion,
                 surroundings.load_spring_rate,
-                surroundings.has_rock,
                 disturbances,
             )
         self._time = self._next_step

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -19,7 +20,7 @@ class Ragged:
         """Return the number of sequences."""
         return len(self.cuts) - 1
 
-    @property
+    @cached_property
     def counts(self) -> np.ndarray:
         """Numbers in each sequence."""
         return np.diff(self.cuts)

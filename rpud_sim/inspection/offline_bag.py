@@ -55,7 +55,7 @@ def write_offline_bag(
         versions=installed_versions(),
         machine=machine_name(),
     )
-    with BagWriter(path, ahead=1) as bag:
+    with BagWriter(path) as bag:
         bag.add_record(MANIFEST_RECORD, manifest.to_record())
         for name, topic in chosen.items():
             # The offers of the node's publishers, as a recorder discovers them.

@@ -33,6 +33,13 @@ from rpud_sim.kernels.store import KernelStore, digest_of_sources, kernel_name
 # arrays, so that those of the caller need not be counted as they are handed on.
 _OPTIONS = {"nopython": True, "nogil": True, "error_model": "numpy", "_nrt": False}
 
+# Parts of the mangled names of rules that are compiled into their callers: small ones, whose calls
+# take as long as they do, and those with the drill's constants as arguments.
+_INLINED = (
+    *("10elementary", "5model5steps", "9vibration", "10suspension", "9collision", "7segment"),
+    *("10pass_event", "12open_segment"),
+)
+
 
 class _KernelLibrary(JITCodeLibrary):
     """Machine code of a kernel, the only one that calls its copies of the rules."""
@@ -43,6 +50,8 @@ class _KernelLibrary(JITCodeLibrary):
         for function in self._final_module.functions:
             if not function.is_declaration and function.linkage == Linkage.linkonce_odr:
                 function.linkage = Linkage.internal
+                if any(room in function.name for room in _INLINED):
+                    function.add_function_attribute("alwaysinline")
         super()._optimize_final_module()
 
 

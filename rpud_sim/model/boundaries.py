@@ -1,7 +1,6 @@
-"""Kernels over many blocks in one call, for runs that nothing changes from outside."""
+"""Kernel over many blocks in one call, for runs that nothing changes from outside."""
 
 from rpud_sim.model.compile import compiled
-from rpud_sim.model.energy import add_segments
 from rpud_sim.model.events import DONE, advance
 
 
@@ -50,25 +49,3 @@ def advance_through(
         finished[k] = written
         struck[k] = count
     return DONE, len(seconds), written, count
-
-
-@compiled
-def add_blocks(rpud, covering, opened, finished, seconds, fractions, accounts):
-    """Add what happens in consecutive blocks to the account of each.
-
-    Args:
-        opened: number of the segment that was open when each block began.
-        finished: number of the one that was open when each ended.
-        seconds: whole seconds of the first beginning, and of each end.
-        accounts: to add to, a row for each block [J].
-    """
-    for k in range(len(finished)):
-        add_segments(
-            rpud,
-            covering[opened[k] : finished[k] + 1],
-            seconds[k],
-            fractions[k],
-            seconds[k + 1],
-            fractions[k + 1],
-            accounts[k],
-        )

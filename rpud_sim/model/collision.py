@@ -10,13 +10,13 @@ def collide(mass_1, velocity_1, mass_2, velocity_2, restitution):
     Momentum is conserved, eqs. (4) and (11), and the closing velocity is returned with the
     coefficient of restitution, eqs. (5) and (12).
     """
-    total = mass_1 + mass_2
+    whole = 1.0 / (mass_1 + mass_2)
     after_1 = (
         (mass_1 - restitution * mass_2) * velocity_1 + (1.0 + restitution) * mass_2 * velocity_2
-    ) / total
+    ) * whole
     after_2 = (
         (mass_2 - restitution * mass_1) * velocity_2 + (1.0 + restitution) * mass_1 * velocity_1
-    ) / total
+    ) * whole
     return after_1, after_2
 
 

@@ -8,7 +8,10 @@ import math
 from typing import NamedTuple
 
 from rpud_sim.model.compile import compiled
-from rpud_sim.model.elementary import arc_cosine, arc_tangent, hypotenuse, sin_cos
+from rpud_sim.model.elementary import arc_tangent, hypotenuse, sin_cos
+
+# Tangent of the angles that are a short series of it: the next term is less than 1e-19 rad.
+_NEARLY_HALF = 1e-3
 
 
 class EffectiveTool(NamedTuple):
@@ -147,12 +150,33 @@ def release_time(cosine, sine, angular_frequency, gravity):
     Args:
         angular_frequency: w = omega_fmdt [rad/s].
     """
-    amplitude = hypotenuse(cosine, sine)
-    if not angular_frequency * angular_frequency * amplitude > gravity:
+    lift = gravity / (angular_frequency * angular_frequency)
+    square = cosine * cosine + sine * sine - lift * lift
+    if not square > 0.0:
         return math.inf
-    start = arc_tangent(-sine, cosine)
-    end = arc_cosine(-gravity / (angular_frequency * angular_frequency * amplitude))
-    return max(end - start, 0.0) / angular_frequency
+    # The point (cosine, -sine) turns until it is (-lift, root).
+    root = math.sqrt(square)
+    across = cosine * root - sine * lift
+    along = -cosine * lift - sine * root
+    if abs(across) < -_NEARLY_HALF * along:
+        ratio = across / along
+        near = ratio * ratio
+        angle = math.pi + ratio * (1.0 - near * (1.0 / 3.0 - 0.2 * near))
+    else:
+        angle = arc_tangent(across, along)
+    if angle < 0.0 and sine > 0.0:
+        angle += 2.0 * math.pi
+    return max(angle, 0.0) / angular_frequency
+
+
+@compiled
+def release_turn(cosine, sine, angular_frequency, gravity):
+    """Cosine and sine of the angle w s at that time, without the angle; arguments the same."""
+    lift = gravity / (angular_frequency * angular_frequency)
+    square = cosine * cosine + sine * sine
+    root = math.sqrt(max(square - lift * lift, 0.0))
+    whole = 1.0 / square
+    return -(lift * cosine + root * sine) * whole, (root * cosine - lift * sine) * whole
 
 
 @compiled

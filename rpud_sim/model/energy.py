@@ -23,10 +23,13 @@ from rpud_sim.model.motion import CONTACT_BOTH
 from rpud_sim.model.segment import (
     CONTACT_ACTUATOR,
     CONTACT_DRILL_TOOL,
+    EVENT_COMMAND,
     EVENT_RELEASE,
     motion_at,
+    motion_of,
+    turns_at_end,
 )
-from rpud_sim.model.tolerances import LEAST_DEFORMATION, SAME_VELOCITY
+from rpud_sim.model.tolerances import LEAST_DEFORMATION, LOWEST_BOUNCE, SAME_VELOCITY
 from rpud_sim.model.vibration import TWO_PI
 
 # Terms of an account, in joules. What flows in:
@@ -71,18 +74,29 @@ class RpudConstants(NamedTuple):
 _SHORT = 1e-9
 
 
+class Growth(NamedTuple):
+    """Change of an exponential over a duration, without cancellation."""
+
+    whole: complex  # exp(rate s) - 1
+    size: float  # abs(exp(rate s)) - 1
+
+
+@compiled
+def growth_over(rate, duration):
+    """Return the ``Growth`` of exp(rate s) over a duration, with a complex rate [1/s]."""
+    size = exponential_minus_one(rate.real * duration)
+    half, cosine = sin_cos(0.5 * rate.imag * duration)
+    real = size - (size + 1.0) * (2.0 * half * half)
+    return Growth(complex(real, (size + 1.0) * (2.0 * half * cosine)), size)
+
+
 @compiled
 def exponential_integral(rate, duration):
     """Integral of exp(rate s) over a duration, with a complex rate [1/s]."""
     largest = max(abs(rate.real), abs(rate.imag))  # without a root where it is large enough
     if largest * duration < _SHORT and complex_size(rate) * duration < _SHORT:
         return duration * (1.0 + 0.5 * rate * duration)
-    growth = exponential_minus_one(rate.real * duration)
-    half, cosine = sin_cos(0.5 * rate.imag * duration)
-    turned = 2.0 * half * half
-    real = growth - (growth + 1.0) * turned
-    imaginary = (growth + 1.0) * (2.0 * half * cosine)
-    return complex_quotient(complex(real, imaginary), rate)
+    return complex_quotient(growth_over(rate, duration).whole, rate)
 
 
 @compiled
@@ -95,24 +109,21 @@ def product_integral(first, first_rate, second, second_rate, duration):
 
 
 @compiled
-def decaying_square_integral(amplitude, rate, duration):
-    """Integral of the square of Re(amplitude exp(rate s)), as ``product_integral`` gives it.
+def decaying_square_integral(amplitude, rate, duration, growth):
+    """Integral of the square of the derivative of Re(amplitude exp(rate s)).
 
-    Both of its integrals contain the same decay, and one of them is real.
+    Args:
+        growth: ``growth_over`` the duration.
     """
     twice = rate.real + rate.real
-    if not abs(twice) * duration >= _SHORT:
-        return product_integral(amplitude, rate, amplitude, rate, duration)
-    growth = exponential_minus_one(twice * duration)
-    half, cosine = sin_cos(rate.imag * duration)
-    turned = 2.0 * half * half
-    turns = rate.imag + rate.imag
-    real = growth - (growth + 1.0) * turned
-    imaginary = (growth + 1.0) * (2.0 * half * cosine)
-    swing = complex_quotient(complex(real, imaginary), complex(twice, turns))
-    swinging = amplitude * amplitude * swing
+    mean = duration
+    if abs(twice) * duration >= _SHORT:
+        mean = growth.size * (2.0 + growth.size) / twice
+    whole = growth.whole
+    swinging = 0.5 * rate * (amplitude * amplitude) * (whole * (whole + 2.0))
     size = amplitude.real * amplitude.real + amplitude.imag * amplitude.imag
-    return 0.5 * (swinging.real + size * (growth / twice))
+    square = rate.real * rate.real + rate.imag * rate.imag
+    return 0.5 * (swinging.real + square * size * mean)
 
 
 @compiled
@@ -158,17 +169,10 @@ def nodal_plane_parts(segment, start):
 
 @compiled
 def load_damper_loss(segment, start, end):
-    """Energy that the damping of the load spring takes in a part of a segment [J]."""
-    if not segment.contact & CONTACT_ACTUATOR:
-        decaying, rate = decaying_from(
-            segment.nodal_plane_cosine,
-            segment.nodal_plane_sine,
-            segment.nodal_plane_decay_rate,
-            segment.nodal_plane_angular_frequency,
-            start,
-        )
-        velocity = rate * decaying
-        return segment.load_spring_damping * decaying_square_integral(velocity, rate, end - start)
+    """Energy that the damping of the load spring takes in a part of a segment [J].
+
+    While the free mass is held against the tip; ``free_travels`` has it otherwise.
+    """
     decaying, rate, steady, _, omega = nodal_plane_parts(segment, start)
     return segment.load_spring_damping * square_integral(
         rate * decaying, rate, omega * steady, omega, end - start
@@ -197,8 +201,8 @@ def drill_tool_damper_loss(segment, start, end):
         segment.drill_tool_angular_frequency,
         start,
     )
-    velocity = rate * decaying
-    return segment.drill_tool_damping * decaying_square_integral(velocity, rate, duration)
+    growth = growth_over(rate, duration)
+    return segment.drill_tool_damping * decaying_square_integral(decaying, rate, duration, growth)
 
 
 @compiled
@@ -208,8 +212,6 @@ def actuator_work(segment, start, end):
     The integral of N v_hv: N is the force of the tip on the free mass, v_hv the velocity of the
     harmonic vibration, eq. (1). The work of the nodal plane's own motion stays among the bodies.
     """
-    if not segment.contact & CONTACT_ACTUATOR:
-        return 0.0
     mass = segment.free_mass
     damping = 0.0
     spring_rate = 0.0
@@ -232,24 +234,24 @@ def actuator_work(segment, start, end):
 
 
 @compiled
-def travel(amplitude, rate, duration):
-    """Change of Re(amplitude exp(rate s)) over a duration, without cancellation."""
-    return (amplitude * rate * exponential_integral(rate, duration)).real
-
-
-@compiled
-def travels(segment, start, end):
-    """Ways of nodal plane and free mass in a part of a segment [m].
+def held_travels(segment, start, end):
+    """Ways of nodal plane and free mass, which is held against the tip, in a part of a segment [m].
 
     Positions would not do: they lose the digits of the deflection that a constant force gives a
     soft spring, and the work of the force with them.
     """
     duration = end - start
-    if segment.contact & CONTACT_ACTUATOR:
-        decaying, rate, steady, turn, omega = nodal_plane_parts(segment, start)
-        nodal_plane = travel(decaying, rate, duration) + travel(steady, omega, duration)
-        vibration = complex(0.0, -segment.vibration_amplitude) * turn
-        return nodal_plane, nodal_plane + travel(vibration, omega, duration)
+    decaying, rate, steady, turn, omega = nodal_plane_parts(segment, start)
+    swing = growth_over(omega, duration).whole
+    nodal_plane = (decaying * growth_over(rate, duration).whole).real + (steady * swing).real
+    vibration = complex(0.0, -segment.vibration_amplitude) * turn
+    return nodal_plane, nodal_plane + (vibration * swing).real
+
+
+@compiled
+def free_travels(segment, start, end):
+    """Return the same of a free mass off the tip, and the loss of the load spring's damping [J]."""
+    duration = end - start
     decaying, rate = decaying_from(
         segment.nodal_plane_cosine,
         segment.nodal_plane_sine,
@@ -257,7 +259,9 @@ def travels(segment, start, end):
         segment.nodal_plane_angular_frequency,
         start,
     )
-    nodal_plane = travel(decaying, rate, duration)
+    growth = growth_over(rate, duration)
+    nodal_plane = (decaying * growth.whole).real
+    square = decaying_square_integral(decaying, rate, duration, growth)
     if segment.contact & CONTACT_DRILL_TOOL:
         decaying, rate = decaying_from(
             segment.drill_tool_cosine,
@@ -266,10 +270,11 @@ def travels(segment, start, end):
             segment.drill_tool_angular_frequency,
             start,
         )
-        return nodal_plane, travel(decaying, rate, duration)
-    acceleration = segment.free_mass_acceleration
-    mean = segment.free_mass_velocity + 0.5 * acceleration * (start + end)
-    return nodal_plane, mean * duration
+        free_mass = (decaying * growth_over(rate, duration).whole).real
+    else:
+        acceleration = segment.free_mass_acceleration
+        free_mass = (segment.free_mass_velocity + 0.5 * acceleration * (start + end)) * duration
+    return nodal_plane, free_mass, segment.load_spring_damping * square
 
 
 @compiled
@@ -291,25 +296,82 @@ def add_motion(rpud, segment, start, end, whole, account):
     account[DRILL_TOOL_DAMPER] += drill_tool_damper_loss(segment, start, end)
     if not whole:
         return
-    nodal_plane, free_mass = travels(segment, start, end)
-    account[ACTUATOR_WORK] += actuator_work(segment, start, end)
+    if segment.contact & CONTACT_ACTUATOR:
+        nodal_plane, free_mass = held_travels(segment, start, end)
+        account[ACTUATOR_WORK] += actuator_work(segment, start, end)
+        loss = load_damper_loss(segment, start, end)
+    else:
+        nodal_plane, free_mass, loss = free_travels(segment, start, end)
     account[WEIGHT_ON_BIT_WORK] += segment.weight_on_bit * nodal_plane
     gravity_work = segment.free_mass * segment.gravity * free_mass
     if rpud.gravity_acts:
         gravity_work += rpud.mass * segment.gravity * nodal_plane
     account[GRAVITY_WORK] += gravity_work
-    account[LOAD_DAMPER] += load_damper_loss(segment, start, end)
+    account[LOAD_DAMPER] += loss
 
 
 @compiled
-def add_change(before, after, motion, account):
-    """Add what new constants do to the energy of the springs and of the drill tool."""
-    u_np, _, _, _, _, _, u_dt, v_dt = motion
+def withdrawal_work(segment, tool_spring_rate, motion, passed):
+    """Work on the springs of the drill while their mount withdraws from the bodies [J].
+
+    The spring of the rock does not move with the mount.
+
+    Args:
+        segment: that begins, or whose motion it is.
+        tool_spring_rate: of the drill tool on the other side of this instant [N/m].
+        motion: before it.
+        passed: way by which the origin of all displacements passes the bodies [m].
+    """
+    u_np, _, _, _, _, _, u_dt, _ = motion
+    softer = min(segment.drill_tool_spring_rate, tool_spring_rate)
+    at_np = segment.load_spring_rate * (passed - 2.0 * u_np)
+    return 0.5 * passed * (at_np + softer * (passed - 2.0 * u_dt))
+
+
+@compiled
+def rests(segment):
+    """Whether the drill tool is at rest at zero."""
+    return (
+        not segment.contact & CONTACT_DRILL_TOOL
+        and segment.drill_tool_cosine == 0.0
+        and segment.drill_tool_sine == 0.0
+    )
+
+
+@compiled
+def add_change(before, after, motion, begun, account):
+    """Add what new constants and a new origin do to the energy of springs and drill tool.
+
+    Args:
+        motion: ``motion_at`` the instant, before it.
+        begun: the same after it and after the collisions at the instant.
+
+    Returns:
+        The motion after it.
+    """
+    # Nothing else moves the nodal plane at once, or stops a drill tool away from zero.
+    commanded = after.event & EVENT_COMMAND
+    passed = motion[0] - begun[0]
+    if not commanded or abs(passed) <= LEAST_DEFORMATION:
+        passed = 0.0  # rounding
+    u_np, v_np, u_ut, v_ut, u_fm, v_fm, u_dt, v_dt = motion
+    tool_rate, new_rate = before.drill_tool_spring_rate, after.drill_tool_spring_rate
+    account[CHANGES] += withdrawal_work(after, tool_rate, motion, passed)
+    strain = u_dt  # where the stiffer spring of the drill tool acts
+    u_dt -= passed
+    met = commanded and new_rate != tool_rate and abs(begun[6]) <= LEAST_DEFORMATION
+    if met and (rests(after) or abs(u_dt) > LOWEST_BOUNCE):
+        softer = min(tool_rate, new_rate)
+        account[RELEASE] += 0.5 * (before.drill_tool_mass * v_dt * v_dt + softer * u_dt * u_dt)
+        u_dt = v_dt = 0.0
+    if new_rate > tool_rate:
+        strain = u_dt
     account[CHANGES] += 0.5 * (
         (after.load_spring_rate - before.load_spring_rate) * u_np * u_np
         + (after.drill_tool_mass - before.drill_tool_mass) * v_dt * v_dt
-        + (after.drill_tool_spring_rate - before.drill_tool_spring_rate) * u_dt * u_dt
+        + (new_rate - tool_rate) * strain * strain
     )
+    return u_np - passed, v_np, u_ut - passed, v_ut, u_fm - passed, v_fm, u_dt, v_dt
 
 
 @compiled
@@ -348,12 +410,7 @@ def add_event(rpud, before, after, segment, account):
     if segment.vibration_amplitude > 0.0:
         omega = TWO_PI * segment.vibration_frequency
         vibration_before += from_tip * omega * omega * rpud.tip_compliance
-    at_rest = (
-        not segment.contact & CONTACT_DRILL_TOOL
-        and segment.drill_tool_cosine == 0.0
-        and segment.drill_tool_sine == 0.0
-    )
-    if at_rest:
+    if rests(segment):
         # The rock has taken what motion and strain the impact left to the drill tool.
         on_tool = from_tip - segment.free_mass * (fm_after - fm_before)
         dt_after = dt_before + on_tool / tool_mass
@@ -382,17 +439,19 @@ def add_ended_segment(rpud, segment, after, start, account):
         start: time in the segment from which on it counts [s].
 
     Returns:
-        ``motion_at`` the end of the segment, and at the start of the next one.
+        ``motion_at`` the end of the segment, and at the start of the next one; and the ``Turns``
+        at that end.
     """
-    ended = motion_at(segment, segment.duration)
+    turns = turns_at_end(segment, after.event & EVENT_RELEASE != 0)
+    ended = motion_of(segment, segment.duration, turns)
     if segment.duration > start:
         add_motion(rpud, segment, start, segment.duration, True, account)
     motion = motion_at(after, 0.0)
-    add_change(segment, after, ended, account)
+    changed = add_change(segment, after, ended, motion, account)
     mass, spring_rate = segment.drill_tool_mass, segment.drill_tool_spring_rate
-    rested = add_rest(segment.contact, mass, spring_rate, after, ended, account)
+    rested = add_rest(segment.contact, mass, spring_rate, after, changed, account)
     add_event(rpud, rested, motion, after, account)
-    return ended, motion
+    return ended, motion, turns
 
 
 @compiled
@@ -400,25 +459,3 @@ def time_in(segment, seconds, fraction):
     """Time from a segment's start to a time, at least zero and at most its duration [s]."""
     time = float(seconds - segment.start_seconds) + (fraction - segment.start_fraction)
     return min(max(time, 0.0), segment.duration)
-
-
-@compiled
-def add_segments(rpud, covering, start_seconds, start_fraction, seconds, fraction, account):
-    """Add what happens between two times to an account.
-
-    Args:
-        covering: ``SEGMENT`` records, in order, that cover these times; the first may have begun
-            before, and every later one begins between them.
-        account: to add to, shape (len(TERMS),) [J].
-    """
-    start = time_in(covering[0], start_seconds, start_fraction)
-    motion = motion_at(covering[0], start)
-    account[STORED] -= stored_energy(covering[0], motion, rpud.mass)
-    last = len(covering) - 1
-    for i in range(last):
-        add_ended_segment(rpud, covering[i], covering[i + 1], start, account)
-        start = 0.0
-    end = time_in(covering[last], seconds, fraction)
-    if end > start:
-        add_motion(rpud, covering[last], start, end, True, account)
-    account[STORED] += stored_energy(covering[last], motion_at(covering[last], end), rpud.mass)

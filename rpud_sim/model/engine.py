@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from operator import itemgetter
+from sys import getrefcount
 
 import numpy as np
 
@@ -14,15 +15,18 @@ from rpud_sim.model.events import DONE, FULL, OVERLOADED, STALLED, advance, inte
 from rpud_sim.model.parameters import Parameters
 from rpud_sim.model.resonator import Account, Resonance, account
 from rpud_sim.model.seating import seating
-from rpud_sim.model.segment import IMPACT, SEGMENT, join_records
+from rpud_sim.model.segment import IMPACT, SEGMENT, join_records, motion_at
 from rpud_sim.model.tolerances import EVENT_BUDGET, LONGEST_STANDSTILL
 from rpud_sim.model.unusual import unusual_values
 
 # Records that one call of the kernel can return, at least and at most; it is called again when they
-# are full. There is room for as many as the last advance had: a long one comes in one piece.
-# More would take fresh memory from the system, and short blocks a fifth longer.
+# are full. There is room for as many as the last advance had, or as a drill usually has: a long one
+# comes in one piece.
 _CAPACITY = 256
 _MOST_CAPACITY = 65536
+_USUAL_RATE = 1500.0  # segments in a simulated second
+_ROOMS = 3  # kept for the next advances: fresh memory from the system takes as long as the motion
+_FREE = 3  # references to a room that nobody looks at
 # What would be lost first if numbers overflowed: every other number of the state follows from them.
 _FINITE = ("u_np", "v_np", "u_fm", "v_fm", "u_dt", "v_dt", "amplitude", "frequency", "owed")
 # Of a state as a tuple: to look each one up by its name takes ten times as long.
@@ -98,6 +102,7 @@ class Engine:
         self._open_impact = np.zeros(1, IMPACT)
         self._capacity = _CAPACITY
         self._room = np.empty(0, SEGMENT)  # of the last call of the kernel
+        self._rooms: deque[np.ndarray] = deque(maxlen=_ROOMS)
         self._segments: list[np.ndarray] = []
         self._impacts: list[np.ndarray] = []
         impacts = np.zeros(2, IMPACT)
@@ -121,7 +126,7 @@ class Engine:
         """
         if not self._state["resonant"][0]:
             return Account(0j, 0.0, 0.0, 0.0, 0.0, 0.0)
-        return account(self._state[0], self._open_segment[0], self._ahead(seconds, fraction))
+        return account(self._state[0], self._open_segment[0], self.ahead(seconds, fraction))
 
     def advance(self, seconds: int, fraction: float) -> None:
         """Advance to a time, whole seconds and a fraction from 0 to 1; not back.
@@ -191,17 +196,21 @@ class Engine:
         drill: Drill,
         commands: tuple[float, float, float],
         resonance_frequency: float = 0.0,
+        passed: float = 0.0,
+        touches: bool = False,
     ) -> None:
         """Advance to a time and go on from there with other commands, and with another drill.
 
         Positions and velocities and the phase of the vibration stay continuous; the amplitude
         changes when the vibration next passes through zero. The rock takes hold of a free drill
-        tool step by step (see seating.py).
+        tool step by step (see seating.py), unless it touches it.
 
         Args:
             commands: weight on bit [N], vibration amplitude [m] and vibration frequency [Hz]; of a
                 resonance weight on bit [N], voltage [V] and drive frequency [Hz].
             resonance_frequency: of a resonance [Hz].
+            passed: way by which the origin of all displacements passes the bodies [m].
+            touches: whether the rock is at zero now, and stops a tool whose actuator is behind.
         """
         self.advance(seconds, fraction)
         if drill != self._target:
@@ -211,29 +220,49 @@ class Engine:
                 whole, rest = divmod(fraction + delay, 1.0)
                 self._seating.append(((seconds + int(whole), rest), step))
             self._drill = self._seating.popleft()[1]
-        self._interrupt(seconds, fraction, self._drill, (*commands, resonance_frequency))
+        grips = False
+        if self._seating and touches and not drill.jammed:
+            motion = motion_at(self._open_segment[0], self.ahead(seconds, fraction))
+            grips = motion[2] - passed <= 0.0
+        if grips:
+            self._seating.clear()
+            self._drill = drill
+        new = (*commands, resonance_frequency, passed, float(grips))
+        self._interrupt(seconds, fraction, self._drill, new)
 
-    def _commands(self) -> tuple[float, float, float, float]:
+    @property
+    def seats(self) -> bool:
+        """Whether the rock is taking hold of the drill tool."""
+        return bool(self._seating)
+
+    def _commands(self) -> tuple[float, ...]:
         state = self._state[0]
         weight_on_bit = float(state["weight_on_bit"])
         if state["resonant"]:
             names = ("voltage", "drive_frequency", "resonance_frequency")
             voltage, drive_frequency, resonance_frequency = (float(state[name]) for name in names)
-            return weight_on_bit, voltage, drive_frequency, resonance_frequency
-        return weight_on_bit, float(state["target_amplitude"]), float(state["frequency"]), 0.0
+            return weight_on_bit, voltage, drive_frequency, resonance_frequency, 0.0, 0.0
+        return (
+            weight_on_bit,
+            float(state["target_amplitude"]),
+            float(state["frequency"]),
+            0.0,
+            0.0,
+            0.0,
+        )
 
-    def _ahead(self, seconds: int, fraction: float) -> float:
+    def ahead(self, seconds: int, fraction: float) -> float:
         """Time from the start of the open segment to a time [s]."""
         state = self._state[0]
         return float(seconds - state["seconds"]) + (fraction - state["fraction"])
 
     def _advance(self, seconds: int, fraction: float) -> None:
         status = FULL
-        capacity = self._capacity
+        usual = int(_USUAL_RATE * self.ahead(seconds, fraction))
+        capacity = min(max(self._capacity, usual), _MOST_CAPACITY)
         passed = 0
         while status == FULL:
-            self._room = np.empty(capacity + 1, SEGMENT)  # one for the open segment
-            segments = self._room[:-1]
+            segments = self._room = self._free_room(capacity + 1)  # one for the open segment
             impacts = np.empty(2 * capacity + 2, IMPACT)
             status, written, count = advance(
                 self._drill,
@@ -252,12 +281,23 @@ class Engine:
         if status != DONE or not is_finite(self._state):
             raise failure(status, self._parameters, self._drill, self._state)
 
+    def _free_room(self, count: int) -> np.ndarray:
+        """Return room for segments that nobody looks at, at least for a number of them."""
+        for room in self._rooms:
+            # Held by the deque, by this name and by the call.
+            if count <= len(room) <= 2 * count and getrefcount(room) == _FREE:
+                room.flags.writeable = True
+                return room
+        room = np.empty(count, SEGMENT)
+        self._rooms.append(room)
+        return room
+
     def _interrupt(
         self,
         seconds: int,
         fraction: float,
         drill: Drill,
-        commands: tuple[float, float, float, float],
+        commands: tuple[float, ...],
     ) -> None:
         self._drill = drill
         segments = np.empty(1, SEGMENT)
@@ -267,7 +307,7 @@ class Engine:
             self._state,
             self._open_segment,
             self._open_impact,
-            self._ahead(seconds, fraction),
+            self.ahead(seconds, fraction),
             segments,
             impacts,
             commands,
@@ -298,7 +338,6 @@ class Engine:
         if len(parts) != 1 or parts[0].base is not room or 2 * len(parts[0]) < len(room):
             return join_records([*parts, self._open_segment], SEGMENT)
         count = len(parts[0])
-        room[count] = self._open_segment[0]
         room.flags.writeable = False
         self._room = np.empty(0, SEGMENT)
         return room[: count + 1]

@@ -13,7 +13,6 @@ start, however many calls it takes to reach it.
 import math
 
 from rpud_sim.model.compile import compiled
-from rpud_sim.model.elementary import sin_cos_cycles
 from rpud_sim.model.guards import (
     END_ACTUATOR_IMPACT,
     END_ACTUATOR_RELEASE,
@@ -24,7 +23,7 @@ from rpud_sim.model.guards import (
     END_LIMIT,
 )
 from rpud_sim.model.impact import follow_impact, open_impact
-from rpud_sim.model.motion import begin_segment, set_constants
+from rpud_sim.model.motion import begin_segment, oscillators_of
 from rpud_sim.model.resets import close_gaps, exchange_momentum, join_held_bodies, lasting_contact
 from rpud_sim.model.resonator import (
     begin_resonance,
@@ -44,16 +43,10 @@ from rpud_sim.model.segment import (
     EVENT_DRILL_TOOL_IMPACT,
     EVENT_LIMIT,
     EVENT_RELEASE,
-    Turns,
-    drill_tool_swing,
     motion_of,
-    nodal_plane_motion,
-    nodal_plane_swing,
     turns_at,
-    vibration_turn,
+    turns_at_end,
 )
-from rpud_sim.model.strike import NO_STRIKE
-from rpud_sim.model.suspension import swinging_part
 from rpud_sim.model.tolerances import (
     EVENT_BUDGET,
     GREATEST_EFFORT,
@@ -64,7 +57,7 @@ from rpud_sim.model.tolerances import (
     SHORTEST_SEGMENT,
     SLOWEST_IMPACT,
 )
-from rpud_sim.model.vibration import NO_TURN, advance_phase, turn_at
+from rpud_sim.model.vibration import advance_phase, turn_at
 
 # How an advance ends: at the requested time, with no room for more results, in a standstill, or
 # with more events than their budget. And that it has not ended yet.
@@ -112,10 +105,11 @@ def end_segment(state, segment, impact, time, turns):
 
 
 @compiled
-def settle(drill, state, impact, impacts, count, met, opened, event):
+def settle(drill, state, impact, impacts, count, turn, met, opened, event):
     """Resolve what happens at the state's instant.
 
     Args:
+        turn: ``Turn`` of the vibration.
         met: CONTACT_* bits of pairs whose approach ends here.
         opened: CONTACT_* bits of contacts that end here for want of force.
         event: EVENT_* bits of what is already known to happen.
@@ -124,7 +118,6 @@ def settle(drill, state, impact, impacts, count, met, opened, event):
         The number of finished impacts, and the ``Turn`` of the vibration.
     """
     v_np = state.v_np
-    turn = turn_at(state.phase)
     closed = close_gaps(state, met, turn)
     collisions = exchange_momentum(drill, state, closed, turn)
     if state.resonant:  # a blow changes the phase
@@ -168,84 +161,68 @@ def settle(drill, state, impact, impacts, count, met, opened, event):
 
 
 @compiled
-def open_segment(drill, state, segment, turn):
-    """Write the segment that follows from the state, with its event and duration.
-
-    Returns:
-        The ``Strike`` if it ends with one.
-    """
-    begin_segment(drill, state, segment, turn)
+def open_segment(drill, bodies, state, segment, turn):
+    """Write the segment that follows from the state, with its event and duration."""
+    begin_segment(drill, bodies, state, segment, turn)
     state.effort += 1.0
-    end, duration, strike = next_event(drill, state, segment, turn)
+    duration, end = next_event(drill, state, segment, turn)
     segment.duration = duration
     state.next_event = end
     state.standstill = state.standstill + 1 if duration <= SHORTEST_SEGMENT else 0
-    return strike
 
 
 @compiled
-def turns_at_end(segment, strike):
-    """Return the ``Turns`` that ``end_segment`` needs at a segment's end.
+def pass_event(drill, bodies, state, segment, after, impact, impacts, count, turns):
+    """Go through the event that ends a segment, and write the segment after it.
 
-    Those of a ``Strike`` there are known. The vibration moves no body but the tip while the tip
-    touches none; it is then computed for the sign of a zero velocity alone.
-    """
-    time = segment.duration
-    tool = drill_tool_swing(segment, time)
-    if strike.time == time:
-        return Turns(strike.turn, strike.swing, tool)
-    swing = nodal_plane_swing(segment, time)
-    _, velocity = swinging_part(nodal_plane_motion(segment), swing)
-    if segment.contact & CONTACT_ACTUATOR or velocity == 0.0:
-        return Turns(vibration_turn(segment, time), swing, tool)
-    return Turns(NO_TURN, swing, tool)
-
-
-@compiled
-def pass_event(drill, state, segment, impact, impacts, count, turns):
-    """Go through the event that ends the open segment.
+    Args:
+        after: may be the same record.
+        turns: ``Turns`` at the segment's end.
 
     Returns:
-        The number of finished impacts, the ``Strike`` that ends the next segment, and the ``Turn``
-        of the vibration at its start.
+        The number of finished impacts, and the ``Turn`` of the vibration at the start of the
+        segment after it.
     """
     end = state.next_event
     end_segment(state, segment, impact, segment.duration, turns)
+    turn = turns.vibration
     if end == END_LIMIT:
         state.event = EVENT_LIMIT
         if state.impact_open and impact.contact_duration >= LONGEST_SEGMENT:
             impacts[count] = impact
             count += 1
             state.impact_open = 0
-        turn = turn_at(state.phase)
-        return count, open_segment(drill, state, segment, turn), turn
-    event = 0
-    met = 0
-    opened = 0
-    if end == END_ACTUATOR_IMPACT:
-        met = CONTACT_ACTUATOR
-    elif end == END_DRILL_TOOL_IMPACT:
-        met = CONTACT_DRILL_TOOL
-    elif end == END_AMPLITUDE and state.resonant:
-        update(state)
-        event = EVENT_COMMAND
-    elif end == END_AMPLITUDE:
-        state.amplitude = state.target_amplitude
-        # The sine is exactly zero here, so that the tip does not jump.
-        state.phase = 0.5 if 0.25 < state.phase < 0.75 else 0.0
-        event = EVENT_COMMAND
-    elif end == END_ACTUATOR_RELEASE:
-        opened = CONTACT_ACTUATOR
-        event = EVENT_RELEASE
-    elif end == END_DRILL_TOOL_RELEASE:
-        opened = CONTACT_DRILL_TOOL
-        event = EVENT_RELEASE
-    elif end == END_DRILL_TOOL_REST:
-        state.u_dt = 0.0
-        state.v_dt = 0.0
-        event = EVENT_RELEASE
-    count, turn = settle(drill, state, impact, impacts, count, met, opened, event)
-    return count, open_segment(drill, state, segment, turn), turn
+    else:
+        event = 0
+        met = 0
+        opened = 0
+        if end == END_ACTUATOR_IMPACT:
+            met = CONTACT_ACTUATOR
+        elif end == END_DRILL_TOOL_IMPACT:
+            met = CONTACT_DRILL_TOOL
+        elif end == END_AMPLITUDE:
+            event = EVENT_COMMAND
+            if state.resonant:
+                update(state)
+            else:
+                state.amplitude = state.target_amplitude
+                # The sine is exactly zero here, so that the tip does not jump.
+                state.phase = 0.5 if 0.25 < state.phase < 0.75 else 0.0
+            turn = turn_at(state.phase)
+        elif end == END_ACTUATOR_RELEASE:
+            opened = CONTACT_ACTUATOR
+            event = EVENT_RELEASE
+        elif end == END_DRILL_TOOL_RELEASE:
+            opened = CONTACT_DRILL_TOOL
+            event = EVENT_RELEASE
+        elif end == END_DRILL_TOOL_REST:
+            state.u_dt = 0.0
+            state.v_dt = 0.0
+            event = EVENT_RELEASE
+        count, turn = settle(drill, state, impact, impacts, count, turn, met, opened, event)
+    # Called in one place alone, so that it is compiled into the loop.
+    open_segment(drill, bodies, state, after, turn)
+    return count, turn
 
 
 @compiled
@@ -268,25 +245,30 @@ def advance(drill, states, open_segments, open_impacts, seconds, fraction, segme
     """Advance until the open segment reaches beyond a time, or the room for results is used up.
 
     Args:
+        segments: room for finished segments and the open one, at least one.
         impacts: room for finished impacts, at least two more than segments.
 
     Returns:
         DONE, FULL, STALLED or OVERLOADED, and the numbers of finished segments and impacts.
     """
     state = states[0]
-    segment = open_segments[0]
     impact = open_impacts[0]
+    bodies = oscillators_of(drill)
+    last = len(segments) - 1
     written = 0
     count = 0
-    strike = NO_STRIKE
+    segments[0] = open_segments[0]
     while True:
-        status = status_before(state, segment, seconds, fraction, written == len(segments))
+        segment = segments[written]
+        status = status_before(state, segment, seconds, fraction, written == last)
         if status != GOES_ON:
+            open_segments[0] = segment
             return status, written, count
-        segments[written] = segment
         written += 1
-        turns = turns_at_end(segment, strike)
-        count, strike, _ = pass_event(drill, state, segment, impact, impacts, count, turns)
+        segments[written] = segment
+        turns = turns_at_end(segment, state.next_event == END_DRILL_TOOL_RELEASE)
+        after = segments[written]
+        count, _ = pass_event(drill, bodies, state, segment, after, impact, impacts, count, turns)
 
 
 @compiled
@@ -296,7 +278,9 @@ def interrupt(drill, states, open_segments, open_impacts, time, segments, impact
     Args:
         time: after the segment's start [s].
         new: weight on bit [N], vibration amplitude [m], frequency [Hz] and resonance frequency
-            [Hz] from here on; with a resonance the voltage [V] instead of the amplitude.
+            [Hz] from here on; with a resonance the voltage [V] instead of the amplitude. Then the
+            way by which the origin of all displacements passes the bodies [m], and whether the
+            drill tool meets rock at zero.
     """
     state = states[0]
     segment = open_segments[0]
@@ -304,18 +288,25 @@ def interrupt(drill, states, open_segments, open_impacts, time, segments, impact
     end_segment(state, segment, impact, time, turns_at(segment, time))
     segments[0] = segment
     segments[0].duration = time
-    weight_on_bit, level, frequency, resonance_frequency = new
+    weight_on_bit, level, frequency, resonance_frequency, passed, grips = new
     state.weight_on_bit = weight_on_bit
+    state.u_np -= passed
+    state.u_fm -= passed
+    state.u_dt -= passed
+    if grips:
+        state.u_fm = min(state.u_fm, 0.0)
+        state.u_dt = 0.0
+        state.v_dt = 0.0
     if state.resonant:
         change_drive(state, level, frequency, resonance_frequency)
     else:
         state.target_amplitude = level
         state.frequency = frequency
-    set_constants(drill, segment)
     if not drill.in_rock:
         state.tool_at_rest = 0
-    count, turn = settle(drill, state, impact, impacts, 0, 0, 0, EVENT_COMMAND)
-    open_segment(drill, state, segment, turn)
+    turn = turn_at(state.phase)
+    count, turn = settle(drill, state, impact, impacts, 0, turn, 0, 0, EVENT_COMMAND)
+    open_segment(drill, oscillators_of(drill), state, segment, turn)
     return count
 
 
@@ -325,9 +316,8 @@ def start(drill, states, open_segments, open_impacts, impacts):
     state = states[0]
     if state.resonant:
         begin_resonance(state)
-    sine, _ = sin_cos_cycles(state.phase)
-    state.u_np = -state.amplitude * sine
-    set_constants(drill, open_segments[0])
-    count, turn = settle(drill, state, open_impacts[0], impacts, 0, 0, 0, 0)
-    open_segment(drill, state, open_segments[0], turn)
+    turn = turn_at(state.phase)
+    state.u_np = -state.amplitude * turn.sine
+    count, turn = settle(drill, state, open_impacts[0], impacts, 0, turn, 0, 0, 0)
+    open_segment(drill, oscillators_of(drill), state, open_segments[0], turn)
     return count

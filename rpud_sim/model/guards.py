@@ -16,7 +16,6 @@ from rpud_sim.model.segment import (
     CONTACT_DRILL_TOOL,
     drill_tool_motion,
     drill_tool_swing,
-    fall,
     nodal_plane_motion,
     nodal_plane_swing,
     tip_motion,
@@ -72,17 +71,6 @@ class Load(NamedTuple):
     force: float
 
 
-class SlowGap(NamedTuple):
-    """Motions on both sides of the gap to the actuator, without the steady vibration."""
-
-    u_fm: float
-    v_fm: float
-    free_mass_acceleration: float
-    u_np: float
-    v_np: float
-    nodal_plane_acceleration: float
-
-
 @compiled
 def held_tip_motion(segment, tip, turn):
     """Motion of the tip while the free mass is held against it.
@@ -115,71 +103,12 @@ def tip_amplitude(segment):
 
 
 @compiled
-def slow_gap(segment, time, swing):
-    """Gap between free mass and actuator apart from the vibration, while they do not touch.
-
-    Args:
-        swing: of the nodal plane at that time.
-    """
-    nodal_plane = nodal_plane_motion(segment)
-    displacement, velocity = swinging_part(nodal_plane, swing)
-    position = segment.nodal_plane_offset + displacement
-    nodal_plane_acceleration, _ = decaying_derivatives(
-        nodal_plane, position - segment.nodal_plane_offset, velocity
-    )
-    if segment.contact == 0:
-        acceleration = segment.free_mass_acceleration
-        u_fm, v_fm = fall(
-            segment.free_mass_position, segment.free_mass_velocity, acceleration, time
-        )
-    else:
-        u_fm, v_fm, acceleration = drill_tool_with_acceleration(segment, time)
-    return SlowGap(u_fm, v_fm, acceleration, position, velocity, nodal_plane_acceleration)
-
-
-@compiled
-def gap_to_actuator(segment, gap, turn):
-    """Gap u_fm - u_ut between free mass and actuator while they do not touch.
-
-    Args:
-        gap: ``slow_gap`` at the time.
-    """
-    omega = TWO_PI * segment.vibration_frequency
-    u_ut = gap.u_np + segment.vibration_amplitude * turn.sine
-    v_ut = gap.v_np + omega * segment.vibration_amplitude * turn.cosine
-    return Guard(
-        gap.u_fm - u_ut,
-        gap.v_fm - v_ut,
-        gap.free_mass_acceleration
-        - (gap.nodal_plane_acceleration - omega * omega * (u_ut - gap.u_np)),
-        gap.u_fm - gap.u_np,
-        gap.v_fm - gap.v_np,
-    )
-
-
-@compiled
-def drill_tool_with_acceleration(segment, time):
-    """Position [m], velocity [m/s] and acceleration [m/s^2] of the drill tool off the actuator."""
+def gap_to_drill_tool(segment, time):
+    """Gap u_dt - u_fm between drill tool and free mass, which the actuator touches."""
     motion = drill_tool_motion(segment)
     displacement, v_dt = swinging_part(motion, drill_tool_swing(segment, time))
     u_dt = segment.drill_tool_offset + displacement
-    acceleration, _ = decaying_derivatives(motion, u_dt - segment.drill_tool_offset, v_dt)
-    return u_dt, v_dt, acceleration
-
-
-@compiled
-def gap_to_drill_tool(segment, time):
-    """Gap u_dt - u_fm between drill tool and free mass."""
-    u_dt, v_dt, acceleration = drill_tool_with_acceleration(segment, time)
-    if segment.contact == 0:
-        u_fm, v_fm = fall(
-            segment.free_mass_position,
-            segment.free_mass_velocity,
-            segment.free_mass_acceleration,
-            time,
-        )
-        curvature = acceleration - segment.free_mass_acceleration
-        return Guard(u_dt - u_fm, v_dt - v_fm, curvature, NO_SLOW_PART, 0.0)
+    acceleration, _ = decaying_derivatives(motion, displacement, v_dt)
     turn = vibration_turn(segment, time)
     tip = tip_motion(segment, turn, nodal_plane_swing(segment, time))
     position, velocity, tip_acceleration = held_tip_motion(segment, tip, turn)
@@ -260,7 +189,7 @@ def force_of_swing(segment, swing):
 def guard_at(segment, end, time):
     """The guard that ends a segment in the given way, at a time after its start.
 
-    All but that of ``END_ACTUATOR_IMPACT``, which is ``gap_to_actuator``.
+    All but those of the meetings that strike.py seeks.
     """
     if end == END_DRILL_TOOL_IMPACT:
         return gap_to_drill_tool(segment, time)
@@ -284,14 +213,10 @@ def bounds_of(motion):
 @compiled
 def guard_bounds(segment, end):
     """Bounds on the derivatives of a guard, which hold for the whole segment."""
-    impact = end in (END_ACTUATOR_IMPACT, END_DRILL_TOOL_IMPACT)
-    tool_alone = segment.contact == 0 and end == END_DRILL_TOOL_IMPACT
-    if end == END_DRILL_TOOL_REST or tool_alone:
-        _, dt_second, dt_third = bounds_of(drill_tool_motion(segment))
-        if tool_alone:
-            return Bounds(dt_second + segment.gravity, dt_third, 0.0, 0.0)
-        return Bounds(dt_second, math.inf, 0.0, 0.0)
-    if segment.contact == CONTACT_DRILL_TOOL and not impact:
+    if end == END_DRILL_TOOL_REST:
+        _, second, _ = bounds_of(drill_tool_motion(segment))
+        return Bounds(second, math.inf, 0.0, 0.0)
+    if segment.contact == CONTACT_DRILL_TOOL:
         dt_rate, _, dt_third = bounds_of(drill_tool_motion(segment))
         return Bounds(segment.free_mass * dt_rate * dt_third, math.inf, 0.0, 0.0)
     np_rate, np_second, np_third = bounds_of(nodal_plane_motion(segment))
@@ -299,14 +224,11 @@ def guard_bounds(segment, end):
     amplitude = tip_amplitude(segment)
     vibration_second = omega * omega * amplitude
     vibration_third = omega * vibration_second
-    if impact and segment.contact != 0:
+    if end == END_DRILL_TOOL_IMPACT:
         _, dt_second, dt_third = bounds_of(drill_tool_motion(segment))
         slow = np_second + dt_second
         third = np_third + dt_third + vibration_third
         return Bounds(slow + vibration_second, third, slow, amplitude)
-    if impact:
-        slow = np_second + segment.gravity
-        return Bounds(slow + vibration_second, np_third + vibration_third, slow, amplitude)
     mass, damping, spring_rate, _ = load_of(segment, end)
     slow = np_second * (mass * np_rate * np_rate + damping * np_rate + spring_rate)
     vibration = vibration_second * (mass * omega * omega + damping * omega + spring_rate)

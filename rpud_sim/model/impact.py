@@ -9,18 +9,19 @@ import math
 
 from rpud_sim.model.compile import compiled
 from rpud_sim.model.contact import half_sine_impulse
-from rpud_sim.model.elementary import arc_tangent, sin_cos_cycles
+from rpud_sim.model.elementary import arc_tangent
 from rpud_sim.model.energy import drill_tool_damper_loss
 from rpud_sim.model.guards import force_of_swing, force_on_drill_tool
 from rpud_sim.model.motion import CONTACT_BOTH
 from rpud_sim.model.segment import (
     CONTACT_DRILL_TOOL,
+    Turns,
     drill_tool_motion,
     nodal_plane_integral,
     tip_motion,
-    turns_at,
+    vibration_turn,
 )
-from rpud_sim.model.suspension import NO_SWING, swinging_part
+from rpud_sim.model.suspension import NO_SWING, decaying_amplitude, swinging_part
 from rpud_sim.model.vibration import TWO_PI
 
 # Samples of the contact force in which its maximum is sought while all three bodies are in contact.
@@ -30,15 +31,18 @@ FORCE_SAMPLES = 64
 @compiled
 def tip_integral(segment, time):
     """Integral of u_ut over the first part of a segment [m s]."""
-    _, start = sin_cos_cycles(segment.vibration_phase)
-    _, end = sin_cos_cycles(segment.vibration_phase + segment.vibration_frequency * time)
-    vibration = segment.vibration_amplitude * (start - end)
+    start = vibration_turn(segment, 0.0)
+    end = vibration_turn(segment, time)
+    vibration = segment.vibration_amplitude * (start.cosine - end.cosine)
     return nodal_plane_integral(segment, time) + vibration / (TWO_PI * segment.vibration_frequency)
 
 
 @compiled
 def drill_tool_of(segment, turns):
-    """Position [m] and velocity [m/s] of the drill tool in contact, given the ``Turns``."""
+    """Position [m] and velocity [m/s] of the drill tool in contact, given the ``Turns``.
+
+    The vibration's is needed in a contact of all three bodies alone.
+    """
     if segment.contact == CONTACT_BOTH:
         _, _, u_ut, v_ut = tip_motion(segment, turns.vibration, turns.nodal_plane)
         return u_ut, v_ut
@@ -82,15 +86,22 @@ def greatest_contact_force(segment, time, turns):
     """Greatest force on the drill tool in the first part of a segment in contact [N]."""
     if segment.contact == CONTACT_DRILL_TOOL:
         start, _ = force_of_swing(segment, NO_SWING)
-        end, _ = force_of_swing(segment, turns.drill_tool)
+        end, slope = force_of_swing(segment, turns.drill_tool)
         greatest = max(start, end)
-        # Eq. (38): the force is greatest where the acceleration is least; without damping that is
-        # where the closed form's phase is zero.
-        w = segment.drill_tool_angular_frequency
-        lag = 0.5 * math.pi
-        if segment.drill_tool_decay_rate != 0.0:
-            lag = arc_tangent(w, -segment.drill_tool_decay_rate)
-        angle = arc_tangent(segment.drill_tool_sine, segment.drill_tool_cosine)
+        # Eq. (38): the force is greatest where the acceleration is least.
+        motion = drill_tool_motion(segment)
+        w = motion.angular_frequency
+        if motion.decay_rate == 0.0:
+            # It rises up to its crest, and the next half cycle it falls.
+            half = w * time > math.pi
+            falls = slope < 0.0
+            passed = half or falls if motion.sine > 0.0 else (half and falls) or w * time > TWO_PI
+            if passed:
+                pull = w * w * decaying_amplitude(motion)
+                greatest = max(greatest, segment.free_mass * (segment.gravity + pull))
+            return greatest
+        lag = arc_tangent(w, -motion.decay_rate)
+        angle = arc_tangent(motion.sine, motion.cosine)
         angle += 1.5 * math.pi - 3.0 * lag
         while angle < 0.0:
             angle += TWO_PI
@@ -144,7 +155,10 @@ def open_impact(drill, state, impact, collisions):
 @compiled
 def follow_impact(segment, impact, time, turns):
     """Add the first part of a segment in contact to the record of the impact."""
-    start = drill_tool_of(segment, turns_at(segment, 0.0))
+    turn = turns.vibration
+    if segment.contact == CONTACT_BOTH:
+        turn = vibration_turn(segment, 0.0)
+    start = drill_tool_of(segment, Turns(turn, NO_SWING, NO_SWING))
     end = drill_tool_of(segment, turns)
     impact.impulse += contact_impulse(segment, time, start, end)
     impact.energy_transferred += energy_into_drill_tool(segment, time, start, end)

@@ -11,10 +11,10 @@ from rpud_sim.model.events import (
     pass_event,
     start,
     status_before,
-    turns_at_end,
 )
-from rpud_sim.model.segment import Turns, motion_of
-from rpud_sim.model.strike import NO_STRIKE
+from rpud_sim.model.guards import END_DRILL_TOOL_RELEASE
+from rpud_sim.model.motion import oscillators_of
+from rpud_sim.model.segment import Turns, motion_of, turns_at_end
 from rpud_sim.model.suspension import NO_SWING
 from rpud_sim.model.tally import (
     IMPULSE,
@@ -66,14 +66,14 @@ def _advance_member(
     Returns:
         DONE, FULL, STALLED or OVERLOADED, and the number of finished impacts.
     """
-    strike = NO_STRIKE
+    bodies = oscillators_of(drill)
     turn = turn_at(segment.vibration_phase)
     while True:
         is_full = len(impacts) - count < _IMPACTS_OF_EVENT
         status = status_before(state, segment, seconds, fraction, is_full)
         if status != GOES_ON:
             return status, count
-        turns = turns_at_end(segment, strike)
+        turns = turns_at_end(segment, state.next_event == END_DRILL_TOOL_RELEASE)
         contact = segment.contact
         end = segment.duration
         ended = motion_of(segment, end, turns)
@@ -84,7 +84,9 @@ def _advance_member(
                 segment, offset, end, part[POSITION], ended[0], turn, turns
             )
         # Called in one place alone, so that it is compiled into the loop.
-        count, strike, turn = pass_event(drill, state, segment, impact, impacts, count, turns)
+        count, turn = pass_event(
+            drill, bodies, state, segment, segment, impact, impacts, count, turns
+        )
         if not added:
             continue
         motion = motion_of(segment, 0.0, Turns(turn, NO_SWING, NO_SWING))

@@ -19,14 +19,9 @@ from typing import NamedTuple
 
 from rpud_sim.model.collision import collide, common_velocity
 from rpud_sim.model.compile import compiled
-from rpud_sim.model.motion import (
-    CONTACT_BOTH,
-    drill_tool_closed_form,
-    nodal_plane_closed_form,
-)
+from rpud_sim.model.motion import CONTACT_BOTH
 from rpud_sim.model.resonator import blow, tip_mass
 from rpud_sim.model.segment import CONTACT_ACTUATOR, CONTACT_DRILL_TOOL
-from rpud_sim.model.suspension import decaying_derivatives, decaying_part
 from rpud_sim.model.tolerances import (
     LOWEST_BOUNCE,
     MOST_COLLISIONS,
@@ -135,22 +130,32 @@ def exchange_momentum(drill, state, closed, turn):
 @compiled
 def tip_acceleration(drill, state, contact, turn):
     """Acceleration of the actuator's tip under the given contact [m/s^2]."""
-    motion = nodal_plane_closed_form(drill, state, contact, turn)
-    displacement, velocity = decaying_part(motion, 0.0)
-    acceleration, _ = decaying_derivatives(motion, displacement, velocity)
+    u_hv, v_hv = vibration_of(state.amplitude, state.frequency, turn)
     omega = TWO_PI * state.frequency
-    in_phase = (motion.vibration_sine + state.amplitude) * turn.sine
-    in_quadrature = motion.vibration_cosine * turn.cosine
-    return acceleration - omega * omega * (in_phase + in_quadrature)
+    mass = drill.rpud_mass
+    force = state.weight_on_bit + drill.rpud_weight - mass * omega * omega * u_hv
+    force -= drill.load_spring_rate * state.u_np + drill.rpud_damping * state.v_np
+    if contact & CONTACT_ACTUATOR:
+        mass += drill.free_mass
+        force += drill.free_mass * drill.gravity
+    if contact == CONTACT_BOTH:
+        mass += drill.tool_mass
+        force -= drill.tool_spring_rate * (state.u_np + u_hv)
+        force -= drill.tool_damping * (state.v_np + v_hv)
+    return force / mass
 
 
 @compiled
 def tool_acceleration(drill, state, contact):
     """Acceleration of the drill tool under the given contact, the actuator apart [m/s^2]."""
-    motion = drill_tool_closed_form(drill, state, contact)
-    displacement, velocity = decaying_part(motion, 0.0)
-    acceleration, _ = decaying_derivatives(motion, displacement, velocity)
-    return acceleration
+    mass = drill.tool_mass
+    force = -drill.tool_spring_rate * state.u_dt - drill.tool_damping * state.v_dt
+    if contact == CONTACT_DRILL_TOOL:
+        mass += drill.free_mass
+        force += drill.free_mass * drill.gravity
+    elif state.tool_at_rest:
+        return 0.0
+    return force / mass
 
 
 @compiled

@@ -274,9 +274,16 @@ def load_by_contact(state, integral, work):
 
 @compiled
 def update_interval(state, frequency):
-    """Time from one update to the next [s]: whole cycles, few against the decay time."""
-    cycles = math.ceil(frequency * state.decay_time / UPDATES_PER_DECAY)
-    return max(cycles, 1.0) / frequency
+    """Time from one update to the next [s]: half cycles, few against the decay time.
+
+    A small envelope, as that of a drill that nearly stalls, changes by a small part of itself.
+    """
+    envelope = complex(state.envelope_real, state.envelope_imag)
+    _, end = course(state)
+    away = complex_size(end - envelope)
+    size = min(complex_size(envelope) / away, 1.0) if away > 0.0 else 1.0
+    half_cycles = math.ceil(2.0 * frequency * state.decay_time * size / UPDATES_PER_DECAY)
+    return 0.5 * max(half_cycles, 1.0) / frequency
 
 
 @compiled
@@ -313,7 +320,7 @@ def plan(state):
     else:
         state.frequency = frequency + error / interval
     # The update comes at the zero that is nearest to the interval's end.
-    state.update_due = interval - 0.5 / state.frequency
+    state.update_due = interval - 0.25 / state.frequency
 
 
 @compiled
@@ -345,8 +352,9 @@ def change_drive(state, voltage, drive_frequency, resonance_frequency):
 
 @compiled
 def update(state):
-    """Give the bodies the envelope's amplitude, at an upward zero of the vibration."""
+    """Give the bodies the envelope's amplitude, at a zero of the vibration."""
     before = bring_envelope(state)
+    state.phase = 0.5 if 0.25 < state.phase < 0.75 else 0.0
     energy = stored_energy(state, before)
     left = energy - state.owed
     if left <= 0.0:
@@ -355,13 +363,12 @@ def update(state):
         envelope = before * math.sqrt(left / energy)
     else:
         size = math.sqrt(4.0 * state.resistance * left / state.decay_time)
-        envelope = size * drive_turn(state)
+        envelope = (size if state.phase == 0.0 else -size) * drive_turn(state)
     replace_envelope(state, before, envelope)
     _, end = course(state)
     away = complex_size(envelope - end)
     tip_away = state.amplitude_per_volt * away
     near = away <= STEADY * complex_size(end) or 0.0 < tip_away <= LOWEST_BOUNCE
-    state.phase = 0.0
     steady = near and abs(phase_error(state, state.drive_frequency, 0.0)) <= SAME_PHASE
     if end == 0.0:
         steady = near or away == 0.0
@@ -378,6 +385,6 @@ def update(state):
 
 @compiled
 def time_to_update(state):
-    """Time until the next upward zero of the vibration at which an update is due [s]."""
-    cycles = state.phase + state.frequency * max(state.update_due, 0.0)
-    return (math.floor(cycles) + 1.0 - state.phase) / state.frequency
+    """Time until the next zero of the vibration at which an update is due [s]."""
+    half_cycles = 2.0 * (state.phase + state.frequency * max(state.update_due, 0.0))
+    return (0.5 * math.floor(half_cycles) + 0.5 - state.phase) / state.frequency

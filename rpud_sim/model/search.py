@@ -24,13 +24,14 @@ from rpud_sim.model.resonator import time_to_update
 from rpud_sim.model.segment import CONTACT_ACTUATOR, CONTACT_DRILL_TOOL
 from rpud_sim.model.steps import (
     allowance_of,
-    certain_step,
+    bent_step,
     envelope_step,
+    going_on,
     is_above,
     is_root,
     positive_bounds,
 )
-from rpud_sim.model.strike import NO_STRIKE, first_strike
+from rpud_sim.model.strike import first_landing, first_strike
 from rpud_sim.model.tolerances import LONGEST_SEARCH, LONGEST_SEGMENT, STEP_EFFORT, TOUCHING
 from rpud_sim.model.vibration import time_to_zero_displacement
 
@@ -49,20 +50,28 @@ def first_root(segment, end, limit):
         The time until which it is certain to be positive, whether it is zero there, and the number
         of steps.
     """
+    if segment.contact == 0 and end == END_DRILL_TOOL_IMPACT:
+        return first_landing(segment, limit)
     bounds = positive_bounds(segment, end)
     allowance = allowance_of(end)
     time = 0.0
     for number in range(LONGEST_SEARCH):
         guard = guard_at(segment, end, time)
-        if allowance > 0.0 and is_above(guard, bounds, allowance):
+        slope = guard.slope
+        if allowance > 0.0 and is_above(guard.value, slope, bounds.second, allowance):
             allowance = 0.0
-        least = envelope_step(guard.slow - bounds.vibration, guard.slow_slope, bounds)
-        step = certain_step(guard, bounds, allowance, least)
-        if is_root(guard, allowance, step):
+        value = guard.value + allowance
+        envelope = guard.slow - bounds.vibration
+        longest = envelope_step(envelope, guard.slow_slope, bounds.slow_second)
+        step = bent_step(value, slope, guard.curvature, bounds.second, bounds.third)
+        step = going_on(step, slope, longest)
+        if is_root(value, slope, step):
             return time, True, number + 1
-        time += step
+        time += step.time
         if not time < limit:
             return limit, False, number + 1
+        if step.ends:
+            return time, True, number + 1
     return time, False, LONGEST_SEARCH
 
 
@@ -94,16 +103,16 @@ def sooner(state, segment, end, duration, event):
 
 
 @compiled
-def sooner_strike(state, segment, duration, event, start):
+def sooner_strike(state, segment, duration, event, turn):
     """Return the given duration and event, or those of the actuator's strike if it is sooner.
 
-    ``start`` is the ``Turn`` of the vibration at the segment's start. Also returns the ``Strike``.
+    ``turn`` is the ``Turn`` of the vibration at the segment's start.
     """
-    strike = first_strike(segment, duration, start)
-    state.effort += strike.steps * STEP_EFFORT
-    if strike.time < duration:
-        return strike.time, END_ACTUATOR_IMPACT if strike.struck else END_LIMIT, strike
-    return duration, event, NO_STRIKE
+    time, is_struck, steps = first_strike(segment, duration, turn)
+    state.effort += steps * STEP_EFFORT
+    if time < duration:
+        return time, END_ACTUATOR_IMPACT if is_struck else END_LIMIT
+    return duration, event
 
 
 @compiled
@@ -124,11 +133,13 @@ def sooner_release(state, segment, duration, event):
 
 
 @compiled
-def next_event(drill, state, segment, start):
+def next_event(drill, state, segment, turn):
     """Find the end of the segment, and its duration [s].
 
+    ``turn`` is the ``Turn`` of the vibration at the segment's start.
+
     Returns:
-        One of END_*, the duration, and the ``Strike`` if that is the end.
+        The duration, and one of END_*.
     """
     duration = LONGEST_SEGMENT
     event = END_LIMIT
@@ -146,10 +157,8 @@ def next_event(drill, state, segment, start):
     contact = state.contact
     if contact == CONTACT_BOTH:
         if drill.jammed:
-            duration, event = sooner(state, segment, END_ACTUATOR_RELEASE, duration, event)
-        else:
-            duration, event = sooner_release(state, segment, duration, event)
-        return event, duration, NO_STRIKE
+            return sooner(state, segment, END_ACTUATOR_RELEASE, duration, event)
+        return sooner_release(state, segment, duration, event)
     wedged = drill.jammed and contact & CONTACT_DRILL_TOOL
     if contact == CONTACT_DRILL_TOOL and not wedged and segment.drill_tool_decay_rate == 0.0:
         root = release_time(
@@ -174,7 +183,5 @@ def next_event(drill, state, segment, start):
     if drill.in_rock and not contact & CONTACT_DRILL_TOOL and not state.tool_at_rest:
         duration, event = sooner(state, segment, END_DRILL_TOOL_REST, duration, event)
     if contact & CONTACT_ACTUATOR:
-        duration, event = sooner(state, segment, END_ACTUATOR_RELEASE, duration, event)
-        return event, duration, NO_STRIKE
-    duration, event, strike = sooner_strike(state, segment, duration, event, start)
-    return event, duration, strike
+        return sooner(state, segment, END_ACTUATOR_RELEASE, duration, event)
+    return sooner_strike(state, segment, duration, event, turn)

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rpud_sim.model.compile import compiled, record_type
+from rpud_sim.model.contact import release_turn
 from rpud_sim.model.suspension import (
     Oscillation,
     Swing,
@@ -190,6 +191,28 @@ def turns_at(segment, time):
         nodal_plane_swing(segment, time),
         drill_tool_swing(segment, time),
     )
+
+
+@compiled
+def turns_at_end(segment, is_released):
+    """Return the ``Turns`` at a segment's end.
+
+    Args:
+        is_released: whether a contact ends there for want of force.
+    """
+    time = segment.duration
+    undamped = segment.contact == CONTACT_DRILL_TOOL and segment.drill_tool_decay_rate == 0.0
+    if is_released and undamped and time > 0.0:
+        cosine, sine = release_turn(
+            segment.drill_tool_cosine,
+            segment.drill_tool_sine,
+            segment.drill_tool_angular_frequency,
+            segment.gravity,
+        )
+        tool = Swing(cosine, sine)
+    else:
+        tool = drill_tool_swing(segment, time)
+    return Turns(vibration_turn(segment, time), nodal_plane_swing(segment, time), tool)
 
 
 @compiled

@@ -1,20 +1,23 @@
 """Steps within which a guard cannot reach zero.
 
-A guard whose second derivative is bounded by B cannot fall from a value g with a slope g' to zero
-within
+A guard whose second derivative is at least m stays above the parabola
 
-    step = (g' + sqrt(g'^2 + 2 B g)) / B
+    g + g' s + m s^2 / 2
 
-Two longer steps are as safe: while the second derivative is certain to stay positive, by a bound on
-the third, the guard lies above its tangent; and a guard in which the tip vibrates is at least its
-slowly changing envelope.
+so that it cannot reach zero before the parabola does. The least m is that of a bound for the whole
+segment. A bound J on the third derivative gives a greater one, g'' - J s, up to a time s at which
+even a parabola of the present curvature is zero. And a guard in which the tip vibrates is at least
+its slowly changing envelope.
+
+Near a simple root the steps converge to it from the left. The last one is that which leads to
+within ``TIME_RESOLUTION`` of it: what the greatest curvature would add to the parabola is known.
 """
 
 import math
+from typing import NamedTuple
 
 from rpud_sim.model.compile import compiled
 from rpud_sim.model.guards import (
-    END_ACTUATOR_IMPACT,
     END_DRILL_TOOL_IMPACT,
     END_DRILL_TOOL_REST,
     Bounds,
@@ -25,32 +28,83 @@ from rpud_sim.model.tolerances import TIME_RESOLUTION, TOUCHING, WEAKEST_PULL
 # A guard that does not bend still needs a bound to divide by [m/s^2 or N/s^2].
 LEAST_BOUND = 1e-9
 
+# Least step of a guard that does not fall [s].
+_LEAST_STEP = 10.0 * TIME_RESOLUTION
+
+
+class Step(NamedTuple):
+    """A step within which a guard cannot reach zero."""
+
+    time: float  # [s]
+    ends: bool  # whether its end is within TIME_RESOLUTION of a root
+
 
 @compiled
-def safe_step(value, slope, bound):
-    """Time within which a guard cannot reach zero, by a bound on its second derivative [s]."""
+def safe_step(value, slope, bend):
+    """Time within which a guard cannot reach zero if its second derivative is at least this [s]."""
     value = max(value, 0.0)
-    root = math.sqrt(slope * slope + 2.0 * bound * value)
-    if slope < 0.0:
-        return 2.0 * value / (root - slope)  # without the cancellation
-    return (slope + root) / bound
+    bent = bend * value
+    square = slope * slope
+    if bent < -square:
+        root = math.sqrt(square - 2.0 * bent)
+        return 2.0 * value / (root - slope) if slope < 0.0 else (slope + root) / -bend
+    # Without the root, and a little short of the parabola's zero: Halley's step, or twice the way
+    # to its crest. In one division, as to guess which it is takes as long.
+    falls = slope < 0.0
+    way = -2.0 * slope * value if falls else 2.0 * slope
+    whole = 2.0 * square - bent if falls else -bend
+    ends = whole > 0.0
+    time = way / (whole if ends else 1.0)
+    return time if ends else math.inf
 
 
 @compiled
-def convex_step(value, slope, curvature, bound):
-    """Time within which a guard cannot reach zero, as long as it is certain to be convex [s]."""
-    if not curvature > 0.0:
-        return 0.0
-    convex = curvature / bound
-    if slope < 0.0:
-        convex = min(convex, max(value, 0.0) / -slope)
-    return convex
+def is_clear(value, slope, second, time):
+    """Whether a guard that is above zero is certain to be so up to a time."""
+    return value > 0.0 and value + time * (slope - 0.5 * second * time) > 0.0
+
+
+@compiled
+def ends_at_root(value, slope, step, least_bend, most_bend):
+    """Whether a ``safe_step`` ends within TIME_RESOLUTION of a root.
+
+    Args:
+        least_bend: that the step was made with.
+        most_bend: greatest second derivative within it.
+    """
+    # There the parabola has this height times (2 / slope)^2.
+    parabola = least_bend * least_bend * max(value, 0.0) * step * step
+    # Above it the guard has at most this height, and falls at least so fast.
+    height = 0.5 * (most_bend - least_bend) * step * step
+    speed = -slope - most_bend * step
+    square = slope * slope
+    return slope < 0.0 and 0.25 * parabola < (TIME_RESOLUTION * speed - height) * square
+
+
+@compiled
+def bent_step(value, slope, curvature, second, third):
+    """Return the ``Step`` that follows from bounds on the second and third derivative."""
+    reach = safe_step(value, slope, curvature)
+    if reach == math.inf:
+        reach = curvature / third
+    bend = curvature - third * reach
+    # Less than the bound for the whole segment it cannot be; and where the third derivative has
+    # none, it is that.
+    if not bend > -second:
+        bend = -second
+        reach = math.inf
+    time = safe_step(value, slope, bend)
+    if time > reach:
+        return Step(max(reach, safe_step(value, slope, -second)), False)
+    most = min(second, curvature + third * time)
+    ends = ends_at_root(value, slope, time, bend, most)
+    return Step(time, ends)
 
 
 @compiled
 def allowance_of(end):
     """Return how far below zero a guard may be that was not yet as far above zero."""
-    if end in (END_ACTUATOR_IMPACT, END_DRILL_TOOL_IMPACT):
+    if end == END_DRILL_TOOL_IMPACT:
         return TOUCHING
     if end == END_DRILL_TOOL_REST:
         return 0.0
@@ -70,39 +124,28 @@ def positive_bounds(segment, end):
 
 
 @compiled
-def is_above(guard, bounds, allowance):
+def is_above(value, slope, second, allowance):
     """Whether a guard is certain to rise above an allowance before it can fall."""
-    if guard.slope <= 0.0 or guard.value > allowance:
-        return guard.value > allowance
-    return guard.value + guard.slope * guard.slope / (2.0 * bounds.second) > allowance
+    if slope <= 0.0 or value > allowance:
+        return value > allowance
+    return slope * slope > 2.0 * second * (allowance - value)
 
 
 @compiled
-def envelope_step(envelope, slow_slope, bounds):
+def envelope_step(envelope, slow_slope, slow_second):
     """Time within which an envelope cannot reach zero [s]; zero if it is not above it."""
-    return safe_step(envelope, slow_slope, bounds.slow_second) if envelope > 0.0 else 0.0
+    return safe_step(envelope, slow_slope, -slow_second) if envelope > 0.0 else 0.0
 
 
 @compiled
-def certain_step(guard, bounds, allowance, least):
-    """Time within which a guard cannot fall below the allowance [s].
-
-    Args:
-        allowance: how far below zero it may fall.
-        least: ``envelope_step`` at that time [s].
-    """
-    value = guard.value + allowance
-    step = max(
-        safe_step(value, guard.slope, bounds.second),
-        convex_step(value, guard.slope, guard.curvature, bounds.third),
-        least,
-    )
-    if guard.slope >= 0.0:
-        step = max(step, 10.0 * TIME_RESOLUTION)
-    return step
+def going_on(step, slope, least):
+    """Return a ``Step`` that is at least as long as others, which lead to no root [s]."""
+    if slope >= 0.0:
+        least = max(least, _LEAST_STEP)
+    return Step(least, False) if least > step.time else step
 
 
 @compiled
-def is_root(guard, allowance, step):
+def is_root(value, slope, step):
     """Whether a guard ends here, as there is no step left."""
-    return guard.slope < 0.0 and (guard.value + allowance <= 0.0 or step < TIME_RESOLUTION)
+    return slope < 0.0 and (value <= 0.0 or step.time < TIME_RESOLUTION)

@@ -1,91 +1,269 @@
-"""Search for the actuator's strike: the engine's most frequent one.
+"""Search for the meetings of the free mass: the engine's most frequent ones.
 
-It makes the same steps as every search (steps.py), with less work: it does not compute the
-vibration where that cannot shorten a step, and hands on what it has computed at the strike.
+They make steps within which the bodies cannot meet, as every search does (steps.py), from bounds
+that only these gaps have.
+
+- The tip's vibration bends the gap by Omega^2 A sin(phi), and nothing else does much. Its phase is
+  known, so the least that this can be up to another phase is so without a bound on its change.
+- The swing of the drill tool dies away, and with it the bounds on its derivatives.
 """
 
-from typing import NamedTuple
+import math
 
 from rpud_sim.model.compile import compiled
-from rpud_sim.model.guards import END_ACTUATOR_IMPACT, gap_to_actuator, slow_gap
-from rpud_sim.model.segment import nodal_plane_swing, vibration_turn
-from rpud_sim.model.steps import (
-    certain_step,
-    envelope_step,
-    is_above,
-    is_root,
-    positive_bounds,
+from rpud_sim.model.elementary import exponential, sin_cos
+from rpud_sim.model.segment import (
+    drill_tool_motion,
+    drill_tool_swing,
+    fall,
+    nodal_plane_motion,
+    nodal_plane_swing,
+    vibration_turn,
 )
-from rpud_sim.model.suspension import NO_SWING, Swing
-from rpud_sim.model.tolerances import LONGEST_SEARCH, TIME_RESOLUTION, TOUCHING
-from rpud_sim.model.vibration import NO_TURN, TWO_PI, Turn
+from rpud_sim.model.steps import (
+    LEAST_BOUND,
+    Step,
+    bent_step,
+    ends_at_root,
+    going_on,
+    is_above,
+    is_clear,
+    is_root,
+    safe_step,
+)
+from rpud_sim.model.suspension import (
+    NO_SWING,
+    Swing,
+    decaying_amplitude,
+    swinging_part,
+    undamped_frequency,
+)
+from rpud_sim.model.tolerances import LONGEST_SEARCH, TOUCHING
+from rpud_sim.model.vibration import TWO_PI, Turn
 
-# Where the envelope is this near to zero, the vibration is computed [m]; and a step counts as
-# longer than another if it is so by more than rounding.
-NEAR = 1e-11
-MARGIN = 1.0 + 1e-6
+# Where the envelope allows a longer step than this, the vibration is not computed [cycles].
+_LONG = 0.5
 
+# Phases up to which the least bend of the vibration is taken from its present one, and as zero: it
+# is no less up to the phase as far on the other side of its crest, and to its middle [cycles].
+_RISING = 0.2
+_FALLING = 0.45
 
-class Strike(NamedTuple):
-    """End of a search for the actuator's strike, with the functions that were computed there."""
+# Angle omega_n s within which a decaying swing is the first five terms of its series [rad]. The
+# next one is less than 3e-16 of the swing, and that of its rate 1e-12 of the greatest rate.
+_SHORT = 2e-3
+_SIXTH = 1.0 / 6.0
 
-    time: float  # until which the gap is certain to be open [s]
-    struck: bool  # whether it closes there
-    steps: int
-    turn: Turn  # of the vibration, if it closes
-    swing: Swing  # of the nodal plane, if it closes
+# Angle within which the sine is the first five terms of its series, and the cosine too; the next
+# one is less than 3e-17 [rad].
+_NEAR = 0.1
 
-
-# Stands for a strike that does not end the segment.
-NO_STRIKE = Strike(-1.0, False, 0, NO_TURN, NO_SWING)
+# Added and subtracted, it rounds to the nearest whole number.
+_ROUND = 6755399441055744.0  # 1.5 * 2**52
 
 
 @compiled
-def is_out_of_reach(envelope, gap, bounds, omega, step):
-    """Whether no bound allows a longer step than the envelope does, wherever the vibration is.
+def _vibrating_step(value, slope, sine, cycles, period, peak, slow_second):
+    """Return the ``Step`` of a gap that a vibrating tip bends.
 
-    ``certain_step`` is then that of the envelope, and the vibration need not be computed. Steps are
-    compared without dividing: each is where a parabola or a line reaches zero.
+    Args:
+        sine: of the vibration's phase.
+        cycles: that phase.
+        period: of the vibration [s].
+        peak: Omega^2 A [m/s^2].
+        slow_second: bound on the second derivative without the vibration [m/s^2].
     """
-    reach = bounds.vibration
-    fastest = max(gap.v_fm - gap.v_np + omega * reach, 0.0)
-    bend = gap.free_mass_acceleration - gap.nodal_plane_acceleration
-    most_bent = max(bend, 0.0) + omega * omega * reach
-    highest = envelope + 2.0 * reach
-    return (
-        envelope > NEAR
-        and step > 1000.0 * TIME_RESOLUTION
-        and 0.5 * bounds.second * step * step > MARGIN * (highest + fastest * step)
-        and bounds.third * step > MARGIN * most_bent
+    # From -1/4 to 3/4, so that the sine rises up to 1/4 and falls from there on.
+    phase = cycles - ((cycles - 0.25 + _ROUND) - _ROUND)
+    present = peak * sine
+    is_rising = phase < _RISING
+    is_falling = phase < _FALLING
+    bend = (present if is_rising else (0.0 if is_falling else -peak)) - slow_second
+    span = 0.5 - (2.0 * phase if is_rising else phase)
+    limit = span * period if is_falling else math.inf
+    time = safe_step(value, slope, bend)
+    if time > limit:
+        return Step(limit, False)
+    most = min(present + TWO_PI / period * peak * time, peak) + slow_second
+    return Step(time, ends_at_root(value, slope, time, bend, most))
+
+
+@compiled
+def soon_after(square, damping, displacement, velocity, time):
+    """Decaying part and its rate a short time later, by its series.
+
+    Args:
+        square: omega_n^2 [1/s^2].
+        damping: 2 a [1/s].
+    """
+    second = -square * displacement - damping * velocity
+    third = -square * velocity - damping * second
+    fourth = -square * second - damping * third
+    after = displacement + time * (
+        velocity + time * (0.5 * second + time * (_SIXTH * third + time * (0.25 * _SIXTH * fourth)))
+    )
+    rate = velocity + time * (second + time * (0.5 * third + time * (_SIXTH * fourth)))
+    return after, rate
+
+
+@compiled
+def turned_by(turn, angle):
+    """``Turn`` after an angle of at most _NEAR, by the series of its sine and cosine [rad]."""
+    z = angle * angle
+    w = z * z
+    sine = angle + angle * z * (
+        (-1.0 / 6.0 + z * (1.0 / 120.0)) + w * (-1.0 / 5040.0 + z * (1.0 / 362880.0))
+    )
+    less = z * ((0.5 - z * (1.0 / 24.0)) + w * (1.0 / 720.0 - z * (1.0 / 40320.0)))
+    return Turn(
+        turn.sine + (turn.cosine * sine - turn.sine * less),
+        turn.cosine - (turn.sine * sine + turn.cosine * less),
     )
 
 
 @compiled
-def first_strike(segment, limit, start):
+def first_strike(segment, limit, turn):
     """Find when the actuator strikes the free mass, which does not touch it, up to a limit [s].
 
-    The same as ``first_root`` with the gap to the actuator.
+    Args:
+        turn: ``Turn`` of the vibration at the segment's start.
+
+    Returns:
+        The time until which the gap is certain to be open, whether it closes there, and the number
+        of steps.
     """
-    bounds = positive_bounds(segment, END_ACTUATOR_IMPACT)
-    omega = TWO_PI * segment.vibration_frequency
+    frequency = segment.vibration_frequency
+    amplitude = segment.vibration_amplitude
+    omega = TWO_PI * frequency
+    peak = omega * omega * amplitude
+    nodal_plane = nodal_plane_motion(segment)
+    rate = undamped_frequency(nodal_plane)
+    square = rate * rate
+    damping = 2.0 * nodal_plane.decay_rate
+    short = _SHORT / rate
+    slow_second = square * decaying_amplitude(nodal_plane)
+    slow_third = rate * slow_second
+    gravity = segment.free_mass_acceleration
+    in_flight = segment.contact == 0
+    tool = drill_tool_motion(segment)
+    if in_flight:
+        slow_second += gravity
+        u_fm, v_fm = segment.free_mass_position, segment.free_mass_velocity
+    else:
+        tool_rate = undamped_frequency(tool)
+        slow_second += tool_rate * tool_rate * decaying_amplitude(tool)
+        displacement, v_fm = swinging_part(tool, NO_SWING)
+        u_fm = tool.offset + displacement
+    slow_second = max(slow_second, LEAST_BOUND)
+    displacement, velocity = swinging_part(nodal_plane, NO_SWING)
+    period = 1.0 / frequency
+    long = _LONG * period
+    allowance = TOUCHING
+    time = 0.0
+    turned = 0.0
+    for number in range(LONGEST_SEARCH):
+        slow = u_fm - nodal_plane.offset - displacement
+        slow_slope = v_fm - velocity
+        envelope = slow - amplitude
+        left = limit - time
+        if is_clear(envelope, slow_slope, slow_second, left):
+            return limit, False, number + 1
+        if is_clear(envelope, slow_slope, slow_second, long):
+            allowance = 0.0
+            curvature = -slow_second
+            if in_flight:
+                curvature = gravity + square * displacement + damping * velocity
+            reach = min(safe_step(envelope, slow_slope, curvature), left)
+            bend = max(curvature - slow_third * reach, -slow_second)
+            step = Step(min(safe_step(envelope, slow_slope, bend), reach), False)
+        else:
+            angle = omega * (time - turned)
+            turned = time
+            turn = turned_by(turn, angle) if angle < _NEAR else vibration_turn(segment, time)
+            value = slow - amplitude * turn.sine
+            slope = slow_slope - omega * amplitude * turn.cosine
+            if allowance > 0.0 and is_above(value, slope, peak + slow_second, allowance):
+                allowance = 0.0
+            value += allowance
+            cycles = segment.vibration_phase + frequency * time
+            step = _vibrating_step(value, slope, turn.sine, cycles, period, peak, slow_second)
+            step = going_on(step, slope, 0.0)
+            if is_root(value, slope, step):
+                return time, True, number + 1
+            # Beyond the vibration's reach already, and up to the limit.
+            ahead = envelope + step.time * (slow_slope - 0.5 * slow_second * step.time)
+            slower = slow_slope - slow_second * step.time
+            if is_clear(ahead, slower, slow_second, left - step.time):
+                return limit, False, number + 1
+        time += step.time
+        if not time < limit:
+            return limit, False, number + 1
+        if step.ends:
+            return time, True, number + 1
+        if in_flight and step.time < short:
+            displacement, velocity = soon_after(square, damping, displacement, velocity, step.time)
+        else:
+            swing = nodal_plane_swing(segment, time)
+            displacement, velocity = swinging_part(nodal_plane, swing)
+        if in_flight:
+            u_fm, v_fm = fall(
+                segment.free_mass_position,
+                segment.free_mass_velocity,
+                gravity,
+                time,
+            )
+        else:
+            u_dt, v_fm = swinging_part(tool, drill_tool_swing(segment, time))
+            u_fm = tool.offset + u_dt
+    return time, False, LONGEST_SEARCH
+
+
+@compiled
+def first_landing(segment, limit):
+    """Find when the free mass in flight meets the moving drill tool, up to a limit [s].
+
+    Returns:
+        The same as ``first_strike``.
+    """
+    tool = drill_tool_motion(segment)
+    rate = undamped_frequency(tool)
+    gravity = segment.free_mass_acceleration
+    amplitude = decaying_amplitude(tool)
+    square = rate * rate
+    damping = 2.0 * tool.decay_rate
+    short = _SHORT / rate
+    second = square * amplitude
+    decay = 1.0
+    last, _ = fall(segment.free_mass_position, segment.free_mass_velocity, gravity, limit)
+    displacement, velocity = swinging_part(tool, NO_SWING)
+    u_fm, v_fm = segment.free_mass_position, segment.free_mass_velocity
     allowance = TOUCHING
     time = 0.0
     for number in range(LONGEST_SEARCH):
-        swing = nodal_plane_swing(segment, time)
-        gap = slow_gap(segment, time, swing)
-        envelope = gap.u_fm - gap.u_np - bounds.vibration
-        step = envelope_step(envelope, gap.v_fm - gap.v_np, bounds)
-        if is_out_of_reach(envelope, gap, bounds, omega, step):
+        value = tool.offset + displacement - u_fm
+        slope = velocity - v_fm
+        curvature = -square * displacement - damping * velocity - gravity
+        most = max(second * decay + gravity, LEAST_BOUND)
+        if allowance > 0.0 and is_above(value, slope, most, allowance):
             allowance = 0.0
-        else:
-            turn = start if time == 0.0 else vibration_turn(segment, time)
-            guard = gap_to_actuator(segment, gap, turn)
-            if allowance > 0.0 and is_above(guard, bounds, allowance):
-                allowance = 0.0
-            step = certain_step(guard, bounds, allowance, step)
-            if is_root(guard, allowance, step):
-                return Strike(time, True, number + 1, turn, swing)
-        time += step
+        value += allowance
+        third = max(rate * second * decay, LEAST_BOUND)
+        step = going_on(bent_step(value, slope, curvature, most, third), slope, 0.0)
+        if is_root(value, slope, step):
+            return time, True, number + 1
+        time += step.time
         if not time < limit:
-            return Strike(limit, False, number + 1, start, swing)
-    return Strike(time, False, LONGEST_SEARCH, start, swing)
+            return limit, False, number + 1
+        if step.ends:
+            return time, True, number + 1
+        # Its fall takes the free mass no further than it is at either end.
+        if tool.offset - amplitude * decay > max(u_fm, last):
+            return limit, False, number + 1
+        if step.time < short:
+            displacement, velocity = soon_after(square, damping, displacement, velocity, step.time)
+        else:
+            decay = exponential(-tool.decay_rate * time)
+            sine, cosine = sin_cos(tool.angular_frequency * time)
+            displacement, velocity = swinging_part(tool, Swing(decay * cosine, decay * sine))
+        u_fm, v_fm = fall(segment.free_mass_position, segment.free_mass_velocity, gravity, time)
+    return time, False, LONGEST_SEARCH

@@ -18,6 +18,18 @@ from rpud_sim.model.elementary import exponential, sin_cos
 from rpud_sim.model.vibration import TWO_PI
 
 
+class Oscillator(NamedTuple):
+    """A body on a spring, with the rates of its free vibration."""
+
+    mass: float
+    damping: float  # c [N s/m], less than critical
+    spring_rate: float  # k [N/m]
+    decay_rate: float  # a = xi omega_n [1/s]
+    angular_frequency: float  # omega_d = omega_n sqrt(1 - xi^2) [rad/s]
+    compliance: float  # 1 / k [m/N]
+    radian: float  # 1 / omega_d [s]
+
+
 class Oscillation(NamedTuple):
     """Closed form of a suspended body from the start of a segment.
 
@@ -40,27 +52,31 @@ def damping_coefficient(damping_ratio, mass, spring_rate):
 
 
 @compiled
-def free_vibration(mass, damping, spring_rate, force, position, velocity):
-    """Closed form of a body on a spring under a constant force, eqs. (8)-(9) and (15)-(16).
-
-    Args:
-        damping: c [N s/m], less than critical.
-        spring_rate: k [N/m].
-        force: F [N].
-    """
+def oscillator(mass, damping, spring_rate):
+    """Return the ``Oscillator`` of a mass on a damped spring."""
     a = 0.5 * damping / mass
     w = math.sqrt(spring_rate / mass - a * a)
-    offset = force / spring_rate
+    return Oscillator(mass, damping, spring_rate, a, w, 1.0 / spring_rate, 1.0 / w)
+
+
+@compiled
+def free_vibration(body, force, position, velocity):
+    """Closed form of an ``Oscillator`` under a constant force, eqs. (8)-(9) and (15)-(16).
+
+    Args:
+        force: F [N].
+    """
+    a = body.decay_rate
+    w = body.angular_frequency
+    offset = force * body.compliance
     A_1 = position - offset
-    A_2 = (velocity + a * A_1) / w
+    A_2 = (velocity + a * A_1) * body.radian
     return Oscillation(offset, a, w, A_1, A_2, 0.0, 0.0)
 
 
 @compiled
 def driven_vibration(
-    mass,
-    damping,
-    spring_rate,
+    body,
     force,
     force_sine,
     force_cosine,
@@ -69,23 +85,21 @@ def driven_vibration(
     position,
     velocity,
 ):
-    """Closed form of a body on a spring that also feels the harmonic vibration.
+    """Closed form of an ``Oscillator`` that also feels the harmonic vibration.
 
     Args:
         force_sine: H_s [N].
         force_cosine: H_c [N].
     """
     omega = TWO_PI * frequency
-    stiffness = spring_rate - mass * omega * omega
-    resistance = damping * omega
+    stiffness = body.spring_rate - body.mass * omega * omega
+    resistance = body.damping * omega
     square = stiffness * stiffness + resistance * resistance
     vibration_sine = (stiffness * force_sine + resistance * force_cosine) / square
     vibration_cosine = (stiffness * force_cosine - resistance * force_sine) / square
     steady = vibration_sine * turn.sine + vibration_cosine * turn.cosine
     steady_rate = omega * (vibration_sine * turn.cosine - vibration_cosine * turn.sine)
-    free = free_vibration(
-        mass, damping, spring_rate, force, position - steady, velocity - steady_rate
-    )
+    free = free_vibration(body, force, position - steady, velocity - steady_rate)
     return Oscillation(
         free.offset,
         free.decay_rate,

@@ -130,10 +130,10 @@ def _add_ended(rpud, covering, last, tally, part):
     for i in range(last):
         segment = covering[i]
         after = covering[i + 1]
-        ended, motion = add_ended_segment(rpud, segment, after, offset, part)
+        ended, motion, turns = add_ended_segment(rpud, segment, after, offset, part)
         end = segment.duration
         if end > offset:
-            turn, turns = turn_at(segment.vibration_phase), turns_at(segment, end)
+            turn = turn_at(segment.vibration_phase)
             part[IMPULSE] += reacting_impulse(segment, offset, end, position, ended[0], turn, turns)
         count_event(after, tally)
         offset = 0.0

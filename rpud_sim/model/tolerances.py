@@ -51,7 +51,8 @@ MOST_COLLISIONS = 1000
 STEADY = 0.001
 SAME_PHASE = 1e-4
 
-# Updates of the amplitude of a resonance in one decay time, while it is not steady.
+# Updates of the amplitude of a resonance in one decay time, while it is not steady; more where it
+# is smaller than what is missing to its end.
 UPDATES_PER_DECAY = 40.0
 
 # Events in a row within SHORTEST_SEGMENT [s] of each other after which the engine fails. Without

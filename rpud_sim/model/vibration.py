@@ -16,10 +16,6 @@ class Turn(NamedTuple):
     cosine: float
 
 
-# That of a whole number of cycles, for where no turn is needed.
-NO_TURN = Turn(0.0, 1.0)
-
-
 @compiled
 def turn_at(phase):
     """Return the ``Turn`` of a phase [cycles]."""

@@ -181,6 +181,13 @@ class Actuator:
         return self._vibration_amplitude * self._voltage / self._parameters.nominal_voltage
 
     @property
+    def unloaded_amplitude(self) -> float:
+        """Amplitude of a resonance without load at its resonance frequency [m]; 0 without one."""
+        if self.resonance is None:
+            return 0.0
+        return self.resonance.amplitude_per_volt * self._voltage
+
+    @property
     def frequency(self) -> float:
         """Frequency of the drive [Hz]."""
         return self._frequency

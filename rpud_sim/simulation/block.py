@@ -28,6 +28,11 @@ def boundaries_until(time: int, rate: int) -> int:
     return ((time + 1) * rate - 1) // SECOND
 
 
+def first_sample(time: int, rate: int) -> int:
+    """Return the number of the first sample at or after a simulation time [ns], at a rate [Hz]."""
+    return -(-time * rate // SECOND)
+
+
 @dataclasses.dataclass(frozen=True)
 class Block(Shared):
     """Segments and impacts between two times, immutable.
@@ -64,10 +69,7 @@ class Block(Shared):
 
         Consecutive blocks have every sample once.
         """
-        return range(
-            -(-self.start * rate // SECOND),
-            -(-self.end * rate // SECOND),
-        )
+        return range(first_sample(self.start, rate), first_sample(self.end, rate))
 
     def sample(self, times: Times) -> Samples:
         """Sample all channels at ascending times from the block's start to its end."""
@@ -83,6 +85,8 @@ def sum_accounts(accounts: Iterable[FeedAccount | None]) -> FeedAccount | None:
 def join_blocks(blocks: Sequence[Block]) -> Block:
     """Return consecutive blocks, at least one, as one block."""
     last = blocks[-1]
+    if len(blocks) == 1:
+        return last
     return Block(
         blocks[0].start,
         last.end,

@@ -6,13 +6,15 @@ import dataclasses
 import math
 import operator
 from collections import deque
+from itertools import chain, islice
 
 import numpy as np
 
 from rpud_sim.foundation.shared import Shared
 from rpud_sim.foundation.time import SECOND, split_fraction
-from rpud_sim.model.boundaries import add_blocks
-from rpud_sim.model.energy import TERMS, add_segments
+from rpud_sim.model.energy import TERMS
+from rpud_sim.model.segment import SEGMENT, join_records
+from rpud_sim.model.tally import CLASSES, PART_ROOM, add_block, empty_tallies
 from rpud_sim.simulation.block import Block
 from rpud_sim.simulation.feed_account import FeedAccount
 from rpud_sim.simulation.span import Span
@@ -54,8 +56,25 @@ class EnergyAccount(Shared):
     @staticmethod
     def of(block: Block) -> EnergyAccount:
         """Return the account of a block."""
-        terms = dict(zip(TERMS, _joules_of(block).tolist(), strict=True))
-        return EnergyAccount(**terms, electrical=block.electrical_energy)
+        tally = empty_tallies(1)
+        add_block(
+            block.rpud,
+            block.covering,
+            block.impacts[:0],
+            *split_fraction(block.start),
+            *split_fraction(block.end),
+            False,
+            tally,
+            np.zeros(CLASSES, np.int64),
+            np.zeros(PART_ROOM),
+        )
+        return EnergyAccount.from_tally(tally[0], block.electrical_energy)
+
+    @staticmethod
+    def from_tally(tally: np.void, electrical: float) -> EnergyAccount:
+        """Return the account of a tally, with the electrical energy [J]."""
+        terms = zip(TERMS, tally["account"].tolist(), strict=True)
+        return EnergyAccount(**dict(terms), electrical=electrical)
 
     def __add__(self, other: EnergyAccount) -> EnergyAccount:
         """Return the account of both."""
@@ -95,19 +114,6 @@ class EnergyAccount(Shared):
 _values_of = operator.attrgetter(*(field.name for field in dataclasses.fields(EnergyAccount)))
 
 
-def _joules_of(block: Block) -> np.ndarray:
-    """Return the ``TERMS`` of a block's account [J]."""
-    joules = np.zeros(len(TERMS))
-    add_segments(
-        block.rpud,
-        block.covering,
-        *split_fraction(block.start),
-        *split_fraction(block.end),
-        joules,
-    )
-    return joules
-
-
 def mean_account(accounts: list[EnergyAccount]) -> EnergyAccount:
     """Return the mean of at least one account, term by term."""
     table = np.array([dataclasses.astuple(account) for account in accounts])
@@ -115,58 +121,17 @@ def mean_account(accounts: list[EnergyAccount]) -> EnergyAccount:
 
 
 class RecentEnergy:
-    """Accounts of the blocks of the last second of simulation time."""
+    """Account of the blocks of the last second of simulation time."""
 
     def __init__(self, has_feed: bool = False) -> None:
-        # Start, end and terms of each block; as bytes, which copies of a run share. Those of a
-        # span wait until they are wanted.
-        self._blocks: deque[tuple[int, int, bytes]] = deque()
-        self._spans: deque[Span] = deque()
         self._has_feed = has_feed
-        self._feeds: deque[tuple[int, FeedAccount]] = deque()  # with the end of each block
+        self._spans: deque[Span] = deque()
 
-    def add(self, block: Block) -> None:
-        """Add the block that follows."""
-        self._calculate()
-        self._blocks.append((block.start, block.end, _joules_of(block).tobytes()))
-        if block.feed is not None:
-            self._feeds.append((block.end, block.feed))
-        self._forget(block.end)
-
-    def add_span(self, span: Span) -> None:
+    def add(self, span: Span) -> None:
         """Add the blocks that follow."""
         self._spans.append(span)
         while self._spans[0].end <= span.end - _WINDOW:
             self._spans.popleft()
-        if span.feeds:
-            self._feeds.extend(zip(span.ends.tolist(), span.feeds, strict=True))
-        self._forget(span.end)
-
-    def _forget(self, time: int) -> None:
-        while self._blocks and self._blocks[0][1] <= time - _WINDOW:
-            self._blocks.popleft()
-        while self._feeds and self._feeds[0][0] <= time - _WINDOW:
-            self._feeds.popleft()
-
-    def _calculate(self) -> None:
-        for span in self._spans:
-            seconds, rest = np.divmod(np.concatenate([[span.start], span.ends]), SECOND)
-            joules = np.zeros((len(span), len(TERMS)))
-            add_blocks(
-                span.rpud,
-                span.covering,
-                span.opened,
-                span.finished,
-                seconds,
-                rest / SECOND,
-                joules,
-            )
-            times = zip(span.starts.tolist(), span.ends.tolist(), strict=True)
-            self._blocks.extend(
-                (*pair, terms.tobytes()) for pair, terms in zip(times, joules, strict=True)
-            )
-            self._forget(span.end)
-        self._spans.clear()
 
     def powers(self) -> dict[str, float]:
         """Return mean powers by their name in ``rpud_msgs/Status`` [W]; zero before the start.
@@ -175,14 +140,9 @@ class RecentEnergy:
         absorbed_power + stored_power``, and with a feed ``feed_power`` is ``mount_power +
         weight_on_bit_power``. Without one the first two of these are NaN.
         """
-        self._calculate()
-        rows = b"".join(terms for _, _, terms in self._blocks)
-        # A status waits for it, and a second has up to 1,000 blocks. Block by block in their order,
-        # or the powers would have other bits than those of earlier versions.
-        table = np.frombuffer(bytes(8 * len(TERMS)) + rows).reshape(-1, len(TERMS))
-        terms = dict(zip(TERMS, table.cumsum(axis=0)[-1].tolist(), strict=True))
-        total = EnergyAccount(**terms)
-        duration = (self._blocks[-1][1] - self._blocks[0][0]) / SECOND if self._blocks else 0.0
+        total, feed, duration = EnergyAccount(), self._feed_account(), self._duration()
+        if self._spans:
+            total = EnergyAccount.of(self._block())
         energies = {
             "actuator_power": total.actuator_work,
             "weight_power": total.weight_on_bit_work + total.gravity_work,
@@ -192,7 +152,8 @@ class RecentEnergy:
             "absorbed_power": total.absorbed,
             "stored_power": total.stored,
             "weight_on_bit_power": total.weight_on_bit_work,
-            **self._feed_energies(),
+            "feed_power": feed.work if self._has_feed else math.nan,
+            "mount_power": feed.kept if self._has_feed else math.nan,
         }
         # What is unknown stays so before the start.
         return {
@@ -200,9 +161,33 @@ class RecentEnergy:
             for name, energy in energies.items()
         }
 
-    def _feed_energies(self) -> dict[str, float]:
-        """Return the work of the feed, and of it what does not reach the drill [J]."""
+    def coupling_power(self) -> float:
+        """Return the mean power of ``FeedAccount.coupling`` [W]; NaN without a feed."""
         if not self._has_feed:
-            return {"feed_power": math.nan, "mount_power": math.nan}
-        total = sum((account for _, account in self._feeds), FeedAccount())
-        return {"feed_power": total.work, "mount_power": total.kept}
+            return math.nan
+        duration = self._duration()
+        return self._feed_account().coupling / duration if duration else 0.0
+
+    def _late(self) -> int:
+        """Return the number of blocks of the first span that ended before the last second."""
+        first, last = self._spans[0], self._spans[-1]
+        return int(np.searchsorted(first.ends, last.end - _WINDOW, side="right"))
+
+    def _block(self) -> Block:
+        """Return the last second as one block, without its impacts; a status waits for it."""
+        first, *others = self._spans
+        last, late = self._spans[-1], self._late()
+        parts = [first.covering[first.opened[late] : -1], *(span.covering[:-1] for span in others)]
+        covering = join_records([*parts, last.covering[-1:]], SEGMENT)
+        start = int(first.starts[late])
+        return Block(start, last.end, covering, last.impacts[:0], last.rpud, math.nan)
+
+    def _duration(self) -> float:
+        if not self._spans:
+            return 0.0
+        return (self._spans[-1].end - int(self._spans[0].starts[self._late()])) / SECOND
+
+    def _feed_account(self) -> FeedAccount:
+        # One by one, so that they have the same bits however they came.
+        feeds = chain.from_iterable(span.feeds for span in self._spans)
+        return sum(islice(feeds, self._late() if self._spans else 0, None), FeedAccount())

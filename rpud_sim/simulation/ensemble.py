@@ -117,7 +117,7 @@ def compile_kernels(
         simulation.advance_to(2000)  # the engine gets changes when time goes on
         if messages:
             energy = RecentEnergy()
-            energy.add_span(simulation.advance_through(np.array([3000, 4000])))
+            energy.add(simulation.advance_through(np.array([3000, 4000])))
             energy.powers()
 
 

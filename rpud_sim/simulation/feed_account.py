@@ -7,7 +7,7 @@ import math
 import operator
 from collections.abc import Sequence
 
-from rpud_sim.drilling.mount import MountState, MountWork
+from rpud_sim.drilling.mount import Advance, MountWork
 from rpud_sim.foundation.shared import Shared
 
 
@@ -26,11 +26,17 @@ class FeedAccount(Shared):
     host_slip: float = 0.0  # lost where the host slips by the force of the arm
     arm_stored: float = 0.0  # in the arm's spring at the end, less that at the start
     penetration_work: float = 0.0  # of the load spring on the rock, while the hole gets deeper
+    # lost in the damping of the load spring by the mount's motion, beside ``load_damper`` of the
+    # ``EnergyAccount``
+    load_damper: float = 0.0
+    # to the springs of the drill while the mount withdraws from bodies that the rock does not hold;
+    # in ``changes`` of the ``EnergyAccount``
+    withdrawal_work: float = 0.0
     # W^2 / (2 k_1) - W u_np of the load spring at the end, less that at the start; the rest
     # of its energy is in ``EnergyAccount.stored``
     preload_stored: float = 0.0
-    # work of the mount that the percussion does not take, since its weight on bit is constant
-    # within a step and its frame is at rest
+    # work of the mount that the percussion does not take, since force and place of the mount are
+    # constant for it within a step, and the restoring spring does not pull at the mount
     coupling: float = 0.0
 
     def __add__(self, other: FeedAccount) -> FeedAccount:
@@ -86,41 +92,71 @@ def mean_feed_account(accounts: Sequence[FeedAccount]) -> FeedAccount | None:
 class LoadSpring:
     """Energy of the load spring between mount and RPUD, from step to step.
 
-    Its force is k_1 (s - u_np), with s = W / k_1 the way of the mount beyond the bottom of the
-    hole. s changes at the steps alone, by the mount and by the hole.
+    Its force is k_1 (s - u_np), with s = W / k_1 the compression by mount and rock, and c_1 times
+    the relative velocity. s changes at the steps alone, by the mount and by the hole.
 
     Args:
+        stored: energy of the arm at time zero [J].
+        compression: s at time zero [m].
         spring_rate: with which the load spring pushes, at time zero [N/m].
     """
 
-    def __init__(self, state: MountState, spring_rate: float, position: float) -> None:
-        self._place = (state.position, state.bottom)
+    def __init__(
+        self, stored: float, compression: float, spring_rate: float, position: float
+    ) -> None:
+        self._compression = compression
         self._spring_rate = spring_rate
-        self._first_stored = state.work.stored
+        self._first_stored = stored
+        # Of the last step, until it is in the engine: way of the origin past the bodies [m], and
+        # the part of the preload that this takes [J].
+        self._passed = self._left = 0.0
         self._first_preload = self._preload(position)
         self._changes = 0.0
         self._mount_work = 0.0
         self._penetration = 0.0
+        self._withdrawal = 0.0
+        # Forces of the present step by the velocity of the mount: of the damping, and all [N].
+        self._damping_force = self._motion_force = 0.0
+        self._damper = 0.0  # loss in the damping, up to the last step [J]
+        self._motion_work = 0.0  # of all these forces on the RPUD, up to the last step [J]
+        self._start = position  # of the nodal plane at the last step [m]
 
-    def step(self, place: tuple[float, float], spring_rate: float, position: float) -> None:
-        """Add a step.
-
-        Args:
-            place: position of the mount and bottom of the hole after it [m].
-        """
-        mount, bottom = self._place
-        way = _compression(mount, bottom)
+    def step(self, advance: Advance, spring_rate: float, position: float) -> None:
+        """Add a step."""
+        way = self._compression
         change = spring_rate - self._spring_rate
         self._changes += change * way * (0.5 * way - position)
-        deeper = _compression(mount, place[1])
-        after = _compression(*place)
+        after = advance.compression + advance.passed
+        deeper = after - advance.moved
         self._penetration -= _work(spring_rate, position, way, deeper)
         self._mount_work += _work(spring_rate, position, deeper, after)
-        self._place = place
-        self._spring_rate = spring_rate
+        self._compression, self._passed = advance.compression, advance.passed
+        self._spring_rate, self._left = spring_rate, 0.0
+        if advance.passed:
+            self._left = _work(spring_rate, position, 0.0, after) - self._preload(position)
+        self._damper -= 2.0 * self._damping_force * (position - self._start)
+        self._motion_work += self._motion_force * (position - self._start)
+        self._damping_force = advance.damping_force
+        self._motion_force = advance.damping_force + advance.lead_force
+        self._damper += advance.damping_force * advance.moved
+        self._start = position
+
+    def shift(self, way: float, work: float) -> None:
+        """Count positions from an origin that is further ahead.
+
+        Args:
+            work: that this does on the springs of the drill [J].
+        """
+        self._start -= way
+        self._mount_work -= self._left - work
+        self._withdrawal += work
+        self._passed = self._left = 0.0
 
     def account(self, work: MountWork, position: float) -> FeedAccount:
         """Return the account since time zero."""
+        way = position - self._start
+        damper = self._damper - 2.0 * self._damping_force * way
+        motion_work = self._motion_work + self._motion_force * way
         return FeedAccount(
             feed_work=work.feed,
             host_work=work.host,
@@ -129,18 +165,15 @@ class LoadSpring:
             host_slip=work.slip,
             arm_stored=work.stored - self._first_stored,
             penetration_work=self._penetration,
+            load_damper=damper,
+            withdrawal_work=self._withdrawal,
             preload_stored=self._preload(position) - self._first_preload,
-            coupling=work.drill - self._mount_work,
+            coupling=work.drill - self._mount_work - damper - motion_work,
         )
 
     def _preload(self, position: float) -> float:
-        way = _compression(*self._place)
-        return self._spring_rate * way * (0.5 * way - position)
-
-
-def _compression(position: float, bottom: float) -> float:
-    """Return the way of a mount beyond the bottom of the hole [m]."""
-    return position - bottom if position > bottom else 0.0
+        way = self._compression
+        return self._left + _work(self._spring_rate, position - self._passed, 0.0, way)
 
 
 def _work(spring_rate: float, position: float, start: float, end: float) -> float:

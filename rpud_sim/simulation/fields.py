@@ -1,12 +1,12 @@
 """Fields of every published message, as plain values by name.
 
 This is the one table from the simulation's records to the messages of ``msg_defs``: the node fills
-ROS messages from it, and offline bags are encoded from it. Messages are dictionaries, sequences
+ROS messages from it, and bags are encoded from it. Messages are dictionaries, sequences
 ``array.array``, stamps integer nanoseconds; an origin is the stamp of simulation time zero.
 
-The same functions give many messages at once as columns: a stamp is then an array, and so is each
-value that differs from message to message. A sequence is an array with a row for each message, or
-``Ragged`` if its length differs.
+What a drill samples comes as columns of many messages: an array in place of each value that differs
+from message to message. A sequence is an array with a row for each message, or ``Ragged`` if its
+length differs. One message is a row of such columns (``together.Columns.row``).
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ from __future__ import annotations
 import dataclasses
 import math
 from array import array
-from collections.abc import Callable, Iterator, Sequence
-from itertools import pairwise
+from collections.abc import Iterable, Sequence
+from operator import attrgetter
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -68,67 +68,64 @@ def to_array(values: np.ndarray) -> array:
     return array(_TYPE_CODES[values.dtype], np.ascontiguousarray(values).tobytes())
 
 
-def _value(column: np.ndarray, index: int | None) -> Any:
-    """Return one value of a column as a Python number, or the whole column."""
-    return column if index is None else column.item(index)
-
-
-def nodal_plane_fields(samples: Samples, index: int | None, stamp: Any) -> Fields:
-    """Fields of ``rpud_msgs/NodalPlane`` for one sample, or columns for all."""
+def nodal_plane_fields(samples: Samples, stamps: np.ndarray) -> Fields:
+    """Columns of ``rpud_msgs/NodalPlane``."""
     return {
-        "header": header_fields("nodal_plane", stamp),
-        "position": _value(samples.nodal_plane_position, index),
-        "velocity": _value(samples.nodal_plane_velocity, index),
+        "header": header_fields("nodal_plane", stamps),
+        "position": samples.nodal_plane_position,
+        "velocity": samples.nodal_plane_velocity,
     }
 
 
-def actuator_state_fields(reading: ActuatorReading, mechanical_power: float, stamp: Any) -> Fields:
-    """Fields of ``rpud_msgs/ActuatorState`` for one reading, or columns for the same at all stamps.
+_READING = (
+    *("voltage", "current", "phase", "impedance", "frequency", "resonance_frequency", "amplitude"),
+    *("electrical_power", "electrical_energy", "mechanical_work", "temperature"),
+)
+_values_of = attrgetter(*_READING)
+
+
+def actuator_state_fields(
+    readings: Sequence[ActuatorReading], mechanical_powers: np.ndarray, stamps: np.ndarray
+) -> Fields:
+    """Columns of ``rpud_msgs/ActuatorState``.
 
     Args:
-        mechanical_power: since the reading before [W].
+        mechanical_powers: since the reading before each [W].
     """
+    first = readings[0]
+    if all(reading is first for reading in readings):
+        columns: Iterable[Any] = _values_of(first)
+    else:
+        columns = np.array([_values_of(reading) for reading in readings]).T
     return {
-        "header": header_fields("actuator_state", stamp),
-        "voltage": reading.voltage,
-        "current": reading.current,
-        "phase": reading.phase,
-        "impedance": reading.impedance,
-        "frequency": reading.frequency,
-        "resonance_frequency": reading.resonance_frequency,
-        "amplitude": reading.amplitude,
-        "electrical_power": reading.electrical_power,
-        "mechanical_power": mechanical_power,
-        "electrical_energy": reading.electrical_energy,
-        "mechanical_work": reading.mechanical_work,
-        "temperature": reading.temperature,
+        "header": header_fields("actuator_state", stamps),
+        **dict(zip(_READING, columns, strict=True)),
+        "mechanical_power": mechanical_powers,
     }
 
 
-def drill_tool_fields(samples: Samples, index: int | None, stamp: Any) -> Fields:
-    """Fields of ``rpud_msgs/DrillTool`` for one sample, or columns for all."""
+def drill_tool_fields(samples: Samples, stamps: np.ndarray) -> Fields:
+    """Columns of ``rpud_msgs/DrillTool``."""
     return {
-        "header": header_fields("drill_tool", stamp),
-        "displacement": _value(samples.drill_tool_displacement, index),
-        "velocity": _value(samples.drill_tool_velocity, index),
-        "in_contact": _value(samples.in_contact, index),
+        "header": header_fields("drill_tool", stamps),
+        "displacement": samples.drill_tool_displacement,
+        "velocity": samples.drill_tool_velocity,
+        "in_contact": samples.in_contact,
     }
 
 
-def reacting_force_fields(samples: Samples, index: int | None, stamp: Any) -> Fields:
-    """Fields of ``rpud_msgs/ReactingForce`` for one sample, or columns for all."""
+def reacting_force_fields(samples: Samples, stamps: np.ndarray) -> Fields:
+    """Columns of ``rpud_msgs/ReactingForce``."""
     return {
-        "header": header_fields("reacting_force", stamp),
-        "force": _value(samples.reacting_force, index),
+        "header": header_fields("reacting_force", stamps),
+        "force": samples.reacting_force,
     }
 
 
 def wrench_fields(
-    samples: Samples, index: int | None, stamp: Any, torques: np.ndarray | None = None
+    samples: Samples, stamps: np.ndarray, torques: np.ndarray | None = None
 ) -> Fields:
-    """Fields of ``geometry_msgs/WrenchStamped`` as a wrist sensor at the mount gives one sample.
-
-    Without an index they are columns for all samples.
+    """Columns of ``geometry_msgs/WrenchStamped`` as a wrist sensor at the mount gives them.
 
     The z axis of the mount's frame points along the drill toward the rock; the drill pushes the
     mount back, so that the force along z is the negative reacting force.
@@ -136,13 +133,11 @@ def wrench_fields(
     Args:
         torques: of the drill on the mount about z, one for each sample [N m]; None for zero.
     """
-    force = -_value(samples.reacting_force, index)
-    torque = 0.0 if torques is None else _value(torques, index)
     return {
-        "header": header_fields("wrench", stamp),
+        "header": header_fields("wrench", stamps),
         "wrench": {
-            "force": {"x": 0.0, "y": 0.0, "z": force},
-            "torque": {"x": 0.0, "y": 0.0, "z": torque},
+            "force": {"x": 0.0, "y": 0.0, "z": -samples.reacting_force},
+            "torque": {"x": 0.0, "y": 0.0, "z": 0.0 if torques is None else torques},
         },
     }
 
@@ -157,14 +152,13 @@ class Joint(NamedTuple):
 
 
 def joint_state_fields(
-    samples: Samples, index: int | None, stamp: Any, others: Sequence[Joint] = ()
+    samples: Samples, stamps: np.ndarray, others: Sequence[Joint] = ()
 ) -> Fields:
-    """Fields of ``sensor_msgs/JointState`` for one sample of the ``JOINTS`` of ``urdf/rpud.urdf``.
+    """Columns of ``sensor_msgs/JointState`` for the ``JOINTS`` of ``urdf/rpud.urdf``.
 
-    Without an index they are columns for all samples. The effort is the force between mount and
-    body, positive toward the rock: the reacting force on the nodal plane, and zero on free mass and
-    drill tool, whose forces do not reach the mount in the model. The sum of these efforts is the
-    negative force of the wrench.
+    The effort is the force between mount and body, positive toward the rock: the reacting force on
+    the nodal plane, and zero on free mass and drill tool, whose forces do not reach the mount in
+    the model. The sum of these efforts is the negative force of the wrench.
 
     Args:
         others: joints that follow, with a value for each sample.
@@ -182,19 +176,16 @@ def joint_state_fields(
         *others,
     )
     return {
-        "header": header_fields("joint_states", stamp),
+        "header": header_fields("joint_states", stamps),
         "name": [joint.name for joint in joints],
-        "position": _joints([joint.position for joint in joints], index),
-        "velocity": _joints([joint.velocity for joint in joints], index),
-        "effort": _joints([joint.effort for joint in joints], index),
+        "position": _joints([joint.position for joint in joints], len(stamps)),
+        "velocity": _joints([joint.velocity for joint in joints], len(stamps)),
+        "effort": _joints([joint.effort for joint in joints], len(stamps)),
     }
 
 
-def _joints(columns: Sequence[np.ndarray | None], index: int | None) -> Any:
-    """Return a value for each joint, or a row of them for each sample; None for zeros."""
-    if index is not None:
-        return array("d", [0.0 if each is None else each.item(index) for each in columns])
-    count = next(len(each) for each in columns if each is not None)
+def _joints(columns: Sequence[np.ndarray | None], count: int) -> np.ndarray:
+    """Return a row of values of all joints for each sample; None stands for zeros."""
     rows = np.zeros((count, len(columns)))
     for number, each in enumerate(columns):
         if each is not None:
@@ -202,65 +193,38 @@ def _joints(columns: Sequence[np.ndarray | None], index: int | None) -> Any:
     return rows
 
 
-def contact_force_fields(impact: Any, origin: int) -> Fields:
-    """Fields of ``rpud_msgs/ContactForce`` for one ``IMPACT``, or columns for an array of them."""
-    names = IMPACT.names or ()
-    if isinstance(impact, np.ndarray):
-        values: dict[str, Any] = {name: impact[name] for name in names}
-        fraction: Any = np.rint(values.pop("fraction") * SECOND).astype(np.int64)
-    else:
-        # All at once: one by one they would take longer than the rest of the message.
-        values = dict(zip(names, impact.item(), strict=True))
-        fraction = round(values.pop("fraction") * SECOND)
+def contact_force_fields(impacts: np.ndarray, origin: int) -> Fields:
+    """Columns of ``rpud_msgs/ContactForce`` for ``IMPACT`` records."""
+    values: dict[str, Any] = {name: impacts[name] for name in IMPACT.names or ()}
+    fraction = np.rint(values.pop("fraction") * SECOND).astype(np.int64)
     start = values.pop("seconds") * SECOND + fraction
     return {"header": header_fields("contact_force", origin + start), **values}
 
 
-def waveform_fields(
-    samples: Samples,
-    stamp: Any,
-    sequence: Any,
-    sample_rate: int,
-    convert: Callable[[np.ndarray], Any] = to_array,
-) -> Fields:
-    """Fields of ``rpud_msgs/Waveform``, or columns.
+def waveform_fields(samples: Samples, cuts: np.ndarray, sample_rate: int, origin: int) -> Fields:
+    """Columns of ``rpud_msgs/Waveform``, of at least one message.
 
     Args:
-        convert: makes a sequence of a channel; for columns, a row for each message.
+        cuts: number of the first sample of each message since simulation time zero, and of all.
     """
+    counts = np.diff(cuts)
+    names = (
+        *("nodal_plane_position", "actuator_position", "free_mass_position"),
+        *("drill_tool_displacement", "contact_force", "reacting_force"),
+    )
+    channels: dict[str, Any] = {name: getattr(samples, name) for name in names}
+    if (counts == counts[0]).all():
+        channels = {name: each.reshape(len(counts), -1) for name, each in channels.items()}
+    else:
+        channels = {name: Ragged(each, cuts - cuts[0]) for name, each in channels.items()}
+    # Python's numbers: 64 bits would overflow within days.
+    starts = [cut * SECOND // sample_rate for cut in cuts[:-1].tolist()]
     return {
-        "header": header_fields("waveform", stamp),
-        "sequence": sequence,
+        "header": header_fields("waveform", origin + np.array(starts)),
+        "sequence": cuts[:-1],
         "sample_period": 1.0 / sample_rate,
-        "nodal_plane_position": convert(samples.nodal_plane_position),
-        "actuator_position": convert(samples.actuator_position),
-        "free_mass_position": convert(samples.free_mass_position),
-        "drill_tool_displacement": convert(samples.drill_tool_displacement),
-        "contact_force": convert(samples.contact_force),
-        "reacting_force": convert(samples.reacting_force),
+        **channels,
     }
-
-
-def trajectory_fields(segments: np.ndarray, sequence: int, origin: int) -> Iterator[Fields]:
-    """Fields of ``rpud_msgs/Trajectory`` for finished segments: one message per set of constants.
-
-    Args:
-        sequence: number of the first segment since the start.
-    """
-    if not len(segments):
-        return
-    cuts = trajectory_cuts(segments)
-    for first, end in pairwise([0, *cuts.tolist(), len(segments)]):
-        part = segments[first:end]
-        start = int(part["start_seconds"][0]) * SECOND
-        start += round(float(part["start_fraction"][0]) * SECOND)
-        yield {
-            "header": header_fields("trajectory", origin + start),
-            "sequence": sequence + first,
-            "origin": time_fields(origin),
-            **{name: float(part[name][0]) for name in CONSTANTS},
-            **{name: to_array(part[name]) for name in SEGMENT_ARRAYS},
-        }
 
 
 def trajectory_cuts(segments: np.ndarray) -> np.ndarray:
@@ -269,13 +233,12 @@ def trajectory_cuts(segments: np.ndarray) -> np.ndarray:
     return np.flatnonzero((constants[1:] != constants[:-1]).any(axis=1)) + 1
 
 
-def trajectory_columns(
-    segments: np.ndarray, cuts: np.ndarray, sequence: int, origin: int
-) -> Fields:
-    """Columns of ``rpud_msgs/Trajectory``.
+def trajectory_fields(segments: np.ndarray, cuts: np.ndarray, sequence: int, origin: int) -> Fields:
+    """Columns of ``rpud_msgs/Trajectory`` for finished segments.
 
     Args:
-        cuts: number of the first segment of each message, and of all.
+        cuts: number of the first segment of each message, all with the same constants, and of all.
+        sequence: number of the first segment since the start.
     """
     first = segments[cuts[:-1]]
     starts = first["start_seconds"] * SECOND

@@ -30,7 +30,7 @@ from rpud_sim.simulation.energy_account import EnergyAccount
 from rpud_sim.simulation.feed_account import FeedAccount
 from rpud_sim.simulation.plant import nominal_drive, rpud_constants
 from rpud_sim.simulation.scenario import Scenario
-from rpud_sim.simulation.statistics import Statistics, account_of, figures_of
+from rpud_sim.simulation.statistics import Statistics, figures_of
 
 _FIRST_IMPACTS = 1024  # room for impacts; it doubles when it is too small
 
@@ -194,7 +194,7 @@ class QuietRuns:
         figures = figures_of(tallies[number], self._time / SECOND, quantile)
         if not whole:
             return Member(figures)
-        return Member(figures, account_of(tallies[number], self._electrical(number)))
+        return Member(figures, EnergyAccount.from_tally(tallies[number], self._electrical(number)))
 
     def _error(self, number: int) -> EngineError | None:
         status = int(self._statuses[number])

@@ -51,9 +51,10 @@ class PercussionMeter:
     """Impacts and forces since the last step of the slow processes.
 
     The mean of R = W - k_1 u_np - c_1 v_np takes u_np as linear in the step: its period on the load
-    spring is a hundred times as long. By momentum the rock bears, on average, R with the weights of
-    the free mass and, with ``gravity_on_drill``, of the RPUD: at a standstill the weight on bit
-    with these. The mean of R fades with ``FORCE_WINDOW``.
+    spring is a hundred times as long. W has the force by the velocity of the mount as well. By
+    momentum the rock bears, on average, R with the weights of the free mass and, with
+    ``gravity_on_drill``, of the RPUD: at a standstill the weight on bit with these. The mean of R
+    fades with ``FORCE_WINDOW``.
     """
 
     def __init__(self, vibration_amplitude: float, position: float, weight_on_bit: float) -> None:
@@ -61,6 +62,11 @@ class PercussionMeter:
         self._position = position
         self._mean_force = weight_on_bit  # mean of R [N]
         self._energies = array("d")
+        self.arrived = 0.0  # energy of all impacts [J]
+
+    def shift(self, way: float) -> None:
+        """Count positions from an origin that is further ahead."""
+        self._position -= way
 
     def add(self, impacts: np.ndarray) -> None:
         """Add ``IMPACT`` records of impacts that have ended."""
@@ -89,5 +95,8 @@ class PercussionMeter:
         if not (drill.in_rock and on_rock > 0.0):
             on_rock = 0.0
         energies, self._energies = tuple(self._energies), array("d")
+        for energy in energies:
+            self.arrived += energy
+        reach = position + max(position - self._position, 0.0)
         self._position = position
-        return Percussion(energies, ratio, drill.in_rock, force, on_rock)
+        return Percussion(energies, ratio, drill.in_rock, force, on_rock, drill.rpud_damping, reach)

@@ -10,11 +10,11 @@ from rpud_sim.drilling.process import Process, Surroundings
 from rpud_sim.drilling.rock import Progress
 from rpud_sim.foundation.time import NEVER, SECOND, split_fraction
 from rpud_sim.model.drill import Drill, derive
-from rpud_sim.model.energy import RpudConstants
-from rpud_sim.model.engine import Engine
+from rpud_sim.model.energy import RpudConstants, withdrawal_work
+from rpud_sim.model.engine import Engine, EngineError
 from rpud_sim.model.parameters import Parameters
 from rpud_sim.model.resonator import Resonance
-from rpud_sim.model.segment import IMPACT, SEGMENT, join_records
+from rpud_sim.model.segment import IMPACT, SEGMENT, join_records, motion_at
 from rpud_sim.simulation.actuator import Actuator, ActuatorReading
 from rpud_sim.simulation.commands import Drive
 from rpud_sim.simulation.conditions import Conditions
@@ -42,6 +42,10 @@ def rpud_constants(parameters: Parameters, resonance: Resonance | None) -> RpudC
     )
 
 
+# Energy that the steps of an arm may create in a second beside that of the impacts [J].
+LEAST_CREATED = 1.0
+
+
 class Plant:
     """Motion of the drill, amplitude of its actuator and depth of its hole, from time zero on.
 
@@ -63,6 +67,7 @@ class Plant:
         self.process = Process(configuration.drilling, self._surroundings())
         if (weight := self.process.weight_on_bit) is not None:
             parameters = self._acting_parameters().replace(weight_on_bit=weight)
+        self._passed = 0.0  # by the origin of the bodies' displacements, not yet in the engine [m]
         # drive, generator and temperature
         self.actuator = Actuator(configuration.actuator, parameters.vibration_amplitude, drive)
         self._drill = derive(parameters)
@@ -72,6 +77,7 @@ class Plant:
         self._stepped: SteppedEngine | None = None
         self._percussion: PercussionMeter | None = None
         self._load_spring: LoadSpring | None = None
+        self._checked = (0.0, 0.0)  # coupling and energy of impacts at the last whole second [J]
         start = (parameters, initial_phase, self.actuator.level > 0.0, self.actuator.resonance)
         if self.process.next_step == NEVER:
             self.engine = Engine(*start)  # of the motion
@@ -80,8 +86,10 @@ class Plant:
             position = nodal_plane_position(self._stepped.open_segment, *self._instant)
             nominal = parameters.vibration_amplitude
             self._percussion = PercussionMeter(nominal, position, parameters.weight_on_bit)
-            if (mount := self.process.state.mount) is not None:
-                self._load_spring = LoadSpring(mount, self._pushing_rate(), position)
+            mount, advance = self.process.state.mount, self.process.advance
+            if mount is not None and advance is not None:
+                way, rate = advance.compression, self._pushing_rate()
+                self._load_spring = LoadSpring(mount.work.stored, way, rate, position)
         # furthest time to advance to at once [ns]
         self.next_step = min(self.actuator.next_step, self.process.next_step)
         self._in_force = (self._drill, *self._commands())
@@ -186,8 +194,37 @@ class Plant:
         self.process.step(percussion, self._surroundings(), self._conditions.disturbances)
         if self.process.in_contact is not in_contact:
             self._drill = self._derived()
-        if self._load_spring and (place := self.process.place) is not None:
-            self._load_spring.step(place, self._pushing_rate(), position)
+        if self._load_spring and (advance := self.process.advance) is not None:
+            self._load_spring.step(advance, self._pushing_rate(), position)
+            self._passed = advance.passed
+            if self.time % SECOND == 0:
+                self._check_coupling(position)
+
+    def _check_coupling(self, position: float) -> None:
+        """Fail where the steps of the arm created more energy in a second than impacts brought."""
+        assert self._percussion is not None
+        before, arrived = self._checked
+        feed = self._account_feed(position)
+        self._checked = (feed.coupling, self._percussion.arrived)
+        created, brought = before - feed.coupling, self._percussion.arrived - arrived
+        if created > brought + LEAST_CREATED:
+            raise EngineError(
+                f"the arm is unstable: its steps created {created:.3g} J in the second before "
+                f"{self.time / SECOND:g} s, impacts brought {brought:.3g} J; it needs a higher "
+                "arm_stiffness, arm_damping or rpud_damping_ratio, or a lower load_spring_rate"
+            )
+
+    def _note_withdrawal(self) -> None:
+        """Note that the origin of the bodies' displacements passes them by ``_passed``."""
+        assert self._stepped is not None
+        assert self._load_spring is not None
+        assert self._percussion is not None
+        segment = self._stepped.open_segment[0]
+        motion = motion_at(segment, self._stepped.ahead(*self._instant))
+        rate = self._drill.tool_spring_rate
+        work = float(withdrawal_work(segment, rate, motion, self._passed))
+        self._percussion.shift(self._passed)
+        self._load_spring.shift(self._passed, work)
 
     def _pushing_rate(self) -> float:
         """Rate with which the load spring pushes [N/m]."""
@@ -216,9 +253,15 @@ class Plant:
 
     def feed_account(self, segment: np.ndarray) -> FeedAccount | None:
         """Return the account of feed and mount since time zero; None without a feed."""
-        if self._load_spring is None or (mount := self.process.state.mount) is None:
+        if self._load_spring is None:
             return None
-        return self._load_spring.account(mount.work, nodal_plane_position(segment, *self._instant))
+        return self._account_feed(nodal_plane_position(segment, *self._instant))
+
+    def _account_feed(self, position: float) -> FeedAccount:
+        mount = self.process.state.mount
+        assert self._load_spring is not None
+        assert mount is not None
+        return self._load_spring.account(mount.work, position)
 
     def _make_progress(self, impacts: np.ndarray) -> None:
         if self._percussion is not None:
@@ -230,7 +273,7 @@ class Plant:
             )
 
     def _weight_on_bit(self) -> float:
-        weight = self.process.weight_on_bit
+        weight = self.process.preload
         if weight is None:
             return self.weight_on_bit * self._conditions.preload_factor
         return weight
@@ -246,7 +289,11 @@ class Plant:
         It happens once for each instant, so that the order of changes there makes no difference.
         """
         in_force = (self._drill, *self._commands())
-        if in_force != self._in_force:
+        fed = self._load_spring is not None
+        if in_force != self._in_force or self._passed or (fed and self.engine.seats):
             self._in_force = in_force
+            if self._passed:
+                self._note_withdrawal()
             seconds, fraction = self._instant
-            self.engine.change(seconds, fraction, *in_force)
+            self.engine.change(seconds, fraction, *in_force, self._passed, fed)
+            self._passed = 0.0

@@ -1,7 +1,6 @@
 """Fields of the messages of rotation, mount and borehole, and of their joints.
 
-As in ``rpud_sim.simulation.fields``, the same functions give the message of one state, or columns
-for many.
+As in ``rpud_sim.simulation.fields``, they come as columns.
 """
 
 from __future__ import annotations
@@ -40,16 +39,7 @@ def has_part(states: States, topic: str) -> bool:
     return bool(states) and getattr(states[0], topic) is not None
 
 
-def process_fields(topic: str, state: ProcessState, stamp: int) -> Fields:
-    """Fields of the message of a topic of ``PROCESS_TOPICS`` for one state."""
-    part = getattr(state, topic)
-    return {
-        "header": header_fields(topic, stamp),
-        **{name: getattr(part, name) for name in _FIELDS[topic]},
-    }
-
-
-def process_columns(
+def process_fields(
     topic: str, states: States, stamps: np.ndarray
 ) -> Iterator[tuple[slice, Fields]]:
     """Yield columns of a topic of ``PROCESS_TOPICS``, and which of the states they are of.

@@ -17,6 +17,7 @@ from rpud_sim.simulation.fields import Bookkeeping, faults_fields, journal_field
 from rpud_sim.simulation.journal import Journal
 from rpud_sim.simulation.scenario import Scenario, ScheduledFault
 from rpud_sim.simulation.simulation import Simulation
+from rpud_sim.simulation.span import span_of
 from rpud_sim.simulation.state import state_of
 from rpud_sim.simulation.telemetry import Stream, Telemetry, messages_of
 from rpud_sim.simulation.together import Entry, Together
@@ -238,8 +239,9 @@ class Run:
             if block.end < end:
                 self.note("stop")
                 yield from self.entries()
-            self._recent_energy.add(block)
-            yield from self._telemetry.prompt(block, simulation.faults.since(block.start))
+            span = span_of([block])
+            self._recent_energy.add(span)
+            yield from self._telemetry.prompt(span, simulation.faults.since(block.start))
             yield from self._changed_faults()
             stream = self._telemetry.streams(block)
             if defer is None:
@@ -261,7 +263,7 @@ class Run:
                 yield from self.advance_to(min(self.next_boundary, time))
                 continue
             span = simulation.advance_through(self._telemetry.ends(simulation.time, blocks))
-            self._recent_energy.add_span(span)
+            self._recent_energy.add(span)
             yield self._telemetry.together(span)
             self._on_block(span.block)
 
@@ -304,6 +306,11 @@ class Run:
                 "journal_entries": self._journal.count if self._journal is not None else 0,
             },
         )
+
+    @property
+    def coupling_power(self) -> float:
+        """Mean power in the last second that the steps of the arm lose [W]; NaN without a feed."""
+        return self._recent_energy.coupling_power()
 
     def note(self, kind: str, **content: Any) -> None:
         """Append an entry to the journal, if there is one, at the present time."""

@@ -102,6 +102,11 @@ class Simulation:
         return self._plant.reading
 
     @property
+    def unloaded_amplitude(self) -> float:
+        """Amplitude of a resonant vibration without load, on resonance [m]; 0 without one."""
+        return self._plant.actuator.unloaded_amplitude
+
+    @property
     def faults(self) -> FaultLedger:
         """The ledger of faults, read-only."""
         return self._faults

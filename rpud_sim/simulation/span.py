@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
+from itertools import accumulate
 
 import numpy as np
 
@@ -49,26 +50,24 @@ class Span(Shared):
     @property
     def starts(self) -> np.ndarray:
         """Beginning of each block."""
-        return np.concatenate([[self.start], self.ends[:-1]])
+        return _shifted(self.start, self.ends)
 
     @property
     def opened(self) -> np.ndarray:
         """Number of the segment that was open when each block began."""
-        return np.concatenate([[0], self.finished[:-1]])
+        return _shifted(0, self.finished)
 
     @property
     def block(self) -> Block:
         """All blocks as one."""
-        electrical = self.electrical_energy
-        reading = self.readings[-1] if self.readings else None
         return Block(
             self.start,
             self.end,
             self.covering,
             self.impacts,
             self.rpud,
-            electrical,
-            reading,
+            self.electrical_energy,
+            self.readings[-1] if self.readings else None,
             self.states[-1] if self.states else AT_REST,
             sum_accounts(self.feeds),
         )
@@ -99,11 +98,19 @@ def span_of(blocks: Sequence[Block]) -> Span:
         np.array([block.end for block in blocks], np.int64),
         joined.covering,
         joined.impacts,
-        np.cumsum([len(block.segments) for block in blocks]),
-        np.cumsum([len(block.impacts) for block in blocks]),
+        np.array([*accumulate(len(block.segments) for block in blocks)], np.int64),
+        np.array([*accumulate(len(block.impacts) for block in blocks)], np.int64),
         joined.rpud,
         joined.electrical_energy,
         readings,
         [block.process for block in blocks],
         [block.feed for block in blocks if block.feed is not None],
     )
+
+
+def _shifted(first: int, values: np.ndarray) -> np.ndarray:
+    """Return a first value and all others but the last; each live block needs it at once."""
+    shifted = np.empty_like(values)
+    shifted[0] = first
+    shifted[1:] = values[:-1]
+    return shifted

@@ -9,7 +9,7 @@ import numpy as np
 from rpud_sim.drilling.rotor_values import RotorWork
 from rpud_sim.foundation.time import SECOND, split_fraction
 from rpud_sim.model.elementary import power
-from rpud_sim.model.energy import DRILL_TOOL_DAMPER, IMPACTS, RELEASE, TERMS
+from rpud_sim.model.energy import DRILL_TOOL_DAMPER, IMPACTS, RELEASE
 from rpud_sim.model.segment import EVENT_ACTUATOR_IMPACT, EVENT_DRILL_TOOL_IMPACT, EVENT_RELEASE
 from rpud_sim.model.tally import (
     CLASSES,
@@ -61,13 +61,6 @@ def force_of(number: int) -> float | None:
         return None
     decades, part = divmod(number, CLASSES_PER_DECADE)
     return LEAST_FORCE * float(f"1e{decades}") * power(10.0, part / CLASSES_PER_DECADE)
-
-
-def account_of(tally: np.void, electrical: float) -> EnergyAccount:
-    """Return the energy account of a tally, with the electrical energy [J]."""
-    return EnergyAccount(
-        **dict(zip(TERMS, tally["account"].tolist(), strict=True)), electrical=electrical
-    )
 
 
 def figures_of(tally: np.void, duration: float, quantile: int) -> dict[str, float | int | None]:
@@ -150,7 +143,7 @@ class Statistics:
     @property
     def account(self) -> EnergyAccount:
         """The energy account of the blocks so far."""
-        return account_of(self._tally[0], self._electrical)
+        return EnergyAccount.from_tally(self._tally[0], self._electrical)
 
     @property
     def feed(self) -> FeedAccount | None:

@@ -65,7 +65,7 @@ class SteppedEngine(Engine):
         records = (self._drill, self._state, self._open_segment, self._open_impact)
         rooms = (self._segment_room, self._impact_room)
         self._advance_code = machine_code(advance, *records, 0, 0.0, *rooms)
-        self._interrupt_code = machine_code(interrupt, *records, 0.0, *rooms, (0.0, 0.0, 0.0, 0.0))
+        self._interrupt_code = machine_code(interrupt, *records, 0.0, *rooms, (0.0,) * 6)
 
     @property
     def open_segment(self) -> np.ndarray:
@@ -121,7 +121,7 @@ class SteppedEngine(Engine):
             )
             self._written += written
             self._struck += struck
-            if self._written == len(self._segment_room):
+            if status == FULL:
                 self._grow()
         if status != DONE or not all(map(math.isfinite, _finite_values(self._state))):
             raise failure(status, self._parameters, self._drill, self._state)
@@ -131,7 +131,7 @@ class SteppedEngine(Engine):
         seconds: int,
         fraction: float,
         drill: Drill,
-        commands: tuple[float, float, float, float],
+        commands: tuple[float, ...],
     ) -> None:
         self._drill = drill
         self._reached = None
@@ -140,7 +140,7 @@ class SteppedEngine(Engine):
             self._state,
             self._open_segment,
             self._open_impact,
-            self._ahead(seconds, fraction),
+            self.ahead(seconds, fraction),
             self._segment_room[self._written : self._written + 1],
             self._impact_room[self._struck :],
             commands,
@@ -149,7 +149,7 @@ class SteppedEngine(Engine):
         if self._written == len(self._segment_room):
             self._grow()
 
-    def _ahead(self, seconds: int, fraction: float) -> float:
+    def ahead(self, seconds: int, fraction: float) -> float:
         start, rest = _time(self._state)
         return float(seconds - start) + (fraction - rest)
 

@@ -7,22 +7,23 @@ from functools import partial
 
 import numpy as np
 
-from rpud_sim.foundation.ragged import Ragged
 from rpud_sim.foundation.time import SECOND
-from rpud_sim.simulation.actuator import ActuatorReading
-from rpud_sim.simulation.block import Block, boundaries_until, boundary, join_blocks
+from rpud_sim.simulation.block import (
+    Block,
+    boundaries_until,
+    boundary,
+    first_sample,
+    join_blocks,
+)
 from rpud_sim.simulation.channels import CHANNELS
 from rpud_sim.simulation.fields import (
-    Fields,
     actuator_state_fields,
     contact_force_fields,
     drill_tool_fields,
-    header_fields,
     joint_state_fields,
     nodal_plane_fields,
     reacting_force_fields,
     stamp_of,
-    trajectory_columns,
     trajectory_cuts,
     trajectory_fields,
     waveform_fields,
@@ -31,16 +32,14 @@ from rpud_sim.simulation.fields import (
 from rpud_sim.simulation.ledger import FaultRecord
 from rpud_sim.simulation.process_fields import (
     PROCESS_TOPICS,
-    States,
     has_part,
     mount_torque,
-    process_columns,
     process_fields,
     process_joints,
 )
 from rpud_sim.simulation.sampling import Times, join_samples
 from rpud_sim.simulation.signals import SignalFaults
-from rpud_sim.simulation.span import Span
+from rpud_sim.simulation.span import Span, span_of
 from rpud_sim.simulation.together import Columns, Entry, Together
 
 _SENSORS = (
@@ -50,8 +49,8 @@ _SENSORS = (
 )
 
 # Simulation time of the blocks that are done together, about [ns]: more takes more memory, and
-# saves no time.
-_TOGETHER = SECOND
+# saves little time.
+_TOGETHER = 2 * SECOND
 
 _PART = 1000  # samples of a waveform that are made in one part, about 0.2 ms
 
@@ -88,22 +87,23 @@ class Telemetry:
         self._actuator_time = 0
         self._actuator_work = 0.0
 
-    def prompt(self, block: Block, faults: Sequence[FaultRecord]) -> Iterator[Entry]:
+    def prompt(self, span: Span, faults: Sequence[FaultRecord]) -> Iterator[Entry]:
         """Yield the messages that are due at once: impacts of a block and the sample at its end.
 
         Args:
-            block: at most one telemetry period long, after that of the last call.
+            span: one block, at most one telemetry period long, after that of the last call.
             faults: that lasted in the block, or in a part of it.
         """
         faults = [record for record in faults if record.fault.channel]
-        for impact in block.impacts:
-            values = contact_force_fields(impact, self.origin)
-            began = max(block.start, stamp_of(values) - self.origin)
-            yield from self._signal("contact_force", began, values, faults)
-        if self._boundary(block.end) is not None:
-            yield from self._samples(block, faults)
-        for channel, values in self._signals.release(block.end, faults):
-            yield block.end, channel, values
+        for columns in self._columns(span, sampled=self._boundary(span.end) is not None):
+            for time, topic, values in columns.messages():
+                if topic in CHANNELS:
+                    for changed in self._signals.apply(topic, time, values, faults):
+                        yield time, topic, changed
+                else:
+                    yield time, topic, values
+        for channel, values in self._signals.release(span.end, faults):
+            yield span.end, channel, values
 
     def streams(self, block: Block) -> Stream | None:
         """Return waveform and trajectory if a period of theirs ends with this block, else None.
@@ -140,97 +140,57 @@ class Telemetry:
 
         They are those that ``prompt`` and ``streams`` would yield block by block.
         """
-        blocks = np.arange(len(span))
-        ends = span.ends
+        streams = self._streams_of(span, self._stream_period)
+        columns = [*self._columns(span), *(each for each in streams if each is not None)]
+        for each in columns:
+            if each.topic in CHANNELS:
+                self._signals.note(each.topic, partial(each.row, len(each) - 1))
+        return Together(span.ends, tuple(columns))
+
+    def _columns(self, span: Span, sampled: bool = True) -> Iterator[Columns]:
+        """Yield the impacts of a span and, if ``sampled``, what is due at its blocks' ends."""
+        blocks, ends = np.arange(len(span)), span.ends
+        if len(span.impacts):
+            struck = span.struck.searchsorted(np.arange(len(span.impacts)), side="right")
+            fields = contact_force_fields(span.impacts, self.origin)
+            times = np.maximum(span.starts[struck], stamp_of(fields) - self.origin)
+            yield Columns("contact_force", struck, times, fields)
+        if not sampled:
+            return
         stamps = self.origin + ends
         samples = span.sample_ends()
-        columns = []
-
-        def add(topic: str, blocks: np.ndarray, times: np.ndarray, fields: Fields) -> None:
-            columns.append(Columns(topic, blocks, times, fields))
-
-        if len(span.impacts):
-            blocks_of = np.searchsorted(span.struck, np.arange(len(span.impacts)), side="right")
-            fields = contact_force_fields(span.impacts, self.origin)
-            times = np.maximum(span.starts[blocks_of], stamp_of(fields) - self.origin)
-            add("contact_force", blocks_of, times, fields)
-            self._signals.note(
-                "contact_force", partial(contact_force_fields, span.impacts[-1], self.origin)
-            )
-        for topic, make in _sensors(span.states):
-            add(topic, blocks, ends, make(samples, None, stamps))
-            last = partial(make, samples, len(span) - 1, self.origin + span.end)
-            self._signals.note(topic, last)
-        self._processes_together(span, blocks, add)
+        for topic, make in _SENSORS:
+            yield Columns(topic, blocks, ends, make(samples, stamps))
+        fields = wrench_fields(samples, stamps, mount_torque(span.states))
+        yield Columns("wrench", blocks, ends, fields)
+        for topic in PROCESS_TOPICS:
+            if has_part(span.states, topic):
+                for among, fields in process_fields(topic, span.states, stamps):
+                    yield Columns(topic, blocks[among], ends[among], fields)
         if self._wanted("joint_states"):
             joints = tuple(process_joints(span.states))
-            fields = joint_state_fields(samples, None, stamps, joints)
-            add("joint_states", blocks, ends, fields)
+            fields = joint_state_fields(samples, stamps, joints)
+            yield Columns("joint_states", blocks, ends, fields)
         if span.readings:
             powers = self._powers(span)
             if self._wanted("actuator_state"):
-                add("actuator_state", blocks, ends, _readings(span.readings, powers, stamps))
-        self._streams_together(span, blocks, add)
-        return Together(ends, tuple(columns))
+                fields = actuator_state_fields(span.readings, powers, stamps)
+                yield Columns("actuator_state", blocks, ends, fields)
 
-    def _processes_together(self, span: Span, blocks: np.ndarray, add: Callable[..., None]) -> None:
-        states = span.states
-        for topic in PROCESS_TOPICS:
-            if not has_part(states, topic):
-                continue
-            for among, fields in process_columns(topic, states, self.origin + span.ends):
-                add(topic, blocks[among], span.ends[among], fields)
-            if topic in CHANNELS:
-                last = partial(process_fields, topic, states[-1], self.origin + span.end)
-                self._signals.note(topic, last)
-
-    def _powers(self, span: Span) -> list[float]:
-        """Return the actuator's mean mechanical power in each block [W]."""
+    def _powers(self, span: Span) -> np.ndarray:
+        """Return the actuator's mean mechanical power up to the end of each block [W]."""
         powers = []
         for end, reading in zip(span.ends.tolist(), span.readings, strict=True):
-            powers.append(self._power(end, reading))
-        return powers
-
-    def _power(self, end: int, reading: ActuatorReading) -> float:
-        work = reading.mechanical_work - self._actuator_work
-        elapsed = end - self._actuator_time
-        self._actuator_time, self._actuator_work = end, reading.mechanical_work
-        return work * SECOND / elapsed if elapsed else 0.0
-
-    def _streams_together(self, span: Span, blocks: np.ndarray, add: Callable[..., None]) -> None:
-        period = self._stream_period
-        last = slice(period - 1, None, period)
-        blocks, ends, finished = blocks[last], span.ends[last], span.finished[last]
-        if self._wanted("waveform"):
-            rate = self._sample_rate
-            # Numbers of the samples, as of ``Block.grid``; 64 bits would overflow within days.
-            cuts = np.array([-(-end * rate // SECOND) for end in (span.start, *ends.tolist())])
-            counts = np.diff(cuts)
-            times = Times.from_grid(int(cuts[0]), int(cuts[-1] - cuts[0]), rate)
-            samples = span.sample_parts(period, cuts - cuts[0], times)
-            stamps = self.origin + np.array([cut * SECOND // rate for cut in cuts[:-1].tolist()])
-            held = np.flatnonzero(counts)
-            if len(held):
-                convert = partial(_by_message, counts=counts[held])
-                fields = waveform_fields(samples, stamps[held], cuts[held], rate, convert)
-                add("waveform", blocks[held], ends[held], fields)
-        number, count = self._segments, int(finished[-1])
-        self._segments += count
-        if count and self._wanted("trajectory"):
-            segments = span.covering[:count]
-            # A message holds the segments of one period that have the same constants.
-            firsts = np.unique([0, *finished[:-1].tolist(), *trajectory_cuts(segments).tolist()])
-            firsts = firsts[firsts < count]
-            periods = np.searchsorted(finished, firsts, side="right")
-            fields = trajectory_columns(segments, np.append(firsts, count), number, self.origin)
-            add("trajectory", blocks[periods], ends[periods], fields)
+            work = reading.mechanical_work - self._actuator_work
+            elapsed = end - self._actuator_time
+            self._actuator_time, self._actuator_work = end, reading.mechanical_work
+            powers.append(work * SECOND / elapsed if elapsed else 0.0)
+        return np.array(powers)
 
     def drop_pending(self) -> None:
         """Begin waveform and trajectory here; what is pending of them is not published."""
-        wanted, self._wanted = self._wanted, lambda topic: False
-        for _ in self.flush():
-            pass
-        self._wanted = wanted
+        self._segments += sum(len(block.segments) for block in self._pending)
+        self._pending.clear()
 
     def flush(self) -> Iterator[Entry]:
         """Return the waveform and the trajectory up to the end of the last block."""
@@ -239,89 +199,67 @@ class Telemetry:
     def _take_pending(self) -> Stream:
         if not self._pending:
             return iter(())
-        block = join_blocks(self._pending)
+        span = span_of([join_blocks(self._pending)])
         self._pending.clear()
-        first = self._segments
-        self._segments += len(block.segments)
-        return self._stream(block, first, self.origin)
+        return _rows(self._streams_of(span, 1, _PART))
 
-    def _stream(self, block: Block, first: int, origin: int) -> Stream:
-        yield from self._waveform(block, origin)
-        if self._wanted("trajectory"):
+    def _streams_of(
+        self, span: Span, period: int, part: int | None = None
+    ) -> Iterator[Columns | None]:
+        """Return waveform and trajectory of a span, a message of each in every ``period`` blocks.
+
+        part: samples after which there is a None; None for no such parts.
+        """
+        first = self._segments
+        self._segments += int(span.finished[-1])
+        return self._stream(span, period, part, first, self.origin)
+
+    def _stream(
+        self, span: Span, period: int, part: int | None, first: int, origin: int
+    ) -> Iterator[Columns | None]:
+        blocks = np.arange(period - 1, len(span), period)
+        ends, finished = span.ends[blocks], span.finished[blocks]
+        rate = self._sample_rate
+        cuts = np.array([first_sample(end, rate) for end in (span.start, *ends.tolist())])
+        held = np.flatnonzero(np.diff(cuts))
+        if len(held) and self._wanted("waveform"):
+            begin, count = int(cuts[0]), int(cuts[-1] - cuts[0])
+            if part is None:
+                times = Times.from_grid(begin, count, rate)
+                samples = span.sample_parts(period, cuts - cuts[0], times)
+            else:
+                parts = []
+                for number in range(0, count, part):
+                    times = Times.from_grid(begin + number, min(part, count - number), rate)
+                    parts.append(span.block.sample(times))
+                    yield None
+                samples = join_samples(parts)
+            cuts = np.append(cuts[held], cuts[-1])
+            fields = waveform_fields(samples, cuts, rate, origin)
+            yield Columns("waveform", blocks[held], ends[held], fields)
+        count = int(finished[-1])
+        if count and self._wanted("trajectory"):
             yield None
-            for values in trajectory_fields(block.segments, first, origin):
-                yield block.end, "trajectory", values
+            # A message holds the segments of one period that have the same constants.
+            segments = span.covering[:count]
+            firsts = np.unique([0, *finished[:-1].tolist(), *trajectory_cuts(segments).tolist()])
+            firsts = firsts[firsts < count]
+            periods = np.searchsorted(finished, firsts, side="right")
+            fields = trajectory_fields(segments, np.append(firsts, count), first, origin)
+            yield Columns("trajectory", blocks[periods], ends[periods], fields)
 
     def _boundary(self, time: int) -> int | None:
         """Number of the telemetry period that ends at a time [ns], if one does."""
         number = boundaries_until(time, self._rate)
         return number if boundary(number, self._rate) == time else None
 
-    def _signal(
-        self, channel: str, time: int, values: Fields, faults: Sequence[FaultRecord]
-    ) -> Iterator[Entry]:
-        """Yield a sensor's message after the faults of its channel."""
-        for changed in self._signals.apply(channel, time, values, faults):
-            yield time, channel, changed
 
-    def _samples(self, block: Block, faults: Sequence[FaultRecord]) -> Iterator[Entry]:
-        stamp = self.origin + block.end
-        samples = block.sample(Times.from_nanoseconds(block.end))
-        states = (block.process,)
-        for channel, make in _sensors(states):
-            yield from self._signal(channel, block.end, make(samples, 0, stamp), faults)
-        for topic in PROCESS_TOPICS:
-            if has_part(states, topic):
-                values = process_fields(topic, states[0], stamp)
-                if topic in CHANNELS:
-                    yield from self._signal(topic, block.end, values, faults)
-                else:
-                    yield block.end, topic, values
-        if self._wanted("joint_states"):
-            joints = tuple(process_joints(states))
-            yield block.end, "joint_states", joint_state_fields(samples, 0, stamp, joints)
-        if (reading := block.actuator) is not None:
-            power = self._power(block.end, reading)
-            if self._wanted("actuator_state"):
-                yield block.end, "actuator_state", actuator_state_fields(reading, power, stamp)
-
-    def _waveform(self, block: Block, origin: int) -> Stream:
-        rate = self._sample_rate
-        numbers = block.grid(rate)
-        if numbers and self._wanted("waveform"):
-            parts = []
-            for first in numbers[::_PART]:
-                count = min(_PART, numbers.stop - first)
-                parts.append(block.sample(Times.from_grid(first, count, rate)))
-                yield None
-            stamp = origin + numbers.start * SECOND // rate
-            values = waveform_fields(join_samples(parts), stamp, numbers.start, rate)
-            yield block.end, "waveform", values
-
-
-def _sensors(states: States) -> Iterator[tuple[str, Callable[..., Fields]]]:
-    """Yield the topics of the sensors of the motion, each with a function of samples and stamp."""
-    yield from _SENSORS
-    yield "wrench", partial(wrench_fields, torques=mount_torque(states))
-
-
-def _by_message(values: np.ndarray, counts: np.ndarray) -> np.ndarray | Ragged:
-    """Return the values of consecutive messages, each with so many of them, as a column."""
-    if (counts == counts[0]).all():
-        return values.reshape(len(counts), -1)
-    return Ragged(values, np.concatenate([[0], np.cumsum(counts)]))
-
-
-def _readings(
-    readings: Sequence[ActuatorReading], powers: Sequence[float], stamps: np.ndarray
-) -> Fields:
-    if all(reading is readings[0] for reading in readings):
-        fields = actuator_state_fields(readings[0], 0.0, stamps)
-    else:
-        rows = [actuator_state_fields(reading, 0.0, 0) for reading in readings]
-        fields = {name: np.array([row[name] for row in rows]) for name in rows[0]}
-        fields["header"] = header_fields("actuator_state", stamps)
-    return {**fields, "mechanical_power": np.array(powers)}
+def _rows(stream: Iterator[Columns | None]) -> Stream:
+    for columns in stream:
+        if columns is None:
+            yield None
+        else:
+            yield from columns.messages()
 
 
 def messages_of(stream: Stream | None) -> Iterator[Entry]:

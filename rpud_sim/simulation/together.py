@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from array import array
 from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass
 from heapq import merge
-from typing import Any
 
 import numpy as np
 
 from rpud_sim.foundation.ragged import Ragged
+from rpud_sim.foundation.shared import Shared
 from rpud_sim.simulation.fields import Fields, to_array
 
 # A message: simulation time at which it is published [ns], topic, fields.
@@ -39,7 +38,7 @@ _ORDER = {
 
 
 @dataclass(frozen=True)
-class Columns:
+class Columns(Shared):
     """Messages of one topic, as columns."""
 
     topic: str  # its name
@@ -67,8 +66,13 @@ class Columns:
                 samples or segments has long sequences.
         """
         if names is None:
-            return _row(self.fields, number)
-        return _row({name: self.fields[name] for name in names if name in self.fields}, number)
+            return row_of(self.fields, number)
+        return row_of({name: self.fields[name] for name in names if name in self.fields}, number)
+
+    def messages(self) -> Iterator[Entry]:
+        """Yield the messages one by one."""
+        for number, time in enumerate(self.times.tolist()):
+            yield time, self.topic, self.row(number)
 
 
 @dataclass(frozen=True)
@@ -105,16 +109,17 @@ def _placed(columns: Columns) -> Iterator[tuple[int, int, Columns]]:
         yield place, number, columns
 
 
-def _row(fields: Fields, number: int) -> Fields:
-    return {name: _value(value, number) for name, value in fields.items()}
-
-
-def _value(value: Any, number: int) -> Any:
-    if isinstance(value, dict):
-        return _row(value, number)
-    if isinstance(value, Ragged):
-        return to_array(value.sequence(number))
-    if not isinstance(value, np.ndarray):
-        return list(value) if isinstance(value, list) else value
-    chosen: array[Any] | float = to_array(value[number]) if value.ndim == 2 else value.item(number)
-    return chosen
+def row_of(fields: Fields, number: int) -> Fields:
+    """Return the fields of one message of columns."""
+    row = {}
+    for name, value in fields.items():
+        kind = type(value)
+        if kind is np.ndarray:
+            row[name] = value.item(number) if value.ndim == 1 else to_array(value[number])
+        elif kind is dict:
+            row[name] = row_of(value, number)
+        elif kind is Ragged:
+            row[name] = to_array(value.sequence(number))
+        else:
+            row[name] = list(value) if kind is list else value
+    return row

@@ -274,8 +274,7 @@ def test_memory_stays_bounded_while_the_bag_grows(tmp_path, monkeypatch):
         finally:
             tracemalloc.stop()
 
-    # Four chunks that threads read ahead, with their copies, and what waits to become batches: as
-    # much of 8 MB as of 24 MB.
+    # A chunk with its copies, and what waits to become batches: as much of 8 MB as of 24 MB.
     assert max(peak(4_000), peak(12_000)) < 6_000_000
 
 

@@ -54,6 +54,8 @@ class Drill:
         return Report(
             time=self.run.time,
             status=self.run.status(state, Bookkeeping(**counts))[2],
+            coupling_power=self.run.coupling_power,
+            unloaded_amplitude=self.run.simulation.unloaded_amplitude,
             process=self.simulation.process,
             at_tool_length=self.simulation.at_tool_length,
             faults=self.simulation.faults.active,

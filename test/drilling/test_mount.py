@@ -5,7 +5,7 @@ import math
 import pytest
 
 from rpud_sim.drilling.feed import Feed
-from rpud_sim.drilling.inputs import UNDISTURBED, Disturbances
+from rpud_sim.drilling.inputs import UNDISTURBED, Disturbances, Percussion
 from rpud_sim.drilling.mount import Mount, MountParameters
 from rpud_sim.foundation.quantities import ParameterError
 
@@ -16,10 +16,10 @@ DT = 1e-3
 class Rig:
     """A mount without percussion: the drill pushes back with the force of its load spring."""
 
-    def __init__(self, has_rock=True, **values):
+    def __init__(self, has_rock=True, damping=0.0, **values):
+        self.damping = damping
         self.mount = Mount(MountParameters(feed_model="arm", **values), RATE, has_rock)
-        self.bottom = 0.0
-        self.has_rock = has_rock
+        self.bottom = 0.0 if has_rock else math.inf
 
     @property
     def state(self):
@@ -28,8 +28,9 @@ class Rig:
     def go(self, steps, mode="rate", value=0.0, reaction=None, disturbances=UNDISTURBED):
         self.mount.motion = Feed(mode, value)
         for _ in range(steps):
-            force = self.state.weight_on_bit if reaction is None else reaction
-            self.mount.step(DT, self.bottom, force, RATE, self.has_rock, disturbances)
+            force = self.mount.preload if reaction is None else reaction
+            percussion = Percussion(reacting_force=force, load_damping=self.damping)
+            self.mount.step(DT, self.bottom, percussion, RATE, disturbances)
         return self.state
 
 
@@ -126,6 +127,53 @@ def test_a_reacting_force_pushes_a_compliant_arm_back():
     state = rig.go(2000, reaction=5.0)
     assert state.position == pytest.approx(-0.01 - 5.0 / 1e4)
     assert state.force == pytest.approx(5.0)
+
+
+def test_the_damping_of_the_load_spring_acts_on_the_velocity_relative_to_the_mount():
+    rig = Rig(damping=45.0, arm_stiffness=1e4, arm_damping=5.0, initial_feed=0.006)
+    before = rig.state.position
+    for push in (0.4, 0.0):
+        state = rig.go(1, reaction=rig.mount.preload - push)
+    end, rate = 0.006 * 1e4 / (1e4 + RATE), (1e4 + RATE) / 50.0
+    pushed = end + 0.4 / (1e4 + RATE) * -math.expm1(-rate * DT)
+    after = end + (pushed - end) * math.exp(-rate * DT)
+    assert before == pytest.approx(end)
+    assert state.position == pytest.approx(after, rel=1e-12)
+    velocity = (after - pushed) / DT
+    lead = 0.5 * RATE * velocity * DT
+    assert rig.mount.preload == pytest.approx(RATE * after + 45.0 * velocity + lead, rel=1e-9)
+
+
+def test_bodies_without_contact_keep_their_places_while_the_mount_moves():
+    rig = Rig(arm_stiffness=500.0, arm_damping=5.0, initial_feed=-0.01)
+    before = rig.state.position
+    moved = rig.go(1, reaction=5.0).position - before
+    assert moved < -5e-4
+    assert rig.mount.advance.passed == pytest.approx(moved)
+    rig.go(500, reaction=5.0)
+    rig.go(1, "rate", 5e-3, reaction=5.0)
+    assert rig.mount.advance.passed == pytest.approx(-5e-6)  # the arm does not follow yet
+    rigid = Rig(arm_stiffness=0.0, initial_feed=-0.01)
+    rigid.go(10, "rate", 5e-3)
+    assert rigid.mount.advance.passed == 0.0
+
+
+def test_a_tool_that_leaves_the_rock_keeps_its_place():
+    rig = Rig(arm_stiffness=0.0, initial_feed=1e-4, contact_release=5e-4)
+    while rig.mount.in_contact:
+        assert rig.mount.advance.passed == 0.0
+        rig.go(1, "rate", -5e-3)
+    assert rig.mount.advance.passed == pytest.approx(rig.state.position)
+    assert rig.mount.preload == pytest.approx(0.5 * RATE * -5e-6)
+
+
+def test_a_drill_that_comes_to_the_rock_before_its_mount_is_in_contact():
+    rig = Rig(arm_stiffness=0.0, initial_feed=-1e-3)
+    percussion = Percussion(reach=1.1e-3)
+    rig.mount.step(DT, 0.0, percussion, RATE, UNDISTURBED)
+    assert rig.mount.in_contact
+    assert rig.mount.preload == pytest.approx(RATE * -1e-3)
+    assert rig.state.weight_on_bit == 0.0
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 from invariants import check_trajectory
 from support import examples
-from trajectories import rebuild
+from trajectories import evaluate, rebuild
 
 from rpud_sim.model.drill import derive
 from rpud_sim.model.engine import Engine, EngineError
@@ -73,6 +73,22 @@ def run(regime, planned, stops, end=0.35):
             values, jammed, new = planned[at]
             engine.change(0, at, drill_of(values, jammed), new)
     return engine.drain()
+
+
+@pytest.mark.parametrize("touches", [True, False])
+def test_rock_that_touches_the_drill_tool_stops_it_at_once(touches):
+    engine = Engine(preset("free"), 0.2)
+    engine.advance(0, 0.05)
+    passed = 5e-3  # as a mount that has brought the actuator ahead of the tool's place
+    free = engine.drain_covering()[0][-1:]
+    before = evaluate(free, np.array([0]), np.array([engine.ahead(0, 0.05)]))
+    drill = derive(preset("drilling"))
+    engine.change(0, 0.05, drill, (8.0, 35e-6, 16000.0), 0.0, passed, touches)
+    after = evaluate(engine.drain_covering()[0][-1:], np.array([0]), np.zeros(1))
+    assert after["nodal_plane_position"] == pytest.approx(before["nodal_plane_position"] - passed)
+    assert engine.seats is not touches
+    tool = before["drill_tool_displacement"] - passed
+    assert after["drill_tool_displacement"] == (0.0 if touches else pytest.approx(tool))
 
 
 @settings(max_examples=examples(150), suppress_health_check=[HealthCheck.too_slow])

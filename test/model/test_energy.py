@@ -10,11 +10,11 @@ from hypothesis import strategies as st
 from scipy.integrate import quad
 from support import examples
 
-from rpud_sim.model import energy
+from rpud_sim.model import energy, tally
 from rpud_sim.model.engine import Engine
 from rpud_sim.model.guards import force_on_drill_tool
 from rpud_sim.model.parameters import preset
-from rpud_sim.model.segment import motion_at
+from rpud_sim.model.segment import IMPACT, motion_at
 from rpud_sim.model.vibration import harmonic_vibration
 
 RPUD = energy.RpudConstants(1.0, False, 0.0)
@@ -30,9 +30,11 @@ def trajectory(regime, seconds=0.3, phase=0.2, **changes):
 
 
 def account(segments, seconds, rpud=RPUD, start=0.0):
-    joules = np.zeros(len(energy.TERMS))
-    energy.add_segments(rpud, segments, 0, start, 0, seconds, joules)
-    return joules
+    tallies = tally.empty_tallies(1)
+    room = np.zeros(tally.CLASSES, np.int64), np.zeros(tally.PART_ROOM)
+    nothing = np.empty(0, IMPACT)
+    tally.add_block(rpud, segments, nothing, 0, start, 0, seconds, False, tallies, *room)
+    return tallies[0]["account"]
 
 
 def residual(joules):
@@ -61,6 +63,13 @@ def integral(function, start, end):
     return quad(function, start, end, epsabs=0.0, epsrel=1e-10, limit=2000)[0]
 
 
+def motion_added(segment, start, end):
+    """Account of a part of a segment alone."""
+    added = np.zeros(len(energy.TERMS))
+    energy.add_motion(energy.RpudConstants(1.0, False, 0.0), segment, start, end, True, added)
+    return added
+
+
 def test_every_contact_is_there():
     assert sorted(CONTACTS) == [0, ACTUATOR, DRILL_TOOL, BOTH]
 
@@ -71,14 +80,15 @@ def test_the_dampers_take_the_integral_of_c_v_squared(contact, share):
     segment = CONTACTS[contact]
     end = min(segment["duration"], 5e-4)
     start = share * end
-    for body, name, loss in (
-        (1, "load_spring_damping", energy.load_damper_loss),
-        (7, "drill_tool_damping", energy.drill_tool_damper_loss),
+    added = motion_added(segment, start, end)
+    for body, name, term in (
+        (1, "load_spring_damping", energy.LOAD_DAMPER),
+        (7, "drill_tool_damping", energy.DRILL_TOOL_DAMPER),
     ):
         expected = segment[name] * integral(
             lambda time, body=body: motion_at(segment, time)[body] ** 2, start, end
         )
-        assert loss(segment, start, end) == pytest.approx(expected, rel=1e-7, abs=1e-18)
+        assert added[term] == pytest.approx(expected, rel=1e-7, abs=1e-18)
 
 
 @pytest.mark.parametrize("contact", sorted(CONTACTS))
@@ -103,7 +113,8 @@ def test_the_actuator_s_work_is_the_integral_of_its_force_and_the_vibration(cont
 
     expected = quad(power, 0.0, end, limit=500, epsrel=1e-7)[0] if contact & ACTUATOR else 0.0
     size = quad(lambda time: abs(power(time)), 0.0, end, limit=500, epsrel=1e-4)[0]
-    assert energy.actuator_work(segment, 0.0, end) == pytest.approx(expected, abs=1e-4 * size)
+    work = motion_added(segment, 0.0, end)[energy.ACTUATOR_WORK]
+    assert work == pytest.approx(expected, abs=1e-4 * size)
 
 
 @given(
@@ -162,8 +173,7 @@ def test_in_the_rock_all_that_is_transferred_is_absorbed():
     engine = Engine(preset("drilling"), 0.2)
     engine.advance(2, 0.0)
     segments, impacts = engine.drain_covering()
-    joules = np.zeros(len(energy.TERMS))
-    energy.add_segments(RPUD, segments, 0, 0.0, 2, 0.0, joules)
+    joules = account(segments, 2.0)
     absorbed = joules[energy.IMPACTS] + joules[energy.RELEASE]
     assert impacts["energy_transferred"].sum() == pytest.approx(absorbed, rel=2e-3)
     assert absorbed < impacts["energy"].sum()
@@ -226,10 +236,13 @@ def test_gravity_on_the_drill_is_work_on_the_rpud(mass, start):
     st.floats(1.0, 1e7),
     st.floats(0.0, 1.0),
 )
-def test_the_integral_of_a_square_has_the_bits_of_the_product_with_itself(
+def test_the_integral_of_a_square_is_that_of_the_product_with_itself(
     amplitude, decay, angular_frequency, duration
 ):
     rate = complex(decay, angular_frequency)
-    found = energy.decaying_square_integral.py_func(amplitude, rate, duration)
-    expected = energy.product_integral.py_func(amplitude, rate, amplitude, rate, duration)
-    assert found == expected
+    growth = energy.growth_over(rate, duration)
+    found = energy.decaying_square_integral.py_func(amplitude, rate, duration, growth)
+    speed = rate * amplitude
+    expected = energy.product_integral.py_func(speed, rate, speed, rate, duration)
+    most = abs(speed) ** 2 * duration
+    assert found == pytest.approx(expected, rel=1e-12, abs=1e-12 * most)

@@ -12,7 +12,12 @@ from rpud_sim.model.drill import STATE, derive
 from rpud_sim.model.parameters import preset
 from rpud_sim.model.resets import exchange_momentum
 from rpud_sim.model.segment import CONTACT_ACTUATOR, CONTACT_DRILL_TOOL
-from rpud_sim.model.suspension import damping_coefficient, decaying_part, free_vibration
+from rpud_sim.model.suspension import (
+    damping_coefficient,
+    decaying_part,
+    free_vibration,
+    oscillator,
+)
 from rpud_sim.model.vibration import turn_at
 
 DRILL = derive(preset("free").replace(actuator_restitution=0.8, drill_tool_restitution=0.6))
@@ -59,7 +64,7 @@ def test_equation_8_solves_equation_2():
     damping = damping_coefficient(0.5, mass, spring_rate)
     start = (1e-3, -0.7)
 
-    motion = free_vibration(mass, damping, spring_rate, 0.0, *start)
+    motion = free_vibration(oscillator(mass, damping, spring_rate), 0.0, *start)
     times = np.linspace(0.0, 0.2, 9)
     solved = solve_ivp(
         lambda _, state: (state[1], -(damping * state[1] + spring_rate * state[0]) / mass),

@@ -13,19 +13,13 @@ from support import examples
 
 from rpud_sim.model.drill import derive
 from rpud_sim.model.engine import Engine
-from rpud_sim.model.guards import END_ACTUATOR_IMPACT, gap_to_actuator, slow_gap
 from rpud_sim.model.parameters import preset
 from rpud_sim.model.search import fall_time
-from rpud_sim.model.segment import SEGMENT, nodal_plane_swing, vibration_turn
-from rpud_sim.model.steps import (
-    certain_step,
-    envelope_step,
-    is_above,
-    is_root,
-    positive_bounds,
-)
-from rpud_sim.model.strike import first_strike
-from rpud_sim.model.tolerances import LONGEST_SEARCH, TOUCHING, WEAKEST_PULL
+from rpud_sim.model.segment import SEGMENT
+from rpud_sim.model.steps import ends_at_root, safe_step
+from rpud_sim.model.strike import first_landing, first_strike, soon_after
+from rpud_sim.model.suspension import Oscillation, decaying_part
+from rpud_sim.model.tolerances import LONGEST_SEARCH, TIME_RESOLUTION, TOUCHING, WEAKEST_PULL
 from rpud_sim.model.vibration import turn_at
 
 SAMPLES_PER_CYCLE = 40
@@ -149,27 +143,18 @@ def hanging_mass(clearance, velocity=0.0):
 
 
 def strike_of(segment, limit):
-    strike = first_strike(segment, limit, turn_at(segment.vibration_phase))
-    return strike.time, strike.struck
+    time, struck, _ = first_strike(segment, limit, turn_at(segment.vibration_phase))
+    return time, struck
 
 
-def every_part_computed(segment, limit):
-    """Search as ``first_strike`` does, with the vibration at every step."""
-    bounds = positive_bounds(segment, END_ACTUATOR_IMPACT)
-    allowance, time = TOUCHING, 0.0
-    for steps in range(1, LONGEST_SEARCH + 1):
-        gap = slow_gap(segment, time, nodal_plane_swing(segment, time))
-        guard = gap_to_actuator(segment, gap, vibration_turn(segment, time))
-        if is_above(guard, bounds, allowance):
-            allowance = 0.0
-        least = envelope_step(guard.slow - bounds.vibration, guard.slow_slope, bounds)
-        step = certain_step(guard, bounds, allowance, least)
-        if is_root(guard, allowance, step):
-            return time, True, steps
-        time += step
-        if not time < limit:
-            return limit, False, steps
-    return time, False, LONGEST_SEARCH
+def check_meeting(found, limit, guard, samples):
+    """Check that a guard stays positive until it is found to end, and ends there."""
+    time, met, steps = found
+    assert lowest(guard, time, samples) > -1.01 * TOUCHING
+    if met:
+        assert float(guard(time)) < 1e-14
+    else:
+        assert time == limit or steps == LONGEST_SEARCH
 
 
 @settings(max_examples=examples(300), deadline=None)
@@ -179,25 +164,104 @@ def every_part_computed(segment, limit):
     acceleration=st.sampled_from([0.0, 9.81, 500.0]),
     amplitude=st.sampled_from([0.0, 1e-9, 35e-6, 1e-3]),
     frequency=st.sampled_from([50.0, 16000.0, 2e5]),
-    angular=st.sampled_from([0.0, 40.0, 3e4]),
+    angular=st.sampled_from([1e-3, 40.0, 3e4]),
     decay=st.sampled_from([0.0, 20.0, 1e4]),
     swing=st.floats(-1e-3, 1e-3),
+    phase=st.floats(0.0, 1.0),
     limit=st.sampled_from([1e-5, 1e-3, 1e-2]),
 )
-def test_what_is_left_out_far_from_the_tip_changes_no_bit(
-    clearance, velocity, acceleration, amplitude, frequency, angular, decay, swing, limit
+def test_no_strike_of_a_flying_mass_is_missed(
+    clearance, velocity, acceleration, amplitude, frequency, angular, decay, swing, phase, limit
 ):
     segment = hanging_mass(clearance, velocity)
     segment.free_mass_acceleration = acceleration
     segment.gravity = acceleration
     segment.vibration_amplitude = amplitude
     segment.vibration_frequency = frequency
+    segment.vibration_phase = phase
     segment.nodal_plane_angular_frequency = angular
     segment.nodal_plane_decay_rate = decay
     segment.nodal_plane_sine = swing
-    strike = first_strike(segment, limit, turn_at(segment.vibration_phase))
-    expected = every_part_computed(segment, limit)
-    assert (strike.time, strike.struck, strike.steps) == expected
+
+    def guard(times):
+        return gap(segment, FREE_MASS, TIP, times)
+
+    segment.free_mass_position -= min(float(guard(0.0)), 0.0)
+    found = first_strike(segment, limit, turn_at(phase))
+    cycles = limit * max(frequency, angular / 6.0)
+    check_meeting(found, limit, guard, 200 + int(SAMPLES_PER_CYCLE * cycles))
+
+
+@settings(max_examples=examples(300), deadline=None)
+@given(
+    clearance=st.one_of(st.just(0.0), st.floats(0.0, 1e-10), st.floats(0.0, 2e-3)),
+    velocity=st.floats(-10.0, 10.0),
+    acceleration=st.sampled_from([0.0, 9.81, 500.0]),
+    angular=st.sampled_from([1.0, 970.0, 3e4, 1e6]),
+    damping=st.sampled_from([0.0, 0.01, 0.6, 10.0]),
+    cosine=st.floats(-1e-3, 1e-3),
+    sine=st.floats(-1e-3, 1e-3),
+    limit=st.sampled_from([1e-5, 1e-3, 1e-2]),
+)
+def test_no_landing_of_a_flying_mass_is_missed(
+    clearance, velocity, acceleration, angular, damping, cosine, sine, limit
+):
+    segment = hanging_mass(0.0, velocity)
+    segment.free_mass_acceleration = acceleration
+    segment.gravity = acceleration
+    segment.drill_tool_angular_frequency = angular
+    segment.drill_tool_decay_rate = damping * angular
+    segment.drill_tool_cosine = cosine
+    segment.drill_tool_sine = sine
+    segment.free_mass_position = cosine - clearance
+    found = first_landing(segment, limit)
+    samples = 200 + int(SAMPLES_PER_CYCLE * limit * angular / 6.0)
+    check_meeting(found, limit, lambda t: gap(segment, DRILL_TOOL, FREE_MASS, t), samples)
+
+
+@settings(max_examples=examples(300), deadline=None)
+@given(
+    value=st.floats(0.0, 1.0),
+    slope=st.floats(-10.0, 10.0),
+    bend=st.floats(-1e6, 1e6),
+    more=st.sampled_from([0.0, 1e-3, 10.0, 1e6]),
+)
+def test_a_step_ends_before_the_parabola_does(value, slope, bend, more):
+    step = safe_step(value, slope, bend)
+    if step == math.inf:
+        return
+
+    def parabola(time, curvature):
+        return value + slope * time + 0.5 * curvature * time * time
+
+    rounding = 1e-14 * (value + abs(slope) * step)
+    for share in (0.1, 0.5, 0.9, 1.0):
+        assert parabola(share * step, bend) >= -rounding
+    if ends_at_root(value, slope, step, bend, bend + more):
+        # It falls to zero within the resolution, as fast as it falls at least.
+        falls = -slope - (bend + more) * step
+        assert parabola(step, bend + more) <= TIME_RESOLUTION * falls + rounding
+
+
+@settings(max_examples=examples(300), deadline=None)
+@given(
+    angular=st.floats(1.0, 1e8),
+    ratio=st.floats(0.0, 10.0),
+    cosine=st.floats(-1.0, 1.0),
+    sine=st.floats(-1.0, 1.0),
+    share=st.floats(0.0, 1.0),
+)
+def test_a_short_series_is_the_closed_form(angular, ratio, cosine, sine, share):
+    decay = ratio * angular
+    motion = Oscillation(0.0, decay, angular, cosine, sine, 0.0, 0.0)
+    rate = math.hypot(decay, angular)
+    time = share * 2e-3 / rate
+    start = decaying_part(motion, 0.0)
+    found = soon_after(decay**2 + angular**2, 2.0 * decay, *start, time)
+    size = math.hypot(cosine, sine)
+    displacement, velocity = decaying_part(motion, time)
+    assert found[0] == pytest.approx(displacement, abs=1e-15 * size)
+    assert found[1] == pytest.approx(velocity, abs=1e-12 * rate * size)
 
 
 @pytest.mark.parametrize("clearance", [1e-15, 1e-13, 1e-11, 1e-8])

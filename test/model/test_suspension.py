@@ -13,6 +13,7 @@ from rpud_sim.model.suspension import (
     decaying_part,
     driven_vibration,
     free_vibration,
+    oscillator,
     reacting_force,
     swing_at,
     swung_integral,
@@ -43,9 +44,7 @@ def test_closed_form_solves_the_equation_of_motion(
     c = damping_coefficient(damping_ratio, mass, spring_rate)
 
     motion = driven_vibration(
-        mass,
-        c,
-        spring_rate,
+        oscillator(mass, c, spring_rate),
         force,
         vibration_force,
         7.0,
@@ -71,7 +70,7 @@ def test_damping_is_the_ratio_to_the_critical_one():
 
 
 def test_velocity_derivatives_and_integral_agree_with_the_displacement():
-    motion = free_vibration(0.5, 12.0, 3000.0, 10.0, -1e-3, 0.4)
+    motion = free_vibration(oscillator(0.5, 12.0, 3000.0), 10.0, -1e-3, 0.4)
     time, step = 3e-3, 1e-5
 
     def displacement(t):

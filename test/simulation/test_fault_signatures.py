@@ -81,6 +81,7 @@ def test_no_two_faults_that_a_recovery_treats_differently_look_alike():
     ]
     groups = [
         {"choking", "hard_inclusion"},
+        set(FED),
     ]
     assert all(any(pair <= group for group in groups) for pair in alike)
 

@@ -68,16 +68,16 @@ KINDS = {
 FEEDS = (Feed("rate", 0.01), Feed("rate", -0.02), Feed("rate", 0.03), Feed("position", 0.006))
 PITCHES = (400_000, 20 * MILLISECOND, MILLISECOND)
 EXPECTED = {
-    "rotation alone": "cd4de2fd31ffa3fd",
-    "rotation in one rock": "44fb5727fb5f2a00",
-    "strata without rotation": "5d7ba1a0009abe84",
-    "rotation in strata": "e5ba44ac49f39b40",
-    "arm": "f8470f8fb3e10a6c",
-    "arm before drilling": "ae4e6ea38417c566",
-    "rigid arm": "781bd20b13ebc35f",
-    "slipping arm": "5f8bceaf1775e29d",
-    "resonance": "46bb07882b8d05b8",
-    "weak rotor": "3fe3bae9c62e8440",
+    "rotation alone": "b8e043f9fb94f9b4",
+    "rotation in one rock": "66ec1421c6075cee",
+    "strata without rotation": "629fcda9259115b8",
+    "rotation in strata": "154873f426eedb42",
+    "arm": "7396eda4b38230f5",
+    "arm before drilling": "31628024533817fc",
+    "rigid arm": "75ad85ef8443a8f8",
+    "slipping arm": "91f537a35e76eb5a",
+    "resonance": "d291cf957b9ca92a",
+    "weak rotor": "3f356c95a8e6df2f",
 }
 
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from support import trajectory_messages
 
 from rpud_sim.simulation import preset
 from rpud_sim.simulation.commands import WeightOnBit
-from rpud_sim.simulation.fields import trajectory_fields
 from rpud_sim.simulation.rebuilding import Rebuilder, to_segments
 from rpud_sim.simulation.sampling import CHANNELS, Times
 from rpud_sim.simulation.simulation import Simulation
@@ -27,7 +27,7 @@ def block(request):
 
 
 def messages(block):
-    return [SimpleNamespace(**fields) for fields in trajectory_fields(block.segments, 0, 0)]
+    return [SimpleNamespace(**fields) for fields in trajectory_messages(block.segments, 0, 0)]
 
 
 def test_segments_come_back_bit_for_bit(block):

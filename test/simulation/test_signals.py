@@ -22,6 +22,7 @@ from rpud_sim.simulation.process_fields import process_fields
 from rpud_sim.simulation.sampling import Times
 from rpud_sim.simulation.signals import SignalFaults
 from rpud_sim.simulation.simulation import Simulation
+from rpud_sim.simulation.together import row_of
 
 MILLISECOND = 1_000_000
 ORIGIN = 1_700_000_000_000_000_000  # stamps need not be simulation time
@@ -43,11 +44,13 @@ def run():
         "reacting_force": fields.reacting_force_fields,
         "wrench": fields.wrench_fields,
     }
+    columns = {channel: make(samples, ORIGIN + np.array(times)) for channel, make in makers.items()}
     messages = {
-        channel: [(time, make(samples, i, ORIGIN + time)) for i, time in enumerate(times)]
-        for channel, make in makers.items()
+        channel: [(time, row_of(made, number)) for number, time in enumerate(times)]
+        for channel, made in columns.items()
     }
-    impacts = [fields.contact_force_fields(impact, ORIGIN) for impact in block.impacts]
+    made = fields.contact_force_fields(block.impacts, ORIGIN)
+    impacts = [row_of(made, number) for number in range(len(block.impacts))]
     messages["contact_force"] = [(fields.stamp_of(one) - ORIGIN, one) for one in impacts]
     assert len(impacts) > 20
     return {**messages, **_slow_processes(times)}
@@ -69,7 +72,9 @@ def _slow_processes(times):
     for time in times:
         simulation.advance_to(time)
         for channel, sent in messages.items():
-            sent.append((time, process_fields(channel, simulation.process, ORIGIN + time)))
+            stamps = np.array([ORIGIN + time])
+            ((_, made),) = process_fields(channel, [simulation.process], stamps)
+            sent.append((time, row_of(made, 0)))
     return messages
 
 

@@ -19,7 +19,7 @@ from rpud_sim.inspection.verify.recorded_journal import Position, Span, Stretche
 from rpud_sim.simulation.topics import TOPICS
 
 # Length of the end of a bag that is searched for stamps [ns].
-_END_LENGTH = 10 * SECOND
+_END_LENGTH = 4 * SECOND
 # Longest delay between topics on their way to a recorder [ns].
 _TOPIC_DELAY = 1 * SECOND
 _NOWHERE: Position = (-1, -1)

@@ -18,6 +18,11 @@ from rpud_sim.simulation.ensemble import Figures
 from rpud_sim.simulation.fields import Fields
 from rpud_sim.simulation.ledger import FaultRecord
 
+# Power that the steps of the arm may lose or win, as a share of the work of actuator and feed.
+COUPLING_SHARE = 0.05
+LEAST_POWER = 0.1  # of both, so that a drill at rest is none [W]
+# Amplitude below which a driven vibration is stalled, as a share of that without load.
+STALLED_SHARE = 0.05
 LAG_ERROR = 1.0  # simulation time this far behind its schedule is an error [s]
 
 
@@ -27,6 +32,9 @@ class Report:
 
     time: int  # simulation time [ns]
     status: Fields  # the fields of its ``rpud_msgs/Status``
+    coupling_power: float  # that the steps of the arm lose [W]; NaN without a feed
+    # of the driven vibration without load, on resonance [m]; 0 where no load acts on it
+    unloaded_amplitude: float
     process: ProcessState  # state of rotation, feed and borehole
     at_tool_length: bool  # whether the hole is as deep as the drill tool is long
     faults: tuple[FaultRecord, ...]  # that last
@@ -110,6 +118,7 @@ def report_to_diagnostics(
                     "depth [m]": f"{status['depth']:g}",
                     "penetration_rate [m/s]": f"{status['penetration_rate']:g}",
                     **_borehole_values(report),
+                    **_coupling_values(report),
                     "active_faults": status["active_faults"],
                     "namesakes": report.namesakes,
                 },
@@ -152,6 +161,13 @@ def _borehole_values(report: Report) -> dict[str, object]:
     return {"side_offset [m]": f"{borehole.side_offset:g}"}
 
 
+def _coupling_values(report: Report) -> dict[str, object]:
+    """Return what the steps of the arm lose; nothing without a feed."""
+    if report.process.mount is None:
+        return {}
+    return {"coupling_power [W]": f"{report.coupling_power:.3g}"}
+
+
 def _command_health(status: Fields) -> tuple[bytes, str]:
     if status["commands_lost"]:
         return DiagnosticStatus.ERROR, "commands are lost: the drill is made safe"
@@ -165,6 +181,19 @@ def _command_health(status: Fields) -> tuple[bytes, str]:
 def _drill_health(report: Report) -> tuple[bytes, str]:
     if report.namesakes:
         return DiagnosticStatus.WARN, f"{report.namesakes + 1} nodes have this name"
+    amplitude, unloaded = report.status["vibration_amplitude"], report.unloaded_amplitude
+    if amplitude < STALLED_SHARE * unloaded:
+        return DiagnosticStatus.WARN, (
+            f"stalled: the vibration has {amplitude * 1e6:.2g} um, less than {STALLED_SHARE:.0%} "
+            f"of {unloaded * 1e6:.3g} um without load"
+        )
+    powers = (report.status["actuator_power"], report.status["feed_power"], LEAST_POWER)
+    flow = max(map(abs, powers))
+    if abs(report.coupling_power) > COUPLING_SHARE * flow:
+        return DiagnosticStatus.WARN, (
+            f"steps of the arm lose {report.coupling_power:.3g} W, more than {COUPLING_SHARE:.0%} "
+            f"of {flow:.3g} W: the arm is too soft or too lightly damped for them"
+        )
     if faults := report.status["active_faults"]:
         return DiagnosticStatus.WARN, f"{faults} faults injected"
     if report.at_tool_length:

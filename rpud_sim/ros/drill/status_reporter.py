@@ -164,6 +164,8 @@ class StatusReporter:
         self._last = Report(
             time=run.time,
             status=status[2],
+            coupling_power=run.coupling_power,
+            unloaded_amplitude=run.simulation.unloaded_amplitude,
             process=run.simulation.process,
             at_tool_length=run.simulation.at_tool_length,
             faults=run.simulation.faults.active,

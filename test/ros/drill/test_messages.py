@@ -21,6 +21,7 @@ from rpud_msgs.msg import (
 from rpud_msgs.msg import Fault as FaultMessage
 from rpud_msgs.msg import Faults as FaultsMessage
 from sensor_msgs.msg import JointState
+from support import trajectory_messages
 from trajectories import arrays_of
 
 from rpud_sim.bag.encoder import Encoder
@@ -37,11 +38,13 @@ from rpud_sim.simulation.faults import KINDS, Fault, FaultError
 from rpud_sim.simulation.ledger import FaultLedger
 from rpud_sim.simulation.sampling import Samples
 from rpud_sim.simulation.simulation import Simulation
+from rpud_sim.simulation.together import row_of
 
 SANDSTONE = RockParameters(rock_model="specific_energy")
 SECOND = 1_000_000_000
 ORIGIN = 1_795_251_166_866_606_964
 RATE = 50_000
+STAMPS = ORIGIN + np.array([0, 7])
 
 
 def nanoseconds(time):
@@ -68,7 +71,7 @@ def numbered_samples():
 def trajectories(block, sequence, origin):
     return [
         filled(Trajectory(), values)
-        for values in fields.trajectory_fields(block.segments, sequence, origin)
+        for values in trajectory_messages(block.segments, sequence, origin)
     ]
 
 
@@ -101,7 +104,7 @@ def trajectories(block, sequence, origin):
 )
 def test_a_sample_is_said_field_by_field(kind, make, frame, channels):
     samples = numbered_samples()
-    message = filled(kind(), make(samples, 1, ORIGIN + 7))
+    message = filled(kind(), row_of(make(samples, STAMPS), 1))
     assert nanoseconds(message.header.stamp) == ORIGIN + 7
     assert message.header.frame_id == frame
     said = set(message.get_fields_and_field_types()) - {"header"}
@@ -113,11 +116,12 @@ def test_a_sample_is_said_field_by_field(kind, make, frame, channels):
 
 
 def test_the_wrench_is_what_the_mount_feels():
-    message = filled(WrenchStamped(), fields.wrench_fields(numbered_samples(), 1, ORIGIN))
+    values = fields.wrench_fields(numbered_samples(), STAMPS)
+    message = filled(WrenchStamped(), row_of(values, 1))
     force = numbered_samples().reacting_force[1]
     assert isinstance(message, WrenchStamped)
     assert message.header.frame_id == "rpud_mount"
-    assert nanoseconds(message.header.stamp) == ORIGIN
+    assert nanoseconds(message.header.stamp) == ORIGIN + 7
     assert (message.wrench.force.x, message.wrench.force.y) == (0.0, 0.0)
     assert message.wrench.force.z == -force
     torque = message.wrench.torque
@@ -126,7 +130,7 @@ def test_the_wrench_is_what_the_mount_feels():
 
 def test_the_state_of_the_joints_is_that_of_the_bodies():
     samples = numbered_samples()
-    message = filled(JointState(), fields.joint_state_fields(samples, 1, ORIGIN + 7))
+    message = filled(JointState(), row_of(fields.joint_state_fields(samples, STAMPS), 1))
     assert nanoseconds(message.header.stamp) == ORIGIN + 7
     assert message.header.frame_id == "rpud_mount"
     assert dict(zip(message.name, message.position, strict=True)) == {
@@ -139,14 +143,15 @@ def test_the_state_of_the_joints_is_that_of_the_bodies():
         samples.free_mass_velocity[1],
         samples.drill_tool_velocity[1],
     ]
-    wrench = filled(WrenchStamped(), fields.wrench_fields(samples, 1, ORIGIN)).wrench
+    wrench = filled(WrenchStamped(), row_of(fields.wrench_fields(samples, STAMPS), 1)).wrench
     assert message.effort.tolist() == [-wrench.force.z, 0.0, 0.0]
     assert deserialize_message(serialize_message(message), JointState) == message
 
 
 def test_an_impact_is_said_field_by_field(block):
-    for impact in block.impacts:
-        message = filled(ContactForce(), fields.contact_force_fields(impact, ORIGIN))
+    columns = fields.contact_force_fields(block.impacts, ORIGIN)
+    for number, impact in enumerate(block.impacts):
+        message = filled(ContactForce(), row_of(columns, number))
         for field in set(message.get_fields_and_field_types()) - {"header"}:
             assert getattr(message, field) == impact[field], field
         assert type(message.sequence) is int
@@ -158,7 +163,7 @@ def test_an_impact_is_said_field_by_field(block):
 def test_the_stamp_of_an_impact_just_before_a_whole_second_is_valid(block):
     impact = block.impacts[:1].copy()
     impact["seconds"], impact["fraction"] = 4, 1.0 - 1e-12
-    stamp = filled(ContactForce(), fields.contact_force_fields(impact[0], 0)).header.stamp
+    stamp = filled(ContactForce(), row_of(fields.contact_force_fields(impact, 0), 0)).header.stamp
     assert (stamp.sec, stamp.nanosec) == (5, 0)
 
 
@@ -171,8 +176,9 @@ def test_times_are_exact(time):
 
 def test_a_waveform_is_the_samples():
     samples = numbered_samples()
-    message = filled(Waveform(), fields.waveform_fields(samples, ORIGIN, 12, RATE))
-    assert nanoseconds(message.header.stamp) == ORIGIN
+    values = fields.waveform_fields(samples, np.array([12, 14]), RATE, ORIGIN)
+    message = filled(Waveform(), row_of(values, 0))
+    assert nanoseconds(message.header.stamp) == ORIGIN + 12 * SECOND // RATE
     assert message.sequence == 12
     assert message.sample_period == 1.0 / RATE
     channels = set(message.get_fields_and_field_types()) - {"header", "sequence", "sample_period"}

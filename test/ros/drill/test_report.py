@@ -71,6 +71,8 @@ def report_of(run, **counts):
     return Report(
         time=run.time,
         status=run.status("running", bookkeeping)[2],
+        coupling_power=run.coupling_power,
+        unloaded_amplitude=run.simulation.unloaded_amplitude,
         process=run.simulation.process,
         at_tool_length=run.simulation.at_tool_length,
         faults=run.simulation.faults.active,
@@ -90,6 +92,34 @@ def report_of(run, **counts):
 
 
 REPORT = made()
+
+
+def test_steps_of_the_arm_that_lose_power_are_a_warning():
+    run = begun(feed_model="arm", initial_feed=0.004)
+    list(run.advance_to(100 * MILLISECOND))
+    report = report_of(run)
+    drill = diagnostics(report).status[2]
+    values = {pair.key: pair.value for pair in drill.values}
+    assert (drill.level, drill.message) == (DiagnosticStatus.OK, "running")
+    assert abs(float(values["coupling_power [W]"])) < 0.05 * report.status["actuator_power"]
+    power = 0.06 * report.status["actuator_power"]
+    drill = diagnostics(dataclasses.replace(report, coupling_power=-power)).status[2]
+    assert drill.level == DiagnosticStatus.WARN
+    assert f"lose {-power:.3g} W, more than 5% of" in drill.message
+
+
+@pytest.mark.parametrize(("weight", "stalled"), [(8.0, False), (30.0, True)])
+def test_a_vibration_that_the_load_stalls_is_a_warning(weight, stalled):
+    run = begun(
+        actuator_model="resonance",
+        weight_on_bit=weight,
+        contact_model="printed",
+        vibration_amplitude=35e-6,
+    )
+    list(run.advance_to(300 * MILLISECOND))
+    drill = diagnostics(report_of(run)).status[2]
+    assert (drill.level == DiagnosticStatus.WARN) is stalled
+    assert ("less than 5% of 35 um without load" in drill.message) is stalled
 
 
 def nanoseconds(time):

@@ -1,0 +1,163 @@
+"""Drill in the rock by direct integration in small fixed steps: to compare the engine with.
+
+It shares nothing with the engine but the constants. Every body has a position and a velocity in
+the frame of the rock. RPUD, mount and vibration interact by their forces in every step.
+"""
+
+import math
+
+import numpy as np
+from numba import njit
+
+from rpud_sim.model.drill import derive
+
+
+@njit
+def _cosine(cycles):
+    return math.cos(2.0 * math.pi * (cycles - math.floor(cycles)))
+
+
+@njit
+def _follow_joined(m_fm, m_dt, k_dt, g, dt, u, v):
+    """Move free mass and drill tool as one; return whether their contact still pushes."""
+    a = (m_fm * g - k_dt * u) / (m_fm + m_dt)
+    v += dt * a
+    return u + dt * v, v, g - a > 0.0
+
+
+@njit
+def _integrate_arm(bodies, tool, arm, vibration, duration, dt, sample):
+    m, k_1, c_1, m_fm, e_1, g = bodies
+    m_eff, k_eff, m_dt, k_dt, c_dt, e_2 = tool
+    k_a, c_a, feed, release = arm
+    amplitude, frequency, phase = vibration
+    omega = 2.0 * math.pi * frequency
+    x = feed * k_a / (k_a + k_1)  # mount
+    y, vy = -amplitude * _cosine(phase - 0.25), 0.0  # RPUD
+    z, vz, t, vt = 0.0, 0.0, 0.0, 0.0  # free mass and drill tool
+    in_rock, joined = True, False
+    every = round(sample / dt)
+    forces = np.zeros(round(duration / sample))
+    for i in range(len(forces) * every):
+        vx = (k_a * (feed - x) - k_1 * (x - y) + c_1 * vy) / (c_a + c_1)
+        vy += dt * (k_1 * (x - y) + c_1 * (vx - vy)) / m
+        y += dt * vy
+        x += dt * vx
+        forces[i // every] += k_a * (feed - x) / every
+        if in_rock and x < -release and y < 0.0:
+            in_rock = joined = False
+        elif not in_rock and (x > 0.0 or y > 0.0):
+            in_rock, t, vt, z = True, 0.0, 0.0, min(z, 0.0)
+        if joined:
+            t, vt, joined = _follow_joined(m_fm, m_eff, k_eff, g, dt, t, vt)
+            z, vz = t, vt
+            if not joined:
+                t, vt = 0.0, 0.0
+        else:
+            vz += dt * g
+            z += dt * vz
+            if not in_rock:
+                vt += dt * (k_dt * (x - t) + c_dt * (vx - vt)) / m_dt
+                t += dt * vt
+        cycles = phase + frequency * i * dt
+        tip = y + amplitude * _cosine(cycles - 0.25)
+        v_tip = vy + omega * amplitude * _cosine(cycles)
+        if z <= tip:
+            z = tip
+            if v_tip > vz:
+                impulse = (1.0 + e_1) * (v_tip - vz) / (1.0 / m + 1.0 / m_fm)
+                vy -= impulse / m
+                vz += impulse / m_fm
+                joined = False
+        if z >= t and not joined:
+            z = t
+            if vz > vt and in_rock:
+                vz = vt = (m_fm * vz + m_eff * vt) / (m_fm + m_eff)
+                joined = True
+            elif vz > vt:
+                impulse = (1.0 + e_2) * (vz - vt) / (1.0 / m_fm + 1.0 / m_dt)
+                vz -= impulse / m_fm
+                vt += impulse / m_dt
+    return forces
+
+
+@njit
+def _integrate_resonance(bodies, tool, resonance, weight, duration, skipped, dt):
+    m, k_1, c_1, m_fm, e_1, g = bodies
+    m_eff, k_eff = tool
+    modal_mass, amplitude, decay_time, frequency = resonance
+    omega = 2.0 * math.pi * frequency
+    drive = 2.0 * amplitude * omega / decay_time
+    y, vy, z, vz, t, vt, q, p = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    joined = True
+    square = 0.0
+    first, last = round(skipped / dt), round(duration / dt)
+    for i in range(last):
+        p += dt * (drive * _cosine(frequency * i * dt) - omega * omega * q - 2.0 / decay_time * p)
+        q += dt * p
+        vy += dt * (weight - k_1 * y - c_1 * vy) / m
+        y += dt * vy
+        if joined:
+            t, vt, joined = _follow_joined(m_fm, m_eff, k_eff, g, dt, t, vt)
+            z, vz = t, vt
+            if not joined:
+                t, vt = 0.0, 0.0
+        else:
+            vz += dt * g
+            z += dt * vz
+        if z <= y + q:
+            z = y + q
+            closing = vy + p - vz
+            if closing > 0.0:
+                restitution = e_1 if closing > 1e-3 else 0.0
+                impulse = (1.0 + restitution) * closing / (1.0 / m + 1.0 / modal_mass + 1.0 / m_fm)
+                vy -= impulse / m
+                p -= impulse / modal_mass
+                vz += impulse / m_fm
+                if joined:
+                    vz = vt = (m_fm * vz + m_eff * vt) / (m_fm + m_eff)
+            if joined:
+                t = max(t, z)
+        if z >= t and not joined:
+            z = t
+            if vz > vt:
+                vz = vt = (m_fm * vz + m_eff * vt) / (m_fm + m_eff)
+                joined = True
+        if i >= first:
+            square += q * q
+    return math.sqrt(2.0 * square / (last - first))
+
+
+def _bodies(drill):
+    restitution, gravity = drill.actuator_restitution, drill.gravity
+    return (
+        drill.rpud_mass,
+        drill.load_spring_rate,
+        drill.rpud_damping,
+        drill.free_mass,
+        restitution,
+        gravity,
+    )
+
+
+def arm_forces(configuration, phase, duration, dt=1e-7):
+    """Return the force of a compliant arm without play in each millisecond [N]."""
+    parameters, mount = configuration.parameters, configuration.mount
+    drill, free = derive(parameters), derive(parameters.replace(regime="free"))
+    tool = (drill.tool_mass, drill.tool_spring_rate, free.tool_mass, free.tool_spring_rate)
+    tool += (free.tool_damping, free.drill_tool_restitution)
+    arm = (mount.arm_stiffness, mount.arm_damping, mount.initial_feed, mount.contact_release)
+    vibration = (parameters.vibration_amplitude, parameters.vibration_frequency, phase)
+    return _integrate_arm(_bodies(drill), tool, arm, vibration, duration, dt, 1e-3)
+
+
+def resonant_amplitude(configuration, duration, skipped, dt):
+    """Return the root mean square of the amplitude of a resonance [m], after a skipped time."""
+    parameters, actuator = configuration.parameters, configuration.actuator
+    drill, amplitude = derive(parameters), parameters.vibration_amplitude
+    frequency = actuator.resonance_frequency
+    decay_time = actuator.quality_factor / (math.pi * frequency)
+    resonance = (actuator.modal_mass(amplitude), amplitude, decay_time, frequency)
+    tool = (drill.tool_mass, drill.tool_spring_rate)
+    weight = parameters.weight_on_bit
+    return _integrate_resonance(_bodies(drill), tool, resonance, weight, duration, skipped, dt)
