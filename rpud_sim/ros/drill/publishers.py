@@ -50,7 +50,7 @@ class DrillPublishers:
     ) -> None:
         self._node = node
         self._offered = offered
-        self._dropped = 0
+        self.dropped = 0  # messages that the middleware did not accept
         self._unacknowledged = Counter[str]()
         self._published = Counter[str]()
         # counts of the messages of each topic, None for no count. With a count topics
@@ -73,11 +73,6 @@ class DrillPublishers:
         self._publish_raw = {
             name: publisher.handle.publish_raw for name, publisher in self._publishers.items()
         }
-
-    @property
-    def dropped(self) -> int:
-        """Messages that the middleware did not accept."""
-        return self._dropped
 
     @property
     def unheard(self) -> list[str]:
@@ -186,7 +181,7 @@ class DrillPublishers:
             if self.patient and name in self._offered and self._offered[name].complete:
                 self._await(name)
         except RuntimeError:  # RCLError: the middleware did not accept it
-            self._dropped += 1
+            self.dropped += 1
 
     def _await_status(self) -> None:
         """Let reliable subscribers have the last status, which the next one overwrites.

@@ -56,17 +56,12 @@ class StatusReporter:
         ]
         commands = {topic for topics in _COMMAND_TOPICS for topic in topics}
         self._subscriptions = [each for each in node.subscriptions if each.topic in commands]
-        self._last: Report | None = None
+        self.last: Report | None = None  # the latest report, None before the first
         self._blocks: list[Block] = []
         self._impact_delays = Lateness()
         self._diagnostics_wait = False
         self._rests_until = 0
         self.begin()
-
-    @property
-    def last(self) -> Report | None:
-        """The latest report, None before the first."""
-        return self._last
 
     @property
     def totals(self) -> Statistics:
@@ -109,10 +104,10 @@ class StatusReporter:
 
     def refused_more(self) -> bool:
         """Whether commands were refused or discarded since the last report."""
-        if self._last is None:
+        if self.last is None:
             return False
         reported = tuple(
-            self._last.status[name] for name in ("commands_rejected", "commands_discarded")
+            self.last.status[name] for name in ("commands_rejected", "commands_discarded")
         )
         return (self._inbox.rejected, self._inbox.discarded) != reported
 
@@ -131,7 +126,7 @@ class StatusReporter:
         Diagnostics of it wait for ``publish_diagnostics``.
         """
         now = time.monotonic_ns()
-        if self._last is None or now >= self._due:
+        if self.last is None or now >= self._due:
             self.publish_diagnostics()  # one in each period, even where time is short
             self._count()
             timing, command_delays = pacer.read(), self._inbox.take_delays()
@@ -141,9 +136,9 @@ class StatusReporter:
             self._interval = Statistics()
             self._due = now + round(REPORT_PERIOD * SECOND)
         else:
-            timing, figures = self._last.timing, self._last.figures
-            command_delays = self._last.command_delays
-            impact_delays = self._last.impact_delays
+            timing, figures = self.last.timing, self.last.figures
+            command_delays = self.last.command_delays
+            impact_delays = self.last.impact_delays
         bookkeeping = Bookkeeping(
             commands_accepted=self._inbox.accepted,
             commands_rejected=self._inbox.rejected,
@@ -161,7 +156,7 @@ class StatusReporter:
         status = run.status(state, bookkeeping)
         self._publishers.publish([status])
         self._publish_results(run.origin + run.time)
-        self._last = Report(
+        self.last = Report(
             time=run.time,
             status=status[2],
             coupling_power=run.coupling_power,
@@ -187,11 +182,11 @@ class StatusReporter:
 
     def publish_diagnostics(self) -> None:
         """Publish the diagnostics of the latest report, unless that was done."""
-        if not self._diagnostics_wait or self._last is None:
+        if not self._diagnostics_wait or self.last is None:
             return
         self._diagnostics_wait = False
         diagnostics = report_to_diagnostics(
-            self._last,
+            self.last,
             self._node.get_fully_qualified_name(),
             self._node.get_clock().now().to_msg(),
             self._telemetry_rate,

@@ -22,11 +22,12 @@ class TimeSource:
         self._logger = node.get_logger()
         self._publishes = publishes
         simulated = isinstance(self._clock, ROSClock) and self._clock.ros_time_is_active
-        self._follows = simulated and not publishes
+        # Whether the time is that of another source of ``/clock``.
+        self.follows = simulated and not publishes
         self._notify: Callable[[], None] = lambda: None
         self._went_back = threading.Event()
         self._jumps = None
-        if self._follows:
+        if self.follows:
             self._jumps = self._clock.create_jump_callback(
                 JumpThreshold(
                     min_forward=Duration(nanoseconds=1),
@@ -37,14 +38,9 @@ class TimeSource:
             )
 
     @property
-    def follows(self) -> bool:
-        """Whether the time is that of another source of ``/clock``."""
-        return self._follows
-
-    @property
     def schedule(self) -> Callable[[], int] | None:
         """The time that a schedule follows [ns]; None for the monotonic clock."""
-        return self._now if self._follows else None
+        return self._now if self.follows else None
 
     def notify(self, notify: Callable[[], None]) -> None:
         """Call this from now on when another's ``/clock`` has moved."""
@@ -52,7 +48,7 @@ class TimeSource:
 
     def wait(self, stop: threading.Event, serve: Callable[[], None]) -> None:
         """Wait until there is a time; ``serve`` is called again and again meanwhile."""
-        if self._follows and self._now() == 0:
+        if self.follows and self._now() == 0:
             self._logger.info("waiting for /clock, as use_sim_time is set")
             while self._now() == 0 and not stop.wait(0.01):
                 serve()
