@@ -118,11 +118,11 @@ def summary_text(
     ]
     if report is None:
         return lines[0]
-    counts, status = report.bookkeeping, report.status
+    status = report.status
     lines.append(
-        f"{status['impacts']} impacts, {counts.deadlines_missed} deadlines missed, "
-        f"{counts.commands_accepted} commands accepted, {counts.commands_rejected} refused, "
-        f"{counts.messages_dropped} messages dropped"
+        f"{status['impacts']} impacts, {status['deadlines_missed']} deadlines missed, "
+        f"{status['commands_accepted']} commands accepted, {status['commands_rejected']} refused, "
+        f"{status['messages_dropped']} messages dropped"
     )
     if math.isfinite(status["depth"]):
         lines.append(f"depth {QUANTITIES['depth'].text(status['depth'])}")
@@ -137,20 +137,20 @@ def summary_text(
 
 
 def _parts(report: Report) -> dict[str, tuple[str, ...]]:
-    status, counts, timing = report.status, report.bookkeeping, report.timing
+    status, timing = report.status, report.timing
     kinds = [record.fault.kind for record in report.faults]
     weight = QUANTITIES["weight_on_bit"].text(status["weight_on_bit"])
     drive = "" if status["drive_enabled"] else "drive off"
     jammed = _JAMMED in kinds
     depth = QUANTITIES["depth"].text(status["depth"]) if math.isfinite(status["depth"]) else ""
-    refused = counts.commands_rejected + report.requests_refused
-    dropped = counts.messages_dropped
+    refused = status["commands_rejected"] + report.requests_refused
+    dropped = status["messages_dropped"]
     return {
         "time": (f"{report.time / 1e9:7.1f} s",),
         "state": (status["state"],),
         "weight": (f"{weight} on bit", weight),
         "drive": (drive,),
-        "lost": ("commands lost" if counts.commands_lost else "",),
+        "lost": ("commands lost" if status["commands_lost"] else "",),
         "impacts": _rate_texts(report.figures, jammed),
         **_forces(report.figures),
         "feed": _feed_texts(report.process.mount),

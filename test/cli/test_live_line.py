@@ -12,8 +12,9 @@ from hypothesis import strategies as st
 
 from rpud_sim.cli.live_line import LiveLine, live_text, logging_above, summary_text
 from rpud_sim.pages.quantities import QUANTITIES
-from rpud_sim.ros.drill.pacer import Timing
-from rpud_sim.ros.drill.report import NO_DELAYS, Report
+from rpud_sim.ros.drill.pacer import Punctuality
+from rpud_sim.ros.drill.report import Report
+from rpud_sim.ros.lateness import Lateness
 from rpud_sim.simulation.commands import Feed, WeightOnBit
 from rpud_sim.simulation.configuration import Settings, to_configuration
 from rpud_sim.simulation.faults import Fault
@@ -22,7 +23,7 @@ from rpud_sim.simulation.run import Beginning, Run
 from rpud_sim.simulation.statistics import Statistics
 
 MILLISECOND = 1_000_000
-TIMING = Timing(
+TIMING = Punctuality(
     blocks=300,
     deadlines_missed=0,
     lateness=0.0002,
@@ -50,23 +51,21 @@ class Drill:
     def report(self, until=100 * MILLISECOND, state="running", requests=0, refusal="", **counts):
         self.statistics = Statistics()
         list(self.run.advance_to(until))
-        bookkeeping = Bookkeeping(**counts)
         return Report(
             time=self.run.time,
-            status=self.run.status(state, bookkeeping)[2],
+            status=self.run.status(state, Bookkeeping(**counts))[2],
             coupling_power=self.run.coupling_power,
             unloaded_amplitude=self.run.simulation.unloaded_amplitude,
             process=self.simulation.process,
             at_tool_length=self.simulation.at_tool_length,
             faults=self.simulation.faults.active,
-            bookkeeping=bookkeeping,
             requests_refused=requests,
             last_refusal=refusal,
             namesakes=0,
             scheduling="time-sharing",
             timing=TIMING,
-            command_delays=NO_DELAYS,
-            impact_delays=NO_DELAYS,
+            command_delays=Lateness(),
+            impact_delays=Lateness(),
             figures=self.statistics.figures(),
             published={},
             subscribers={},
@@ -178,9 +177,14 @@ def test_models_that_are_off_are_not_told(healthy):
     lost=st.booleans(),
 )
 def test_it_never_reaches_the_last_column(healthy, width, refused, dropped, late, lost):
-    counts = Bookkeeping(commands_rejected=refused, messages_dropped=dropped, commands_lost=lost)
+    status = {
+        **healthy.status,
+        "commands_rejected": refused,
+        "messages_dropped": dropped,
+        "commands_lost": lost,
+    }
     timing = dataclasses.replace(TIMING, lateness_max=late)
-    report = dataclasses.replace(healthy, bookkeeping=counts, timing=timing)
+    report = dataclasses.replace(healthy, status=status, timing=timing)
     text = live_text(report, width)
     assert len(text) < width
     assert text.isprintable()

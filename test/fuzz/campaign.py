@@ -100,8 +100,8 @@ def send(drawn: random.Random, drill: Drill, way: str, tally: Tally) -> list[str
             harms.append(f"the reason is not one line: {reason[:500]!r}")
         if drill.state() != before:
             harms.append(f"refused, {reason}, but the state has changed")
-    if drill.node.failure is not None:
-        harms.append(f"the drilling has ended: {drill.node.failure}")
+    if drill.node.loop.failure is not None:
+        harms.append(f"the drilling has ended: {drill.node.loop.failure}")
     return harms
 
 

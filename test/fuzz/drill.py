@@ -15,6 +15,7 @@ from rclpy.logging import LoggingSeverity, get_logger
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.serialization import serialize_message
+from rpud_msgs.msg import CommandResult
 from rpud_msgs.srv import SetSimulationState
 
 from rpud_sim.ros.drill.drill_node import DrillNode
@@ -52,9 +53,9 @@ class Drill:
         inbox = self.node._inbox
         refuse = inbox.refuse
 
-        def remember(reason: str) -> None:
+        def remember(result: CommandResult, reason: str) -> None:
             self.reasons.append(reason)
-            refuse(reason)
+            refuse(result, reason)
 
         inbox.refuse = remember
         self._interval = sys.getswitchinterval()
@@ -91,13 +92,13 @@ class Drill:
     def do(self, action: Callable[[Any], Any]) -> Any:
         """Have something done, or read, in the thread of the drill."""
         try:
-            return self.node.request(action)
+            return self.node.loop.request(action)
         except StoppedError:
-            raise AssertionError("the drilling has ended") from self.node.failure
+            raise AssertionError("the drilling has ended") from self.node.loop.failure
 
     def now(self) -> int:
         """The stamp of the present simulation time [ns]."""
-        return self.do(lambda drilling: drilling.run.origin + drilling.run.time)
+        return self.do(lambda live: live.stamp)
 
     @property
     def rejected(self) -> int:
@@ -112,17 +113,17 @@ class Drill:
     @contextlib.contextmanager
     def paused(self) -> Iterator[None]:
         """Let its time stand still, for what no drill does while it plays."""
-        self.do(lambda drilling: drilling.pause())
+        self.do(lambda live: live.pause())
         try:
             yield
         finally:
-            self.do(lambda drilling: drilling.play())
+            self.do(lambda live: live.play())
 
     def state(self) -> tuple[Any, ...]:
         """All that a refused input must leave as it is."""
 
-        def read(drilling: Any) -> tuple[Any, ...]:
-            run, control = drilling.run, drilling.time_control
+        def read(live: Any) -> tuple[Any, ...]:
+            run = live.run
             simulation = run.simulation
             return (
                 simulation.applied,
@@ -131,9 +132,9 @@ class Drill:
                 simulation.faults.forgotten,
                 run.control.active,
                 run.control.commands_lost,
-                control.playing,
-                control.at_start,
-                control.stepping,
+                live.playing,
+                live.at_start,
+                live.goal,
             )
 
         parameters = self.node.get_parameters_by_prefix("")
@@ -142,7 +143,7 @@ class Drill:
 
     def sound(self) -> bool:
         """Whether what is in force is finite."""
-        applied = self.do(lambda drilling: drilling.run.simulation.applied)
+        applied = self.do(lambda live: live.run.simulation.applied)
         numbers = (applied.weight_on_bit.force, applied.drive.voltage, applied.drive.frequency)
         return all(map(math.isfinite, numbers))
 
@@ -158,8 +159,8 @@ class Drill:
             configuration.parameters.vibration_frequency,
         )
 
-        def act(drilling: Any) -> None:
-            run = drilling.run
+        def act(live: Any) -> None:
+            run = live.run
             run.simulation.clear_all()
             weight_on_bit = WeightOnBit(configuration.parameters.weight_on_bit)
             for command in (*self.node._inbox.drain(), weight_on_bit, drive):

@@ -36,7 +36,7 @@ def test_hostile_inputs_are_refused_with_a_reason_and_harm_nothing(drill):
 
 
 def paused(drill):
-    drill.do(lambda drilling: drilling.pause())
+    drill.do(lambda live: live.pause())
     return "so to say"
 
 
@@ -57,7 +57,9 @@ def test_what_harms_is_found(drill, monkeypatch, way, harm):
 
 
 def test_a_command_that_is_refused_but_not_counted_is_found(drill, monkeypatch):
-    monkeypatch.setattr(drill.node._inbox, "refuse", drill.reasons.append)
+    monkeypatch.setattr(
+        drill.node._inbox, "refuse", lambda result, reason: drill.reasons.append(reason)
+    )
 
     def send(inputs):
         for number in range(inputs):

@@ -10,12 +10,13 @@ pytestmark = pytest.mark.extended
 def topics(path):
     """Return the topics that hold messages; the drill gets no commands here.
 
-    The states of a node are not among them: offline there is no node.
+    What only a node publishes is not among them: its states, and results of commands.
     """
     with rpud_sim.bag.open(path) as bag:
         held = [summary for summary in bag.topics if summary.message_count]
         topics = {summary.topic: summary.definition for summary in held}
-    return {topic: it for topic, it in topics.items() if "/drill_node/" not in topic.name}
+    of_node = ("/drill_node/", "/command_results")
+    return {topic: it for topic, it in topics.items() if not any(w in topic.name for w in of_node)}
 
 
 def test_topics_are_those_of_a_recording(process, tmp_path):

@@ -1,1 +1,9 @@
-"""The drill as a managed node: paced, commanded, telling what it does."""
+"""The drill as a managed node.
+
+``DrillNode`` makes a ``LiveRun`` when it is configured. From its activation on the one thread of
+its ``PacingLoop`` moves and changes it::
+
+    topics   -> Gate -> Inbox -> PacingLoop.turn: read commands, advance, publish, sleep
+    services -> PacingLoop.request -> LiveRun: play, pause, step, reset, save, restore, configure
+    LiveRun  -> DrillPublishers, StatusReporter; Pacer and TimeSource give its times
+"""

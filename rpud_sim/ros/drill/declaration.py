@@ -33,15 +33,11 @@ class DrillParameters:
         self._node = node
         self._changed = changed
         self._fixed = fixed
-        self._settings = declare_settings(node)
+        self.settings = declare_settings(node)
         # A reset sets parameters in the pacing thread, a service in another one.
         self._applying = threading.Lock()
         node.add_on_set_parameters_callback(self._check)
         node.add_post_set_parameters_callback(self._apply)
-
-    @property
-    def settings(self) -> Settings:
-        return self._settings
 
     def restore(self, settings: Settings) -> None:
         """Set the changeable parameters to the values of these settings."""
@@ -60,7 +56,7 @@ class DrillParameters:
                 if change.name in _FIXED and change.value != self._value(change.name):
                     return SetParametersResult(successful=False, reason=f"{change.name} {fixed}")
         try:
-            self._settings.replace(
+            self.settings.replace(
                 {change.name: change.value for change in changes if change.name in PARAMETERS}
             )
         except ParameterError as error:
@@ -73,8 +69,8 @@ class DrillParameters:
         # All of them: a reset may set others back at the same time.
         with self._applying:
             values = {name: self._value(name) for name in PARAMETERS}
-            self._settings = self._settings.replace(values)
-        self._changed(self._settings)
+            self.settings = self.settings.replace(values)
+        self._changed(self.settings)
 
     def _value(self, name: str) -> Any:
         return self._node.get_parameter(name).value

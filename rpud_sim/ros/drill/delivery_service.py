@@ -2,29 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.exceptions import NameValidationException
 from rclpy.node import Node
 from rpud_msgs.srv import GetDelivery
 
 from rpud_sim.ros.discovery_probe import DiscoveryProbe
-from rpud_sim.ros.drill.configured_drill import ConfiguredDrill
+from rpud_sim.ros.drill.pacing_loop import PacingLoop
 
 _MOST_NODES = 100  # that are asked at a time, whoever wants it
 
 
-class DeliveryService:
+class DeliveryServer:
     """Service ``simulation/get_delivery``; to be made after all subscriptions and services.
 
-    ``find`` returns the drill of the node, None before it is configured. Without a request it costs
-    nothing.
+    Without a request it costs nothing.
     """
 
-    def __init__(self, node: Node, find: Callable[[], ConfiguredDrill | None]) -> None:
+    def __init__(self, node: Node, loop: PacingLoop) -> None:
         self._node = node
-        self._find = find
+        self._loop = loop
         self._probes: dict[str, DiscoveryProbe] = {}
         group = MutuallyExclusiveCallbackGroup()
         node.create_service(
@@ -39,9 +36,9 @@ class DeliveryService:
         response.unanswered = [name for name in request.nodes if not self._answered(name)]
         response.services = [each.service_name for each in self._node.services]
         response.clients = [self._node.count_clients(name) for name in response.services]
-        drill = self._find()
-        if drill is not None:
-            publishers, heard = drill.publishers, drill.reporter.publishers_heard()
+        live = self._loop.live
+        if live is not None:
+            publishers, heard = live.publishers, live.reporter.publishers_heard()
             response.topics = list(publishers.published)
             response.published = list(publishers.published.values())
             response.subscribers = list(publishers.subscribers().values())

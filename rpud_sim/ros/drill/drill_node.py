@@ -1,23 +1,4 @@
-"""Managed node of the drill.
-
-Publishers (docs/reference/topics.md): ``nodal_plane``, ``drill_tool``, ``reacting_force``,
-``wrench``, ``joint_states`` and ``actuator_state`` at ``telemetry_rate``; ``contact_force`` for
-every impact on the drill tool; ``waveform`` and ``trajectory`` in blocks; ``journal`` and
-``faults`` on change;
-``status`` and ``/diagnostics`` every second and on change; ``/clock`` with ``publish_clock``.
-
-Subscriptions: ``command/weight_on_bit`` (rpud_msgs/WeightOnBit), ``command/drive``
-(rpud_msgs/Drive). A command takes effect at the next block boundary; an invalid one is
-rejected, counted and logged.
-
-Services: ``engage`` (std_srvs/SetBool), ``inject_fault``, ``clear_fault``, ``list_faults``,
-``simulation/get_state``, ``set_state``, ``step``, ``run_to``, ``reset``, ``save``, ``restore`` and
-``get_delivery`` (rpud_msgs), those of a managed node, and those of ``simulation_interfaces`` if it
-is installed.
-
-Parameters: ``rpud_sim.simulation.configuration.PARAMETERS``, to be set while it is unconfigured;
-those of ``CHANGEABLE`` at any time.
-"""
+"""Managed node of the drill: its topics, services and parameters are those of docs/reference."""
 
 from __future__ import annotations
 
@@ -36,18 +17,18 @@ from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.ros.drill import standard_services
-from rpud_sim.ros.drill.configured_drill import ConfiguredDrill
 from rpud_sim.ros.drill.declaration import DrillParameters
-from rpud_sim.ros.drill.delivery_service import DeliveryService
-from rpud_sim.ros.drill.drilling import Drilling
-from rpud_sim.ros.drill.fault_services import FaultServices
+from rpud_sim.ros.drill.delivery_service import DeliveryServer
+from rpud_sim.ros.drill.fault_services import FaultServer
 from rpud_sim.ros.drill.gate import Gate
 from rpud_sim.ros.drill.inbox import Inbox
+from rpud_sim.ros.drill.live_run import LiveRun
 from rpud_sim.ros.drill.managed_node import ManagedNode, log_exceptions
 from rpud_sim.ros.drill.namesakes import DuplicateNodes
+from rpud_sim.ros.drill.pacing_loop import PacingLoop
 from rpud_sim.ros.drill.report import Report
-from rpud_sim.ros.drill.simulation_services import SimulationServices
-from rpud_sim.ros.drill.standard_services import StandardServices
+from rpud_sim.ros.drill.simulation_services import SimulationServer
+from rpud_sim.ros.drill.standard_services import StandardServer
 from rpud_sim.ros.drill.status_reporter import REPORT_PERIOD
 from rpud_sim.ros.requests import StoppedError
 from rpud_sim.ros.serving import quick_switches, serve
@@ -77,22 +58,21 @@ class DrillNode(ManagedNode):
         self, duration: float | None = None, start: Start | None = None, **options: Any
     ) -> None:
         super().__init__(NAME, **options)
+        self.loop = PacingLoop()
         self._start = start
-        self._drill: ConfiguredDrill | None = None
         self._drill_parameters = DrillParameters(self, self._apply_settings, self._fixed)
         self.settings.read_scenario()  # a file that is missing ends the start, not the activation
         begin = start.run.time if start else 0
         self._end = sys.maxsize if duration is None else begin + round(duration * SECOND)
         self._inbox = Inbox(self.get_logger())
         self._namesakes = DuplicateNodes(self)
-        self._quit = False
         self._sent: Counter[str] | None = None
-        self._gate = Gate(self, self.settings, self._inbox, self._now)
-        services = SimulationServices(self, self)
+        self._gate = Gate(self, lambda: self.settings, self._inbox, self._now)
+        services = SimulationServer(self, self.loop)
         if standard_services.INSTALLED:
-            StandardServices(self, services, lambda: self.settings.telemetry_rate)
-        FaultServices(self, self)
-        DeliveryService(self, lambda: self._drill)
+            StandardServer(self, services)
+        FaultServer(self, self.loop, lambda: self.settings)
+        DeliveryServer(self, self.loop)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(REPORT_PERIOD, self._report_before_start, clock=steady)
 
@@ -101,42 +81,24 @@ class DrillNode(ManagedNode):
         return self._drill_parameters.settings
 
     @property
-    def configured(self) -> bool:
-        return self._drill is not None
-
-    @property
-    def drilling(self) -> Drilling | None:
-        """The drilling, to be read; None before the first activation."""
-        return self._drill.drilling if self._drill and self._drill.pacing.started else None
-
-    @property
     def report(self) -> Report | None:
         """The latest report, None before the first."""
-        return self._drill.reporter.last if self._drill else None
+        return live.reporter.last if (live := self.loop.live) else None
 
     @property
     def totals(self) -> Statistics:
         """Statistics since the start; to be read when it has stopped."""
-        return self._drill.reporter.totals if self._drill else Statistics()
+        return live.reporter.totals if (live := self.loop.live) else Statistics()
 
     @property
     def faults(self) -> tuple[FaultRecord, ...]:
         """Faults since the start; to be read when it has stopped."""
-        return self.drilling.run.simulation.faults.records if self.drilling else ()
-
-    @property
-    def finished(self) -> bool:
-        return self._quit or (self._drill is not None and self._drill.pacing.finished)
-
-    @property
-    def failure(self) -> BaseException | None:
-        """Error that ended the drilling, None without one."""
-        return self._drill.pacing.failure if self._drill else None
+        return live.run.simulation.faults.records if (live := self.loop.begun) else ()
 
     @property
     def unheard(self) -> list[str]:
         """Topics of its namespace that have no subscriber."""
-        return self._drill.publishers.unheard if self._drill else []
+        return live.publishers.unheard if (live := self.loop.live) else []
 
     @property
     def sent(self) -> Mapping[str, int]:
@@ -147,21 +109,12 @@ class DrillNode(ManagedNode):
     def count_sent(self) -> None:
         """Count messages from now on; topics without a subscriber are published too."""
         self._sent = Counter()
-        if self._drill is not None:
-            self._drill.publishers.sent = self._sent
-
-    def request(self, action: Callable[[Drilling], Any]) -> Any:
-        """Have something done between two blocks; return what it returns, raise what it raises."""
-        if self._drill is None:
-            raise StoppedError("the node has not been activated")
-        return self._drill.pacing.request(action)
-
-    def quit(self) -> None:
-        self._quit = True
+        if (live := self.loop.live) is not None:
+            live.publishers.sent = self._sent
 
     def prepare(self) -> None:
         """Configure, with ``autostart`` and unless it has: its topics are there then."""
-        if self.settings.autostart and self._drill is None:
+        if self.settings.autostart and self.loop.live is None:
             self.complete(self.trigger_configure)
 
     def start(self) -> None:
@@ -173,14 +126,13 @@ class DrillNode(ManagedNode):
 
     def stop(self) -> None:
         """End the drilling, publish the last status, and let listeners have the last messages."""
-        if self._drill is not None:
-            self._drill.stop()
+        self.loop.stop()
 
     @log_exceptions
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Prepare everything; nothing moves yet."""
         compile_kernels(self.settings.configuration.parameters, self.get_logger().info)
-        self._drill = ConfiguredDrill(
+        live = LiveRun(
             self,
             self.settings,
             self._inbox,
@@ -190,6 +142,7 @@ class DrillNode(ManagedNode):
             self._sent,
             self._start,
         )
+        self.loop.configure(live)
         # A garbage collection of all that lives by now would make blocks late.
         gc.collect()
         gc.freeze()
@@ -198,8 +151,10 @@ class DrillNode(ManagedNode):
     @log_exceptions
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Let commands act; simulation time begins, if this is the first time."""
-        assert self._drill is not None  # an inactive node is configured
-        self._drill.activate(self.settings)
+        if self.loop.begun is None:
+            self.loop.start(self.settings)
+        else:
+            self._let_commands_act(True)
         self._gate.open(True)
         self.get_logger().info("the drill is active")
         return TransitionCallbackReturn.SUCCESS
@@ -208,16 +163,13 @@ class DrillNode(ManagedNode):
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Make drive and weight on bit zero; the drill goes on without them."""
         self._gate.open(False)
-        assert self._drill is not None
-        self._drill.deactivate()
+        self._let_commands_act(False)
         return TransitionCallbackReturn.SUCCESS
 
     @log_exceptions
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
         self._gate.open(False)
-        drill, self._drill = self._drill, None  # or its end would be the end of the process
-        if drill is not None:
-            drill.destroy()
+        self.loop.clean_up()
         gc.unfreeze()
         return TransitionCallbackReturn.SUCCESS
 
@@ -229,7 +181,7 @@ class DrillNode(ManagedNode):
     @log_exceptions
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
         self._gate.open(False)
-        self._quit = True
+        self.loop.quit()
         return TransitionCallbackReturn.SUCCESS
 
     def destroy_node(self) -> None:
@@ -240,29 +192,31 @@ class DrillNode(ManagedNode):
     def refuse_request(self, reason: str) -> None:
         self._inbox.refuse_request(reason)
 
+    def _let_commands_act(self, active: bool) -> None:
+        self.loop.request(lambda live: live.act(lambda run: run.control.activate(active)))
+
     def _report_before_start(self) -> None:
-        if self._drill is None:
+        if (live := self.loop.live) is None:
             self._namesakes.count()
-        else:
-            self._drill.report_before_start()
+        elif self.loop.begun is None:
+            live.announce()
 
     def _now(self) -> int:
-        if self.settings.publish_clock and self._drill is not None:
-            return self._drill.time
+        if self.settings.publish_clock and (live := self.loop.live) is not None:
+            return live.stamp
         return int(self.get_clock().now().nanoseconds)
 
     def _fixed(self) -> str:
         """Return why parameters that are not changeable cannot be set now; empty if they can."""
         if self._start is not None:
             return "is read-only in a fork"
-        return "is read-only until the drill is cleaned up" if self.configured else ""
+        return "is read-only until the drill is cleaned up" if self.loop.live else ""
 
     def _apply_settings(self, settings: Settings) -> None:
-        self._gate.settings = settings
-        if self.drilling is not None and self.drilling.settings != settings:
+        if (live := self.loop.begun) is not None and live.settings != settings:
             with contextlib.suppress(StoppedError):  # there is nothing left to change
                 # By then the settings may be later ones, of a reset.
-                self.request(lambda drilling: drilling.configure(self.settings))
+                self.loop.request(lambda live: live.configure(self.settings))
 
 
 def drill(ros_arguments: Sequence[str], with_parent: bool = False) -> None:
@@ -296,7 +250,7 @@ def spin(
     try:
         node.start()
         with quick_switches():
-            while not (stop.requested or node.finished):
+            while not (stop.requested or node.loop.finished):
                 serve(executor, node.refuse_request)
                 show(node.report)
         if stop.orphaned:
@@ -305,5 +259,5 @@ def spin(
         with limited_end():
             node.stop()
             executor.shutdown(timeout_sec=_LAST_ANSWERS)
-    if node.failure is not None:
-        raise RuntimeError(str(node.failure)) from node.failure
+    if (failure := node.loop.failure) is not None:
+        raise RuntimeError(str(failure)) from failure

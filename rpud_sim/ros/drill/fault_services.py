@@ -6,29 +6,36 @@ import contextlib
 from collections.abc import Callable
 from typing import Any
 
-from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rpud_msgs.srv import ClearFault, InjectFault, ListFaults
 from std_srvs.srv import SetBool
 
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.foundation.time import SECOND, join_seconds
-from rpud_sim.ros.drill.drilling import Drilling
-from rpud_sim.ros.drill.host import DrillHost
+from rpud_sim.ros.drill.live_run import LiveRun
+from rpud_sim.ros.drill.managed_node import ManagedNode
 from rpud_sim.ros.drill.messages import message_to_fault, record_to_fault
+from rpud_sim.ros.drill.pacing_loop import PacingLoop
 from rpud_sim.ros.requests import StoppedError
 from rpud_sim.simulation.channels import CHANNELS
+from rpud_sim.simulation.configuration import Settings
 from rpud_sim.simulation.faults import FaultError, check_kind
 from rpud_sim.simulation.simulation import Simulation
 from rpud_sim.simulation.topics import TOPICS
 
 
-class FaultServices:
-    """Services ``inject_fault``, ``clear_fault``, ``list_faults`` and ``engage``."""
+class FaultServer:
+    """Services ``inject_fault``, ``clear_fault``, ``list_faults`` and ``engage``.
 
-    def __init__(self, node: Node, host: DrillHost) -> None:
+    ``settings`` gives the settings of the node, configured or not.
+    """
+
+    def __init__(
+        self, node: ManagedNode, loop: PacingLoop, settings: Callable[[], Settings]
+    ) -> None:
         self._node = node
-        self._host = host
+        self._loop = loop
+        self._settings = settings
         node.create_service(InjectFault, "inject_fault", self._on_inject)
         node.create_service(ClearFault, "clear_fault", self._on_clear)
         node.create_service(ListFaults, "list_faults", self._on_list)
@@ -61,37 +68,37 @@ class FaultServices:
     def _on_list(
         self, request: ListFaults.Request, response: ListFaults.Response
     ) -> ListFaults.Response:
-        def act(drilling: Drilling) -> None:
-            run = drilling.run
+        def act(live: LiveRun) -> None:
+            run = live.run
             response.faults = [
                 record_to_fault(record, run.origin) for record in run.simulation.faults.active
             ]
             response.kinds = list(run.simulation.honoured_kinds())
 
         with contextlib.suppress(StoppedError):  # without a run there are no faults
-            self._host.request(act)
-        values = self._host.settings.values()
+            self._loop.request(act)
+        values = self._settings().values()
         response.channels = [name for name in CHANNELS if TOPICS[name].is_offered(values)]
         return response
 
     def _on_engage(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
-        if not self._host.configured:
+        if self._loop.live is None:
             response.message = "the node has not been configured"
-            self._host.refuse_request(response.message)
+            self._node.refuse_request(response.message)
             return response
         regime = "drilling" if request.data else "free"
         result = self._node.set_parameters([Parameter("regime", value=regime)])[0]
         response.success = result.successful
         response.message = result.reason
         if not result.successful:
-            self._host.refuse_request(result.reason)
+            self._node.refuse_request(result.reason)
         return response
 
     def _answer(self, response: Any, act: Callable[[Simulation], None]) -> Any:
         try:
-            self._host.request(lambda drilling: drilling.act(lambda run: act(run.simulation)))
+            self._loop.request(lambda live: live.act(lambda run: act(run.simulation)))
             response.success = True
         except (ParameterError, StoppedError) as error:
-            self._host.refuse_request(str(error))
+            self._node.refuse_request(str(error))
             response.message = str(error)
         return response

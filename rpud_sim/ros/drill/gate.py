@@ -11,17 +11,17 @@ from builtin_interfaces.msg import Time
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.serialization import deserialize_message
+from rpud_msgs.msg import CommandResult
 from rpud_msgs.msg import Drive as DriveMessage
 from rpud_msgs.msg import Feed as FeedMessage
 from rpud_msgs.msg import WeightOnBit as WeightOnBitMessage
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Header
 
 from rpud_sim.bag.sequence import SequenceGaps
 from rpud_sim.drilling.feed import POSITION, RATE
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.foundation.time import SECOND, join_seconds
-from rpud_sim.ros.drill.inbox import Command, Fate, Inbox
+from rpud_sim.ros.drill.inbox import Command, Inbox
 from rpud_sim.ros.drill.joint_commands import to_feed
 from rpud_sim.ros.drill.publishers import COMMAND_QOS
 from rpud_sim.simulation.commands import Drive, Feed, WeightOnBit
@@ -33,13 +33,17 @@ _FEED_MODES = {FeedMessage.MODE_RATE: RATE, FeedMessage.MODE_POSITION: POSITION}
 class Gate:
     """Subscriptions to the commands; an invalid command is rejected with a reason.
 
-    ``now`` gives the stamp of a command that is given now [ns].
+    ``settings`` gives the settings in force, ``now`` the stamp of a command that is given now [ns].
     """
 
     def __init__(
-        self, node: Node, settings: Settings, inbox: Inbox, now: Callable[[], int]
+        self,
+        node: Node,
+        settings: Callable[[], Settings],
+        inbox: Inbox,
+        now: Callable[[], int],
     ) -> None:
-        self.settings = settings
+        self._settings = settings
         self._inbox = inbox
         self._now = now
         self._open = threading.Event()
@@ -60,13 +64,13 @@ class Gate:
 
     def _to_weight_on_bit(self, message: WeightOnBitMessage) -> WeightOnBit:
         self._check("weight on bit", message.header.stamp)
-        self.settings.configuration.check_weight_on_bit()
+        self._settings().configuration.check_weight_on_bit()
         return WeightOnBit(message.force)
 
     def _to_drive(self, message: DriveMessage) -> Drive:
         self._check("drive", message.header.stamp)
         drive = Drive(message.enabled, message.voltage, message.frequency)
-        self.settings.configuration.check_drive(drive)
+        self._settings().configuration.check_drive(drive)
         return drive
 
     def _to_feed(self, message: FeedMessage) -> Feed:
@@ -85,13 +89,13 @@ class Gate:
         return self._checked(feed)
 
     def _checked(self, feed: Feed) -> Feed:
-        self.settings.configuration.check_feed(feed)
+        self._settings().configuration.check_feed(feed)
         return feed
 
     def _check(self, name: str, stamp: Time) -> None:
         if not self._open.is_set():
             raise ParameterError(f"{name}: the drill is not active")
-        timeout = self.settings.command_timeout
+        timeout = self._settings().command_timeout
         given = join_seconds(stamp.sec, stamp.nanosec)
         # A stamp of zero means that there is none.
         if not (timeout and given):
@@ -152,16 +156,16 @@ class _CommandTopic:
             message = deserialize_message(payload, self._kind)
         except Exception:  # RMWError, or what the conversion to Python raises
             reason = f"{self._name}: a payload of {len(payload)} bytes is malformed"
-            self._inbox.refuse_malformed(Fate(self._name, Header(), reason))
+            self._inbox.refuse_malformed(CommandResult(kind=self._name), reason)
             return
-        fate = Fate(self._name, message.header)
+        result = CommandResult(kind=self._name, header=message.header)
         try:
             command = self._handler(message)
         except ParameterError as error:
-            self._inbox.refuse(fate._replace(reason=str(error)))
+            self._inbox.refuse(result, str(error))
         else:
             if command is not None:
-                self._inbox.accept(command, fate, arrival(information))
+                self._inbox.accept(command, result, arrival(information))
 
     def _on_lost(self, event: Any) -> None:
         self._overwritten = event.total_count

@@ -6,9 +6,9 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
-from std_msgs.msg import Header
+from rpud_msgs.msg import CommandResult
 
 from rpud_sim.ros.lateness import Lateness
 from rpud_sim.simulation.commands import Drive, Feed, WeightOnBit
@@ -23,14 +23,6 @@ _MOST_RESULTS = 1000  # that wait to be published: more are counted only
 _MALFORMED_PERIOD = 10.0  # between two log lines about malformed commands [s]
 
 
-class Fate(NamedTuple):
-    """What became of a command."""
-
-    kind: str  # name of its topic, without ``command/``
-    header: Header  # as it was sent; empty if it was malformed
-    reason: str = ""  # why it was refused; empty if it was accepted
-
-
 class Inbox:
     """Queue of checked commands in the order in which they came.
 
@@ -39,12 +31,12 @@ class Inbox:
 
     def __init__(self, logger: RcutilsLogger) -> None:
         self._logger = logger
-        self._waiting: deque[tuple[int, Command, Fate]] = deque()
-        self._fates: deque[Fate] = deque(maxlen=_MOST_RESULTS)  # not published yet
-        self._latest: dict[tuple[str, bool], Fate] = {}  # by kind and whether it was accepted
-        self._fates_changed = False
-        # of commands, from their arrival until they were drained, since ``begin_delays``
-        self.delays = Lateness()
+        self._waiting: deque[tuple[int, Command, CommandResult]] = deque()
+        self._results: deque[CommandResult] = deque(maxlen=_MOST_RESULTS)  # not published yet
+        # By kind and whether it was accepted.
+        self._latest: dict[tuple[str, bool], CommandResult] = {}
+        self._results_changed = False
+        self._delays = Lateness()
         self._second = 0
         self._logged = 0
         self._notify: Callable[[], None] = lambda: None
@@ -62,31 +54,35 @@ class Inbox:
 
     def begin(self) -> None:
         """Count from zero, and discard waiting commands: they were meant for the run before."""
-        self.begin_delays()
+        self._delays = Lateness()
         with self._counting:
             self.discarded = len(self._waiting)
             self._latest.clear()
-            self._fates.clear()
+            self._results.clear()
             why = "the drill began again before it could act"
-            self._fates.extend(fate._replace(reason=why) for _, _, fate in self._waiting)
-            self._fates_changed = True
+            for _, _, result in self._waiting:
+                result.reason = why
+                self._results.append(result)
+            self._results_changed = True
             self._waiting.clear()
             self.accepted = 0
             self.rejected = 0
             self.requests_refused = 0
             self.last_refusal = ""
 
-    def begin_delays(self) -> None:
-        self.delays = Lateness()
+    def take_delays(self) -> Lateness:
+        """Return the delays from arrival to ``drain``, since the last call."""
+        delays, self._delays = self._delays, Lateness()
+        return delays
 
-    def accept(self, command: Command, fate: Fate, arrived: int | None = None) -> None:
+    def accept(self, command: Command, result: CommandResult, arrived: int | None = None) -> None:
         """Queue a command for the next block boundary.
 
         ``arrived`` is when the middleware received it, on the monotonic clock [ns]; None for now.
         """
         arrived = time.monotonic_ns() if arrived is None else arrived
         with self._counting:
-            self._waiting.append((arrived, command, fate))
+            self._waiting.append((arrived, command, result))
         self._notify()
 
     def discard(self, count: int) -> None:
@@ -95,16 +91,16 @@ class Inbox:
             self.discarded += count
         self._notify()
 
-    def refuse(self, fate: Fate) -> None:
+    def refuse(self, result: CommandResult, reason: str) -> None:
         """Count an invalid command, and log why."""
-        self._reject(fate)
+        self._reject(result, reason)
         with self._counting:
-            self._log(f"command refused: {fate.reason}")
+            self._log(f"command refused: {reason}")
 
-    def refuse_malformed(self, fate: Fate) -> None:
+    def refuse_malformed(self, result: CommandResult, reason: str) -> None:
         """Count a malformed command; log one in ten seconds."""
-        self._reject(fate)
-        text = f"command refused: {fate.reason}"
+        self._reject(result, reason)
+        text = f"command refused: {reason}"
         self._logger.warning(text, throttle_duration_sec=_MALFORMED_PERIOD)
 
     def refuse_request(self, reason: str) -> None:
@@ -114,25 +110,26 @@ class Inbox:
             self.last_refusal = reason
             self._log(f"request refused: {reason}")
 
-    def take_fates(self) -> tuple[list[Fate], list[Fate]] | None:
+    def take_results(self) -> tuple[list[CommandResult], list[CommandResult]] | None:
         """Return what became of the commands since the last call; None if nothing did.
 
         Before them it returns those that were accepted and refused last until then, of each kind.
         """
         with self._counting:
-            if not (self._fates or self._fates_changed):
+            if not (self._results or self._results_changed):
                 return None
-            former, found = list(self._latest.values()), list(self._fates)
-            self._latest.update(((fate.kind, not fate.reason), fate) for fate in found)
-            self._fates.clear()
-            self._fates_changed = False
+            former, found = list(self._latest.values()), list(self._results)
+            self._latest.update(((result.kind, result.accepted), result) for result in found)
+            self._results.clear()
+            self._results_changed = False
             return former, found
 
-    def _reject(self, fate: Fate) -> None:
+    def _reject(self, result: CommandResult, reason: str) -> None:
+        result.reason = reason
         with self._counting:
             self.rejected += 1
-            self.last_refusal = fate.reason
-            self._fates.append(fate)
+            self.last_refusal = reason
+            self._results.append(result)
         self._notify()
 
     def _log(self, text: str) -> None:
@@ -152,8 +149,10 @@ class Inbox:
             waiting = list(self._waiting)
             self._waiting.clear()
             self.accepted += len(waiting)
-            self._fates.extend(fate for _, _, fate in waiting)
+            for _, _, result in waiting:
+                result.accepted = True
+                self._results.append(result)
         now = time.monotonic_ns()
         for arrived, _, _ in waiting:
-            self.delays.add(now - arrived)
+            self._delays.add(now - arrived)
         return [command for _, command, _ in waiting]

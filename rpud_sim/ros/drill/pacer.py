@@ -16,7 +16,7 @@ LEAD = 0.01
 
 
 @dataclasses.dataclass(frozen=True)
-class Timing:
+class Punctuality:
     """Punctuality of the blocks."""
 
     blocks: int  # blocks finished since the start
@@ -29,9 +29,6 @@ class Timing:
     lag: float  # how far simulation time is behind its schedule, in whole periods [s]
     # simulated time over elapsed time since the last call of ``Pacer.read``
     real_time_factor: float
-
-
-NO_TIMING = Timing(0, 0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)  # before the start
 
 
 class Pacer:
@@ -138,7 +135,7 @@ class Pacer:
         if lateness * self._rate * self._factor > 1.0:
             self._missed += 1
 
-    def read(self) -> Timing:
+    def read(self) -> Punctuality:
         """Return the timing so far, and begin a new interval for its rates and maxima."""
         now = self._clock()
         elapsed = now - self._read_at
@@ -146,7 +143,7 @@ class Pacer:
         if self.paces:
             scheduled = (self._schedule() - self._start) * self._factor
             behind = max(0.0, scheduled - (self._time - self._start_time)) / SECOND
-        timing = Timing(
+        timing = Punctuality(
             blocks=self._blocks,
             deadlines_missed=self._missed,
             lateness=self._lateness,

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections import Counter, deque
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 from rclpy.duration import Duration
@@ -15,6 +15,7 @@ from rclpy.serialization import serialize_message
 from rpud_sim.bag.encoder import Encoder
 from rpud_sim.ros.types import members_of, message_class
 from rpud_sim.simulation.fields import Fields, time_fields
+from rpud_sim.simulation.telemetry import Stream
 from rpud_sim.simulation.topics import TOPICS, Topic
 
 RESULTS = "command_results"
@@ -49,12 +50,13 @@ class DrillPublishers:
     ) -> None:
         self._node = node
         self._offered = offered
-        self._dropped = 0
+        self.dropped = 0  # messages that the middleware did not accept
         self._unacknowledged = Counter[str]()
         self._published = Counter[str]()
         # counts of the messages of each topic, None for no count. With a count topics
         # without a subscriber are published too.
         self.sent = sent
+        self._deferred: deque[Stream] = deque()  # messages without a deadline, not published yet
         self._wanted = set[str]()  # topics that have had a subscriber
         # whether to wait for reliable subscribers before overwriting messages they lack
         self.patient = False
@@ -71,11 +73,6 @@ class DrillPublishers:
         self._publish_raw = {
             name: publisher.handle.publish_raw for name, publisher in self._publishers.items()
         }
-
-    @property
-    def dropped(self) -> int:
-        """Messages that the middleware did not accept."""
-        return self._dropped
 
     @property
     def unheard(self) -> list[str]:
@@ -124,6 +121,21 @@ class DrillPublishers:
         for name, message in messages:
             self._send(name, message)
 
+    def defer(self, stream: Stream) -> None:
+        """Keep messages without a deadline for ``publish_deferred``."""
+        self._deferred.append(stream)
+
+    def publish_deferred(self, has_time: Callable[[], bool]) -> None:
+        """Publish messages without a deadline, part by part while there is time.
+
+        Without it a stream that has waited for a period of streams goes on by a part in each call,
+        and one that has waited for two is finished: so their number is bounded.
+        """
+        if len(self._deferred) > 1:
+            self._publish_part()
+        while self._deferred and (len(self._deferred) > 2 or has_time()):
+            self._publish_part()
+
     def publish_clock(self, stamp: int) -> None:
         """Publish a time [ns] on ``/clock``, if the node is its source."""
         if "/clock" in self._publishers:
@@ -150,6 +162,13 @@ class DrillPublishers:
     def _is_heard(self, topic: str) -> bool:
         return self._publishers[topic].get_subscription_count() > 0
 
+    def _publish_part(self) -> None:
+        for entry in self._deferred[0]:
+            if entry is not None:
+                self.publish([entry])
+            return
+        self._deferred.popleft()
+
     def _send(self, name: str, message: bytes) -> None:
         try:
             if self.patient and name == "status":
@@ -162,7 +181,7 @@ class DrillPublishers:
             if self.patient and name in self._offered and self._offered[name].complete:
                 self._await(name)
         except RuntimeError:  # RCLError: the middleware did not accept it
-            self._dropped += 1
+            self.dropped += 1
 
     def _await_status(self) -> None:
         """Let reliable subscribers have the last status, which the next one overwrites.

@@ -12,10 +12,10 @@ from std_msgs.msg import Header
 from rpud_sim.drilling.feed import FEED_MODES, RATE
 from rpud_sim.drilling.process import ProcessState
 from rpud_sim.drilling.rock import NO_DEEPER
-from rpud_sim.ros.drill.pacer import Timing
+from rpud_sim.ros.drill.pacer import Punctuality
 from rpud_sim.ros.lateness import Lateness
 from rpud_sim.simulation.ensemble import Figures
-from rpud_sim.simulation.fields import Bookkeeping, Fields
+from rpud_sim.simulation.fields import Fields
 from rpud_sim.simulation.ledger import FaultRecord
 
 # Power that the steps of the arm may lose or win, as a share of the work of actuator and feed.
@@ -24,30 +24,6 @@ LEAST_POWER = 0.1  # of both, so that a drill at rest is none [W]
 # Amplitude below which a driven vibration is stalled, as a share of that without load.
 STALLED_SHARE = 0.05
 LAG_ERROR = 1.0  # simulation time this far behind its schedule is an error [s]
-
-
-@dataclasses.dataclass(frozen=True)
-class Delays:
-    """Delays of one kind in a period between two reports; zero without any."""
-
-    count: int  # of the delays
-    p50: float  # half of them were not longer [s]
-    p99: float  # 99 % were not longer [s]
-    greatest: float  # of all [s]
-
-    @staticmethod
-    def of(delays: Lateness) -> Delays:
-        return Delays(delays.count, delays.quantile(0.5), delays.quantile(0.99), delays.greatest)
-
-    def values(self, name: str) -> dict[str, object]:
-        return {
-            f"{name}_delay_p50 [s]": f"{self.p50:.6f}",
-            f"{name}_delay_p99 [s]": f"{self.p99:.6f}",
-            f"{name}_delay_max [s]": f"{self.greatest:.6f}",
-        }
-
-
-NO_DELAYS = Delays(0, 0.0, 0.0, 0.0)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -62,15 +38,14 @@ class Report:
     process: ProcessState  # state of rotation, feed and borehole
     at_tool_length: bool  # whether the hole is as deep as the drill tool is long
     faults: tuple[FaultRecord, ...]  # that last
-    bookkeeping: Bookkeeping  # counts and timing, as in the status
     requests_refused: int  # of services, since the start
     last_refusal: str  # why the latest command or request was refused
     namesakes: int  # other nodes of the same name
     scheduling: str  # how the system schedules the pacing thread
-    timing: Timing  # punctuality of the blocks
-    command_delays: Delays  # of commands, from their arrival until they acted, in the last second
+    timing: Punctuality  # punctuality of the blocks
+    command_delays: Lateness  # of commands, from their arrival until they acted, in the last second
     # of impacts, from their stamps until they were published, in the last second
-    impact_delays: Delays
+    impact_delays: Lateness
     figures: Figures  # of the interval since the report before
     published: Mapping[str, int]  # messages by topic, the status of this report among them
     subscribers: Mapping[str, int]  # by topic
@@ -82,7 +57,7 @@ def report_to_diagnostics(
     report: Report, node_name: str, stamp: Time, telemetry_rate: int
 ) -> DiagnosticArray:
     """Convert to diagnostics of timing and of commands; the stamp is that of the node's clock."""
-    timing, status, counts = report.timing, report.status, report.bookkeeping
+    timing, status = report.timing, report.status
     if timing.lag > LAG_ERROR:
         level, text = DiagnosticStatus.ERROR, f"simulation time lags {timing.lag:.3f} s behind"
     elif timing.lateness_max * telemetry_rate > 1.0:
@@ -106,19 +81,19 @@ def report_to_diagnostics(
                     "lateness_p99 [s]": f"{timing.lateness_p99:.6f}",
                     "lateness_p99.9 [s]": f"{timing.lateness_p999:.6f}",
                     "lag [s]": f"{timing.lag:.6f}",
-                    **report.impact_delays.values("impact"),
+                    **_delay_values("impact", report.impact_delays),
                     "scheduling": report.scheduling,
-                    "messages_dropped": counts.messages_dropped,
+                    "messages_dropped": status["messages_dropped"],
                 },
             ),
             _diagnostic(
                 f"{node_name}: commands",
-                *_command_health(counts),
+                *_command_health(status),
                 {
-                    "commands_accepted": counts.commands_accepted,
-                    "commands_rejected": counts.commands_rejected,
-                    "commands_discarded": counts.commands_discarded,
-                    **report.command_delays.values("command"),
+                    "commands_accepted": status["commands_accepted"],
+                    "commands_rejected": status["commands_rejected"],
+                    "commands_discarded": status["commands_discarded"],
+                    **_delay_values("command", report.command_delays),
                     "requests_refused": report.requests_refused,
                     "last_refusal": report.last_refusal,
                     "weight_on_bit [N]": f"{status['weight_on_bit']:g}",
@@ -126,7 +101,7 @@ def report_to_diagnostics(
                     "drive_voltage [V]": f"{status['drive_voltage']:g}",
                     "drive_frequency [Hz]": f"{status['drive_frequency']:g}",
                     **_feed_values(report),
-                    "commanders": counts.commanders,
+                    "commanders": status["commanders"],
                 },
             ),
             _diagnostic(
@@ -150,7 +125,7 @@ def report_to_diagnostics(
             ),
             _diagnostic(
                 f"{node_name}: messages",
-                *_message_health(counts),
+                *_message_health(status),
                 {
                     "published": _numbers(report.published),
                     "subscribers": _numbers(report.subscribers),
@@ -160,6 +135,14 @@ def report_to_diagnostics(
             ),
         ],
     )
+
+
+def _delay_values(name: str, delays: Lateness) -> dict[str, object]:
+    return {
+        f"{name}_delay_p50 [s]": f"{delays.quantile(0.5):.6f}",
+        f"{name}_delay_p99 [s]": f"{delays.quantile(0.99):.6f}",
+        f"{name}_delay_max [s]": f"{delays.greatest:.6f}",
+    }
 
 
 def _feed_values(report: Report) -> dict[str, object]:
@@ -185,14 +168,14 @@ def _coupling_values(report: Report) -> dict[str, object]:
     return {"coupling_power [W]": f"{report.coupling_power:.3g}"}
 
 
-def _command_health(counts: Bookkeeping) -> tuple[bytes, str]:
-    if counts.commands_lost:
+def _command_health(status: Fields) -> tuple[bytes, str]:
+    if status["commands_lost"]:
         return DiagnosticStatus.ERROR, "commands are lost: the drill is made safe"
-    if counts.commands_discarded:
-        return DiagnosticStatus.WARN, f"{counts.commands_discarded} discarded"
-    if counts.commanders > 1:
-        return DiagnosticStatus.WARN, f"{counts.commanders} publishers command at once"
-    return DiagnosticStatus.OK, f"{counts.commands_rejected} refused"
+    if status["commands_discarded"]:
+        return DiagnosticStatus.WARN, f"{status['commands_discarded']} discarded"
+    if status["commanders"] > 1:
+        return DiagnosticStatus.WARN, f"{status['commanders']} publishers command at once"
+    return DiagnosticStatus.OK, f"{status['commands_rejected']} refused"
 
 
 def _drill_health(report: Report) -> tuple[bytes, str]:
@@ -218,9 +201,9 @@ def _drill_health(report: Report) -> tuple[bytes, str]:
     return DiagnosticStatus.OK, report.status["state"]
 
 
-def _message_health(counts: Bookkeeping) -> tuple[bytes, str]:
-    if counts.messages_dropped:
-        return DiagnosticStatus.WARN, f"{counts.messages_dropped} dropped"
+def _message_health(status: Fields) -> tuple[bytes, str]:
+    if status["messages_dropped"]:
+        return DiagnosticStatus.WARN, f"{status['messages_dropped']} dropped"
     return DiagnosticStatus.OK, "none dropped"
 
 

@@ -6,7 +6,6 @@ from collections.abc import Callable
 from typing import Any
 
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
-from rclpy.node import Node
 from rpud_msgs.msg import Result, SimulationState
 from rpud_msgs.srv import (
     GetSimulationState,
@@ -18,11 +17,12 @@ from rpud_msgs.srv import (
     StepSimulation,
 )
 
+from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.foundation.time import SECOND, join_seconds
-from rpud_sim.ros.drill.drilling import Drilling
-from rpud_sim.ros.drill.host import DrillHost
+from rpud_sim.ros.drill.live_run import LONGEST_STEP, InterruptedStepError, LiveRun, Reached
+from rpud_sim.ros.drill.managed_node import ManagedNode
 from rpud_sim.ros.drill.messages import nanoseconds_to_time
-from rpud_sim.ros.drill.time_control import InterruptedStepError, Reached, TimeControl
+from rpud_sim.ros.drill.pacing_loop import PacingLoop
 from rpud_sim.ros.requests import StoppedError
 
 STOPPED = SimulationState.STATE_STOPPED
@@ -30,10 +30,8 @@ PLAYING = SimulationState.STATE_PLAYING
 PAUSED = SimulationState.STATE_PAUSED
 QUITTING = SimulationState.STATE_QUITTING
 
-LONGEST_STEP = 1e6  # [s]; longer than any mission
 
-
-class RefusedError(Exception):
+class RefusedRequestError(Exception):
     """Refused request, with the number of its result."""
 
     def __init__(self, result: int, reason: str) -> None:
@@ -41,14 +39,15 @@ class RefusedError(Exception):
         self.result = result
 
 
-class SimulationServices:
+class SimulationServer:
     """Services of the namespace ``simulation``: states, steps, resets and checkpoints.
 
     States, results and refusals are those of the ``simulation_interfaces`` standard.
     """
 
-    def __init__(self, node: Node, host: DrillHost) -> None:
-        self._host = host
+    def __init__(self, node: ManagedNode, loop: PacingLoop) -> None:
+        self._node = node
+        self._loop = loop
         # A step takes long: meanwhile the other services must answer.
         self.stepping = MutuallyExclusiveCallbackGroup()
         for kind, name, handler, group in (
@@ -64,13 +63,12 @@ class SimulationServices:
 
     def controls_time(self) -> bool:
         """Return whether time can be paused and stepped: it follows no other ``/clock``."""
-        drilling = self._host.drilling
-        return drilling is None or not drilling.follows_clock
+        return (live := self._loop.begun) is None or not live.follows_clock
 
     def get_state(self, request: Any, response: Any) -> Any:
         """Answer with the state."""
-        drilling = self._host.drilling
-        response.state.state = STOPPED if drilling is None else _state_of(drilling.time_control)
+        live = self._loop.begun
+        response.state.state = STOPPED if live is None else _state_of(live)
         response.result.result = Result.RESULT_OK
         return response
 
@@ -84,53 +82,32 @@ class SimulationServices:
         known = whole.SCOPE_TIME | whole.SCOPE_STATE | whole.SCOPE_SPAWNED
         bits = known if scope in (whole.SCOPE_DEFAULT, whole.SCOPE_ALL) else scope
         if bits & ~known:
-            raise RefusedError(Result.RESULT_FEATURE_UNSUPPORTED, f"scope {scope} is unknown")
-        drilling = self._controlled()
+            raise RefusedRequestError(
+                Result.RESULT_FEATURE_UNSUPPORTED, f"scope {scope} is unknown"
+            )
         time, state = bool(bits & whole.SCOPE_TIME), bool(bits & whole.SCOPE_STATE)
-        if time and drilling.follows_clock:
-            raise RefusedError(
-                Result.RESULT_FEATURE_UNSUPPORTED, "the time is that of /clock: reset its source"
-            )
 
-        def act(drilling: Drilling) -> None:
+        def act(live: LiveRun) -> None:
+            if time:
+                _check_own_time(live, "reset")
             if bits & whole.SCOPE_SPAWNED and not state:
-                drilling.act(lambda run: run.simulation.clear_all())
-            drilling.reset(time=time, state=state, seed=seed)
+                live.act(lambda run: run.simulation.clear_all())
+            live.reset(time=time, state=state, seed=seed)
 
-        self._host.request(act)
+        self._loop.request(act)
 
-    def step_until(self, until_of: Callable[[Drilling], int]) -> Reached:
-        """Step to a simulation time [ns].
+    def step_until(self, until_of: Callable[[LiveRun], int]) -> Reached:
+        """Step to the simulation time [ns] that ``until_of`` returns between two blocks.
 
-        ``until_of`` returns that time between two blocks, and may raise a RefusedError. A step that
-        ends before its time is an InterruptedStepError.
+        A step that ends before its time is an InterruptedStepError.
         """
-        drilling = self._controlled()
-        if drilling.follows_clock:
-            raise RefusedError(
-                Result.RESULT_FEATURE_UNSUPPORTED, "the time is that of /clock: step its source"
-            )
 
-        def begin(drilling: Drilling) -> Any:
-            control = drilling.time_control
-            for holds, state in (
-                (control.playing, "playing"),
-                (control.at_start, "stopped"),
-                (control.stepping, "stepping already"),
-            ):
-                if holds:
-                    raise RefusedError(Result.RESULT_OPERATION_FAILED, f"it is {state}, not paused")
-            until = until_of(drilling)
-            now = drilling.run.time
-            if not now < until <= now + LONGEST_STEP * SECOND:
-                ahead = (until - now) / SECOND
-                raise RefusedError(
-                    Result.RESULT_OPERATION_FAILED,
-                    f"step = {ahead:g} s is outside its range (0, {LONGEST_STEP:g}] s",
-                )
-            return drilling.step(until)
+        def begin(live: LiveRun) -> Any:
+            _check_own_time(live, "step")
+            live.check_paused()
+            return live.step(until_of(live))
 
-        reached: Reached = self._host.request(begin)
+        reached: Reached = self._loop.request(begin)
         return reached
 
     def answer(self, response: Any, act: Callable[[], Any]) -> Any:
@@ -138,75 +115,58 @@ class SimulationServices:
         try:
             act()
             response.result.result = Result.RESULT_OK
-        except RefusedError as refused:
-            response.result.result = refused.result
-            response.result.error_message = str(refused)
-            if refused.result != SetSimulationState.Response.ALREADY_IN_TARGET_STATE:
-                self._host.refuse_request(str(refused))
         except InterruptedStepError as error:
             response.result.result = Result.RESULT_OPERATION_FAILED
             response.result.error_message = f"interrupted: {error}"
-        except StoppedError as error:
-            response.result.result = Result.RESULT_INCORRECT_STATE
-            response.result.error_message = str(error)
-            self._host.refuse_request(str(error))
         except Exception as error:  # the client must get an answer in any case
-            response.result.result = Result.RESULT_OPERATION_FAILED
+            response.result.result = _result_of(error)
             response.result.error_message = str(error)
-            self._host.refuse_request(str(error))
+            if response.result.result != SetSimulationState.Response.ALREADY_IN_TARGET_STATE:
+                self._node.refuse_request(str(error))
         return response
-
-    def _controlled(self) -> Drilling:
-        drilling = self._host.drilling
-        if drilling is None:
-            raise RefusedError(Result.RESULT_INCORRECT_STATE, "the node has not been activated")
-        return drilling
 
     def _set_state(self, state: int) -> None:
         if state == QUITTING:
-            self._host.quit()
+            self._loop.quit()
             return
         if state not in (STOPPED, PLAYING, PAUSED):
-            raise RefusedError(Result.RESULT_FEATURE_UNSUPPORTED, f"state {state} is unknown")
-        drilling = self._controlled()
-        if drilling.follows_clock:
-            raise RefusedError(
-                Result.RESULT_FEATURE_UNSUPPORTED, "the time is that of /clock: control its source"
-            )
+            unsupported = Result.RESULT_FEATURE_UNSUPPORTED
+            raise RefusedRequestError(unsupported, f"state {state} is unknown")
 
-        def act(drilling: Drilling) -> None:
-            if _state_of(drilling.time_control) == state and not drilling.time_control.stepping:
+        def act(live: LiveRun) -> None:
+            _check_own_time(live, "control")
+            if _state_of(live) == state and live.goal is None:
                 already = SetSimulationState.Response.ALREADY_IN_TARGET_STATE
-                raise RefusedError(already, "it is in that state already")
-            {STOPPED: drilling.halt, PLAYING: drilling.play, PAUSED: drilling.pause}[state]()
+                raise RefusedRequestError(already, "it is in that state already")
+            {STOPPED: live.halt, PLAYING: live.play, PAUSED: live.pause}[state]()
 
-        self._host.request(act)
+        self._loop.request(act)
 
     def _on_step(
         self, request: StepSimulation.Request, response: StepSimulation.Response
     ) -> StepSimulation.Response:
         length = join_seconds(request.duration.sec, request.duration.nanosec)
-        return self._answer_step(response, lambda drilling: drilling.run.time + length)
+        return self._answer_step(response, lambda live: live.run.time + length)
 
     def _on_run_to(
         self, request: RunToTime.Request, response: RunToTime.Response
     ) -> RunToTime.Response:
         stamp = join_seconds(request.time.sec, request.time.nanosec)
 
-        def until(drilling: Drilling) -> int:
-            now = drilling.run.origin + drilling.run.time
+        def until(live: LiveRun) -> int:
             given = f"time = {stamp / SECOND:.6f} s"
-            if stamp <= now:
-                reason = f"{given} is not after the drill's time, {now / SECOND:.6f} s"
-                raise RefusedError(Result.RESULT_OPERATION_FAILED, reason)
-            if stamp > now + LONGEST_STEP * SECOND:
-                reason = f"{given} is more than {LONGEST_STEP:g} s after the drill's time"
-                raise RefusedError(Result.RESULT_OPERATION_FAILED, reason)
-            return stamp - drilling.run.origin
+            if stamp <= live.stamp:
+                now = f"{live.stamp / SECOND:.6f} s"
+                raise ParameterError(f"{given} is not after the drill's time, {now}")
+            if stamp > live.stamp + LONGEST_STEP * SECOND:
+                raise ParameterError(
+                    f"{given} is more than {LONGEST_STEP:g} s after the drill's time"
+                )
+            return stamp - live.run.origin
 
         return self._answer_step(response, until)
 
-    def _answer_step(self, response: Any, until_of: Callable[[Drilling], int]) -> Any:
+    def _answer_step(self, response: Any, until_of: Callable[[LiveRun], int]) -> Any:
         def act() -> None:
             reached = self.step_until(until_of)
             response.time = nanoseconds_to_time(reached.stamp)
@@ -224,26 +184,36 @@ class SimulationServices:
     def _on_save(
         self, request: SaveSimulation.Request, response: SaveSimulation.Response
     ) -> SaveSimulation.Response:
-        def act() -> None:
-            self._controlled()
-            stamp, names = self._host.request(lambda drilling: drilling.save(request.name))
+        def act(live: LiveRun) -> None:
+            stamp, names = live.save(request.name)
             response.time = nanoseconds_to_time(stamp)
             response.names = list(names)
 
-        return self.answer(response, act)
+        return self.answer(response, lambda: self._loop.request(act))
 
     def _on_restore(
         self, request: RestoreSimulation.Request, response: RestoreSimulation.Response
     ) -> RestoreSimulation.Response:
-        def act() -> None:
-            self._controlled()
-            stamp = self._host.request(lambda drilling: drilling.restore(request.name))
-            response.time = nanoseconds_to_time(stamp)
+        def act(live: LiveRun) -> None:
+            response.time = nanoseconds_to_time(live.restore(request.name))
 
-        return self.answer(response, act)
+        return self.answer(response, lambda: self._loop.request(act))
 
 
-def _state_of(control: TimeControl) -> int:
-    if control.playing:
+def _state_of(live: LiveRun) -> int:
+    if live.playing:
         return PLAYING
-    return STOPPED if control.at_start else PAUSED
+    return STOPPED if live.at_start else PAUSED
+
+
+def _check_own_time(live: LiveRun, verb: str) -> None:
+    if live.follows_clock:
+        reason = f"the time is that of /clock: {verb} its source"
+        raise RefusedRequestError(Result.RESULT_FEATURE_UNSUPPORTED, reason)
+
+
+def _result_of(error: Exception) -> int:
+    if isinstance(error, RefusedRequestError):
+        return error.result
+    stopped = isinstance(error, StoppedError)
+    return Result.RESULT_INCORRECT_STATE if stopped else Result.RESULT_OPERATION_FAILED

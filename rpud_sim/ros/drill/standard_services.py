@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from rclpy.action import ActionServer, CancelResponse
@@ -12,8 +11,8 @@ from rclpy.node import Node
 from rpud_sim.simulation.block import boundaries_until, boundary
 
 if TYPE_CHECKING:
-    from rpud_sim.ros.drill.drilling import Drilling
-    from rpud_sim.ros.drill.simulation_services import SimulationServices
+    from rpud_sim.ros.drill.live_run import LiveRun
+    from rpud_sim.ros.drill.simulation_services import SimulationServer
 
 try:
     from simulation_interfaces.action import SimulateSteps
@@ -47,19 +46,17 @@ _FEATURES_OF_TIME = (
 )
 
 
-class StandardServices:
+class StandardServer:
     """The standard's services for features, state, steps and resets, and its action for steps.
 
     ``get_simulator_features``, ``get_simulation_state``, ``set_simulation_state``,
     ``step_simulation``, ``reset_simulation`` and ``simulate_steps``; states, results and refusals
     are those of the drill's own services. A step is a telemetry period; the first of several goes
-    to the next boundary of one. ``services``, the drill's own, do the work. ``rate`` returns the
-    configured one of telemetry periods [Hz].
+    to the next boundary of one. ``services``, the drill's own, do the work.
     """
 
-    def __init__(self, node: Node, services: SimulationServices, rate: Callable[[], int]) -> None:
+    def __init__(self, node: Node, services: SimulationServer) -> None:
         self._services = services
-        self._rate = rate
         for kind, name, handler, group in (
             (GetSimulatorFeatures, "get_simulator_features", self._on_features, None),
             (GetSimulationState, "get_simulation_state", services.get_state, None),
@@ -115,8 +112,8 @@ class StandardServices:
         return result
 
     def _step(self, steps: int) -> None:
-        def until(drilling: Drilling) -> int:
-            rate = self._rate()
-            return boundary(boundaries_until(drilling.run.time, rate) + steps, rate)
+        def until(live: LiveRun) -> int:
+            rate = live.settings.telemetry_rate
+            return boundary(boundaries_until(live.run.time, rate) + steps, rate)
 
         self._services.step_until(until)

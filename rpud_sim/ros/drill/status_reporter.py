@@ -4,19 +4,18 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterable, Mapping
-from itertools import chain
 
 from rclpy.node import Node
-from rpud_msgs.msg import CommandResult, CommandResults
+from rpud_msgs.msg import CommandResults
 from std_msgs.msg import Header
 
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.ros.drill.inbox import Inbox
 from rpud_sim.ros.drill.messages import nanoseconds_to_time
 from rpud_sim.ros.drill.namesakes import DuplicateNodes
-from rpud_sim.ros.drill.pacer import NO_TIMING, Pacer
+from rpud_sim.ros.drill.pacer import Pacer
 from rpud_sim.ros.drill.publishers import RESULTS, DrillPublishers
-from rpud_sim.ros.drill.report import NO_DELAYS, Delays, Report, report_to_diagnostics
+from rpud_sim.ros.drill.report import Report, report_to_diagnostics
 from rpud_sim.ros.lateness import Lateness
 from rpud_sim.simulation.block import Block, join_blocks
 from rpud_sim.simulation.fields import Bookkeeping
@@ -57,17 +56,12 @@ class StatusReporter:
         ]
         commands = {topic for topics in _COMMAND_TOPICS for topic in topics}
         self._subscriptions = [each for each in node.subscriptions if each.topic in commands]
-        self._last: Report | None = None
+        self.last: Report | None = None  # the latest report, None before the first
         self._blocks: list[Block] = []
         self._impact_delays = Lateness()
         self._diagnostics_wait = False
         self._rests_until = 0
         self.begin()
-
-    @property
-    def last(self) -> Report | None:
-        """The latest report, None before the first."""
-        return self._last
 
     @property
     def totals(self) -> Statistics:
@@ -110,10 +104,11 @@ class StatusReporter:
 
     def refused_more(self) -> bool:
         """Whether commands were refused or discarded since the last report."""
-        if self._last is None:
+        if self.last is None:
             return False
-        counts = self._last.bookkeeping
-        reported = counts.commands_rejected, counts.commands_discarded
+        reported = tuple(
+            self.last.status[name] for name in ("commands_rejected", "commands_discarded")
+        )
         return (self._inbox.rejected, self._inbox.discarded) != reported
 
     @property
@@ -121,32 +116,29 @@ class StatusReporter:
         """Whether the last report is long enough ago for one of changes."""
         return time.monotonic_ns() >= self._rests_until
 
-    def finish(self) -> None:
+    def end_period(self) -> None:
         """Make the next report a full one."""
         self._due = 0
 
-    def report(self, state: str, run: Run, pacer: Pacer | None = None) -> None:
-        """Publish the status, with one of its STATE constants; ``pacer`` is None before the start.
+    def report(self, state: str, run: Run, pacer: Pacer) -> None:
+        """Publish the status, with one of its STATE constants.
 
         Diagnostics of it wait for ``publish_diagnostics``.
         """
         now = time.monotonic_ns()
-        if self._last is None or now >= self._due or pacer is None:
+        if self.last is None or now >= self._due:
             self.publish_diagnostics()  # one in each period, even where time is short
             self._count()
-            timing = pacer.read() if pacer else NO_TIMING
-            command_delays = Delays.of(self._inbox.delays) if pacer else NO_DELAYS
-            impact_delays = Delays.of(self._impact_delays) if pacer else NO_DELAYS
-            self._inbox.begin_delays()
-            self._impact_delays = Lateness()
+            timing, command_delays = pacer.read(), self._inbox.take_delays()
+            impact_delays, self._impact_delays = self._impact_delays, Lateness()
             figures = self._interval.figures()
             self._totals.merge(self._interval)
             self._interval = Statistics()
             self._due = now + round(REPORT_PERIOD * SECOND)
         else:
-            timing, figures = self._last.timing, self._last.figures
-            command_delays = self._last.command_delays
-            impact_delays = self._last.impact_delays
+            timing, figures = self.last.timing, self.last.figures
+            command_delays = self.last.command_delays
+            impact_delays = self.last.impact_delays
         bookkeeping = Bookkeeping(
             commands_accepted=self._inbox.accepted,
             commands_rejected=self._inbox.rejected,
@@ -164,7 +156,7 @@ class StatusReporter:
         status = run.status(state, bookkeeping)
         self._publishers.publish([status])
         self._publish_results(run.origin + run.time)
-        self._last = Report(
+        self.last = Report(
             time=run.time,
             status=status[2],
             coupling_power=run.coupling_power,
@@ -172,7 +164,6 @@ class StatusReporter:
             process=run.simulation.process,
             at_tool_length=run.simulation.at_tool_length,
             faults=run.simulation.faults.active,
-            bookkeeping=bookkeeping,
             requests_refused=self._inbox.requests_refused,
             last_refusal=self._inbox.last_refusal,
             namesakes=self._namesakes.count(),
@@ -191,11 +182,11 @@ class StatusReporter:
 
     def publish_diagnostics(self) -> None:
         """Publish the diagnostics of the latest report, unless that was done."""
-        if not self._diagnostics_wait or self._last is None:
+        if not self._diagnostics_wait or self.last is None:
             return
         self._diagnostics_wait = False
         diagnostics = report_to_diagnostics(
-            self._last,
+            self.last,
             self._node.get_fully_qualified_name(),
             self._node.get_clock().now().to_msg(),
             self._telemetry_rate,
@@ -203,18 +194,14 @@ class StatusReporter:
         self._publishers.publish_message("/diagnostics", diagnostics)
 
     def _publish_results(self, stamp: int) -> None:
-        if (fates := self._inbox.take_fates()) is None:
+        if (results := self._inbox.take_results()) is None:
             return
-        header = Header(stamp=nanoseconds_to_time(stamp), frame_id=MOUNT_FRAME)
-        results = [
-            CommandResult(
-                kind=fate.kind, header=fate.header, accepted=not fate.reason, reason=fate.reason
-            )
-            for fate in chain(*fates)
-        ]
-        number = self._publishers.published["status"]
+        former, found = results
         message = CommandResults(
-            header=header, results=results, former=len(fates[0]), status=number
+            header=Header(stamp=nanoseconds_to_time(stamp), frame_id=MOUNT_FRAME),
+            results=[*former, *found],
+            former=len(former),
+            status=self._publishers.published["status"],
         )
         self._publishers.publish_message(RESULTS, message)
 

@@ -29,7 +29,7 @@ def test_a_clean_up_is_no_end_of_the_process_however_long_its_listeners_take(nod
     wait = DrillPublishers.wait_for_subscribers
 
     def slowly(self, seconds):
-        finished.append(node.finished)  # what the executor asks meanwhile
+        finished.append(node.loop.finished)  # what the executor asks meanwhile
         wait(self, seconds)
 
     monkeypatch.setattr(DrillPublishers, "wait_for_subscribers", slowly)

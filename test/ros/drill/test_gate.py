@@ -30,9 +30,9 @@ class Heard(Inbox):
         super().__init__(logger)
         self.reasons = []
 
-    def refuse(self, fate):
-        self.reasons.append(fate.reason)
-        super().refuse(fate)
+    def refuse(self, result, reason):
+        self.reasons.append(reason)
+        super().refuse(result, reason)
 
 
 class Commander:
@@ -42,7 +42,8 @@ class Commander:
         self.drill = rclpy.create_node("drill_node", namespace=namespace)
         self.client = rclpy.create_node("commander", namespace=namespace)
         self.inbox = Heard(self.drill.get_logger())
-        self.gate = Gate(self.drill, Settings(), self.inbox, lambda: NOW)
+        self.settings = Settings()
+        self.gate = Gate(self.drill, lambda: self.settings, self.inbox, lambda: NOW)
         self.gate.open(True)
         self.executor = SingleThreadedExecutor()
         self.executor.add_node(self.drill)
@@ -89,7 +90,7 @@ def shared():
 
 @pytest.fixture
 def commander(shared):
-    shared.gate.settings = Settings()
+    shared.settings = Settings()
     shared.gate.open(True)
     return shared
 
@@ -189,7 +190,7 @@ def test_all_commands_that_wait_are_taken_in_one_turn(shared):
 
 def test_a_drive_that_would_break_the_stack_is_refused(commander):
     changes = {"nominal_voltage": 10.0, "vibration_amplitude": 35e-6}
-    commander.gate.settings = Settings().replace(changes)
+    commander.settings = Settings().replace(changes)
     drive = DriveMessage(enabled=True, voltage=500.0, frequency=16e3)
     assert commander.give(drive) == (
         "vibration_amplitude at drive voltage 500 V = 0.00175 m is outside its range [0, 0.001] m"
@@ -198,7 +199,7 @@ def test_a_drive_that_would_break_the_stack_is_refused(commander):
 
 @pytest.fixture
 def on_an_arm(commander):
-    commander.gate.settings = Settings().replace({"feed_model": "arm"})
+    commander.settings = Settings().replace({"feed_model": "arm"})
     return commander
 
 
@@ -251,7 +252,7 @@ def test_a_command_interface_that_no_controller_has_claimed_is_no_command(on_an_
 
 def test_a_stale_joint_command_is_refused_where_there_is_a_timeout(on_an_arm):
     values = {"feed_model": "arm", "command_timeout": 0.5}
-    on_an_arm.gate.settings = Settings().replace(values)
+    on_an_arm.settings = Settings().replace(values)
     message = JointState(header=stamped(-0.6), name=["rpud_feed"], velocity=[0.0])
     assert on_an_arm.give(message).startswith("joint_commands is stale: its stamp is 0.600 s old")
 
@@ -266,7 +267,7 @@ def test_a_closed_gate_refuses_everything(commander, message):
 
 @pytest.mark.parametrize("seconds", [-0.5, -0.1, 0.0, 0.5])
 def test_a_fresh_stamp_and_none_are_taken(commander, seconds):
-    commander.gate.settings = Settings().replace({"command_timeout": 0.5})
+    commander.settings = Settings().replace({"command_timeout": 0.5})
     for header in (stamped(seconds), Header()):
         taken = commander.give(WeightOnBitMessage(header=header, force=20.0))
         assert taken == WeightOnBit(20.0)
@@ -279,7 +280,7 @@ def test_a_fresh_stamp_and_none_are_taken(commander, seconds):
 def test_a_stale_stamp_is_refused_where_there_is_a_timeout(commander, seconds, what):
     message = WeightOnBitMessage(header=stamped(seconds), force=20.0)
     assert commander.give(message) == WeightOnBit(20.0)
-    commander.gate.settings = Settings().replace({"command_timeout": 0.5})
+    commander.settings = Settings().replace({"command_timeout": 0.5})
     assert commander.give(message) == (
         f"weight on bit is stale: its stamp is {what}; allowed is 0.5 s"
     )
@@ -288,13 +289,13 @@ def test_a_stale_stamp_is_refused_where_there_is_a_timeout(commander, seconds, w
 
 
 def test_the_delay_of_a_command_begins_when_the_middleware_has_it(shared):
-    shared.inbox.begin_delays()
+    shared.inbox.take_delays()
     shared.publishers[WeightOnBitMessage].publish(WeightOnBitMessage(force=12.0))
     sent = time.monotonic_ns()
     taken = []
     shared.until(lambda: taken.extend(shared.inbox.drain()) or taken)
     waited = (time.monotonic_ns() - sent) / SECOND
-    assert 0.0 < shared.inbox.delays.greatest <= waited + 0.01
+    assert 0.0 < shared.inbox.take_delays().greatest <= waited + 0.01
 
 
 def test_the_time_of_day_may_be_set_while_a_command_waits():

@@ -3,12 +3,13 @@
 import threading
 import time
 
+from rpud_msgs.msg import CommandResult
 from std_msgs.msg import Header
 
-from rpud_sim.ros.drill.inbox import Fate, Inbox
+from rpud_sim.ros.drill.inbox import Inbox
 from rpud_sim.simulation.commands import Drive, WeightOnBit
 
-GIVEN = Fate("weight_on_bit", Header())
+GIVEN = CommandResult(kind="weight_on_bit")
 
 
 class Log:
@@ -33,18 +34,19 @@ def test_the_delay_of_a_command_runs_from_its_arrival_until_it_is_drained():
     inbox = Inbox(Log())
     inbox.accept(WeightOnBit(1.0), GIVEN, time.monotonic_ns() - 70_000_000)
     inbox.accept(WeightOnBit(2.0), GIVEN)
-    assert inbox.delays.count == 0
+    assert inbox.take_delays().count == 0
     inbox.drain()
-    assert inbox.delays.count == 2
-    assert inbox.delays.greatest >= 0.07
-    inbox.begin_delays()
-    assert (inbox.delays.count, inbox.delays.greatest) == (0, 0.0)
+    delays = inbox.take_delays()
+    assert delays.count == 2
+    assert delays.greatest >= 0.07
+    after = inbox.take_delays()
+    assert (after.count, after.greatest) == (0, 0.0)
 
 
 def test_a_refusal_is_counted_and_logged_with_its_reason():
     log = Log()
     inbox = Inbox(log)
-    inbox.refuse(GIVEN._replace(reason="weight_on_bit = -1 N is outside its range [0, 1000] N"))
+    inbox.refuse(GIVEN, "weight_on_bit = -1 N is outside its range [0, 1000] N")
     assert inbox.drain() == []
     assert (inbox.accepted, inbox.rejected) == (0, 1)
     assert log.lines == ["command refused: weight_on_bit = -1 N is outside its range [0, 1000] N"]
@@ -63,7 +65,7 @@ def test_a_flood_is_counted_in_full_and_logged_in_part():
     log = Log()
     inbox = Inbox(log)
     for number in range(10_000):
-        inbox.refuse(GIVEN._replace(reason=str(number)))
+        inbox.refuse(GIVEN, str(number))
     assert inbox.rejected == 10_000
     # Ten lines and a note for each second, and the flood may span two.
     assert 11 <= len(log.lines) <= 22
@@ -77,7 +79,7 @@ def test_whoever_takes_is_woken_by_every_command_and_every_refusal():
     inbox.accept(WeightOnBit(1.0), GIVEN)  # no thread waits yet
     inbox.notify(lambda: woken.append(True))
     inbox.accept(WeightOnBit(1.0), GIVEN)
-    inbox.refuse(GIVEN._replace(reason="for a reason"))
+    inbox.refuse(GIVEN, "for a reason")
     assert len(woken) == 2
 
 
@@ -85,32 +87,36 @@ def test_a_new_beginning_forgets_what_waits_and_what_was_counted():
     inbox = Inbox(Log())
     inbox.accept(WeightOnBit(1.0), GIVEN)
     inbox.drain()
-    inbox.refuse(GIVEN._replace(reason="for a reason"))
+    inbox.refuse(GIVEN, "for a reason")
     inbox.accept(WeightOnBit(2.0), GIVEN)
     inbox.begin()
     assert inbox.drain() == []
     assert (inbox.accepted, inbox.rejected) == (0, 0)
 
 
-def test_each_fate_is_told_once_after_the_last_ones_of_each_kind():
+def test_each_result_is_told_once_after_the_last_ones_of_each_kind():
     inbox = Inbox(Log())
-    assert inbox.take_fates() is None
+    assert inbox.take_results() is None
     first, second, third = (
-        GIVEN._replace(header=Header(frame_id=name)) for name in ("first", "second", "third")
+        CommandResult(kind="weight_on_bit", header=Header(frame_id=name))
+        for name in ("first", "second", "third")
     )
+    refused = CommandResult(kind="drive")
     inbox.accept(WeightOnBit(1.0), first)
-    assert inbox.take_fates() is None  # it waits
+    assert inbox.take_results() is None  # it waits
     inbox.drain()
-    assert inbox.take_fates() == ([], [first])
+    assert inbox.take_results() == ([], [first])
+    assert (first.accepted, first.reason) == (True, "")
     inbox.accept(WeightOnBit(2.0), second)
-    refused = third._replace(kind="drive", reason="for a reason")
-    inbox.refuse(refused)
+    inbox.refuse(refused, "for a reason")
     inbox.drain()
-    assert inbox.take_fates() == ([first], [refused, second])
+    assert inbox.take_results() == ([first], [refused, second])
+    assert (refused.accepted, refused.reason) == (False, "for a reason")
     inbox.accept(WeightOnBit(3.0), third)
     inbox.begin()
-    former, [discarded] = inbox.take_fates()
-    assert (former, discarded.header, "began again" in discarded.reason) == ([], third.header, True)
+    former, [discarded] = inbox.take_results()
+    assert (former, discarded, discarded.accepted) == ([], third, False)
+    assert "began again" in discarded.reason
 
 
 def test_nothing_is_lost_between_two_threads():

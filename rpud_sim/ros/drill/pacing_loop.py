@@ -1,0 +1,145 @@
+"""Pacing loop: the one thread that moves the live run, and publishes its messages at deadlines."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from typing import Any
+
+from rpud_sim.ros.drill.live_run import LiveRun
+from rpud_sim.ros.requests import Requests, StoppedError
+from rpud_sim.simulation.configuration import Settings
+
+_STANDSTILL_PERIOD = 0.1  # of /clock while time stands still [s]
+_LONGEST_WAIT = 0.5  # so that a stop is noticed whatever happens to the event [s]
+_ACKNOWLEDGEMENT = 1.0  # that the last messages may take to reach their subscribers [s]
+
+
+class PacingLoop:
+    """Loop that serves requests, reads commands, advances, publishes and sleeps until it is time.
+
+    Its thread alone moves a live run or changes it, from ``start`` to the end of the run or
+    ``clean_up``.
+    """
+
+    def __init__(self) -> None:
+        self.live: LiveRun | None = None  # from the node's configuration to its clean-up
+        self.failure: BaseException | None = None  # error that ended the thread
+        self._thread: threading.Thread | None = None
+        self._wake = threading.Event()
+        self._stop = threading.Event()
+        self._finished = threading.Event()
+        self._requests = Requests(self._wake.set)
+        self._clock_due = 0.0
+
+    @property
+    def begun(self) -> LiveRun | None:
+        """Live run, to be read; None until it has begun."""
+        return self.live if self._thread is not None else None
+
+    @property
+    def finished(self) -> bool:
+        """Whether the drill has ended by itself, or is to end."""
+        return self._finished.is_set()
+
+    def configure(self, live: LiveRun) -> None:
+        """Take a live run, which nothing moves yet."""
+        self.live = live
+        self._stop.clear()
+        self._requests = Requests(self._wake.set)
+        live.notify(self._wake.set)
+        live.announce()
+
+    def start(self, settings: Settings) -> None:
+        """Begin, active, with settings that may have changed: simulation time zero is now."""
+        assert self.live is not None  # an inactive node is configured
+        self.live.begin(settings)
+        self._thread = threading.Thread(
+            target=self._run, args=(self.live, self._requests), name="pacing"
+        )
+        self._thread.start()
+
+    def request(self, action: Callable[[LiveRun], Any]) -> Any:
+        """Have something done between two blocks; see ``Requests.do``."""
+        live = self.begun
+        if live is None:
+            raise StoppedError("the node has not been activated")
+        return self._requests.do(lambda: action(live))
+
+    def quit(self) -> None:
+        """Ask the node to end."""
+        self._finished.set()
+
+    def stop(self) -> None:
+        """End the drilling, publish the last status, and wait until subscribers have it."""
+        self._stop.set()
+        self._wake.set()
+        if self._thread is not None:
+            self._thread.join()
+        if self.live is not None:
+            self.live.publishers.wait_for_subscribers(_ACKNOWLEDGEMENT)
+
+    def clean_up(self) -> None:
+        """Stop, and give up the live run."""
+        self.stop()
+        live, self.live, self._thread = self.live, None, None
+        if live is not None:
+            live.close()
+
+    def turn(self, live: LiveRun) -> float:
+        """Do what is due now; return for how long nothing more is due [s].
+
+        Blocks are computed ahead of their deadlines and published at them. Waveform, trajectory and
+        diagnostics have no deadline: they fill the time between those of blocks. Commands act at
+        the end of the block in which they come.
+        """
+        pacer, publishers = live.pacer, live.publishers
+        if not live.playing and live.goal is None:
+            live.read_commands()
+            live.report_if_due()
+            if time.monotonic() >= self._clock_due:
+                publishers.publish_clock(live.stamp)
+                self._clock_due = time.monotonic() + _STANDSTILL_PERIOD
+            return _STANDSTILL_PERIOD
+        until = live.next_stop
+        if live.playing and (idle := pacer.idle(until)) > 0.0:
+            live.report_if_due()
+            live.publish_deferred(until)
+            return idle
+        entries = list(live.run.advance_to(until, publishers.defer))
+        messages = publishers.encode(entries)
+        publishers.patient = not pacer.paces  # without deadlines its subscribers set the pace
+        if pacer.ahead:
+            live.publish_deferred(until)
+        pacer.wait(until)
+        publishers.publish_clock(live.stamp)
+        publishers.send(messages)
+        pacer.finish(until)
+        if pacer.paces:
+            struck = [time for time, name, _ in entries if name == "contact_force"]
+            live.reporter.add_impact_delays(map(pacer.delay_since, struck))
+        live.read_commands()
+        if not pacer.ahead:
+            live.publish_deferred()
+        live.report_if_due()
+        return 0.0
+
+    def _run(self, live: LiveRun, requests: Requests) -> None:
+        # Any error must end the process too, or it would go on in silence.
+        try:
+            live.start_time(self._stop, requests.serve)
+            while not (self._stop.is_set() or live.finished):
+                requests.serve()
+                live.follow_clock()
+                if (idle := self.turn(live)) > 0.0:
+                    self._wake.wait(min(idle, _LONGEST_WAIT))
+                    self._wake.clear()
+            live.finish()
+        except Exception as error:
+            self.failure = error
+        finally:
+            if not self._stop.is_set():
+                self._finished.set()
+            live.interrupt("the drill has stopped")
+            requests.close()
