@@ -313,12 +313,6 @@ def arc_tangent(y, x):
 
 
 @compiled
-def arc_cosine(x):
-    """Return the angle of a cosine from -1 to 1, from 0 to pi [rad], within 3 ulp."""
-    return arc_tangent(math.sqrt((1.0 - x) * (1.0 + x)), x)
-
-
-@compiled
 def hypotenuse(x, y):
     """Return the square root of x^2 + y^2, within 1.2 ulp; infinite if either is."""
     great = abs(x)

@@ -26,7 +26,7 @@ _CAPACITY = 256
 _MOST_CAPACITY = 65536
 _USUAL_RATE = 1500.0  # segments in a simulated second
 _ROOMS = 3  # kept for the next advances: fresh memory from the system takes as long as the motion
-_FREE = 3  # references to a room that nobody looks at
+_FREE = 3  # references to a room that is not in use
 # What would be lost first if numbers overflowed: every other number of the state follows from them.
 _FINITE = ("u_np", "v_np", "u_fm", "v_fm", "u_dt", "v_dt", "amplitude", "frequency", "owed")
 # Of a state as a tuple: to look each one up by its name takes ten times as long.
@@ -282,7 +282,7 @@ class Engine:
             raise failure(status, self._parameters, self._drill, self._state)
 
     def _free_room(self, count: int) -> np.ndarray:
-        """Return room for segments that nobody looks at, at least for a number of them."""
+        """Return room for segments, used again where no result refers to it any more."""
         for room in self._rooms:
             # Held by the deque, by this name and by the call.
             if count <= len(room) <= 2 * count and getrefcount(room) == _FREE:

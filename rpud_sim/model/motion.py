@@ -89,18 +89,6 @@ def drill_tool_closed_form(drill, bodies, state):
 
 
 @compiled
-def set_constants(drill, segment):
-    """Write the drill's constants into the open segment, where they stay until they change."""
-    segment.load_spring_rate = drill.load_spring_rate
-    segment.load_spring_damping = drill.rpud_damping
-    segment.free_mass = drill.free_mass
-    segment.drill_tool_mass = drill.tool_mass
-    segment.drill_tool_spring_rate = drill.tool_spring_rate
-    segment.drill_tool_damping = drill.tool_damping
-    segment.gravity = drill.gravity
-
-
-@compiled
 def begin_segment(drill, bodies, state, segment, turn):
     """Write the closed form that follows from the state into a segment, all but its duration.
 

@@ -276,7 +276,7 @@ def load_by_contact(state, integral, work):
 def update_interval(state, frequency):
     """Time from one update to the next [s]: half cycles, few against the decay time.
 
-    A small envelope, as that of a drill that nearly stalls, changes by a small part of itself.
+    The small envelope of a drill that nearly stalls changes by a small part of itself.
     """
     envelope = complex(state.envelope_real, state.envelope_imag)
     _, end = course(state)

@@ -10,7 +10,6 @@ from rpud_sim.drilling.rotor_values import RotorWork
 from rpud_sim.foundation.time import SECOND, split_fraction
 from rpud_sim.model.elementary import power
 from rpud_sim.model.energy import DRILL_TOOL_DAMPER, IMPACTS, RELEASE
-from rpud_sim.model.segment import EVENT_ACTUATOR_IMPACT, EVENT_DRILL_TOOL_IMPACT, EVENT_RELEASE
 from rpud_sim.model.tally import (
     CLASSES,
     CLASSES_PER_DECADE,
@@ -44,15 +43,6 @@ FIGURES = MappingProxyType(
         "reacting_force_mean": "N",
     }
 )
-
-
-def count_events(event: np.ndarray) -> tuple[int, int]:
-    """Return the number of impacts and ends of contacts, and that of the actuator's impacts."""
-    happened = EVENT_ACTUATOR_IMPACT | EVENT_DRILL_TOOL_IMPACT | EVENT_RELEASE
-    return (
-        int(np.count_nonzero(event & happened)),
-        int(np.count_nonzero(event & EVENT_ACTUATOR_IMPACT)),
-    )
 
 
 def force_of(number: int) -> float | None:

@@ -15,7 +15,6 @@ from hypothesis import strategies as st
 
 from rpud_sim.model import elementary
 from rpud_sim.model.elementary import (
-    arc_cosine,
     arc_tangent,
     complex_exponential,
     complex_phase,
@@ -82,7 +81,6 @@ BOUNDS = [
     pytest.param(logarithm, mpmath.log, 1.0, (0.01, 4.0), id="logarithm"),
     pytest.param(decimal_logarithm, mpmath.log10, 2.0, (0.01, 4.0), id="decimal_logarithm"),
     pytest.param(logarithm_one_plus, mpmath.log1p, 1.0, (-0.99, 4.0), id="one_plus"),
-    pytest.param(arc_cosine, mpmath.acos, 3.0, (-1.0, 1.0), id="arc_cosine"),
 ]
 
 
@@ -229,7 +227,6 @@ def test_quarters_of_a_cycle_are_exact():
         (exponential_minus_one, -3.0, 3.0),
         (logarithm, 0.1, 10.0),
         (logarithm_one_plus, -0.9, 10.0),
-        (arc_cosine, 1.0, -1.0),
     ],
 )
 def test_functions_rise_on_a_grid(function, low, high):

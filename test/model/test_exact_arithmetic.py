@@ -16,7 +16,7 @@ EXACT = {
     *("ceil", "copysign", "fabs", "floor", "fmod", "frexp", "fsum", "inf", "isclose", "isfinite"),
     *("isinf", "isnan", "ldexp", "nan", "nextafter", "pi", "sqrt", "trunc", "ulp"),
 }
-# Of NumPy, what calls a library or sums in an order of its own.
+# NumPy functions that call a library or choose the order of a sum.
 INEXACT = {
     *("sin", "cos", "tan", "arcsin", "arccos", "arctan", "arctan2", "sinh", "cosh", "tanh"),
     *("exp", "exp2", "expm1", "log", "log2", "log10", "log1p", "hypot", "power", "float_power"),

@@ -115,7 +115,7 @@ def test_the_drive_of_the_feed_is_where_it_is_at_any_step():
 
 
 def test_the_temperature(monkeypatch):
-    """Its heat is that of a power which swings within the thermal time constant."""
+    """It heats with a power that varies within the thermal time constant."""
     found = []
     for step in (20, 10, 5):
         monkeypatch.setattr(actuator, "HEATING_INTERVAL", step * MILLISECOND)

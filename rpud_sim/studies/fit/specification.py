@@ -8,7 +8,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from rpud_sim.foundation.quantities import Choice, Quantity
+from rpud_sim.foundation.quantities import Quantity
 from rpud_sim.simulation.configuration import PARAMETERS, Configuration, to_configuration
 from rpud_sim.studies.fit.measures import Measure
 from rpud_sim.studies.sweep.specification import Range
@@ -89,11 +89,6 @@ def unit_of(name: str) -> str:
     """Return the SI unit of a parameter; empty for choices."""
     allowed = PARAMETERS[name].allowed
     return allowed.unit if isinstance(allowed, Quantity) else ""
-
-
-def is_choice(name: str) -> bool:
-    """Whether a parameter is a choice among words."""
-    return isinstance(PARAMETERS[name].allowed, Choice)
 
 
 def _plain(value: Any) -> str:
