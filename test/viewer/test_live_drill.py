@@ -9,8 +9,8 @@ from support import until
 from viewer.screen_client import ClosedError, ScreenClient, serving
 
 from rpud_sim.ros.client.drill_finder import DrillFinder
-from rpud_sim.viewer.live.live_store import LiveStore
-from rpud_sim.viewer.store import ClientState, StoreError
+from rpud_sim.viewer.live_store import LiveStore
+from rpud_sim.viewer.session import ClientState, StoreError
 
 NAMESPACE = "/live_drill"
 

@@ -18,15 +18,19 @@ from rpud_sim.bag import BagError, Message, Piece
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.message_block import MessageBlock, joined, messages_of
 from rpud_sim.foundation.time import SECOND, join_seconds
-from rpud_sim.viewer.recorded.clock import Clock, Jump, Series, find_jumps, zero_stamp
-from rpud_sim.viewer.recorded.signals import (
+from rpud_sim.viewer.signals import (
     OURS,
+    Clock,
+    Jump,
     Rows,
+    Series,
     Signal,
     clock_topics,
+    find_jumps,
     is_stranger,
     namespace,
     topic_readers,
+    zero_stamp,
 )
 
 # Parts that are read before the page stands; of the others it has not seen anything yet.

@@ -15,12 +15,11 @@ from rpud_sim.foundation.quantities import ParameterError, shown
 from rpud_sim.pages.quantities import QUANTITIES, number_text
 from rpud_sim.ros.client.drill_finder import DrillFinder
 from rpud_sim.ros.starting import StartError
-from rpud_sim.viewer.live.heard import Heard
-from rpud_sim.viewer.live.live_drill import LiveDrill
-from rpud_sim.viewer.picture import MOTION, SECTION
-from rpud_sim.viewer.plots import chosen_quantities, drill_plots
+from rpud_sim.viewer.heard import Heard
+from rpud_sim.viewer.live_drill import LiveDrill
+from rpud_sim.viewer.picture import MOTION, SECTION, chosen_quantities, drill_plots
 from rpud_sim.viewer.server import PageServer, Place
-from rpud_sim.viewer.store import ClientState, StoreError, View
+from rpud_sim.viewer.session import ClientState, StoreError, View
 
 # How long a drill is heard after its last page has gone: a page may be loaded again [s].
 LINGER = 120.0

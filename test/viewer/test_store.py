@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from sample_bags import write_offline_bag
 from viewer.frame_reader import decode
-from viewer.recorded.recorded_bags import DURATION
+from viewer.recorded_bags import DURATION
 
 import rpud_sim.bag
 from rpud_sim.bag import BagWriter, Topic
@@ -24,10 +24,9 @@ from rpud_sim.inspection.rebuild import rebuild
 from rpud_sim.simulation import preset
 from rpud_sim.simulation.configuration import Settings, to_configuration
 from rpud_sim.simulation.run import Beginning
-from rpud_sim.viewer.frames import encode
-from rpud_sim.viewer.recorded.store import RecordedStore
-from rpud_sim.viewer.recorded.views import MESSAGES, WAVEFORM, WAVEFORM_RANGE
-from rpud_sim.viewer.store import ClientState, StoreError, View
+from rpud_sim.viewer.recorded_store import RecordedStore
+from rpud_sim.viewer.session import ClientState, StoreError, View, encode
+from rpud_sim.viewer.views import MESSAGES, WAVEFORM, WAVEFORM_RANGE
 
 RATE = 1_000_000
 DRILL = "/rpud"
@@ -134,8 +133,8 @@ def test_between_waveform_and_overview_every_message_is_drawn(store, impacts):
 
 
 def test_a_long_range_is_drawn_from_the_overview(drill_bag, impacts, monkeypatch):
-    monkeypatch.setattr("rpud_sim.viewer.recorded.views.MESSAGES_RANGE", 1.0)
-    monkeypatch.setattr("rpud_sim.viewer.recorded.recording.SAMPLED", 5)
+    monkeypatch.setattr("rpud_sim.viewer.views.MESSAGES_RANGE", 1.0)
+    monkeypatch.setattr("rpud_sim.viewer.recording.SAMPLED", 5)
     with RecordedStore(drill_bag) as store:
         frame = asked(store)
         assert (frame["view"]["detail"], frame["view"]["complete"]) == ("overview", False)

@@ -16,9 +16,8 @@ import numpy as np
 from rpud_sim.foundation.time import SECOND, join_seconds
 from rpud_sim.pages.quantities import QUANTITIES
 from rpud_sim.ros.client.telemetry import FIELDS
-from rpud_sim.viewer.bins import Bins
 from rpud_sim.viewer.commands import Commands, fault_row
-from rpud_sim.viewer.impacts import Impacts
+from rpud_sim.viewer.history import Bins, Impacts
 from rpud_sim.viewer.picture import SECTION, Picture
 
 BIN = 0.05  # length of the finest bins [s]

@@ -7,21 +7,19 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rpud_sim.bag import BagError
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.pages.quantities import QUANTITIES, Quantity, for_browser
-from rpud_sim.viewer.plots import chosen_quantities, drill_plots
-from rpud_sim.viewer.recorded.marks import AT_ONCE, Marks
-from rpud_sim.viewer.recorded.overview import Overview
-from rpud_sim.viewer.recorded.recording import Recording
-from rpud_sim.viewer.recorded.signals import Signal
-from rpud_sim.viewer.recorded.views import MESSAGES_RANGE, Views
-from rpud_sim.viewer.recorded.waveforms import Waveforms
-from rpud_sim.viewer.store import ClientState, StoreError
+from rpud_sim.viewer.overview import AT_ONCE, Marks, Overview
+from rpud_sim.viewer.picture import chosen_quantities, drill_plots
+from rpud_sim.viewer.recording import Recording
+from rpud_sim.viewer.session import ClientState, StoreError
+from rpud_sim.viewer.signals import Signal
+from rpud_sim.viewer.views import MESSAGES_RANGE, Views
+from rpud_sim.viewer.waveforms import Waveforms
 
 if TYPE_CHECKING:
     from rpud_sim.viewer.server import PageServer, Place
@@ -345,7 +343,5 @@ def serve_bag(
 
 def _quantity(signal: Signal, drill: str) -> dict[str, Any]:
     """Return a signal as a quantity of the table that the browser has."""
-    topic = signal.topic.removeprefix(f"{drill}/")
-    found = asdict(Quantity(signal.name, f"{topic} {signal.column}", signal.unit, zero=False))
-    del found["sources"]
-    return found
+    label = f"{signal.topic.removeprefix(f'{drill}/')} {signal.column}"
+    return Quantity(signal.name, label, signal.unit, zero=False).for_browser()

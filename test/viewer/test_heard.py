@@ -8,7 +8,7 @@ import pytest
 from builtin_interfaces.msg import Time
 from rpud_msgs.msg import Fault, Faults, JournalEntry, Status
 
-from rpud_sim.viewer.live.heard import BIN, Heard
+from rpud_sim.viewer.heard import BIN, Heard
 
 SECOND = 1_000_000_000
 ORIGIN = 1_700_000_000 * SECOND + 123

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rpud_sim.viewer.recorded.clock import Clock, Jump, find_jumps
+from rpud_sim.viewer.signals import Clock, Jump, find_jumps
 
 SECOND = 1_000_000_000
 STEPS = st.lists(

@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-from viewer.recorded.recorded_bags import SECOND, write_forces
+from viewer.recorded_bags import SECOND, write_forces
 
-from rpud_sim.viewer.recorded import recording as recordings
-from rpud_sim.viewer.recorded.overview import Overview
-from rpud_sim.viewer.recorded.recording import Recording
+from rpud_sim.viewer import recording as recordings
+from rpud_sim.viewer.overview import Overview
+from rpud_sim.viewer.recording import Recording
 
 STEP = 10_000_000  # ns
 

@@ -11,13 +11,12 @@ from typing import Any
 import numpy as np
 
 from rpud_sim.pages.quantities import QUANTITIES
-from rpud_sim.viewer.bins import Bins, Layer
-from rpud_sim.viewer.impacts import part_length
+from rpud_sim.viewer.history import Bins, Layer, part_length
+from rpud_sim.viewer.overview import Overview
 from rpud_sim.viewer.picture import IMPACTS, Picture, with_gaps
-from rpud_sim.viewer.recorded.overview import Overview
-from rpud_sim.viewer.recorded.recording import Recording
-from rpud_sim.viewer.recorded.signals import STATUS, Signal, is_stranger
-from rpud_sim.viewer.recorded.waveforms import CHANNELS, Waveform, Waveforms
+from rpud_sim.viewer.recording import Recording
+from rpud_sim.viewer.signals import STATUS, Signal, is_stranger
+from rpud_sim.viewer.waveforms import CHANNELS, Waveform, Waveforms
 
 MESSAGES, WAVEFORM = "messages", "waveform"  # what a near view is made of
 MESSAGES_RANGE = 10.0  # longest range of time that is drawn from the messages themselves [s]

@@ -17,8 +17,8 @@ from rpud_sim.foundation.time import SECOND
 from rpud_sim.inspection.trajectory_pieces import TrajectoryPiece, trajectory_pieces
 from rpud_sim.simulation.rebuilding import end_sample, first_sample, sample_between
 from rpud_sim.viewer.picture import MOTION, SECTION
-from rpud_sim.viewer.recorded.recording import Recording
-from rpud_sim.viewer.recorded.signals import IMPACTS, TRAJECTORY, WAVEFORM
+from rpud_sim.viewer.recording import Recording
+from rpud_sim.viewer.signals import IMPACTS, TRAJECTORY, WAVEFORM
 
 # Samples of a rebuilt waveform, before those that no screen can show are left out.
 SAMPLES = 100_000

@@ -5,11 +5,11 @@ import shutil
 import numpy as np
 import pytest
 from sample_bags import write_bag
-from viewer.recorded.recorded_bags import SECOND, rows_of, write_forces
+from viewer.recorded_bags import SECOND, rows_of, write_forces
 
-from rpud_sim.viewer.recorded.recording import Recording
-from rpud_sim.viewer.recorded.store import RecordedStore
-from rpud_sim.viewer.store import ClientState
+from rpud_sim.viewer.recorded_store import RecordedStore
+from rpud_sim.viewer.recording import Recording
+from rpud_sim.viewer.session import ClientState
 
 STEP = 10_000_000
 

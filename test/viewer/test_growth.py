@@ -5,15 +5,15 @@ import shutil
 import numpy as np
 import pytest
 from support import until
-from viewer.recorded.recorded_bags import FORCE, rows_of
+from viewer.recorded_bags import FORCE, rows_of
 
 from rpud_sim.bag import BagWriter, Topic
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.definitions import find_definition, find_type_hash
-from rpud_sim.viewer.recorded import store as stores
-from rpud_sim.viewer.recorded.recording import Recording
-from rpud_sim.viewer.recorded.store import RecordedStore
-from rpud_sim.viewer.store import ClientState, View
+from rpud_sim.viewer import recorded_store as stores
+from rpud_sim.viewer.recorded_store import RecordedStore
+from rpud_sim.viewer.recording import Recording
+from rpud_sim.viewer.session import ClientState, View
 
 FIRST, SECOND = "/rpud/reacting_force", "/rpud/other"
 

@@ -1,10 +1,10 @@
 """Readers of the signals of a bag's page."""
 
-from viewer.recorded.recorded_bags import SECOND, write_forces
+from viewer.recorded_bags import SECOND, write_forces
 
 import rpud_sim.bag
 from rpud_sim.bag.block_order import gathered_blocks
-from rpud_sim.viewer.recorded.signals import topic_readers
+from rpud_sim.viewer.signals import topic_readers
 
 
 def test_messages_whose_times_need_64_bits_are_counted_as_unreadable(tmp_path):

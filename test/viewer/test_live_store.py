@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from viewer.live.test_heard import ORIGIN, PARAMETERS, SECOND, entry, status
+from viewer.test_heard import ORIGIN, PARAMETERS, SECOND, entry, status
 
-from rpud_sim.viewer.live.heard import Heard
+from rpud_sim.viewer.heard import Heard
 
 RATE, SECONDS = 1000, 100
 
