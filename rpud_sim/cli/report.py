@@ -30,7 +30,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     from rpud_sim.bag import BagError
-    from rpud_sim.viewer.frozen import ReportError, write_report
+    from rpud_sim.viewer.report import ReportError, write_report
 
     with failing(BagError, ReportError):
         seen = write_report(arguments.bag, arguments.out, arguments.namespace)
