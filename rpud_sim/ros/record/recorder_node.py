@@ -71,7 +71,7 @@ class Recorder(Node):
         options = self._options
         closed = options.topics and options.regex is None and not options.everything
         known = self._topics.keys() | self.skipped.keys()
-        return bool(closed) and known.issuperset(filter(self.wants, self._named))
+        return bool(closed) and all(name in known for name in self._named if self.wants(name))
 
     @property
     def losses(self) -> dict[str, Losses]:
@@ -177,8 +177,8 @@ class Recorder(Node):
         self._batch.clear()
         for topic in self._topics.values():
             self._declare(topic, received=False)
-        for name in sorted(filter(self.wants, self._named)):
-            if name not in self._topics and name not in self.skipped:
+        for name in sorted(self._named):
+            if self.wants(name) and name not in self._topics and name not in self.skipped:
                 self.missing.append(name)
                 self.skipped[name] = "it never appeared"
 
