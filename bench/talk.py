@@ -21,7 +21,7 @@ from bench.hearing import Hearing
 from bench.machine import used_by
 from rpud_sim.foundation.child_process import end_with_parent
 from rpud_sim.ros.drill.publishers import OF_NODE
-from rpud_sim.ros.types import message_class
+from rpud_sim.ros.graph import message_class
 from rpud_sim.simulation.topics import TOPICS
 
 _KINDS = {name: message_class(topic.type) for name, topic in {**TOPICS, **OF_NODE}.items()}

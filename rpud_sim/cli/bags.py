@@ -367,7 +367,7 @@ class _Report(BagOptions):
 )
 def _run_report(options: _Report) -> int:
     from rpud_sim.bag import BagError
-    from rpud_sim.viewer.frozen import ReportError, write_report
+    from rpud_sim.viewer.report import ReportError, write_report
 
     with failing(BagError, ReportError):
         seen = write_report(options.bag, options.out, options.namespace)

@@ -18,7 +18,7 @@ from rpud_sim.foundation.terminal import complain, printable
 
 if TYPE_CHECKING:
     from rpud_sim.ros.client.drill_finder import DrillFinder
-    from rpud_sim.viewer.live.live_store import LiveStore
+    from rpud_sim.viewer.live_store import LiveStore
     from rpud_sim.viewer.server import PageServer
 
 PORT = Quantity("", "a port", 0, 65535, whole=True)
@@ -67,7 +67,7 @@ def _run(options: _Watch) -> int:
 def _watch_bag(options: _Watch, bag: str) -> ExitCode:
     """Serve the page of a bag until a signal."""
     from rpud_sim.bag import BagError
-    from rpud_sim.viewer.recorded.store import serve_bag
+    from rpud_sim.viewer.recorded_store import serve_bag
     from rpud_sim.viewer.server import Place, ServerError
 
     def announce(server: PageServer) -> None:
@@ -86,7 +86,7 @@ def _watch_bag(options: _Watch, bag: str) -> ExitCode:
 def _watch_drills(options: _Watch) -> ExitCode:
     """Serve the pages of running drills until a signal."""
     from rpud_sim.ros.starting import StartError
-    from rpud_sim.viewer.live.live_store import serve_drills
+    from rpud_sim.viewer.live_store import serve_drills
     from rpud_sim.viewer.server import Place, ServerError
 
     def announce(server: PageServer, store: LiveStore) -> None:
