@@ -66,7 +66,7 @@ class Marks:
 
     def _add_faults(self, drill: str, message: Message, decoded: Any) -> None:
         jumps = self._recording.clocks[drill].jumps
-        run = sum(jump.log_time <= message.log_time for jump in jumps)
+        run = sum(jump.time <= message.log_time for jump in jumps)
         for fault in decoded.faults:
             key = drill, run, int(fault.number)
             if key not in self._faults and len(self._faults) >= MOST_FAULTS:

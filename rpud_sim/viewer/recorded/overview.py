@@ -9,10 +9,11 @@ from collections.abc import Iterable
 
 import numpy as np
 
+from rpud_sim.inspection.recorded_drill import Jump
 from rpud_sim.viewer.bins import Bins
 from rpud_sim.viewer.impacts import Impacts
 from rpud_sim.viewer.picture import GAP, usual
-from rpud_sim.viewer.recorded.clock import Jump, find_jumps
+from rpud_sim.viewer.recorded.clock import find_jumps
 from rpud_sim.viewer.recorded.recording import PieceRows, Recording
 from rpud_sim.viewer.recorded.signals import IMPACTS, PEAK_FORCE, namespace
 
