@@ -31,7 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     from rpud_sim.bag import BagError
     from rpud_sim.inspection import InspectionError
-    from rpud_sim.viewer.frozen import write_report
+    from rpud_sim.viewer.report import write_report
 
     with failing(BagError, InspectionError):
         seen = write_report(arguments.bag, arguments.out, arguments.namespace)

@@ -17,7 +17,7 @@ from rpud_sim.foundation.terminal import complain, printable
 
 if TYPE_CHECKING:
     from rpud_sim.ros.client.drill_finder import DrillFinder
-    from rpud_sim.viewer.live.live_store import LiveStore
+    from rpud_sim.viewer.live_store import LiveStore
     from rpud_sim.viewer.server import PageServer
 
 HELP = "show running drills in the browser and act on them, or show a bag"
@@ -69,7 +69,7 @@ def run(arguments: argparse.Namespace) -> int:
 def watch_bag(arguments: argparse.Namespace) -> ExitCode:
     """Serve the page of a bag until a signal."""
     from rpud_sim.bag import BagError
-    from rpud_sim.viewer.recorded.store import serve_bag
+    from rpud_sim.viewer.recorded_store import serve_bag
     from rpud_sim.viewer.server import Place, ServerError
 
     def announce(server: PageServer) -> None:
@@ -88,7 +88,7 @@ def watch_bag(arguments: argparse.Namespace) -> ExitCode:
 def watch_drills(arguments: argparse.Namespace) -> ExitCode:
     """Serve the pages of running drills until a signal."""
     from rpud_sim.ros.starting import StartError
-    from rpud_sim.viewer.live.live_store import serve_drills
+    from rpud_sim.viewer.live_store import serve_drills
     from rpud_sim.viewer.server import Place, ServerError
 
     def announce(server: PageServer, store: LiveStore) -> None:

@@ -6,9 +6,8 @@ A page is one HTML file. It needs no network and no script; its policy allows ne
 module          what it holds
 ==============  ===================================================================================
 ``quantities``  ``QUANTITIES``: name, unit, scale and digits of everything that people see
-``frame``       ``render_page``: a page from a template of jinja2
+``frame``       ``render_page``: a page from a template of jinja2, with plots as pictures in it
 ``plot``        descriptions of plots: ``Plot``, its layers, ``Axis`` and its ticks
-``svg``         ``figure``, ``figures``, ``corner``: plots as pictures in the page
 ``share``       style of a page, and its colours for light and dark
 ==============  ===================================================================================
 

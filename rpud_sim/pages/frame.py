@@ -1,14 +1,330 @@
-"""Self-contained HTML pages: their style, their tables, their plots in the page."""
+"""HTML pages that need no network and no script, with plots as SVG pictures."""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 from jinja2 import Environment, StrictUndefined
-from markupsafe import Markup
+from markupsafe import Markup, escape
 
 from rpud_sim.foundation.terminal import printable
-from rpud_sim.pages.svg import figure, figures
+from rpud_sim.pages.plot import (
+    Axis,
+    Layer,
+    Line,
+    Plot,
+    Points,
+    Rule,
+    Scale,
+    Zone,
+    scale_of,
+)
+from rpud_sim.pages.quantities import number_text
+
+_LETTER = 7.2  # mean width of a letter of 12 pixels [pixels]
+_SERIES = 7  # colours; further series begin again with the first
+_APART = 32.0  # least distance of ticks upward [pixels]
+_OVERHANG = 14.0  # of a text beyond a side; a longer one would reach into its neighbour [pixels]
+_STROKE = 1.4  # width of a line [pixels]
+_LINE = 18  # height of a line of text [pixels]
+_GAP = 8  # pixels between a plot and its text
+_MOST_TITLES = 400  # points of a cloud have no texts under the pointer: they are one path
+_DASHES = {"dashed": "6 4", "dotted": "2 3"}
+_FIGURE = Markup('<figure class="plot"><figcaption>{}{}</figcaption>{}</figure>')
+_GRID = Markup('{}<div class="plots" style="--least:{}em">{}</div>')
+_LEGEND = Markup('<p class="keys">{}</p>')
+_KEY = Markup('<span class="key"><i style="background:var(--{})"></i>{}</span>')
+_PICTURE = Markup(
+    '<div class="wide"{}><svg role="img" class="picture" viewBox="0 0 {} {}" width="{}"'
+    ' style="min-width:{}px"><title>{}</title><desc>{}</desc>{}</svg></div>'
+)
+_SCROLLED = Markup(' tabindex="0" role="region" aria-label="{}"')
+_NARROW = 480  # pixels; a wider picture can be scrolled on a phone
+
+
+def figure(plot: Plot) -> Markup:
+    """Return a plot with its title and its legend as an element of a page."""
+    return _figure(plot, _keys(plot.layers))
+
+
+def _figure(plot: Plot, keys: str) -> Markup:
+    columns = plot.y.columns
+    texts = [text for _, text in scale_of(plot, "y", plot.height, 0.0).ticks(_APART)]
+    left = _GAP + min(max(map(_width, texts), default=0.0), 0.42 * plot.width)
+    widths = [max(map(_width, (head, *cells))) + 14 for head, cells in columns]
+    right = sum(widths) + 14
+    top = _LINE + 4 if columns else _GAP
+    below = _LINE + (_LINE if plot.x.label else 0) + 4
+    inner = plot.width - left - right
+    parts = [*_panel(plot, left, top, inner, plot.height)]
+    place = left + inner
+    for (head, cells), width in zip(columns, widths, strict=True):
+        place += width
+        parts.append(text_at(head, place, top - _GAP, "end", "head"))
+        rows = scale_of(plot, "y", plot.height, 0.0)(np.arange(len(cells)))
+        parts += [
+            text_at(cell, place, top + row + 4, "end")
+            for cell, row in zip(cells, rows, strict=True)
+        ]
+    picture = _picture(plot.heading, plot.alt, plot.width, top + plot.height + below, parts)
+    return _FIGURE.format(_title(plot.heading), keys, picture)
+
+
+def figures(plots: Sequence[Plot], least: float = 20.0) -> Markup:
+    """Return plots side by side, with one legend if they have the same.
+
+    ``least`` is the width of a plot in the width of a letter.
+    """
+    keys = [_keys(plot.layers) for plot in plots]
+    one = len(keys) > 1 and len(set(keys)) == 1
+    drawn = [_figure(plot, "" if one else each) for plot, each in zip(plots, keys, strict=True)]
+    legend = _LEGEND.format(keys[0]) if one and keys[0] else ""
+    return _GRID.format(legend, least, Markup("").join(drawn))
+
+
+def corner(title: str, rows: Sequence[Sequence[Plot]], alt: str, width: int = 1000) -> Markup:
+    """Return plots as a triangle: those of a column share x, and those of a row, but the last, y.
+
+    Every last plot of a row has no scale upward.
+    """
+    count = len(rows)
+    texts = [text for row in rows[1:] for _, text in scale_of(row[0], "y", 0, 150).ticks(_APART)]
+    left = 2.0 * _LINE + max(map(_width, texts), default=0.0)
+    size = min((width - left) / count, 260.0)
+    parts: list[Markup] = []
+    for number, row in enumerate(rows):
+        for place, plot in enumerate(row):
+            outer = number == count - 1, place == 0 and number > 0
+            x, y = left + place * size, _GAP + number * size
+            parts += _panel(plot, x, y, size - _GAP, size - _GAP, *outer)
+        if number:
+            middle = _GAP + (number + 0.5) * size
+            turned = f"rotate(-90 12 {middle:.0f})"
+            heading = _heading(row[0].y)
+            parts.append(text_at(heading, 12, middle, "middle", "label", transform=turned))
+    whole, height = math.ceil(left + count * size), math.ceil(2 * _GAP + count * size + 2 * _LINE)
+    layers = {layer.name: layer for row in rows for plot in row for layer in plot.layers}
+    picture = _picture(title, alt, whole, height, parts)
+    return _FIGURE.format(_title(title), _keys(tuple(layers.values())), picture)
+
+
+def _picture(title: str, alt: str, width: float, height: float, parts: Sequence[Markup]) -> Markup:
+    title, alt = printable(title), printable(alt)
+    scrolled = _SCROLLED.format(title) if width > _NARROW else ""
+    least = round(min(0.7 * width, 720.0))
+    body = Markup("").join(parts)
+    return _PICTURE.format(scrolled, width, round(height), width, least, title, alt, body)
+
+
+def _title(heading: str) -> Markup:
+    return Markup('<span class="plot-title">{}</span>').format(printable(heading))
+
+
+def _keys(layers: Sequence[Layer]) -> Markup:
+    named = [layer for layer in layers if layer.name]
+    keys = [_KEY.format(_color(layer), printable(layer.name)) for layer in named]
+    return Markup("").join(keys) if len(keys) > 1 else Markup("")
+
+
+def _panel(
+    plot: Plot,
+    left: float,
+    top: float,
+    width: float,
+    height: float,
+    labelled_x: bool = True,
+    labelled_y: bool = True,
+) -> Iterator[Markup]:
+    """Yield the parts of one plot: its grid and texts, and its layers inside its frame."""
+    x, y = scale_of(plot, "x", 0.0, width), scale_of(plot, "y", height, 0.0)
+    for value, text in x.ticks(max(46.0, _widest(x))):
+        place = left + float(x(value))
+        yield line("grid", (place, top, place, top + height))
+        over = 0.5 * _width(text) - min(place - left, left + width - place)
+        if labelled_x and over < _OVERHANG:
+            yield text_at(text, place, top + height + _LINE - 2, "middle")
+    if labelled_x and plot.x.label:
+        middle = left + 0.5 * width
+        yield text_at(_heading(plot.x), middle, top + height + 2 * _LINE, "middle", "label")
+    for value, text in y.ticks(_APART) if labelled_y or plot.y.categories else ():
+        place = top + float(y(value))
+        yield line("grid", (left, place, left + width, place))
+        if labelled_y:
+            yield text_at(_shortened(text, left), left - _GAP, place + 4, "end")
+    # An inner picture cuts off what is outside of it.
+    inner = Markup("").join(part for layer in plot.layers for part in _draw(layer, x, y, plot))
+    yield Markup('<svg x="{:.1f}" y="{:.1f}" width="{:.1f}" height="{:.1f}">{}</svg>').format(
+        left, top, width, height, inner
+    )
+
+
+def _draw(layer: Layer, x: Scale, y: Scale, plot: Plot) -> Iterator[Markup]:
+    color = f"var(--{_color(layer)})"
+    width, height = max(x.begin, x.end), max(y.begin, y.end)
+    if isinstance(layer, Line):
+        at = x(layer.x)
+        if layer.low is not None and layer.high is not None:
+            low, high = y(layer.low), y(layer.high)
+            for part in whole_parts(np.isfinite(low + high + at)):
+                around = np.concatenate([at[part], at[part][::-1]])
+                edge = np.concatenate([high[part], low[part][::-1]])
+                yield path(track(around, edge) + "Z", "none", fill=color, opacity=0.25)
+        yield path(track(at, y(layer.y), layer.steps), color, _STROKE)
+    elif isinstance(layer, Rule):
+        place = float((y if layer.across else x)(layer.value))
+        ends = (0.0, place, width, place) if layer.across else (place, 0.0, place, height)
+        dash = _DASHES.get(layer.dash, "none")
+        yield line("rule", ends, layer.text, stroke=color, stroke_dasharray=dash)
+    elif isinstance(layer, Zone):
+        first, last = sorted((y if layer.across else x)([layer.low, layer.high]).tolist())
+        box = (0.0, first, width, last - first)
+        if not layer.across:
+            box = (first, 0.0, last - first, height)
+        sides = dict(zip(("x", "y", "width", "height"), box, strict=True))
+        yield element("rect", (titled(layer.text),), **sides, fill=color, opacity=0.16)
+    elif isinstance(layer, Points):
+        yield from _points(layer, x, y, plot, color)
+
+
+def _points(layer: Points, x: Scale, y: Scale, plot: Plot, color: str) -> Iterator[Markup]:
+    across, upward = x(layer.x), y(layer.y)
+    shown = np.isfinite(across + upward)
+    if layer.joined:
+        yield path(track(across, upward), color, _STROKE)
+    if len(across) > _MOST_TITLES or layer.size < 3.0:
+        dots = zip(across[shown], upward[shown], strict=True)
+        way = "".join(f"M{a:.1f} {b:.1f}h0" for a, b in dots)
+        yield path(way, color, layer.size, opacity=0.5, stroke_linecap="round")
+        return
+    scale = x if layer.across else y
+    ends = () if layer.low is None or layer.high is None else (scale(layer.low), scale(layer.high))
+    marks = []
+    for number in np.flatnonzero(shown).tolist():
+        a, b, half = float(across[number]), float(upward[number]), 0.5 * layer.size
+        text = layer.titles[number] if layer.titles else _values(layer, number, plot)
+        lines: tuple[tuple[float, float, float, float], ...] = ()
+        if ends and math.isfinite(ends[0][number] + ends[1][number]):
+            low, high = (float(end[number]) for end in ends)
+            if layer.across:
+                lines = ((low, b, high, b), (low, b - 3, low, b + 3), (high, b - 3, high, b + 3))
+            else:
+                lines = ((a, low, a, high), (a - 3, low, a + 3, low), (a - 3, high, a + 3, high))
+        if layer.marker == "x":
+            lines += ((a - half, b - half, a + half, b + half),)
+            lines += ((a - half, b + half, a + half, b - half),)
+        parts = [titled(text), *([segments(lines)] if lines else [])]
+        if layer.marker != "x":
+            parts.append(element("circle", cx=round(a, 1), cy=round(b, 1), r=half))
+        marks.append(element("g", parts))
+    yield element("g", marks, class_="points", fill=color, stroke=color)
+
+
+def _values(layer: Points, number: int, plot: Plot) -> str:
+    """Return the values of a point with their names, and its interval."""
+    texts = []
+    for axis, values, spread in (
+        (plot.x, layer.x, layer.across),
+        (plot.y, layer.y, not layer.across),
+    ):
+        value = float(values[number])
+        if axis.categories:
+            texts.append(axis.categories[min(max(round(value), 0), len(axis.categories) - 1)])
+            continue
+        text = f"{number_text(value)} {axis.unit}".rstrip()
+        if spread and layer.low is not None and layer.high is not None:
+            low, high = (number_text(float(end[number])) for end in (layer.low, layer.high))
+            text = f"{text} ({low} to {high})"
+        name = axis.label or (plot.title if axis is plot.y else "")
+        texts.append(f"{name} {text}".lstrip())
+    return ", ".join(texts)
+
+
+def _color(layer: Layer) -> str:
+    number = layer.color
+    return f"series{number % _SERIES}" if isinstance(number, int) else number
+
+
+def _heading(axis: Axis) -> str:
+    return f"{axis.label} [{axis.unit}]" if axis.unit else axis.label
+
+
+def _width(text: str) -> float:
+    return _LETTER * len(printable(text)) + 3.0
+
+
+def _widest(scale: Scale) -> float:
+    return max((_width(text) + 10.0 for _, text in scale.ticks(70.0)), default=0.0)
+
+
+def _shortened(text: str, room: float) -> str:
+    most = max(int((room - _GAP) / _LETTER + 0.5), 4)
+    return text if len(text) <= most else f"{text[: most - 1]}…"
+
+
+# Elements of a picture; places are in pixels
+
+
+def whole_parts(known: np.ndarray) -> Iterator[slice]:
+    """Yield the parts of a series between its gaps."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], known, [False]]).astype(int)))
+    yield from (slice(*pair) for pair in edges.reshape(-1, 2))
+
+
+def track(x: np.ndarray, y: np.ndarray, steps: bool = False) -> str:
+    """Return the way through points; NaN is a gap."""
+    texts = []
+    for part in whole_parts(np.isfinite(x) & np.isfinite(y)):
+        points = list(zip(x[part].tolist(), y[part].tolist(), strict=True))
+        texts.append(f"M{points[0][0]:.1f} {points[0][1]:.1f}")
+        texts += [f"H{a:.1f}V{b:.1f}" if steps else f"L{a:.1f} {b:.1f}" for a, b in points[1:]]
+    return "".join(texts)
+
+
+def segments(lines: Sequence[tuple[float, float, float, float]]) -> Markup:
+    """Return straight lines in the colour around them."""
+    return element("path", d="".join(f"M{a:.1f} {b:.1f}L{c:.1f} {d:.1f}" for a, b, c, d in lines))
+
+
+def path(way: str, stroke: str, width: float = 0.0, **style: Any) -> Markup:
+    """Return a path; it has no filling unless its style says so."""
+    found: dict[str, Any] = {"fill": "none", "stroke": stroke, "stroke_width": width, **style}
+    return element("path", d=way, **found)
+
+
+def line(
+    name: str, ends: tuple[float, float, float, float], text: str = "", **style: Any
+) -> Markup:
+    """Return a straight line with a text under the pointer."""
+    places = dict(zip(("x1", "y1", "x2", "y2"), ends, strict=True))
+    return element("line", (titled(text),), class_=name, **places, **style)
+
+
+def text_at(text: str, x: float, y: float, anchor: str, name: str = "tick", **style: Any) -> Markup:
+    inner = (escape(printable(text)),)
+    return element("text", inner, class_=name, x=x, y=y, text_anchor=anchor, **style)
+
+
+def titled(text: str) -> Markup:
+    """Return the text under the pointer; nothing for an empty one."""
+    return element("title", (escape(printable(text)),)) if text else Markup("")
+
+
+def element(tag: str, inner: Sequence[Markup] = (), **attributes: Any) -> Markup:
+    """Return an element; ``_`` in the name of an attribute stands for ``-``."""
+    texts = [
+        Markup(' {}="{}"').format(
+            name.rstrip("_").replace("_", "-"), f"{v:.4g}" if isinstance(v, float) else v
+        )
+        for name, v in attributes.items()
+    ]
+    return Markup("<{0}{1}>{2}</{0}>").format(
+        Markup(tag), Markup("").join(texts), Markup("").join(inner)
+    )
+
 
 _STYLE = Path(__file__).parent / "share" / "page.css"
 _MACROS = """\

@@ -6,7 +6,7 @@ Screens, pages and lines in a terminal show a quantity in this one form.
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 
 NONE = "\N{EN DASH}"  # in place of a value that is not there
 _PREFIXES = {9: "G", 6: "M", 3: "k", 0: "", -3: "m", -6: "µ", -9: "n"}
@@ -24,10 +24,18 @@ class Quantity:
     scale: float = 1.0  # from the SI unit to that one
     colour: str = "other"  # kind of quantity, which names its colour
     floor: float = 0.0  # SI; what is smaller reads 0
-    positive: str = ""  # what a positive value means, where it is not plain
+    types: str = ""  # of messages that have it, the best first; with the column of another name
     zero: bool = True  # whether its axis includes zero
     digits: int = 3  # significant ones
-    sources: tuple[str, ...] = ()  # ``Type.column`` of messages that have it, the best first
+
+    @property
+    def sources(self) -> list[str]:
+        """``Type.column`` of messages that have it, the best first."""
+        return [each if "." in each else f"{each}.{self.name}" for each in self.types.split()]
+
+    def for_browser(self) -> dict[str, object]:
+        """Return it as plain values, for the page's own script."""
+        return {name: value for name, value in vars(self).items() if name != "types"}
 
     def text(self, value: float | None, *, unit: bool = True, sign: bool = False) -> str:
         """Return a value, given in SI units, as people read it; a dash for none.
@@ -52,123 +60,56 @@ def number_text(value: float, digits: int = 3) -> str:
     return text.rstrip("0").rstrip(".") if "." in text and "e" not in text else text
 
 
-_TOWARD_ROCK = "toward the rock"
-
-QUANTITIES: dict[str, Quantity] = {
-    quantity.name: quantity
-    for quantity in (
-        Quantity("impact_rate", "impacts", "/s", 1.0, "force", 1e-3),
-        Quantity(
-            "peak_force", "peak force", "kN", 1e-3, "force", 0.5,
-            sources=("ContactForce.peak_force",),
-        ),
-        Quantity("contact_force", "contact force", "kN", 1e-3, "force", 0.5),
-        Quantity(
-            "reacting_force", "load on the mount", "N", 1.0, "load", 1e-6, _TOWARD_ROCK,
-            sources=("ReactingForce.force",),
-        ),
-        Quantity(
-            "weight_on_bit", "weight on bit", "N", 1.0, "command", 1e-6, _TOWARD_ROCK,
-            sources=("Mount.weight_on_bit", "Status.weight_on_bit"),
-        ),
-        Quantity(
-            "nodal_plane", "nodal plane", "mm", 1e3, "plane", 1e-12, _TOWARD_ROCK, zero=False,
-            sources=("NodalPlane.position",),
-        ),
-        Quantity("actuator", "actuator tip", "mm", 1e3, "plane", 1e-12, _TOWARD_ROCK, zero=False),
-        Quantity("free_mass", "free mass", "mm", 1e3, "mass", 1e-12, _TOWARD_ROCK, zero=False),
-        Quantity(
-            "drill_tool", "drill tool", "mm", 1e3, "tool", 1e-12, _TOWARD_ROCK, zero=False,
-            sources=("DrillTool.displacement",),
-        ),
-        Quantity(
-            "electrical_power", "electrical power", "W", 1.0, "power", 1e-6,
-            sources=("ActuatorState.electrical_power", "Status.electrical_power"),
-        ),
-        Quantity(
-            "actuator_power", "power of the vibration", "W", 1.0, "power", 1e-6,
-            sources=("Status.actuator_power",),
-        ),
-        Quantity(
-            "absorbed_power", "power into tool and rock", "W", 1.0, "depth", 1e-6,
-            sources=("Status.absorbed_power",),
-        ),
-        Quantity("power", "power", "W", 1.0, "power", 1e-6),
-        Quantity(
-            "depth", "depth", "mm", 1e3, "depth", 1e-9, "into the rock",
-            sources=("Borehole.depth", "Status.depth"),
-        ),
-        Quantity(
-            "penetration_rate", "penetration rate", "mm/min", 6e4, "depth", 1e-10, "into the rock",
-            sources=("Borehole.penetration_rate", "Status.penetration_rate"),
-        ),
-        Quantity(
-            "torque", "torque of rock and cuttings", "mN m", 1e3, "torque", 1e-9,
-            sources=("Rotation.torque",),
-        ),
-        Quantity(
-            "drive_torque", "torque of the drive", "mN m", 1e3, "power", 1e-9,
-            sources=("Rotation.drive_torque",),
-        ),
-        Quantity(
-            "rotation_rate", "rotation", "rad/s", 1.0, "torque", 1e-6, sources=("Rotation.rate",)
-        ),
-        Quantity(
-            "mount_force", "force of the arm", "N", 1.0, "load", 1e-6, _TOWARD_ROCK,
-            sources=("Mount.force",),
-        ),
-        Quantity(
-            "mount_position", "mount", "mm", 1e3, "plane", 1e-9, _TOWARD_ROCK, zero=False,
-            sources=("Mount.position",),
-        ),
-        Quantity(
-            "feed", "feed", "mm", 1e3, "command", 1e-9, _TOWARD_ROCK, zero=False,
-            sources=("Mount.feed",),
-        ),
-        Quantity(
-            "vibration_amplitude", "vibration", "µm", 1e6, "plane", 1e-12,
-            sources=("Status.vibration_amplitude", "ActuatorState.amplitude"),
-        ),
-        Quantity(
-            "current", "current", "A", 1.0, "power", 1e-9, sources=("ActuatorState.current",)
-        ),
-        Quantity(
-            "drive_voltage", "voltage", "V", 1.0, "command", 1e-6,
-            sources=("Status.drive_voltage", "ActuatorState.voltage"),
-        ),
-        Quantity(
-            "drive_frequency", "frequency of the drive", "kHz", 1e-3, "command", 1e-3, zero=False,
-            sources=("Status.drive_frequency", "ActuatorState.frequency"),
-        ),
-        Quantity(
-            "resonance_frequency", "resonance", "kHz", 1e-3, "plane", 1e-3, zero=False,
-            sources=("Status.resonance_frequency", "ActuatorState.resonance_frequency"),
-        ),
-        Quantity(
-            "temperature", "temperature of the actuator", "K", 1.0, "fault", zero=False,
-            sources=("Status.actuator_temperature", "ActuatorState.temperature"),
-        ),
-        Quantity(
-            "packed_cuttings", "packed cuttings", "mm³", 1e9, "depth", 1e-13,
-            sources=("Borehole.packed_cuttings",),
-        ),
-        Quantity(
-            "bit_wear", "wear of the bit", "", 1.0, "tool", 1e-9, sources=("Borehole.bit_wear",)
-        ),
-        Quantity(
-            "lateness", "latest block", "ms", 1e3, "other", 1e-6, sources=("Status.lateness_max",)
-        ),
-        Quantity("feed_rate", "rate of the feed", "mm/s", 1e3, "command", 1e-9, _TOWARD_ROCK),
-        Quantity("impact_interval", "interval between impacts", "ms", 1e3, "force", 1e-9),
-        Quantity("impact_velocity", "impact velocity", "m/s", 1.0, "mass", 1e-6),
-        Quantity("impact_energy", "energy of an impact", "mJ", 1e3, "force", 1e-9),
-        Quantity("contact_duration", "contact duration", "µs", 1e6, "force", 1e-9),
-        Quantity("impact_power", "power of the impacts", "W", 1.0, "power", 1e-6),
-        Quantity("weight_power", "power of weight on bit and gravity", "W", 1.0, "power", 1e-6),
-        Quantity("load_damper_power", "power lost in the load damper", "W", 1.0, "power", 1e-6),
-        Quantity("collision_power", "power lost in collisions", "W", 1.0, "power", 1e-6),
-    )
-}  # fmt: skip
+_TABLE = (
+    Quantity("impact_rate", "impacts", "/s", 1.0, "force", 1e-3),
+    Quantity("peak_force", "peak force", "kN", 1e-3, "force", 0.5, "ContactForce"),
+    Quantity("contact_force", "contact force", "kN", 1e-3, "force", 0.5),
+    Quantity("reacting_force", "load on the mount", "N", 1.0, "load", 1e-6, "ReactingForce.force"),
+    Quantity("weight_on_bit", "weight on bit", "N", 1.0, "command", 1e-6, "Mount Status"),
+    Quantity("nodal_plane", "nodal plane", "mm", 1e3, "plane", 1e-12, "NodalPlane.position",
+             zero=False),
+    Quantity("actuator", "actuator tip", "mm", 1e3, "plane", 1e-12, zero=False),
+    Quantity("free_mass", "free mass", "mm", 1e3, "mass", 1e-12, zero=False),
+    Quantity("drill_tool", "drill tool", "mm", 1e3, "tool", 1e-12, "DrillTool.displacement",
+             zero=False),
+    Quantity("electrical_power", "electrical power", "W", 1.0, "power", 1e-6,
+             "ActuatorState Status"),
+    Quantity("actuator_power", "power of the vibration", "W", 1.0, "power", 1e-6, "Status"),
+    Quantity("absorbed_power", "power into tool and rock", "W", 1.0, "depth", 1e-6, "Status"),
+    Quantity("power", "power", "W", 1.0, "power", 1e-6),
+    Quantity("depth", "depth", "mm", 1e3, "depth", 1e-9, "Borehole Status"),
+    Quantity("penetration_rate", "penetration rate", "mm/min", 6e4, "depth", 1e-10,
+             "Borehole Status"),
+    Quantity("torque", "torque of rock and cuttings", "mN m", 1e3, "torque", 1e-9, "Rotation"),
+    Quantity("drive_torque", "torque of the drive", "mN m", 1e3, "power", 1e-9, "Rotation"),
+    Quantity("rotation_rate", "rotation", "rad/s", 1.0, "torque", 1e-6, "Rotation.rate"),
+    Quantity("mount_force", "force of the arm", "N", 1.0, "load", 1e-6, "Mount.force"),
+    Quantity("mount_position", "mount", "mm", 1e3, "plane", 1e-9, "Mount.position", zero=False),
+    Quantity("feed", "feed", "mm", 1e3, "command", 1e-9, "Mount", zero=False),
+    Quantity("vibration_amplitude", "vibration", "µm", 1e6, "plane", 1e-12,
+             "Status ActuatorState.amplitude"),
+    Quantity("current", "current", "A", 1.0, "power", 1e-9, "ActuatorState"),
+    Quantity("drive_voltage", "voltage", "V", 1.0, "command", 1e-6, "Status ActuatorState.voltage"),
+    Quantity("drive_frequency", "frequency of the drive", "kHz", 1e-3, "command", 1e-3,
+             "Status ActuatorState.frequency", zero=False),
+    Quantity("resonance_frequency", "resonance", "kHz", 1e-3, "plane", 1e-3,
+             "Status ActuatorState", zero=False),
+    Quantity("temperature", "temperature of the actuator", "K", 1.0, "fault", 0.0,
+             "Status.actuator_temperature ActuatorState", zero=False),
+    Quantity("packed_cuttings", "packed cuttings", "mm³", 1e9, "depth", 1e-13, "Borehole"),
+    Quantity("bit_wear", "wear of the bit", "", 1.0, "tool", 1e-9, "Borehole"),
+    Quantity("lateness", "latest block", "ms", 1e3, "other", 1e-6, "Status.lateness_max"),
+    Quantity("feed_rate", "rate of the feed", "mm/s", 1e3, "command", 1e-9),
+    Quantity("impact_interval", "interval between impacts", "ms", 1e3, "force", 1e-9),
+    Quantity("impact_velocity", "impact velocity", "m/s", 1.0, "mass", 1e-6),
+    Quantity("impact_energy", "energy of an impact", "mJ", 1e3, "force", 1e-9),
+    Quantity("contact_duration", "contact duration", "µs", 1e6, "force", 1e-9),
+    Quantity("impact_power", "power of the impacts", "W", 1.0, "power", 1e-6),
+    Quantity("weight_power", "power of weight on bit and gravity", "W", 1.0, "power", 1e-6),
+    Quantity("load_damper_power", "power lost in the load damper", "W", 1.0, "power", 1e-6),
+    Quantity("collision_power", "power lost in collisions", "W", 1.0, "power", 1e-6),
+)  # fmt: skip
+QUANTITIES = {quantity.name: quantity for quantity in _TABLE}
 
 
 # How figures of a run are shown.
@@ -213,7 +154,4 @@ def quantity_in(unit: str, greatest: float, label: str = "") -> Quantity:
 
 def for_browser() -> list[dict[str, object]]:
     """Return the table as plain values, for the page's own script."""
-    return [
-        {key: value for key, value in asdict(quantity).items() if key != "sources"}
-        for quantity in QUANTITIES.values()
-    ]
+    return [quantity.for_browser() for quantity in QUANTITIES.values()]

@@ -27,8 +27,7 @@ from tornado.httputil import HTTPHeaders
 from tornado.netutil import bind_sockets
 from tornado.websocket import WebSocketClosedError, WebSocketHandler
 
-from rpud_sim.viewer.session import LONGEST_REQUEST, RequestError, Session
-from rpud_sim.viewer.store import Store
+from rpud_sim.viewer.session import LONGEST_REQUEST, RequestError, Session, Store
 
 DEFAULT_PORT = 8810
 LOOPBACK = "127.0.0.1"

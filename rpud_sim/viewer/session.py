@@ -1,18 +1,114 @@
-"""One browser: what it looks at, what it has acknowledged, and what it asks for."""
+"""One browser: what it looks at, what it asks for, and the frames that it gets."""
 
 from __future__ import annotations
 
 import asyncio
 import json
-from collections.abc import Awaitable, Callable
-from dataclasses import replace
-from typing import Any
+import math
+import time
+from collections.abc import Awaitable, Callable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any, Protocol
+
+import numpy as np
 
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.foundation.terminal import printable
 from rpud_sim.pages.quantities import for_browser
-from rpud_sim.viewer.frames import encode
-from rpud_sim.viewer.store import ClientState, Store, StoreError, View
+
+
+class StoreError(RuntimeError):
+    """Something that a store cannot show; the text is one line, and the page ends with it."""
+
+
+@dataclass(frozen=True)
+class View:
+    """Range of time that a browser shows: the last seconds, or from ``start`` to ``end``."""
+
+    follow: float | None = 20.0  # s; None for a fixed range
+    start: float = 0.0  # s
+    end: float = 0.0  # s
+    width: int = 1000  # of a plot [px]
+
+
+@dataclass
+class ClientState:
+    """What one browser looks at, and the store's own notes of what it has sent there."""
+
+    drill: str = ""  # namespace; empty for the store's own choice
+    view: View = View()
+    choices: Mapping[str, str] = field(default_factory=dict)  # identifiers of choices by plot
+    playhead: float | None = None  # s; None if it has none
+    section: bool = True  # whether the newest block is wanted; a frame with a section clears it
+    sent: dict[str, Any] = field(default_factory=dict)  # belongs to the store
+
+    def is_due(self, name: str, key: Any, period: float = 0.0) -> bool:
+        """Return whether a field has changed and is older than a period [s]; it is sent then."""
+        before, at = self.sent.get(name, (None, -math.inf))
+        if key == before or time.monotonic() - at < period:
+            return False
+        self.sent[name] = key, time.monotonic()
+        return True
+
+
+class Store(Protocol):
+    """Data that browsers look at. All methods are called from one thread, which may be any."""
+
+    mode: str  # ``live`` or ``recorded``
+
+    def open(self, client: ClientState) -> None:
+        """Note one more browser, or another drill of it; StoreError if there is nothing to show."""
+
+    def frame(self, client: ClientState) -> dict[str, Any] | None:
+        """Return fields of the next frame without ``number``; None if nothing is new."""
+
+    def request(self, client: ClientState, name: str, content: Any) -> None:
+        """Do what a browser asks: ``act`` and its arguments, or ``seek``; ParameterError if not."""
+
+    def close(self, client: ClientState) -> None:
+        """Note that a browser has gone, or is about to show another drill."""
+
+    def tidy(self) -> None:
+        """Free what no browser needs any more; called every few seconds."""
+
+
+_ALIGNED = 8  # bytes
+
+
+def encode(frame: Mapping[str, Any]) -> bytes:
+    """Return the bytes of a frame.
+
+    Its values are plain ones, mappings, sequences and one-dimensional arrays. Times need double
+    precision, and have it; other arrays become single. Equal arrays are sent once. A scalar that is
+    not finite becomes null.
+    """
+    arrays: dict[bytes, list[Any]] = {}
+    size = 0
+
+    def plain(value: Any) -> Any:
+        nonlocal size
+        if isinstance(value, np.ndarray):
+            kind = "f8" if value.dtype == np.float64 else "f4"
+            data = np.ascontiguousarray(value, f"<{kind}").tobytes()
+            data += bytes(-len(data) % _ALIGNED)
+            if (reference := arrays.get(data)) is None:
+                reference = arrays[data] = [size, len(value), kind]
+                size += len(data)
+            return {"$": [reference[0], len(value), kind]}
+        if isinstance(value, Mapping):
+            return {printable(str(key)): plain(each) for key, each in value.items()}
+        if isinstance(value, list | tuple):
+            return [plain(each) for each in value]
+        if isinstance(value, np.generic):
+            value = value.item()
+        if isinstance(value, float) and not math.isfinite(value):
+            return None
+        return printable(value) if isinstance(value, str) else value
+
+    header = json.dumps(plain(frame), separators=(",", ":"), allow_nan=False).encode()
+    head = len(header).to_bytes(4, "little") + header
+    return b"".join([head, bytes(-len(head) % _ALIGNED), *arrays])
+
 
 PERIOD = 0.1  # between frames, at least [s]
 LONGEST_REQUEST = 4096  # bytes

@@ -13,8 +13,8 @@ from browser.screens import of_screen, text_has, until_screen, view_of
 
 import rpud_sim.viewer
 from rpud_sim.pages.quantities import QUANTITIES, for_browser
-from rpud_sim.viewer.frames import encode
-from rpud_sim.viewer.plots import drill_plots
+from rpud_sim.viewer.picture import drill_plots
+from rpud_sim.viewer.session import encode
 
 pytestmark = pytest.mark.extended
 

@@ -10,7 +10,7 @@ from browser.pages import PHONE, SCHEMES, WIDE
 from browser.screens import drag, of_screen, text_has, until_screen, view_of
 from sample_bags import write_offline_bag
 from support import Process
-from viewer.recorded.recorded_bags import FAULTS, FORCE
+from viewer.recorded_bags import FAULTS, FORCE
 
 import rpud_sim.bag
 from rpud_sim.bag import BagWriter, Topic

@@ -16,7 +16,7 @@ from rpud_sim.foundation.time import SECOND
 from rpud_sim.pages.quantities import for_browser
 from rpud_sim.simulation import Simulation, preset
 from rpud_sim.simulation.sampling import Times, sample
-from rpud_sim.viewer.frames import encode
+from rpud_sim.viewer.session import encode
 
 pytestmark = pytest.mark.extended
 

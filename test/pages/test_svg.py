@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rpud_sim.pages import svg
+from rpud_sim.pages import frame as svg
+from rpud_sim.pages.frame import corner, figure, figures
 from rpud_sim.pages.plot import Axis, Line, Plot, Points, Rule, Zone
-from rpud_sim.pages.svg import corner, figure, figures
 
 STYLE = (Path(svg.__file__).parent / "share" / "page.css").read_text()
 X = np.arange(4.0)

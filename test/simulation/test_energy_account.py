@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 from support import examples
 
 from rpud_sim.foundation.quantities import ParameterError
-from rpud_sim.model.parameters import CONTACT_MODELS, REGIMES
+from rpud_sim.model.contact import CONTACT_MODELS
+from rpud_sim.model.parameters import REGIMES
 from rpud_sim.simulation import preset
 from rpud_sim.simulation.actuator import ActuatorParameters
 from rpud_sim.simulation.block import join_blocks
@@ -23,7 +24,7 @@ from rpud_sim.simulation.energy_account import EnergyAccount, RecentEnergy, mean
 from rpud_sim.simulation.faults import Fault
 from rpud_sim.simulation.simulation import Simulation
 from rpud_sim.simulation.span import span_of
-from rpud_sim.viewer.report_tables import terms
+from rpud_sim.viewer.report import terms
 
 SECOND = 1_000_000_000
 PHYSICAL = ["free_mass_jammed", "lost_preload", "load_spring_binding", "restitution_loss"]

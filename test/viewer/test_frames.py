@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from viewer.frame_reader import decode
 
-from rpud_sim.viewer.frames import encode
+from rpud_sim.viewer.session import encode
 
 times = arrays(np.float64, st.integers(0, 20), elements=st.floats(allow_nan=False))
 values = arrays(np.float32, st.integers(0, 20), elements=st.floats(width=32, allow_nan=False))

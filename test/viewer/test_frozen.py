@@ -20,7 +20,7 @@ from rpud_sim.simulation.changes import Planned
 from rpud_sim.simulation.configuration import Settings
 from rpud_sim.simulation.run import Beginning
 from rpud_sim.simulation.scenario import read_scenario
-from rpud_sim.viewer.frozen import write_report
+from rpud_sim.viewer.report import write_report
 
 SECOND = 1_000_000_000
 DURATION = 2.0

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rpud_sim.viewer import impacts as module
-from rpud_sim.viewer.impacts import Impacts
+from rpud_sim.viewer import history as module
+from rpud_sim.viewer.history import Impacts
 
 moments = st.lists(st.floats(0.0, 100.0), max_size=200)
 

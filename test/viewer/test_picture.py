@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
 from rpud_sim.viewer.picture import with_gaps
-from rpud_sim.viewer.recorded.views import thinned
+from rpud_sim.viewer.views import thinned
 
 VALUES = arrays.arrays(float, st.integers(0, 300), elements=st.floats(-1e9, 1e9))
 

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rpud_sim.viewer.report_tables import FEED_POWERS, INFLOWS, MOUNT, OUTFLOWS, energy_table, terms
+from rpud_sim.viewer.report import FEED_POWERS, INFLOWS, MOUNT, OUTFLOWS, energy_table, terms
 
 powers = st.lists(st.floats(-100.0, 100.0), min_size=6, max_size=6)
 

@@ -11,7 +11,7 @@ from viewer.screen_client import ClosedError, ScreenClient, serving
 import rpud_sim.viewer
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.viewer.server import PageServer, Place, ServerError
-from rpud_sim.viewer.store import StoreError, View
+from rpud_sim.viewer.session import StoreError, View
 
 SHARE = Path(rpud_sim.viewer.__file__).parent / "share"
 

@@ -12,8 +12,7 @@ from typing import Any
 import numpy as np
 
 from rpud_sim.foundation.whole_folder import whole_file
-from rpud_sim.pages.frame import render_page
-from rpud_sim.pages.svg import corner
+from rpud_sim.pages.frame import corner, render_page
 from rpud_sim.studies.fit.fit import BEST_RUNS, Comparison, Fit
 from rpud_sim.studies.fit.fit_plots import corner_rows, corner_text, target_plot, unknown_quantity
 from rpud_sim.studies.fit.folder import fit_versions

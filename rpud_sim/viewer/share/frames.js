@@ -23,7 +23,7 @@
  * @typedef {{number: number, name: string, arguments: Record<string, any>,
  *   state: "waiting" | "done" | "refused" | "failed", text: string}} Outcome
  * @typedef {{name: string, label: string, unit: string, scale: number, colour: string, floor: number,
- *   positive: string, zero: boolean}} Quantity
+ *   zero: boolean}} Quantity
  * @typedef {{title: string, columns: string[], rows: (string | number | null)[][]}} Table
  * @typedef {{verdict?: string, requirements?: string[], seed?: number | string, test?: string,
  *   tables: Table[]}} Report

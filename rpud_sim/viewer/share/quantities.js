@@ -13,7 +13,7 @@ export function setQuantities(list) {
 /** Return a quantity of the table, or one without a unit for the signal of a stranger's bag.
  * @param {string} name @returns {import("./frames.js").Quantity} */
 export function quantityOf(name) {
-  const plain = { name, label: name, unit: "", scale: 1, colour: "other", floor: 0, positive: "", zero: false };
+  const plain = { name, label: name, unit: "", scale: 1, colour: "other", floor: 0, zero: false };
   return table.get(name) ?? plain;
 }
 

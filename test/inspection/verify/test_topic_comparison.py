@@ -11,7 +11,7 @@ from rpud_sim.bag import BagWriter, Message, QosProfile, Topic
 from rpud_sim.bag.message_block import MessageBlock
 from rpud_sim.inspection.recorded_journal import installed_codec
 from rpud_sim.inspection.verify import recorded_topics
-from rpud_sim.inspection.verify.coverage import Stretches
+from rpud_sim.inspection.verify.coverage import Coverage, Stretches
 from rpud_sim.inspection.verify.messages import computed_blocks
 from rpud_sim.inspection.verify.recorded_topics import RecordedMessages, RecordedTopics
 from rpud_sim.inspection.verify.topic_comparison import TopicComparison

@@ -1,1 +1,0 @@
-"""A running drill: what was heard of it, and actions on it."""

@@ -1,0 +1,334 @@
+"""A running drill as pages see it: one thread that hears it and acts on it."""
+
+from __future__ import annotations
+
+import inspect
+import re
+import threading
+import time
+from collections import Counter, deque
+from collections.abc import Collection, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, replace
+from typing import Any
+
+from rpud_sim.foundation.quantities import ParameterError, did_you_mean, shown
+from rpud_sim.ros.client import ClientError, DrillClient, RefusedError
+from rpud_sim.ros.client.telemetry import Telemetry
+from rpud_sim.viewer.heard import Heard
+
+# Actions: methods of ``DrillClient``, with the same arguments.
+ACTIONS = ("press", "drive", "feed", "engage", "inject", "clear", "pause", "play", "step", "reset")
+
+WAITING, DONE, REFUSED, FAILED = "waiting", "done", "refused", "failed"
+
+_MOST_WAITING = 32
+_KEPT = 8  # outcomes besides those that wait
+_LONGEST = 200  # characters of the arguments of an outcome
+_BEYOND = re.compile(
+    r"\w+ = (?P<value>\S+)(?P<unit> .+?)? is outside its range "
+    r"[\[(](?P<low>\S+), (?P<high>\S+)[\])](?P=unit)?"
+)
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """Action of the operator, and what the drill said to it."""
+
+    number: int  # of the action, from 1 on
+    name: str  # such as ``press``
+    arguments: str  # as they were given
+    state: str  # ``waiting``, ``done``, ``refused`` or ``failed`` (no drill, or no answer)
+    text: str  # the reason, or a result such as ``fault 3``
+
+
+def plain_refusal(reason: str) -> str:
+    """Return a drill's reason in fewer words, such as ``9999 V is above 200 V``."""
+    found = _BEYOND.fullmatch(reason)
+    if found is None:
+        return reason
+    value, low, high, unit = (found[name] or "" for name in ("value", "low", "high", "unit"))
+    try:
+        if float(value) < float(low):
+            return f"{value}{unit} is below {low}{unit}"
+        return f"{value}{unit} is above {high}{unit}" if float(value) > float(high) else reason
+    except ValueError:
+        return reason
+
+
+class InterruptedWaitError(Exception):
+    """Raised inside a wait of the client to end it."""
+
+
+class Actions:
+    """Actions in the order in which they were asked for; any thread may ask."""
+
+    def __init__(self) -> None:
+        self.running = ""  # name of the action that is under way; empty for none
+        self._lock = threading.Lock()
+        self._queue: deque[tuple[int, str, dict[str, Any]]] = deque()
+        self._outcomes: dict[int, Outcome] = {}
+        self._numbers = 0
+
+    @property
+    def outcomes(self) -> tuple[Outcome, ...]:
+        """Of the latest actions, oldest first."""
+        with self._lock:
+            return tuple(self._outcomes.values())
+
+    def add(self, name: str, arguments: dict[str, Any]) -> int:
+        """Queue an action and return its number; one that does not exist is a ParameterError."""
+        if name not in ACTIONS:
+            raise ParameterError(f"action {shown(name)} is unknown; {did_you_mean(name, ACTIONS)}")
+        try:
+            inspect.signature(getattr(DrillClient, name)).bind(None, **arguments)
+        except TypeError as error:
+            raise ParameterError(f"action {name}: {error}") from None
+        with self._lock:
+            self._numbers += 1
+            number = self._numbers
+            state, text = WAITING, ""
+            if len(self._queue) < _MOST_WAITING:
+                self._queue.append((number, name, dict(arguments)))
+            else:
+                state, text = FAILED, f"{_MOST_WAITING} actions wait already"
+            said = ", ".join(f"{key} {value}" for key, value in arguments.items() if value != "")
+            self._note(Outcome(number, name, said[:_LONGEST], state, text))
+        return number
+
+    def waits_for(self, names: Collection[str]) -> bool:
+        with self._lock:
+            return any(name in names for _, name, _ in self._queue)
+
+    def execute(self, client: DrillClient) -> bool:
+        """Execute the next action; return whether there was one."""
+        action = self._next()
+        if action is None:
+            return False
+        number, name, arguments = action
+        self.running = name
+        try:
+            result = getattr(client, name)(**arguments)
+        except (RefusedError, ParameterError) as error:
+            self._settle(number, REFUSED, plain_refusal(str(error)))
+        except ClientError as error:
+            self._settle(number, FAILED, str(error))
+        except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
+            # No page asks so; but the thread that hears the drill must not end by it.
+            self._settle(number, REFUSED, f"wrong arguments: {error}")
+        except InterruptedWaitError:
+            self._settle(number, FAILED, "interrupted")
+        else:
+            self._settle(number, DONE, _result_text(name, result))
+        finally:
+            self.running = ""
+        return True
+
+    def fail_all(self, reason: str) -> None:
+        """Let all actions that wait fail for a reason."""
+        while (action := self._next()) is not None:
+            self._settle(action[0], FAILED, reason)
+
+    def _next(self) -> tuple[int, str, dict[str, Any]] | None:
+        with self._lock:
+            return self._queue.popleft() if self._queue else None
+
+    def _settle(self, number: int, state: str, text: str) -> None:
+        with self._lock:
+            self._note(replace(self._outcomes[number], state=state, text=text))
+
+    def _note(self, outcome: Outcome) -> None:
+        self._outcomes[outcome.number] = outcome
+        settled = [each.number for each in self._outcomes.values() if each.state != WAITING]
+        for number in settled[:-_KEPT]:
+            del self._outcomes[number]
+
+
+def _result_text(name: str, result: Any) -> str:
+    if name == "inject":
+        return f"fault {result}"
+    if name == "clear":
+        return f"ended: {', '.join(map(str, result)) or 'none'}"
+    return ""
+
+
+SEARCHING, CONNECTED, VANISHED = "searching", "connected", "vanished"
+
+_PERIOD = 0.1  # between takes of messages [s]
+_CHECK_PERIOD = 0.5  # between looks at events and at the publishers [s]
+_SILENCE = 4.0  # of a drill that is gone; a living one publishes a status every second or so [s]
+_SEARCH_PATIENCE = 1.0  # s
+_ANSWER_PATIENCE = 10.0  # s
+_INTERRUPTERS = ("pause", "reset")  # which a step that is under way must not delay
+
+
+class LiveDrill:
+    """Hears one drill in a thread of its own, keeps what it has heard, and acts on it.
+
+    Any number of pages share it. ``connection`` is ``searching``, ``connected`` or ``vanished``,
+    since when [Unix s], and why.
+
+    The drill need not be there at first. If it vanishes, the connection says so and the thread
+    searches it again; what was heard stays until another run begins, whose number is
+    ``heard.run``. Actions are executed in order, as methods of ``DrillClient``; a pause or reset
+    ends the wait for a step that is under way. ``error`` says why the thread has died.
+    """
+
+    def __init__(self, namespace: str, domain_id: int | None = None) -> None:
+        self.error = ""
+        self.actions = Actions()
+        self.kinds: tuple[str, ...] = ()  # of faults that can be injected now
+        self.channels: tuple[str, ...] = ()  # whose signals can be faulty
+        self.refusals = (0, "")  # commands that the drill has refused from anybody, latest reason
+        self._domain_id = domain_id
+        self._lock = threading.Lock()
+        self._wake = threading.Event()
+        self._closed = False
+        self._heard = Heard()
+        self._lost_before: Counter[str] = Counter()  # by clients that are closed
+        self._telemetry: Telemetry | None = None
+        self._status_at = 0.0
+        self._asked_run = 0
+        # Here, so that the caller gets the error of a namespace that ROS does not allow.
+        self._client: DrillClient | None = self._open(namespace)
+        self.namespace = self._client.namespace
+        self.connection: dict[str, Any] = {}
+        self._connect(SEARCHING, f"no drill in {self.namespace} yet")
+        self._thread = threading.Thread(target=self._live, name=f"drill {namespace}", daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """Leave the graph; the drill goes on."""
+        self._closed = True
+        self._wake.set()
+        self._thread.join()
+
+    @property
+    def lost(self) -> dict[str, int]:
+        """Messages by topic that were sent and never arrived."""
+        lost = Counter(self._telemetry.lost if self._telemetry else ())
+        return dict(self._lost_before + lost + Counter(journal=self._heard.journal_lost))
+
+    @contextmanager
+    def reading(self) -> Iterator[Heard]:
+        """Return what was heard, which does not change meanwhile."""
+        with self._lock:
+            yield self._heard
+
+    def act(self, name: str, arguments: dict[str, Any]) -> int:
+        """Queue an action, and return the number of its outcome."""
+        number = self.actions.add(name, arguments)
+        self._wake.set()
+        return number
+
+    # The thread
+
+    def _live(self) -> None:
+        try:
+            while not self._closed:
+                self._search()
+                self._follow()
+        except InterruptedWaitError:
+            pass
+        except Exception as error:  # pages say it, and end
+            self.error = f"{type(error).__name__}: {error}"
+            raise
+        finally:
+            if self._client is not None:
+                self._client.close()
+
+    def _open(self, namespace: str) -> DrillClient:
+        client = DrillClient(namespace, self._domain_id, "rpud_watch", _ANSWER_PATIENCE)
+        client.observe(self._latched)
+        client.check_while_waiting(self._check)
+        if self._telemetry is not None:
+            self._lost_before += Counter(self._telemetry.lost)
+        self._telemetry = client.telemetry(self._heard.sinks())
+        return client
+
+    def _latched(self, topic: str, message: Any) -> None:
+        if topic == "command_results":
+            return self._note_refusals(message.results, message.former)
+        with self._lock:
+            self._heard.latched(topic, message)
+        if topic == "status":
+            self._status_at = time.monotonic()
+            self.refusals = message.commands_rejected, self.refusals[1]
+        return None
+
+    def _note_refusals(self, results: Sequence[Any], former: int) -> None:
+        refused = [(at, each.reason) for at, each in enumerate(results) if not each.accepted]
+        with self._lock:
+            for at, reason in refused:
+                if at >= former:
+                    self._heard.refuse(plain_refusal(reason))
+        if refused:
+            self.refusals = self.refusals[0], refused[-1][1]
+
+    def _check(self) -> None:
+        if self._closed:
+            raise InterruptedWaitError
+        if self.actions.running == "step" and self.actions.waits_for(_INTERRUPTERS):
+            raise InterruptedWaitError
+        self._settle()  # a long step shows what happens
+
+    def _settle(self) -> None:
+        with self._lock:
+            self._heard.settle()
+
+    def _search(self) -> None:
+        """Wait for the drill; returns when it is found, or when this is to close."""
+        while not self._closed:
+            if self._client is None:
+                self._client = self._open(self.namespace)
+            try:
+                self._client.found(_SEARCH_PATIENCE)
+            except ClientError as error:
+                self._connect(self.connection["state"], str(error))
+                self.actions.fail_all(str(error))
+            else:
+                self._connect(CONNECTED, "")
+                return
+
+    def _follow(self) -> None:
+        client = self._client
+        assert client is not None  # it was found
+        self._asked_run = 0
+        due = 0.0
+        while not self._closed:
+            client.take()
+            self._settle()
+            while not self._closed and self.actions.execute(client):
+                pass
+            if (now := time.monotonic()) >= due:
+                due = now + _CHECK_PERIOD
+                client.spin()
+                if not client.publishers:
+                    return self._lose(client, "it has left")
+                if now - self._status_at > _SILENCE:
+                    return self._lose(client, f"it has published no status for {_SILENCE:g} s")
+                self._look(client)
+            self._wake.wait(_PERIOD)
+            self._wake.clear()
+        return None
+
+    def _look(self, client: DrillClient) -> None:
+        """Look at what no message says: which faults are possible."""
+        if self._heard.run != self._asked_run:
+            self._asked_run = self._heard.run
+            with suppress(ClientError):  # it may be gone, which the next look shows
+                response = client.list_faults()
+                self.kinds, self.channels = tuple(response.kinds), tuple(response.channels)
+
+    def _lose(self, client: DrillClient, reason: str) -> None:
+        self._connect(VANISHED, f"the drill in {self.namespace} is gone: {reason}")
+        with self._lock:
+            self._heard.restart()
+        # A client knows the drill that it has found; another one needs another client.
+        self._client = None
+        client.close()
+
+    def _connect(self, state: str, reason: str) -> None:
+        is_new = state != self.connection.get("state")
+        since = time.time() if is_new else self.connection["since"]
+        self.connection = {"state": state, "since": since, "reason": reason}

@@ -1,0 +1,268 @@
+"""Store of the running drills of a ROS domain, and the frames that show them."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import asdict
+from typing import Any
+from urllib.parse import urlencode
+
+import numpy as np
+
+from rpud_sim.foundation.quantities import ParameterError, shown
+from rpud_sim.pages.quantities import QUANTITIES, number_text
+from rpud_sim.ros.client.drill_finder import DrillFinder
+from rpud_sim.ros.starting import StartError
+from rpud_sim.viewer.heard import Heard
+from rpud_sim.viewer.live_drill import LiveDrill
+from rpud_sim.viewer.picture import MOTION, SECTION, chosen_quantities, drill_plots
+from rpud_sim.viewer.server import PageServer, Place
+from rpud_sim.viewer.session import ClientState, StoreError, View
+
+# How long a drill is heard after its last page has gone: a page may be loaded again [s].
+LINGER = 120.0
+MOST_DRILLS = 16
+
+_GAP = 1.0  # shortest time before the server heard the drill that is shown as a gap [s]
+_MOST_SAMPLES = 1200  # of a section
+_SHARE = 100.0  # a view may take one part of so many of the time
+
+_LOOK_PERIOD = 3.0  # between looks at the namespaces [s]
+
+
+# Rows of "timing", and what a status has for them.
+_TIMING = {
+    "latest block of the last report": "lateness_max",
+    "behind its schedule": "lag",
+    "real-time factor": "real_time_factor",
+    "deadlines missed": "deadlines_missed",
+    "messages dropped by the drill": "messages_dropped",
+    "commands accepted": "commands_accepted",
+    "commands overwritten": "commands_discarded",
+    "commanders": "commanders",
+}
+
+
+def drill_path(namespace: str) -> str:
+    """Return the address of a drill's screen on the server."""
+    return f"/screen?{urlencode({'namespace': namespace}, safe='/')}"
+
+
+class LiveStore:
+    """Drills of a domain; one thread hears each, however many pages show it.
+
+    A page that names no drill shows that of ``namespace``, which may start later. ``clock`` gives
+    the present time [s].
+    """
+
+    mode = "live"
+
+    def __init__(
+        self,
+        finder: DrillFinder,
+        namespace: str = "/rpud",
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self.heard: dict[str, LiveDrill] = {}  # drills by namespace
+        self.finder = finder
+        self._default = f"/{namespace.strip('/')}"
+        self._clock = clock
+        self._pages: dict[int, LiveDrill] = {}  # by browser
+        self._left_at: dict[str, float] = {}
+        self._kept = ""  # drill that is heard without any page
+        self._namespaces: list[str] = []
+        self._looked = -math.inf
+
+    def open(self, client: ClientState) -> None:
+        """Hear the drill that a browser shows; StoreError if it is unknown, or one too many."""
+        name = f"/{(client.drill or self._default).strip('/')}"
+        if name in self.heard and self.heard[name].error:
+            del self.heard[name]  # another thread may do better
+        if name not in self.heard:
+            if name not in (self._default, *self._look()):
+                raise StoreError(f"there is no drill in {name}")
+            if len(self.heard) >= MOST_DRILLS:
+                self.tidy(0.0)
+            if len(self.heard) >= MOST_DRILLS:
+                raise StoreError(
+                    f"{MOST_DRILLS} drills are shown already: close the pages of another one"
+                )
+            try:
+                self.heard[name] = LiveDrill(name, self.finder.domain_id)
+            except StartError as error:
+                raise StoreError(str(error)) from None
+        client.drill = name
+        self._pages[id(client)] = self.heard[name]
+
+    def hear(self) -> None:
+        """Hear the drill of pages that name none, from now on and as long as this exists."""
+        self._kept = self._default
+        self.heard[self._kept] = LiveDrill(self._kept, self.finder.domain_id)
+
+    def close(self, client: ClientState) -> None:
+        """Note that a browser does not show its drill any more."""
+        self._left_at[self._pages.pop(id(client)).namespace] = self._clock()
+
+    def tidy(self, linger: float = LINGER) -> None:
+        """Hear no more of drills that no page has shown for so long [s]."""
+        shown = {self._kept, *(drill.namespace for drill in self._pages.values())}
+        for name in set(self.heard) - shown:
+            if self._clock() - self._left_at[name] >= linger:
+                self.heard.pop(name).close()
+
+    def end(self) -> None:
+        """Hear no more of any drill."""
+        for drill in self.heard.values():
+            drill.close()
+        self.heard.clear()
+
+    def frame(self, client: ClientState) -> dict[str, Any] | None:
+        """Return what has changed."""
+        if self._clock() - self._looked >= _LOOK_PERIOD:
+            self._look()
+        return live_frame(self._pages[id(client)], client, self._namespaces)
+
+    def request(self, client: ClientState, name: str, content: Any) -> None:
+        """Queue an action."""
+        if name != "act":
+            raise ParameterError(f"a running drill has no {shown(name)}")
+        self._pages[id(client)].act(content["name"], content["arguments"])
+
+    def listing(self) -> dict[str, Any]:
+        """Return the drills of the domain for the list."""
+        found = [
+            {**asdict(drill), "path": drill_path(drill.namespace)} for drill in self.finder.drills()
+        ]
+        return {"domain": self.finder.domain_id, "drills": found}
+
+    def _look(self) -> list[str]:
+        self._looked = self._clock()
+        self._namespaces = [drill.namespace for drill in self.finder.drills()]
+        return self._namespaces
+
+
+def live_frame(
+    drill: LiveDrill, client: ClientState, namespaces: list[str]
+) -> dict[str, Any] | None:
+    """Return what has changed of a drill for one browser; None for nothing."""
+    if drill.error:
+        raise StoreError(f"the thread that hears {drill.namespace} has ended: {drill.error}")
+    with drill.reading() as heard:
+        if client.sent.get("run", (None,))[0] != heard.run:
+            client.sent.clear()
+            client.section = True
+        plain = {
+            "run": heard.run,
+            "growing": True,
+            "drills": namespaces,
+            "drill": drill.namespace,
+            "connection": drill.connection,
+            "kinds": drill.kinds,
+            "channels": drill.channels,
+            "refusals": drill.refusals,
+            "losses": drill.lost,
+            "outcomes": [asdict(each) for each in drill.actions.outcomes],
+            "status": heard.status,
+            "faults": heard.faults,
+        }
+        if heard.time is not None:
+            plain |= {"now": heard.time, "extent": [0.0, heard.time]}
+        if heard.since is not None:
+            plain["gaps"] = [[0.0, heard.since]] if heard.since > _GAP else []
+        frame = {name: value for name, value in plain.items() if client.is_due(name, value)}
+        if "status" in frame:
+            frame["timing"] = _timing(heard.status)
+        if client.is_due("values", heard.version, 0.5):
+            frame["values"] = heard.values
+        if client.is_due("log", heard.log_version, 0.5):
+            frame |= heard.commands.frame(heard.faults)
+        start, end = _range(client.view, heard.time or 0.0)
+        if client.is_due("steps", (heard.log_version, client.view), 0.5):
+            steps = heard.commands.steps(start, end, client.view.width)
+            frame["steps"] = {name: steps[name] for name in steps if heard.is_stepped(name)}
+        if heard.time is not None:
+            frame |= _measured(client, heard, heard.time, start, end)
+    return frame or None
+
+
+def _measured(
+    client: ClientState, heard: Heard, now: float, start: float, end: float
+) -> dict[str, Any]:
+    sent, found = client.sent, dict[str, Any]()
+    if client.is_due("has", now, 1.0):
+        plots = drill_plots(heard.has)
+        if client.is_due("plots", plots):
+            found["plots"] = plots
+    if client.is_due("numbers", now, 0.2):
+        found["numbers"] = heard.picture().numbers(now)
+    if client.is_due("whole", heard.whole.end, 1.0):
+        whole = heard.picture(0.0)
+        found["timeline"] = whole.line("peak_force", 0.0, now)
+        if (hole := whole.hole(now, heard.commands.parameters)) is not None:
+            found["hole"] = hole
+    block = heard.block
+    if client.section and block is not None and client.is_due("section", block[0]):
+        found["section"] = _section(heard, *block)
+    if client.is_due("asked", (client.view, client.choices)):
+        sent["view"] = None, -math.inf
+    if client.is_due("view", heard.version, sent.get("cost", 0.0) * _SHARE):
+        began = time.perf_counter()
+        chosen = chosen_quantities(sent["plots"][0], client.choices)
+        kinds = {name: kind for name, kind in chosen.items() if not heard.is_stepped(name)}
+        found["view"] = heard.picture(start).view(start, end, client.view.width, kinds)
+        sent["cost"] = time.perf_counter() - began
+    return found
+
+
+def _range(view: View, now: float) -> tuple[float, float]:
+    return (view.start, view.end) if view.follow is None else (now - view.follow, now)
+
+
+def _section(
+    heard: Heard, begin: float, period: float, arrays: tuple[np.ndarray, ...]
+) -> dict[str, Any]:
+    """Return the end of a block."""
+    length = len(arrays[0])
+    first = max(0, length - max(2, round(SECTION / period)))
+    stride = -(-(length - first) // _MOST_SAMPLES)
+    time, end = begin + first * period, begin + length * period
+    samples = {
+        name: array[first::stride].astype(np.float32)
+        for name, array in zip(MOTION, arrays, strict=False)
+    }
+    impacts = [[at - time, *rest] for at, *rest in heard.latest_impacts if time <= at < end]
+    own = {"time": time, "period": period * stride, "exact": stride == 1, "impacts": impacts}
+    return {**samples, **own}
+
+
+def _timing(status: Mapping[str, Any]) -> dict[str, str]:
+    return {
+        label: QUANTITIES["lateness"].text(status[name])
+        if name in ("lateness_max", "lag")
+        else number_text(float(status[name]))
+        for label, name in _TIMING.items()
+        if name in status
+    }
+
+
+def serve_drills(
+    place: Place,
+    domain_id: int | None,
+    namespace: str,
+    announce: Callable[[PageServer, LiveStore], object],
+) -> None:
+    """Serve the list of drills and a screen for each until SIGINT or SIGTERM.
+
+    ``announce`` is called once the server listens. A page without a namespace shows the drill of
+    ``namespace``.
+    """
+    with DrillFinder(domain_id) as finder:
+        store = LiveStore(finder, namespace)
+        try:
+            with PageServer(store, place, store.listing) as server:
+                announce(server, store)
+                server.run()
+        finally:
+            store.end()

@@ -1,0 +1,239 @@
+"""What was read of a bag so far: bins of signals, impacts, commands and faults."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections import defaultdict
+from collections.abc import Iterable
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from rpud_sim.bag import Message
+from rpud_sim.inspection.recorded_drill import Jump
+from rpud_sim.viewer.commands import Commands, fault_row
+from rpud_sim.viewer.history import Bins, Impacts
+from rpud_sim.viewer.picture import GAP, usual
+from rpud_sim.viewer.recording import PieceRows, Recording
+from rpud_sim.viewer.signals import (
+    FAULTS,
+    IMPACTS,
+    JOURNAL,
+    PEAK_FORCE,
+    find_jumps,
+    namespace,
+)
+
+MOST_FAULTS = 500  # of a drill; further ones are counted
+AT_ONCE = 64  # parts with journals and faults that are read before the page stands
+
+
+class Marks:
+    """Commands and faults that were read so far."""
+
+    def __init__(self, recording: Recording) -> None:
+        self._recording = recording
+        self._topics = [
+            name
+            for name, reader in recording.readers.items()
+            if reader.summary.topic.type in (JOURNAL, FAULTS)
+        ]
+        self.clear()
+
+    def clear(self) -> None:
+        """Forget everything: the clocks of the recording have changed."""
+        self.commands: dict[str, Commands] = defaultdict(Commands)  # by drill
+        self._faults: dict[tuple[str, int, int], dict[str, Any]] = {}  # drill, run, number
+        self.unlisted = 0  # faults beyond ``MOST_FAULTS``, and messages of other types
+        self.version = 0
+        self._next = 0
+
+    def read_next(self) -> bool:
+        """Read the next part that holds any; return whether there was one."""
+        pieces = self._recording.pieces
+        while self._next < len(pieces):
+            number, self._next = self._next, self._next + 1
+            if not pieces[number].topics.isdisjoint(self._topics):
+                for topic in self._topics:
+                    for message, decoded in self._recording.decoded(number, topic):
+                        self._add(message, decoded)
+                self.version += 1
+                return True
+        return False
+
+    def faults(self, drill: str) -> list[dict[str, Any]]:
+        """Return ``faults`` of a frame, in the order of their onsets."""
+        found = [fault for (name, _, _), fault in self._faults.items() if name == drill]
+        return sorted(found, key=lambda fault: float(fault["onset"]))
+
+    def _add(self, message: Message, decoded: Any) -> None:
+        drill = namespace(message.topic)
+        try:
+            if hasattr(decoded, "faults"):
+                self._add_faults(drill, message, decoded)
+            else:
+                time = self._recording.time_of(message, decoded.header.stamp)
+                self.commands[drill].add(time, str(decoded.kind), decoded.content)
+        except (AttributeError, TypeError, ValueError):
+            self.unlisted += 1  # another type of the same name
+
+    def _add_faults(self, drill: str, message: Message, decoded: Any) -> None:
+        jumps = self._recording.clocks[drill].jumps
+        run = sum(jump.time <= message.log_time for jump in jumps)
+        for fault in decoded.faults:
+            key = drill, run, int(fault.number)
+            if key not in self._faults and len(self._faults) >= MOST_FAULTS:
+                self.unlisted += 1
+                continue
+            self._faults[key] = fault_row(fault, partial(self._recording.time_of, message))
+
+
+BINS = 2**17  # greatest number of bins of a signal
+MEMORY = 256 * 2**20  # greatest size of the bins of all signals [bytes]
+
+_LEAST_BINS = 2**10
+_BIN_SIZE = 32  # bytes
+_LEAST_GAP = 0.1  # s
+_LEAST_STEPS = 10  # fewer messages have no usual distance
+_BATCH = 16  # parts that are read together
+_SPARE = 1.02  # of the time, for what is later than the last log time
+
+
+class Overview:
+    """Bins of all signals over the whole time of a recording, and the impacts of each drill.
+
+    ``look`` fills them from parts anywhere in the bag, ``read_next`` one part after the other. What
+    a bag gains while it grows is read by further calls of it.
+    """
+
+    def __init__(self, recording: Recording) -> None:
+        self._recording = recording
+        self._last: dict[str, tuple[int, int]] = {}  # stamp and log time by drill
+        self._sampled: set[int] = set()
+        self.read = 0  # parts that were read in their order
+        self._scanned = 0  # parts whose jumps of the clocks are known
+        self.until = 0.0  # time up to which these reach [s]
+        self.end = 0.0  # latest time of what was read, and at first the expected one [s]
+        self._clear()
+
+    @property
+    def complete(self) -> bool:
+        return self.read >= len(self._recording.pieces)
+
+    @property
+    def share(self) -> float:
+        """Part of the bag that was read, from 0 to 1; 1 only if all of it was."""
+        if self.complete:
+            return 1.0
+        ahead = sum(1 for number in self._sampled if number >= self.read)
+        return min((self.read + ahead) / len(self._recording.pieces), 0.999)
+
+    @property
+    def known(self) -> float:
+        """Time up to which no value is missing [s]; infinite if all was read."""
+        return math.inf if self.complete else self.until
+
+    def look(self, numbers: Iterable[int]) -> None:
+        """Read these parts now, if they were not read yet."""
+        if not self.complete:
+            for number in {*numbers} - self._sampled:
+                if number >= self.read:
+                    self._add(self._recording.rows(number))
+                    self._sampled.add(number)
+
+    def read_next(self) -> bool:
+        """Read the next few parts, if there are any; return whether the clocks stayed the same.
+
+        If they did not, everything is to be read again, since all later times change.
+        """
+        recording, numbers = self._recording, self._batch(self.read)
+        found = recording.rows_of(numbers)
+        clocks, found_jumps = recording.clocks, self._jumps(found)
+        if self.read >= self._scanned and any(
+            not {*new} <= {*clocks[drill].jumps} for drill, new in found_jumps
+        ):
+            # The clock was set between the sampled parts.
+            self._scanned = len(recording.pieces)
+            self._last.clear()
+            self._sampled.clear()
+            jumps: dict[str, list[Jump]] = defaultdict(list)
+            for first in range(0, len(recording.pieces), _BATCH):
+                for drill, new in self._jumps(recording.rows_of(self._batch(first))):
+                    jumps[drill] += new
+            recording.set_jumps(jumps)
+            self._last.clear()
+            self.read = 0
+            self._clear()
+            return False
+        if self.read not in self._sampled:
+            self._add(found)
+        self.until = max(self.until, recording.end_of(found))
+        self.read += len(numbers)
+        return True
+
+    def _batch(self, first: int) -> list[int]:
+        """Return the parts that are read together: a sampled one alone, others until the next."""
+        if first in self._sampled:
+            return [first]
+        rest = range(first, min(first + _BATCH, len(self._recording.pieces)))
+        return [*itertools.takewhile(lambda number: number not in self._sampled, rest)]
+
+    def gaps(self) -> list[tuple[float, float]]:
+        """Return where no signal has messages for much longer than usual, from and to [s].
+
+        Only a complete overview knows it: of an incomplete one it returns nothing.
+        """
+        if not self.complete:
+            return []
+        used, width = self.bins.used(), self.bins.width
+        steps = np.diff(used)
+        if len(steps) < _LEAST_STEPS:
+            return []
+        longest = max(GAP * usual(steps), _LEAST_GAP / width)
+        return [
+            ((int(used[place]) + 1) * width, int(used[place + 1]) * width)
+            for place in np.flatnonzero(steps > longest)
+        ]
+
+    def _clear(self) -> None:
+        recording = self._recording
+        duration = max(recording.duration, 1e-3)
+        if recording.pieces:
+            duration = max(duration, recording.end_of(recording.rows(len(recording.pieces) - 1)))
+        names = [signal.name for signal in recording.signals]
+        fitting = MEMORY // (_BIN_SIZE * max(1, len(names)))
+        count = min(BINS, max(_LEAST_BINS, 2 ** int(math.log2(fitting))))
+        self.bins = Bins(names, duration * _SPARE / count, count)
+        self.impacts: dict[str, Impacts] = defaultdict(Impacts)  # by drill
+        self.until, self.end = 0.0, duration
+
+    def _jumps(self, found: PieceRows) -> list[tuple[str, list[Jump]]]:
+        """Return the jumps of each drill's clock in the parts that follow those before."""
+        jumps = []
+        for drill in self._recording.clocks:
+            stamps, logs = self._recording.series(drill, found)
+            if len(stamps):
+                before = self._last.get(drill, (stamps[0], logs[0]))
+                self._last[drill] = stamps[-1], logs[-1]
+                stamps, logs = np.append(before[0], stamps), np.append(before[1], logs)
+                jumps.append((drill, find_jumps(stamps, logs)))
+        return jumps
+
+    def _add(self, found: PieceRows) -> None:
+        """Add the rows of parts."""
+        recording = self._recording
+        for topic, rows in found.items():
+            if not len(rows.stamps):
+                continue
+            times = recording.elapsed(topic, rows)
+            self.end = max(self.end, float(times.max()))
+            reader = recording.readers[topic]
+            for signal in reader.signals:
+                self.bins.add(signal.name, times, rows.values[signal.column])
+            drill = namespace(topic)
+            if topic == recording.topic(drill, IMPACTS) and PEAK_FORCE in rows.values:
+                peaks = rows.values[PEAK_FORCE]
+                valid = np.isfinite(peaks)
+                self.impacts[drill].add(times[valid], peaks[valid])

@@ -1,0 +1,347 @@
+"""Bag that browsers look at: opened once, read on in the background, also while it grows."""
+
+from __future__ import annotations
+
+import os
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rpud_sim.bag import BagError
+from rpud_sim.foundation.quantities import ParameterError
+from rpud_sim.pages.quantities import QUANTITIES, Quantity, for_browser
+from rpud_sim.viewer.overview import AT_ONCE, Marks, Overview
+from rpud_sim.viewer.picture import chosen_quantities, drill_plots
+from rpud_sim.viewer.recording import Recording
+from rpud_sim.viewer.session import ClientState, StoreError
+from rpud_sim.viewer.signals import Signal
+from rpud_sim.viewer.views import MESSAGES_RANGE, Views
+from rpud_sim.viewer.waveforms import Waveforms
+
+if TYPE_CHECKING:
+    from rpud_sim.viewer.server import PageServer, Place
+
+_REFRESH = 1.0  # shortest time between pictures of what was read on, and looks at the files [s]
+_SHARE = 0.1  # greatest part of the time that these looks take
+_MOST_PLOTS = 5  # of a bag without a drill
+_MOST_GAPS = 300
+
+
+class Opened:
+    """Recording, and what was read of it so far."""
+
+    def __init__(self, path: Path) -> None:
+        self.recording = Recording(path)
+        try:
+            self.overview = Overview(self.recording)
+            self.overview.look(self.recording.sample)
+            self.marks = Marks(self.recording)
+            all(self.marks.read_next() for _ in range(AT_ONCE))  # until there are no more
+            self.waveforms = Waveforms(self.recording)
+            self.views = Views(self.recording, self.overview, self.waveforms)
+        except BaseException:
+            self.recording.close()
+            raise
+
+    def read_next(self) -> bool:
+        """Read the next part; return whether there was one."""
+        if self.marks.read_next():
+            return True
+        if self.overview.complete:
+            return False
+        if not self.overview.read_next():
+            self.marks.clear()
+        return True
+
+
+class RecordedStore:
+    """Store of one bag.
+
+    When it is made it has read a sample of the bag, so that a page can stand at once; ``start``
+    begins the thread that reads on. Questions of pages go first: the thread waits meanwhile.
+    """
+
+    mode = "recorded"
+
+    def __init__(self, path: str | Path) -> None:
+        self.path = Path(path)
+        self._bag = Opened(self.path)
+        self._opened = 1  # how often the bag was opened
+        self._version = 0  # of what was read; grows at most each ``_REFRESH``
+        self._refreshed = 0.0
+        self._error = ""
+        self._idle, self._ended = threading.Event(), threading.Event()
+        self._idle.set()  # while no page asks
+        self._lock = threading.Lock()
+        self._thread = threading.Thread(target=self._run, name="read the bag", daemon=True)
+
+    def start(self) -> None:
+        """Read on in a thread."""
+        self._thread.start()
+
+    def read_all(self) -> Opened:
+        """Read the whole bag and return it; for one that no thread reads."""
+        while self._bag.read_next():
+            pass
+        self._version += 1
+        return self._bag
+
+    def shut(self) -> None:
+        """End the thread and release the files."""
+        self._ended.set()
+        if self._thread.is_alive():
+            self._thread.join()
+        self._bag.recording.close()
+
+    def __enter__(self) -> RecordedStore:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.shut()
+
+    # For pages
+
+    @property
+    def drills(self) -> list[str]:
+        """Namespaces of drills; of a bag without a drill, those with signals."""
+        recording = self._bag.recording
+        found = sorted(set(recording.clocks))
+        ours = [drill for drill in found if recording.is_drill(drill)]
+        return ours or [d for d in found if any(s.drill == d for s in recording.signals)] or found
+
+    def open(self, client: ClientState) -> None:
+        """Note one more browser; an unknown drill is an error, none is the first."""
+        if not client.drill:
+            client.drill = self.drills[0]
+        if client.drill not in self.drills:
+            raise StoreError(f"the bag holds no drill {client.drill:.100}")
+        client.sent["opened"] = self._bag
+
+    def close(self, client: ClientState) -> None:
+        """Note that a browser has gone."""
+
+    def tidy(self) -> None:
+        """A bag has nothing to free."""
+
+    def request(self, client: ClientState, name: str, content: Any) -> None:
+        """Find an impact: the next frame has it as ``jump``."""
+        if name != "seek":
+            raise ParameterError("a recorded drill takes no commands")
+        back = content["to"] == "previous"
+        since = float(content["from"]) + (-1e-9 if back else 1e-9)
+        with self._first():
+            found = self._bag.waveforms.next_impact(client.drill, since, back=back)
+        word = "earlier" if back else "further"
+        client.sent["jump"] = found or {"none": f"there is no {word} impact"}
+
+    def frame(self, client: ClientState) -> dict[str, Any] | None:
+        """Return what is new for a browser; None for nothing."""
+        if self._error:
+            raise StoreError(self._error)
+        with self._first():
+            return self._frame(client) or None
+
+    # Inside
+
+    def _frame(self, client: ClientState) -> dict[str, Any]:
+        bag, drill, version, width = self._bag, client.drill, self._version, client.view.width
+        if client.sent.get("opened") is not bag:  # opened again: the browser forgets everything
+            client.sent = {"opened": bag}
+            client.section = True
+        sent, due, views = client.sent, client.is_due, bag.views
+        if due("described", version):
+            sent["described plots"] = self._describe(drill)
+        plots, others = sent["described plots"]
+        now, commands = bag.overview.end, bag.marks.commands[drill]
+        playhead = now if client.playhead is None else min(max(client.playhead, 0.0), now)
+        kinds = chosen_quantities(plots, client.choices)
+        start, end = self._range(client, now)
+        whole = end - start > MESSAGES_RANGE  # it is made of what was read so far
+        frame: dict[str, Any] = {}
+        if due("drills", drill):
+            frame |= {"drills": self.drills, "drill": drill, "run": self._opened}
+        if due("plots", plots):
+            frame |= {"plots": plots, "quantities": for_browser() + others}
+        if due("state", version):
+            frame |= {**self._state(now), "timeline": views.timeline(drill)}
+        if due("marks", bag.marks.version):
+            faults = bag.marks.faults(drill)
+            frame |= {"faults": faults, **commands.frame(faults)}
+        recent = version if whole or end > now - _REFRESH else 0
+        if due("view", (start, end, width, kinds, recent)):
+            frame["view"] = views.view(drill, start, end, width, kinds)
+            frame["steps"] = commands.steps(start, end, width)
+        if due("moment", (playhead, version)):
+            frame |= views.moment(drill, playhead, commands.parameters)
+        if client.section and due("section", playhead):
+            section = bag.waveforms.section(drill, playhead)
+            frame |= {"section": section} if section else {}
+        if "jump" in sent:
+            frame["jump"] = sent.pop("jump")
+        return frame
+
+    def _describe(self, drill: str) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+        """Return the plots of a drill, and the quantities of the signals beyond the table."""
+        bag = self._bag
+        known = {bag.views.signal(drill, quantity) for quantity in QUANTITIES}
+        left = [
+            signal
+            for signal in bag.recording.signals
+            if signal not in known and bag.views.has_values(signal)
+        ]
+        left.sort(key=lambda signal: signal.drill != drill)
+        others = [_quantity(signal, drill) for signal in left]
+        choices = [
+            {
+                "id": each["name"],
+                "title": each["label"],
+                "layers": [{"quantity": each["name"], "label": each["label"], "kind": "band"}],
+            }
+            for each in others
+        ]
+        if bag.recording.is_drill(drill):
+            steps = bag.marks.commands[drill].quantities
+            plots = drill_plots(lambda name: name in steps or bag.views.has(drill, name), choices)
+            return plots, others
+        plots = [
+            {"id": f"signal{n}", "title": "signal", "choices": choices[n:] + choices[:n]}
+            for n in range(min(_MOST_PLOTS, len(choices)))
+        ]
+        return plots, others
+
+    def _range(self, client: ClientState, now: float) -> tuple[float, float]:
+        """Return the range that a browser shows; a bag that has not grown is shown as a whole."""
+        view = client.view
+        if view.follow is None:
+            start = min(max(view.start, 0.0), now)
+            return start, max(min(view.end, now), start + 1e-9)
+        if self._bag.recording.growing:
+            client.sent["followed"] = True
+        followed = client.sent.get("followed", False)
+        return (max(now - view.follow, 0.0) if followed else 0.0), now
+
+    def _state(self, now: float) -> dict[str, Any]:
+        recording, overview = self._bag.recording, self._bag.overview
+        losses = {}
+        timing = {
+            "bag": f"{recording.path.name}: {recording.duration:.6g} s, "
+            f"{recording.bag.message_count} messages, {recording.bag.size / 1e6:.1f} MB"
+        }
+        for summary in recording.bag.readable_topics:
+            name, rate = summary.topic.name, summary.rate
+            at = f" at {rate:.4g} Hz" if rate else ""
+            timing[name] = f"{summary.message_count} messages{at}"
+            if summary.losses is not None and summary.losses.total:
+                losses[name] = summary.losses.total
+        return {
+            "now": now,
+            "extent": [0.0, now],
+            "read": overview.share,
+            "growing": recording.growing,
+            "notice": self._notice(),
+            "timing": timing,
+            "losses": losses,
+            "gaps": [list(gap) for gap in overview.gaps()[:_MOST_GAPS]],
+        }
+
+    def _notice(self) -> str:
+        """Return what a user must know of the state of the bag; empty for nothing."""
+        bag, recording, parts = self._bag, self._bag.recording, []
+        if recording.lost:
+            parts.append(f"{recording.lost} since it was opened; this is what was there.")
+        elif recording.bag.unclosed and not recording.growing:
+            parts.append("This bag was not closed: it lost its end.")
+        if recording.damages:
+            first = next(iter(recording.damages.values()))
+            parts.append(f"{len(recording.damages)} damaged parts are skipped: {first:.300}")
+        counts = {name: reader.unreadable for name, reader in recording.readers.items()}
+        unreadable = [f"{count} of {name:.100}" for name, count in counts.items() if count]
+        if unreadable:
+            parts.append(f"Messages that cannot be read: {', '.join(unreadable[:5])}.")
+        if bag.marks.unlisted:
+            parts.append(f"{bag.marks.unlisted} entries of journal and faults are not shown.")
+        if not recording.signals:
+            parts.append("The bag holds no numbers that can be drawn over time.")
+        elif recording.left_out:
+            names = ", ".join([*recording.left_out][:5])
+            parts.append(f"Topics that cannot be drawn: {names:.300}.")
+        return " ".join(parts)
+
+    @contextmanager
+    def _first(self) -> Iterator[None]:
+        """Keep the thread from reading on meanwhile."""
+        self._idle.clear()
+        try:
+            with self._lock:
+                yield
+        finally:
+            self._idle.set()
+
+    def _run(self) -> None:
+        try:
+            while self._may_read():
+                with self._lock:
+                    more = self._bag.read_next()
+                    if not more or time.monotonic() - self._refreshed > _REFRESH:
+                        self._refreshed = time.monotonic()
+                        self._version += 1
+                if not more:
+                    try:
+                        self._wait_for_growth()
+                    except BagError as error:  # what was read stays
+                        self._bag.recording.lost = f"it cannot be opened again ({error})"
+                        self._version += 1
+        except Exception as error:  # the pages must know
+            self._error = f"the bag cannot be read on: {error!r:.300}"
+            raise
+
+    def _may_read(self) -> bool:
+        self._idle.wait()
+        return not self._ended.is_set()
+
+    def _wait_for_growth(self) -> None:
+        """Wait until the bag has grown, and add what was written."""
+        pause = _REFRESH
+        while not self._ended.wait(pause):
+            if not self._may_read():
+                return
+            begin = time.monotonic()
+            with self._lock:
+                recording = self._bag.recording
+                before = len(recording.pieces), recording.lost, recording.growing
+                if not recording.grow():
+                    opened = Opened(self.path)
+                    recording.close()
+                    self._bag = opened
+                    self._opened += 1
+                    return
+                after = len(recording.pieces), recording.lost, recording.growing
+            if after[0] > before[0]:
+                return
+            if after != before:
+                self._version += 1
+            pause = max(_REFRESH, (time.monotonic() - begin) / _SHARE)
+
+
+def serve_bag(
+    bag: str | os.PathLike[str], place: Place, announce: Callable[[PageServer], object]
+) -> None:
+    """Serve the screen of a bag until SIGINT or SIGTERM; it reads the bag meanwhile.
+
+    ``announce`` is called once the server listens, and prints ``server.url("/screen")``.
+    """
+    from rpud_sim.viewer.server import PageServer  # needs Tornado, which a report does without
+
+    with RecordedStore(os.fspath(bag)) as store, PageServer(store, place) as server:
+        store.start()
+        announce(server)
+        server.run()
+
+
+def _quantity(signal: Signal, drill: str) -> dict[str, Any]:
+    """Return a signal as a quantity of the table that the browser has."""
+    label = f"{signal.topic.removeprefix(f'{drill}/')} {signal.column}"
+    return Quantity(signal.name, label, signal.unit, zero=False).for_browser()

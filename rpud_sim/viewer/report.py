@@ -1,0 +1,396 @@
+"""Report of a bag: its screen, frozen into one HTML file, with tables."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import html
+import math
+import os
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from importlib.resources import files
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rpud_sim.bag import BagFormatError
+from rpud_sim.bag.manifest import RECORD_NAME as MANIFEST
+from rpud_sim.bag.manifest import Manifest, manifest_from_record
+from rpud_sim.bag.tested import RECORD_NAME as TESTED
+from rpud_sim.bag.tested import RunVerdict, tested_from_record
+from rpud_sim.foundation.terminal import printable
+from rpud_sim.inspection import InspectionError
+from rpud_sim.inspection.output import Damages, check_new_file, write_new_file
+from rpud_sim.pages.quantities import QUANTITIES
+from rpud_sim.viewer.history import Bins, Impacts
+from rpud_sim.viewer.recorded_store import Opened, RecordedStore
+from rpud_sim.viewer.session import ClientState, StoreError, View, encode
+from rpud_sim.viewer.signals import STATUS
+
+BINS = 3000  # of a layer, at most
+SECTIONS = 12  # blocks of motion that a report keeps
+
+_FINEST = 0.016  # shortest bin [s]: there are some impacts in each
+
+
+_IMPORT = re.compile(r'^import .*? from "\./([\w.]+)";\n', re.MULTILINE)
+_EXPORT = re.compile(r"^export (?=class|function|const|let)", re.MULTILINE)
+_STYLE = re.compile(r'<link rel="stylesheet" href="[^"]*?([\w./]+\.css)">\n?')
+_SCRIPT = re.compile(r'<script[^>]*src="[^"]*?([\w./]+\.js)"[^>]*></script>\n?')
+_SHARE = "share/"
+
+
+@dataclass(frozen=True)
+class Reported:
+    """What a report shows of a bag."""
+
+    topics: int
+    messages: int
+    left_out: Mapping[str, str]  # reasons by topic
+    damaged: Mapping[str, str]  # amount and reason by topic or record
+
+
+def write_report(
+    path: str | os.PathLike[str],
+    out: str | os.PathLike[str],
+    drill: str = "",
+) -> Reported:
+    """Write the report of a drill in a bag, the first by default, into a new file."""
+    check_new_file(out)
+    with RecordedStore(os.fspath(path)) as store:
+        content = store.read_all()
+        client = ClientState(drill, View(None, 0.0, np.inf, BINS))
+        try:
+            store.open(client)
+        except StoreError as error:
+            raise InspectionError(str(error)) from None
+        frame = store.frame(client) or {}
+        recording = content.recording
+        damages = Damages(recording.bag)
+        others = [name for name in frame["drills"] if name != client.drill]
+        frame |= {"number": 1, "mode": "frozen", "drills": [client.drill]}
+        if others:
+            frame["notice"] += f" The bag holds other drills: {', '.join(others):.200}."
+        if "view" in frame:
+            frame |= _overview(content, client.drill, frame)
+        frame |= _sections(content, client.drill, frame)
+        frame["report"] = _report(content, client.drill, frame, damages)
+        name = Path(path).resolve().name
+        write_new_file(out, frozen_page(f"{name} – report", encode(frame)))
+        damaged = damages.texts
+        damaged |= {f"part {number}": reason for number, reason in recording.damages.items()}
+        damaged |= {
+            name: f"{reader.unreadable} of its messages cannot be read"
+            for name, reader in recording.readers.items()
+            if reader.unreadable
+        }
+        left_out = {k: v for k, v in recording.left_out.items() if k not in damaged}
+        shown = [
+            summary.message_count
+            for summary in recording.bag.readable_topics
+            if summary.topic.name not in recording.left_out
+        ]
+        return Reported(len(shown), sum(shown), left_out, damaged)
+
+
+def _overview(content: Opened, drill: str, frame: Mapping[str, Any]) -> dict[str, Any]:
+    """Return ``view`` over the whole run, and the plots that it serves: those of the table."""
+    plots = []
+    for plot in frame["plots"]:
+        choices = [
+            choice
+            for choice in plot["choices"]
+            if all(layer["quantity"] in QUANTITIES for layer in choice["layers"])
+        ]
+        plots.append({**plot, "choices": choices or plot["choices"][:1]})
+    layers = [layer for plot in plots for each in plot["choices"] for layer in each["layers"]]
+    count = int(min(BINS, max(frame["now"] / _FINEST, 1.0)))
+    kinds = {layer["quantity"]: layer["kind"] for layer in layers}
+    view = content.views.view(drill, 0.0, frame["now"], count, kinds)
+    return {"plots": plots, "view": view}
+
+
+def _sections(content: Opened, drill: str, frame: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the kept blocks of motion: at the ends of equal parts of the run, and after faults."""
+    now = float(frame["now"])
+    moments = [*np.linspace(0.0, now, SECTIONS + 1)[1:]]
+    for fault in frame.get("faults", [])[: SECTIONS // 2]:
+        after = min(float(fault["onset"]) + 0.1, now)
+        moments[int(np.argmin(np.abs(np.array(moments) - after)))] = after
+    found = [content.waveforms.section(drill, moment) for moment in sorted({*moments})]
+    sections = [section for section in found if section is not None]
+    return {"sections": sections, "section": sections[-1]} if sections else {}
+
+
+def _report(
+    content: Opened, drill: str, frame: Mapping[str, Any], damages: Damages
+) -> dict[str, Any]:
+    now, views = float(frame["now"]), content.views
+    bins, impacts = content.overview.bins, content.overview.impacts[drill]
+    faults = frame["faults"]
+    moments = [entry["time"] for entry in frame["commands"]["list"]]
+    moments += [
+        fault[end] for fault in faults for end in ("onset", "end") if fault[end] is not None
+    ]
+    tables = []
+    if impacts.total:
+        names = ("reacting_force", "absorbed_power")
+        known = {name: views.signal(drill, name) for name in names}
+        signals = {name: signal.name for name, signal in known.items() if signal is not None}
+        tables.append(
+            segment_table(now, moments, frame.get("steps", {}), faults, impacts, bins, signals)
+        )
+    means = {
+        signal.column: bins.mean(signal.name, 0.0, now)
+        for signal in content.recording.signals
+        if signal.drill == drill and signal.type == STATUS
+    }
+    if account := energy_table(means, now):
+        tables.append(account)
+    seen: dict[str, Any] = {}
+    for name, read in ((MANIFEST, manifest_from_record), (TESTED, tested_from_record)):
+        for record in damages.records(content.recording.bag, name):
+            try:
+                found = read(record)
+            except BagFormatError as error:
+                damages.add_record(name, error)
+                continue
+            if isinstance(found, RunVerdict):
+                seen |= asdict(found)
+            else:
+                tables += run_tables(found)
+                seen.setdefault("seed", found.seed)
+    return seen | {"tables": tables}
+
+
+def frozen_page(title: str, frame: bytes) -> str:
+    """Return the screen with one frame, as one HTML file that needs no server and no network.
+
+    Its policy allows no request, and no script or style but these, by their hashes.
+    """
+    text = _asset("screen.html")
+    styles = "\n".join(_asset(name.removeprefix(_SHARE)) for name in _STYLE.findall(text))
+    vendored, entry = (name.removeprefix(_SHARE) for name in _SCRIPT.findall(text))
+    library, program = _asset(vendored), _joined(entry)
+    policy = (
+        f"default-src 'none'; img-src data:; style-src {_hash(styles)}; "
+        f"script-src {_hash(library)} {_hash(program)}; base-uri 'none'; form-action 'none'"
+    )
+    head = (
+        f'<meta http-equiv="Content-Security-Policy" content="{policy}">\n<style>{styles}</style>\n'
+    )
+    tail = (
+        '<script type="application/octet-stream;base64" class="frame">'
+        f"{base64.b64encode(frame).decode()}</script>\n"
+        f'<script>{library}</script>\n<script type="module">{program}</script>\n</body>'
+    )
+    text = _SCRIPT.sub("", _STYLE.sub("", text))
+    text = re.sub(
+        "<title>.*?</title>",
+        lambda _: f"<title>{html.escape(printable(title))}</title>\n{head}",
+        text,
+        count=1,
+    )
+    return text.replace("</body>", tail)
+
+
+def _joined(entry: str) -> str:
+    """Return a module and all that it imports as one, each after what it needs."""
+    order: list[str] = []
+    waiting: set[str] = set()
+
+    def visit(name: str) -> None:
+        if name in waiting:
+            return
+        waiting.add(name)
+        for needed in _IMPORT.findall(_asset(name)):
+            visit(needed)
+        order.append(name)
+
+    visit(entry)
+    return "\n".join(_EXPORT.sub("", _IMPORT.sub("", _asset(name))) for name in order)
+
+
+def _asset(name: str) -> str:
+    return files("rpud_sim.viewer").joinpath("share", name).read_text(encoding="utf-8")
+
+
+def _hash(text: str) -> str:
+    return f"'sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}'"
+
+
+MOST_SEGMENTS = 100  # further ones are in the last
+_LONGEST = 200  # characters of a cell
+_NEAR = 1e-3  # boundaries that are closer are one [s]
+
+# Fields of ``rpud_msgs/Status``, and their names in the picture.
+INFLOWS = {
+    "actuator_power": "work of the vibration",
+    "weight_power": "weight on bit and gravity",
+    "change_power": "changed parameters",
+}
+OUTFLOWS = {
+    "absorbed_power": "drill tool and rock",
+    "collision_power": "collisions of actuator and free mass",
+    "load_damper_power": "damping of the load spring",
+    "stored_power": "stored in motion and springs",
+}
+# Further fields, of a drill with a feed; NaN without one, and missing in earlier messages.
+FEED_POWERS = ("weight_on_bit_power", "feed_power", "mount_power")
+
+FEED = "feed"
+GRAVITY = "gravity"
+MOUNT = "arm, preload of the load spring and hole"
+
+Table = dict[str, Any]  # ``title``, ``columns`` and ``rows``, as a frame has it
+
+
+def segment_table(
+    end: float,
+    moments: Iterable[float],
+    steps: Mapping[str, Mapping[str, np.ndarray]],
+    faults: Sequence[Mapping[str, Any]],
+    impacts: Impacts,
+    bins: Bins,
+    signals: Mapping[str, str],
+) -> Table:
+    """Return statistics of each segment between ``moments`` [s] until ``end`` [s].
+
+    ``steps`` and ``faults`` are those of a frame; ``signals`` are the names in ``bins`` of the
+    quantities ``reacting_force`` and ``absorbed_power``, as far as there are any.
+    """
+    begins = [0.0]
+    for moment in sorted(moment for moment in moments if 0.0 < moment < end):
+        if moment - begins[-1] > _NEAR:
+            begins.append(moment)
+    title = "segments between commands and faults"
+    if len(begins) > MOST_SEGMENTS:
+        title += f"; the last has {len(begins) - MOST_SEGMENTS} further ones"
+        begins = begins[:MOST_SEGMENTS]
+    rows = []
+    for begin, until in pairwise([*begins, max(end, begins[-1])]):
+        _, held = impacts.between(begin, until)
+        peaks = held[np.isfinite(held)].astype(float)
+        rows.append(
+            [
+                f"{begin:.3f}",
+                f"{until:.3f}",
+                _in_force(steps, begin + _NEAR),
+                _active(faults, begin + _NEAR) or "none",
+                str(len(held) * impacts.stride),
+                _text("impact_rate", len(held) * impacts.stride / max(until - begin, 1e-9)),
+                *(
+                    _text("peak_force", float(figure))
+                    for figure in (
+                        (peaks.mean(), *np.quantile(peaks, (0.5, 0.95)), peaks.max())
+                        if len(peaks)
+                        else (math.nan,) * 4
+                    )
+                ),
+                *(
+                    _text(name, bins.mean(signals[name], begin, until) if name in signals else None)
+                    for name in ("reacting_force", "absorbed_power")
+                ),
+            ]
+        )
+    columns = [
+        *("begin [s]", "end [s]", "commands in force", "active faults", "impacts", "impacts [/s]"),
+        *("peak force: mean [kN]", "median [kN]", "95 % [kN]", "greatest [kN]"),
+        *("load on the mount: mean [N]", "power into tool and rock: mean [W]"),
+    ]
+    return {"title": title, "columns": columns, "rows": rows}
+
+
+def energy_table(means: Mapping[str, float], seconds: float) -> Table | None:
+    """Return the account of energy from mean powers [W] over a time; None if they are not known.
+
+    ``means`` has the names of fields of ``rpud_msgs/Status``.
+    """
+    if not all(math.isfinite(means.get(name, math.nan)) for name in (*INFLOWS, *OUTFLOWS)):
+        return None
+    into, out = terms(
+        {name: means.get(name, math.nan) for name in (*INFLOWS, *OUTFLOWS, *FEED_POWERS)}
+    )
+    came, went = sum(into.values()), sum(out.values())
+    powers = [
+        *((f"in: {text}", power) for text, power in into.items()),
+        *((f"out: {text}", power) for text, power in out.items()),
+        ("residual: in − out", came - went),
+    ]
+    if math.isfinite(electrical := means.get("electrical_power", math.nan)):
+        powers.append(("electrical, drawn by the actuator", electrical))
+    rows = [
+        [
+            text,
+            f"{power * seconds:.4g}",
+            _text("power", power),
+            f"{100.0 * power / came:.3g}" if came > 0.0 else "–",
+        ]
+        for text, power in powers
+    ]
+    columns = ["term", "energy [J]", "mean power [W]", "share of what comes in [%]"]
+    return {"title": f"energy account of {seconds:.1f} s", "columns": columns, "rows": rows}
+
+
+def terms(powers: Mapping[str, float]) -> tuple[dict[str, float], dict[str, float]]:
+    """Return inflows and outflows by their names in the picture, of either sign [W].
+
+    Powers have the names of ``INFLOWS`` and ``OUTFLOWS``, and of ``FEED_POWERS`` if there are. With
+    a feed, its work flows in, in place of that of the weight on bit: the weight on bit passes it on
+    to the drill.
+    """
+    into = {text: powers[name] for name, text in INFLOWS.items()}
+    out = {text: powers[name] for name, text in OUTFLOWS.items()}
+    if all(math.isfinite(powers.get(name, math.nan)) for name in FEED_POWERS):
+        weight = into.pop(INFLOWS["weight_power"])
+        into[FEED] = powers["feed_power"]
+        into[GRAVITY] = weight - powers["weight_on_bit_power"]
+        out[MOUNT] = powers["mount_power"]
+    return into, out
+
+
+def run_tables(manifest: Manifest) -> list[Table]:
+    """Return where a run came from, and its parameters if they are known."""
+    origin = [
+        ("drill", manifest.node),
+        ("forked from", str(dict(manifest.forked_from)) if manifest.forked_from else ""),
+        ("command", " ".join(manifest.command)),
+        ("machine", manifest.machine),
+        ("versions", ", ".join(f"{name} {text}" for name, text in manifest.versions.items())),
+    ]
+    parameters = [
+        (name, f"{value:g}" if isinstance(value, float) else f"{value}")
+        for name, value in sorted(manifest.parameters.items())
+    ]
+    return [
+        {"title": title, "columns": [], "rows": [[name, text[:_LONGEST]] for name, text in rows]}
+        for title, found in (("run", origin), ("parameters", parameters))
+        if (rows := [pair for pair in found if pair[1]])
+    ]
+
+
+def _text(quantity: str, value: float | None) -> str:
+    return QUANTITIES[quantity].text(value, unit=False)
+
+
+def _in_force(steps: Mapping[str, Mapping[str, np.ndarray]], time: float) -> str:
+    """Return the commands that are in force at a time [s]."""
+    texts = []
+    for name, found in steps.items():
+        place = int(np.searchsorted(found["t"], time, "right")) - 1
+        if name in ("weight_on_bit", "drive_voltage") and place >= 0:
+            quantity, value = QUANTITIES[name], float(found["v"][place])
+            texts.append(quantity.text(value) if value else f"no {quantity.label}")
+    return ", ".join(texts) or "not known"
+
+
+def _active(faults: Sequence[Mapping[str, Any]], time: float) -> str:
+    return ", ".join(
+        f"{fault['kind']} {fault['channel']}".strip().replace("_", " ")
+        for fault in faults
+        if fault["onset"] <= time and (fault["end"] is None or fault["end"] > time)
+    )

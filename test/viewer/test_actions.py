@@ -1,0 +1,58 @@
+"""Queue of actions before any of them reaches a drill; test_live_drill.py has the rest."""
+
+import pytest
+
+from rpud_sim.foundation.quantities import ParameterError
+from rpud_sim.viewer.live_drill import Actions, plain_refusal
+
+
+@pytest.mark.parametrize("name", ["close", "set_parameters", "__init__", "node"])
+def test_nothing_but_actions_of_the_drill_can_be_called(name):
+    with pytest.raises(ParameterError, match="unknown"):
+        Actions().add(name, {})
+
+
+@pytest.mark.parametrize("arguments", [{}, {"weight": 3.0}, {"force": 1.0, "self": 2}])
+def test_arguments_that_an_action_has_not_are_refused(arguments):
+    with pytest.raises(ParameterError, match="action press"):
+        Actions().add("press", arguments)
+
+
+def test_more_actions_than_can_wait_fail_at_once():
+    actions = Actions()
+    for _ in range(33):
+        actions.add("pause", {})
+    states = [outcome.state for outcome in actions.outcomes]
+    assert states == ["waiting"] * 32 + ["failed"]
+    actions.fail_all("no drill")
+    assert {outcome.text for outcome in actions.outcomes} <= {"no drill", "32 actions wait already"}
+    assert len(actions.outcomes) == 8
+
+
+@pytest.mark.parametrize("error", [OverflowError, TypeError, UnicodeError])
+def test_arguments_of_a_wrong_kind_are_refused(error):
+    class Client:
+        def press(self, force):
+            raise error(f"{force} is no number")
+
+    actions = Actions()
+    actions.add("press", {"force": {}})
+    assert actions.execute(Client())
+    [outcome] = actions.outcomes
+    assert (outcome.state, outcome.text) == ("refused", "wrong arguments: {} is no number")
+
+
+@pytest.mark.parametrize(
+    ("reason", "text"),
+    [
+        ("drive_voltage = 9999 V is outside its range [0, 200] V", "9999 V is above 200 V"),
+        ("weight_on_bit = -5 N is outside its range [0, 1000] N", "-5 N is below 0 N"),
+        ("torque = 1e+06 N m is outside its range (0, 20] N m", "1e+06 N m is above 20 N m"),
+        ("share = 3 is outside its range [0, 1]", "3 is above 1"),
+        ("seconds = 0 s is outside its range (0, 1000] s",) * 2,
+        ("mass = nan kg is outside its range (0, 100] kg",) * 2,
+        ("it is playing, not paused",) * 2,
+    ],
+)
+def test_a_refusal_is_said_in_few_words(reason, text):
+    assert plain_refusal(reason) == text

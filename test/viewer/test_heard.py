@@ -1,0 +1,212 @@
+"""What has been heard of a drill, from messages as they come."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+from builtin_interfaces.msg import Time
+from rpud_msgs.msg import Fault, Faults, JournalEntry, Status
+
+from rpud_sim.viewer.heard import BIN, Heard
+
+SECOND = 1_000_000_000
+ORIGIN = 1_700_000_000 * SECOND + 123
+PARAMETERS = {
+    "weight_on_bit": 8.0,
+    "drive_enabled": True,
+    "nominal_voltage": 100.0,
+    "vibration_frequency": 16e3,
+}
+
+
+def stamp(nanoseconds):
+    return Time(sec=nanoseconds // SECOND, nanosec=nanoseconds % SECOND)
+
+
+def entry(number, kind, time, **content):
+    message = JournalEntry(
+        sequence=number, kind=kind, content=json.dumps({"time": time, **content})
+    )
+    message.header.stamp = stamp(ORIGIN + time)
+    return message
+
+
+def status(time, **fields):
+    message = Status(**fields)
+    message.header.stamp = stamp(ORIGIN + time)
+    message.weight_on_bit_applied = message.drive_applied = stamp(ORIGIN)
+    return message
+
+
+@pytest.fixture
+def heard():
+    heard = Heard()
+    heard.latched("journal", entry(0, "begin", 0, parameters=PARAMETERS))
+    return heard
+
+
+def hear(heard, topic, time, *values):
+    heard.sinks()[topic](ORIGIN + time, values)
+    heard.settle()
+
+
+def impact(heard, time, force):
+    hear(heard, "contact_force", time, 0, force, 1e-5, 2.0, 0.01, 1.0, 0.5, False)
+
+
+def texts(heard):
+    return [line["text"] for line in heard.commands.frame(heard.faults)["log"]]
+
+
+def test_times_count_from_the_origin_that_the_journal_tells(heard):
+    heard.latched("status", status(2 * SECOND, state="running", weight_on_bit=12.0))
+    assert heard.time == 2.0
+    assert heard.status["weight_on_bit"] == 12.0
+    assert heard.status["weight_on_bit_applied"] == 0.0
+
+
+def test_status_and_faults_before_the_journal_are_shown_as_soon_as_it_comes():
+    heard = Heard()
+    heard.latched("status", status(SECOND, state="paused"))
+    fault = Fault(number=1, kind="bias", active=True, onset=stamp(ORIGIN + SECOND // 2))
+    faults = Faults(faults=[fault])
+    faults.header.stamp = stamp(ORIGIN + SECOND)
+    heard.latched("faults", faults)
+    assert not heard.status
+    heard.latched("journal", entry(0, "begin", 0, parameters=PARAMETERS))
+    assert heard.status["state"] == "paused"
+    [shown] = heard.faults
+    assert (shown["kind"], shown["onset"], shown["end"]) == ("bias", 0.5, None)
+
+
+def test_all_quantities_of_the_whole_run_are_kept(heard):
+    sinks = heard.sinks()
+    for time, force in ((0, 5.0), (SECOND // 25, 9.0), (SECOND // 20, 7.0), (3 * SECOND, 1.0)):
+        sinks["reacting_force"](ORIGIN + time, (force,))
+        sinks["contact_force"](ORIGIN + time, (0, force, 1e-5, 2.0, 0.01, 1.0, 0.5, False))
+    heard.settle()
+    for found in (heard.fine, heard.whole):
+        seen = found.view("reacting_force", 0.0, 2 * BIN, 2)
+        assert seen["low"][:2].tolist() == [5.0, 7.0]
+        assert seen["high"][:2].tolist() == [9.0, 7.0]
+    assert heard.impacts.between(0.0, 4.0)[1].tolist() == [5.0, 9.0, 7.0, 1.0]
+    assert heard.values["contact_force"]["peak_force"] == 1.0
+    assert heard.since == 0.0
+
+
+def test_a_status_fills_what_no_topic_has(heard):
+    assert not heard.has("electrical_power")
+    heard.latched("status", status(SECOND, electrical_power=20.0, depth=math.nan))
+    assert heard.has("electrical_power")
+    assert not heard.has("depth")
+    hear(heard, "borehole", 2 * SECOND, 0.1, 1e-5, "chalk", math.nan, 0.0, 0.0, 0.0)
+    heard.latched("status", status(3 * SECOND, depth=7.0))
+    assert np.nanmax(heard.fine.view("depth", 0.0, 4.0, 8)["high"]) == 0.1
+
+
+def test_a_faulty_signal_without_a_number_leaves_the_bin_empty(heard):
+    hear(heard, "reacting_force", 0, math.nan)
+    assert not heard.fine.has("reacting_force")
+
+
+def test_a_block_of_the_waveform_is_shown_when_its_impacts_had_time_to_arrive(heard):
+    arrays = tuple(np.full(100, number) for number in range(6))
+    hear(heard, "reacting_force", SECOND // 2, 7.0)
+    hear(heard, "waveform", SECOND // 2, 0, 1e-3, arrays)
+    heard.settle()
+    assert heard.block is None  # other topics may not be heard yet
+    hear(heard, "waveform", SECOND, 0, 1e-3, arrays)
+    assert heard.block is None
+    heard.settle()
+    assert heard.block == (1.0, 1e-3, arrays)
+
+
+def test_a_block_that_a_pause_has_cut_is_joined_to_the_one_before(heard):
+    hear(heard, "reacting_force", 0, 7.0)
+    hear(heard, "waveform", SECOND, 0, 1e-3, tuple(np.full(100, number) for number in range(6)))
+    cut = tuple(np.full(3, number) for number in range(6))
+    hear(heard, "waveform", SECOND + SECOND // 10, 100, 1e-3, cut)
+    heard.settle()
+    begin, _, arrays = heard.block
+    assert begin == pytest.approx(1.08)
+    assert [len(each) for each in arrays] == [23] * 6
+    hear(heard, "waveform", 3 * SECOND, 900, 1e-3, cut)  # something is lost between them
+    heard.settle()
+    assert heard.block[0] == 3.0
+
+
+def test_a_malformed_block_is_ignored(heard):
+    hear(heard, "waveform", 0, 0, 1e-3, tuple(np.zeros(length) for length in (3, 3, 2, 3, 3, 3)))
+    hear(heard, "waveform", 0, 0, math.nan, tuple(np.zeros(3) for _ in range(6)))
+    heard.settle()
+    assert heard.block is None
+
+
+def test_a_reset_begins_a_new_run_with_nothing(heard):
+    impact(heard, 0, 5.0)
+    heard.latched("journal", entry(1, "weight_on_bit", SECOND, force=3.0))
+    assert texts(heard) == ["a run begins", "weight on bit 3 N"]
+    heard.latched("journal", entry(2, "begin", 0, parameters=PARAMETERS))
+    assert (heard.run, heard.impacts.total, heard.values) == (2, 0, {})
+    assert texts(heard) == ["a run begins"]
+
+
+def test_a_reset_of_a_clock_that_begins_at_zero_forgets_the_status_of_the_run_before(heard):
+    heard.latched("status", status(5 * SECOND, state="running"))
+    heard.latched("journal", entry(1, "begin", 0, parameters=PARAMETERS))
+    assert (heard.time, heard.status) == (None, {})
+    heard.latched("status", status(0, state="paused"))
+    assert (heard.time, heard.status["state"]) == (0.0, "paused")
+
+
+def test_stamps_that_begin_anew_move_nothing_of_the_same_run(heard):
+    """A pause of 60 s is over; the status with a new stamp comes before the journal says so."""
+    hear(heard, "reacting_force", 1 * SECOND, 5.0)
+    heard.sinks()["reacting_force"](ORIGIN + 1_100_000_000, (6.0,))
+    heard.latched("status", status(61_200_000_000))
+    pause = 60 * SECOND
+    heard.latched("journal", entry(1, "origin", 1_200_000_000, origin=ORIGIN + pause))
+    hear(heard, "reacting_force", 1_300_000_000 + pause, 7.0)
+    assert heard.time == 1.3
+    bins = heard.fine.view("reacting_force", 0.0, 100.0, 10_000)
+    used = bins["mean"] > 0.0
+    assert [*zip(bins["t"][used].round(3), bins["mean"][used], strict=True)] == [
+        (1.025, 5.0),
+        (1.125, 6.0),
+        (1.325, 7.0),
+    ]
+
+
+def test_the_first_seconds_are_shown_at_once(heard):
+    """A view that begins before the run needs not wait for the bins of the whole run."""
+    for tenth in range(20):
+        hear(heard, "reacting_force", tenth * SECOND // 10, 1.0)
+    layer = heard.picture(-18.0).line("reacting_force", -18.0, 2.0, 400)
+    assert np.isfinite(layer["mean"]).sum() == 20
+
+
+def test_the_status_of_a_new_run_may_come_before_its_journal(heard):
+    heard.latched("status", status(0, state="paused"))
+    heard.latched("journal", entry(1, "begin", 0, parameters=PARAMETERS))
+    assert heard.status["state"] == "paused"
+
+
+def test_a_drill_that_is_gone_stays_until_another_begins(heard):
+    impact(heard, SECOND, 5.0)
+    heard.restart()
+    impact(heard, 9 * SECOND, 6.0)  # of the next one, before its journal
+    assert heard.impacts.between(0.0, 20.0)[0].tolist() == [1.0]
+    heard.latched("journal", entry(0, "begin", 0, parameters=PARAMETERS))
+    assert (heard.run, heard.impacts.total) == (2, 0)
+
+
+def test_a_jump_in_the_journal_is_counted_as_lost(heard):
+    heard.latched("journal", entry(4, "flush", SECOND))
+    assert heard.journal_lost == 3
+
+
+@pytest.mark.parametrize("content", ["", "[" * 99999, "[]", "{}", '{"time": "now"}'])
+def test_what_a_stranger_writes_into_the_journal_changes_nothing(heard, content):
+    heard.latched("journal", JournalEntry(sequence=1, kind="begin", content=content))
+    assert heard.run == 1

@@ -1,0 +1,207 @@
+"""A real drill, heard and commanded over DDS, as a browser without a screen sees it."""
+
+from contextlib import contextmanager
+
+import numpy as np
+import pytest
+from drill_client import start_drill
+from support import until
+from viewer.screen_client import ClosedError, ScreenClient, serving
+
+from rpud_sim.ros.client.drill_finder import DrillFinder
+from rpud_sim.viewer.live_store import LiveStore
+from rpud_sim.viewer.session import ClientState, StoreError
+
+NAMESPACE = "/live_drill"
+
+
+@contextmanager
+def watched(namespace):
+    """Serve a drill as `rpud watch` does; the value is the server."""
+    with DrillFinder() as finder:
+        store = LiveStore(finder, namespace)
+        try:
+            with serving(store, store.listing) as server:
+                yield server
+        finally:
+            store.end()
+
+
+@pytest.fixture(scope="module")
+def drill():
+    with start_drill(NAMESPACE, rock_model="specific_energy") as running:
+        yield running
+
+
+@pytest.fixture(scope="module")
+def server(drill):
+    with watched(NAMESPACE) as running:
+        yield running
+
+
+@pytest.fixture
+def client(server):
+    with ScreenClient(server.port) as found:
+        found.until(lambda seen: seen.get("kinds") and "numbers" in seen)
+        yield found
+
+
+def outcome_of(client, act, **arguments):
+    """Act, and return state and text of the outcome."""
+    before = [each["number"] for each in client.seen["outcomes"]]
+    client.send({"act": act, "arguments": arguments})
+
+    def settled(seen):
+        new = [each for each in seen["outcomes"] if each["number"] not in before]
+        return new and new[-1]["state"] != "waiting" and new[-1]
+
+    outcome = client.until(settled)
+    return outcome["state"], outcome["text"]
+
+
+def test_everything_is_received_and_nothing_is_lost(client):
+    client.until(lambda seen: len(seen["view"]["layers"]["peak_force"]["t"]) > 5)
+    client.until(lambda seen: "section" in seen and "timeline" in seen)
+    topics = {"nodal_plane", "drill_tool", "reacting_force", "actuator_state", "contact_force"}
+    client.until(lambda seen: topics <= set(seen["values"]))
+    seen = client.seen
+    assert seen["mode"] == "live"
+    assert seen["connection"]["state"] == "connected"
+    assert seen["status"]["state"] == "running"
+    assert seen["status"]["commanders"] == 0  # who only looks commands nothing
+    assert seen["losses"] == {}
+    assert [plot["id"] for plot in seen["plots"]] == ["peak_force", "load", "motion", "more"]
+    assert seen["numbers"]["impact_rate"]["mean"] > 100.0
+    number = seen["numbers"]["peak_force"]
+    assert number["least"] <= number["mean"] <= number["greatest"]
+    section = seen["section"]
+    assert len(section["free_mass"]) * section["period"] == pytest.approx(0.02)
+    struck = np.diff(section["contact_force"] > 0.0, prepend=False)  # begins and ends
+    assert len(section["impacts"]) >= np.count_nonzero(struck) // 2
+    assert np.ptp(section["free_mass"]) > 1e-4
+    layer = seen["view"]["layers"]["reacting_force"]
+    assert (layer["low"] <= layer["mean"]).all()
+    assert (layer["mean"] <= layer["high"]).all()
+    client.until(lambda seen: seen["hole"]["depth"] > 0.0)
+    assert [layer["name"] for layer in client.seen["hole"]["layers"]] == ["rock"]
+
+
+def test_an_action_is_done_or_refused_in_the_users_words(client):
+    client.until(lambda seen: "log" in seen)
+    assert outcome_of(client, "press", force=21.0) == ("done", "")
+    client.until(lambda seen: seen["status"]["weight_on_bit"] == 21.0)
+    client.until(lambda seen: seen["commands"]["list"][-1]["text"] == "weight on bit 21 N")
+    assert client.seen["steps"]["weight_on_bit"]["v"][-1] == 21.0
+    count = len(client.seen["commands"]["list"])
+    assert outcome_of(client, "press", force=21.0)[0] == "done"
+    assert outcome_of(client, "press", force=-1.0) == ("refused", "-1 N is below 0 N")
+    assert outcome_of(client, "press", force=9999) == ("refused", "9999 N is above 1000 N")
+    assert outcome_of(client, "step", seconds=1.0) == ("refused", "it is playing, not paused")
+    assert outcome_of(client, "press", force="a")[1] == "force = 'a' is not a number"
+    assert len(client.seen["commands"]["list"]) == count  # no value has changed
+    client.send({"act": "close"})
+    assert "'close' is unknown" in client.until(lambda seen: seen.get("refused"))[1]
+
+
+def test_a_fault_is_shown_from_its_onset_to_its_end(client):
+    assert outcome_of(client, "inject", kind="free_mass_jammed")[1].startswith("fault ")
+    client.until(lambda seen: seen["faults"] and seen["faults"][-1]["active"])
+    assert outcome_of(client, "clear")[0] == "done"
+    client.until(lambda seen: not seen["faults"][-1]["active"])
+    fault = client.seen["faults"][-1]
+    assert fault["kind"] == "free_mass_jammed"
+    assert 0.0 < fault["onset"] < fault["end"] <= client.seen["now"]
+    begins = f"fault {fault['number']}: free mass jammed begins"
+    client.until(lambda seen: begins in [entry["text"] for entry in seen["log"]])
+
+
+def test_a_pause_need_not_wait_for_a_long_step(client):
+    assert outcome_of(client, "pause")[0] == "done"
+    client.send({"act": "step", "arguments": {"seconds": 1000.0}})
+    client.until(lambda seen: seen["status"]["state"] == "running")
+    assert outcome_of(client, "pause")[0] == "done"
+    step = next(each for each in client.seen["outcomes"][::-1] if each["name"] == "step")
+    assert (step["state"], step["text"]) == ("failed", "interrupted")
+    assert outcome_of(client, "play")[0] == "done"
+
+
+def test_a_reset_begins_another_run_on_each_page_and_the_past_goes(client, server):
+    with ScreenClient(server.port, f"?namespace={NAMESPACE}") as other:
+        run = other.until(lambda seen: seen.get("run") and seen.get("extent") and seen["run"])
+        client.send({"act": "press", "arguments": {"force": 17.0}})
+        other.until(lambda seen: seen.get("status", {}).get("weight_on_bit") == 17.0)
+        client.send({"act": "reset"})
+        for each in (client, other):
+            each.until(lambda seen: seen["run"] == run + 1 and seen.get("extent"))
+            assert each.seen["extent"][1] < 5.0
+            each.until(lambda seen: seen.get("status", {}).get("weight_on_bit") == 8.0)
+            assert each.seen["log"][0]["text"] == "a run begins"
+
+
+def test_a_thread_that_dies_ends_the_page_with_a_message(drill, monkeypatch):
+    monkeypatch.setattr("threading.excepthook", lambda error: None)
+    with watched(NAMESPACE) as server, ScreenClient(server.port) as client:
+        client.until(lambda seen: "numbers" in seen)
+        live = server.store.heard[NAMESPACE]
+        monkeypatch.setattr(live, "_settle", lambda: 1 / 0)
+        error = client.until(lambda seen: seen.get("error"))
+        assert error.endswith("has ended: ZeroDivisionError: division by zero")
+        with pytest.raises(ClosedError):
+            client.frame()
+        with ScreenClient(server.port) as again:
+            again.until(lambda seen: "numbers" in seen)
+
+
+@pytest.mark.extended
+def test_a_drill_comes_later_vanishes_and_returns_as_a_new_run():
+    with watched("/comes_later") as server, ScreenClient(server.port) as client:
+        client.until(lambda seen: seen["connection"]["state"] == "searching")
+        for run in (1, 2):
+            with start_drill("/comes_later"):
+                client.until(lambda seen: seen["connection"]["state"] == "connected")
+                client.until(lambda seen, run=run: seen.get("run") == run and "numbers" in seen)
+                assert outcome_of(client, "press", force=15.0)[0] == "done"
+            client.until(lambda seen: seen["connection"]["state"] == "vanished")
+            assert "is gone" in client.seen["connection"]["reason"]
+            assert "numbers" in client.seen  # what was heard stays
+        state, text = outcome_of(client, "press", force=15.0)
+        assert state == "failed"
+        assert "no drill in /comes_later" in text
+
+
+def test_pages_share_one_drill_which_stays_a_while_after_the_last(drill):
+    now = [0.0]
+    one, two = ClientState(), ClientState(NAMESPACE)
+    with DrillFinder() as finder:
+        store = LiveStore(finder, NAMESPACE, clock=lambda: now[0])
+        try:
+            store.open(one)
+            store.open(two)
+            first = store.heard[NAMESPACE]
+            store.close(two)
+            store.tidy(0.0)
+            store.close(one)
+            now[0] = 9.0
+            store.tidy(10.0)
+            store.open(one)
+            assert store.heard == {NAMESPACE: first}
+            store.close(one)
+            now[0] = 20.0
+            store.tidy(10.0)
+            assert store.heard == {}
+            with pytest.raises(StoreError, match="there is no drill in /x"):
+                store.open(ClientState("/x"))
+            with pytest.raises(StoreError, match="Invalid namespace"):
+                LiveStore(finder, "/a b").open(ClientState())
+        finally:
+            store.end()
+
+
+def test_a_list_has_the_drill_and_what_it_says(server):
+    def found():
+        drills = server.store.listing()["drills"]
+        return [each for each in drills if each["namespace"] == NAMESPACE and each["state"]]
+
+    [drill] = until(found)
+    assert drill["regime"] == "drilling"
+    assert drill["path"] == f"/screen?namespace={NAMESPACE}"

@@ -1,0 +1,375 @@
+"""Frames of a bag: overview, every message, the exact waveform, and the moment of the playhead."""
+
+import itertools
+import urllib.request
+
+import numpy as np
+import pytest
+from altered_bags import altered
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from sample_bags import write_offline_bag
+from viewer.frame_reader import decode
+from viewer.recorded_bags import DURATION
+
+import rpud_sim.bag
+from rpud_sim.bag import BagWriter, Topic
+from rpud_sim.bag.cdr import Codec
+from rpud_sim.bag.definitions import find_definition, find_type_hash
+from rpud_sim.cli.main import main
+from rpud_sim.drilling.rock import Strata, preset_layer
+from rpud_sim.foundation.quantities import ParameterError
+from rpud_sim.inspection import offline_bag
+from rpud_sim.inspection.rebuild import rebuild
+from rpud_sim.simulation import preset
+from rpud_sim.simulation.configuration import Settings, to_configuration
+from rpud_sim.simulation.run import Beginning
+from rpud_sim.viewer.recorded_store import RecordedStore
+from rpud_sim.viewer.session import ClientState, StoreError, View, encode
+from rpud_sim.viewer.views import MESSAGES, WAVEFORM, WAVEFORM_RANGE
+
+RATE = 1_000_000
+DRILL = "/rpud"
+
+
+@pytest.fixture(scope="module")
+def store(drill_bag):
+    with RecordedStore(drill_bag) as opened:
+        opened.read_all()
+        yield opened
+
+
+@pytest.fixture(scope="module")
+def waveforms(store):
+    return store._bag.waveforms
+
+
+@pytest.fixture(scope="module")
+def rebuilt(drill_bag, tmp_path_factory):
+    """Return all samples that `rpud export --rate` writes, and the number of the first."""
+    folder = tmp_path_factory.mktemp("rebuilt") / "out"
+    first = rebuild(drill_bag, folder, RATE, "numpy").first
+    names = ("contact_force", "free_mass_position", "reacting_force", "actuator_velocity")
+    return first, {name: np.load(folder / "rpud.trajectory" / f"{name}.npy") for name in names}
+
+
+@pytest.fixture(scope="module")
+def impacts(drill_bag):
+    with rpud_sim.bag.open(drill_bag) as reader:
+        return reader.arrays("/rpud/contact_force")
+
+
+def asked(store, **state):
+    """Return the first frame of a browser, as it comes there."""
+    client = ClientState(**state)
+    store.open(client)
+    return decode(encode(store.frame(client)))
+
+
+def viewed(store, start, end, width=800):
+    return asked(store, view=View(None, start, end, width))["view"]
+
+
+@given(st.floats(0.0, DURATION - 0.1), st.floats(2e-6, 0.03))
+@settings(max_examples=25)
+def test_samples_of_any_range_are_those_of_rebuild_bit_for_bit(waveforms, rebuilt, start, length):
+    first, channels = rebuilt
+    waveform = waveforms.between(DRILL, start, start + length, RATE)
+    assert waveform.numbers.tolist() == [
+        *range(int(np.ceil(start * RATE)), int(np.floor((start + length) * RATE)) + 1)
+    ]
+    for name, values in channels.items():
+        expected = values[waveform.numbers[0] - first : waveform.numbers[-1] + 1 - first]
+        assert waveform.channels[name].tobytes() == expected.tobytes(), name
+
+
+@pytest.mark.parametrize("number", [3, 36, 150])  # number 36 begins under force
+def test_a_contact_shows_its_peak(store, impacts, number):
+    time = impacts["header.stamp"][number] / 1e9
+    duration = impacts["contact_duration"][number]
+    view = viewed(store, time - 0.2 * duration, time + 1.2 * duration)
+    assert (view["detail"], view["complete"]) == (WAVEFORM, True)
+    force = view["layers"]["contact_force"]
+    # Another contact may begin within the range.
+    inside = (force["t"] >= time) & (force["t"] <= time + duration)
+    assert inside.sum() > 200
+    times, values = force["t"][inside], force["mean"][inside]
+    peak = np.nanmax(values)
+    # One that begins under force has its peak at once, in a pixel that shows the contact before it.
+    pixel = 1.4 * duration / 800
+    fall = (values[0] - values[9]) / (times[9] - times[0]) if peak == values[0] else 0.0
+    assert peak == pytest.approx(impacts["peak_force"][number], rel=1e-5, abs=pixel * fall)
+    assert {"nodal_plane", "actuator", "free_mass", "drill_tool"} <= view["layers"].keys()
+
+
+def test_the_impact_after_and_before_a_time_are_found(store, impacts):
+    times = impacts["header.stamp"] / 1e9
+    client = ClientState()
+    store.open(client)
+
+    def jump(to, since):
+        store.request(client, "seek", {"to": to, "from": since})
+        return store.frame(client)["jump"]
+
+    for number in (1, 17, len(times) - 1):
+        assert jump("previous", times[number])["time"] == times[number - 1]
+        found = jump("next", times[number - 1])
+        assert found["time"] == times[number]
+        assert found["peak_force"] == impacts["peak_force"][number]
+        assert found["contact_duration"] == impacts["contact_duration"][number]
+    assert jump("next", times[-1]) == {"none": "there is no further impact"}
+    assert jump("previous", times[0]) == {"none": "there is no earlier impact"}
+
+
+def test_between_waveform_and_overview_every_message_is_drawn(store, impacts):
+    start, end = 0.5, 0.5 + 2 * WAVEFORM_RANGE
+    view = viewed(store, start, end)
+    assert view["detail"] == MESSAGES
+    times = impacts["header.stamp"] / 1e9
+    inside = (times >= start) & (times <= end)
+    peaks = view["layers"]["peak_force"]
+    assert peaks["t"].tolist() == times[inside].tolist()
+    assert peaks["mean"] == pytest.approx(impacts["peak_force"][inside])
+
+
+def test_a_long_range_is_drawn_from_the_overview(drill_bag, impacts, monkeypatch):
+    monkeypatch.setattr("rpud_sim.viewer.views.MESSAGES_RANGE", 1.0)
+    monkeypatch.setattr("rpud_sim.viewer.recording.SAMPLED", 5)
+    with RecordedStore(drill_bag) as store:
+        frame = asked(store)
+        assert (frame["view"]["detail"], frame["view"]["complete"]) == ("overview", False)
+        assert frame["read"] < 1.0
+        # Five of forty parts give a first picture of the whole time.
+        sketch = frame["view"]["layers"]["peak_force"]
+        assert np.isfinite(sketch["mean"]).all()
+        assert (sketch["t"][0] < 0.3 * DURATION, sketch["t"][-1] > 0.7 * DURATION) == (True, True)
+        store.read_all()
+        frame = asked(store)
+    view = frame["view"]
+    assert (view["start"], view["complete"], frame["read"]) == (0.0, True, 1.0)
+    layer = view["layers"]["peak_force"]
+    peaks = impacts["peak_force"]
+    valid = np.isfinite(layer["mean"])
+    assert (layer["low"][valid] <= layer["high"][valid]).all()
+    assert layer["band"] == "5-95 %"
+    assert 0.9 * peaks.max() < layer["high"][valid].max() <= 1.0001 * peaks.max()
+    assert np.nanmax(frame["timeline"]["high"]) == pytest.approx(peaks.max())
+
+
+def test_the_moment_of_the_playhead_has_figures_status_and_motion(store, impacts):
+    time = 1.2
+    frame = asked(store, playhead=time)
+    assert frame["now"] == pytest.approx(DURATION, abs=0.01)
+    times = impacts["header.stamp"] / 1e9
+    inside = (times >= time - 1.0) & (times <= time)
+    numbers = frame["numbers"]
+    assert numbers["impact_rate"]["mean"] == pytest.approx(inside.sum())
+    peaks = impacts["peak_force"][inside]
+    assert numbers["peak_force"]["mean"] == pytest.approx(peaks.mean())
+    assert numbers["peak_force"]["greatest"] == pytest.approx(peaks.max())
+    assert len(numbers["peak_force"]["spark"]) <= 60
+    assert numbers["penetration_rate"] is None  # this drill has no rock
+    assert frame["status"]["regime"] == "drilling"
+    assert frame["status"]["weight_on_bit"] == 8.0
+    assert frame["values"]["reacting_force"].keys() == {"force"}
+    section = frame["section"]
+    assert section["exact"]
+    last = section["time"] + section["period"] * (len(section["free_mass"]) - 1)
+    assert last == pytest.approx(time, abs=1e-4)
+    assert len(section["free_mass"]) <= 1201
+    within = times[(times >= section["time"]) & (times <= time)]
+    assert [each[0] + section["time"] for each in section["impacts"]] == pytest.approx(
+        within.tolist()
+    )
+
+
+def test_only_what_changed_is_sent(store):
+    client = ClientState(view=View(None, 0.0, 1.0), playhead=0.5)
+    store.open(client)
+    store.frame(client)
+    client.section = False
+    assert store.frame(client) is None
+    client.playhead = 0.6
+    assert store.frame(client).keys() == {"status", "values", "numbers"}
+    client.view = View(None, 0.0, 0.5)
+    assert store.frame(client).keys() == {"view", "steps"}
+
+
+def test_a_lost_block_is_a_gap_in_the_waveform(drill_bag, tmp_path):
+    numbers = itertools.count()
+    path = altered(
+        drill_bag,
+        tmp_path / "bag",
+        lambda m: [] if m.topic == "/rpud/trajectory" and next(numbers) == 4 else [m.data],
+    )
+    with RecordedStore(path) as store:
+        waveform = store._bag.waveforms.between(DRILL, 0.1, 0.4, 100_000)
+        assert len(waveform.cuts) == 1
+        assert np.diff(waveform.numbers).max() > 4000  # a block has 50 ms
+        assert np.isnan(viewed(store, 0.19, 0.24)["layers"]["contact_force"]["mean"]).sum() <= 1
+        after = waveform.times[waveform.cuts[0]]  # where the first segment after the loss begins
+        assert 0.2 < after < 0.2501
+        section = store.read_all().waveforms.section(DRILL, after + 0.01)  # 20 ms, the first lost
+        assert len(section["free_mass"]) == pytest.approx(600, abs=5)
+        assert section["time"] == pytest.approx(after, abs=1e-4)
+
+
+def test_without_a_trajectory_messages_are_drawn(drill_bag, tmp_path):
+    path = altered(
+        drill_bag, tmp_path / "bag", lambda m: [m.data], {"/rpud/contact_force", "/rpud/status"}
+    )
+    with RecordedStore(path) as store:
+        assert store.drills == [DRILL]
+        frame = asked(store, view=View(None, 0.5, 0.51), playhead=0.5)
+        assert frame["view"]["detail"] == MESSAGES
+        assert len(frame["view"]["layers"]["peak_force"]["t"])
+        assert "section" not in frame
+
+
+def test_without_a_trajectory_recorded_samples_are_drawn(tmp_path):
+    write_offline_bag(tmp_path / "whole", preset("drilling"), 0.5)
+    wanted = {"/rpud/waveform", "/rpud/contact_force"}
+    path = altered(tmp_path / "whole", tmp_path / "bag", lambda m: [m.data], wanted)
+    with rpud_sim.bag.open(path) as reader:
+        recorded = reader.arrays("/rpud/waveform")
+    period = recorded["sample_period"][0]
+    with RecordedStore(path) as store:
+        for start, end in ((0.3, 0.31), (0.3, 0.3 + 0.1 * period)):
+            view = viewed(store, start, end)
+            assert view["detail"] == WAVEFORM
+            layer = view["layers"]["free_mass"]
+            inside = (recorded["time"] >= (start - 0.99 * period) * 1e9) & (
+                recorded["time"] <= (end + 0.99 * period) * 1e9
+            )
+            assert len(layer["t"]) >= inside.sum() > 0
+            values = np.interp(recorded["time"][inside] / 1e9, layer["t"], layer["mean"])
+            assert values == pytest.approx(recorded["free_mass_position"][inside], rel=1e-5)
+
+
+def test_commands_and_faults_are_told_in_words(store):
+    frame = asked(store)
+    assert [(each["time"], each["kind"], each["text"]) for each in frame["log"]] == [
+        (0.0, "run", "a run begins"),
+        (0.4, "fault", "fault 1: bias of reacting_force 5 begins"),
+        (pytest.approx(0.7), "fault", "fault 1 ends"),
+        (1.0, "fault", "fault 2: restitution loss 0.5 begins"),
+        (DURATION, "run", "the drill stops"),
+    ]
+    assert [(each["onset"], each["end"], each["active"]) for each in frame["faults"]] == [
+        (0.4, pytest.approx(0.7), False),
+        (1.0, None, True),
+    ]
+    assert frame["steps"]["weight_on_bit"]["v"].tolist() == [8.0]
+
+
+def test_what_a_bag_cannot_do_is_refused(store):
+    with pytest.raises(StoreError, match="no drill /other"):
+        store.open(ClientState("/other"))
+    with pytest.raises(ParameterError, match="no commands"):
+        store.request(ClientState(DRILL), "act", {"name": "press", "arguments": {}})
+
+
+def test_it_prints_where_the_page_is_and_ends_at_a_signal(process, drill_bag):
+    server = process("rpud", "watch", drill_bag, "--port", "0")
+    url = server.wait_for_line(r"bag .*: (http://127\.0\.0\.1:\d+/screen)$")[1]
+    server.terminate()
+    assert server.wait() == 0
+    with pytest.raises(OSError, match="refused"):
+        urllib.request.urlopen(url)
+
+
+def test_no_bag_is_one_line(capsys, tmp_path):
+    with pytest.raises(SystemExit) as end:
+        main(["watch", str(tmp_path / "none")])
+    assert end.value.code == 1
+    last = capsys.readouterr().err.splitlines()[-1]  # rclpy may complain of another test's node
+    assert last == f"rpud watch: there is no bag at {tmp_path / 'none'}"
+
+
+def test_without_a_trajectory_the_section_is_that_of_the_waveform(tmp_path):
+    write_offline_bag(tmp_path / "whole", preset("drilling"), 0.5)
+    with RecordedStore(tmp_path / "whole") as store:
+        exact = store.read_all().waveforms.section(DRILL, 0.33)
+    path = altered(
+        tmp_path / "whole",
+        tmp_path / "bag",
+        lambda m: [m.data],
+        {"/rpud/contact_force", "/rpud/waveform"},
+    )
+    with RecordedStore(path) as store:
+        section = store.read_all().waveforms.section(DRILL, 0.33)
+    assert (exact["exact"], section["exact"]) == (True, False)
+    for name in ("free_mass", "nodal_plane", "actuator", "drill_tool"):
+        times = section["time"] + section["period"] * np.arange(len(section[name]))
+        places = np.rint((times - exact["time"]) / exact["period"]).astype(int)
+        inside = (places >= 0) & (places < len(exact[name]))
+        assert inside.sum() > 900
+        scale = np.ptp(exact["free_mass"])
+        error = np.abs(section[name][inside] - exact[name][places[inside]])
+        assert np.median(error) < 0.02 * scale, name
+    assert len(section["impacts"]) == len(exact["impacts"])
+
+
+def test_a_drill_in_strata_shows_its_hole(tmp_path):
+    strata = Strata((preset_layer("regolith"), preset_layer("chalk", 0.002))).to_text()
+    settings = Settings(to_configuration({"rotation_model": "friction_drive", "strata": strata}))
+    offline_bag.write_offline_bag(tmp_path / "bag", Beginning(settings), 3.0)
+    with RecordedStore(tmp_path / "bag") as store:
+        store.read_all()
+        frame = asked(store, playhead=2.5)
+    hole = frame["hole"]
+    assert [layer["name"] for layer in hole["layers"]] == ["regolith", "chalk"]
+    assert hole["depth"] == pytest.approx(frame["values"]["borehole"]["depth"], rel=1e-3)
+    assert hole["depth"] > 0.0
+    assert len(hole["log"]["depth"]) == len(hole["log"]["rate"]) > 10
+    assert frame["numbers"]["penetration_rate"]["mean"] > 0.0
+    choices = {choice["id"] for plot in frame["plots"] for choice in plot["choices"]}
+    assert {"depth", "rotation", "torque"} <= choices
+
+
+def test_a_foreign_bag_shows_its_signals(tmp_path):
+    kind, name = "geometry_msgs/msg/Vector3", "/robot/wrist"
+    codec = Codec(kind, find_definition(kind))
+    with BagWriter(tmp_path / "bag") as bag:
+        bag.add_topic(Topic(name, kind, find_type_hash(kind)), find_definition(kind))
+        for number in range(300):
+            data = codec.encode({"x": float(number), "y": 1.0, "z": 2.0})
+            bag.write(name, data, number * 10**7, number * 10**7)
+    with RecordedStore(tmp_path / "bag") as store:
+        store.read_all()
+        frame = asked(store)
+    assert (frame["drills"], frame["drill"]) == (["/robot"], "/robot")
+    assert len(frame["plots"]) == 3
+    shown = frame["plots"][0]["choices"][0]["layers"][0]["quantity"]
+    assert shown == "/robot/wrist x"
+    assert shown in {each["name"] for each in frame["quantities"]}
+    layer = frame["view"]["layers"][shown]
+    assert (layer["t"][-1], layer["mean"][-1]) == (pytest.approx(2.99), 299.0)
+    assert frame["values"] == {"wrist": {"x": 299.0, "y": 1.0, "z": 2.0}}
+    assert frame["numbers"]["impact_rate"] is None
+
+
+def test_an_impact_without_a_duration_has_no_waveform_of_zeros(tmp_path):
+    """Before drilling an impact has a peak force, and no contact force in any sample."""
+    write_offline_bag(tmp_path / "free", preset("free"), 0.5)
+    with RecordedStore(tmp_path / "free") as opened:
+        opened.read_all()
+        first = opened._bag.waveforms.next_impact(DRILL, 0.2)["time"]
+        shown = opened._bag.views.view(DRILL, first - 1e-5, first + 1e-5, 500, ["peak_force"])
+    assert shown["detail"] == WAVEFORM
+    assert len(shown["layers"]["peak_force"]["t"]) == 1
+    assert "free_mass" in shown["layers"]
+    assert "contact_force" not in shown["layers"]
+
+
+def test_a_waveform_of_another_definition_is_left_out(tmp_path):
+    topic = Topic("/rpud/waveform", "rpud_msgs/msg/Waveform")
+    with BagWriter(tmp_path / "bag") as bag:
+        bag.add_topic(topic, "float64 x")
+        for number in range(5):
+            time = number * 10**8
+            bag.write(topic.name, b"\x00\x01\x00\x00" + bytes(8), time, time)
+    with RecordedStore(tmp_path / "bag") as store:
+        frame = asked(store, playhead=0.3)
+    assert "section" not in frame
+    assert frame["now"] > 0.0
