@@ -24,7 +24,7 @@ from rpud_sim.foundation.time import SECOND, split_seconds
 
 if TYPE_CHECKING:
     from rpud_sim.bag import Recovery
-    from rpud_sim.inspection.export.export import Exported
+    from rpud_sim.inspection.export import Exported
     from rpud_sim.inspection.rebuild import Rebuilt
     from rpud_sim.inspection.verify.verification import Verification
 
@@ -180,10 +180,10 @@ class _Verify(BagOptions):
 )
 def _run_verify(options: _Verify) -> int:
     from rpud_sim.bag import BagError
-    from rpud_sim.inspection.verify.recorded_journal import UnverifiableError
+    from rpud_sim.inspection import InspectionError
     from rpud_sim.inspection.verify.verification import verify
 
-    with failing(BagError, UnverifiableError), progress_bar(" s") as bar:
+    with failing(BagError, InspectionError), progress_bar(" s") as bar:
         found = verify(options.bag, bar.update)
     for warning in found.warnings:
         complain("rpud verify", warning)
@@ -290,9 +290,10 @@ def _run_export(options: _Export) -> int:
     if options.run != 1:
         raise ParameterError("--run goes with --rate")
     from rpud_sim.bag import BagError
-    from rpud_sim.inspection.export.export import ExportError, export
+    from rpud_sim.inspection import InspectionError
+    from rpud_sim.inspection.export import export
 
-    with failing(BagError, ExportError), progress_bar(" messages", scaled=True) as bar:
+    with failing(BagError, InspectionError), progress_bar(" messages", scaled=True) as bar:
         exported = export(
             options.bag,
             options.out,
@@ -309,10 +310,10 @@ def _run_export(options: _Export) -> int:
 
 def _export_waveform(options: _Export, rate: int) -> ExitCode:
     from rpud_sim.bag import BagError
-    from rpud_sim.inspection.export.export import ExportError
+    from rpud_sim.inspection import InspectionError
     from rpud_sim.inspection.rebuild import rebuild
 
-    with failing(BagError, ExportError), progress_bar(" samples", scaled=True) as bar:
+    with failing(BagError, InspectionError), progress_bar(" samples", scaled=True) as bar:
         rebuilt = rebuild(
             options.bag,
             options.out,
@@ -367,9 +368,10 @@ class _Report(BagOptions):
 )
 def _run_report(options: _Report) -> int:
     from rpud_sim.bag import BagError
-    from rpud_sim.viewer.report import ReportError, write_report
+    from rpud_sim.inspection import InspectionError
+    from rpud_sim.viewer.report import write_report
 
-    with failing(BagError, ReportError):
+    with failing(BagError, InspectionError):
         seen = write_report(options.bag, options.out, options.namespace)
     _complain_of_parts("rpud report", seen)
     if options.json:

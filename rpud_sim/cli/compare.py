@@ -85,16 +85,17 @@ class _Compare(JsonOptions):
 )
 def _run(options: _Compare) -> int:
     from rpud_sim.bag import BagError
-    from rpud_sim.inspection.compare import CompareError, compare
+    from rpud_sim.inspection import InspectionError
+    from rpud_sim.inspection.compare import compare
     from rpud_sim.inspection.compare.content import content
 
     if options.out:
         from rpud_sim.inspection.compare.compare_page import write_page
         from rpud_sim.inspection.output import check_new_file
 
-        with failing(CompareError):
-            check_new_file(options.out, CompareError)
-    with failing(BagError, CompareError), progress_bar(" messages", scaled=True) as bar:
+        with failing(InspectionError):
+            check_new_file(options.out)
+    with failing(BagError, InspectionError), progress_bar(" messages", scaled=True) as bar:
         found = compare(
             [options.bag, *options.others],
             begin=options.begin,
@@ -112,7 +113,7 @@ def _run(options: _Compare) -> int:
         for part, reason in parts.items():
             complain("rpud compare", f"{name}: left out {part}: {reason}")
     if options.out:
-        with failing(CompareError):
+        with failing(InspectionError):
             write_page(found, options.out)
     if options.json:
         print_json({**content(found), "out": options.out})

@@ -16,7 +16,7 @@ from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.foundation.terminal import complain, printable
 
 if TYPE_CHECKING:
-    from rpud_sim.inspection.forked_bag import ForkedBag
+    from rpud_sim.inspection.offline_bag import ForkedBag
     from rpud_sim.simulation.changes import Changes
 
 
@@ -99,11 +99,11 @@ def _changes(options: _Fork) -> Changes:
 
 def _to_bag(options: _Fork, out: str, changes: Changes) -> int:
     from rpud_sim.bag import BagError
-    from rpud_sim.inspection.forked_bag import write_fork
-    from rpud_sim.inspection.recorded_run import ForkError
+    from rpud_sim.inspection import InspectionError
+    from rpud_sim.inspection.offline_bag import write_fork
     from rpud_sim.simulation import EngineError
 
-    with failing(BagError, ForkError, EngineError), progress_bar(" s") as bar:
+    with failing(BagError, InspectionError, EngineError), progress_bar(" s") as bar:
         forked = write_fork(
             options.bag,
             out,
@@ -131,14 +131,14 @@ def _account(forked: ForkedBag) -> str:
 def _live(options: _Fork, changes: Changes) -> int:
     from rpud_sim.bag import BagError
     from rpud_sim.cli.run import drill
+    from rpud_sim.inspection import InspectionError
     from rpud_sim.inspection.fork import live_start, open_fork
-    from rpud_sim.inspection.recorded_run import ForkError
     from rpud_sim.ros.drill.session import NamesakeError, open_drill
     from rpud_sim.ros.starting import StartError
     from rpud_sim.ros.stopping import StopRequest
     from rpud_sim.simulation import EngineError
 
-    with failing(BagError, ForkError, EngineError), progress_bar(" s") as bar:
+    with failing(BagError, InspectionError, EngineError), progress_bar(" s") as bar:
         fork = open_fork(
             options.bag,
             options.at,
