@@ -13,7 +13,7 @@ import rpud_sim.bag
 from rpud_sim.inspection.forked_bag import write_fork
 from rpud_sim.inspection.verify.installed_types import installed_codec
 from rpud_sim.inspection.verify.verification import verify
-from rpud_sim.ros.types import message_class
+from rpud_sim.ros.graph import message_class
 from rpud_sim.simulation import preset
 from rpud_sim.simulation.scenario import parse_scenario
 from rpud_sim.simulation.topics import TOPICS
