@@ -134,21 +134,21 @@ class Engine:
         self._open_segment = np.zeros(1, SEGMENT)
         self._open_impact = np.zeros(1, IMPACT)
         self._rooms: deque[np.ndarray] = deque(maxlen=_ROOMS)
-        self._segments, self._impacts = np.zeros(0, SEGMENT), np.zeros(0, IMPACT)
+        self._segment_room, self._impact_room = np.zeros(0, SEGMENT), np.zeros(0, IMPACT)
         self._written = self._struck = 0  # segments and impacts since the last drain
-        self._usual = _LEAST_ROOM  # segments of the last block
+        self._capacity = _LEAST_ROOM  # segments of the last block
         self._make_room(_LEAST_ROOM)
         # A time to advance to, and what is finished there
-        self._instant = (np.zeros(1, np.int64), np.zeros(1), np.zeros((1, 2), np.int64))
+        self._goal = (np.zeros(1, np.int64), np.zeros(1), np.zeros((1, 2), np.int64))
         self._reached: tuple[int, float] | None = None  # time that an advance has reached
         records = (self._drill, self._state, self._open_segment, self._open_impact)
-        rooms = (self._segments, self._impacts)
-        seconds, fractions, counts = self._instant
+        rooms = (self._segment_room, self._impact_room)
+        seconds, fractions, counts = self._goal
         self._advance_code = machine_code(
             advance, *records, seconds, fractions, *rooms, counts, (0, 0, 0)
         )
         self._interrupt_code = machine_code(interrupt, *records, 0.0, *rooms, (0.0,) * 6)
-        self._struck = start(*records, self._impacts)
+        self._struck = start(*records, self._impact_room)
 
     @property
     def open_segment(self) -> np.ndarray:
@@ -176,7 +176,7 @@ class Engine:
 
         They are valid until the next advance.
         """
-        return self._impacts[number : self._struck]
+        return self._impact_room[number : self._struck]
 
     def account(self, seconds: int, fraction: float) -> Account:
         """Return envelope and energies of the resonance at a time, not before the last event.
@@ -281,18 +281,18 @@ class Engine:
 
         A block that uses most of its room is returned as it is, without a copy.
         """
-        count, room = self._written, self._segments
-        impacts = join_records([self._impacts[: self._struck]], IMPACT)
+        count, room = self._written, self._segment_room
+        impacts = join_records([self._impact_room[: self._struck]], IMPACT)
         self._written = self._struck = 0
-        self._usual = max(count + count // 8, _LEAST_ROOM)
+        self._capacity = max(count + count // 8, _LEAST_ROOM)
         if count < _LEAST_ROOM or 2 * count < len(room):
             covering = join_records([room[:count], self._open_segment], SEGMENT)
-            if len(room) > 8 * self._usual:
+            if len(room) > 8 * self._capacity:
                 self._make_room(_LEAST_ROOM)
             return covering, impacts
         room[count] = self._open_segment[0]
         room.flags.writeable = False
-        self._segments = np.zeros(0, SEGMENT)
+        self._segment_room = np.zeros(0, SEGMENT)
         return room[: count + 1], impacts
 
     def _commands(self) -> tuple[float, ...]:
@@ -304,15 +304,15 @@ class Engine:
         return (*new, *(0.0,) * (6 - len(new)))
 
     def _advance(self, seconds: int, fraction: float) -> None:
-        whole, rest, counts = self._instant
+        whole, rest, counts = self._goal
         whole[0], rest[0] = seconds, fraction
         self._fly(whole, rest, counts)
 
     def _fly(self, seconds: np.ndarray, fractions: np.ndarray, counts: np.ndarray) -> None:
         """Advance to times one after the other; counts get what is finished at each of them."""
         usual = int(_USUAL_RATE * self.ahead(seconds[-1], fractions[-1]))
-        if self._written + usual >= len(self._segments):
-            self._make_room(self._written + min(max(usual, self._usual), _MOST_ROOM) + 1)
+        if self._written + usual >= len(self._segment_room):
+            self._make_room(self._written + min(max(usual, self._capacity), _MOST_ROOM) + 1)
         status, reached = FULL, 0
         while status == FULL:
             status, reached, self._written, self._struck = self._advance_code(
@@ -322,13 +322,13 @@ class Engine:
                 self._open_impact,
                 seconds,
                 fractions,
-                self._segments,
-                self._impacts,
+                self._segment_room,
+                self._impact_room,
                 counts,
                 (reached, self._written, self._struck),
             )
             if status == FULL:
-                self._make_room(2 * len(self._segments))
+                self._make_room(2 * len(self._segment_room))
         if status != DONE or not all(map(math.isfinite, _finite_values(self._state))):
             raise failure(status, self._parameters, self._drill, self._state)
 
@@ -337,27 +337,27 @@ class Engine:
     ) -> None:
         self._drill = drill
         self._reached = None
-        if self._written + 1 >= len(self._segments):
-            self._make_room(max(2 * len(self._segments), _LEAST_ROOM))
+        if self._written + 1 >= len(self._segment_room):
+            self._make_room(max(2 * len(self._segment_room), _LEAST_ROOM))
         self._struck += self._interrupt_code(
             drill,
             self._state,
             self._open_segment,
             self._open_impact,
             self.ahead(seconds, fraction),
-            self._segments[self._written : self._written + 1],
-            self._impacts[self._struck :],
+            self._segment_room[self._written : self._written + 1],
+            self._impact_room[self._struck :],
             commands,
         )
         self._written += 1
 
     def _make_room(self, count: int) -> None:
         """Take a larger room, or a smaller one, for segments and impacts, with those there."""
-        segments, impacts = self._segments[: self._written], self._impacts[: self._struck]
-        self._segments = self._free_room(count)
-        self._segments[: len(segments)] = segments
-        self._impacts = np.zeros(2 * count + 4, IMPACT)  # an event ends two at most
-        self._impacts[: len(impacts)] = impacts
+        segments, impacts = self._segment_room[: self._written], self._impact_room[: self._struck]
+        self._segment_room = self._free_room(count)
+        self._segment_room[: len(segments)] = segments
+        self._impact_room = np.zeros(2 * count + 4, IMPACT)  # an event ends two at most
+        self._impact_room[: len(impacts)] = impacts
 
     def _free_room(self, count: int) -> np.ndarray:
         """Return room for segments, used again where no result refers to it any more."""
