@@ -27,9 +27,10 @@ from rpud_sim.inspection.damages import Damages
 from rpud_sim.inspection.output import check_new_file, write_new_file
 from rpud_sim.pages.quantities import QUANTITIES
 from rpud_sim.viewer.history import Bins, Impacts
-from rpud_sim.viewer.recorded_store import Opened, RecordedStore
+from rpud_sim.viewer.recorded_store import RecordedStore
 from rpud_sim.viewer.session import ClientState, StoreError, View, encode
 from rpud_sim.viewer.signals import STATUS
+from rpud_sim.viewer.views import Views
 
 BINS = 3000  # of a layer, at most
 SECTIONS = 12  # blocks of motion that a report keeps
@@ -101,7 +102,7 @@ def write_report(
         return Reported(len(shown), sum(shown), left_out, damaged)
 
 
-def _overview(content: Opened, drill: str, frame: Mapping[str, Any]) -> dict[str, Any]:
+def _overview(content: Views, drill: str, frame: Mapping[str, Any]) -> dict[str, Any]:
     """Return ``view`` over the whole run, and the plots that it serves: those of the table."""
     plots = []
     for plot in frame["plots"]:
@@ -114,11 +115,11 @@ def _overview(content: Opened, drill: str, frame: Mapping[str, Any]) -> dict[str
     layers = [layer for plot in plots for each in plot["choices"] for layer in each["layers"]]
     count = int(min(BINS, max(frame["now"] / _FINEST, 1.0)))
     kinds = {layer["quantity"]: layer["kind"] for layer in layers}
-    view = content.views.view(drill, 0.0, frame["now"], count, kinds)
+    view = content.view(drill, 0.0, frame["now"], count, kinds)
     return {"plots": plots, "view": view}
 
 
-def _sections(content: Opened, drill: str, frame: Mapping[str, Any]) -> dict[str, Any]:
+def _sections(content: Views, drill: str, frame: Mapping[str, Any]) -> dict[str, Any]:
     """Return the kept blocks of motion: at the ends of equal parts of the run, and after faults."""
     now = float(frame["now"])
     moments = [*np.linspace(0.0, now, SECTIONS + 1)[1:]]
@@ -131,9 +132,9 @@ def _sections(content: Opened, drill: str, frame: Mapping[str, Any]) -> dict[str
 
 
 def _report(
-    content: Opened, drill: str, frame: Mapping[str, Any], damages: Damages
+    content: Views, drill: str, frame: Mapping[str, Any], damages: Damages
 ) -> dict[str, Any]:
-    now, views = float(frame["now"]), content.views
+    now = float(frame["now"])
     bins, impacts = content.overview.bins, content.overview.impacts[drill]
     faults = frame["faults"]
     moments = [entry["time"] for entry in frame["commands"]["list"]]
@@ -143,7 +144,7 @@ def _report(
     tables = []
     if impacts.total:
         names = ("reacting_force", "absorbed_power")
-        known = {name: views.signal(drill, name) for name in names}
+        known = {name: content.signal(drill, name) for name in names}
         signals = {name: signal.name for name, signal in known.items() if signal is not None}
         tables.append(
             segment_table(now, moments, frame.get("steps", {}), faults, impacts, bins, signals)

@@ -8,7 +8,7 @@ import math
 import time
 from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -51,16 +51,17 @@ class ClientState:
         return True
 
 
-class Store(Protocol):
+class Store:
     """Data that browsers look at. All methods are called from one thread, which may be any."""
 
-    mode: str  # ``live`` or ``recorded``
+    mode = ""  # ``live`` or ``recorded``
 
     def open(self, client: ClientState) -> None:
         """Note one more browser, or another drill of it; StoreError if there is nothing to show."""
 
     def frame(self, client: ClientState) -> dict[str, Any] | None:
         """Return fields of the next frame without ``number``; None if nothing is new."""
+        raise NotImplementedError
 
     def request(self, client: ClientState, name: str, content: Any) -> None:
         """Do what a browser asks: ``act`` and its arguments, or ``seek``; ParameterError if not."""
