@@ -13,11 +13,12 @@ import numpy as np
 
 from rpud_sim.bag import Message
 from rpud_sim.foundation.time import SECOND
+from rpud_sim.inspection.recorded_drill import Jump
 from rpud_sim.viewer.commands import Commands, fault_row
 from rpud_sim.viewer.history import Bins, Impacts
 from rpud_sim.viewer.picture import GAP, usual
 from rpud_sim.viewer.recording import PieceRows, Recording
-from rpud_sim.viewer.signals import FAULTS, IMPACTS, JOURNAL, Jump, find_jumps, namespace
+from rpud_sim.viewer.signals import FAULTS, IMPACTS, JOURNAL, find_jumps, namespace
 
 BINS = 2**17  # greatest number of bins of a signal
 MEMORY = 256 * 2**20  # greatest size of the bins of all signals [bytes]
@@ -207,7 +208,7 @@ class Overview:
                 self.commands[drill].add(time, str(decoded.kind), decoded.content)
                 return
             jumps = self._recording.clocks[drill].jumps
-            run = sum(jump.log_time <= message.log_time for jump in jumps)
+            run = sum(jump.time <= message.log_time for jump in jumps)
             for fault in decoded.faults:
                 key = drill, run, int(fault.number)
                 if key in self._faults or len(self._faults) < MOST_FAULTS:

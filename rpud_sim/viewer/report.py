@@ -23,8 +23,8 @@ from rpud_sim.bag.manifest import Manifest, manifest_from_record
 from rpud_sim.bag.tested import RECORD_NAME as TESTED
 from rpud_sim.bag.tested import RunVerdict, tested_from_record
 from rpud_sim.foundation.terminal import printable
-from rpud_sim.inspection.damages import Damages
-from rpud_sim.inspection.output import check_new_file, write_new_file
+from rpud_sim.inspection import InspectionError
+from rpud_sim.inspection.output import Damages, check_new_file, write_new_file
 from rpud_sim.pages.quantities import QUANTITIES
 from rpud_sim.viewer.recorded_store import RecordedStore
 from rpud_sim.viewer.session import ClientState, StoreError, View, encode
@@ -67,10 +67,6 @@ _SCRIPT = re.compile(r'<script[^>]*src="[^"]*?([\w./]+\.js)"[^>]*></script>\n?')
 _SHARE = "share/"
 
 
-class ReportError(Exception):
-    """Report that cannot be written; the text gives the reason in one line."""
-
-
 @dataclass(frozen=True)
 class Reported:
     """What a report shows of a bag."""
@@ -85,20 +81,20 @@ def write_report(
     path: str | os.PathLike[str], out: str | os.PathLike[str], drill: str = ""
 ) -> Reported:
     """Write the report of a drill in a bag, the first by default, into a new file."""
-    check_new_file(out, ReportError)
+    check_new_file(out)
     with RecordedStore(os.fspath(path)) as store:
         bag = store.read_all()
         client = ClientState(drill, View(None, 0.0, np.inf, BINS))
         try:
             store.open(client)
         except StoreError as error:
-            raise ReportError(str(error)) from None
+            raise InspectionError(str(error)) from None
         recording, damages = bag.recording, Damages(bag.recording.bag)
         page = frozen_page(
             f"{Path(path).resolve().name} – report",
             encode(_frame(bag, client.drill, store.frame(client) or {}, damages)),
         )
-        write_new_file(out, page, ReportError)
+        write_new_file(out, page)
         damaged = damages.texts
         damaged |= {f"part {number}": reason for number, reason in recording.damages.items()}
         damaged |= {

@@ -236,6 +236,9 @@ def test_a_shutdown_ends_the_process(start_drill, connect, before, transition):
     client.call(GetState, f"{node}/get_state", GetState.Request())
     for each in (*before, transition):
         assert change(client, each, node)
+    # It is there a moment longer: a response gets lost if its sender leaves at once.
+    state = client.call(GetState, f"{node}/get_state", GetState.Request()).current_state
+    assert state.label == "finalized"
     assert process.wait() == 0
     assert "Traceback" not in process.output
 

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from collections.abc import Callable
 from typing import Any
 
 from rpud_sim.ros.drill.live_run import LiveRun
-from rpud_sim.ros.requests import Requests, StoppedError
+from rpud_sim.ros.threads import Requests, StoppedError
 from rpud_sim.simulation.configuration import Settings
 
 _STANDSTILL_PERIOD = 0.1  # of /clock while time stands still [s]
 _LONGEST_WAIT = 0.5  # so that a stop is noticed whatever happens to the event [s]
+_LAST_RESPONSE = 1.0  # for the response to a client that ends the process, to arrive [s]
 _ACKNOWLEDGEMENT = 1.0  # that the last messages may take to reach their subscribers [s]
 
 
@@ -32,6 +34,7 @@ class PacingLoop:
         self._finished = threading.Event()
         self._requests = Requests(self._wake.set)
         self._clock_due = 0.0
+        self._quit_at = math.inf
 
     @property
     def begun(self) -> LiveRun | None:
@@ -40,8 +43,8 @@ class PacingLoop:
 
     @property
     def finished(self) -> bool:
-        """Whether the drill has ended by itself, or is to end."""
-        return self._finished.is_set()
+        """Whether the process is to end: the drill has ended by itself, or ``quit`` is done."""
+        return self._finished.is_set() or time.monotonic() >= self._quit_at
 
     def configure(self, live: LiveRun) -> None:
         """Take a live run, which nothing moves yet."""
@@ -68,8 +71,14 @@ class PacingLoop:
         return self._requests.do(lambda: action(live))
 
     def quit(self) -> None:
-        """Ask the node to end."""
-        self._finished.set()
+        """End the drilling now, at a client's request, and the process a little later.
+
+        The middleware drops a response that reaches a client together with the news that its sender
+        has left.
+        """
+        self._stop.set()
+        self._wake.set()
+        self._quit_at = time.monotonic() + _LAST_RESPONSE
 
     def stop(self) -> None:
         """End the drilling, publish the last status, and wait until subscribers have it."""
