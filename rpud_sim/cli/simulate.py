@@ -171,7 +171,7 @@ def _figures(
     from rpud_sim.drilling.rock import NO_DEEPER
     from rpud_sim.simulation.energy_account import mean_account
     from rpud_sim.simulation.ensemble import run_ensemble
-    from rpud_sim.simulation.feed_account import mean_feed_account
+    from rpud_sim.simulation.energy_account import mean_feed_account
 
     duration = arguments.duration
     total = duration * arguments.repeat

@@ -19,8 +19,8 @@ from rpud_sim.simulation.actuator import Actuator, ActuatorReading
 from rpud_sim.simulation.commands import Drive
 from rpud_sim.simulation.conditions import Conditions
 from rpud_sim.simulation.configuration import Configuration
-from rpud_sim.simulation.feed_account import FeedAccount, LoadSpring
-from rpud_sim.simulation.percussion import PercussionMeter, nodal_plane_position
+from rpud_sim.simulation.energy_account import FeedAccount
+from rpud_sim.simulation.percussion import LoadSpring, PercussionMeter, nodal_plane_position
 from rpud_sim.simulation.stepped_engine import SteppedEngine
 
 

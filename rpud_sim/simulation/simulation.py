@@ -12,18 +12,17 @@ import numpy as np
 from rpud_sim.drilling.process import ProcessState
 from rpud_sim.model.parameters import Parameters
 from rpud_sim.simulation.actuator import ActuatorReading
-from rpud_sim.simulation.block import Block
+from rpud_sim.simulation.block import Block, join_blocks
 from rpud_sim.simulation.commands import Applied, Drive, Feed, WeightOnBit
 from rpud_sim.simulation.conditions import check_honoured, conditions, honoured_kinds
 from rpud_sim.simulation.configuration import Configuration, to_values, whole_configuration
+from rpud_sim.simulation.energy_account import FeedAccount
 from rpud_sim.simulation.fault_schedule import FaultSchedule
 from rpud_sim.simulation.faults import Fault, FaultError
-from rpud_sim.simulation.feed_account import FeedAccount
 from rpud_sim.simulation.journal import Journal
 from rpud_sim.simulation.ledger import FaultLedger, FaultRecord
 from rpud_sim.simulation.plant import Plant, nominal_drive, rpud_constants
 from rpud_sim.simulation.scenario import Scenario, ScheduledFault
-from rpud_sim.simulation.span import Span, span_of
 
 # Refusals that are kept until they are drained; the oldest are dropped.
 _MOST_REFUSALS = 100
@@ -172,10 +171,22 @@ class Simulation:
         feed, fed = self._plant.feed_account(covering[-1:]), self._fed
         if feed is not None and fed is not None:
             self._fed, feed = feed, feed - fed
-        return Block(start, time, covering, impacts, self._rpud, drawn, reading, self.process, feed)
+        return Block(
+            start,
+            np.array([time], np.int64),
+            covering,
+            impacts,
+            np.array([len(covering) - 1], np.int64),
+            np.array([len(impacts)], np.int64),
+            self._rpud,
+            drawn,
+            (reading,),
+            (self.process,),
+            () if feed is None else (feed,),
+        )
 
-    def advance_through(self, ends: np.ndarray) -> Span:
-        """Advance to times one after the other and return what happened up to each.
+    def advance_through(self, ends: np.ndarray) -> Block:
+        """Advance to times one after the other; the block has a part up to each of them.
 
         The result is that of ``advance_to`` for each of them; without a scheduled change before the
         last one, it takes one call of the engine.
@@ -190,10 +201,10 @@ class Simulation:
                 # The actuator has no power here, and nothing changes what it reads.
                 covering, impacts = self._plant.drain()
                 readings = (self._plant.reading,) * len(ends)
-                return Span(
+                return Block(
                     start, ends, covering, impacts, *reached, self._rpud, math.nan, readings
                 )
-        return span_of([self.advance_to(end) for end in ends.tolist()])
+        return join_blocks([self.advance_to(end) for end in ends.tolist()])
 
     def apply(self, command: WeightOnBit | Drive | Feed) -> None:
         """Put a command into force at the present time.

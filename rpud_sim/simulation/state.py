@@ -188,8 +188,11 @@ class _Reader:
         if found is Block:
             _check_records("covering", [values["covering"]], SEGMENT)
             _check_records("impacts", [values["impacts"]], IMPACT)
-            if not len(values["covering"]):
-                raise ValueError("a block has no segment")
+            counts = (len(values["covering"]) - 1, len(values["impacts"]))
+            ends, finished, struck = (values[name] for name in ("ends", "finished", "struck"))
+            _check_records("ends", (ends, finished, struck), _DTYPES["int64"])
+            if len(ends) != 1 or counts[0] < 0 or (*finished, *struck) != counts:
+                raise ValueError("a block has other segments or impacts than it counts")
         return found(**values)
 
     def _object(self, old: Any, name: str, trees: Mapping[str, Any]) -> Any:
