@@ -169,9 +169,8 @@ def _figures(
     planned: Sequence[Planned],
 ) -> dict[str, Any]:
     from rpud_sim.drilling.rock import NO_DEEPER
-    from rpud_sim.simulation.energy_account import mean_account
+    from rpud_sim.simulation.energy_account import mean_account, mean_feed_account
     from rpud_sim.simulation.ensemble import run_ensemble
-    from rpud_sim.simulation.energy_account import mean_feed_account
 
     duration = arguments.duration
     total = duration * arguments.repeat

@@ -36,7 +36,8 @@ from rpud_sim.simulation.configuration import (
 from rpud_sim.simulation.control import Control
 from rpud_sim.simulation.energy_account import FeedAccount
 from rpud_sim.simulation.ensemble import Ensemble, compile_kernels, initial_phases, run_ensemble
-from rpud_sim.simulation.faults import KINDS, Fault, FaultError
+from rpud_sim.simulation.fault_kinds import KINDS
+from rpud_sim.simulation.faults import Fault, FaultError
 from rpud_sim.simulation.fields import Bookkeeping
 from rpud_sim.simulation.journal import Journal, JournalEntry
 from rpud_sim.simulation.ledger import FaultLedger, FaultRecord

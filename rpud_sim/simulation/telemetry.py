@@ -15,7 +15,6 @@ from rpud_sim.simulation.block import (
     first_sample,
     join_blocks,
 )
-from rpud_sim.simulation.channels import CHANNELS
 from rpud_sim.simulation.fields import (
     actuator_state_fields,
     contact_force_fields,
@@ -40,6 +39,7 @@ from rpud_sim.simulation.process_fields import (
 from rpud_sim.simulation.sampling import Times, join_samples
 from rpud_sim.simulation.signals import SignalFaults
 from rpud_sim.simulation.together import Columns, Entry, Together
+from rpud_sim.simulation.topics import CHANNELS
 
 _SENSORS = (
     ("nodal_plane", nodal_plane_fields),
