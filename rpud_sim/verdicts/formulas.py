@@ -1,4 +1,4 @@
-"""Words of expectations: immutable formulas over signals, events and time.
+"""Formulas of expectations: signals, events and time, and the words that write them in Python.
 
 ``docs/reference/expectations.md`` defines what each means. Times are integer nanoseconds.
 """
@@ -6,13 +6,16 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 from collections.abc import Iterator
+from typing import Any
 
 from rpud_sim.foundation.quantities import shown
 from rpud_sim.simulation.faults import Fault
-from rpud_sim.verdicts.units import ExpectationError, parse_quantity
+from rpud_sim.verdicts.units import ExpectationError, parse_duration, parse_quantity
 
 OPERATORS = ("<", "<=", ">", ">=", "==", "!=")
+_SIGNAL = re.compile(r"([A-Za-z/][\w/]*)\.(\S.*)")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -36,15 +39,12 @@ class Formula:
     """Base of all formulas; ``&``, ``|`` and ``~`` are and, or and not."""
 
     def __and__(self, other: Formula) -> And:
-        """Both hold."""
         return And((self, other))
 
     def __or__(self, other: Formula) -> Or:
-        """At least one holds."""
         return Or((self, other))
 
     def __invert__(self) -> Not:
-        """It does not hold."""
         return Not(self)
 
     def implies(self, other: Formula) -> Implies:
@@ -53,19 +53,19 @@ class Formula:
 
     def children(self) -> tuple[Formula, ...]:
         """Return the formulas in this one."""
-        found = (getattr(self, field.name) for field in dataclasses.fields(self))  # type: ignore[arg-type]
-        return tuple(
-            part
-            for value in found
-            for part in (value if isinstance(value, tuple) else (value,))
-            if isinstance(part, Formula)
-        )
+        values = (getattr(self, field.name) for field in dataclasses.fields(self))  # type: ignore[arg-type]
+        parts = (part for each in values for part in (each if type(each) is tuple else (each,)))
+        return tuple(part for part in parts if isinstance(part, Formula))
 
     def walk(self) -> Iterator[Formula]:
         """Yield this formula and all in it."""
         yield self
         for child in self.children():
             yield from child.walk()
+
+
+class Event(Formula):
+    """Base of formulas that hold at single nanoseconds."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -77,23 +77,18 @@ class Signal:
     hold: int | None = None  # longest time for which a value holds [ns]; None for that of the topic
 
     def __str__(self) -> str:
-        """Topic and field with a dot."""
         return f"{self.topic}.{self.field}"
 
     def __lt__(self, value: str | float) -> Compare:
-        """Less than a number with a unit."""
         return self.compare("<", value)
 
     def __le__(self, value: str | float) -> Compare:
-        """At most a number with a unit."""
         return self.compare("<=", value)
 
     def __gt__(self, value: str | float) -> Compare:
-        """More than a number with a unit."""
         return self.compare(">", value)
 
     def __ge__(self, value: str | float) -> Compare:
-        """At least a number with a unit."""
         return self.compare(">=", value)
 
     def compare(self, operator: str, value: str | float, tolerance: str | float = 0.0) -> Compare:
@@ -118,23 +113,15 @@ class Number:
     unit: str = ""
 
     def __str__(self) -> str:
-        """Number and unit."""
         text = f"{self.value:g}"
         return f"{text if float(text) == self.value else repr(self.value)} {self.unit}".rstrip()
 
 
 def to_number(value: str | float) -> Number:
     """Return a number from a text such as ``45 N``, or from a number without a unit."""
-    if isinstance(value, str):
-        return Number(*parse_quantity(value))
-    if isinstance(value, bool) or not isinstance(value, (int, float)):
+    if isinstance(value, bool) or not isinstance(value, (str, int, float)):
         raise ExpectationError(f"{shown(value)} is not a number with a unit, such as 45 N")
-    return Number(*parse_quantity(repr(float(value))))
-
-
-def _check_operator(operator: str) -> None:
-    if operator not in OPERATORS:
-        raise ExpectationError(f"{shown(operator)} is not one of {', '.join(OPERATORS)}")
+    return Number(*parse_quantity(value if isinstance(value, str) else repr(float(value))))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -170,37 +157,30 @@ class Says(Formula):
 
 
 @dataclasses.dataclass(frozen=True)
-class Active(Formula):
-    """A fault lasts: from its onset to just before its clearing."""
-
+class _OfFault:
     fault: str  # a kind, or ``KIND on CHANNEL``
 
     def __post_init__(self) -> None:
-        _check_fault(self.fault)
+        if not isinstance(self.fault, str):
+            raise ExpectationError(f"fault = {shown(self.fault)} is not a kind of fault")
+        Fault(*self.kind_and_channel)
+
+    @property
+    def kind_and_channel(self) -> tuple[str, str]:
+        kind, _, channel = self.fault.partition(" on ")
+        return kind.strip(), channel.strip()
 
 
-class Event(Formula):
-    """Base of formulas that hold at single nanoseconds."""
+class Active(_OfFault, Formula):
+    """A fault lasts: from its onset to just before its clearing."""
 
 
-@dataclasses.dataclass(frozen=True)
-class Onset(Event):
+class Onset(_OfFault, Event):
     """A fault begins."""
 
-    fault: str
 
-    def __post_init__(self) -> None:
-        _check_fault(self.fault)
-
-
-@dataclasses.dataclass(frozen=True)
-class Cleared(Event):
+class Cleared(_OfFault, Event):
     """A fault ends."""
-
-    fault: str
-
-    def __post_init__(self) -> None:
-        _check_fault(self.fault)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -233,23 +213,20 @@ class Not(Formula):
 
 
 @dataclasses.dataclass(frozen=True)
-class And(Formula):
+class _Several(Formula):
+    formulas: tuple[Formula, ...]
+
+    def __post_init__(self) -> None:
+        if not self.formulas:
+            raise ExpectationError("all and any need at least one formula")
+
+
+class And(_Several):
     """All formulas hold."""
 
-    formulas: tuple[Formula, ...]
 
-    def __post_init__(self) -> None:
-        _check_some(self.formulas)
-
-
-@dataclasses.dataclass(frozen=True)
-class Or(Formula):
+class Or(_Several):
     """At least one formula holds."""
-
-    formulas: tuple[Formula, ...]
-
-    def __post_init__(self) -> None:
-        _check_some(self.formulas)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -261,19 +238,17 @@ class Implies(Formula):
 
 
 @dataclasses.dataclass(frozen=True)
-class Always(Formula):
+class _OverWindow(Formula):
+    formula: Formula
+    window: Window = WHOLE
+
+
+class Always(_OverWindow):
     """The formula holds at every instant of a window."""
 
-    formula: Formula
-    window: Window = WHOLE
 
-
-@dataclasses.dataclass(frozen=True)
-class Eventually(Formula):
+class Eventually(_OverWindow):
     """The formula holds at some instant of a window."""
-
-    formula: Formula
-    window: Window = WHOLE
 
 
 @dataclasses.dataclass(frozen=True)
@@ -332,18 +307,83 @@ class Quantile(Formula):
             raise ExpectationError(f"quantile = {self.share:g} is outside its range (0, 1]")
 
 
-def _check_some(formulas: tuple[Formula, ...]) -> None:
-    if not formulas:
-        raise ExpectationError("all and any need at least one formula")
+def _check_operator(operator: str) -> None:
+    if operator not in OPERATORS:
+        raise ExpectationError(f"{shown(operator)} is not one of {', '.join(OPERATORS)}")
 
 
-def split_fault(fault: str) -> tuple[str, str]:
-    """Return kind and channel of a fault's name, such as ``noise on wrench``."""
-    kind, _, channel = fault.partition(" on ")
-    return kind.strip(), channel.strip()
+def signal(name: str, hold: str | float | None = None) -> Signal:
+    """Return a signal by topic and field, as in ``reacting_force.force``.
+
+    A value holds at most for ``hold``, as ``0.1 s``; None for that of the topic.
+    """
+    match = _SIGNAL.fullmatch(name) if isinstance(name, str) else None
+    if match is None:
+        raise ExpectationError(f"{shown(name)} is not a topic and a field, as reacting_force.force")
+    topic = "/diagnostics" if match[1] == "diagnostics" else match[1]
+    return Signal(topic, match[2], None if hold is None else parse_duration(hold, "hold"))
 
 
-def _check_fault(fault: str) -> None:
-    if not isinstance(fault, str):
-        raise ExpectationError(f"fault = {shown(fault)} is not a kind of fault")
-    Fault(*split_fault(fault))
+def window(within: Any = None, between: Any = None) -> Window:
+    """Return a window from its end, or from start and end; of neither, the rest of the recording.
+
+    Both are as ``0.5 s``; an end of None is that of the recording.
+    """
+    if within is not None and between is not None:
+        raise ExpectationError("within and between exclude each other")
+    if between is None:
+        return WHOLE if within is None else Window(0, parse_duration(within, "within"))
+    if not isinstance(between, (list, tuple)) or len(between) != 2:
+        raise ExpectationError(f"between = {shown(between)} is not [start, end], as [1 s, 2 s]")
+    first, last = between
+    end = None if last is None else parse_duration(last, "between")
+    return Window(parse_duration(first, "between"), end)
+
+
+def always(formula: Formula, within: Any = None, between: Any = None) -> Always:
+    """Return the formula that ``formula`` holds at every instant of a window."""
+    return Always(formula, window(within, between))
+
+
+def eventually(formula: Formula, within: Any = None, between: Any = None) -> Eventually:
+    """Return the formula that ``formula`` holds at some instant of a window."""
+    return Eventually(formula, window(within, between))
+
+
+def until(formula: Formula, goal: Formula, within: Any = None, between: Any = None) -> Until:
+    """Return the formula that ``goal`` comes in a window and ``formula`` holds until then."""
+    return Until(formula, goal, window(within, between))
+
+
+def unless(formula: Formula, goal: Formula) -> Until:
+    """Return the formula that ``formula`` holds until ``goal`` comes, or always."""
+    return Until(formula, goal, WHOLE, True)
+
+
+def after(trigger: Formula, formula: Formula) -> After:
+    """Return the formula that ``formula`` holds at each instant of ``trigger``."""
+    return After(trigger, formula)
+
+
+def count(
+    event: Event,
+    operator: str,
+    number: float,
+    within: Any = None,
+    between: Any = None,
+    until: Formula | None = None,
+) -> Count:
+    """Return the comparison of the number of events in a window, or before ``until`` holds."""
+    return Count(event, operator, float(number), window(within, between), until)
+
+
+def quantile(
+    share: float,
+    of: Signal,
+    operator: str,
+    number: str | float,
+    within: Any = None,
+    between: Any = None,
+) -> Quantile:
+    """Return the comparison of a quantile of a signal's messages in a window."""
+    return Quantile(float(share), of, operator, to_number(number), window(within, between))
