@@ -107,7 +107,7 @@ def run(arguments: argparse.Namespace) -> int:
     from rpud_sim.bag import BagError
     from rpud_sim.inspection import InspectionError
     from rpud_sim.inspection.compare import compare
-    from rpud_sim.inspection.compare.content import content
+    from rpud_sim.inspection.compare.results import content
 
     if arguments.out:
         from rpud_sim.inspection.compare.compare_page import write_page
