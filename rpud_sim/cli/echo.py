@@ -65,8 +65,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     from rpud_sim.ros.client import ClientError
     from rpud_sim.ros.client.listening_node import ListeningNode
-    from rpud_sim.ros.client.plain_message import CUT, FieldPath, to_plain
-    from rpud_sim.ros.client.topic_listener import TopicListener
+    from rpud_sim.ros.client.topic_listener import CUT, FieldPath, TopicListener, to_plain
     from rpud_sim.ros.starting import StartError
 
     with (
@@ -115,7 +114,7 @@ def _echo(
 
 
 def _json(plain: Any) -> str:
-    from rpud_sim.ros.client.plain_message import to_json_value
+    from rpud_sim.ros.client.topic_listener import to_json_value
 
     return json.dumps(to_json_value(plain)) + "\n"
 
