@@ -99,7 +99,7 @@ class DrillConnection:
         subscribe = self.listening.subscribe
         subscribe(Status, "status", self._on_status, _LATCHED)
         subscribe(Faults, "faults", self._on_faults, _LATCHED)
-        subscribe(JournalEntry, "journal", lambda each: self.observer("journal", each), _JOURNAL)
+        subscribe(JournalEntry, "journal", self._on_entry, _JOURNAL)
         subscribe(CommandResults, "command_results", self._on_results, _LATCHED)
         self._clients = {
             name: self.node.create_client(kind, name) for name, kind in _SERVICES.items()
@@ -279,6 +279,9 @@ class DrillConnection:
     def _on_faults(self, faults: Faults) -> None:
         self.faults = faults
         self.observer("faults", faults)
+
+    def _on_entry(self, entry: JournalEntry) -> None:
+        self.observer("journal", entry)
 
     def _on_results(self, results: CommandResults) -> None:
         for result in results.results:

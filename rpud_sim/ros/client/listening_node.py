@@ -101,7 +101,7 @@ class ListeningNode:
         self,
         kind: Any,
         topic: str,
-        heard: Callable[..., object],
+        heard: Callable[..., None],
         qos: QoSProfile,
         **options: Any,
     ) -> Subscription:
