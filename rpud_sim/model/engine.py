@@ -296,8 +296,9 @@ class Engine:
         return room[: count + 1], impacts
 
     def _commands(self) -> tuple[float, ...]:
+        """What is in force, as a change takes it."""
         state = self._state[0]
-        names = ("target_amplitude", "frequency")
+        names: tuple[str, ...] = ("target_amplitude", "frequency")
         if state["resonant"]:
             names = ("voltage", "drive_frequency", "resonance_frequency")
         new = [float(state[name]) for name in ("weight_on_bit", *names)]
