@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from rpud_sim.bag.encoder import Encoder
-from rpud_sim.bag.message_block import MessageBlock
+from rpud_sim.bag.messages import MessageBlock
 from rpud_sim.simulation.together import Columns, Together
 
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import rpud_sim.bag
 from rpud_sim.bag import BagFormatError, BagReader
-from rpud_sim.bag.manifest import RECORD_NAME, manifest_from_record
+from rpud_sim.bag.manifest import MANIFEST_RECORD, manifest_from_record
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.inspection.recorded_run import ForkError, RecordedRun, find_run
 from rpud_sim.simulation.changes import Changes, apply_change, apply_parameters
@@ -133,7 +133,7 @@ def _check_instant(recorded: RecordedRun, time: int, at: float) -> None:
 
 def _scenario(bag: BagReader) -> str | None:
     try:
-        records = bag.records(RECORD_NAME)
+        records = bag.records(MANIFEST_RECORD)
         return manifest_from_record(records[0]).scenario if records else None
     except BagFormatError:
         return None

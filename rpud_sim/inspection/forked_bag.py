@@ -9,9 +9,8 @@ from collections.abc import Callable
 
 from rpud_sim.bag import BagExistsError, BagWriter, QosProfile, Topic
 from rpud_sim.bag.definitions import find_definition, find_type_hash
-from rpud_sim.bag.losses import RECORD_NAME, Losses, losses_to_record
-from rpud_sim.bag.manifest import RECORD_NAME as MANIFEST_RECORD
-from rpud_sim.bag.manifest import Manifest, installed_versions, machine_name
+from rpud_sim.bag.losses import LOSSES_RECORD, Losses, losses_to_record
+from rpud_sim.bag.manifest import MANIFEST_RECORD, Manifest, installed_versions, machine_name
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.inspection.continuation import Continuation
 from rpud_sim.inspection.fork import Fork, open_fork
@@ -119,7 +118,7 @@ def _write(
             write(name, fields, zero + time, zero + time)
             count += 1
         losses = {f"{prefix}{name}": Losses() for name in topics}
-        bag.add_record(RECORD_NAME, losses_to_record(losses))
+        bag.add_record(LOSSES_RECORD, losses_to_record(losses))
     return count
 
 

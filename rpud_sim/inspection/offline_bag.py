@@ -10,9 +10,8 @@ from collections.abc import Callable, Collection, Iterator, Sequence
 from rpud_sim.bag import BagWriter, QosProfile, Topic
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.definitions import find_definition, find_type_hash
-from rpud_sim.bag.losses import RECORD_NAME, Losses, losses_to_record
-from rpud_sim.bag.manifest import RECORD_NAME as MANIFEST_RECORD
-from rpud_sim.bag.manifest import Manifest, installed_versions, machine_name
+from rpud_sim.bag.losses import LOSSES_RECORD, Losses, losses_to_record
+from rpud_sim.bag.manifest import MANIFEST_RECORD, Manifest, installed_versions, machine_name
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.inspection.encoded import encoded
 from rpud_sim.simulation.changes import Planned, apply_change
@@ -72,7 +71,7 @@ def write_offline_bag(
                 if name in encoders:
                     bag.write(f"{NAMESPACE}/{name}", encoders[name].encode(values), time, time)
         losses = {f"{NAMESPACE}/{name}": Losses() for name in chosen}
-        bag.add_record(RECORD_NAME, losses_to_record(losses))
+        bag.add_record(LOSSES_RECORD, losses_to_record(losses))
 
 
 def _messages(

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from rclpy.duration import Duration
 from rclpy.qos import DurabilityPolicy, LivelinessPolicy, QoSProfile, ReliabilityPolicy
 
-from rpud_sim.bag.qos import QosProfile as RecordedProfile
+from rpud_sim.bag.metadata import QosProfile as RecordedProfile
 
 # Messages that may wait in the middleware for the recorder: ten seconds of a 1 kHz topic.
 RECORDING_DEPTH = 10_000

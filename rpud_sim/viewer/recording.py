@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 
 import rpud_sim.bag
-from rpud_sim.bag import BagError, Message, Piece
+from rpud_sim.bag import BagError, BagSegment, Message
 from rpud_sim.bag.cdr import Codec
-from rpud_sim.bag.message_block import MessageBlock, joined, messages_of
+from rpud_sim.bag.messages import MessageBlock, joined, messages_of
 from rpud_sim.foundation.time import SECOND, join_seconds
 from rpud_sim.viewer.signals import (
     OURS,
@@ -60,7 +60,7 @@ class Recording:
             self.begin = self.bag.start_time  # log time of its beginning [ns]
             # By topic: readers, and reasons why there are no signals.
             self.readers, self.left_out = topic_readers(self.bag)
-            self.pieces: list[Piece] = self.bag.pieces()
+            self.pieces: list[BagSegment] = self.bag.segments()
         except BaseException:
             self.bag.close()
             raise
@@ -145,7 +145,7 @@ class Recording:
         except BagError as error:
             self.lost = f"it cannot be read any more: {error}"
             return True
-        pieces = {_key(piece): piece for piece in bag.pieces()}
+        pieces = {_key(piece): piece for piece in bag.segments()}
         known = {_key(piece) for piece in self.pieces}
         counted = {each.topic.name for each in bag.readable_topics if each.message_count}
         if not known <= pieces.keys() or not counted <= self.readers.keys() | self.left_out.keys():
@@ -302,7 +302,7 @@ class Recording:
             self._spans[drill].clear()
 
 
-def _key(piece: Piece) -> tuple[int, int, int]:
+def _key(piece: BagSegment) -> tuple[int, int, int]:
     return piece.start_time, piece.end_time, piece.size
 
 

@@ -6,7 +6,7 @@ import re
 import pytest
 from support import called
 
-from rpud_sim.bag.output_file import COMPRESSIONS
+from rpud_sim.bag.chunks import COMPRESSIONS
 from rpud_sim.cli import record as record_command
 from rpud_sim.cli import replay as replay_command
 from rpud_sim.cli.options import Parser, options_from, split_ros_arguments

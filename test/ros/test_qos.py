@@ -11,8 +11,8 @@ from rclpy.qos import (
     qos_check_compatible,
 )
 
-from rpud_sim.bag.qos import INFINITE
-from rpud_sim.bag.qos import QosProfile as RecordedProfile
+from rpud_sim.bag.metadata import INFINITE
+from rpud_sim.bag.metadata import QosProfile as RecordedProfile
 from rpud_sim.ros.qos import is_satisfied, recorded_profile, replay_offer, request_for
 
 SENSOR = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from rpud_sim.bag import BagFormatError, BagReader, TopicSummary
-from rpud_sim.bag.manifest import RECORD_NAME as MANIFEST
+from rpud_sim.bag.manifest import MANIFEST_RECORD as MANIFEST
 from rpud_sim.bag.manifest import Manifest, manifest_from_record
 from rpud_sim.foundation.quantities import suggestion
 from rpud_sim.inspection.damages import Damages

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rpud_sim.bag.cdr import Codec
-from rpud_sim.bag.message_block import MessageBlock
+from rpud_sim.bag.messages import MessageBlock
 from rpud_sim.inspection.encoded import encoded_columns
 from rpud_sim.inspection.verify.messages import KEY_FIELDS, Key, computed_key
 from rpud_sim.inspection.verify.recorded_journal import Position

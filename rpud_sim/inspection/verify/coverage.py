@@ -13,7 +13,7 @@ from rpud_sim.bag import BagFormatError, BagReader
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.columns import Kind, columns_of
 from rpud_sim.bag.field_values import FieldReader
-from rpud_sim.bag.message_block import MessageBlock
+from rpud_sim.bag.messages import MessageBlock
 from rpud_sim.foundation.time import SECOND, join_seconds
 from rpud_sim.inspection.verify.recorded_journal import Position, Span, Stretches
 from rpud_sim.simulation.topics import TOPICS

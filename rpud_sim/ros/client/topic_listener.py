@@ -10,7 +10,7 @@ from typing import Any
 from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 
-from rpud_sim.bag.sequence import SequenceGaps
+from rpud_sim.bag.losses import SequenceGaps
 from rpud_sim.foundation.quantities import did_you_mean
 from rpud_sim.ros.client.errors import ClientError, NoAnswerError
 from rpud_sim.ros.client.listening_node import ListeningNode

@@ -6,7 +6,7 @@ import time
 from collections import Counter
 
 from rpud_sim.bag import Message
-from rpud_sim.bag.latched import LatchedMessages
+from rpud_sim.bag.messages import LatchedMessages
 from rpud_sim.ros.record.message_queue import Declaration, MessageQueue
 
 

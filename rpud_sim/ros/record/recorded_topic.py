@@ -12,8 +12,7 @@ from rclpy.subscription import Subscription
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from rpud_sim.bag import Message
-from rpud_sim.bag.losses import Losses
-from rpud_sim.bag.sequence import SequenceGaps
+from rpud_sim.bag.losses import Losses, SequenceGaps
 from rpud_sim.ros.qos import RECORDING_DEPTH
 
 _ENCAPSULATION = 4  # bytes before the fields of every message (CDR)

@@ -14,9 +14,8 @@ import rclpy
 from rclpy.exceptions import NameValidationException, ParameterException
 
 from rpud_sim.bag import BagWriter
-from rpud_sim.bag.losses import RECORD_NAME, RECORDING_RECORD, losses_to_record
-from rpud_sim.bag.manifest import RECORD_NAME as MANIFEST_RECORD
-from rpud_sim.bag.manifest import Manifest
+from rpud_sim.bag.losses import LOSSES_RECORD, RECORDING_RECORD, losses_to_record
+from rpud_sim.bag.manifest import MANIFEST_RECORD, Manifest
 from rpud_sim.foundation.terminal import printable
 from rpud_sim.ros.record.disk_room import DiskRoom
 from rpud_sim.ros.record.drill_inquiry import DrillInquiry
@@ -100,7 +99,7 @@ def _record(options: RecordOptions, stop: StopRequest, show: Callable[[str], Non
             messages.close()
             writing.join()
         if writing.error is None:
-            bag.add_record(RECORD_NAME, losses_to_record(node.losses))
+            bag.add_record(LOSSES_RECORD, losses_to_record(node.losses))
             if node.skipped:
                 bag.add_record(SKIPPED_RECORD, node.skipped)
     if writing.error is not None:
@@ -190,7 +189,7 @@ class _Collection:
         losses = self._node.losses
         if losses != self._losses and any(item.total != 0 for item in losses.values()):
             self._losses = losses
-            self._messages.keep(NamedRecord(RECORD_NAME, losses_to_record(losses)))
+            self._messages.keep(NamedRecord(LOSSES_RECORD, losses_to_record(losses)))
 
     def _keep(self, manifests: Iterable[Manifest]) -> None:
         for manifest in manifests:

@@ -12,7 +12,7 @@ from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from rpud_sim.bag import BagError, Topic
 from rpud_sim.bag.definitions import find_definition, find_type_hash
-from rpud_sim.bag.sequence import SequenceGaps
+from rpud_sim.bag.losses import SequenceGaps
 from rpud_sim.ros.qos import is_satisfied, recorded_profile, request_for
 from rpud_sim.ros.record.message_queue import Declaration
 from rpud_sim.ros.record.recorded_topic import RecordedTopic
