@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.definitions import find_definition
-from rpud_sim.inspection.encoded import encoded
+from rpud_sim.inspection.offline_bag import encoded
 from rpud_sim.model.engine import Engine, EngineError
 from rpud_sim.model.parameters import preset
 from rpud_sim.simulation.commands import Drive, WeightOnBit
@@ -182,7 +182,7 @@ def test_a_span_is_its_blocks(values, ends, scenario):
         for field in dataclasses.fields(samples):
             values = getattr(samples, field.name)[number : number + 1]
             assert values.tobytes() == getattr(expected, field.name).tobytes()
-    account = EnergyAccount.of(span.block)
+    account = EnergyAccount.of(span)
     assert account.residual == pytest.approx(0.0, abs=1e-6)
 
 

@@ -29,12 +29,13 @@ from rpud_sim.drilling.rock import RockParameters
 from rpud_sim.model.segment import CONSTANTS, SEGMENT
 from rpud_sim.ros.drill import messages
 from rpud_sim.ros.drill.messages import filled
-from rpud_sim.ros.types import members_of
+from rpud_sim.ros.graph import members_of
 from rpud_sim.simulation import fields, preset
 from rpud_sim.simulation.actuator import ActuatorParameters
 from rpud_sim.simulation.commands import Drive, WeightOnBit
 from rpud_sim.simulation.configuration import Configuration
-from rpud_sim.simulation.faults import KINDS, Fault, FaultError
+from rpud_sim.simulation.fault_kinds import KINDS
+from rpud_sim.simulation.faults import Fault, FaultError
 from rpud_sim.simulation.ledger import FaultLedger
 from rpud_sim.simulation.sampling import Samples
 from rpud_sim.simulation.simulation import Simulation
