@@ -25,7 +25,7 @@ from rpud_sim.simulation.changes import Changes, Planned, apply_change
 from rpud_sim.simulation.fields import Bookkeeping, Fields
 from rpud_sim.simulation.journal import Journal
 from rpud_sim.simulation.run import Beginning, Run
-from rpud_sim.simulation.together import Columns, Entry, Together
+from rpud_sim.simulation.telemetry import Columns, Entry, Together
 from rpud_sim.simulation.topics import TOPICS, offered_topics
 from rpud_sim.simulation.topics import Topic as DrillTopic
 

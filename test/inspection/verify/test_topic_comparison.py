@@ -18,7 +18,7 @@ from rpud_sim.inspection.verify.topic_comparison import TopicComparison
 from rpud_sim.simulation.configuration import to_settings
 from rpud_sim.simulation.journal import JournalEntry
 from rpud_sim.simulation.run import Beginning, Run
-from rpud_sim.simulation.together import Together
+from rpud_sim.simulation.telemetry import Together
 from rpud_sim.simulation.topics import TOPICS
 
 SECOND = 1_000_000_000
