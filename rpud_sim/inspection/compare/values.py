@@ -11,7 +11,7 @@ import numpy as np
 
 from rpud_sim.bag import BagReader
 from rpud_sim.bag.columns import Kind, usable
-from rpud_sim.bag.message_block import MessageBlock
+from rpud_sim.bag.messages import MessageBlock
 from rpud_sim.bag.tables import Batch, Table, batches
 from rpud_sim.foundation.time import SECOND, join_seconds
 from rpud_sim.inspection.output import Damages
