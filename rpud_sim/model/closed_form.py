@@ -126,16 +126,7 @@ def free_vibration(body, force, position, velocity):
 
 
 @compiled
-def driven_vibration(
-    body,
-    force,
-    force_sine,
-    force_cosine,
-    frequency,
-    turn,
-    position,
-    velocity,
-):
+def driven_vibration(body, force, force_sine, force_cosine, frequency, turn, position, velocity):
     """Closed form of an ``Oscillator`` that also feels the harmonic vibration.
 
     Args:

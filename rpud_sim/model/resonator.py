@@ -36,12 +36,7 @@ from rpud_sim.model.elementary import (
 )
 from rpud_sim.model.energy import exponential_integral, force_parts, held_parts
 from rpud_sim.model.segment import CONTACT_ACTUATOR
-from rpud_sim.model.tolerances import (
-    LOWEST_BOUNCE,
-    SAME_PHASE,
-    STEADY,
-    UPDATES_PER_DECAY,
-)
+from rpud_sim.model.tolerances import LOWEST_BOUNCE, SAME_PHASE, STEADY, UPDATES_PER_DECAY
 
 
 class Resonance(NamedTuple):

@@ -129,11 +129,7 @@ def gap_to_drill_tool(segment, time):
     position, velocity, tip_acceleration = held_tip_motion(segment, tip, turn)
     _, _, u_fm, v_fm = tip
     return Guard(
-        u_dt - u_fm,
-        v_dt - v_fm,
-        acceleration - tip_acceleration,
-        u_dt - position,
-        v_dt - velocity,
+        u_dt - u_fm, v_dt - v_fm, acceleration - tip_acceleration, u_dt - position, v_dt - velocity
     )
 
 

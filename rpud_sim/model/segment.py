@@ -260,10 +260,7 @@ def motion_of(segment, time, turns):
     if segment.contact == CONTACT_DRILL_TOOL:
         return u_np, v_np, u_ut, v_ut, u_dt, v_dt, u_dt, v_dt
     u_fm, v_fm = fall(
-        segment.free_mass_position,
-        segment.free_mass_velocity,
-        segment.free_mass_acceleration,
-        time,
+        segment.free_mass_position, segment.free_mass_velocity, segment.free_mass_acceleration, time
     )
     return u_np, v_np, u_ut, v_ut, u_fm, v_fm, u_dt, v_dt
 

@@ -208,12 +208,7 @@ def first_strike(segment, limit, turn):
             swing = nodal_plane_swing(segment, time)
             displacement, velocity = swinging_part(nodal_plane, swing)
         if in_flight:
-            u_fm, v_fm = fall(
-                segment.free_mass_position,
-                segment.free_mass_velocity,
-                gravity,
-                time,
-            )
+            u_fm, v_fm = fall(segment.free_mass_position, segment.free_mass_velocity, gravity, time)
         else:
             u_dt, v_fm = swinging_part(tool, drill_tool_swing(segment, time))
             u_fm = tool.offset + u_dt

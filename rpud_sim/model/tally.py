@@ -22,14 +22,7 @@ from rpud_sim.model.energy import (
     stored_energy,
     time_in,
 )
-from rpud_sim.model.events import (
-    DONE,
-    FULL,
-    GOES_ON,
-    pass_event,
-    start,
-    status_before,
-)
+from rpud_sim.model.events import DONE, FULL, GOES_ON, pass_event, start, status_before
 from rpud_sim.model.search import END_DRILL_TOOL_RELEASE
 from rpud_sim.model.segment import (
     EVENT_ACTUATOR_IMPACT,
