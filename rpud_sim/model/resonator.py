@@ -56,7 +56,7 @@ class Resonance(NamedTuple):
         return 2.0 * self.resistance * scale * scale / self.decay_time
 
 
-class Account(NamedTuple):
+class ResonatorEnergy(NamedTuple):
     """Envelope of the resonance at a time, and its energies since time zero."""
 
     envelope: complex  # z [V]
@@ -124,13 +124,13 @@ def envelope_after(state, time):
 
 @compiled
 def account(state, segment, time):
-    """``Account`` at a time since the start of the open segment [s]; changes nothing."""
+    """``ResonatorEnergy`` at a time since the start of the open segment [s]; changes nothing."""
     envelope, drawn, heat = envelope_after(state, time)
     _, work = contact_load(segment, time)
     drawn += state.drawn
     work += state.work
     advanced = max(work - drawn, 0.0)
-    return Account(
+    return ResonatorEnergy(
         envelope,
         drawn + advanced,
         state.heat + heat,
@@ -210,7 +210,7 @@ def blow(drill, state, impulse):
 
 @compiled
 def hold(drill, state, v_np, blow_impulse):
-    """Account for bodies that were given one velocity.
+    """ResonatorEnergy for bodies that were given one velocity.
 
     The vibration keeps its velocity, and gives the work of an impulse that joins the blow.
 

@@ -171,7 +171,7 @@ def force_on_drill_tool(segment, time):
 
 @compiled
 def force_of_swing(segment, swing):
-    """Return the same off the actuator, given the ``Swing`` of the drill tool at the time."""
+    """Return the same off the actuator, given the swing of the drill tool."""
     motion = drill_tool_motion(segment)
     displacement, velocity = swinging_part(motion, swing)
     acceleration, jerk = decaying_derivatives(motion, displacement, velocity)
@@ -334,7 +334,7 @@ def sooner_release(state, segment, duration, event, turn):
 def next_event(drill, state, segment, turn):
     """Find the end of the segment, and its duration [s].
 
-    ``turn`` is the ``Turn`` of the vibration at the segment's start.
+    ``turn`` is the ``PhaseSinCos`` of the vibration at the segment's start.
 
     Returns:
         The duration, and one of END_*.

@@ -31,7 +31,7 @@ from rpud_sim.model.segment import (
     Turns,
     motion_at,
     motion_of,
-    nodal_plane_integral_of,
+    nodal_plane_integral,
     oscillators_of,
     turns_at,
     turns_at_end,
@@ -133,9 +133,9 @@ def reacting_impulse(segment, start, end, u_start, u_end, turn, turns):
         start: of the part, since the segment's start [s].
         end: of the part [s].
     """
-    position = nodal_plane_integral_of(segment, end, turn, turns)
+    position = nodal_plane_integral(segment, end, turn, turns)
     if start > 0.0:
-        position -= nodal_plane_integral_of(segment, start, turn, turns_at(segment, start))
+        position -= nodal_plane_integral(segment, start, turn, turns_at(segment, start))
     return (
         segment.weight_on_bit * (end - start)
         - segment.load_spring_rate * position
