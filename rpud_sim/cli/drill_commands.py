@@ -316,7 +316,7 @@ class _Set(DrillOptions):
         self.values()  # a mistake ends before the drill is looked for
 
     def values(self) -> dict[str, Any]:
-        from rpud_sim.simulation.parameter_files import parse_assignment
+        from rpud_sim.simulation.configuration import parse_assignment
 
         return dict(map(parse_assignment, self.assignments))
 

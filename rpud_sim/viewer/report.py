@@ -18,10 +18,9 @@ from typing import Any
 import numpy as np
 
 from rpud_sim.bag import BagFormatError
-from rpud_sim.bag.manifest import RECORD_NAME as MANIFEST
-from rpud_sim.bag.manifest import Manifest, manifest_from_record
-from rpud_sim.bag.tested import RECORD_NAME as TESTED
-from rpud_sim.bag.tested import RunVerdict, tested_from_record
+from rpud_sim.bag.manifest import MANIFEST_RECORD as MANIFEST
+from rpud_sim.bag.manifest import VERDICT_RECORD as TESTED
+from rpud_sim.bag.manifest import Manifest, RunVerdict, manifest_from_record, tested_from_record
 from rpud_sim.foundation.terminal import printable
 from rpud_sim.inspection import InspectionError
 from rpud_sim.inspection.output import Damages, check_new_file, write_new_file

@@ -18,7 +18,7 @@ from rpud_msgs.msg import Feed as FeedMessage
 from rpud_msgs.msg import WeightOnBit as WeightOnBitMessage
 from sensor_msgs.msg import JointState
 
-from rpud_sim.bag.sequence import SequenceGaps
+from rpud_sim.bag.losses import SequenceGaps
 from rpud_sim.drilling.mount import POSITION, RATE
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.foundation.time import SECOND, join_seconds
@@ -26,8 +26,7 @@ from rpud_sim.ros.drill.inbox import Command, Inbox
 from rpud_sim.ros.drill.publishers import COMMAND_QOS
 from rpud_sim.simulation.commands import Drive, Feed, WeightOnBit
 from rpud_sim.simulation.configuration import Settings
-from rpud_sim.simulation.fields import JOINTS
-from rpud_sim.simulation.process_fields import FEED_JOINT, ROTATION_JOINT
+from rpud_sim.simulation.fields import FEED_JOINT, JOINTS, ROTATION_JOINT
 
 _PASSIVE = (*JOINTS, ROTATION_JOINT)
 
