@@ -13,7 +13,7 @@ _BOUNDS = [1e3 * 2 ** (step / _STEPS_PER_OCTAVE) for step in range(_OCTAVES * _S
 _BOUNDS.append(inf)
 
 
-class Lateness:
+class DelayHistogram:
     """Histogram of delays; an early or punctual event counts as zero."""
 
     def __init__(self) -> None:

@@ -19,8 +19,8 @@ from rpud_sim.bag import BagReader, Batch, TopicSummary
 from rpud_sim.bag.columns import Column
 from rpud_sim.bag.manifest import RECORD_NAME as MANIFEST
 from rpud_sim.foundation.time import SECOND
-from rpud_sim.inspection.damages import Damages
-from rpud_sim.inspection.output import new_folder
+from rpud_sim.inspection import InspectionError
+from rpud_sim.inspection.output import Damages, new_folder
 
 # File with the account of an export, and with what the other files have no place for.
 ACCOUNT = "export.json"
@@ -31,10 +31,6 @@ FORMATS = {
     "csv": ("arrow_files", "CsvFile"),
     "numpy": ("numpy_files", "NumpyFolder"),
 }
-
-
-class ExportError(Exception):
-    """Bag that cannot be exported; the text gives the reason in one line."""
 
 
 @dataclass(frozen=True)
@@ -78,7 +74,9 @@ def export(
     with rpud_sim.bag.open(path) as bag:
         if 0 < bag.duration < start * SECOND:
             held = bag.duration / SECOND
-            raise ExportError(f"--start = {start:g} s is not in the {held:g} s that the bag holds")
+            raise InspectionError(
+                f"--start = {start:g} s is not in the {held:g} s that the bag holds"
+            )
         left_out = bag.left_out if topics is None else {}
         damages = Damages(bag)
         chosen = [
@@ -95,7 +93,7 @@ def export(
             length,
             damages.add,
         )
-        with new_folder(out, ExportError) as folder:
+        with new_folder(out) as folder:
             files = _Files(bag, folder, file_format, chosen, damages)
             with files:
                 for batch in batches:
@@ -104,10 +102,13 @@ def export(
             exported = Exported(
                 os.fspath(out), file_format, files.exported(), left_out, damages.texts
             )
-            account = {**asdict(exported), **files.account}
-            text = json.dumps(account, indent=2, ensure_ascii=False)
-            (folder / ACCOUNT).write_text(text + "\n", "utf-8", "backslashreplace")
+            write_account(folder, {**asdict(exported), **files.account})
     return exported
+
+
+def write_account(folder: Path, account: Mapping[str, Any]) -> None:
+    text = json.dumps(account, indent=2, ensure_ascii=False)
+    (folder / ACCOUNT).write_text(text + "\n", "utf-8", "backslashreplace")
 
 
 _ROS_NAME = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+")
@@ -132,13 +133,9 @@ def file_stem(topic: str) -> str:
 def make_table(
     file_format: str, path: Path, columns: Sequence[Column], metadata: Mapping[str, Any]
 ) -> Any:
-    """Return a new table of a format: a class of ``FORMATS``, for rows in its ``write``.
-
-    Args:
-        path: of the file or folder, without its ending.
-    """
+    """Return a new table of a format, for rows in its ``write``; ``path`` is without its ending."""
     module, name = FORMATS[file_format]
-    kind = getattr(import_module(f"rpud_sim.inspection.export.{module}"), name)
+    kind = getattr(import_module(f"rpud_sim.inspection.{module}"), name)
     return kind(path, columns, metadata)
 
 

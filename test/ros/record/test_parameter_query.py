@@ -5,7 +5,7 @@ import json
 import pytest
 import yaml
 
-from rpud_sim.ros.record.journal_scenario import scenario_text
+from rpud_sim.ros.record.parameter_query import scenario_text
 from rpud_sim.simulation.configuration import Settings
 from rpud_sim.simulation.journal import JournalEntry
 from rpud_sim.simulation.run import Beginning

@@ -1,13 +1,19 @@
-"""Requests from any thread, which one thread serves."""
+"""Threads with deadlines, requests to them from others, and executors that give way to them."""
 
 from __future__ import annotations
 
+import gc
+import os
+import sys
 import threading
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import Future
 from concurrent.futures import TimeoutError as FutureTimeoutError
+from contextlib import contextmanager
 from typing import Any
+
+from rclpy.executors import Executor
 
 _POLL_PERIOD = 0.5  # between checks that the thread is still alive [s]
 
@@ -65,3 +71,64 @@ class Requests:
                     return future.result()
                 if self._closed.is_set():
                     raise StoppedError("the drill has stopped") from None
+
+
+def schedule_thread(priority: int) -> str:
+    """Schedule the calling thread with a priority; return how it is scheduled now.
+
+    What it starts does not inherit that. If the system denies it, the thread stays as it is. The
+    priority is of SCHED_FIFO, from 1 to 99; 0 for time-sharing.
+    """
+    policy = os.SCHED_FIFO | os.SCHED_RESET_ON_FORK if priority else os.SCHED_OTHER
+    try:
+        os.sched_setscheduler(0, policy, os.sched_param(priority))
+    except OSError as error:
+        return f"time-sharing: real-time priority {priority}: {error.strerror}"
+    return f"real-time priority {priority}" if priority else "time-sharing"
+
+
+_LONGEST_WAIT = 0.1  # for a callback that is ready [s]
+_SWITCH_INTERVAL = 1e-4  # after which Python lets another thread go on, 5 ms by default [s]
+
+
+@contextmanager
+def quick_switches() -> Iterator[None]:
+    """Let a thread that publishes go on soon while an executor is busy in another one.
+
+    A thread lets go of Python's lock at every message that it publishes, and waits for it again.
+    """
+    before = sys.getswitchinterval()
+    sys.setswitchinterval(_SWITCH_INTERVAL)
+    try:
+        yield
+    finally:
+        sys.setswitchinterval(before)
+
+
+@contextmanager
+def settled_memory() -> Iterator[None]:
+    """Keep what exists now out of Python's search for unused objects, which stops every thread."""
+    gc.collect()
+    gc.freeze()
+    try:
+        yield
+    finally:
+        gc.unfreeze()
+
+
+def serve(executor: Executor, failed: Callable[[str], None]) -> None:
+    """Execute the next callback of an executor's nodes, or return after 0.1 s without any.
+
+    rclpy itself raises errors at some messages, such as a ``/clock`` before time zero: without
+    this, a stranger's message would end the program. ``failed`` is called with one line if the
+    callback raised an error.
+    """
+    try:
+        executor.spin_once(timeout_sec=_LONGEST_WAIT)
+    except Exception as error:
+        failed(raised(error))
+
+
+def raised(error: Exception) -> str:
+    """Return one line about an error that a message from the network has caused."""
+    return f"it raised {type(error).__name__}: {' '.join(str(error).split())}"

@@ -5,11 +5,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rpud_sim.ros.lateness import Lateness
+from rpud_sim.ros.delay_histogram import DelayHistogram
 
 
 def test_nothing_is_not_late():
-    lateness = Lateness()
+    lateness = DelayHistogram()
     assert (lateness.count, lateness.quantile(0.5), lateness.greatest) == (0, 0.0, 0.0)
     lateness.add(-5.0)
     assert (lateness.count, lateness.quantile(0.99), lateness.greatest) == (1, 0.0, 0.0)
@@ -17,7 +17,7 @@ def test_nothing_is_not_late():
 
 @given(st.lists(st.floats(0.0, 1e13), min_size=1), st.floats(0.0, 1.0, exclude_min=True))
 def test_quantiles_are_little_too_large_and_never_too_small(delays, share):
-    lateness = Lateness()
+    lateness = DelayHistogram()
     for delay in delays:
         lateness.add(delay)
     exact = np.quantile(delays, share, method="inverted_cdf") / 1e9
@@ -26,7 +26,7 @@ def test_quantiles_are_little_too_large_and_never_too_small(delays, share):
 
 
 def test_its_memory_does_not_grow_with_their_number():
-    lateness = Lateness()
+    lateness = DelayHistogram()
     for number in range(100_000):
         lateness.add(float(number))
     assert len(lateness._counts) < 200
