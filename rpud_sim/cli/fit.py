@@ -17,9 +17,8 @@ from rpud_sim.foundation.quantities import Quantity
 from rpud_sim.foundation.terminal import printable
 
 if TYPE_CHECKING:
-    from rpud_sim.studies.fit.fit import Fit
-    from rpud_sim.studies.fit.proof import Proof
-    from rpud_sim.studies.fit.specification import Specification
+    from rpud_sim.studies.fit.fit import Fit, Proof
+    from rpud_sim.studies.fit.target_file import FitSpecification
 
 HELP = "fit parameters, with intervals, to figures or data of a drill"
 EXAMPLE = "rpud fit config/fit_paper_drilling.yaml --out fits/drilling"
@@ -51,16 +50,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    from rpud_sim.studies.fit.branches import FitError
+    from rpud_sim.studies.fit.rounds import FitError
     from rpud_sim.studies.fit.target_file import read_target_file
-    from rpud_sim.studies.processes import WorkerError
+    from rpud_sim.studies.workers import WorkerError
 
     with failing(FitError, WorkerError):
         specification = read_target_file(arguments.targets)
         return (_prove if arguments.prove else _fit)(arguments, specification)
 
 
-def _fit(arguments: argparse.Namespace, specification: Specification) -> int:
+def _fit(arguments: argparse.Namespace, specification: FitSpecification) -> int:
     from rpud_sim.studies.fit.fit import most_simulations, run_fit
     from rpud_sim.studies.fit.fit_report import fit_content, write_fit
 
@@ -80,9 +79,10 @@ def _fit(arguments: argparse.Namespace, specification: Specification) -> int:
     return ExitCode.INCOMPLETE if fit.refusal else ExitCode.DONE
 
 
-def _prove(arguments: argparse.Namespace, specification: Specification) -> int:
-    from rpud_sim.studies.fit.folder import FitFolder
-    from rpud_sim.studies.fit.proof import proof_simulations, prove
+def _prove(arguments: argparse.Namespace, specification: FitSpecification) -> int:
+    from rpud_sim.studies.fit.fit import proof_simulations, prove
+    from rpud_sim.studies.fit.rounds import FitFolder
+    from rpud_sim.studies.store import write_whole
 
     drills = arguments.prove
     out = Path(arguments.out)
@@ -91,7 +91,7 @@ def _prove(arguments: argparse.Namespace, specification: Specification) -> int:
         with folder.held():
             proof = prove(folder, specification, drills, bar.update)
             content = json.dumps(proof.content(), indent=1)
-            folder.write(_PROOF, f"{content}\n".encode())
+            write_whole(out / _PROOF, f"{content}\n")
     print_json(proof.content()) if arguments.json else print(_proof_text(proof))
     return ExitCode.DONE if proof.holds else ExitCode.FAILED
 
@@ -114,7 +114,7 @@ def fit_text(fit: Fit) -> str:
 
 
 def _unknown(fit: Fit, name: str) -> str:
-    from rpud_sim.studies.fit.specification import unit_of
+    from rpud_sim.studies.fit.target_file import unit_of
 
     if fit.found is None:
         return f"{name:28} {fit.best[name]:.4g} {unit_of(name)}".rstrip()

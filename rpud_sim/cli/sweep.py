@@ -39,9 +39,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    from rpud_sim.studies.processes import WorkerError
     from rpud_sim.studies.sweep.specification import SweepError
     from rpud_sim.studies.sweep.specification_file import read_specification
+    from rpud_sim.studies.workers import WorkerError
 
     started = time.perf_counter()
     with failing(SweepError, code=ExitCode.USAGE), failing(WorkerError):

@@ -19,6 +19,12 @@ MANIFEST = "manifest.json"
 _LONGEST_VALUE = 100  # characters in a message
 
 
+def write_whole(path: Path, content: str | bytes) -> None:
+    """Write a file that appears when it is complete."""
+    with whole_file(path) as unfinished:
+        unfinished.write_bytes(content.encode() if isinstance(content, str) else content)
+
+
 class Store:
     """Folder of a study.
 
@@ -55,13 +61,6 @@ class Store:
         finally:
             os.close(handle)
 
-    def write(self, name: str, content: str | bytes) -> Path:
-        """Write a file of the folder; return its path."""
-        path = self.path / name
-        with whole_file(path) as unfinished:
-            unfinished.write_bytes(content.encode() if isinstance(content, str) else content)
-        return path
-
     def _check_or_write(self) -> None:
         path, study = self.path / MANIFEST, self._study
         if path.exists():
@@ -76,7 +75,7 @@ class Store:
         if any(not name.name.endswith(UNFINISHED) for name in self.path.iterdir()):
             reason = f"is not empty and holds no {study}; choose another --out"
             raise self._refuse(f"{self.path}: {reason}")
-        self.write(MANIFEST, json.dumps(self.manifest, indent=2) + "\n")
+        write_whole(path, json.dumps(self.manifest, indent=2) + "\n")
 
 
 def _difference(found: Any, wanted: Any, entry: str = "") -> str:

@@ -134,9 +134,7 @@ class _Worker:
 
     def __init__(self, work: Callable[[Any], Any]) -> None:
         self.connection, theirs = _SERVER.Pipe()
-        self._process: BaseProcess = _SERVER.Process(
-            target=_work, args=(theirs, work), daemon=True
-        )
+        self._process: BaseProcess = _SERVER.Process(target=_work, args=(theirs, work), daemon=True)
         self._process.start()
         theirs.close()
 
