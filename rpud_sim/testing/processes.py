@@ -1,128 +1,229 @@
-"""Processes of a test: their output goes to a file, and they never outlive the test."""
+"""Processes of a test, the drill and the recorder, in a ROS domain that no one else uses."""
 
 from __future__ import annotations
 
 import contextlib
-import ctypes
+import fcntl
 import os
+import shutil
 import signal
-import subprocess
-import time
-from collections.abc import Mapping, Sequence
+import socket
+import sys
+import tempfile
+from collections.abc import Iterator, Mapping
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
-_GRACE = 3.0  # that a process has to obey a signal [s]
-_POLL_PERIOD = 0.005  # s
-_TAIL = 15  # lines of output in an error
-_TAIL_BYTES = 16_384
-_SET_DEATH_SIGNAL = 1  # PR_SET_PDEATHSIG of prctl(2)
-_LIBC = ctypes.CDLL(None)
+import yaml
+
+from rpud_sim.foundation.child_process import RPUD, ChildProcess
+from rpud_sim.ros.environment import PROFILE, loopback_variables
+from rpud_sim.simulation.topics import TOPICS
+from rpud_sim.testing.errors import DrillError, LostMessagesError
+
+if TYPE_CHECKING:
+    from rpud_sim.testing.drill import Drill
+
+# 101 is the last domain whose ports lie below those that Linux gives to outgoing connections.
+_LAST_DOMAIN = 101
+_DEFAULT_DOMAINS = (0, 42)  # of ROS, and of env.bash: people use them without a lock
+_PARTICIPANTS = 8  # of another program that are looked for in a domain
+_ELSEWHERE = ("ROS_LOCALHOST_ONLY", "ROS_STATIC_PEERS", "ROS_DISCOVERY_SERVER")
+# Parameters of every drill of a test: time stands still between steps, and begins at zero.
+LOCKSTEP: Mapping[str, bool] = {"start_paused": True, "publish_clock": True}
+
+NO_FAULTS = "faults: []\n"
+_PROGRAM = "from rpud_sim.cli.executables import drill_node; drill_node()"
+
+_START = 30.0  # that the recorder may take to start [s]
+_END = 30.0  # that it may take to complete the bag [s]
 
 
-class ChildProcess:
-    """Process in a session of its own, which ends with this process at the latest.
+class DomainError(RuntimeError):
+    """No ROS domain is free."""
 
-    ``output`` is a file for its output and its errors; options are those of ``subprocess.Popen``.
+
+class DomainClaim:
+    """ROS domain that is this process's own until it is released, or the process ends.
+
+    A locked file keeps other test runs out. Domains in which a program without a lock runs are
+    passed over: its sockets are open. If all domains are in use, it raises a DomainError.
     """
 
-    def __init__(
-        self,
-        name: str,
-        command: Sequence[str],
-        environment: Mapping[str, str],
-        output: Path,
-        folder: Path | None = None,
-        **options: object,
-    ) -> None:
-        self.name = name
-        self.command = tuple(command)
-        self.output_file = output
-        with output.open("wb") as stream:
-            self._process: subprocess.Popen[bytes] = subprocess.Popen(  # type: ignore[call-overload]
-                self.command,
-                env=dict(environment),
-                cwd=folder,
-                stdout=stream,
-                stderr=subprocess.STDOUT,
-                start_new_session=True,
-                preexec_fn=end_with_parent,
-                **{"stdin": subprocess.DEVNULL, **options},
-            )
+    def __init__(self) -> None:
+        folder = Path(tempfile.gettempdir()) / f"rpud_sim_domains_{os.getuid()}"
+        folder.mkdir(exist_ok=True)
+        theirs = {*_DEFAULT_DOMAINS, *_environment_domain()}
+        for domain in range(_LAST_DOMAIN, 0, -1):
+            if domain in theirs:
+                continue
+            lock = (folder / str(domain)).open("w")
+            try:
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                lock.close()
+                continue
+            if _is_quiet(domain):
+                self.domain = domain
+                self._lock = lock
+                return
+            lock.close()
+        raise DomainError(f"all ROS domains are in use: see {folder}")
+
+    def release(self) -> None:
+        self._lock.close()
+
+
+def loopback_environment(domain: int, environ: Mapping[str, str] = os.environ) -> dict[str, str]:
+    """Return the environment of ``env.bash``: ROS stays on loopback, in a domain."""
+    environment = {name: value for name, value in environ.items() if name not in _ELSEWHERE}
+    environment["ROS_DOMAIN_ID"] = str(domain)
+    return environment | loopback_variables(environ, find_profile(environ))
+
+
+def find_profile(environ: Mapping[str, str] = os.environ) -> Path | None:
+    """Return the profile that keeps Fast DDS on loopback; None where it is not installed."""
+    prefixes = [*filter(None, environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)), sys.prefix]
+    places = [Path(prefix, "share", "rpud_sim") for prefix in prefixes]
+    places.append(Path(__file__).resolve().parents[2])  # a clone
+    return next((place / PROFILE for place in places if (place / PROFILE).is_file()), None)
+
+
+@contextlib.contextmanager
+def applied(environment: Mapping[str, str]) -> Iterator[None]:
+    """Give this process an environment for a while: ROS reads it when a context begins."""
+    before = dict(os.environ)
+    wanted = dict(environment)
+    if "rclpy" in sys.modules and "FASTRTPS_DEFAULT_PROFILES_FILE" not in before:
+        # Fast DDS reads a profile only once, and has perhaps done so.
+        wanted.pop("FASTRTPS_DEFAULT_PROFILES_FILE", None)
+        wanted["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+    try:
+        _replace_environment(wanted)
+        yield
+    finally:
+        _replace_environment(before)
+
+
+def _replace_environment(wanted: Mapping[str, str]) -> None:
+    for name in set(os.environ) - set(wanted):
+        del os.environ[name]
+    os.environ.update(wanted)
+
+
+def _environment_domain() -> tuple[int, ...]:
+    given = os.environ.get("ROS_DOMAIN_ID", "")
+    return (int(given),) if given.isdecimal() else ()
+
+
+def _is_quiet(domain: int) -> bool:
+    first = 7400 + 250 * domain
+    unicast = range(first + 10, first + 10 + 2 * _PARTICIPANTS)
+    return all(_is_free(port) for port in (first, *unicast))
+
+
+def _is_free(port: int) -> bool:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        try:
+            probe.bind(("", port))
+        except OSError:
+            return False
+    return True
+
+
+class DrillProcess:
+    """Drill node that has just been started, in a domain that it has claimed.
+
+    It reads its scenario again at each reset: a file that the owner may write before.
+    """
+
+    def __init__(self, parameters: Mapping[str, Any], namespace: str) -> None:
+        self.namespace = namespace
+        self.folder = Path(tempfile.mkdtemp(prefix="rpud_drill_"))
+        self._claim = DomainClaim()
+        self.scenario = self.folder / "scenario.yaml"
+        self.scenario.write_text(NO_FAULTS)
+        values = {**parameters, **LOCKSTEP, "scenario": str(self.scenario)}
+        file = self.folder / "parameters.yaml"
+        file.write_text(yaml.safe_dump({"/**": {"ros__parameters": _to_ros(values)}}))
+        self.environment = {
+            **loopback_environment(self._claim.domain),
+            "ROS_LOG_DIR": str(self.folder / "log"),
+            "PYTHONUNBUFFERED": "1",
+        }
+        self.process = ChildProcess(
+            (
+                *(sys.executable, "-c", _PROGRAM, "--ros-args"),
+                *("-r", f"__ns:={namespace}", "--params-file", str(file)),
+            ),
+            environment=self.environment,
+            folder=self.folder,
+        )
 
     @property
-    def pid(self) -> int:
-        return self._process.pid
-
-    @property
-    def code(self) -> int | None:
-        """Exit code, negative for a signal; None while it runs."""
-        return self._process.poll()
-
-    @property
-    def running(self) -> bool:
-        return self.code is None
-
-    @property
-    def output(self) -> str:
-        return self.output_file.read_text(errors="replace")
-
-    @property
-    def tail(self) -> str:
-        """The last lines that it has printed, indented."""
-        with self.output_file.open("rb") as stream:
-            stream.seek(max(0, self.output_file.stat().st_size - _TAIL_BYTES))
-            lines = stream.read().decode(errors="replace").splitlines()[-_TAIL:]
-        return "\n".join(f"    {line}" for line in lines) or "    (it has printed nothing)"
-
-    @property
-    def ending(self) -> str:
-        """How it has ended, in words."""
-        code = self.code
-        if code is None:
-            return "runs"
-        if code < 0:
-            with contextlib.suppress(ValueError):
-                return f"was ended by {signal.Signals(-code).name}"
-        return f"ended with exit code {code}"
-
-    def send(self, number: int) -> None:
-        with contextlib.suppress(ProcessLookupError):
-            os.killpg(self.pid, number)
+    def domain(self) -> int:
+        return self._claim.domain
 
     def stop(self) -> None:
-        """End it by the gentlest signal that it obeys, then what it left in its group."""
-        for number in (signal.SIGINT, signal.SIGTERM):
-            if self.running:
-                self.send(number)
-                self.wait(_GRACE)
-        self.kill()
-
-    def kill(self) -> None:
-        self.send(signal.SIGKILL)
-        self._process.wait()
-        if self._process.stdin:
-            self._process.stdin.close()
-
-    def wait(self, seconds: float) -> bool:
-        """Wait until it has ended, at most for some seconds; return whether it has."""
-        with contextlib.suppress(subprocess.TimeoutExpired):
-            self._process.wait(seconds)
-        return not self.running
+        """End it, and leave the domain to others."""
+        self.process.end(signal.SIGINT)
+        self._claim.release()
+        shutil.rmtree(self.folder, ignore_errors=True)
 
 
-def stop_all(processes: Sequence[ChildProcess]) -> None:
-    for number in (signal.SIGINT, signal.SIGTERM):
-        running = [process for process in processes if process.running]
-        for process in running:
-            process.send(number)
-        deadline = time.monotonic() + _GRACE
-        while any(process.running for process in running) and time.monotonic() < deadline:
-            time.sleep(_POLL_PERIOD)
-    for process in processes:
-        process.kill()
+def _to_ros(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return parameters as the node declares them: every number is a floating-point number."""
+    return {
+        name: float(value) if isinstance(value, int) and not isinstance(value, bool) else value
+        for name, value in values.items()
+    }
 
 
-def end_with_parent() -> None:
-    """Have the kernel end this process by SIGTERM when the one that started it ends."""
-    # Nothing else ends a child of a process that is killed. A launch file ends its own at SIGTERM.
-    _LIBC.prctl(_SET_DEATH_SIGNAL, signal.SIGTERM)
+class Recording:
+    """Recording of everything in the drill's domain, from now until it is stopped."""
+
+    def __init__(self, drill: Drill, path: Path) -> None:
+        self.path = path  # folder of the bag, which is complete when the recording is stopped
+        self._stopped = False
+        self._process = ChildProcess(
+            (
+                *(*RPUD, "record", "--all", "--out", str(path), "--namespace", drill.namespace),
+                *("--until-eof", "--allow-empty", "--ready-fd", "1"),
+            ),
+            environment=drill.environment,
+            errors_apart=True,
+            until_eof=True,
+        )
+        if not self._process.first_line(_START) or not self._process.running:
+            self._process.kill()
+            raise DrillError(f"the recorder has not started; its last lines:\n{self._process.tail}")
+        drill.await_connections()
+        self._drill = drill
+        self._begun = drill.published
+
+    def __fspath__(self) -> str:
+        return str(self.path)
+
+    def stop(self) -> Path:
+        """Complete the bag and return its folder; it must have all messages of the drill."""
+        if not self._stopped:
+            self._stopped = True
+            self._drill.await_delivery()
+            self._process.end(signal.SIGTERM, seconds=_END)
+            if self._process.code:
+                raise DrillError(f"the recorder failed; its last lines:\n{self._process.tail}")
+            self._check()
+        return self.path
+
+    def _check(self) -> None:
+        import rpud_sim.bag
+
+        with rpud_sim.bag.open(self.path) as bag:
+            recorded = {item.topic.name: item.message_count for item in bag.topics}
+        for name, count in self._drill.published.items():
+            topic, published = TOPICS[name], count - self._begun[name]
+            found = recorded.get(f"{self._drill.namespace.rstrip('/')}/{name}", 0)
+            if topic.complete and found < published:
+                raise LostMessagesError(
+                    f"{published} messages of {name} were published, {found} are in {self.path}"
+                )

@@ -22,7 +22,7 @@ from rpud_sim.simulation.run import Beginning, Run
 from rpud_sim.simulation.sampling import Times
 from rpud_sim.simulation.scenario import Scenario, ScheduledFault
 from rpud_sim.simulation.simulation import Simulation
-from rpud_sim.simulation.together import Together, one_by_one
+from rpud_sim.simulation.telemetry import Together, one_by_one
 from rpud_sim.simulation.topics import TOPICS
 
 MILLISECOND = 1_000_000
@@ -182,7 +182,7 @@ def test_a_span_is_its_blocks(values, ends, scenario):
         for field in dataclasses.fields(samples):
             values = getattr(samples, field.name)[number : number + 1]
             assert values.tobytes() == getattr(expected, field.name).tobytes()
-    account = EnergyAccount.of(span.block)
+    account = EnergyAccount.of(span)
     assert account.residual == pytest.approx(0.0, abs=1e-6)
 
 

@@ -21,8 +21,9 @@ from rpud_sim.bag.manifest import Manifest, installed_versions
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.inspection.offline_bag import write_offline_bag
-from rpud_sim.simulation.ensemble import initial_phases, run_members
+from rpud_sim.simulation.ensemble import run_members
 from rpud_sim.simulation.run import Beginning
+from rpud_sim.simulation.simulation import initial_phases
 from rpud_sim.simulation.versions import engine_versions
 from rpud_sim.studies.sweep.indices import saltelli_shares
 from rpud_sim.studies.sweep.specification import PlannedRun, SweepSpecification

@@ -16,7 +16,8 @@ from rpud_sim.foundation.time import SECOND
 from rpud_sim.model.elementary import power
 from rpud_sim.simulation.changes import Planned
 from rpud_sim.simulation.configuration import Configuration, Settings, to_configuration, to_settings
-from rpud_sim.simulation.faults import KINDS, Fault
+from rpud_sim.simulation.fault_kinds import KINDS
+from rpud_sim.simulation.faults import Fault
 from rpud_sim.simulation.scenario import Scenario, ScheduledFault
 from rpud_sim.simulation.statistics import FIGURES
 from rpud_sim.simulation.topics import TOPICS

@@ -12,9 +12,8 @@ from rpud_sim.foundation.quantities import Flag, Quantity, shown_name
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.foundation.yaml_files import Cursor, Source, open_yaml
 from rpud_sim.simulation.changes import Planned, check_commands, parse_commands
-from rpud_sim.simulation.conditions import check_honoured
 from rpud_sim.simulation.configuration import NODE_NAMES, PARAMETERS
-from rpud_sim.simulation.faults import Fault
+from rpud_sim.simulation.faults import Fault, check_supported
 from rpud_sim.simulation.statistics import FIGURES
 from rpud_sim.simulation.topics import TOPICS
 from rpud_sim.studies.sweep.specification import (
@@ -156,7 +155,7 @@ def _check_drills(top: Cursor, specification: SweepSpecification) -> None:
             for name, fault in specification.faults.items():
                 outer = f"{place.label}: " if case else ""
                 with dataclasses.replace(top, label=f"{outer}faults: {name}").errors():
-                    check_honoured(fault, drill)
+                    check_supported(fault, drill)
 
 
 def _points(entries: Mapping[Any, Cursor], design: str) -> int | None:

@@ -1,0 +1,113 @@
+"""Tables are aligned; progress is a bar on a terminal, and a line every ten seconds elsewhere."""
+
+import io
+import sys
+import time
+
+import pytest
+
+from rpud_sim.cli.output import progress_bar, status_line, table
+
+
+class Screen(io.StringIO):
+    def __init__(self, terminal):
+        super().__init__()
+        self._terminal = terminal
+
+    def isatty(self):
+        return self._terminal
+
+
+@pytest.fixture
+def screen(monkeypatch):
+    def make(terminal):
+        screen = Screen(terminal)
+        monkeypatch.setattr(sys, "stderr", screen)
+        return screen
+
+    return make
+
+
+@pytest.fixture
+def advance(monkeypatch):
+    """Let the clock that a bar reads go on by some seconds."""
+    ahead = [0.0]
+    real = time.time
+    monkeypatch.setattr("tqdm.std.time", lambda: real() + ahead[0])
+
+    def go(seconds):
+        ahead[0] += seconds
+
+    return go
+
+
+@pytest.mark.parametrize(("waited", "shown"), [(60.0, True), (0.0, False)])
+def test_a_bar_appears_on_a_terminal_for_what_takes_long(screen, advance, waited, shown):
+    terminal = screen(True)
+    with progress_bar(" messages", 4000, scaled=True, title="reading") as bar:
+        advance(waited)
+        bar.update(2000)
+        shows = terminal.getvalue()
+    assert ("reading: " in shows and "2.00k/4.00k" in shows) == shown
+    assert bool(shows) == shown
+
+
+def test_elsewhere_a_line_is_written_every_ten_seconds(screen, advance):
+    log = screen(False)
+    with progress_bar(" messages", 4000, scaled=True, title="reading") as bar:
+        for _ in range(16):
+            advance(2.0)
+            bar.update(100)
+    lines = log.getvalue().splitlines()
+    assert [line.split(" [")[0] for line in lines] == [
+        "reading:  12% 500/4.00k",
+        "reading:  25% 1.00k/4.00k",
+        "reading:  38% 1.50k/4.00k",
+    ]
+    assert all("messages/s]" in line and "\r" not in line for line in lines)
+    assert log.getvalue().endswith("\n")
+
+
+def test_what_is_short_writes_no_line_where_there_is_no_terminal(screen, advance):
+    log = screen(False)
+    with progress_bar(" messages", 4000) as bar:
+        advance(9.0)
+        bar.update(4000)
+    assert log.getvalue() == ""
+
+
+def test_a_status_that_nobody_reads_any_more_ends_nothing(monkeypatch, advance):
+    class Unread(Screen):
+        def write(self, text):
+            raise BrokenPipeError
+
+    monkeypatch.setattr(sys, "stderr", Unread(False))
+    with status_line("bag") as show:
+        for number in range(1, 26):
+            advance(1.0)
+            show(f"{number} messages")
+
+
+def test_a_status_is_rewritten_on_a_terminal_and_wiped_at_its_end(screen, advance):
+    terminal = screen(True)
+    with status_line("bag") as show:
+        for number in (1, 2):
+            advance(1.0)
+            show(f"{number} messages")
+        assert terminal.getvalue().rpartition("\r")[2].strip() == "bag: 2 messages"
+        assert "\n" not in terminal.getvalue()
+    assert terminal.getvalue().rstrip(" \r").endswith("2 messages")
+    assert terminal.getvalue().endswith("\r")
+
+
+def test_a_status_is_a_line_every_ten_seconds_elsewhere(screen, advance):
+    log = screen(False)
+    with status_line("bag") as show:
+        for number in range(1, 26):
+            advance(1.0)
+            show(f"{number} messages")
+    assert log.getvalue() == "bag: 10 messages\nbag: 20 messages\n"
+
+
+def test_a_table_is_aligned_after_escaping():
+    assert table(("name", "n"), [("\x1b", 10)], left=1) == ["name   n", "\\x1b  10"]
