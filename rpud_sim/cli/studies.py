@@ -180,7 +180,7 @@ def _prove(options: _FitOptions, specification: FitSpecification, drills: int) -
         with folder.held():
             proof = prove(folder, specification, drills, bar.update)
             content = json.dumps(proof.content(), indent=1)
-            folder.write("proof.json", f"{content}\n".encode())
+            write_whole(out / "proof.json", f"{content}\n")
     print_json(proof.content()) if options.json else print(_proof_text(proof))
     return ExitCode.DONE if proof.holds else ExitCode.FAILED
 
