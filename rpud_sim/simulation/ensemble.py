@@ -72,6 +72,7 @@ class _Room(threading.local):
 
     def __init__(self) -> None:
         self.impacts = np.empty(_FIRST_IMPACTS, IMPACT)
+        self.segments = np.zeros(2, SEGMENT)
         self.classes = np.zeros(CLASSES, np.int64)  # empty between two calls
         self.part = np.zeros(PART_ROOM)
 
@@ -183,10 +184,10 @@ class EnsembleRuns:
             self._drill,
             self._rpud,
             members,
-            *begin,
-            *end,
+            begin,
+            end,
             options,
-            (_room.impacts, classes, _room.part),
+            (_room.impacts, _room.segments, classes, _room.part),
             progress,
         ):
             _room.grow()
