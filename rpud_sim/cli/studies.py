@@ -173,6 +173,7 @@ def _fit(options: _FitOptions, specification: FitSpecification) -> int:
 def _prove(options: _FitOptions, specification: FitSpecification, drills: int) -> int:
     from rpud_sim.studies.fit.fit import proof_simulations, prove
     from rpud_sim.studies.fit.rounds import FitFolder
+    from rpud_sim.studies.store import write_whole
 
     out = Path(options.out)
     with progress_bar(" runs", proof_simulations(specification, drills) + drills) as bar:
