@@ -14,8 +14,8 @@ import threading
 import time
 
 from rpud_sim.foundation.time import SECOND
-from rpud_sim.ros.lateness import Lateness
-from rpud_sim.ros.scheduling import schedule_thread
+from rpud_sim.ros.delay_histogram import DelayHistogram
+from rpud_sim.ros.threads import schedule_thread
 
 PERIOD = 0.01  # of blocks at the default rate [s]
 SHARES = {"p50": 0.5, "p99": 0.99, "p99.9": 0.999}
@@ -26,7 +26,7 @@ def main(priority: int) -> None:
     stop, wake = threading.Event(), threading.Event()
     signal.signal(signal.SIGINT, lambda *_: stop.set())
     schedule_thread(priority)
-    lateness = Lateness()
+    lateness = DelayHistogram()
     print("begun", flush=True)
     due = time.monotonic_ns()
     while not stop.is_set():

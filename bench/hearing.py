@@ -12,7 +12,7 @@ from rclpy.qos import QoSProfile
 from rclpy.serialization import deserialize_message
 
 from rpud_sim.foundation.time import join_seconds
-from rpud_sim.ros.lateness import Lateness
+from rpud_sim.ros.delay_histogram import DelayHistogram
 
 _TAKE_PERIOD = 0.002  # [s]
 _HEADER = 4  # bytes of the encapsulation, before the stamp of a header
@@ -43,7 +43,7 @@ class Hearing:
     ) -> None:
         self.messages = dict.fromkeys(topics, 0)
         self.bytes = 0
-        self.delays = {name: Lateness() for name in stamped}
+        self.delays = {name: DelayHistogram() for name in stamped}
         self._kept: dict[str, bytes] = dict.fromkeys(kept, b"")
         self._kinds = dict(topics)
         self._subscriptions = {

@@ -20,7 +20,7 @@ from rpud_msgs.srv import ResetSimulation
 from bench.hearing import Hearing
 from bench.machine import used_by
 from rpud_sim.ros.drill.publishers import OF_NODE
-from rpud_sim.ros.types import message_class
+from rpud_sim.ros.graph import message_class
 from rpud_sim.simulation.topics import TOPICS
 from rpud_sim.testing.processes import end_with_parent
 

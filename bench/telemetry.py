@@ -22,7 +22,7 @@ from bench.bare_timer import SHARES
 from bench.command import RPUD
 from bench.table import Goal, Row, row
 from bench.talk import Talk, ros
-from rpud_sim.ros.lateness import Lateness
+from rpud_sim.ros.delay_histogram import DelayHistogram
 from rpud_sim.simulation.configuration import Settings
 
 SECONDS = 600.0  # of listening at the default rates: one block of 1,000 comes in 10 s
@@ -109,7 +109,7 @@ def _answers(name: str, talk: Talk) -> Iterator[Row]:
     client = caller.create_client(ListFaults, "list_faults")
     if not client.wait_for_service(10.0):
         raise RuntimeError("there is no service list_faults")
-    replies = Lateness()
+    replies = DelayHistogram()
     for number in range(_CALLS):
         commands.publish(WeightOnBit(force=_WEIGHTS[number % 2]))
         began = time.monotonic_ns()

@@ -24,8 +24,7 @@ from support import LOOPBACK, claim_ros_domain
 import rpud_sim.bag
 from rpud_sim.bag import BagWriter, Message, Topic
 from rpud_sim.bag.recovery import recover
-from rpud_sim.ros.record.message_queue import Declaration, MessageQueue
-from rpud_sim.ros.record.writing_thread import WritingThread
+from rpud_sim.ros.record.writing import Intake, WritingThread
 
 FORCES = "/rpud/contact_force"
 TOPICS = ("/a", "/b", "/c")
@@ -47,18 +46,18 @@ class WatchedWriter(BagWriter):
 
 def record_for_ever(path: Path, shared: mmap.mmap, max_loss: float, chunk_size: int) -> None:
     """Write numbered messages on all topics until the end of this process."""
-    messages = MessageQueue()
+    intake = Intake()
     compression = random.choice(["none", "zstd"])
     bag = WatchedWriter(path, shared, chunk_size=chunk_size, compression=compression)
-    WritingThread(messages, bag, max_loss, os.abort).start()
+    WritingThread(intake, bag, max_loss, os.abort).start()
     for name in TOPICS:
-        messages.declare(Declaration(Topic(name, "std_msgs/msg/String"), "string data\n"))
+        intake.declare(Topic(name, "std_msgs/msg/String"), "string data\n")
     shared[8:] = time.time_ns().to_bytes(8, "little")
     number = 0
     while True:
         for name in TOPICS:
             now = time.time_ns()
-            messages.put(Message(name, now, now, number.to_bytes(8, "little") * 20))
+            intake.put(Message(name, now, now, number.to_bytes(8, "little") * 20))
         number += 1
         time.sleep(0.0002)
 

@@ -6,7 +6,7 @@ from rpud_sim import bag as bags
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.verdicts import Record
-from rpud_sim.verdicts.vocabulary import (
+from rpud_sim.verdicts.formulas import (
     WHOLE,
     Active,
     After,

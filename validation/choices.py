@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any
 
-from rpud_sim.model.drill import effective_tool
+from rpud_sim.model.contact import effective_tool
 from rpud_sim.simulation import Parameters, preset
 from validation.paper_numbers import CONTACT_SPEED, FIGURE_12
 

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from rpud_sim.model.drill import effective_tool
-from rpud_sim.model.single_contact import single_contact
+from rpud_sim.model.contact import effective_tool, single_contact
 from rpud_sim.simulation import preset
 from validation.choices import SHAPE_MASS, figure_12_implies, with_tool
 from validation.named_choices import (

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
-from rpud_sim.model.parameters import CONTACT_MODELS
-from rpud_sim.model.single_contact import single_contact
+from rpud_sim.model.contact import CONTACT_MODELS, single_contact
 from validation.choices import TOOLS, figure_12_implies, with_tool
 from validation.named_choices import AS_FIGURE_12, FITTED, REASONED, TABLES
 from validation.paper_numbers import CONTACT_SPEED, FIGURE_12, MEASURED, NUMBERS, SIMULATED, Number

@@ -105,16 +105,17 @@ class _Append(Number):
 
 def run(arguments: argparse.Namespace) -> int:
     from rpud_sim.bag import BagError
-    from rpud_sim.inspection.compare import CompareError, compare
+    from rpud_sim.inspection import InspectionError
+    from rpud_sim.inspection.compare import compare
     from rpud_sim.inspection.compare.content import content
 
     if arguments.out:
         from rpud_sim.inspection.compare.compare_page import write_page
         from rpud_sim.inspection.output import check_new_file
 
-        with failing(CompareError):
-            check_new_file(arguments.out, CompareError)
-    with failing(BagError, CompareError), progress_bar(" messages", scaled=True) as bar:
+        with failing(InspectionError):
+            check_new_file(arguments.out)
+    with failing(BagError, InspectionError), progress_bar(" messages", scaled=True) as bar:
         found = compare(
             [arguments.bag, *arguments.others],
             begin=arguments.begin,
@@ -132,7 +133,7 @@ def run(arguments: argparse.Namespace) -> int:
         for part, reason in parts.items():
             complain("rpud compare", f"{name}: left out {part}: {reason}")
     if arguments.out:
-        with failing(CompareError):
+        with failing(InspectionError):
             write_page(found, arguments.out)
     if arguments.json:
         print_json({**content(found), "out": arguments.out})

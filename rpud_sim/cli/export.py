@@ -21,7 +21,7 @@ from rpud_sim.foundation.quantities import ParameterError, Quantity
 from rpud_sim.foundation.terminal import complain, printable
 
 if TYPE_CHECKING:
-    from rpud_sim.inspection.export.export import Exported
+    from rpud_sim.inspection.export import Exported
     from rpud_sim.inspection.rebuild import Rebuilt
 
 HELP = "write the topics of a bag as Parquet, CSV or NumPy files"
@@ -69,9 +69,10 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.number != 1:
         raise ParameterError("--run goes with --rate")
     from rpud_sim.bag import BagError
-    from rpud_sim.inspection.export.export import ExportError, export
+    from rpud_sim.inspection import InspectionError
+    from rpud_sim.inspection.export import export
 
-    with failing(BagError, ExportError), progress_bar(" messages", scaled=True) as bar:
+    with failing(BagError, InspectionError), progress_bar(" messages", scaled=True) as bar:
         exported = export(
             arguments.bag,
             arguments.out,
@@ -89,10 +90,10 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _export_waveform(arguments: argparse.Namespace) -> ExitCode:
     from rpud_sim.bag import BagError
-    from rpud_sim.inspection.export.export import ExportError
+    from rpud_sim.inspection import InspectionError
     from rpud_sim.inspection.rebuild import rebuild
 
-    with failing(BagError, ExportError), progress_bar(" samples", scaled=True) as bar:
+    with failing(BagError, InspectionError), progress_bar(" samples", scaled=True) as bar:
         rebuilt = rebuild(
             arguments.bag,
             arguments.out,

@@ -22,7 +22,7 @@ from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.foundation.terminal import complain, printable
 
 if TYPE_CHECKING:
-    from rpud_sim.inspection.forked_bag import ForkedBag
+    from rpud_sim.inspection.offline_bag import ForkedBag
     from rpud_sim.simulation.changes import Changes
 
 HELP = "go on from any instant of a recorded run, with other commands, parameters or faults"
@@ -115,11 +115,11 @@ def _changes(arguments: argparse.Namespace) -> Changes:
 
 def _to_bag(arguments: argparse.Namespace, changes: Changes) -> int:
     from rpud_sim.bag import BagError
-    from rpud_sim.inspection.forked_bag import write_fork
-    from rpud_sim.inspection.recorded_run import ForkError
+    from rpud_sim.inspection import InspectionError
+    from rpud_sim.inspection.offline_bag import write_fork
     from rpud_sim.simulation import EngineError
 
-    with failing(BagError, ForkError, EngineError), progress_bar(" s") as bar:
+    with failing(BagError, InspectionError, EngineError), progress_bar(" s") as bar:
         forked = write_fork(
             arguments.bag,
             arguments.out,
@@ -147,14 +147,14 @@ def _account(forked: ForkedBag) -> str:
 def _live(arguments: argparse.Namespace, changes: Changes) -> int:
     from rpud_sim.bag import BagError
     from rpud_sim.cli.run import drill
+    from rpud_sim.inspection import InspectionError
     from rpud_sim.inspection.fork import live_start, open_fork
-    from rpud_sim.inspection.recorded_run import ForkError
     from rpud_sim.ros.drill.session import NamesakeError, open_drill
     from rpud_sim.ros.starting import StartError
     from rpud_sim.ros.stopping import StopRequest
     from rpud_sim.simulation import EngineError
 
-    with failing(BagError, ForkError, EngineError), progress_bar(" s") as bar:
+    with failing(BagError, InspectionError, EngineError), progress_bar(" s") as bar:
         fork = open_fork(
             arguments.bag,
             arguments.at,

@@ -64,7 +64,6 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _use_every_kernel() -> None:
     """Call each kernel once, because a kernel is compiled when it is first called."""
-    from rpud_sim.model.single_contact import single_contact
     from rpud_sim.simulation.configuration import Configuration
     from rpud_sim.simulation.ensemble import compile_kernels, compile_members
 
@@ -73,7 +72,6 @@ def _use_every_kernel() -> None:
     compile_kernels(configuration, messages=True)
     compile_members(configuration)
     compile_kernels(dataclasses.replace(configuration, actuator=actuator))
-    single_contact(configuration.parameters, 1.0)
 
 
 def _gather(store: KernelStore, folder: Path) -> None:

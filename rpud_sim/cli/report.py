@@ -30,9 +30,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     from rpud_sim.bag import BagError
-    from rpud_sim.viewer.report import ReportError, write_report
+    from rpud_sim.inspection import InspectionError
+    from rpud_sim.viewer.report import write_report
 
-    with failing(BagError, ReportError):
+    with failing(BagError, InspectionError):
         seen = write_report(arguments.bag, arguments.out, arguments.namespace)
     for name, reason in (*seen.left_out.items(), *seen.damaged.items()):
         complain("rpud report", f"left out {name}: {reason}")

@@ -110,8 +110,8 @@ def _test_campaign(arguments: argparse.Namespace) -> int:
 def _test_bag(arguments: argparse.Namespace) -> int:
     from rpud_sim.bag import BagError
     from rpud_sim.verdicts import ExpectationError, Record, evaluate, read_expectations
-    from rpud_sim.verdicts.bag_check import check_bag
-    from rpud_sim.verdicts.junit import junit_xml
+    from rpud_sim.verdicts.record import check_bag
+    from rpud_sim.verdicts.verdict import junit_xml
 
     expectations = read_expectations(arguments.expect)
     topics = sorted({topic for each in expectations for topic in each.topics})

@@ -38,10 +38,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     from rpud_sim.bag import BagError
-    from rpud_sim.inspection.verify.recorded_journal import UnverifiableError
+    from rpud_sim.inspection import InspectionError
     from rpud_sim.inspection.verify.verification import verify
 
-    with failing(BagError, UnverifiableError), progress_bar(" s") as bar:
+    with failing(BagError, InspectionError), progress_bar(" s") as bar:
         verification = verify(arguments.bag, bar.update)
     for warning in verification.warnings:
         complain("rpud verify", warning)

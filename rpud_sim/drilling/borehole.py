@@ -4,14 +4,267 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from array import array
+from typing import NamedTuple
 
-from rpud_sim.drilling.bit import NO_CUT, BitParameters, Cut, cut, radius_of
-from rpud_sim.drilling.cuttings import Cuttings
 from rpud_sim.drilling.inputs import Disturbances, Percussion
-from rpud_sim.drilling.recent import RecentDrilling
-from rpud_sim.drilling.rock import RockParameters
-from rpud_sim.drilling.rotor_values import NO_RESISTANCE, Resistance, Turned
-from rpud_sim.drilling.strata import Layer, Strata, inclusion_in
+from rpud_sim.drilling.rock import Layer, RockParameters, Strata, inclusion_in
+from rpud_sim.drilling.rotor import NO_RESISTANCE, Resistance, Turned
+from rpud_sim.foundation.parameters import ParameterGroup, number
+from rpud_sim.foundation.quantities import ParameterError
+from rpud_sim.model.elementary import exponential_minus_one
+
+
+@dataclasses.dataclass(frozen=True)
+class BitParameters(ParameterGroup):
+    """Parameters of the bit and its flutes, in SI units.
+
+    The paper names no bit: all values are assumed unless docs/explanation/drilling.md gives a
+    source. The bit has the area of the hole, ``hole_area``.
+    """
+
+    bit_thrust_ratio: float = number(
+        0.6, "", "thrust over torque force of a sharp cutting edge, zeta", 0.01, 10.0
+    )
+    bit_shape_factor: float = number(
+        1.0, "", "spread of the wear flats over the radius of the bit, gamma", 0.5, 1.5
+    )
+    bit_wear_flat: float = number(1e-7, "m^2", "area of the wear flats of a new bit", 0.0, 1e-2)
+    bit_blunt_flat: float = number(
+        1e-6, "m^2", "area of the wear flats of a blunt bit, at which the wear is 1", 1e-12, 1e-2
+    )
+    bit_wear_rate: float = number(
+        3e-7,
+        "m/J",
+        "growth of the wear flats' diameter by friction work in rock of abrasiveness 1",
+        0.0,
+        1.0,
+    )
+    bit_contact_depth: float = number(
+        2e-5, "m", "depth of cut at which the wear flats bear on the rock as a whole", 1e-9, 1e-2
+    )
+    flute_area: float = number(
+        8e-6, "m^2", "cross-sectional area of the flutes, which carry the cuttings", 1e-9, 1.0
+    )
+    flute_pitch: float = number(0.01, "m", "rise of the flutes in one turn", 1e-5, 1.0)
+    flute_efficiency: float = number(
+        0.3, "", "rise of the cuttings in one turn over the pitch, in a shallow hole", 0.0, 1.0
+    )
+    flute_transport_depth: float = number(
+        0.1, "m", "depth at which friction on the wall halves the rise of the cuttings", 1e-4, 1e3
+    )
+    flute_torque: float = number(
+        0.05, "N m/m", "torque of full flutes for each metre in the hole", 0.0, 1e4
+    )
+    cuttings_bulking: float = number(
+        1.8, "", "volume of the cuttings over that of the rock they come from", 1.0, 5.0
+    )
+    cuttings_lift: float = number(
+        2e-6, "m", "rise of the cuttings by one impact, in a shallow hole", 0.0, 1e-2
+    )
+    cuttings_choke: float = number(
+        0.5, "", "filling of the flutes above which cuttings hold up the progress", 0.0, 0.95
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not self.bit_blunt_flat > self.bit_wear_flat:
+            raise ParameterError(
+                f"bit_blunt_flat = {self.bit_blunt_flat:g} m^2 is not above "
+                f"bit_wear_flat = {self.bit_wear_flat:g} m^2"
+            )
+
+
+class Cut(NamedTuple):
+    """Cut and torques of a bit on the bottom of its hole, immutable."""
+
+    depth: float = 0.0  # of the cut in one turn, if the tool turns [m]
+    cutting_torque: float = 0.0  # that cuts the rock [N m]
+    friction_torque: float = 0.0  # of the wear flats on the rock [N m]
+
+
+NO_CUT = Cut()
+
+
+def cut(
+    bit: BitParameters,
+    layer: Layer,
+    radius: float,
+    weight_on_bit: float,
+    wear_flat: float,
+    hardness: float = 1.0,
+) -> Cut:
+    """Return how a bit cuts, after Detournay and Defourny (1992).
+
+    With specific energy eps, strength sigma, radius a, depth of cut d, wear flat A_f, d_c the
+    contact depth:
+
+        W = zeta eps a d + F_f          T = eps a^2 d / 2 + mu gamma a F_f / 2
+        F_f = sigma A_f min(d / d_c, 1)
+
+    so that 2 T / (a^2 d) = (1 - mu gamma zeta) eps + mu gamma W / (a d), their equation for E and
+    S. Up to d_c the wear flats come to bear (phase I of Detournay, Richard and Shepherd, 2008);
+    beyond it more weight cuts deeper (II).
+
+    Args:
+        weight_on_bit: toward the rock [N]; without it there is no cut.
+        hardness: factor on specific energy and strength of the rock.
+    """
+    if not weight_on_bit > 0.0:
+        return NO_CUT
+    edge = bit.bit_thrust_ratio * layer.specific_energy * hardness * radius  # N for 1 m of cut
+    bearing = layer.strength * hardness * wear_flat
+    depth = weight_on_bit / (edge + bearing / bit.bit_contact_depth)
+    if depth > bit.bit_contact_depth:
+        depth = (weight_on_bit - bearing) / edge
+    cutting_force = edge * depth
+    if cutting_force > weight_on_bit:
+        cutting_force = weight_on_bit
+    friction_force = weight_on_bit - cutting_force
+    return Cut(
+        depth,
+        0.5 * layer.specific_energy * hardness * radius * radius * depth,
+        0.5 * layer.friction * bit.bit_shape_factor * radius * friction_force,
+    )
+
+
+def radius_of(area: float) -> float:
+    """Return the radius of a circle [m] of an area [m^2]."""
+    return math.sqrt(area / math.pi)
+
+
+class Cuttings:
+    """Volume of cuttings in the flutes of the tool.
+
+    The flutes along the tool in the hole hold their area times its depth. Cuttings come in at the
+    bottom at a rate q and rise at a speed v, which rotation and impacts give and friction on the
+    wall lowers with depth. They leave at the top:
+
+        dV/dt = q - V v / depth
+
+    with the closed form of an exponential during a step. So the flutes fill up with depth, and
+    empty with the rate of rotation. A tool that is drawn back takes with it what its flutes hold
+    outside the hole.
+    """
+
+    def __init__(self, bit: BitParameters) -> None:
+        self._bit = bit
+        self.volume = 0.0  # in the hole [m^3]
+
+    def filling(self, depth: float, clogged: float = 0.0) -> float:
+        """Return the share of the flutes that is full, from 0 to 1.
+
+        Args:
+            clogged: share of their free room that a fault clogs, 0 to 1.
+        """
+        if depth <= 0.0:
+            return 0.0
+        full = self.volume / (self._bit.flute_area * depth)
+        if full > 1.0:
+            full = 1.0
+        return full + clogged * (1.0 - full)
+
+    def clearance(self, depth: float, clogged: float = 0.0) -> float:
+        """Return the factor on the progress: 1 up to the choke, falling to 0 with full flutes."""
+        choke = self._bit.cuttings_choke
+        free = (1.0 - self.filling(depth, clogged)) / (1.0 - choke)
+        return free if free < 1.0 else 1.0
+
+    def torque(self, depth: float, clogged: float = 0.0) -> float:
+        """Return the torque that resists the rotation [N m].
+
+        It is proportional to the depth of the tool in the hole [m] and to the filling (assumed).
+        """
+        return self._bit.flute_torque * depth * self.filling(depth, clogged)
+
+    def step(
+        self,
+        produced: float,
+        turned: float,
+        impacts: float,
+        depth: float,
+        clearing: float,
+    ) -> None:
+        """Let cuttings come in and leave during an impact or a part of a turn.
+
+        Args:
+            produced: volume of the rock that they come from [m^3].
+            clearing: factor on the speed at which cuttings rise, 0 to 1.
+        """
+        bit = self._bit
+        if depth <= 0.0:
+            self.volume = 0.0
+            return
+        turns = turned / (2.0 * math.pi)
+        risen = bit.flute_efficiency * bit.flute_pitch * turns + bit.cuttings_lift * impacts
+        risen *= clearing / (1.0 + depth / bit.flute_transport_depth)
+        came = bit.cuttings_bulking * produced
+        share = risen / depth  # V v / depth over the step, in units of V
+        if share > 0.0:
+            left = -exponential_minus_one(-share)
+            self.volume += (came / share - self.volume) * left
+        else:
+            self.volume += came
+        # The flutes hold no more; what is beyond is pressed into the wall.
+        most = bit.flute_area * depth
+        if self.volume > most:
+            self.volume = most
+
+    def withdraw(self, before: float, after: float) -> None:
+        """Take out what the flutes hold along the way when the tool is drawn back."""
+        self.volume *= after / before if before > 0.0 else 0.0
+
+
+# The means go over this time [s].
+WINDOW = 1.0
+
+
+class RecentDrilling:
+    """Depth and energy after each of the last steps, from which means over a second follow."""
+
+    def __init__(self) -> None:
+        # Rings of time [s], depth [m] and energy [J]; arrays, so that copies are cheap.
+        self._times, self._depths, self._energies = (array("d", bytes(8)) for _ in range(3))
+        self._now = 0
+
+    def add(self, interval: float, depth: float, energy: float) -> None:
+        """Add a step.
+
+        Args:
+            depth: of the hole at its end [m].
+            energy: spent on drilling up to then [J].
+        """
+        time = self._times[self._now] + interval
+        steps = len(self._times)
+        if (steps - 0.5) * interval < WINDOW:
+            self._now += 1
+            self._times.append(time)
+            self._depths.append(depth)
+            self._energies.append(energy)
+            return
+        self._now = (self._now + 1) % steps
+        self._times[self._now] = time
+        self._depths[self._now] = depth
+        self._energies[self._now] = energy
+
+    def _change_of(self, ring: array[float]) -> float:
+        return ring[self._now] - ring[(self._now + 1) % len(ring)]
+
+    @property
+    def penetration_rate(self) -> float:
+        """Mean rate of penetration [m/s]."""
+        time = self._change_of(self._times)
+        return self._change_of(self._depths) / time if time > 0.0 else 0.0
+
+    def specific_energy(self, area: float) -> float:
+        """Return energy over volume [J/m^3], after Teale (1965); NaN if there was no progress.
+
+        e = F / A + 2 pi N T / (A u), to which the energy of the impacts is added: the mean of force
+        times way, torque times angle and energy of impacts, over the volume of the hole.
+        """
+        deeper = self._change_of(self._depths)
+        return self._change_of(self._energies) / (area * deeper) if deeper > 0.0 else math.nan
+
 
 # Torque over radius and axial force of a screw, at most: a screw of 88.8 degrees.
 STEEPEST = 48.0

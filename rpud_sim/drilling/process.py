@@ -6,15 +6,11 @@ import dataclasses
 import math
 from typing import NamedTuple
 
-from rpud_sim.drilling.bit import BitParameters
-from rpud_sim.drilling.borehole import Borehole, BoreholeState
-from rpud_sim.drilling.feed import Feed
+from rpud_sim.drilling.borehole import BitParameters, Borehole, BoreholeState
 from rpud_sim.drilling.inputs import Disturbances, Percussion
-from rpud_sim.drilling.mount import Advance, Mount, MountParameters, MountState
-from rpud_sim.drilling.rock import RockParameters
-from rpud_sim.drilling.rotor import RotationParameters, Rotor
-from rpud_sim.drilling.rotor_values import NO_RESISTANCE, NOT_TURNED, RotorState
-from rpud_sim.drilling.strata import Strata, StrataParameters, uniform_strata
+from rpud_sim.drilling.mount import Advance, Feed, Mount, MountParameters, MountState
+from rpud_sim.drilling.rock import RockParameters, Strata, StrataParameters, uniform_strata
+from rpud_sim.drilling.rotor import NO_RESISTANCE, NOT_TURNED, RotationParameters, Rotor, RotorState
 from rpud_sim.foundation.shared import Shared
 from rpud_sim.foundation.time import NEVER, SECOND
 

@@ -1,14 +1,293 @@
-"""Rock: depth of the hole, from the impacts on the drill tool."""
+"""Rock: layers by their depth, presets, files of strata, and the depth of a hole by percussion."""
 
 from __future__ import annotations
 
 import dataclasses
+import functools
+import json
 import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, ClassVar
 
 import numpy as np
 
-from rpud_sim.foundation.parameters import ParameterGroup, choice, number
+from rpud_sim.foundation.parameters import (
+    ParameterGroup,
+    choice,
+    declarations,
+    number,
+    quantities,
+    text,
+)
+from rpud_sim.foundation.quantities import (
+    ParameterError,
+    Quantity,
+    did_you_mean,
+    shown,
+    shown_name,
+)
+from rpud_sim.foundation.shared import Shared
 from rpud_sim.foundation.time import SECOND
+from rpud_sim.foundation.yaml_files import parse_yaml, read_yaml_text, yaml_lines
+
+
+def _rock(
+    strength: float,
+    abrasiveness: float,
+    friction: float,
+    threshold_energy: float,
+    specific_energy: float | None = None,
+) -> Mapping[str, float]:
+    """Return a rock whose specific energy is its strength, unless another one is given."""
+    return {
+        "specific_energy": strength if specific_energy is None else specific_energy,
+        "strength": strength,
+        "threshold_energy": threshold_energy,
+        "abrasiveness": abrasiveness,
+        "friction": friction,
+    }
+
+
+ROCKS: Mapping[str, Mapping[str, float]] = {
+    # Compacted JSC-1A. Strength and specific energy are assumed: a granular soil has no compressive
+    # strength of its own; a compacted one bears some 0.1 MPa under a small bit.
+    "regolith": _rock(1e5, 1.0, 0.6, 0.0, specific_energy=5e6),
+    "chalk": _rock(10e6, 0.3, 0.4, 0.002),
+    "limestone": _rock(50e6, 1.0, 0.5, 0.01),
+    "sandstone": _rock(75e6, 2.0, 0.5, 0.02),
+    "basalt": _rock(200e6, 3.0, 0.5, 0.05),
+}
+
+
+LONGEST_NAME = 60
+BOTTOM = Quantity("m", "depth at which the rock ends", 0.0, 1e4, exclusive=True)
+
+
+@dataclasses.dataclass(frozen=True)
+class Layer(ParameterGroup):
+    """Layer of rock, immutable."""
+
+    name: str = text("", "a name", "name of the layer")
+    depth_from: float = number(0.0, "m", "depth at which the layer begins", 0.0, 1e4)
+    specific_energy: float = number(
+        75e6, "J/m^3", "least energy that cuts or breaks one unit of volume", 1e3, 1e12
+    )
+    strength: float = number(75e6, "Pa", "compressive strength", 1e2, 1e12)
+    threshold_energy: float = number(
+        0.0, "J", "energy of an impact below which it breaks nothing", 0.0, 1e3
+    )
+    abrasiveness: float = number(0.0, "", "CERCHAR abrasiveness index", 0.0, 10.0)
+    friction: float = number(0.5, "", "coefficient of friction of the wear flat", 0.0, 2.0)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not (self.name.isprintable() and len(self.name) <= LONGEST_NAME):
+            raise ParameterError(
+                f"name = {shown(self.name)} is not printable text of at most {LONGEST_NAME} letters"
+            )
+
+
+# What a layer of a file may state, in the order of the documentation.
+LAYER_QUANTITIES: Mapping[str, Quantity] = quantities(Layer)
+STRENGTH = LAYER_QUANTITIES["strength"]
+_LAYER_KEYS = (*LAYER_QUANTITIES, "name", "rock")
+_STRATA_KEYS = ("layers", "bottom")
+
+
+@dataclasses.dataclass(frozen=True)
+class Strata(Shared):
+    """Layers from the surface downward, immutable."""
+
+    # at least one; the first begins at depth zero, each other one below the one before
+    layers: tuple[Layer, ...]
+    bottom: float = math.inf  # depth at which the rock ends [m]; infinite if it does not
+
+    def __post_init__(self) -> None:
+        if not self.layers:
+            raise ParameterError("layers = [] has no layer; at least one is needed")
+        above = None
+        for number_, layer in enumerate(self.layers, 1):
+            place = f"layer {number_} ({layer.name}): depth_from = {layer.depth_from:g} m"
+            if above is None and layer.depth_from != 0.0:
+                raise ParameterError(f"{place} is not 0 m, where the first layer begins")
+            if above is not None and layer.depth_from <= above:
+                raise ParameterError(
+                    f"{place} is not below {above:g} m, where the one above begins"
+                )
+            above = layer.depth_from
+        if not math.isinf(self.bottom):
+            BOTTOM.check("bottom", self.bottom)
+            if self.bottom <= self.layers[-1].depth_from:
+                raise ParameterError(
+                    f"bottom = {self.bottom:g} m is not below {self.layers[-1].depth_from:g} m, "
+                    "where the last layer begins"
+                )
+
+    def end_of(self, number_: int) -> float:
+        """Return the depth at which a layer ends [m]; infinite for the last one without bottom."""
+        if number_ + 1 < len(self.layers):
+            return self.layers[number_ + 1].depth_from
+        return self.bottom
+
+    def to_text(self) -> str:
+        """Return one line of YAML from which ``find_strata`` makes the same strata."""
+        content: dict[str, Any] = {"layers": [dataclasses.asdict(layer) for layer in self.layers]}
+        if not math.isinf(self.bottom):
+            content["bottom"] = self.bottom
+        return json.dumps(content, ensure_ascii=False)
+
+
+def preset_layer(rock: str, depth_from: float = 0.0) -> Layer:
+    """Return a layer of a rock of ``ROCKS``."""
+    if not (isinstance(rock, str) and rock in ROCKS):
+        raise ParameterError(f"rock = {shown(rock)} is unknown; {did_you_mean(rock, ROCKS)}")
+    return Layer(name=rock, depth_from=depth_from, **ROCKS[rock])
+
+
+@functools.lru_cache(maxsize=64)
+def inclusion_in(layer: Layer, strength: float) -> Layer:
+    """Return the rock of a stone in a layer, nowhere softer than the layer.
+
+    Its specific energy is its strength, as Teale (1965) found, and its threshold energy that of
+    basalt in proportion to the strength (assumed).
+    """
+    basalt = ROCKS["basalt"]
+    threshold = basalt["threshold_energy"] * strength / basalt["strength"]
+    return dataclasses.replace(
+        layer,
+        strength=max(strength, layer.strength),
+        specific_energy=max(strength, layer.specific_energy),
+        threshold_energy=max(threshold, layer.threshold_energy),
+    )
+
+
+def uniform_strata(specific_energy: float) -> Strata:
+    """Return one layer without end, with the specific energy [J/m^3] as its strength.
+
+    It has no threshold energy and does not wear the bit, as the rock of ``RockParameters``.
+    """
+    strength = min(max(specific_energy, STRENGTH.minimum), STRENGTH.maximum)
+    return Strata((Layer("rock", 0.0, specific_energy, strength),))
+
+
+def find_strata(choice: str) -> Strata:
+    """Return the strata that a parameter chooses.
+
+    Args:
+        choice: the name of a rock for one layer without end, YAML in one line that begins with a
+            brace, or the path of a file.
+
+    Raises:
+        ParameterError: if the strata cannot be used; one line.
+    """
+    if choice in ROCKS:
+        return Strata((preset_layer(choice),))
+    if choice.lstrip().startswith("{"):
+        try:
+            return parse_strata(parse_yaml(choice), "strata")
+        except ParameterError as error:
+            message = str(error)
+            prefix = "" if message.startswith("strata") else "strata "
+            raise ParameterError(prefix + message) from None
+    if not Path(choice).is_file() and "/" not in choice and "." not in choice:
+        raise ParameterError(
+            f"strata = {shown(choice)} is neither a file nor a rock; {did_you_mean(choice, ROCKS)}"
+        )
+    return read_strata(choice)
+
+
+def read_strata(path: str | Path) -> Strata:
+    """Return the strata of a file in YAML."""
+    content, written = read_yaml_text(path)
+    return parse_strata(content, str(path), yaml_lines(written))
+
+
+def parse_strata(
+    content: Any, name: str, lines: Mapping[tuple[str | int, ...], int] | None = None
+) -> Strata:
+    """Return the strata of a file's content.
+
+    Args:
+        lines: of each place in the file, as ``yaml_lines`` gives them.
+
+    Raises:
+        ParameterError: if the content is no strata; one line with name, line, layer and value.
+    """
+    lines = lines or {}
+
+    def place(*path: str | int) -> str:
+        return f"{name}: line {lines[path]}: " if path in lines else f"{name}: "
+
+    if not isinstance(content, Mapping):
+        raise ParameterError(f"{name} is not a file of strata: it holds no mapping")
+    for key in content:
+        if key not in _STRATA_KEYS:
+            raise ParameterError(f"{place(key)}{shown(key)} is not one of layers, bottom")
+    entries = content.get("layers")
+    if not isinstance(entries, list):
+        raise ParameterError(f"{place('layers')}layers = {shown(entries)} is not a list")
+    layers = []
+    for index, entry in enumerate(entries):
+        where = f"{place('layers', index)}layer {index + 1}: "
+        try:
+            layers.append(_layer(entry))
+        except ParameterError as error:
+            raise ParameterError(f"{where}{error}") from None
+    try:
+        bottom = math.inf
+        if "bottom" in content:
+            bottom = BOTTOM.check("bottom", content["bottom"])
+        return Strata(tuple(layers), bottom)
+    except ParameterError as error:
+        raise ParameterError(f"{name}: {error}") from None
+
+
+def _layer(entry: Any) -> Layer:
+    if not isinstance(entry, Mapping):
+        raise ParameterError(f"{shown(entry)} is not a mapping")
+    for key in entry:
+        if key not in _LAYER_KEYS:
+            raise ParameterError(f"{shown_name(key)} is unknown; {did_you_mean(key, _LAYER_KEYS)}")
+    if "depth_from" not in entry:
+        raise ParameterError(f"depth_from is missing; {_range('depth_from')}")
+    given = {key: value for key, value in entry.items() if key != "rock"}
+    if "rock" in entry:
+        return dataclasses.replace(preset_layer(entry["rock"]), **given)
+    for key in declarations(Layer):
+        if key not in given:
+            known = f"; {_range(key)}" if key in LAYER_QUANTITIES else ""
+            raise ParameterError(f"{key} is missing, and so is a rock that would give it{known}")
+    return Layer(**given)
+
+
+def _range(key: str) -> str:
+    return f"its range is {LAYER_QUANTITIES[key].range}"
+
+
+@dataclasses.dataclass(frozen=True)
+class StrataParameters(ParameterGroup):
+    """Choice of the strata.
+
+    A file is read when this is made, and its content in one line takes the place of its path. So
+    journals and bags have the layers, and need the file no more.
+    """
+
+    strata: str = text(
+        "",
+        "a rock, a path or YAML in braces",
+        "layers of the rock; one layer of the parameters rock_* if empty",
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        found = find_strata(self.strata) if self.strata else None
+        object.__setattr__(self, "found", found)
+        if found and not (self.strata in ROCKS or self.strata.lstrip().startswith("{")):
+            object.__setattr__(self, "strata", found.to_text())
+
+    found: ClassVar[Strata | None]  # the strata; None if none are chosen
+
 
 # Said of a hole at its greatest depth.
 NO_DEEPER = "the hole is as deep as the drill tool is long: it gets no deeper"

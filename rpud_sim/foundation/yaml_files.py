@@ -1,14 +1,37 @@
-"""Reading of YAML from users: a value, or an error in one line."""
+"""Reading of YAML from users: a value with its place, or an error in one line.
+
+A reader opens a file and asks the cursor for what it expects. Each error names file and place::
+
+    top = open_yaml(path, truth_values=False, error=FaultError)
+    keys = top.mapping(("seed", "faults"), needed=("faults",))
+    for entry in keys["faults"].sequence("entry {number}"):
+        with entry.errors():  # of code that knows no file: FILE: entry 3: ...
+            Fault(**{key: each.value for key, each in entry.mapping(_KEYS).items()})
+    seed = top.get("seed", 0).check(SEED)  # FILE: seed = -1 is outside its range [0, 9]
+    raise keys["faults"].refusal("{name} = {shown} is empty")  # FILE: faults = [] is empty
+
+``where="{file}:{line}: "`` names the line. With ``dotted`` errors begin with the path of the value,
+as in ``FILE: swept.free_mass.minimum: is missing``. ``cursor_at`` is for values without a file.
+"""
 
 from __future__ import annotations
 
+import dataclasses
 import re
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import yaml
 
-from rpud_sim.foundation.quantities import ParameterError
+from rpud_sim.foundation.quantities import (
+    Allowed,
+    ParameterError,
+    did_you_mean,
+    shown,
+    shown_name,
+)
 
 # Files for this are written by hand. A longer file is something else and takes seconds to read.
 MOST_BYTES = 100_000
@@ -121,3 +144,164 @@ def read_yaml_text(path: str | Path, truth_values: bool = True) -> tuple[Any, st
         raise ParameterError(f"{path} is not YAML: {error}") from None
     except ParameterError as error:
         raise ParameterError(f"{path} {error}") from None
+
+
+Place = tuple[str | int, ...]
+
+
+@dataclasses.dataclass(frozen=True)
+class Source:
+    """Origin of cursors, and the beginning of their errors."""
+
+    file: str  # its name, or that of an option
+    text: str = ""  # of the file, for the lines of places
+    error: type[ValueError] = ParameterError  # class of the errors
+    where: str = "{file}: "  # begins an error; may have the {line}
+    dotted: bool = False  # whether errors go on with the path of the value
+
+    def head(self, place: Place) -> str:
+        """Return the beginning of an error about a place, or the nearest known one around it."""
+        line = 1
+        if "{line}" in self.where and self.text.strip():
+            lines = yaml_lines(self.text)
+            while place and place not in lines:
+                place = place[:-1]
+            line = lines.get(place, 1)
+        return self.where.format(file=self.file, line=line)
+
+
+@dataclasses.dataclass(frozen=True)
+class Cursor:
+    """Value in YAML and its place; texts of refusals may use {name}, {shown} and {hint}."""
+
+    value: Any
+    source: Source
+    name: str = ""  # its key, or with ``dotted`` the path to it
+    label: str = ""  # of the entry around it, begins errors: such as ``entry 3``
+    place: Place = ()  # keys and numbers that lead to it
+
+    @property
+    def prefix(self) -> str:
+        """Beginning of an error: file, perhaps line, and label."""
+        return self.source.head(self.place) + (f"{self.label}: " if self.label else "")
+
+    def refusal(self, text: str, known: Iterable[str] = ()) -> ValueError:
+        """Return an error in one line.
+
+        Args:
+            known: names for {names} and {hint}.
+        """
+        known = tuple(known)
+        words = {"name": self.name, "shown": shown(self.value), "names": ", ".join(known)}
+        hint = did_you_mean(self.value, known) if known else ""
+        return self._error(text.format(**words, hint=hint))
+
+    @contextmanager
+    def errors(self) -> Iterator[None]:
+        """Context that gives file and label to errors of code that knows neither."""
+        try:
+            yield
+        except ParameterError as error:
+            raise (error if "place" in vars(error) else self._error(str(error))) from None
+
+    def mapping(
+        self,
+        known: Iterable[str] | None = None,
+        needed: Iterable[str] = (),
+        *,
+        other: str = "{shown} is not a mapping",
+        unknown: str = "{shown} is not one of {names}",
+        missing: str = "{name} is missing",
+    ) -> dict[Any, Cursor]:
+        """Return the values of a mapping by key.
+
+        Args:
+            known: keys that it may have; None for any.
+            needed: keys that it must have.
+            other: text where it is no mapping.
+        """
+        if not isinstance(self.value, Mapping):
+            raise self.refusal(other)
+        found = {key: self._at(key, value) for key, value in self.value.items()}
+        if known is not None:
+            known = tuple(known)
+            for key, each in found.items():
+                if not (isinstance(key, str) and key in known):
+                    raise dataclasses.replace(each, value=key).refusal(unknown, known)
+        for key in needed:
+            if key not in found:
+                raise dataclasses.replace(self._at(key, None), place=self.place).refusal(missing)
+        return found
+
+    def file_mapping(self, kind: str) -> dict[Any, Cursor]:
+        """Return the values of the mapping that is a whole file of a kind."""
+        if not isinstance(self.value, Mapping):
+            raise self.source.error(f"{self.source.file} is not {kind}: it holds no mapping")
+        return self.mapping()
+
+    def get(self, key: str, default: Any = None) -> Cursor:
+        """Return the value of a key of a mapping, or a default in its place."""
+        return self._at(key, self.value.get(key, default))
+
+    def sequence(
+        self, label: str = "", *, other: str = "{name} = {shown} is not a list"
+    ) -> list[Cursor]:
+        """Return the entries of a list.
+
+        Args:
+            label: of each entry, with its {number} from 1 on.
+            other: text where it is no list.
+        """
+        if not isinstance(self.value, list):
+            raise self.refusal(other)
+        found = [
+            Cursor(value, self.source, f"{self.name}[{index}]", self.label, (*self.place, index))
+            for index, value in enumerate(self.value)
+        ]
+        if self.source.dotted:
+            found = [dataclasses.replace(each, label=each.name) for each in found]
+        if not label:
+            return found
+        outer = f"{self.label}: " if self.label else ""
+        labels = [outer + label.format(number=number) for number in range(1, len(found) + 1)]
+        return [
+            dataclasses.replace(each, label=own) for each, own in zip(found, labels, strict=True)
+        ]
+
+    def check(self, allowed: Allowed) -> Any:
+        """Return the value as a quantity, choice, flag or text takes it."""
+        named = self.source.dotted and self.label == self.name
+        with dataclasses.replace(self, label="" if named else self.label).errors():
+            return allowed.check(self.name, self.value)
+
+    def _at(self, key: Any, value: Any) -> Cursor:
+        name, label = shown_name(key), self.label
+        if self.source.dotted:
+            name = label = f"{self.name}.{name}" if self.name else name
+        return Cursor(value, self.source, name, label, (*self.place, str(key)))
+
+    def _error(self, text: str) -> ValueError:
+        error = self.source.error(self.prefix + text)
+        vars(error)["place"] = self.place
+        return error
+
+
+def open_yaml(
+    path: str | Path,
+    *,
+    truth_values: bool = True,
+    error: type[ValueError] = ParameterError,
+    where: str = "{file}: ",
+    dotted: bool = False,
+) -> Cursor:
+    """Return a cursor at the value of a file; options as of ``Source`` and ``parse_yaml``."""
+    try:
+        content, text = read_yaml_text(path, truth_values)
+    except ParameterError as reason:
+        raise error(str(reason)) from None
+    return Cursor(content, Source(str(path), text, error, where, dotted))
+
+
+def cursor_at(value: Any, name: str, error: type[ValueError] = ParameterError) -> Cursor:
+    """Return a cursor at a value, with a name in place of a file's."""
+    return Cursor(value, Source(name, error=error))

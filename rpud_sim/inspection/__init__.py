@@ -1,8 +1,11 @@
-"""Inspection of bags: reports, exports, rebuilt waveforms, proofs; and bags of offline runs.
+"""Inspection of bags: comparisons, exports, rebuilt waveforms, proofs, forks; and offline bags.
 
 A ``report`` is called with what was done since its last call: messages read, samples written, or
 simulated seconds. A bag that cannot be read or written raises a ``BagError``, a change or argument
 that is refused a ``ParameterError``, a simulation that cannot go on an ``EngineError``. All else
-that stops a task has the error of its module: ``CompareError``, ``ExportError``, ``ForkError``,
-``RebuildError``, ``ReportError`` or ``UnverifiableError``.
+that stops a task is an ``InspectionError``.
 """
+
+
+class InspectionError(Exception):
+    """Inspection that is not possible; the text gives the reason in one line."""

@@ -1,26 +1,34 @@
-"""Bag of a run without ROS: the topics of the drill node, in simulation time from zero."""
+"""Bags of runs without ROS, as of the drill node: of a new run, and of a fork."""
 
 from __future__ import annotations
 
 import os
 import sys
 from collections import deque
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
 
-from rpud_sim.bag import BagWriter, QosProfile, Topic
-from rpud_sim.bag.cdr import Codec
+import numpy as np
+
+from rpud_sim.bag import BagExistsError, BagWriter, QosProfile, Topic
 from rpud_sim.bag.definitions import find_definition, find_type_hash
+from rpud_sim.bag.encoder import Encoder
 from rpud_sim.bag.losses import RECORD_NAME, Losses, losses_to_record
 from rpud_sim.bag.manifest import RECORD_NAME as MANIFEST_RECORD
 from rpud_sim.bag.manifest import Manifest, installed_versions, machine_name
+from rpud_sim.bag.message_block import MessageBlock
 from rpud_sim.foundation.time import SECOND
-from rpud_sim.inspection.encoded import encoded
-from rpud_sim.simulation.changes import Planned, apply_change
-from rpud_sim.simulation.fields import Bookkeeping
+from rpud_sim.inspection.fork import Continuation, Fork, open_fork
+from rpud_sim.inspection.recorded_journal import installed_codec
+from rpud_sim.simulation.changes import Changes, Planned, apply_change
+from rpud_sim.simulation.fields import Bookkeeping, Fields
 from rpud_sim.simulation.journal import Journal
 from rpud_sim.simulation.run import Beginning, Run
-from rpud_sim.simulation.together import Entry, Together
+from rpud_sim.simulation.together import Columns, Entry, Together
 from rpud_sim.simulation.topics import TOPICS, offered_topics
+from rpud_sim.simulation.topics import Topic as DrillTopic
 
 NAMESPACE = "/rpud"
 
@@ -44,35 +52,18 @@ def write_offline_bag(
     offered = offered_topics(beginning.settings.values())
     chosen = {name: topic for name, topic in offered.items() if name in topics}
     run = Run(beginning, Journal(), chosen.__contains__)
-    encoders = {
-        name: Codec(topic.type, find_definition(topic.type)).encoder
-        for name, topic in chosen.items()
-    }
-    manifest = manifest or Manifest(
-        parameters={**beginning.settings.values(), "seed": beginning.seed},
-        scenario=scenario_text,
-        command=tuple(sys.argv),
-        versions=installed_versions(),
-        machine=machine_name(),
-    )
-    with BagWriter(path) as bag:
-        bag.add_record(MANIFEST_RECORD, manifest.to_record())
-        for name, topic in chosen.items():
-            # The offers of the node's publishers, as a recorder discovers them.
-            offer = QosProfile(durability="transient_local" if topic.latched else "volatile")
-            bag.add_topic(
-                Topic(f"{NAMESPACE}/{name}", topic.type, find_type_hash(topic.type), (offer,)),
-                find_definition(topic.type),
-            )
+    encoders = {name: installed_codec(topic.type).encoder for name, topic in chosen.items()}
+    values = {**beginning.settings.values(), "seed": beginning.seed}
+    with _new_bag(
+        path, f"{NAMESPACE}/", chosen, manifest or _manifest(values, scenario_text)
+    ) as bag:
         for found in _messages(run, round(duration * SECOND), report, planned):
             if isinstance(found, Together):
                 bag.write_blocks(encoded(found, encoders, f"{NAMESPACE}/"))
             else:
-                time, name, values = found
+                time, name, fields = found
                 if name in encoders:
-                    bag.write(f"{NAMESPACE}/{name}", encoders[name].encode(values), time, time)
-        losses = {f"{NAMESPACE}/{name}": Losses() for name in chosen}
-        bag.add_record(RECORD_NAME, losses_to_record(losses))
+                    bag.write(f"{NAMESPACE}/{name}", encoders[name].encode(fields), time, time)
 
 
 def _messages(
@@ -96,3 +87,169 @@ def _messages(
             yield run.status("running", Bookkeeping())
     yield from run.flush("end")
     yield run.status("stopped", Bookkeeping())
+
+
+def encoded(
+    together: Together, encoders: Mapping[str, Encoder], prefix: str
+) -> list[tuple[MessageBlock, np.ndarray]]:
+    """Return the messages of each topic that has an encoder, and their places among all.
+
+    ``encoders`` are by the names of topics in the run, ``prefix`` is of the names in a bag.
+    """
+    return [
+        (encoded_columns(columns, encoders[columns.topic], prefix), columns.places)
+        for columns in together.columns
+        if columns.topic in encoders
+    ]
+
+
+def encoded_columns(columns: Columns, encoder: Encoder, prefix: str) -> MessageBlock:
+    data, sizes = encoder.encode_columns(columns.fields, len(columns))
+    times = columns.times
+    starts = np.cumsum(sizes) - sizes
+    return MessageBlock(prefix + columns.topic, times, times, data, starts, sizes)
+
+
+@contextmanager
+def _new_bag(
+    path: str | os.PathLike[str],
+    prefix: str,
+    topics: Mapping[str, DrillTopic],
+    manifest: Manifest,
+) -> Iterator[BagWriter]:
+    """Yield a bag with a drill's topics, of which it will lose no message."""
+    with BagWriter(path) as bag:
+        bag.add_record(MANIFEST_RECORD, manifest.to_record())
+        for name, topic in topics.items():
+            # The offers of the node's publishers, as a recorder discovers them.
+            offer = QosProfile(durability="transient_local" if topic.latched else "volatile")
+            bag.add_topic(
+                Topic(f"{prefix}{name}", topic.type, find_type_hash(topic.type), (offer,)),
+                find_definition(topic.type),
+            )
+        yield bag
+        losses = {f"{prefix}{name}": Losses() for name in topics}
+        bag.add_record(RECORD_NAME, losses_to_record(losses))
+
+
+def _manifest(
+    parameters: Mapping[str, Any], scenario: str | None, origin: Mapping[str, Any] | None = None
+) -> Manifest:
+    """Return the manifest of a bag that this program writes on this machine."""
+    return Manifest(
+        parameters=parameters,
+        scenario=scenario,
+        command=tuple(sys.argv),
+        versions=installed_versions(),
+        machine=machine_name(),
+        forked_from=origin or {},
+    )
+
+
+@dataclass(frozen=True)
+class ForkedBag:
+    """Bag of a fork."""
+
+    path: str  # of the bag
+    source: str  # bag from which it forks
+    run: int  # number of the run in it
+    at: float  # instant of the fork, in simulation time of that run [s]
+    duration: float  # simulated from there on [s]
+    messages: int  # that were written, without those of the journal up to the instant
+    changed: bool  # whether anything differs from the recorded run
+    warnings: tuple[str, ...]  # one line each
+
+
+def write_fork(
+    path: str | os.PathLike[str],
+    out: str | os.PathLike[str],
+    at: float,
+    duration: float | None = None,
+    changes: Changes | None = None,
+    *,
+    run: int = 1,
+    topic: str | None = None,
+    report: Callable[[float], object] = lambda seconds: None,
+) -> ForkedBag:
+    """Go on from an instant of a recorded run, and write a bag of it.
+
+    The recorded changes after the instant are repeated, unless ``changes`` replaces them. Without
+    changes the bag holds the messages of the recorded one after the instant, bit for bit. It begins
+    with the journal up to the instant, so that it can be verified and forked itself.
+
+    Args:
+        at: instant, in simulation time of the run [s].
+        duration: to simulate from there on [s]; None up to the end of the recorded run.
+        changes: from the instant on; None for none.
+        run: number of the run, from 1; resets and restored checkpoints begin new ones.
+        topic: of the journal, if the bag holds several.
+    """
+    changes = Changes() if changes is None else changes
+    if os.path.lexists(out):
+        raise BagExistsError(f"{os.fspath(out)} exists already; a bag is never overwritten")
+    fork = open_fork(path, at, changes, run=run, topic=topic, stop=not changes.empty, report=report)
+    continuation = Continuation(fork, changes, duration)
+    first = list(continuation.begin())
+    written = _write(out, fork, continuation, first, report)
+    return ForkedBag(
+        os.fspath(out),
+        os.fspath(path),
+        run,
+        fork.time / SECOND,
+        (continuation.end - fork.time) / SECOND,
+        written,
+        not changes.empty,
+        tuple(continuation.warnings),
+    )
+
+
+def _write(
+    out: str | os.PathLike[str],
+    fork: Fork,
+    continuation: Continuation,
+    first: list[Entry],
+    report: Callable[[float], object],
+) -> int:
+    """Write the bag; return the number of messages after the history."""
+    prefix, resumed = fork.recorded.prefix, fork.resumed
+    beginning = resumed.run.beginning
+    topics = offered_topics(beginning.settings.values())
+    zero, published = _clock(fork)
+    instant = zero + fork.time
+    values = {**resumed.settings.values(), "seed": beginning.seed}
+    count = 0
+    with _new_bag(out, prefix, topics, _manifest(values, fork.scenario, fork.origin)) as bag:
+
+        def write(name: str, fields: Fields, log_time: int, publish_time: int) -> None:
+            data = installed_codec(topics[name].type).encode(fields)
+            bag.write(f"{prefix}{name}", data, log_time, publish_time)
+
+        # As a recorder that begins at the instant would get the latched topics.
+        for (_, fields), publish_time in zip(fork.history, published, strict=True):
+            write("journal", fields, instant, publish_time)
+        faults = (resumed.faults,) if resumed.faults else ()
+        for _, name, fields in (*faults, *resumed.entries, *first):
+            write(name, fields, instant, instant)
+        between = resumed.run.time < fork.time
+        for time, name, fields in continuation.messages(report):
+            if between and time <= fork.time:  # of the block in which the instant lies, before it
+                continue
+            write(name, fields, zero + time, zero + time)
+            count += 1
+    return count
+
+
+def _clock(fork: Fork) -> tuple[int, list[int]]:
+    """Return the bag's clock at simulation time zero, and when the history was published [ns].
+
+    Publishing times show which run a message belongs to: with runs before, every entry is before
+    all that follows.
+    """
+    zero = max(0, fork.resumed.run.origin)
+    count = len(fork.history) if fork.recorded.before else 0
+    zero += max(0, count - zero - fork.time)
+    instant = zero + fork.time
+    return zero, [
+        min(publish_time, instant - max(0, count - place))
+        for place, (publish_time, _) in enumerate(fork.history)
+    ]

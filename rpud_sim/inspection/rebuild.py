@@ -2,30 +2,23 @@
 
 from __future__ import annotations
 
-import json
 import os
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
 
 import rpud_sim.bag
-from rpud_sim.bag import BagReader, Message
+from rpud_sim.bag import BagFormatError, BagReader, Message
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.columns import Column, Kind
-from rpud_sim.bag.definitions import find_definition
-from rpud_sim.foundation.time import SECOND
-from rpud_sim.inspection.export.export import (
-    ACCOUNT,
-    ExportError,
-    describe_column,
-    file_stem,
-    make_table,
-)
+from rpud_sim.foundation.time import SECOND, join_seconds
+from rpud_sim.inspection import InspectionError
+from rpud_sim.inspection.export import describe_column, file_stem, make_table, write_account
 from rpud_sim.inspection.output import new_folder
-from rpud_sim.inspection.trajectory_pieces import TrajectoryPiece, trajectory_pieces
-from rpud_sim.simulation.rebuilding import Rebuilder, end_sample, first_sample
+from rpud_sim.inspection.recorded_journal import installed_codec
+from rpud_sim.simulation.rebuilding import Rebuilder, end_sample, first_sample, to_segments
 from rpud_sim.simulation.sampling import CHANNELS, Samples, Times
 from rpud_sim.simulation.topics import TOPICS
 
@@ -40,6 +33,10 @@ _COLUMNS = (
         for channel in CHANNELS
     ),
 )
+
+
+# Rounding of the times of consecutive segments [s]; at a reset, time steps back further.
+_ROUNDING = 1e-6
 
 
 @dataclass(frozen=True)
@@ -74,20 +71,9 @@ def rebuild(
 ) -> Rebuilt:
     """Write every channel of a bag's trajectory at any whole rate [Hz], without a simulation.
 
-    ``out`` appears when all of it is complete.
-
-    Args:
-        rate: whole [Hz].
-        file_format: one of ``export.FORMATS``.
-        topics: among which the trajectory is, if the bag holds several; None for all.
-        start: of the rebuilt part, from the beginning of the trajectory [s].
-        duration: of the rebuilt part, at most [s]; None for all.
-        run: number of the simulation, if resets began several.
-        report: called with the number of samples that were written since its last call.
-
-    Raises:
-        BagError: if the bag cannot be read.
-        ExportError: if it holds no such trajectory, or the files cannot be written.
+    ``out`` appears when all of it is complete. ``topics`` are those among which the trajectory is,
+    if the bag holds several. ``start`` counts from the beginning of the trajectory, ``duration`` is
+    the longest part [s]. ``run`` is the number of the simulation, if resets began several.
     """
     with rpud_sim.bag.open(path) as bag:
         topic = _topic(bag, topics)
@@ -96,7 +82,9 @@ def rebuild(
         first = begin + round(start * rate)
         if first >= end:
             held = (end - begin) / rate
-            raise ExportError(f"--start = {start:g} s is not in the {held:g} s that the bag holds")
+            raise InspectionError(
+                f"--start = {start:g} s is not in the {held:g} s that the bag holds"
+            )
         if duration is not None:
             end = min(end, first + max(1, round(duration * rate)))
         about: dict[str, Any] = {
@@ -109,7 +97,7 @@ def rebuild(
             "runs": runs,
         }
         metadata = {"rpud_sim": {"bag": str(bag.path), **about}}
-        with new_folder(out, ExportError) as folder:
+        with new_folder(out) as folder:
             file = make_table(file_format, folder / file_stem(topic), _COLUMNS, metadata)
             table = _Table(file, first, end, rate, origin)
             try:
@@ -128,9 +116,7 @@ def rebuild(
                 **about,
             )
             columns = {column.name: describe_column(column) for column in _COLUMNS}
-            account = {"bag": str(bag.path), **asdict(rebuilt), "columns": columns}
-            text = json.dumps(account, indent=2, ensure_ascii=False)
-            (folder / ACCOUNT).write_text(text + "\n", "utf-8", "backslashreplace")
+            write_account(folder, {"bag": str(bag.path), **asdict(rebuilt), "columns": columns})
     return rebuilt
 
 
@@ -144,9 +130,9 @@ def _topic(bag: BagReader, wanted: Collection[str] | None) -> str:
     ]
     if not names:
         what = "no trajectory" if wanted is None else f"no trajectory named {' or '.join(wanted)}"
-        raise ExportError(f"{bag.path} holds {what}; record the topic trajectory")
+        raise InspectionError(f"{bag.path} holds {what}; record the topic trajectory")
     if len(names) > 1:
-        raise ExportError(
+        raise InspectionError(
             f"{bag.path} holds several trajectories: choose one by --topics of {', '.join(names)}"
         )
     return names[0]
@@ -162,9 +148,11 @@ def _survey(pieces: _Pieces, rate: int, run: int) -> tuple[int, int, int, int]:
             end = end_sample(piece.segments[-1], rate)
         runs = piece.run
     if not runs:
-        raise ExportError("the trajectory holds no segments")
+        raise InspectionError("the trajectory holds no segments")
     if not 1 <= run <= runs:
-        raise ExportError(f"--run = {run} is outside its range [1, {runs}]: resets begin new ones")
+        raise InspectionError(
+            f"--run = {run} is outside its range [1, {runs}]: resets begin new ones"
+        )
     return first, end, origin, runs
 
 
@@ -182,13 +170,49 @@ def _samples(pieces: _Pieces, rate: int, run: int, end: int) -> Iterator[tuple[i
     yield from rebuilder.finish()
 
 
+@dataclass(frozen=True)
+class TrajectoryPiece:
+    """Segments of one message."""
+
+    run: int  # number of the simulation, from 1; a reset begins the next one
+    follows: bool  # whether they follow those of the piece before without a gap
+    origin: int  # stamp of simulation time zero [ns]
+    segments: np.ndarray  # ``SEGMENT`` records; at least one
+    log_time: int  # of the message [ns]
+
+
+def trajectory_pieces(
+    messages: Iterable[Message], codec: Codec, path: object
+) -> Iterator[TrajectoryPiece]:
+    """Yield the pieces of a trajectory, one for each message with segments, from any one on."""
+    run, following, end = 0, -1, 0.0
+    for recorded in messages:
+        message = codec.decode(recorded.data)
+        try:
+            segments = to_segments(message)
+        except ValueError as error:
+            raise BagFormatError(f"{path}: a trajectory is damaged: {error}") from None
+        if not len(segments):
+            continue
+        start = int(segments["start_seconds"][0]) + float(segments["start_fraction"][0])
+        if message.sequence < following or start < end - _ROUNDING or not run:
+            run += 1
+            following = -1
+        origin = join_seconds(message.origin.sec, message.origin.nanosec)
+        follows = message.sequence == following
+        yield TrajectoryPiece(run, follows, origin, segments, recorded.log_time)
+        following = message.sequence + len(segments)
+        last = segments[-1]
+        end = int(last["start_seconds"]) + float(last["start_fraction"] + last["duration"])
+
+
 class _Pieces:
     """Pieces of a trajectory, one for each message; it can be iterated several times."""
 
     def __init__(self, bag: BagReader, topic: str) -> None:
         self._bag = bag
         self._topic = topic
-        self._codec = Codec(_TYPE, find_definition(_TYPE))
+        self._codec = installed_codec(_TYPE)
         self.size = 0  # of the messages of the last iteration [bytes]
 
     def __iter__(self) -> Iterator[TrajectoryPiece]:

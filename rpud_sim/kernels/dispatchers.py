@@ -36,8 +36,8 @@ _OPTIONS = {"nopython": True, "nogil": True, "error_model": "numpy", "_nrt": Fal
 # Parts of the mangled names of rules that are compiled into their callers: small ones, whose calls
 # take as long as they do, and those with the drill's constants as arguments.
 _INLINED = (
-    *("10elementary", "5model5steps", "9vibration", "10suspension", "9collision", "7segment"),
-    *("10pass_event", "12open_segment"),
+    *("10elementary", "5model5steps", "11closed_form", "7segment"),
+    *("7collide", "15common_velocity", "10pass_event", "12open_segment"),
 )
 
 

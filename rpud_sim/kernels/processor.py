@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import platform
 
 import llvmlite.binding as llvm
+import numba
 from numba.core import config
 from numba.core.codegen import get_host_cpu_features
+
+from rpud_sim.kernels.store import KernelStore
 
 # Level of the x86-64 psABI that Intel has since Nehalem (2008) and AMD since Bulldozer (2011).
 # The kernels are scalar: with the instructions of newer processors they are not measurably
@@ -46,3 +50,22 @@ def this_target() -> Target:
     if features is None:
         features = get_host_cpu_features()
     return choose_target(config.CPU_NAME or llvm.get_host_cpu_name(), features)
+
+
+def notice(target: Target, store: KernelStore) -> str:
+    """Return the line for a process that has to compile kernels."""
+    place = store.place()
+    if store.refused:
+        cause = store.refused
+    elif target.lacking:
+        lacking = ", ".join(target.lacking)
+        cause = f"this processor lacks {lacking}, which the installed kernels ({BASELINE}) need"
+    else:
+        versions = f"Python {platform.python_version()}, Numba {numba.__version__}, {target.cpu}"
+        cause = f"no compiled kernels for these sources and {versions} were found"
+    if place is not None:
+        fate = f"they are kept in {place}"
+    else:
+        folders = " nor ".join(str(folder) for folder in store.folders)
+        fate = f"they cannot be kept, because nothing can be written to {folders}"
+    return f"compiling the model takes some ten seconds: {cause}; {fate}"

@@ -7,8 +7,7 @@ import numpy as np
 from numba.core import config
 
 from rpud_sim.kernels.dispatchers import kernel_compiler
-from rpud_sim.kernels.notice import notice
-from rpud_sim.kernels.processor import this_target
+from rpud_sim.kernels.processor import notice, this_target
 from rpud_sim.kernels.store import KernelStore, user_folders
 
 # Beside the package, so that an installation has its kernels for every user. Where that folder

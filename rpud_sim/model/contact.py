@@ -1,14 +1,21 @@
-"""Contact of the free mass with the drill tool in the rock, by the energy balance: eqs. (20)-(39).
+"""Collisions, eqs. (4)-(7), (11)-(13), (21), and the contact in the rock, eqs. (20)-(39).
 
 The bottom of the drill tool is fixed; its two sections are springs. From the impact on, free mass
 and drill tool move as one body of mass m_fmdt = m_fm + m_eff,dt on the spring k_eff,dt.
 """
 
+from __future__ import annotations
+
+import dataclasses
 import math
-from typing import NamedTuple
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, NamedTuple
 
 from rpud_sim.model.compile import compiled
 from rpud_sim.model.elementary import arc_tangent, hypotenuse, sin_cos
+
+if TYPE_CHECKING:
+    from rpud_sim.model.parameters import Parameters
 
 # Tangent of the angles that are a short series of it: the next term is less than 1e-19 rad.
 _NEARLY_HALF = 1e-3
@@ -21,122 +28,155 @@ class EffectiveTool(NamedTuple):
     spring_rate: float  # k_eff,dt [N/m]
 
 
-def section_spring_rate(elastic_modulus, area, length):
-    """k_dt1 or k_dt2 [N/m], eq. (20)."""
-    return elastic_modulus * area / length
-
-
-def printed_tool(k_1, k_2, m_1, m_2):
+def printed_tool(k_1: float, k_2: float, m_1: float, m_2: float) -> EffectiveTool:
     """The drill tool with eqs. (22) and (27) as printed.
 
     The two terms of eq. (22) belong to two different mode shapes; ``mode_shape_tool`` and
     ``rayleigh_tool`` are the consistent forms of each.
-
-    Args:
-        k_1: spring rate of part I [N/m].
-        k_2: spring rate of part II [N/m].
-        m_1: mass of part I [kg].
-        m_2: mass of part II [kg].
     """
     both = k_1 + k_2
-    mass = ((k_1 * k_1 + 3.0 * k_1 * k_2 + 3.0 * k_2 * k_2) * m_1 + k_1 * k_1 * m_2) / (
-        3.0 * both * both
-    )
-    spring_rate = (k_1 * k_1 - k_1 * k_2 + k_2 * k_2) / both
-    return EffectiveTool(mass, spring_rate)
+    mass = (k_1 * k_1 + 3.0 * k_1 * k_2 + 3.0 * k_2 * k_2) * m_1 + k_1 * k_1 * m_2
+    return EffectiveTool(mass / (3.0 * both * both), (k_1 * k_1 - k_1 * k_2 + k_2 * k_2) / both)
 
 
-def rayleigh_tool(k_1, k_2, m_1, m_2):
+def rayleigh_tool(k_1: float, k_2: float, m_1: float, m_2: float) -> EffectiveTool:
     """The drill tool by Rayleigh's method: the static shape of two springs in series.
 
     That shape has f(L_dt1) = k_1 / (k_1 + k_2) and the spring rate k_1 k_2 / (k_1 + k_2).
-    Arguments as for ``printed_tool``.
     """
-    mass = _mass_of_shape(k_1 / (k_1 + k_2), m_1, m_2)
-    return EffectiveTool(mass, k_1 * k_2 / (k_1 + k_2))
+    return EffectiveTool(_mass_of_shape(k_1 / (k_1 + k_2), m_1, m_2), k_1 * k_2 / (k_1 + k_2))
 
 
-def mode_shape_tool(k_1, k_2, m_1, m_2):
+def mode_shape_tool(k_1: float, k_2: float, m_1: float, m_2: float) -> EffectiveTool:
     """The drill tool with the mode shape of eq. (24) as printed, in mass and spring rate.
 
     That shape has f(L_dt1) = k_2 / (k_1 + k_2). Its strain energy, eq. (26), gives the spring rate
     of eq. (27), and its kinetic energy, eq. (25), the mass that eq. (22) has with one index
-    changed. Arguments as for ``printed_tool``.
+    changed.
     """
     mass = _mass_of_shape(k_2 / (k_1 + k_2), m_1, m_2)
     return EffectiveTool(mass, printed_tool(k_1, k_2, m_1, m_2).spring_rate)
 
 
-def _mass_of_shape(shape, m_1, m_2):
+def _mass_of_shape(shape: float, m_1: float, m_2: float) -> float:
     """m_eff,dt [kg] of a mode shape with f(L_dt1) = shape, eq. (25)."""
     return ((1.0 + shape + shape * shape) * m_1 + shape * shape * m_2) / 3.0
 
 
-@compiled
-def natural_frequency(free_mass, tool_mass, tool_spring_rate):
-    """omega_fmdt [rad/s], eq. (32)."""
-    return math.sqrt(tool_spring_rate / (free_mass + tool_mass))
+# Laws of the contact in the rock, by their name: functions of spring rate [N/m] and mass [kg] of
+# parts I and II. ``given`` takes the tool from the parameters.
+_LAWS: Mapping[str, Callable[[float, float, float, float], EffectiveTool]] = {
+    "printed": printed_tool,
+    "rayleigh": rayleigh_tool,
+    "mode_shape": mode_shape_tool,
+}
+CONTACT_MODELS = (*_LAWS, "given")
 
 
-@compiled
-def deformation(time, displacement, velocity, free_mass, tool_mass, tool_spring_rate, gravity):
-    """Axial deformation of the drill tool during a contact, eq. (36).
-
-    Args:
-        time: since the impact, t - t_j [s].
-        displacement: u'_dt(t_j) [m].
-        velocity: v'_dt(t_j) [m/s].
-        free_mass: m_fm [kg].
-        tool_mass: m_eff,dt [kg].
-        tool_spring_rate: k_eff,dt [N/m].
-        gravity: g [m/s^2].
-
-    Returns:
-        eta [m] and its second derivative [m/s^2].
-    """
-    omega = natural_frequency(free_mass, tool_mass, tool_spring_rate)
-    rest = free_mass * gravity / tool_spring_rate
-    sine, cosine = sin_cos(omega * time)
-    eta = rest + velocity / omega * sine + (displacement - rest) * cosine
-    acceleration = -omega * velocity * sine - omega * omega * (displacement - rest) * cosine
-    return eta, acceleration
-
-
-@compiled
-def contact_force(acceleration, free_mass, gravity):
-    """F_cf = m_fm (g - eta'') [N], eq. (30)."""
-    return free_mass * (gravity - acceleration)
-
-
-@compiled
-def time_of_maximum(displacement, velocity, free_mass, tool_mass, tool_spring_rate, gravity):
-    """t_max - t_j, when compression and contact force are greatest [s], eq. (38).
-
-    The principal value of the arctangent printed in the paper is negative; this is the first
-    maximum after the impact. Arguments as for ``deformation``.
-    """
-    omega = natural_frequency(free_mass, tool_mass, tool_spring_rate)
-    rest = free_mass * gravity / tool_spring_rate
-    angle = arc_tangent(velocity / omega, displacement - rest)
-    if angle < 0.0:
-        angle += 2.0 * math.pi
-    return angle / omega
-
-
-@compiled
-def contact_time(displacement, velocity, free_mass, tool_mass, tool_spring_rate, gravity):
-    """t_con, when the deformation is again what it was at the impact [s], eq. (39)."""
-    return 2.0 * time_of_maximum(
-        displacement, velocity, free_mass, tool_mass, tool_spring_rate, gravity
+def effective_tool(parameters: Parameters) -> EffectiveTool:
+    """Return the drill tool in the rock by the chosen contact model."""
+    if parameters.contact_model == "given":
+        return EffectiveTool(parameters.effective_tool_mass, parameters.effective_tool_spring_rate)
+    sections = (
+        (parameters.section_1_area, parameters.section_1_length),
+        (parameters.section_2_area, parameters.section_2_length),
     )
+    rates = (parameters.elastic_modulus * area / length for area, length in sections)  # eq. (20)
+    masses = (parameters.drill_tool_density * area * length for area, length in sections)
+    return _LAWS[parameters.contact_model](*rates, *masses)
 
 
 @compiled
-def force_at_maximum(displacement, velocity, free_mass, tool_mass, tool_spring_rate, gravity):
-    """Greatest force of a contact that is left undisturbed [N], eqs. (30), (36) and (38)."""
-    omega = natural_frequency(free_mass, tool_mass, tool_spring_rate)
-    rest = free_mass * gravity / tool_spring_rate
-    return free_mass * (gravity + omega * omega * hypotenuse(displacement - rest, velocity / omega))
+def collide(mass_1, velocity_1, mass_2, velocity_2, restitution):
+    """Velocities after a collision, eqs. (6) and (13).
+
+    Momentum is conserved, eqs. (4) and (11), and the closing velocity is returned with the
+    coefficient of restitution, eqs. (5) and (12).
+    """
+    whole = 1.0 / (mass_1 + mass_2)
+    after_1 = (mass_1 - restitution * mass_2) * velocity_1
+    after_1 += (1.0 + restitution) * mass_2 * velocity_2
+    after_2 = (mass_2 - restitution * mass_1) * velocity_2
+    after_2 += (1.0 + restitution) * mass_1 * velocity_1
+    return after_1 * whole, after_2 * whole
+
+
+@compiled
+def common_velocity(mass_1, velocity_1, mass_2, velocity_2):
+    """Velocity of two bodies that go on together [m/s], eq. (21)."""
+    return (mass_1 * velocity_1 + mass_2 * velocity_2) / (mass_1 + mass_2)
+
+
+class UndisturbedContact(NamedTuple):
+    """Contact in the rock after an impact at t_j, which nothing disturbs."""
+
+    displacement: float  # u'_dt(t_j) [m]
+    velocity: float  # v'_dt(t_j) [m/s]
+    free_mass: float  # m_fm [kg]
+    tool: EffectiveTool
+    gravity: float  # g [m/s^2]
+
+    @property
+    def angular_frequency(self) -> float:
+        """omega_fmdt [rad/s], eq. (32)."""
+        return math.sqrt(self.tool.spring_rate / (self.free_mass + self.tool.mass))
+
+    @property
+    def _swing(self) -> tuple[float, float, float, float]:
+        """omega_fmdt, the deformation at rest, and cosine and sine of that about it [m]."""
+        omega = self.angular_frequency
+        rest = self.free_mass * self.gravity / self.tool.spring_rate
+        return omega, rest, self.displacement - rest, self.velocity / omega
+
+    def deformation(self, time: float) -> tuple[float, float]:
+        """Axial deformation eta of the drill tool [m] and eta'' [m/s^2], eq. (36)."""
+        omega, rest, along, across = self._swing
+        sine, cosine = sin_cos(omega * time)
+        eta = rest + across * sine + along * cosine
+        return eta, -omega * self.velocity * sine - omega * omega * along * cosine
+
+    @property
+    def time_of_maximum(self) -> float:
+        """t_max - t_j, when compression and contact force are greatest [s], eq. (38).
+
+        The principal value of the arctangent printed in the paper is negative; this is the first
+        maximum after the impact.
+        """
+        omega, _, along, across = self._swing
+        angle: float = arc_tangent(across, along)
+        return (angle + 2.0 * math.pi if angle < 0.0 else angle) / omega
+
+    @property
+    def duration(self) -> float:
+        """t_con, when the deformation is again what it was at the impact [s], eq. (39)."""
+        return 2.0 * self.time_of_maximum
+
+    @property
+    def greatest_force(self) -> float:
+        """Contact force at its maximum [N], eqs. (30), (36) and (38)."""
+        omega, _, along, across = self._swing
+        pull: float = omega * omega * hypotenuse(along, across)
+        return self.free_mass * (self.gravity + pull)
+
+
+@dataclasses.dataclass(frozen=True)
+class Contact:
+    """Result of one blow on the resting drill tool, by the energy balance."""
+
+    tool_mass: float  # m_eff,dt [kg]
+    tool_spring_rate: float  # k_eff,dt [N/m]
+    peak_force: float  # greatest contact force [N]
+    peak_displacement: float  # of the drill tool's upper side [m]
+    duration: float  # t_con of eq. (39) [s]
+
+
+def single_contact(parameters: Parameters, impact_velocity: float) -> Contact:
+    """Return the contact after a blow on the resting drill tool; the velocity is in m/s."""
+    tool, free_mass = effective_tool(parameters), parameters.free_mass
+    velocity = free_mass * impact_velocity / (free_mass + tool.mass)  # eq. (21)
+    contact = UndisturbedContact(0.0, velocity, free_mass, tool, parameters.gravity)
+    peak_displacement, _ = contact.deformation(contact.time_of_maximum)
+    return Contact(*tool, contact.greatest_force, peak_displacement, contact.duration)
 
 
 @compiled

@@ -1,25 +1,20 @@
 """Drill of the engine: constants derived from the parameters, and the moving state."""
 
+from __future__ import annotations
+
 from typing import NamedTuple
 
 import numpy as np
 
+from rpud_sim.model.closed_form import damping_coefficient
 from rpud_sim.model.compile import record_type
-from rpud_sim.model.contact import (
-    EffectiveTool,
-    mode_shape_tool,
-    printed_tool,
-    rayleigh_tool,
-    section_spring_rate,
-)
+from rpud_sim.model.contact import effective_tool
+from rpud_sim.model.elementary import power
 from rpud_sim.model.parameters import Parameters
-from rpud_sim.model.suspension import damping_coefficient
 
 # Damping ratio of a tool that rock or cuttings hold: while it is seated (seating.py) and with a
 # jammed free mass. Assumed: the tables' value for the drill tool before drilling.
 ROCK_DAMPING_RATIO = 0.5
-
-_TOOLS = {"printed": printed_tool, "rayleigh": rayleigh_tool, "mode_shape": mode_shape_tool}
 
 
 class Drill(NamedTuple):
@@ -47,19 +42,6 @@ class Drill(NamedTuple):
     gravity: float
     in_rock: bool
     jammed: bool
-
-
-def effective_tool(parameters: Parameters) -> EffectiveTool:
-    """Return m_eff,dt [kg] and k_eff,dt [N/m] of the drill tool by the chosen contact model."""
-    if parameters.contact_model == "given":
-        return EffectiveTool(parameters.effective_tool_mass, parameters.effective_tool_spring_rate)
-    sections = (
-        (parameters.section_1_area, parameters.section_1_length),
-        (parameters.section_2_area, parameters.section_2_length),
-    )
-    k_1, k_2 = (section_spring_rate(parameters.elastic_modulus, *section) for section in sections)
-    m_1, m_2 = (parameters.drill_tool_density * area * length for area, length in sections)
-    return _TOOLS[parameters.contact_model](k_1, k_2, m_1, m_2)
 
 
 def derive(parameters: Parameters, jammed: bool = False) -> Drill:
@@ -145,3 +127,34 @@ STATE = record_type(
         ("owed", np.float64),
     ]
 )
+
+
+# Assumed, as the paper has no such transition: many periods of tool and drill, so that both follow,
+# and a small part of the time for which a user drills.
+SEATING_TIME = 0.1  # [s]
+SEATING_STEPS = 20
+
+
+def seating(before: Drill, after: Drill) -> list[tuple[float, Drill]]:
+    """Return the constants of each step, with the time of the step after the change [s].
+
+    The last step has the requested constants. The steps before it are as before drilling: the
+    impacts of eqs. (11)-(13) and the suspension of eq. (14). Only the change of a free drill tool
+    to one in the rock takes steps; every other change takes effect at once.
+    """
+    if before.in_rock or not after.in_rock:
+        return [(0.0, after)]
+    steps = []
+    for step in range(1, SEATING_STEPS):
+        share = step / SEATING_STEPS
+        spring_rate = power(before.tool_spring_rate, 1.0 - share) * power(
+            after.tool_spring_rate, share
+        )
+        drill = after._replace(
+            in_rock=False,
+            tool_mass=before.tool_mass,
+            tool_spring_rate=spring_rate,
+            tool_damping=damping_coefficient(ROCK_DAMPING_RATIO, before.tool_mass, spring_rate),
+        )
+        steps.append((SEATING_TIME * (share - 1.0 / SEATING_STEPS), drill))
+    return [*steps, (SEATING_TIME, after)]

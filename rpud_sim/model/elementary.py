@@ -377,6 +377,7 @@ CALLED_BY_PYTHON = (
     (logarithm_one_plus, (1.0,)),
     (power, (1.0, 1.0)),
     (arc_tangent, (1.0, 1.0)),
+    (hypotenuse, (1.0, 1.0)),
     (complex_phase, (1j,)),
     (complex_size, (1j,)),
 )

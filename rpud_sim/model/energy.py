@@ -10,6 +10,7 @@ Within a segment every power is a product of sums of ``Re(z exp(rate s))``, comp
 
 from typing import NamedTuple
 
+from rpud_sim.model.closed_form import TWO_PI
 from rpud_sim.model.compile import compiled
 from rpud_sim.model.elementary import (
     complex_exponential,
@@ -17,34 +18,29 @@ from rpud_sim.model.elementary import (
     complex_size,
     exponential_minus_one,
     sin_cos,
-    sin_cos_cycles,
 )
-from rpud_sim.model.motion import CONTACT_BOTH
 from rpud_sim.model.segment import (
     CONTACT_ACTUATOR,
+    CONTACT_BOTH,
     CONTACT_DRILL_TOOL,
     EVENT_COMMAND,
     EVENT_RELEASE,
+    drill_tool_motion,
+    load_of,
     motion_at,
     motion_of,
+    nodal_plane_motion,
     turns_at_end,
+    vibration_turn,
 )
 from rpud_sim.model.tolerances import LEAST_DEFORMATION, LOWEST_BOUNCE, SAME_VELOCITY
-from rpud_sim.model.vibration import TWO_PI
 
-# Terms of an account, in joules. What flows in:
-ACTUATOR_WORK = 0
-WEIGHT_ON_BIT_WORK = 1
-GRAVITY_WORK = 2
-CHANGES = 3
-# what is lost:
-LOAD_DAMPER = 4
-DRILL_TOOL_DAMPER = 5
-ACTUATOR_COLLISIONS = 6
-IMPACTS = 7
-RELEASE = 8
-CONTACT_RESOLUTION = 9
-# and what is stored in motion and springs more than at the start:
+# Numbers of an account's terms, in joules: what flows in,
+ACTUATOR_WORK, WEIGHT_ON_BIT_WORK, GRAVITY_WORK, CHANGES = range(4)
+# what is lost,
+LOAD_DAMPER, DRILL_TOOL_DAMPER, ACTUATOR_COLLISIONS, IMPACTS = range(4, 8)
+RELEASE, CONTACT_RESOLUTION = 8, 9
+# and what is stored in motion and springs more than at the start.
 STORED = 10
 
 TERMS = (
@@ -137,34 +133,29 @@ def square_integral(first, first_rate, second, second_rate, duration):
 
 
 @compiled
-def decaying_from(cosine, sine, decay_rate, angular_frequency, start):
+def decaying_from(motion, start):
     """Complex amplitude [m] and rate [1/s] of a decaying part, from a time on."""
-    rate = complex(-decay_rate, angular_frequency)
-    amplitude = complex(cosine, -sine)
+    rate = complex(-motion.decay_rate, motion.angular_frequency)
+    amplitude = complex(motion.cosine, -motion.sine)
     return (amplitude * complex_exponential(rate * start) if start > 0.0 else amplitude), rate
 
 
 @compiled
-def nodal_plane_parts(segment, start):
-    """Decaying part and steady vibration of the nodal plane from a time on.
+def held_parts(segment, start):
+    """Parts of the motion of a tip that holds the free mass, from a time on; all complex.
 
     Returns:
-        Amplitude [m] and rate [1/s] of the decaying part, amplitude [m] of the steady vibration,
-        turn exp(i phi) and rate [1/s] of the harmonic vibration, all complex.
+        Amplitude [m] and rate [1/s] of the nodal plane's decaying part, amplitudes [m] of the
+        steady vibration of nodal plane and tip, turn exp(i phi) and rate [1/s] of the vibration.
     """
-    decaying, rate = decaying_from(
-        segment.nodal_plane_cosine,
-        segment.nodal_plane_sine,
-        segment.nodal_plane_decay_rate,
-        segment.nodal_plane_angular_frequency,
-        start,
-    )
-    cycles = segment.vibration_phase + segment.vibration_frequency * start
-    sine, cosine = sin_cos_cycles(cycles)
+    motion = nodal_plane_motion(segment)
+    decaying, rate = decaying_from(motion, start)
+    sine, cosine = vibration_turn(segment, start)
     turn = complex(cosine, sine)
-    steady = complex(segment.nodal_plane_vibration_cosine, -segment.nodal_plane_vibration_sine)
+    steady = complex(motion.vibration_cosine, -motion.vibration_sine) * turn
     omega = complex(0.0, TWO_PI * segment.vibration_frequency)
-    return decaying, rate, steady * turn, turn, omega
+    tip = steady + complex(0.0, -segment.vibration_amplitude) * turn
+    return decaying, rate, steady, tip, turn, omega
 
 
 @compiled
@@ -173,7 +164,7 @@ def load_damper_loss(segment, start, end):
 
     While the free mass is held against the tip; ``free_travels`` has it otherwise.
     """
-    decaying, rate, steady, _, omega = nodal_plane_parts(segment, start)
+    decaying, rate, steady, _, _, omega = held_parts(segment, start)
     return segment.load_spring_damping * square_integral(
         rate * decaying, rate, omega * steady, omega, end - start
     )
@@ -185,24 +176,26 @@ def drill_tool_damper_loss(segment, start, end):
     if segment.drill_tool_damping == 0.0:
         return 0.0
     duration = end - start
-    at_rest = segment.drill_tool_cosine == 0.0 and segment.drill_tool_sine == 0.0
-    if segment.contact != CONTACT_BOTH and at_rest:
-        return 0.0
     if segment.contact == CONTACT_BOTH:
-        decaying, rate, steady, turn, omega = nodal_plane_parts(segment, start)
-        tip = steady + complex(0.0, -segment.vibration_amplitude) * turn
+        decaying, rate, _, tip, _, omega = held_parts(segment, start)
         return segment.drill_tool_damping * square_integral(
             rate * decaying, rate, omega * tip, omega, duration
         )
-    decaying, rate = decaying_from(
-        segment.drill_tool_cosine,
-        segment.drill_tool_sine,
-        segment.drill_tool_decay_rate,
-        segment.drill_tool_angular_frequency,
-        start,
-    )
+    if segment.drill_tool_cosine == 0.0 and segment.drill_tool_sine == 0.0:
+        return 0.0
+    decaying, rate = decaying_from(drill_tool_motion(segment), start)
     growth = growth_over(rate, duration)
     return segment.drill_tool_damping * decaying_square_integral(decaying, rate, duration, growth)
+
+
+@compiled
+def force_parts(segment, decaying, rate, tip, omega):
+    """Force of the tip on what it holds [N]: constant, and amplitudes of decay and vibration."""
+    mass, damping, spring_rate, force = load_of(segment, True)
+    constant = spring_rate * segment.nodal_plane_offset - force
+    slow = (mass * rate * rate + damping * rate + spring_rate) * decaying
+    fast = (mass * omega * omega + damping * omega + spring_rate) * tip
+    return constant, slow, fast
 
 
 @compiled
@@ -212,19 +205,9 @@ def actuator_work(segment, start, end):
     The integral of N v_hv: N is the force of the tip on the free mass, v_hv the velocity of the
     harmonic vibration, eq. (1). The work of the nodal plane's own motion stays among the bodies.
     """
-    mass = segment.free_mass
-    damping = 0.0
-    spring_rate = 0.0
-    if segment.contact == CONTACT_BOTH:
-        mass += segment.drill_tool_mass
-        damping = segment.drill_tool_damping
-        spring_rate = segment.drill_tool_spring_rate
-    decaying, rate, steady, turn, omega = nodal_plane_parts(segment, start)
-    tip = steady + complex(0.0, -segment.vibration_amplitude) * turn
+    decaying, rate, _, tip, turn, omega = held_parts(segment, start)
+    constant, slow, fast = force_parts(segment, decaying, rate, tip, omega)
     velocity = abs(omega.imag) * segment.vibration_amplitude * turn
-    constant = spring_rate * segment.nodal_plane_offset - segment.free_mass * segment.gravity
-    slow = (mass * rate * rate + damping * rate + spring_rate) * decaying
-    fast = (mass * omega * omega + damping * omega + spring_rate) * tip
     duration = end - start
     return (
         constant * (velocity * exponential_integral(omega, duration)).real
@@ -241,7 +224,7 @@ def held_travels(segment, start, end):
     soft spring, and the work of the force with them.
     """
     duration = end - start
-    decaying, rate, steady, turn, omega = nodal_plane_parts(segment, start)
+    decaying, rate, steady, _, turn, omega = held_parts(segment, start)
     swing = growth_over(omega, duration).whole
     nodal_plane = (decaying * growth_over(rate, duration).whole).real + (steady * swing).real
     vibration = complex(0.0, -segment.vibration_amplitude) * turn
@@ -252,24 +235,12 @@ def held_travels(segment, start, end):
 def free_travels(segment, start, end):
     """Return the same of a free mass off the tip, and the loss of the load spring's damping [J]."""
     duration = end - start
-    decaying, rate = decaying_from(
-        segment.nodal_plane_cosine,
-        segment.nodal_plane_sine,
-        segment.nodal_plane_decay_rate,
-        segment.nodal_plane_angular_frequency,
-        start,
-    )
+    decaying, rate = decaying_from(nodal_plane_motion(segment), start)
     growth = growth_over(rate, duration)
     nodal_plane = (decaying * growth.whole).real
     square = decaying_square_integral(decaying, rate, duration, growth)
     if segment.contact & CONTACT_DRILL_TOOL:
-        decaying, rate = decaying_from(
-            segment.drill_tool_cosine,
-            segment.drill_tool_sine,
-            segment.drill_tool_decay_rate,
-            segment.drill_tool_angular_frequency,
-            start,
-        )
+        decaying, rate = decaying_from(drill_tool_motion(segment), start)
         free_mass = (decaying * growth_over(rate, duration).whole).real
     else:
         acceleration = segment.free_mass_acceleration

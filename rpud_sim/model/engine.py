@@ -9,15 +9,84 @@ from sys import getrefcount
 
 import numpy as np
 
-from rpud_sim.model.boundaries import advance_through
-from rpud_sim.model.drill import STATE, Drill, derive
-from rpud_sim.model.events import DONE, FULL, OVERLOADED, STALLED, advance, interrupt, start
-from rpud_sim.model.parameters import Parameters
+from rpud_sim.model.drill import STATE, Drill, derive, seating
+from rpud_sim.model.events import (
+    DONE,
+    FULL,
+    OVERLOADED,
+    STALLED,
+    advance,
+    advance_through,
+    interrupt,
+    start,
+)
+from rpud_sim.model.parameters import QUANTITIES, Parameters
 from rpud_sim.model.resonator import Account, Resonance, account
-from rpud_sim.model.seating import seating
 from rpud_sim.model.segment import IMPACT, SEGMENT, join_records, motion_at
 from rpud_sim.model.tolerances import EVENT_BUDGET, LONGEST_STANDSTILL
-from rpud_sim.model.unusual import unusual_values
+
+# How many values a message names, and how far from the default a value is unusual [factor].
+_MOST = 4
+_USUAL = 30.0
+
+_ALWAYS = (
+    "rpud_mass",
+    "free_mass",
+    "load_spring_rate",
+    "gravity",
+    "weight_on_bit",
+    "vibration_amplitude",
+    "vibration_frequency",
+)
+_BEFORE_DRILLING = ("drill_tool_mass", "restoring_spring_rate")
+_GIVEN = ("effective_tool_mass", "effective_tool_spring_rate")
+_SECTIONS = (
+    "elastic_modulus",
+    "section_1_length",
+    "section_1_area",
+    "section_2_length",
+    "section_2_area",
+    "drill_tool_density",
+)
+
+
+def unusual_values(parameters: Parameters, drill: Drill, state: np.void) -> list[str]:
+    """Return the values in force that are furthest from the default, furthest first.
+
+    Returns:
+        At least one text such as ``free_mass = 1e-09 kg (default: 0.005)``.
+    """
+    usual = Parameters()
+    ranked = sorted(
+        (
+            (
+                max(value / getattr(usual, name), getattr(usual, name) / value),
+                f"{name} = {value:.4g} {QUANTITIES[name].unit} (default: {getattr(usual, name):g})",
+            )
+            for name, value in _acting(parameters, drill, state).items()
+            if value > 0.0  # zero is usual: a drill without gravity, weight or drive
+        ),
+        reverse=True,
+    )
+    far = [text for factor, text in ranked if factor > _USUAL]
+    return (far or [text for _, text in ranked[:1]])[:_MOST]
+
+
+def _acting(parameters: Parameters, drill: Drill, state: np.void) -> dict[str, float]:
+    """Return the values that act on the motion: those that may change from where they are."""
+    tool: tuple[str, ...] = _BEFORE_DRILLING
+    if drill.in_rock:
+        tool = _GIVEN if parameters.contact_model == "given" else _SECTIONS
+    values = {name: float(getattr(parameters, name)) for name in (*_ALWAYS, *tool)}
+    values["load_spring_rate"] = drill.load_spring_rate
+    values["gravity"] = drill.gravity
+    values["weight_on_bit"] = float(state["weight_on_bit"])
+    values["vibration_amplitude"] = float(state["amplitude"])
+    values["vibration_frequency"] = float(state["frequency"])
+    if not drill.in_rock:
+        values["restoring_spring_rate"] = drill.tool_spring_rate
+    return values
+
 
 # Records that one call of the kernel can return, at least and at most; it is called again when they
 # are full. There is room for as many as the last advance had, or as a drill usually has: a long one

@@ -12,18 +12,9 @@ start, however many calls it takes to reach it.
 
 import math
 
+from rpud_sim.model.closed_form import advance_phase, turn_at
 from rpud_sim.model.compile import compiled
-from rpud_sim.model.guards import (
-    END_ACTUATOR_IMPACT,
-    END_ACTUATOR_RELEASE,
-    END_AMPLITUDE,
-    END_DRILL_TOOL_IMPACT,
-    END_DRILL_TOOL_RELEASE,
-    END_DRILL_TOOL_REST,
-    END_LIMIT,
-)
 from rpud_sim.model.impact import follow_impact, open_impact
-from rpud_sim.model.motion import begin_segment, oscillators_of
 from rpud_sim.model.resets import close_gaps, exchange_momentum, join_held_bodies, lasting_contact
 from rpud_sim.model.resonator import (
     begin_resonance,
@@ -34,7 +25,16 @@ from rpud_sim.model.resonator import (
     move_resonance,
     update,
 )
-from rpud_sim.model.search import next_event
+from rpud_sim.model.search import (
+    END_ACTUATOR_IMPACT,
+    END_ACTUATOR_RELEASE,
+    END_AMPLITUDE,
+    END_DRILL_TOOL_IMPACT,
+    END_DRILL_TOOL_RELEASE,
+    END_DRILL_TOOL_REST,
+    END_LIMIT,
+    next_event,
+)
 from rpud_sim.model.segment import (
     CONTACT_ACTUATOR,
     CONTACT_DRILL_TOOL,
@@ -43,7 +43,9 @@ from rpud_sim.model.segment import (
     EVENT_DRILL_TOOL_IMPACT,
     EVENT_LIMIT,
     EVENT_RELEASE,
+    begin_segment,
     motion_of,
+    oscillators_of,
     turns_at,
     turns_at_end,
 )
@@ -57,7 +59,6 @@ from rpud_sim.model.tolerances import (
     SHORTEST_SEGMENT,
     SLOWEST_IMPACT,
 )
-from rpud_sim.model.vibration import advance_phase, turn_at
 
 # How an advance ends: at the requested time, with no room for more results, in a standstill, or
 # with more events than their budget. And that it has not ended yet.
@@ -321,3 +322,50 @@ def start(drill, states, open_segments, open_impacts, impacts):
     count, turn = settle(drill, state, open_impacts[0], impacts, 0, turn, 0, 0, 0)
     open_segment(drill, oscillators_of(drill), state, open_segments[0], turn)
     return count
+
+
+@compiled
+def advance_through(
+    drill,
+    states,
+    open_segments,
+    open_impacts,
+    seconds,
+    fractions,
+    segments,
+    impacts,
+    finished,
+    struck,
+):
+    """Advance to times one after the other, as far as the room for results reaches.
+
+    Args:
+        seconds: whole seconds of the times, in ascending order.
+        impacts: room for finished impacts, at least two more than segments.
+        finished: gets the number of segments that were finished at each time.
+        struck: gets the number of impacts that were finished at each time.
+
+    Returns:
+        The status of the last ``advance``, the number of times that were reached, and the numbers
+        of finished segments and impacts.
+    """
+    written = 0
+    count = 0
+    for k in range(len(seconds)):
+        status, more, hits = advance(
+            drill,
+            states,
+            open_segments,
+            open_impacts,
+            seconds[k],
+            fractions[k],
+            segments[written:],
+            impacts[count:],
+        )
+        written += more
+        count += hits
+        if status != DONE:
+            return status, k, written, count
+        finished[k] = written
+        struck[k] = count
+    return DONE, len(seconds), written, count

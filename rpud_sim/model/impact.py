@@ -7,13 +7,14 @@ actuator strikes a free mass that is jammed on the drill tool, and when the rock
 
 import math
 
+from rpud_sim.model.closed_form import NO_SWING, TWO_PI, decaying_amplitude, swinging_part
 from rpud_sim.model.compile import compiled
 from rpud_sim.model.contact import half_sine_impulse
 from rpud_sim.model.elementary import arc_tangent
 from rpud_sim.model.energy import drill_tool_damper_loss
-from rpud_sim.model.guards import force_of_swing, force_on_drill_tool
-from rpud_sim.model.motion import CONTACT_BOTH
+from rpud_sim.model.search import force_of_swing, force_on_drill_tool
 from rpud_sim.model.segment import (
+    CONTACT_BOTH,
     CONTACT_DRILL_TOOL,
     Turns,
     drill_tool_motion,
@@ -21,8 +22,6 @@ from rpud_sim.model.segment import (
     tip_motion,
     vibration_turn,
 )
-from rpud_sim.model.suspension import NO_SWING, decaying_amplitude, swinging_part
-from rpud_sim.model.vibration import TWO_PI
 
 # Samples of the contact force in which its maximum is sought while all three bodies are in contact.
 FORCE_SAMPLES = 64

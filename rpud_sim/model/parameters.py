@@ -14,9 +14,9 @@ from rpud_sim.foundation.parameters import (
     quantities,
 )
 from rpud_sim.foundation.quantities import ParameterError, did_you_mean, shown_name
+from rpud_sim.model.contact import CONTACT_MODELS
 
 REGIMES = ("free", "drilling")
-CONTACT_MODELS = ("printed", "rayleigh", "mode_shape", "given")
 
 
 # The limits keep every closed form well inside the range of double precision; they are far beyond

@@ -17,11 +17,11 @@ most sqrt(2 a LOWEST_BOUNCE) under an acceleration a.
 import math
 from typing import NamedTuple
 
-from rpud_sim.model.collision import collide, common_velocity
+from rpud_sim.model.closed_form import TWO_PI, vibration_of
 from rpud_sim.model.compile import compiled
-from rpud_sim.model.motion import CONTACT_BOTH
+from rpud_sim.model.contact import collide, common_velocity
 from rpud_sim.model.resonator import blow, tip_mass
-from rpud_sim.model.segment import CONTACT_ACTUATOR, CONTACT_DRILL_TOOL
+from rpud_sim.model.segment import CONTACT_ACTUATOR, CONTACT_BOTH, CONTACT_DRILL_TOOL
 from rpud_sim.model.tolerances import (
     LOWEST_BOUNCE,
     MOST_COLLISIONS,
@@ -30,7 +30,6 @@ from rpud_sim.model.tolerances import (
     TOUCHING,
     WEAKEST_PULL,
 )
-from rpud_sim.model.vibration import TWO_PI, vibration_of
 
 
 class Collisions(NamedTuple):

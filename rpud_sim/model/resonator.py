@@ -23,6 +23,7 @@ than is stored, the vibration rests, and does no work, until the drive has made 
 import math
 from typing import NamedTuple
 
+from rpud_sim.model.closed_form import TWO_PI, advance_phase, harmonic_vibration
 from rpud_sim.model.compile import compiled
 from rpud_sim.model.elementary import (
     arc_tangent,
@@ -33,8 +34,7 @@ from rpud_sim.model.elementary import (
     hypotenuse,
     sin_cos_cycles,
 )
-from rpud_sim.model.energy import exponential_integral, nodal_plane_parts
-from rpud_sim.model.guards import END_ACTUATOR_RELEASE, load_of
+from rpud_sim.model.energy import exponential_integral, force_parts, held_parts
 from rpud_sim.model.segment import CONTACT_ACTUATOR
 from rpud_sim.model.tolerances import (
     LOWEST_BOUNCE,
@@ -42,7 +42,6 @@ from rpud_sim.model.tolerances import (
     STEADY,
     UPDATES_PER_DECAY,
 )
-from rpud_sim.model.vibration import TWO_PI, advance_phase, harmonic_vibration
 
 
 class Resonance(NamedTuple):
@@ -240,12 +239,8 @@ def contact_load(segment, time):
     """
     if not segment.contact & CONTACT_ACTUATOR or segment.vibration_amplitude == 0.0:
         return complex(0.0, 0.0), 0.0
-    mass, damping, spring_rate, force = load_of(segment, END_ACTUATOR_RELEASE)
-    decaying, rate, steady, turn, omega = nodal_plane_parts(segment, 0.0)
-    tip = steady + complex(0.0, -segment.vibration_amplitude) * turn
-    constant = spring_rate * segment.nodal_plane_offset - force
-    slow = (mass * rate * rate + damping * rate + spring_rate) * decaying
-    fast = (mass * omega * omega + damping * omega + spring_rate) * tip
+    decaying, rate, _, tip, turn, omega = held_parts(segment, 0.0)
+    constant, slow, fast = force_parts(segment, decaying, rate, tip, omega)
     integral = 0.5 * slow * exponential_integral(rate + omega, time)
     integral += 0.5 * slow.conjugate() * exponential_integral(rate.conjugate() + omega, time)
     integral += 0.5 * fast * exponential_integral(2.0 * omega, time)

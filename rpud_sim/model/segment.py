@@ -10,20 +10,27 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rpud_sim.model.compile import compiled, record_type
-from rpud_sim.model.contact import release_turn
-from rpud_sim.model.suspension import (
+from rpud_sim.model.closed_form import (
+    TWO_PI,
     Oscillation,
+    Oscillator,
     Swing,
+    Turn,
+    driven_vibration,
+    free_vibration,
+    oscillator,
     swing_at,
     swinging_part,
     swung_integral,
+    turn_at,
 )
-from rpud_sim.model.vibration import TWO_PI, Turn, turn_at
+from rpud_sim.model.compile import compiled, record_type
+from rpud_sim.model.contact import release_turn
 
 # Bodies in contact with the free mass during a segment: bits, both may be set.
 CONTACT_ACTUATOR = 1
 CONTACT_DRILL_TOOL = 2
+CONTACT_BOTH = CONTACT_ACTUATOR | CONTACT_DRILL_TOOL
 
 # What began a segment: bits.
 EVENT_ACTUATOR_IMPACT = 1
@@ -244,7 +251,7 @@ def motion_at(segment, time):
 def motion_of(segment, time, turns):
     """Return the same as ``motion_at``, given the ``Turns`` at the time."""
     u_np, v_np, u_ut, v_ut = tip_motion(segment, turns.vibration, turns.nodal_plane)
-    if segment.contact == CONTACT_ACTUATOR | CONTACT_DRILL_TOOL:
+    if segment.contact == CONTACT_BOTH:
         return u_np, v_np, u_ut, v_ut, u_ut, v_ut, u_ut, v_ut
     displacement, v_dt = swinging_part(drill_tool_motion(segment), turns.drill_tool)
     u_dt = segment.drill_tool_offset + displacement
@@ -285,3 +292,121 @@ def nodal_plane_integral_of(segment, time, start, turns):
     )
     swung = swung_integral(motion, turns.nodal_plane)
     return motion.offset * time + swung + steady / omega
+
+
+class Oscillators(NamedTuple):
+    """The bodies that no vibration drives, each an ``Oscillator``."""
+
+    nodal_plane: Oscillator  # the RPUD on its load spring
+    tool: Oscillator
+    pair: Oscillator  # tool and free mass as one body
+
+
+@compiled
+def oscillators_of(drill):
+    """Return the ``Oscillators`` of a drill."""
+    damping, spring_rate = drill.tool_damping, drill.tool_spring_rate
+    return Oscillators(
+        oscillator(drill.rpud_mass, drill.rpud_damping, drill.load_spring_rate),
+        oscillator(drill.tool_mass, damping, spring_rate),
+        oscillator(drill.free_mass + drill.tool_mass, damping, spring_rate),
+    )
+
+
+@compiled
+def nodal_plane_closed_form(drill, bodies, state, turn):
+    """Return the ``Oscillation`` of the nodal plane.
+
+    Alone, or with the free mass in flight or on the drill tool, it obeys eq. (2) with the preload
+    W, and its weight if gravity acts on it. With the free mass (and the drill tool behind it) held
+    against the vibrating tip, their inertia and the drill tool's spring act on it as well, moved
+    by u_hv of eq. (1).
+    """
+    force = state.weight_on_bit + drill.rpud_weight
+    if not state.contact & CONTACT_ACTUATOR:
+        return free_vibration(bodies.nodal_plane, force, state.u_np, state.v_np)
+    carried = drill.free_mass
+    damping = 0.0
+    spring_rate = 0.0
+    if state.contact == CONTACT_BOTH:
+        carried += drill.tool_mass
+        damping = drill.tool_damping
+        spring_rate = drill.tool_spring_rate
+    omega = TWO_PI * state.frequency
+    body = oscillator(
+        drill.rpud_mass + carried,
+        drill.rpud_damping + damping,
+        drill.load_spring_rate + spring_rate,
+    )
+    return driven_vibration(
+        body,
+        force + drill.free_mass * drill.gravity,
+        (carried * omega * omega - spring_rate) * state.amplitude,
+        -damping * omega * state.amplitude,
+        state.frequency,
+        turn,
+        state.u_np,
+        state.v_np,
+    )
+
+
+@compiled
+def drill_tool_closed_form(drill, bodies, state):
+    """Return that of the drill tool: alone by eq. (14), with the free mass by eq. (31)."""
+    if state.contact == CONTACT_DRILL_TOOL:
+        force = drill.free_mass * drill.gravity
+        return free_vibration(bodies.pair, force, state.u_dt, state.v_dt)
+    if state.tool_at_rest or state.contact == CONTACT_BOTH:
+        return Oscillation(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    return free_vibration(bodies.tool, 0.0, state.u_dt, state.v_dt)
+
+
+@compiled
+def begin_segment(drill, bodies, state, segment, turn):
+    """Write the closed form that follows from the state into a segment, all but its duration.
+
+    ``turn`` is the ``Turn`` of the state's phase.
+    """
+    segment.start_seconds = state.seconds
+    segment.start_fraction = state.fraction
+    segment.contact = state.contact
+    segment.event = state.event
+    segment.vibration_phase = state.phase
+    segment.vibration_frequency = state.frequency
+    segment.vibration_amplitude = state.amplitude
+    segment.weight_on_bit = state.weight_on_bit
+    set_nodal_plane_motion(segment, nodal_plane_closed_form(drill, bodies, state, turn))
+    set_drill_tool_motion(segment, drill_tool_closed_form(drill, bodies, state))
+    segment.free_mass_position = state.u_fm
+    segment.free_mass_velocity = state.v_fm
+    segment.free_mass_acceleration = drill.gravity
+    segment.load_spring_rate = drill.load_spring_rate
+    segment.load_spring_damping = drill.rpud_damping
+    segment.free_mass = drill.free_mass
+    segment.drill_tool_mass = drill.tool_mass
+    segment.drill_tool_spring_rate = drill.tool_spring_rate
+    segment.drill_tool_damping = drill.tool_damping
+    segment.gravity = drill.gravity
+
+
+class Load(NamedTuple):
+    """Load that the tip moves through a contact, and the constant force on it."""
+
+    mass: float
+    damping: float
+    spring_rate: float
+    force: float
+
+
+@compiled
+def load_of(segment, with_free_mass):
+    """The ``Load`` behind the tip, or behind the free mass that the tip moves."""
+    mass = damping = spring_rate = force = 0.0
+    if with_free_mass:
+        mass += segment.free_mass
+        force = segment.free_mass * segment.gravity
+    if segment.contact == CONTACT_BOTH:
+        mass += segment.drill_tool_mass
+        damping = segment.drill_tool_damping
+        spring_rate = segment.drill_tool_spring_rate
+    return Load(mass, damping, spring_rate, force)

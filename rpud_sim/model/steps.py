@@ -17,13 +17,7 @@ import math
 from typing import NamedTuple
 
 from rpud_sim.model.compile import compiled
-from rpud_sim.model.guards import (
-    END_DRILL_TOOL_IMPACT,
-    END_DRILL_TOOL_REST,
-    Bounds,
-    guard_bounds,
-)
-from rpud_sim.model.tolerances import TIME_RESOLUTION, TOUCHING, WEAKEST_PULL
+from rpud_sim.model.tolerances import TIME_RESOLUTION
 
 # A guard that does not bend still needs a bound to divide by [m/s^2 or N/s^2].
 LEAST_BOUND = 1e-9
@@ -99,28 +93,6 @@ def bent_step(value, slope, curvature, second, third):
     most = min(second, curvature + third * time)
     ends = ends_at_root(value, slope, time, bend, most)
     return Step(time, ends)
-
-
-@compiled
-def allowance_of(end):
-    """Return how far below zero a guard may be that was not yet as far above zero."""
-    if end == END_DRILL_TOOL_IMPACT:
-        return TOUCHING
-    if end == END_DRILL_TOOL_REST:
-        return 0.0
-    return WEAKEST_PULL
-
-
-@compiled
-def positive_bounds(segment, end):
-    """Return the ``Bounds`` of a guard, fit to divide by."""
-    bounds = guard_bounds(segment, end)
-    return Bounds(
-        max(bounds.second, LEAST_BOUND),
-        max(bounds.third, LEAST_BOUND),
-        max(bounds.slow_second, LEAST_BOUND),
-        bounds.vibration,
-    )
 
 
 @compiled

@@ -10,6 +10,15 @@ that only these gaps have.
 
 import math
 
+from rpud_sim.model.closed_form import (
+    NO_SWING,
+    TWO_PI,
+    Swing,
+    Turn,
+    decaying_amplitude,
+    swinging_part,
+    undamped_frequency,
+)
 from rpud_sim.model.compile import compiled
 from rpud_sim.model.elementary import exponential, sin_cos
 from rpud_sim.model.segment import (
@@ -31,15 +40,7 @@ from rpud_sim.model.steps import (
     is_root,
     safe_step,
 )
-from rpud_sim.model.suspension import (
-    NO_SWING,
-    Swing,
-    decaying_amplitude,
-    swinging_part,
-    undamped_frequency,
-)
 from rpud_sim.model.tolerances import LONGEST_SEARCH, TOUCHING
-from rpud_sim.model.vibration import TWO_PI, Turn
 
 # Where the envelope allows a longer step than this, the vibration is not computed [cycles].
 _LONG = 0.5

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rpud_sim.foundation.quantities import ParameterError, did_you_mean, shown, shown_name
 from rpud_sim.foundation.time import SECOND
-from rpud_sim.foundation.yaml_files import parse_yaml, read_yaml
+from rpud_sim.foundation.yaml_files import Cursor, open_yaml, parse_yaml
 from rpud_sim.simulation.commands import Drive, Feed, WeightOnBit
 from rpud_sim.simulation.configuration import CHANGEABLE, PARAMETERS, Configuration, Settings
 from rpud_sim.simulation.faults import Fault
@@ -134,33 +134,24 @@ def read_commands(path: str | Path) -> Changes:
 
     Times count from the instant of the fork.
     """
-    content = read_yaml(path, truth_values=False)
-    if not isinstance(content, Mapping):
-        raise ParameterError(f"{path} is not a scenario: it holds no mapping")
-    rest = {key: value for key, value in content.items() if key != "commands"}
-    if "commands" in content:
-        rest.setdefault("faults", [])
-    faults = Changes(planned=_injections(rest, str(path)))
-    if "commands" not in content:
+    top = open_yaml(path, truth_values=False)
+    entries = top.file_mapping("a scenario")
+    content = {key: entry.value for key, entry in entries.items() if key != "commands"}
+    if "commands" in entries:
+        content.setdefault("faults", [])
+    faults = Changes(planned=_injections(content, str(path)))
+    if "commands" not in entries:
         return faults
-    entries = content["commands"]
-    if not isinstance(entries, list):
-        raise ParameterError(f"{path}: commands = {shown(entries)} is not a list")
-    try:
-        planned = parse_commands(entries)
-    except ParameterError as error:
-        raise ParameterError(f"{path}: {error}") from None
+    planned = parse_commands(entries["commands"].sequence("command {number}"))
     return Changes(planned=planned, replaces_commands=True) + faults
 
 
-def parse_commands(entries: Sequence[Any]) -> tuple[Planned, ...]:
-    """Return the commands of a list from YAML, in the order of their times."""
+def parse_commands(entries: Iterable[Cursor]) -> tuple[Planned, ...]:
+    """Return the commands of a list in YAML, in the order of their times."""
     planned: list[Planned] = []
-    for number, entry in enumerate(entries, 1):
-        try:
+    for entry in entries:
+        with entry.errors():
             planned += _commands(entry)
-        except ParameterError as error:
-            raise ParameterError(f"command {number}: {error}") from None
     return tuple(sorted(planned, key=lambda each: each.delay))
 
 
@@ -197,43 +188,38 @@ def _injections(content: Mapping[Any, Any], name: str) -> tuple[Planned, ...]:
     )
 
 
-def _commands(entry: Any) -> list[Planned]:
-    if not isinstance(entry, Mapping):
-        raise ParameterError(f"{shown(entry)} is not a mapping")
-    for key in entry:
-        if key not in _COMMAND_KEYS:
-            raise ParameterError(f"{shown(key)} is not one of {', '.join(_COMMAND_KEYS)}")
-    if "time" not in entry or len(entry) == 1:
-        raise ParameterError("it needs a time, and weight_on_bit, drive or feed")
-    delay = round(ONSET.check("time", entry["time"]) * SECOND)
-    changes: list[Change] = []
-    if "weight_on_bit" in entry:
-        changes.append(WeightOnBit(entry["weight_on_bit"]))
-    if "drive" in entry:
-        changes.append(_drive(entry["drive"]))
-    if "feed" in entry:
-        changes.append(_feed(entry["feed"]))
-    return [Planned(delay, change) for change in changes]
+def _commands(entry: Cursor) -> list[Planned]:
+    given = entry.mapping(_COMMAND_KEYS)
+    if "time" not in given or len(given) == 1:
+        raise entry.refusal("it needs a time, and weight_on_bit, drive or feed")
+    delay = round(given["time"].check(ONSET) * SECOND)
+    makers: Mapping[str, Callable[[Cursor], Change]] = {
+        "weight_on_bit": lambda weight: WeightOnBit(weight.value),
+        "drive": _drive,
+        "feed": _feed,
+    }
+    return [Planned(delay, make(given[key])) for key, make in makers.items() if key in given]
 
 
-def _feed(values: Any) -> Feed:
-    if not (isinstance(values, Mapping) and len(values) == 1):
-        raise ParameterError(f"feed = {shown(values)} is neither {{rate: m/s}} nor {{position: m}}")
-    [(mode, value)] = values.items()
+def _feed(entry: Cursor) -> Feed:
+    if not (isinstance(entry.value, Mapping) and len(entry.value) == 1):
+        raise entry.refusal("feed = {shown} is neither {{rate: m/s}} nor {{position: m}}")
+    [(mode, value)] = entry.value.items()
     return Feed(mode, value)
 
 
-def _drive(values: Any) -> DriveChange:
-    if not isinstance(values, Mapping):
-        raise ParameterError(f"drive = {shown(values)} is not a mapping")
-    for key in values:
-        if key not in _DRIVE_KEYS:
-            raise ParameterError(f"drive: {shown(key)} is not one of {', '.join(_DRIVE_KEYS)}")
+def _drive(entry: Cursor) -> DriveChange:
+    values = entry.mapping(
+        _DRIVE_KEYS,
+        other="drive = {shown} is not a mapping",
+        unknown="drive: {shown} is not one of {names}",
+    )
     # The file is read without truth values, for off is a kind of fault.
-    enabled = values.get("enabled", "true")
-    if enabled not in ("true", "false"):
-        raise ParameterError(f"drive enabled = {shown(enabled)} is not true or false")
-    change = DriveChange(enabled == "true", values.get("voltage"), values.get("frequency"))
+    enabled = entry.get("enabled", "true")
+    if enabled.value not in ("true", "false"):
+        raise enabled.refusal("drive enabled = {shown} is not true or false")
+    numbers = {key: each.value for key, each in values.items() if key != "enabled"}
+    change = DriveChange(enabled.value == "true", **numbers)
     change.on(Drive(True, 1.0, 1e4))  # checks the numbers
     return change
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 
-from rpud_sim.drilling.feed import STOPPED
-from rpud_sim.drilling.feed import Feed as Feed
+from rpud_sim.drilling.mount import STOPPED
+from rpud_sim.drilling.mount import Feed as Feed
 from rpud_sim.foundation.quantities import ParameterError, Quantity, shown
 from rpud_sim.model.parameters import QUANTITIES
 

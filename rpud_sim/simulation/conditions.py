@@ -7,7 +7,7 @@ import math
 from collections.abc import Iterable
 
 from rpud_sim.drilling.inputs import UNDISTURBED, Disturbances
-from rpud_sim.drilling.strata import Strata
+from rpud_sim.drilling.rock import Strata
 from rpud_sim.model.parameters import QUANTITIES, Parameters
 from rpud_sim.simulation.channels import CHANNELS
 from rpud_sim.simulation.configuration import Configuration

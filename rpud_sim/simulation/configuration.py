@@ -6,12 +6,11 @@ import dataclasses
 from collections.abc import Mapping
 from typing import Any
 
-from rpud_sim.drilling.bit import BitParameters
+from rpud_sim.drilling.borehole import BitParameters
 from rpud_sim.drilling.mount import MountParameters
 from rpud_sim.drilling.process import DrillingParameters
-from rpud_sim.drilling.rock import RockParameters
+from rpud_sim.drilling.rock import RockParameters, StrataParameters
 from rpud_sim.drilling.rotor import RotationParameters
-from rpud_sim.drilling.strata import StrataParameters
 from rpud_sim.foundation.parameters import (
     Declaration,
     ParameterGroup,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from rpud_sim.drilling.feed import STOPPED
+from rpud_sim.drilling.mount import STOPPED
 from rpud_sim.simulation.commands import Drive, Feed, WeightOnBit
 from rpud_sim.simulation.simulation import Simulation
 from rpud_sim.simulation.watchdog import CommandWatchdog

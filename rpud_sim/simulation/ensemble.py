@@ -15,7 +15,7 @@ from queue import Empty, SimpleQueue
 import numpy as np
 from numba.core import event
 
-from rpud_sim.drilling.rotor_values import RotorWork
+from rpud_sim.drilling.rotor import RotorWork
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.model.compile import compilation_notice
 from rpud_sim.model.elementary import CALLED_BY_PYTHON

@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rpud_sim.drilling.feed import FEED_MODES
+from rpud_sim.drilling.mount import FEED_MODES
 from rpud_sim.foundation.ragged import Ragged
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.model.segment import CONSTANTS, IMPACT, SEGMENT

@@ -14,16 +14,15 @@ from collections.abc import Sequence
 import numpy as np
 
 from rpud_sim.drilling.rock import Progress
-from rpud_sim.drilling.rotor_values import RotorWork
+from rpud_sim.drilling.rotor import RotorWork
 from rpud_sim.foundation.time import SECOND, split_fraction
 from rpud_sim.model.drill import Drill, derive
 from rpud_sim.model.energy import RpudConstants
 from rpud_sim.model.engine import EngineError, failure, initial_state
 from rpud_sim.model.events import DONE
-from rpud_sim.model.members import advance_members
 from rpud_sim.model.resonator import account
 from rpud_sim.model.segment import IMPACT, SEGMENT
-from rpud_sim.model.tally import CLASSES, PART_ROOM, empty_tallies
+from rpud_sim.model.tally import CLASSES, PART_ROOM, advance_members, empty_tallies
 from rpud_sim.simulation.actuator import Actuator
 from rpud_sim.simulation.configuration import Configuration
 from rpud_sim.simulation.energy_account import EnergyAccount

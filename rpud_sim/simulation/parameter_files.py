@@ -6,20 +6,19 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from rpud_sim.foundation.quantities import ParameterError, shown, shown_name
-from rpud_sim.foundation.yaml_files import parse_yaml, read_yaml
+from rpud_sim.foundation.quantities import ParameterError, shown
+from rpud_sim.foundation.yaml_files import open_yaml, parse_yaml
 
 
 def read_parameter_file(path: str | Path) -> dict[str, Any]:
     """Return the parameters of a ROS file: those below ``/**``, then those of its nodes."""
-    content = read_yaml(path)
-    if not isinstance(content, Mapping):
-        raise ParameterError(f"{path} is not a ROS parameter file: it holds no mapping")
+    nodes = open_yaml(path).file_mapping("a ROS parameter file")
     found: dict[str, Any] = {}
-    for node, section in sorted(content.items(), key=lambda item: str(item[0]) != "/**"):
-        values = section.get("ros__parameters") if isinstance(section, Mapping) else None
+    for _, node in sorted(nodes.items(), key=lambda item: str(item[0]) != "/**"):
+        section = node.value if isinstance(node.value, Mapping) else {}
+        values = section.get("ros__parameters")
         if not isinstance(values, Mapping):
-            raise ParameterError(f"{path}: {shown_name(node)} has no mapping named ros__parameters")
+            raise node.refusal("{name} has no mapping named ros__parameters")
         found.update({str(name): value for name, value in values.items()})
     return found
 

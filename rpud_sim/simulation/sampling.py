@@ -8,10 +8,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from rpud_sim.foundation.time import SECOND, split_fraction
+from rpud_sim.model.closed_form import reacting_force
 from rpud_sim.model.compile import compiled
-from rpud_sim.model.guards import force_on_drill_tool
+from rpud_sim.model.search import force_on_drill_tool
 from rpud_sim.model.segment import CONTACT_DRILL_TOOL, motion_at
-from rpud_sim.model.suspension import reacting_force
 
 
 @dataclasses.dataclass(frozen=True)

@@ -5,14 +5,15 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from rpud_sim.foundation.quantities import ParameterError, Quantity, shown
+from rpud_sim.foundation.quantities import Quantity, shown
 from rpud_sim.foundation.time import SECOND
-from rpud_sim.foundation.yaml_files import read_yaml
+from rpud_sim.foundation.yaml_files import Cursor, cursor_at, open_yaml
 from rpud_sim.simulation.faults import KINDS, Fault, FaultError, number_of
 
 GREATEST_SEED = 2**63 - 1  # what a ROS parameter holds
@@ -46,17 +47,9 @@ class Scenario:
 
 
 def read_scenario(path: str | Path, seed: int | None = None) -> Scenario:
-    """Read a scenario file.
-
-    Args:
-        seed: in place of the file's, zero or more.
-    """
-    try:
-        # Without truth values: in a scenario, off is a kind of fault.
-        parsed = read_yaml(path, truth_values=False)
-    except ParameterError as error:
-        raise FaultError(str(error)) from None
-    return parse_scenario(parsed, str(path), seed)
+    """Read a scenario file; a seed, zero or more, takes the place of the file's."""
+    # Without truth values: in a scenario, off is a kind of fault.
+    return _scenario(open_yaml(path, truth_values=False, error=FaultError), seed)
 
 
 def parse_scenario(content: Any, name: str, seed: int | None = None) -> Scenario:
@@ -65,68 +58,58 @@ def parse_scenario(content: Any, name: str, seed: int | None = None) -> Scenario
     Raises:
         FaultError: if the content is no scenario; one line with name and number of the entry.
     """
-    if not isinstance(content, Mapping):
-        raise FaultError(f"{name} is not a scenario: it holds no mapping")
-    for key in content:
-        if key not in ("seed", "faults"):
-            raise FaultError(f"{name}: {shown(key)} is not one of seed, faults")
-    written = _checked_seed(content.get("seed", 0), name)
-    seed = written if seed is None else _checked_seed(seed, name)
-    entries = content.get("faults")
-    if not isinstance(entries, list):
-        raise FaultError(f"{name}: faults = {shown(entries)} is not a list")
-    found: list[tuple[int, ScheduledFault]] = []
-    for number, entry in enumerate(entries, 1):
-        place = f"{name}: entry {number}: "
-        try:
-            scheduled = _scheduled(entry, number, seed)
-        except ParameterError as error:
-            raise FaultError(f"{place}{error}") from None
-        found.append((number, dataclasses.replace(scheduled, place=place)))
+    return _scenario(cursor_at(content, name, FaultError), seed)
+
+
+def _scenario(top: Cursor, seed: int | None) -> Scenario:
+    top.file_mapping("a scenario")
+    top.mapping(("seed", "faults"))
+    written = _checked_seed(top.get("seed", 0))
+    seed = written if seed is None else _checked_seed(replace(top.get("seed"), value=seed))
+    found = []
+    for number, entry in enumerate(top.get("faults").sequence("entry {number}"), 1):
+        with entry.errors():
+            found.append((number, _scheduled(entry, number, seed)))
     found.sort(key=lambda item: item[1].onset)
-    _check_overlaps(found, name)
+    latest: dict[tuple[str, str], tuple[int, int | None]] = {}
+    for number, scheduled in found:
+        fault = scheduled.fault
+        other, clear = latest.get((fault.kind, fault.channel), (0, 0))
+        if clear is None or scheduled.onset < clear:
+            raise FaultError(f"{scheduled.place}{fault} begins while that of entry {other} lasts")
+        latest[fault.kind, fault.channel] = (number, scheduled.clear)
     return Scenario(seed, tuple(scheduled for _, scheduled in found))
 
 
-def _checked_seed(seed: Any, name: str) -> int:
+def _checked_seed(cursor: Cursor) -> int:
+    seed = cursor.value
     if isinstance(seed, bool) or not isinstance(seed, int) or not 0 <= seed <= GREATEST_SEED:
-        raise FaultError(
-            f"{name}: seed = {shown(seed)} is not a whole number in its range [0, {GREATEST_SEED}]"
+        raise cursor.refusal(
+            f"seed = {{shown}} is not a whole number in its range [0, {GREATEST_SEED}]"
         )
     return seed
 
 
-def _scheduled(entry: Any, number: int, seed: int) -> ScheduledFault:
-    if not isinstance(entry, Mapping):
-        raise FaultError(f"{shown(entry)} is not a mapping")
-    for key in entry:
-        if key not in _KEYS:
-            raise FaultError(f"{shown(key)} is not one of {', '.join(_KEYS)}")
-    for key in ("kind", "onset"):
-        if key not in entry:
-            raise FaultError(f"{key} is missing")
-    kind, channel = entry["kind"], entry.get("channel", "")
+def _scheduled(entry: Cursor, number: int, seed: int) -> ScheduledFault:
+    entry.mapping(_KEYS, needed=("kind", "onset"))
+    values = entry.value
+    kind, channel = values["kind"], values.get("channel", "")
     known = Fault(kind, channel)  # checks the names before the numbers
     # A stream of its own for each number: changing one entry changes no other.
     streams = {
         key: np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(number, index)))
         for index, key in enumerate(_DRAWN)
     }
-    onset = _drawn("onset", entry["onset"], ONSET, streams["onset"])
-    start = round(onset * SECOND)
+    start = round(_drawn("onset", values["onset"], ONSET, streams["onset"]) * SECOND)
     clear = None
-    if "duration" in entry:
-        duration = _drawn("duration", entry["duration"], DURATION, streams["duration"])
+    if "duration" in values:
+        duration = _drawn("duration", values["duration"], DURATION, streams["duration"])
         clear = start + round(duration * SECOND)
-    magnitude = entry.get("magnitude", math.nan)
+    magnitude = values.get("magnitude", math.nan)
     quantity = KINDS[kind].quantity_on(channel)
-    if not (quantity is None or _is_nan(magnitude)):
+    if not (quantity is None or (isinstance(magnitude, float) and math.isnan(magnitude))):
         magnitude = _drawn(f"magnitude of {known}", magnitude, quantity, streams["magnitude"])
-    return ScheduledFault(start, clear, Fault(kind, channel, magnitude))
-
-
-def _is_nan(value: Any) -> bool:
-    return isinstance(value, float) and math.isnan(value)
+    return ScheduledFault(start, clear, Fault(kind, channel, magnitude), entry.prefix)
 
 
 def _drawn(name: str, value: Any, quantity: Quantity, random: np.random.Generator) -> float:
@@ -147,16 +130,3 @@ def _finite(name: str, value: Any) -> float:
     if number is None or math.isnan(number):
         raise FaultError(f"{name} = {shown(value)} is not a number")
     return number
-
-
-def _check_overlaps(found: list[tuple[int, ScheduledFault]], name: str) -> None:
-    latest: dict[tuple[str, str], tuple[int, int | None]] = {}
-    for number, scheduled in found:
-        fault = scheduled.fault
-        key = (fault.kind, fault.channel)
-        other, clear = latest.get(key, (0, 0))
-        if clear is None or scheduled.onset < clear:
-            raise FaultError(
-                f"{name}: entry {number}: {fault} begins while that of entry {other} lasts"
-            )
-        latest[key] = (number, scheduled.clear)

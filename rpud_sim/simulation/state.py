@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rpud_sim.drilling.strata import Strata
+from rpud_sim.drilling.rock import Strata
 from rpud_sim.foundation.parameters import ParameterGroup
 from rpud_sim.foundation.time import split_fraction
 from rpud_sim.model.drill import STATE, Drill

@@ -6,7 +6,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from rpud_sim.drilling.rotor_values import RotorWork
+from rpud_sim.drilling.rotor import RotorWork
 from rpud_sim.foundation.time import SECOND, split_fraction
 from rpud_sim.model.elementary import power
 from rpud_sim.model.energy import DRILL_TOOL_DAMPER, IMPACTS, RELEASE

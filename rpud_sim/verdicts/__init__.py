@@ -4,12 +4,7 @@ An expectation that cannot be used, by itself or with the topics of a bag, raise
 ``ExpectationError`` of one line, and a bag that cannot be read a ``BagError``.
 """
 
-from rpud_sim.verdicts.expectation import Expectation
-from rpud_sim.verdicts.expectation_files import read_expectations
-from rpud_sim.verdicts.record import Record
-from rpud_sim.verdicts.units import ExpectationError
-from rpud_sim.verdicts.verdict import Verdict, evaluate
-from rpud_sim.verdicts.vocabulary import (
+from rpud_sim.verdicts.formulas import (
     Active,
     Becomes,
     Cleared,
@@ -17,8 +12,6 @@ from rpud_sim.verdicts.vocabulary import (
     Message,
     Onset,
     Signal,
-)
-from rpud_sim.verdicts.words import (
     after,
     always,
     count,
@@ -28,6 +21,11 @@ from rpud_sim.verdicts.words import (
     unless,
     until,
 )
+from rpud_sim.verdicts.names import Expectation
+from rpud_sim.verdicts.notation import read_expectations
+from rpud_sim.verdicts.record import Record
+from rpud_sim.verdicts.units import ExpectationError
+from rpud_sim.verdicts.verdict import Verdict, evaluate
 
 __all__ = [
     "Active",

@@ -1,94 +1,91 @@
-"""Messages of one topic: their stamps, their order and the values of their fields."""
+"""Messages of one topic: their stamps, their order, the values of their fields, and what is lost.
+
+Some come as columns of a bag, and others one by one, as mappings or as objects with attributes.
+"""
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from functools import reduce
 from itertools import pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from rpud_sim.bag import Kind
 from rpud_sim.bag.columns import objects, to_plain
-from rpud_sim.foundation.time import SECOND
-from rpud_sim.verdicts.missing import Missing
+from rpud_sim.foundation.time import NEVER, SECOND
 from rpud_sim.verdicts.names import DIAGNOSTICS, Field
 from rpud_sim.verdicts.units import ExpectationError
 
-# Counters of a status that never decrease in a run; they put reports of one stamp in order.
-_COUNTERS = ("commands_accepted", "commands_rejected", "impacts", "deadlines_missed")
-
-
-@dataclasses.dataclass(frozen=True)
-class Table:
-    """Messages of a bag as arrays, one for each column."""
-
-    columns: Mapping[str, np.ndarray]
-
-    def __len__(self) -> int:
-        return len(self.columns["log_time"])
-
-    def values(self, name: str, attribute: str) -> np.ndarray | list[Any]:
-        if name not in self.columns:
-            raise ExpectationError(f"the messages of the bag have no field {name!r}")
-        return self.columns[name]
-
-    def content(self, number: int) -> str:
-        """Return all of a message as text."""
-        return repr(
-            [
-                (name, to_plain(values[number]))
-                for name, values in self.columns.items()
-                if name not in ("log_time", "publish_time")
-            ]
-        )
-
-
-class Live:
-    """Messages one by one, as mappings or as objects with attributes."""
-
-    def __init__(self) -> None:
-        self.messages: list[Any] = []
-
-    def __len__(self) -> int:
-        return len(self.messages)
-
-    def values(self, name: str, attribute: str) -> np.ndarray | list[Any]:
-        path = name.split(".")
-        return [_inner(message, path) for message in self.messages]
-
-    def content(self, number: int) -> str:
-        """Return all of a message as text."""
-        return repr(self.messages[number])
+# Fields that never decrease in a run; their sums put messages of one stamp in order.
+_COUNTERS = {
+    "contact_force": ("sequence",),
+    "journal": ("sequence",),
+    "status": ("commands_accepted", "commands_rejected", "impacts", "deadlines_missed"),
+}
+NONE = np.empty(0, np.int64)  # no time
 
 
 def get(message: Any, name: str) -> Any:
     """Return a field of a message; None if it has none of that name."""
-    if isinstance(message, Mapping):
-        return message.get(name)
-    return getattr(message, name, None)
-
-
-def _inner(message: Any, path: list[str]) -> Any:
-    for name in path:
-        message = get(message, name)
-    return message
+    return message.get(name) if isinstance(message, Mapping) else getattr(message, name, None)
 
 
 def time_of(value: Any) -> int:
+    """Return a time of a message [ns]."""
     if isinstance(value, (int, np.integer)):
         return int(value)
     return int(get(value, "sec")) * SECOND + int(get(value, "nanosec"))
+
+
+class Missing(NamedTuple):
+    """Numbers of messages that are missing, each in a stretch of time."""
+
+    first: np.ndarray = NONE  # of each stretch, in order [ns]
+    last: np.ndarray = NONE  # of each stretch, in order [ns]
+    counts: np.ndarray = NONE  # of the messages that are missing in each
+    anywhere: int = 0  # number of further messages, at times that are not known
+
+    @property
+    def total(self) -> int:
+        """Number of all that are missing."""
+        return int(self.counts.sum()) + self.anywhere
+
+    def among(self, first: np.ndarray, last: np.ndarray) -> np.ndarray:
+        """Return the greatest number of messages missing in each of some spans of time [ns]."""
+        sums = np.concatenate([[0], np.cumsum(self.counts)])
+        begun = sums[np.searchsorted(self.first, last, side="right")]
+        ended = sums[np.searchsorted(self.last, first, side="left")]
+        missing: np.ndarray = np.maximum(begun - ended, 0) + self.anywhere
+        return missing
 
 
 @dataclasses.dataclass(frozen=True)
 class Piece:
     """Some messages of a topic, with their times."""
 
-    source: Table | Live  # of the values
     stamps: np.ndarray  # of the messages [ns]
     published: np.ndarray  # that increase in the order of publishing
+    columns: Mapping[str, np.ndarray] | None = None  # of a bag, by field; None for ``messages``
+    messages: Sequence[Any] = ()
+
+    def values(self, name: str) -> np.ndarray | list[Any]:
+        """Return the values of a field."""
+        if self.columns is None:
+            return [reduce(get, name.split("."), message) for message in self.messages]
+        if name not in self.columns:
+            raise ExpectationError(f"the messages of the bag have no field {name!r}")
+        return self.columns[name]
+
+    def content(self, number: int) -> str:
+        """Return all of a message as text."""
+        if self.columns is None:
+            return repr(self.messages[number])
+        received = ("log_time", "publish_time")
+        fields = [(name, each) for name, each in self.columns.items() if name not in received]
+        return repr([(name, to_plain(values[number])) for name, values in fields])
 
 
 @dataclasses.dataclass(frozen=True)
@@ -112,23 +109,22 @@ class TopicMessages:
 
     def __init__(self, topic: str, pieces: list[Piece], keep: list[np.ndarray]) -> None:
         self._topic = topic
-        self._sources = [piece.source for piece in pieces]
+        self._pieces = pieces
         chosen = [np.flatnonzero(each) for each in keep]
-        none = np.empty(0, np.int64)
-        stamps = np.concatenate(
-            [none, *(piece.stamps[at] for piece, at in zip(pieces, chosen, strict=True))]
-        )
-        self._piece = np.concatenate([none, *(np.full(len(at), n) for n, at in enumerate(chosen))])
-        self._row = np.concatenate([none, *chosen])
+        pairs = list(zip(pieces, chosen, strict=True))
+        stamps = np.concatenate([NONE, *(piece.stamps[at] for piece, at in pairs)])
+        self._piece = np.concatenate([NONE, *(np.full(len(at), n) for n, at in enumerate(chosen))])
+        self._row = np.concatenate([NONE, *chosen])
         key = self._keys()
         # The drill alone publishes its status, and the middleware keeps the order of a publisher.
         self._in_order = topic == "status"
-        arrived = [none, *(piece.published[at] for piece, at in zip(pieces, chosen, strict=True))]
-        before = (np.concatenate(arrived),) if self._in_order else ()
-        order = np.lexsort((*before, key, stamps))
+        published = np.concatenate([NONE, *(piece.published[at] for piece, at in pairs)])
+        order = np.lexsort((*([published] if self._in_order else []), key, stamps))
         order = self._without_repetitions(order, stamps, key)
         self.stamps = stamps[order]
         self._piece, self._row, self._key = self._piece[order], self._row[order], key[order]
+        # Numbers that follow each other show what is missing.
+        self._numbered = topic == "contact_force" and len(self.stamps) > 0
 
     def __len__(self) -> int:
         return len(self.stamps)
@@ -136,22 +132,25 @@ class TopicMessages:
     @property
     def missing(self) -> Missing:
         """What the numbers in the messages show as missing."""
-        if not self._numbered or not len(self):
-            return Missing.none()
-        return Missing.from_numbers(self.stamps, self._key)
+        if not self._numbered:
+            return Missing()
+        counts = np.concatenate([self._key[:1], np.maximum(np.diff(self._key) - 1, 0)])
+        before = np.concatenate([[-NEVER], self.stamps[:-1]])
+        some = counts > 0
+        return Missing(before[some], self.stamps[some], counts[some])
 
-    def samples(self, field: Field | str) -> Samples:
+    def samples(self, name: str, field: Field | None) -> Samples:
         """Return the values of a field, or by name of a diagnostic or a field of unknown type."""
-        if not isinstance(field, str):
+        if field is not None:
             values = self._values(field)
         elif self._topic == DIAGNOSTICS:
-            values = self._diagnosed(field)
+            values = self._diagnosed(name)
         else:
-            values = objects(self.column(field))
+            values = objects(self.column(name))
         gaps = np.zeros(len(self), bool)
-        if self._numbered and len(self) > 1:
+        if self._numbered:
             gaps[:-1] = np.diff(self._key) > 1
-        first = bool(self._numbered and len(self) and self._key[0] > 0)
+        first = bool(self._numbered and self._key[0] > 0)
         ordered = np.ones(len(self), bool)
         same = self.stamps[1:] == self.stamps[:-1]
         ordered[1:] = ~(same & (self._key[1:] == self._key[:-1])) | self._in_order
@@ -159,26 +158,17 @@ class TopicMessages:
 
     def column(self, name: str) -> list[Any]:
         """Return the values of a field of any kind, as they are."""
-        return list(self._spread(lambda source: source.values(name, name)))
-
-    @property
-    def _numbered(self) -> bool:
-        return self._topic == "contact_force" and len(self._sources) > 0
+        return list(self._spread(name))
 
     def _keys(self) -> np.ndarray:
-        if self._topic in ("contact_force", "journal"):
-            names: tuple[str, ...] = ("sequence",)
-        elif self._topic == "status":
-            names = _COUNTERS
-        else:
-            return np.zeros(len(self._row), np.int64)
+        names = _COUNTERS.get(self._topic, ())
+        key = np.zeros(len(self._row), np.int64)
         try:
-            return sum(
-                np.array([int(value or 0) for value in self.column(name)], np.int64)
-                for name in names
-            ) + np.zeros(len(self._row), np.int64)
+            for name in names:
+                key += np.array([int(value or 0) for value in self.column(name)], np.int64)
         except (OverflowError, TypeError, ValueError) as error:
             raise ExpectationError(f"{self._topic}: {', '.join(names)}: {error!r:.100}") from None
+        return key
 
     def _without_repetitions(
         self, order: np.ndarray, stamps: np.ndarray, key: np.ndarray
@@ -187,47 +177,38 @@ class TopicMessages:
         if not same.any():
             return order
         edges = np.flatnonzero(np.concatenate([[True], ~same, [True]]))
-        kept = []
+        kept: list[int] = []
         for first, end in pairwise(edges.tolist()):
-            group = order[first:end]
+            group = order[first:end].tolist()
             if len(group) == 1:
-                kept.append(int(group[0]))
+                kept += group
                 continue
-            texts = [
-                self._sources[self._piece[number]].content(int(self._row[number]))
-                for number in group
-            ]
+            texts = [self._pieces[self._piece[n]].content(int(self._row[n])) for n in group]
             if self._in_order:
-                kept.extend(
-                    int(number)
-                    for place, number in enumerate(group)
-                    if place == 0 or texts[place] != texts[place - 1]
-                )
-                continue
-            contents = dict(zip(texts, group.tolist(), strict=True))
-            kept.extend(contents[text] for text in sorted(contents))
+                before = [None, *texts[:-1]]
+                kept += [
+                    n for n, text, last in zip(group, texts, before, strict=True) if text != last
+                ]
+            else:
+                contents = dict(zip(texts, group, strict=True))
+                kept += [contents[text] for text in sorted(contents)]
         return np.array(kept, np.int64)
 
-    def _spread(self, values_of: Any) -> np.ndarray:
-        parts = [values_of(source) for source in self._sources]
-        plain = all(isinstance(part, np.ndarray) and part.dtype != object for part in parts)
-        if plain and parts:
+    def _spread(self, name: str) -> np.ndarray:
+        """Return the values of a field, those of all pieces in order."""
+        parts = [piece.values(name) for piece in self._pieces]
+        if parts and all(isinstance(each, np.ndarray) and each.dtype != object for each in parts):
             offsets = np.cumsum([0, *map(len, parts)])
-            return np.concatenate(parts)[offsets[self._piece] + self._row]
-        return objects(
-            [
-                parts[piece][row]
-                for piece, row in zip(self._piece.tolist(), self._row.tolist(), strict=True)
-            ]
-        )
+            values: np.ndarray = np.concatenate(parts)[offsets[self._piece] + self._row]
+            return values
+        places = zip(self._piece.tolist(), self._row.tolist(), strict=True)
+        return objects([parts[piece][row] for piece, row in places])
 
     def _values(self, field: Field) -> np.ndarray:
-        column = field.column
-        values = self._spread(lambda source: source.values(column.name, column.attribute))
-        if field.index is not None:
-            values = objects(
-                [each[field.index] if field.index < len(each) else np.nan for each in values]
-            )
+        column, index = field.column, field.index
+        values = self._spread(column.name)
+        if index is not None:
+            values = objects([each[index] if index < len(each) else np.nan for each in values])
         if column.kind is Kind.TEXT:
             return values
         if column.kind in (Kind.TIME, Kind.DURATION):

@@ -1,4 +1,4 @@
-"""Topics and fields that an expectation may name, and the check of a formula before a run."""
+"""Topics and fields that an expectation may name, and the check of its formula before a run."""
 
 from __future__ import annotations
 
@@ -17,19 +17,22 @@ from rpud_sim.bag.definitions import find_definition
 from rpud_sim.foundation.quantities import did_you_mean, shown
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.simulation.topics import TOPICS
-from rpud_sim.verdicts.units import ExpectationError, to_si, unit_factor
-from rpud_sim.verdicts.vocabulary import (
+from rpud_sim.verdicts.formulas import (
+    Active,
     Becomes,
+    Cleared,
     Compare,
     Count,
     Event,
     Formula,
     Message,
     Number,
+    Onset,
     Quantile,
     Says,
     Signal,
 )
+from rpud_sim.verdicts.units import ExpectationError, to_si, unit_factor
 
 DIAGNOSTICS = "/diagnostics"
 
@@ -78,6 +81,7 @@ class Field:
 
     @property
     def is_flag(self) -> bool:
+        """Whether it is a truth value."""
         return self.column.kind is Kind.NUMBER and self.column.dtype == np.dtype(bool)
 
     @property
@@ -88,30 +92,56 @@ class Field:
         return self.column.unit
 
 
-@cache
-def table_columns(type_name: str, definition: str) -> tuple[Column, ...]:
-    """Return the columns of a type; those of each row where its messages are blocks of rows."""
-    columns = columns_of(Codec(type_name, definition), definition)
-    return row_columns(columns) if holds_rows(type_name, columns) else columns
+@dataclasses.dataclass(frozen=True)
+class Expectation:
+    """Named formula that must hold from the beginning of a run."""
+
+    name: str  # for people
+    formula: Formula  # to hold
+    requirement: str = ""  # its identifier; empty for none
+
+    def __post_init__(self) -> None:
+        _check_formula(self.formula)
+
+    @property
+    def topics(self) -> tuple[str, ...]:
+        """Topics that a record needs, in the order of their names."""
+        # These show where runs begin, and how far they go.
+        return tuple(sorted({"journal", "status", *self.used_topics}))
+
+    @property
+    def used_topics(self) -> tuple[str, ...]:
+        """Topics that the formula names, in the order of their names."""
+        found = set()
+        for part in self.formula.walk():
+            if isinstance(part, (Compare, Says, Quantile)):
+                found.add(part.signal.topic)
+            elif isinstance(part, Message):
+                found.add(part.topic)
+            elif isinstance(part, (Active, Onset, Cleared)):
+                found.add("faults")
+        return tuple(sorted(found))
 
 
 @cache
-def drill_columns(topic: str) -> tuple[Column, ...]:
-    return table_columns(TYPES[topic], find_definition(TYPES[topic]))
+def drill_columns(topic: str, blocks: bool = False) -> tuple[Column, ...]:
+    """Return the columns of a topic of the drill.
 
-
-@cache
-def block_columns(topic: str) -> tuple[Column, ...]:
-    """Return the columns of a topic whose messages are blocks, as they are before they are rows."""
+    Where its messages are blocks of rows, these are those of each row, or, with ``blocks``, those
+    of a block.
+    """
     definition = find_definition(TYPES[topic])
-    received = (Column(name, Kind.TIME, np.dtype(np.int64)) for name in RECEIVED)
-    return (*received, *columns_of(Codec(TYPES[topic], definition), definition))
+    columns = columns_of(Codec(TYPES[topic], definition), definition)
+    if blocks:
+        received = (Column(name, Kind.TIME, np.dtype(np.int64)) for name in RECEIVED)
+        return (*received, *columns)
+    return row_columns(columns) if holds_rows(TYPES[topic], columns) else columns
 
 
-def find_field(name: str, columns: tuple[Column, ...], topic: str) -> Field:
-    """Return a field of a topic by its name, with dots, and a number in brackets for an element."""
-    match = _INDEX.fullmatch(name)
-    base = match[1] if match else name
+def find_field(signal: Signal, columns: tuple[Column, ...]) -> Field:
+    """Return the field of a signal among the columns of its topic."""
+    topic, match = signal.topic, _INDEX.fullmatch(signal.field)
+    base = match[1] if match else signal.field
     index = int(match[2]) if match else None
     known = {column.name: column for column in columns}
     if base not in known:
@@ -132,15 +162,7 @@ def find_field(name: str, columns: tuple[Column, ...], topic: str) -> Field:
     return Field(dataclasses.replace(column, unit=unit), index)
 
 
-def field_of(signal: Signal) -> Field | None:
-    """Return the field of a signal; None if its type is known only to a bag."""
-    check_topic(signal.topic)
-    if signal.topic not in TYPES:
-        return None
-    return find_field(signal.field, drill_columns(signal.topic), signal.topic)
-
-
-def check_topic(topic: str) -> None:
+def _check_topic(topic: str) -> None:
     """Raise an ExpectationError if a relative name is none of the drill's topics."""
     if not topic.startswith("/") and topic not in TYPES:
         hint = did_you_mean(topic, (*TYPES, "diagnostics"))
@@ -149,19 +171,22 @@ def check_topic(topic: str) -> None:
         )
 
 
-def check_formula(formula: Formula) -> None:
+def _check_formula(formula: Formula) -> None:
     """Check every name and unit of a formula, as far as they are known without a bag."""
     _check_kind(formula)
     for part in formula.walk():
-        for field in dataclasses.fields(part):  # type: ignore[arg-type]
-            if field.name in ("formula", "goal", "condition", "trigger", "event"):
-                _check_kind(getattr(part, field.name))
+        for name in ("formula", "goal", "condition", "trigger", "event"):
+            _check_kind(getattr(part, name, part))
         for each in getattr(part, "formulas", ()):
             _check_kind(each)
         if isinstance(part, (Compare, Says, Quantile)):
-            check_use(part, field_of(part.signal))
+            topic = part.signal.topic
+            _check_topic(topic)
+            # The type of a topic of others is known only to a bag.
+            known = drill_columns(topic) if topic in TYPES else None
+            check_use(part, find_field(part.signal, known) if known is not None else None)
         elif isinstance(part, Message):
-            check_topic(part.topic)
+            _check_topic(part.topic)
         elif isinstance(part, Count) and not isinstance(part.event, Event):
             raise ExpectationError("count needs an event: onset, cleared, message or becomes")
         elif isinstance(part, Becomes) and isinstance(part.formula, Event):
@@ -186,22 +211,13 @@ def check_use(part: Compare | Says | Quantile, field: Field | None) -> None:
         return
     if field is not None and field.says:
         raise ExpectationError(f"{part.signal} is no number: write {part.signal} is WORD")
-    threshold(part.number, field, str(part.signal))
+    threshold(part.number, field, part.signal)
     if isinstance(part, Compare):
-        threshold(part.tolerance, field, str(part.signal))
+        threshold(part.tolerance, field, part.signal)
 
 
-def threshold(number: Number, field: Field | None, name: str) -> float:
+def threshold(number: Number, field: Field | None, signal: Signal) -> float:
     """Return a number in the unit of a field; in SI if the field has no known unit."""
-    if field is None or (not field.unit and not _drills(name)):
+    if field is None or (not field.unit and signal.topic.startswith("/")):
         return number.value * unit_factor(number.unit)[0]
-    return to_si(number.value, number.unit, field.unit, name)
-
-
-def _drills(name: str) -> bool:
-    return not name.startswith("/")
-
-
-def unit_of(number: Number, field: Field | None) -> str:
-    """Return the SI unit in which a comparison with a number has its margin."""
-    return field.unit if field is not None and field.unit else unit_factor(number.unit)[1]
+    return to_si(number.value, number.unit, field.unit, str(signal))

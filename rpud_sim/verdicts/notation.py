@@ -1,19 +1,15 @@
-"""Formulas in YAML: from plain values to formulas, and back."""
+"""Notation of expectations in YAML: from a file's plain values to formulas, and back."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping
-from typing import Any
+from pathlib import Path
+from typing import Any, NamedTuple
 
 from rpud_sim.foundation.quantities import ParameterError, did_you_mean, shown
-from rpud_sim.verdicts.units import (
-    NUMBER,
-    ExpectationError,
-    duration_text,
-    parse_quantity,
-)
-from rpud_sim.verdicts.vocabulary import (
+from rpud_sim.foundation.yaml_files import read_yaml_text, yaml_lines
+from rpud_sim.verdicts.formulas import (
     WHOLE,
     Active,
     After,
@@ -37,42 +33,114 @@ from rpud_sim.verdicts.vocabulary import (
     Signal,
     Until,
     Window,
+    signal,
+    unless,
+    window,
 )
-from rpud_sim.verdicts.words import signal, window
+from rpud_sim.verdicts.names import Expectation
+from rpud_sim.verdicts.units import NUMBER, ExpectationError, duration_text, parse_quantity
 
-Path = tuple[str | int, ...]
+Place = tuple[str | int, ...]
 
-# Keys of each form: those that it must have, and those that it may have. The first tells the form.
+
+class _Form(NamedTuple):
+    """Mapping that stands for a formula. Its first key tells the form."""
+
+    make: Callable[..., Formula]  # from the fields of the formula
+    fields: Mapping[str, str]  # of the formula, by the key that holds it
+    may: tuple[str, ...] = ()  # further keys that it may have
+
+
 _WINDOW = ("within", "between")
-FORMS: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
-    "signal": (("signal", "is"), ("hold",)),
-    "fault": (("fault",), ()),
-    "onset": (("onset",), ()),
-    "cleared": (("cleared",), ()),
-    "message": (("message",), ("where",)),
-    "becomes": (("becomes",), ()),
-    "not": (("not",), ()),
-    "all": (("all",), ()),
-    "any": (("any",), ()),
-    "if": (("if", "then"), ()),
-    "always": (("always",), _WINDOW),
-    "eventually": (("eventually",), _WINDOW),
-    "hold until": (("hold", "until"), _WINDOW),
-    "hold unless": (("hold", "unless"), ()),
-    "after": (("after", "expect"), ()),
-    "count": (("count", "is"), (*_WINDOW, "until")),
-    "quantile": (("quantile", "of", "is"), _WINDOW),
+_FORMS = {
+    "signal": _Form(Compare, {"signal": "signal", "is": "number"}, ("hold",)),
+    "fault": _Form(Active, {"fault": "fault"}),
+    "onset": _Form(Onset, {"onset": "fault"}),
+    "cleared": _Form(Cleared, {"cleared": "fault"}),
+    "message": _Form(Message, {"message": "topic"}, ("where",)),
+    "becomes": _Form(Becomes, {"becomes": "formula"}),
+    "not": _Form(Not, {"not": "formula"}),
+    "all": _Form(And, {"all": "formulas"}),
+    "any": _Form(Or, {"any": "formulas"}),
+    "if": _Form(Implies, {"if": "condition", "then": "formula"}),
+    "always": _Form(Always, {"always": "formula"}, _WINDOW),
+    "eventually": _Form(Eventually, {"eventually": "formula"}, _WINDOW),
+    "hold until": _Form(Until, {"hold": "formula", "until": "goal"}, _WINDOW),
+    "hold unless": _Form(unless, {"hold": "formula", "unless": "goal"}),
+    "after": _Form(After, {"after": "trigger", "expect": "formula"}),
+    "count": _Form(Count, {"count": "event", "is": "number"}, (*_WINDOW, "until")),
+    "quantile": _Form(Quantile, {"quantile": "share", "of": "signal", "is": "number"}, _WINDOW),
 }
-_MAIN = tuple(dict.fromkeys(required[0] for required, _ in FORMS.values()))
+_MAIN = tuple(dict.fromkeys(next(iter(form.fields)) for form in _FORMS.values()))
+_KEYS = ("name", "requirement", "expect")
 
 _ATOM = re.compile(r"\s*(\S+)\s+(.*\S)\s*|\s*([A-Za-z/][\w./\[\]]*)\s*([<>=!].*\S)\s*", re.DOTALL)
 _COMPARED = re.compile(rf"(<=|>=|==|!=|<|>|=)\s*({NUMBER}[^+]*?)\s*(?:(?:\+-|±)\s*(.*\S))?")
 
 
-def to_formula(value: Any, path: Path = ()) -> Formula:
+def read_expectations(path: str | Path) -> tuple[Expectation, ...]:
+    """Read a file of expectations; an error names the file and the line."""
+    try:
+        # Without truth values: off is a kind of fault, and `is: true` a text as `is: running`.
+        content, text = read_yaml_text(path, truth_values=False)
+    except ParameterError as error:
+        raise ExpectationError(error) from None
+    try:
+        return parse_expectations(content)
+    except ExpectationError as error:
+        lines = yaml_lines(text) if content is not None else {}
+        place = error.path
+        while place and place not in lines:
+            place = place[:-1]
+        raise ExpectationError(f"{path}:{lines.get(place, 1)}: {error}", error.path) from None
+
+
+def parse_expectations(content: Any) -> tuple[Expectation, ...]:
+    """Return the expectations of a file's content; the path of an error leads to the place."""
+    if not isinstance(content, Mapping) or "expectations" not in content:
+        raise ExpectationError("it holds no expectations:")
+    for key in content:
+        if key != "expectations":
+            raise ExpectationError(f"{shown(key)} is not expectations", (str(key),))
+    entries = content["expectations"]
+    if not isinstance(entries, list) or not entries:
+        raise ExpectationError("expectations is no list with entries", ("expectations",))
+    found: dict[str, Expectation] = {}
+    for number, entry in enumerate(entries):
+        place = ("expectations", number)
+        expectation = _expectation(entry, place)
+        if expectation.name in found:
+            raise ExpectationError(f"name {shown(expectation.name)} is taken already", place)
+        found[expectation.name] = expectation
+    return tuple(found.values())
+
+
+def _expectation(entry: Any, place: Place) -> Expectation:
+    """Return the expectation of one entry: ``name`` and ``expect``, perhaps ``requirement``."""
+    if not isinstance(entry, Mapping):
+        raise ExpectationError(f"{shown(entry)} is not a mapping", place)
+    for key in entry:
+        if key not in _KEYS:
+            raise ExpectationError(f"{shown(key)}: {did_you_mean(key, _KEYS)}", (*place, str(key)))
+    for key in ("name", "expect"):
+        if key not in entry:
+            raise ExpectationError(f"the expectation lacks its {key}", place)
+    for key in ("name", "requirement"):
+        value = entry.get(key, "-")
+        if not isinstance(value, str) or not value.strip() or not value.isprintable():
+            raise ExpectationError(f"{key} = {shown(value)} is not a text of one line", place)
+    inner = (*place, "expect")
+    formula = to_formula(entry["expect"], inner)
+    try:
+        return Expectation(entry["name"], formula, entry.get("requirement", ""))
+    except ExpectationError as error:
+        raise ExpectationError(error, inner) from None
+
+
+def to_formula(value: Any, path: Place = ()) -> Formula:
     """Return the formula of a plain value.
 
-    The value is a text such as ``reacting_force.force < 45 N``, or a mapping of one of ``FORMS``.
+    The value is a text such as ``reacting_force.force < 45 N``, or a mapping of one of ``_FORMS``.
     ``path`` leads to it in its file, for errors.
     """
     try:
@@ -80,27 +148,42 @@ def to_formula(value: Any, path: Path = ()) -> Formula:
             return _atom(value)
         if not isinstance(value, Mapping):
             raise ExpectationError(f"{shown(value)} is neither a comparison nor a mapping")
-        form = _form(value)
-        return _READERS[form](value, path)
-    except ExpectationError as error:
-        raise ExpectationError(error, error.path or path) from None
+        name = _form(value)
+        if name in _READERS:
+            return _READERS[name](value, path)
+        form = _FORMS[name]
+        fields = {
+            field: _field(field, value[key], (*path, key)) for key, field in form.fields.items()
+        }
+        return form.make(**fields, **({"window": _window(value)} if form.may else {}))
     except ParameterError as error:
-        raise ExpectationError(error, path) from None
+        raise ExpectationError(error, getattr(error, "path", ()) or path) from None
+
+
+def _field(name: str, value: Any, path: Place) -> Any:
+    """Return the value of a field of a formula."""
+    if name == "fault":
+        return value
+    if name != "formulas":
+        return to_formula(value, path)
+    if not isinstance(value, list):
+        raise ExpectationError(f"{path[-1]} = {shown(value)} is not a list", path)
+    return tuple(to_formula(part, (*path, n)) for n, part in enumerate(value))
 
 
 def _form(value: Mapping[Any, Any]) -> str:
+    """Return the name of a mapping's form, and check its keys."""
     keys = [str(key) for key in value]
-    for name, (required, optional) in FORMS.items():
-        if required[0] not in keys or (required[0] == "hold" and required[1] not in keys):
-            continue
-        if required[0] == "hold" and "signal" in keys:
+    for name, form in _FORMS.items():
+        first, *others = form.fields
+        if first not in keys or (first == "hold" and ("signal" in keys or others[0] not in keys)):
             continue
         for key in keys:
-            if key not in required and key not in optional:
-                free = [each for each in (*required, *optional) if each not in keys]
+            if key not in form.fields and key not in form.may:
+                free = [each for each in (*form.fields, *form.may) if each not in keys]
                 hint = did_you_mean(key, free) if free else "it has all of its keys"
                 raise ExpectationError(f"{shown(key)} does not belong to {name}; {hint}")
-        for key in required:
+        for key in others:
             if key not in keys:
                 raise ExpectationError(f"{name} lacks its {key}")
         return name
@@ -114,8 +197,7 @@ def _atom(text: str) -> Formula:
     match = _ATOM.fullmatch(text)
     if match is None:
         raise ExpectationError(f"{shown(text)} is no comparison, as reacting_force.force < 45 N")
-    name, rest = match[1] or match[3], match[2] or match[4]
-    return _about(signal(name), rest)
+    return _about(signal(match[1] or match[3]), match[2] or match[4])
 
 
 def _about(about: Signal, text: str) -> Compare | Says:
@@ -126,26 +208,29 @@ def _about(about: Signal, text: str) -> Compare | Says:
         raise ExpectationError(
             f"{shown(text)} is no comparison of {about}, as < 45 N, == 0 N +- 0.1 N or is running"
         )
-    operator = "==" if match[1] == "=" else match[1]
-    return about.compare(operator, match[2], match[3] or 0.0)
+    return about.compare(_operator(match[1]), match[2], match[3] or 0.0)
+
+
+def _operator(text: str) -> str:
+    return "==" if text == "=" else text
 
 
 def _bare(text: Any) -> tuple[str, str]:
+    """Return operator and number of a comparison without a signal."""
     match = _COMPARED.fullmatch(text.strip()) if isinstance(text, str) else None
     if match is None or match[3]:
         raise ExpectationError(f"is: {shown(text)} is no comparison, as < 45 N")
-    return "==" if match[1] == "=" else match[1], match[2]
+    return _operator(match[1]), match[2]
 
 
-def _signal_form(value: Mapping[str, Any], path: Path) -> Formula:
-    about = signal(value["signal"], value.get("hold"))
-    text = value["is"]
+def _signal(value: Mapping[str, Any], path: Place) -> Formula:
+    about, text = signal(value["signal"], value.get("hold")), value["is"]
     if not isinstance(text, str):
         raise ExpectationError(f"is: {shown(text)} is no text, as < 45 N", (*path, "is"))
     return _about(about, text if text[:1] in "<>=!" else f"is {text}")
 
 
-def _message(value: Mapping[str, Any], path: Path) -> Message:
+def _message(value: Mapping[str, Any], path: Place) -> Message:
     where = to_formula(value["where"], (*path, "where")) if "where" in value else None
     if not isinstance(where, (Compare, Says, type(None))):
         raise ExpectationError("where is no comparison", (*path, "where"))
@@ -155,24 +240,7 @@ def _message(value: Mapping[str, Any], path: Path) -> Message:
     return Message("/diagnostics" if topic == "diagnostics" else topic, where)
 
 
-def _several(name: str) -> Callable[[Mapping[str, Any], Path], tuple[Formula, ...]]:
-    def read(value: Mapping[str, Any], path: Path) -> tuple[Formula, ...]:
-        parts = value[name]
-        if not isinstance(parts, list):
-            raise ExpectationError(f"{name} = {shown(parts)} is not a list", (*path, name))
-        return tuple(to_formula(part, (*path, name, n)) for n, part in enumerate(parts))
-
-    return read
-
-
-def _window(value: Mapping[str, Any]) -> Window:
-    between = value.get("between")
-    if isinstance(between, list):
-        between = [None if each in ("end", None) else each for each in between]
-    return window(value.get("within"), between)
-
-
-def _count(value: Mapping[str, Any], path: Path) -> Count:
+def _count(value: Mapping[str, Any], path: Place) -> Count:
     event = to_formula(value["count"], (*path, "count"))
     if not isinstance(event, Event):
         raise ExpectationError("count needs an event: onset, cleared, message or becomes")
@@ -180,11 +248,11 @@ def _count(value: Mapping[str, Any], path: Path) -> Count:
     plain, unit = parse_quantity(number)
     if unit:
         raise ExpectationError(f"a count has no unit, given {number}", (*path, "is"))
-    goal = _one("until", value, path) if "until" in value else None
+    goal = to_formula(value["until"], (*path, "until")) if "until" in value else None
     return Count(event, operator, plain, _window(value), goal)
 
 
-def _quantile(value: Mapping[str, Any], path: Path) -> Quantile:
+def _quantile(value: Mapping[str, Any], path: Place) -> Quantile:
     share = value["quantile"]
     if isinstance(share, bool) or not isinstance(share, (int, float)):
         raise ExpectationError(f"quantile = {shown(share)} is no number in (0, 1]")
@@ -195,74 +263,46 @@ def _quantile(value: Mapping[str, Any], path: Path) -> Quantile:
     return Quantile(float(share), about, operator, Number(*parse_quantity(number)), _window(value))
 
 
-def _one(name: str, value: Mapping[str, Any], path: Path) -> Formula:
-    return to_formula(value[name], (*path, name))
-
-
-_READERS: Mapping[str, Callable[[Mapping[str, Any], Path], Formula]] = {
-    "signal": _signal_form,
-    "fault": lambda value, path: Active(value["fault"]),
-    "onset": lambda value, path: Onset(value["onset"]),
-    "cleared": lambda value, path: Cleared(value["cleared"]),
+# Forms whose keys are no fields of their formulas.
+_READERS: Mapping[str, Callable[[Mapping[str, Any], Place], Formula]] = {
+    "signal": _signal,
     "message": _message,
-    "becomes": lambda value, path: Becomes(_one("becomes", value, path)),
-    "not": lambda value, path: Not(_one("not", value, path)),
-    "all": lambda value, path: And(_several("all")(value, path)),
-    "any": lambda value, path: Or(_several("any")(value, path)),
-    "if": lambda value, path: Implies(_one("if", value, path), _one("then", value, path)),
-    "always": lambda value, path: Always(_one("always", value, path), _window(value)),
-    "eventually": lambda value, path: Eventually(_one("eventually", value, path), _window(value)),
-    "hold until": lambda value, path: Until(
-        _one("hold", value, path), _one("until", value, path), _window(value)
-    ),
-    "hold unless": lambda value, path: Until(
-        _one("hold", value, path), _one("unless", value, path), WHOLE, True
-    ),
-    "after": lambda value, path: After(_one("after", value, path), _one("expect", value, path)),
     "count": _count,
     "quantile": _quantile,
 }
+
+
+def _window(value: Mapping[str, Any]) -> Window:
+    between = value.get("between")
+    if isinstance(between, list):
+        between = [None if each in ("end", None) else each for each in between]
+    return window(value.get("within"), between)
 
 
 def to_plain(formula: Formula) -> Any:
     """Return the plain value of a formula, the inverse of ``to_formula``."""
     if isinstance(formula, (Compare, Says)):
         return _plain_atom(formula)
-    if isinstance(formula, Active):
-        return {"fault": formula.fault}
-    if isinstance(formula, (Onset, Cleared)):
-        return {type(formula).__name__.lower(): formula.fault}
-    if isinstance(formula, Message):
-        where = {} if formula.where is None else {"where": to_plain(formula.where)}
-        return {"message": formula.topic, **where}
-    if isinstance(formula, (Becomes, Not)):
-        return {type(formula).__name__.lower(): to_plain(formula.formula)}
-    if isinstance(formula, (And, Or)):
-        key = "all" if isinstance(formula, And) else "any"
-        return {key: [to_plain(part) for part in formula.formulas]}
-    if isinstance(formula, Implies):
-        return {"if": to_plain(formula.condition), "then": to_plain(formula.formula)}
-    if isinstance(formula, (Always, Eventually)):
-        key = type(formula).__name__.lower()
-        return {key: to_plain(formula.formula), **_plain_window(formula.window)}
-    if isinstance(formula, Until):
-        key = "unless" if formula.weak else "until"
-        parts = {"hold": to_plain(formula.formula), key: to_plain(formula.goal)}
-        return {**parts, **_plain_window(formula.window)}
-    if isinstance(formula, After):
-        return {"after": to_plain(formula.trigger), "expect": to_plain(formula.formula)}
-    if isinstance(formula, Count):
-        compared = f"{formula.operator} {Number(formula.number)}"
-        event = to_plain(formula.event)
-        goal = {} if formula.until is None else {"until": to_plain(formula.until)}
-        return {"count": event, "is": compared, **_plain_window(formula.window), **goal}
-    assert isinstance(formula, Quantile)
-    return {
-        "quantile": formula.share,
-        "of": str(formula.signal),
-        "is": f"{formula.operator} {formula.number}",
-        **_plain_window(formula.window),
-    }
+    weak = isinstance(formula, Until) and formula.weak
+    make = unless if weak else type(formula)
+    form = next(each for each in _FORMS.values() if each.make is make)
+    plain = {key: _plain_field(formula, field) for key, field in form.fields.items()}
+    plain |= _plain_window(getattr(formula, "window", WHOLE))
+    for key, part in (("where", Message), ("until", Count)):
+        if isinstance(formula, part) and getattr(formula, key) is not None:
+            plain[key] = to_plain(getattr(formula, key))
+    return plain
+
+
+def _plain_field(formula: Formula, name: str) -> Any:
+    value = getattr(formula, name)
+    if isinstance(formula, (Count, Quantile)) and name == "number":
+        return f"{formula.operator} {Number(value) if isinstance(formula, Count) else value}"
+    if isinstance(value, tuple):
+        return [to_plain(part) for part in value]
+    if isinstance(value, Formula):
+        return to_plain(value)
+    return str(value) if isinstance(value, Signal) else value
 
 
 def _plain_atom(formula: Compare | Says) -> Any:

@@ -1,10 +1,11 @@
-"""Record: the signals on which expectations are evaluated, from a bag or live."""
+"""Record: the messages on which expectations are evaluated, from a bag or live."""
 
 from __future__ import annotations
 
 import dataclasses
+import json
 import os
-from collections.abc import Callable, Collection, Iterable
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -14,24 +15,100 @@ from rpud_sim.bag import open as open_bag
 from rpud_sim.bag.blocks import to_rows
 from rpud_sim.bag.columns import RECEIVED, Sequences, objects
 from rpud_sim.foundation.quantities import suggestion
-from rpud_sim.verdicts.messages import Live, Piece, Table, TopicMessages, get, time_of
-from rpud_sim.verdicts.missing import Missing
+from rpud_sim.verdicts.formulas import Compare, Quantile, Says, Signal
+from rpud_sim.verdicts.messages import Missing, Piece, TopicMessages, get, time_of
 from rpud_sim.verdicts.names import (
     DIAGNOSTICS,
     PERIODIC,
     PERIODIC_HOLD,
     TYPES,
+    Expectation,
     Field,
-    block_columns,
+    check_use,
     drill_columns,
     find_field,
 )
-from rpud_sim.verdicts.runs import Entry, LastRun, entry_time, last_run
 from rpud_sim.verdicts.units import ExpectationError
-from rpud_sim.verdicts.vocabulary import Signal
 
 NAMESPACE = "/rpud"
 _STATUS_TYPE = "rpud_msgs/msg/Status"
+
+
+@dataclasses.dataclass(frozen=True)
+class Entry:
+    """Entry of the journal, as far as it shows where a run begins."""
+
+    sequence: int  # number of the entry
+    kind: str  # of the entry
+    stamp: int  # of its message [ns]
+    published: int  # that increases in the order of publishing
+    time: int  # simulation time [ns]
+
+
+def _entry_time(content: str) -> int:
+    """Return the simulation time of a journal entry's content [ns]; 0 if it has none."""
+    try:
+        time = json.loads(content)["time"]
+    except (LookupError, TypeError, ValueError):
+        return 0
+    return time if type(time) is int else 0
+
+
+@dataclasses.dataclass(frozen=True)
+class LastRun:
+    """The last run of a recording."""
+
+    runs: int = 0  # number of runs; 0 without a journal
+    origin: int | None = None  # stamp of its simulation time zero [ns]; None without a journal
+    published: int = 0  # of the entry that begins it
+    stamp: int = 0  # of that entry [ns]
+    before: Entry | None = None  # the entry before that; None if there is none
+
+    def holds(self, piece: Piece) -> np.ndarray:
+        """Return which messages belong to the run.
+
+        Messages shortly before the entry may belong to it as well, since topics are published one
+        after the other: their stamps decide.
+        """
+        if self.origin is None:
+            return np.ones(len(piece.stamps), bool)
+        after, late = piece.published >= self.published, piece.stamps >= self.stamp
+        if self.before is None:  # the first run: a message may overtake the journal
+            return after | late
+        between = ~after & (piece.published > self.before.published) & late
+        if self.before.stamp > self.stamp:
+            between &= piece.stamps < self.before.stamp
+        elif self.before.stamp == self.stamp:
+            between[:] = False
+        return after | between
+
+
+def _last_run(entries: Sequence[Entry]) -> LastRun:
+    """Return the last run that a journal shows.
+
+    A run begins with an entry ``begin``, or with an ``origin`` that sets the stamps back. Entries
+    of a beginning follow each other at one simulation time.
+    """
+    once = {(entry.sequence, entry.kind, entry.stamp, entry.time): entry for entry in entries[::-1]}
+    # The numbers of one node are the order.
+    one_node = len({entry.sequence for entry in once.values()}) == len(once)
+    ordered = sorted(
+        once.values(), key=lambda each: (0 if one_node else each.published, each.sequence)
+    )
+    found = LastRun()
+    for number, entry in enumerate(ordered):
+        if entry.kind not in ("begin", "origin"):
+            continue
+        before = ordered[number - 1] if number else None
+        # Before a beginning's entry `origin`, nothing was simulated since its entry `begin`.
+        joins = before is not None and before.kind == "begin" and before.time == entry.time
+        back = before is None or entry.stamp < before.stamp
+        begun = entry.stamp - entry.time, entry.published, entry.stamp
+        if entry.kind == "origin" and joins and found.runs:
+            found = LastRun(found.runs, *begun, found.before)
+        elif entry.kind == "begin" or back:
+            found = LastRun(found.runs + 1, *begun, before)
+    return found
 
 
 class Record:
@@ -44,7 +121,7 @@ class Record:
     def __init__(self, namespace: str = NAMESPACE) -> None:
         self._namespace = namespace.rstrip("/")
         self._pieces: dict[str, list[Piece]] = {}
-        self._live: dict[str, tuple[Live, list[int], list[int]]] = {}
+        self._live: dict[str, list[tuple[int, int, Any]]] = {}  # stamp, number, message
         self._columns: dict[str, tuple[Column, ...]] = {}
         self._losses: dict[str, int] = {}
         self._notes: dict[str, str] = {}
@@ -78,16 +155,13 @@ class Record:
                 record._columns[topic] = bag.columns(name)
                 losses = known[name].losses
                 record._losses[topic] = (losses.total or 0) if losses is not None else 0
-            damaged: dict[str, int] = {}
 
             def leave_out(name: str, reason: str) -> None:
-                damaged[name] = damaged.get(name, 0) + 1
+                record._losses[wanted[name]] += 1
 
             for batch in bag.batches(list(wanted), leave_out=leave_out) if wanted else ():
                 record._add_batch(wanted[batch.topic], batch)
                 progress(batch.message_count)
-            for name, count in damaged.items():
-                record._losses[wanted[name]] += count
         return record
 
     def add(self, topic: str, stamp: int, message: Any) -> None:
@@ -100,12 +174,7 @@ class Record:
         if topic in ("waveform", "trajectory"):
             self._add_block(topic, message)
         else:
-            if topic not in self._live:
-                self._live[topic] = Live(), [], []
-            live, stamps, published = self._live[topic]
-            live.messages.append(message)
-            stamps.append(int(stamp))
-            published.append(self._count)
+            self._live.setdefault(topic, []).append((int(stamp), self._count, message))
         self._count += 1
         self._forget()
 
@@ -148,7 +217,8 @@ class Record:
         return max(0, counted - self.messages(topic).missing.total)
 
     def missing(self, topic: str) -> Missing:
-        return dataclasses.replace(self.messages(topic).missing, anywhere=self.lost(topic))
+        """Return the missing messages of a topic: those at known times, and ``lost``."""
+        return self.messages(topic).missing._replace(anywhere=self.lost(topic))
 
     def span(self, topics: Collection[str]) -> tuple[int, int] | None:
         """Return the first and last nanosecond that a record of some topics covers.
@@ -177,45 +247,40 @@ class Record:
         span = self.span(topics)
         return span[0] if span else 0
 
-    def field(self, signal: Signal) -> Field | str | None:
-        """Return the field of a signal; None if its type is not known."""
-        if signal.topic == DIAGNOSTICS:
-            return signal.field
-        if signal.topic in TYPES:
-            return find_field(signal.field, self._columns_of(signal.topic), signal.topic)
-        if signal.topic in self._columns:
-            return find_field(signal.field, self._columns[signal.topic], signal.topic)
-        return None
+    def field(self, signal: Signal) -> Field | None:
+        """Return the field of a signal; None for a diagnostic, or if its type is not known."""
+        topic = signal.topic
+        columns = self._columns.get(topic) or (drill_columns(topic) if topic in TYPES else None)
+        return None if columns is None or topic == DIAGNOSTICS else find_field(signal, columns)
 
     def messages(self, topic: str) -> TopicMessages:
+        """Return the messages of a topic in the last run."""
         if topic not in self._kept:
             pieces = self._all(topic)
-            keep = [self._last_run.holds(each.stamps, each.published) for each in pieces]
+            keep = [self._last_run.holds(each) for each in pieces]
             self._kept[topic] = TopicMessages(topic, pieces, keep)
         return self._kept[topic]
-
-    def _columns_of(self, topic: str) -> tuple[Column, ...]:
-        return self._columns.get(topic) or drill_columns(topic)
 
     @property
     def _last_run(self) -> LastRun:
         if self._run is None:
-            self._run = last_run([*self._journal()])
+            self._run = _last_run([*self._journal()])
         return self._run
 
     def _journal(self) -> Iterable[Entry]:
         for piece in self._all("journal"):
-            columns = [piece.source.values(name, name) for name in ("sequence", "kind", "content")]
+            columns = [piece.values(name) for name in ("sequence", "kind", "content")]
             for sequence, kind, content, stamp, published in zip(
                 *columns, piece.stamps.tolist(), piece.published.tolist(), strict=True
             ):
-                yield Entry(int(sequence), str(kind), stamp, published, entry_time(str(content)))
+                yield Entry(int(sequence), str(kind), stamp, published, _entry_time(str(content)))
 
     def _all(self, topic: str) -> list[Piece]:
         pieces = list(self._pieces.get(topic, ()))
         if topic in self._live:
-            live, stamps, published = self._live[topic]
-            pieces.append(Piece(live, np.array(stamps, np.int64), np.array(published, np.int64)))
+            stamps, published, messages = zip(*self._live[topic], strict=True)
+            times = np.array(stamps, np.int64), np.array(published, np.int64)
+            pieces.append(Piece(*times, messages=messages))
         return pieces
 
     def _add_batch(self, topic: str, batch: Batch) -> None:
@@ -228,13 +293,12 @@ class Record:
                 stamps = np.where(stamps == 0, columns["log_time"], stamps)
         else:
             stamps = columns["log_time"]
-        self._pieces.setdefault(topic, []).append(
-            Piece(Table(columns), stamps, columns["publish_time"])
-        )
+        self._add_piece(topic, stamps, columns)
 
     def _add_block(self, topic: str, message: Any) -> None:
+        columns = drill_columns(topic, blocks=True)
         values: dict[str, np.ndarray | Sequences] = {}
-        for column in block_columns(topic):
+        for column in columns:
             value = message
             for name in column.name.split("."):
                 value = self._count if name in RECEIVED else get(value, name)
@@ -244,10 +308,12 @@ class Record:
                 values[column.name] = np.array([time_of(value)], np.int64)
             else:
                 values[column.name] = objects([value]).astype(column.dtype)
-        rows = to_rows(block_columns(topic), values)
-        self._pieces.setdefault(topic, []).append(
-            Piece(Table(rows), rows["time"], rows["publish_time"])
-        )
+        rows = to_rows(columns, values)
+        self._add_piece(topic, rows["time"], rows)
+
+    def _add_piece(self, topic: str, stamps: np.ndarray, columns: Mapping[str, np.ndarray]) -> None:
+        piece = Piece(stamps, columns["publish_time"], columns)
+        self._pieces.setdefault(topic, []).append(piece)
 
     def _relative(self, topic: str) -> str:
         """Return the name that expectations have for a topic: relative for the drill's own."""
@@ -272,3 +338,31 @@ def bag_namespace(topics: Iterable[TopicSummary], namespace: str | None) -> str:
     if len(found) > 1:
         raise ExpectationError(f"the bag holds several drills, {', '.join(found)}: name one")
     return found[0] if found else NAMESPACE
+
+
+def check_bag(
+    path: str | os.PathLike[str],
+    expectations: Iterable[Expectation],
+    namespace: str | None = None,
+    file: str = "",
+) -> None:
+    """Check that the topics in a bag have the fields that expectations name.
+
+    A topic that the bag does not hold is no error: its expectations are undecided.
+    """
+    with open_bag(path) as bag:
+        known = {summary.topic.name for summary in bag.topics}
+        space = bag_namespace(bag.topics, namespace).rstrip("/")
+        for expectation in expectations:
+            for part in expectation.formula.walk():
+                if not isinstance(part, (Compare, Says, Quantile)):
+                    continue
+                topic = part.signal.topic
+                name = topic if topic.startswith("/") else f"{space}/{topic}"
+                if topic == DIAGNOSTICS or name not in known:
+                    continue
+                try:
+                    check_use(part, find_field(part.signal, bag.columns(name)))
+                except ExpectationError as error:
+                    place = f"{file}: " if file else ""
+                    raise ExpectationError(f"{place}{expectation.name}: {error}") from None

@@ -9,6 +9,7 @@ minimum and maximum, so every operation treats all four alike.
 from __future__ import annotations
 
 import dataclasses
+from typing import Any
 
 import numpy as np
 
@@ -18,6 +19,11 @@ UNKNOWN = np.array([-np.inf, np.inf, -1.0, 1.0])
 TRUE = np.array([np.inf, np.inf, 1.0, 1.0])
 FALSE = np.array([-np.inf, -np.inf, -1.0, -1.0])
 _SWAPPED = [MOST_MARGIN, LEAST_MARGIN, MOST_TRUTH, LEAST_TRUTH]
+
+
+def columns(value: np.ndarray, count: int) -> np.ndarray:
+    """Return the same value for each of several steps."""
+    return np.repeat(value[:, None], count, axis=1)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -57,6 +63,34 @@ class Steps:
         keep = np.concatenate([[True], ~same])
         keep[-1] = True
         return Steps(self.starts[keep], self.values[:, keep], self.absent[keep])
+
+
+def bounds(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the least and the greatest that values may be: NaN may be anything."""
+    unknown = np.isnan(values)
+    return np.where(unknown, -np.inf, values), np.where(unknown, np.inf, values)
+
+
+def compared(
+    low: np.ndarray, high: np.ndarray, operator: str, number: float, tolerance: float = 0.0
+) -> np.ndarray:
+    """Return the bounds of comparisons of values that lie between bounds."""
+    values = np.empty((4, len(low)))
+    ends: Any  # what is compared for the least and for the greatest truth
+    if operator in ("<", "<="):
+        values[LEAST_MARGIN], values[MOST_MARGIN] = number - high, number - low
+        ends = (high, number), (low, number)
+    elif operator in (">", ">="):
+        values[LEAST_MARGIN], values[MOST_MARGIN] = low - number, high - number
+        ends = (number, low), (number, high)
+    else:
+        furthest = np.maximum(abs(low - number), abs(high - number))
+        nearest = np.maximum(np.maximum(low - number, number - high), 0.0)
+        values[LEAST_MARGIN], values[MOST_MARGIN] = tolerance - furthest, tolerance - nearest
+        ends = (furthest, tolerance), (nearest, tolerance)
+    for row, (left, right) in zip((LEAST_TRUTH, MOST_TRUTH), ends, strict=True):
+        values[row] = np.where(left < right if operator in ("<", ">") else left <= right, 1.0, -1.0)
+    return -values[_SWAPPED] if operator == "!=" else values
 
 
 def negate(steps: Steps) -> Steps:
@@ -185,3 +219,25 @@ def _until_at_once(left: Steps, right: Steps, beyond: np.ndarray) -> Steps:
         high[:, :-stride] = np.clip(behind_high, front_low, front_high)
         stride *= 2
     return Steps(starts, low, np.zeros(len(starts), bool))
+
+
+def inserted(starts: np.ndarray, values: np.ndarray, others: np.ndarray) -> Steps:
+    """Return steps with values, and others between them that are false."""
+    starts = np.concatenate([starts, others])
+    values = np.hstack([values, columns(FALSE, len(others))])
+    order = np.argsort(starts)
+    return Steps(starts[order], values[:, order], np.zeros(len(starts), bool))
+
+
+def beginnings(steps: Steps) -> Steps:
+    """Return the instants at which a formula begins to hold."""
+    if steps.absent[:-1].all():
+        return Steps(steps.starts, steps.values.copy(), steps.absent.copy())
+    true = (steps.values[LEAST_TRUTH] > 0.0) & ~steps.absent
+    false = (steps.values[MOST_TRUTH] < 0.0) | steps.absent
+    begins = true & ~np.append(False, true[:-1])
+    values = np.where(true | false, FALSE[:, None], UNKNOWN[:, None])
+    after_false = np.append(True, false[:-1])
+    values[:, begins] = np.where(after_false, TRUE[:, None], UNKNOWN[:, None])[:, begins]
+    longer = begins & np.append(np.diff(steps.starts) > 1, False)
+    return inserted(steps.starts, values, steps.starts[longer] + 1).merged()

@@ -4,49 +4,21 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
 
 from rpud_sim.foundation.quantities import ParameterError, did_you_mean, shown
 from rpud_sim.foundation.time import SECOND
 
 LONGEST = 1e9  # greatest duration in an expectation [s]
 
-_PREFIXES: Mapping[str, float] = {
-    "": 1.0,
-    "n": 1e-9,
-    "u": 1e-6,
-    "µ": 1e-6,
-    "m": 1e-3,
-    "k": 1e3,
-    "M": 1e6,
-}
+_PREFIXES = {"": 1.0, "n": 1e-9, "u": 1e-6, "µ": 1e-6, "m": 1e-3, "k": 1e3, "M": 1e6}
 _PREFIXED = (
-    "m",
-    "s",
-    "g",
-    "N",
-    "Hz",
-    "V",
-    "A",
-    "W",
-    "J",
-    "K",
-    "Pa",
-    "ohm",
-    "rad",
-    "N s",
-    "N m",
-    "m/s",
-    "rad/s",
-    "J/m^3",
+    *("m", "s", "g", "N", "Hz", "V", "A", "W", "J", "K", "Pa", "ohm", "rad"),
+    *("N s", "N m", "m/s", "rad/s", "J/m^3"),
 )
-
 # Factor to the SI unit, and that unit.
-_UNITS: dict[str, tuple[float, str]] = {
-    prefix + unit: (factor, unit) for unit in _PREFIXED for prefix, factor in _PREFIXES.items()
-}
-_UNITS |= {prefix + "g": (factor / 1e3, "kg") for prefix, factor in _PREFIXES.items()}
-_UNITS |= {
+_UNITS = {
+    **{prefix + unit: (factor, unit) for unit in _PREFIXED for prefix, factor in _PREFIXES.items()},
+    **{prefix + "g": (factor / 1e3, "kg") for prefix, factor in _PREFIXES.items()},
     "min": (60.0, "s"),
     "h": (3600.0, "s"),
     "deg": (math.pi / 180.0, "rad"),
@@ -59,7 +31,6 @@ _UNITS |= {
     "": (1.0, ""),
     "1": (1.0, ""),
 }
-UNITS = tuple(name for name in _UNITS if name)  # all known units, by their names
 
 NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _QUANTITY = re.compile(rf"\s*({NUMBER})\s*(.*?)\s*")
@@ -84,15 +55,13 @@ def parse_quantity(text: str) -> tuple[float, str]:
 
 
 def unit_factor(unit: str) -> tuple[float, str]:
+    """Return the factor to the SI unit, and that unit."""
     if unit not in _UNITS:
-        raise ExpectationError(f"unit {shown(unit)} is unknown; {_near(unit)}")
+        # One letter resembles no other, and all names would be a long line.
+        alike = [name for name in _UNITS if name and name.lower() == unit.lower()]
+        hint = f"did you mean {alike[0]}?" if alike else did_you_mean(unit, _PREFIXED)
+        raise ExpectationError(f"unit {shown(unit)} is unknown; {hint}")
     return _UNITS[unit]
-
-
-def _near(unit: str) -> str:
-    """Return a hint; one letter resembles no other, and all names would be a long line."""
-    alike = [name for name in UNITS if name.lower() == unit.lower()]
-    return f"did you mean {alike[0]}?" if alike else did_you_mean(unit, _PREFIXED)
 
 
 def to_si(value: float, unit: str, wanted: str, name: str) -> float:
@@ -112,8 +81,7 @@ def to_si(value: float, unit: str, wanted: str, name: str) -> float:
 def parse_duration(value: str | float, name: str) -> int:
     """Return a duration [ns] from a text such as ``500 ms`` or from seconds, in [0, 1e9] s."""
     if isinstance(value, str):
-        number, unit = parse_quantity(value)
-        seconds = to_si(number, unit, "s", name)
+        seconds = to_si(*parse_quantity(value), "s", name)
     elif isinstance(value, (int, float)) and not isinstance(value, bool):
         seconds = float(value) if abs(value) <= LONGEST else math.inf
     else:
@@ -125,8 +93,7 @@ def parse_duration(value: str | float, name: str) -> int:
 
 def duration_text(nanoseconds: int) -> str:
     """Return a duration as text that ``parse_duration`` reads back exactly."""
-    seconds = nanoseconds / SECOND
-    text = f"{seconds:.9g}"
+    text = f"{nanoseconds / SECOND:.9g}"
     if round(float(text) * SECOND) != nanoseconds:
         text = f"{nanoseconds // SECOND}.{nanoseconds % SECOND:09d}"
     return f"{text} s"

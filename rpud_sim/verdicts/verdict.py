@@ -1,22 +1,19 @@
-"""Verdicts: what an expectation comes to on a record."""
+"""Verdicts: what an expectation comes to on a record, and their JUnit XML."""
 
 from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Sequence
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 
+from rpud_sim.foundation.terminal import printable
 from rpud_sim.foundation.time import SECOND
-from rpud_sim.verdicts.atoms import Atoms
-from rpud_sim.verdicts.expectation import Expectation
-from rpud_sim.verdicts.names import Field, unit_of
-from rpud_sim.verdicts.notation import to_plain
-from rpud_sim.verdicts.record import Record
-from rpud_sim.verdicts.robustness import Evaluation
-from rpud_sim.verdicts.steps import LEAST_MARGIN, LEAST_TRUTH, MOST_MARGIN, MOST_TRUTH, Steps
-from rpud_sim.verdicts.vocabulary import (
+from rpud_sim.verdicts.evaluation import Evaluation
+from rpud_sim.verdicts.formulas import (
     WHOLE,
     After,
     Always,
@@ -33,6 +30,11 @@ from rpud_sim.verdicts.vocabulary import (
     Until,
     Window,
 )
+from rpud_sim.verdicts.names import Expectation
+from rpud_sim.verdicts.notation import to_plain
+from rpud_sim.verdicts.record import Record
+from rpud_sim.verdicts.steps import LEAST_MARGIN, LEAST_TRUTH, MOST_MARGIN, MOST_TRUTH, Steps
+from rpud_sim.verdicts.units import unit_factor
 
 PASSED, FAILED, UNDECIDED = "passed", "failed", "undecided"
 OUTCOMES = (PASSED, FAILED, UNDECIDED)
@@ -49,14 +51,14 @@ class Verdict:
     outcome: str  # one of ``OUTCOMES``
     # by how much it holds, or fails where it is negative; None if it is undecided, or if no
     # number decides it
-    margin: float | None
-    unit: str  # of the margin
+    margin: float | None = None
+    unit: str = ""  # of the margin
     # simulation time at which it was broken, fulfilled or over [s]; None if undecided
-    at: float | None
+    at: float | None = None
     # longest time from an event of ``after`` to the instant at which what follows was
     # fulfilled [s]; None if it has none, or if it never was
-    reaction_time: float | None
-    text: str  # why, in one line
+    reaction_time: float | None = None
+    text: str = ""  # why, in one line
 
     @property
     def passed(self) -> bool:
@@ -70,53 +72,33 @@ class Verdict:
 
 def evaluate(expectation: Expectation, record: Record) -> Verdict:
     """Return the verdict on an expectation."""
-    notes = [record.note(topic) for topic in expectation.used_topics]
-    missing = "; ".join(note for note in notes if note)
+    about = expectation.name, expectation.requirement
+    formula = expectation.formula
+    missing = "; ".join(filter(None, map(record.note, expectation.used_topics)))
     span = record.span(expectation.topics)
     if span is None:
-        text = missing or "the record has no message"
-        return _verdict(expectation, UNDECIDED, text=text)
+        return Verdict(*about, UNDECIDED, text=missing or "the record has no message")
     begin, end = span
     zero = record.zero(expectation.topics)
-    evaluation = Evaluation(Atoms(record, begin, end, zero))
-    steps = evaluation.steps(expectation.formula, once=True)
+    evaluation = Evaluation(record, begin, end, zero)
+    steps = evaluation.steps(formula, once=True)
     least, most = (float(steps.values[row, 0]) for row in (LEAST_TRUTH, MOST_TRUTH))
     if steps.absent[0] or least < 0.0 < most:
         text = missing or _why_undecided(expectation, evaluation, record, zero)
-        return _verdict(expectation, UNDECIDED, text=text)
+        return Verdict(*about, UNDECIDED, text=text)
     held = least > 0.0
     margin = float(steps.values[LEAST_MARGIN if held else MOST_MARGIN, 0])
-    at = _decided(evaluation, expectation.formula, begin, held)
-    reaction = _reaction(evaluation, expectation.formula)
-    return _verdict(
-        expectation,
+    at = (_decided(evaluation, formula, begin, held) - zero) / SECOND
+    reaction = _reaction(evaluation, formula)
+    units = _units(formula, record) if math.isfinite(margin) else set()
+    return Verdict(
+        *about,
         PASSED if held else FAILED,
         margin + 0.0 if math.isfinite(margin) else None,
-        _unit(expectation.formula, record) if math.isfinite(margin) else "",
-        (at - zero) / SECOND,
-        None if reaction is None else reaction / SECOND,
-        ("held" if held else "broken") + f" at {(at - zero) / SECOND:.9g} s",
-    )
-
-
-def _verdict(
-    expectation: Expectation,
-    outcome: str,
-    margin: float | None = None,
-    unit: str = "",
-    at: float | None = None,
-    reaction_time: float | None = None,
-    text: str = "",
-) -> Verdict:
-    return Verdict(
-        expectation.name,
-        expectation.requirement,
-        outcome,
-        margin,
-        unit,
+        MIXED if len(units) > 1 else "".join(units),
         at,
-        reaction_time,
-        text,
+        None if reaction is None else reaction / SECOND,
+        f"{'held' if held else 'broken'} at {at:.9g} s",
     )
 
 
@@ -149,17 +131,13 @@ def _gap(evaluation: Evaluation, part: Formula) -> int | None:
     return int(found[0]) if len(found) else None
 
 
-def _unit(formula: Formula, record: Record) -> str:
-    units = _units(formula, record)
-    return MIXED if len(units) > 1 else "".join(units)
-
-
 def _units(formula: Formula, record: Record) -> set[str]:
+    """Return the SI units in which the comparisons of a formula have their margins."""
     if isinstance(formula, Count):  # its margin is a number, whatever its events are
         return {""}
     if isinstance(formula, (Compare, Quantile)):
         field = record.field(formula.signal)
-        return {unit_of(formula.number, field if isinstance(field, Field) else None)}
+        return {(field.unit if field else "") or unit_factor(formula.number.unit)[1]}
     return set().union(*(_units(part, record) for part in formula.children()))
 
 
@@ -203,7 +181,7 @@ def _decided(evaluation: Evaluation, formula: Formula, time: int, held: bool) ->
 
 
 def _broken_after(evaluation: Evaluation, formula: After, time: int) -> int:
-    trigger, then = evaluation.steps_of_after(formula)
+    trigger, then = evaluation.trigger(formula.trigger), evaluation.steps(formula.formula)
     for instant in _sure(trigger, time):
         if _is(then, instant, False):
             return _decided(evaluation, formula.formula, instant, False)
@@ -262,3 +240,37 @@ def _first(steps: Steps, begin: int, end: int, held: bool) -> int | None:
 def _sure(trigger: Steps, begin: int) -> list[int]:
     chosen = (trigger.values[LEAST_TRUTH] > 0.0) & (trigger.starts >= begin)
     return [int(start) for start in trigger.starts[chosen]]
+
+
+def junit_xml(verdicts: Sequence[Verdict], suite: str) -> str:
+    """Return a JUnit test suite, a case for each verdict: failed fails, undecided is an error."""
+    counts = {
+        name: str(sum(each.outcome == outcome for each in verdicts))
+        for name, outcome in (("failures", FAILED), ("errors", UNDECIDED))
+    }
+    attributes = {"name": printable(suite), "tests": str(len(verdicts)), **counts}
+    root = ElementTree.Element("testsuites")
+    node = ElementTree.SubElement(root, "testsuite", attributes)
+    for verdict in verdicts:
+        node.append(_case(verdict, printable(suite)))
+    ElementTree.indent(root)
+    return '<?xml version="1.0" encoding="utf-8"?>\n' + ElementTree.tostring(root, "unicode") + "\n"
+
+
+def _case(verdict: Verdict, suite: str) -> ElementTree.Element:
+    case = ElementTree.Element("testcase", {"classname": suite, "name": printable(verdict.name)})
+    properties = ElementTree.SubElement(case, "properties")
+    values = {
+        "requirement": verdict.requirement,
+        "margin": "" if verdict.margin is None else f"{verdict.margin:.9g} {verdict.unit}".strip(),
+        "at": "" if verdict.at is None else f"{verdict.at:.9g} s",
+        "reaction_time": "" if verdict.reaction_time is None else f"{verdict.reaction_time:.9g} s",
+    }
+    for name, value in values.items():
+        if value:
+            ElementTree.SubElement(properties, "property", {"name": name, "value": value})
+    if verdict.outcome in (FAILED, UNDECIDED):
+        tag = "failure" if verdict.outcome == FAILED else "error"
+        text = f"{verdict.outcome}: {printable(verdict.text)}"
+        ElementTree.SubElement(case, tag, {"message": text, "type": verdict.outcome})
+    return case

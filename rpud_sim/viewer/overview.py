@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from rpud_sim.bag import Message
+from rpud_sim.inspection.recorded_drill import Jump
 from rpud_sim.viewer.commands import Commands, fault_row
 from rpud_sim.viewer.history import Bins, Impacts
 from rpud_sim.viewer.picture import GAP, usual
@@ -21,7 +22,6 @@ from rpud_sim.viewer.signals import (
     IMPACTS,
     JOURNAL,
     PEAK_FORCE,
-    Jump,
     find_jumps,
     namespace,
 )
@@ -81,7 +81,7 @@ class Marks:
 
     def _add_faults(self, drill: str, message: Message, decoded: Any) -> None:
         jumps = self._recording.clocks[drill].jumps
-        run = sum(jump.log_time <= message.log_time for jump in jumps)
+        run = sum(jump.time <= message.log_time for jump in jumps)
         for fault in decoded.faults:
             key = drill, run, int(fault.number)
             if key not in self._faults and len(self._faults) >= MOST_FAULTS:

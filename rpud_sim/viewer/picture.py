@@ -9,8 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from rpud_sim.drilling.rocks import ROCKS
-from rpud_sim.drilling.strata import find_strata
+from rpud_sim.drilling.rock import ROCKS, find_strata
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.pages.quantities import QUANTITIES
 from rpud_sim.viewer.history import Bins, Impacts, Layer

@@ -18,10 +18,9 @@ from rpud_sim.bag import BagError, Message, Piece
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.message_block import MessageBlock, joined, messages_of
 from rpud_sim.foundation.time import SECOND, join_seconds
+from rpud_sim.inspection.recorded_drill import Clock, Jump
 from rpud_sim.viewer.signals import (
     OURS,
-    Clock,
-    Jump,
     Rows,
     Series,
     Signal,

@@ -23,8 +23,8 @@ from rpud_sim.bag.manifest import Manifest, manifest_from_record
 from rpud_sim.bag.tested import RECORD_NAME as TESTED
 from rpud_sim.bag.tested import RunVerdict, tested_from_record
 from rpud_sim.foundation.terminal import printable
-from rpud_sim.inspection.damages import Damages
-from rpud_sim.inspection.output import check_new_file, write_new_file
+from rpud_sim.inspection import InspectionError
+from rpud_sim.inspection.output import Damages, check_new_file, write_new_file
 from rpud_sim.pages.quantities import QUANTITIES
 from rpud_sim.viewer.history import Bins, Impacts
 from rpud_sim.viewer.recorded_store import Opened, RecordedStore
@@ -44,10 +44,6 @@ _SCRIPT = re.compile(r'<script[^>]*src="[^"]*?([\w./]+\.js)"[^>]*></script>\n?')
 _SHARE = "share/"
 
 
-class ReportError(Exception):
-    """Report that cannot be written; the text gives the reason in one line."""
-
-
 @dataclass(frozen=True)
 class Reported:
     """What a report shows of a bag."""
@@ -64,14 +60,14 @@ def write_report(
     drill: str = "",
 ) -> Reported:
     """Write the report of a drill in a bag, the first by default, into a new file."""
-    check_new_file(out, ReportError)
+    check_new_file(out)
     with RecordedStore(os.fspath(path)) as store:
         content = store.read_all()
         client = ClientState(drill, View(None, 0.0, np.inf, BINS))
         try:
             store.open(client)
         except StoreError as error:
-            raise ReportError(str(error)) from None
+            raise InspectionError(str(error)) from None
         frame = store.frame(client) or {}
         recording = content.recording
         damages = Damages(recording.bag)
@@ -84,7 +80,7 @@ def write_report(
         frame |= _sections(content, client.drill, frame)
         frame["report"] = _report(content, client.drill, frame, damages)
         name = Path(path).resolve().name
-        write_new_file(out, frozen_page(f"{name} – report", encode(frame)), ReportError)
+        write_new_file(out, frozen_page(f"{name} – report", encode(frame)))
         damaged = damages.texts
         damaged |= {f"part {number}": reason for number, reason in recording.damages.items()}
         damaged |= {

@@ -13,6 +13,7 @@ from rpud_sim.bag.field_values import FieldReader
 from rpud_sim.bag.message_block import MessageBlock
 from rpud_sim.bag.tables import compiled, late_messages
 from rpud_sim.foundation.time import SECOND
+from rpud_sim.inspection.recorded_drill import Jump
 from rpud_sim.simulation.topics import TOPICS
 
 _BACK = SECOND  # step back of a clock that lateness does not explain [ns]
@@ -20,48 +21,6 @@ _AHEAD = 60 * SECOND  # step ahead of a clock that passed time does not explain 
 
 # Stamps and log times of messages in the order of their log times, each of shape (n,) [ns].
 Series = tuple[np.ndarray, np.ndarray]
-
-
-@dataclass(frozen=True)
-class Jump:
-    """Step of a clock that passed time does not explain, for example at a reset."""
-
-    log_time: int  # of the first message after it [ns]
-    step: int  # of the stamps, less the time that passed [ns]
-
-
-@dataclass(frozen=True)
-class Clock:
-    """Conversion of stamps to times since the bag began.
-
-    It converts any part of a bag, in any order, because it knows the jumps.
-    """
-
-    zero: int | None  # stamp at the beginning of the bag [ns]; None where log times are used
-    begin: int  # log time of the beginning [ns]
-    jumps: tuple[Jump, ...] = ()  # in their order
-
-    def offset(self, log_time: int) -> int:
-        """Return the stamp at time zero, for messages that were logged at a time [ns]."""
-        if self.zero is None:
-            return self.begin
-        return self.zero + sum(jump.step for jump in self.jumps if jump.log_time <= log_time)
-
-    def elapsed(self, stamps: np.ndarray, log_times: np.ndarray) -> np.ndarray:
-        """Return times since the bag began [s], of stamps and log times [ns]; all (n,)."""
-        if self.zero is None:
-            return (log_times - _number(self.begin)) / SECOND
-        zero = _number(self.zero)
-        if not self.jumps:
-            return (stamps - zero) / SECOND
-        steps = np.cumsum([0, *(jump.step for jump in self.jumps)], dtype=np.int64)
-        times = np.array([jump.log_time for jump in self.jumps], np.int64)
-        return (stamps - zero - steps[np.searchsorted(times, log_times, "right")]) / SECOND
-
-
-def _number(time: int) -> int | float:
-    """Return a time for calculations with int64: exact, unless it would not fit [ns]."""
-    return time if abs(time) < 2**62 else float(time)
 
 
 def find_jumps(stamps: np.ndarray, log_times: np.ndarray) -> list[Jump]:

@@ -14,7 +14,7 @@ from rpud_sim.bag import BagError
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.definitions import find_definition
 from rpud_sim.foundation.time import SECOND
-from rpud_sim.inspection.trajectory_pieces import TrajectoryPiece, trajectory_pieces
+from rpud_sim.inspection.rebuild import TrajectoryPiece, trajectory_pieces
 from rpud_sim.simulation.rebuilding import end_sample, first_sample, sample_between
 from rpud_sim.viewer.picture import MOTION, SECTION
 from rpud_sim.viewer.recording import Recording

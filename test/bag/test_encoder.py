@@ -34,7 +34,7 @@ from rpud_sim.bag.definitions import find_definition, find_type_hash
 from rpud_sim.bag.encoder import CODES, Encoder
 from rpud_sim.bag.errors import BagFormatError
 from rpud_sim.foundation.ragged import Ragged
-from rpud_sim.ros.types import members_of, message_class
+from rpud_sim.ros.graph import members_of, message_class
 from rpud_sim.simulation.topics import TOPICS
 
 # Listed, so that none is left out by mistake.

@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 
 from rpud_sim.cli.live_line import LiveLine, live_text, logging_above, summary_text
 from rpud_sim.pages.quantities import QUANTITIES
+from rpud_sim.ros.delay_histogram import DelayHistogram
 from rpud_sim.ros.drill.pacer import Punctuality
 from rpud_sim.ros.drill.report import Report
-from rpud_sim.ros.lateness import Lateness
 from rpud_sim.simulation.commands import Feed, WeightOnBit
 from rpud_sim.simulation.configuration import Settings, to_configuration
 from rpud_sim.simulation.faults import Fault
@@ -64,8 +64,8 @@ class Drill:
             namesakes=0,
             scheduling="time-sharing",
             timing=TIMING,
-            command_delays=Lateness(),
-            impact_delays=Lateness(),
+            command_delays=DelayHistogram(),
+            impact_delays=DelayHistogram(),
             figures=self.statistics.figures(),
             published={},
             subscribers={},

@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rpud_sim.drilling.bit import NO_CUT, BitParameters, cut, radius_of
-from rpud_sim.drilling.strata import Layer, preset_layer
+from rpud_sim.drilling.borehole import NO_CUT, BitParameters, cut, radius_of
+from rpud_sim.drilling.rock import Layer, preset_layer
 from rpud_sim.foundation.quantities import ParameterError
 
 BIT = BitParameters()

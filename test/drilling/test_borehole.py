@@ -8,13 +8,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rpud_sim.drilling.bit import BitParameters, cut, radius_of
-from rpud_sim.drilling.borehole import Borehole
+from rpud_sim.drilling.borehole import BitParameters, Borehole, cut, radius_of
 from rpud_sim.drilling.inputs import UNDISTURBED, Disturbances, Percussion
-from rpud_sim.drilling.rock import Progress, RockParameters
-from rpud_sim.drilling.rotor import RotationParameters, Rotor
-from rpud_sim.drilling.rotor_values import NOT_TURNED
-from rpud_sim.drilling.strata import Layer, Strata, find_strata, uniform_strata
+from rpud_sim.drilling.rock import (
+    Layer,
+    Progress,
+    RockParameters,
+    Strata,
+    find_strata,
+    uniform_strata,
+)
+from rpud_sim.drilling.rotor import NOT_TURNED, RotationParameters, Rotor
 from rpud_sim.foundation.parameters import quantities
 from rpud_sim.model.segment import IMPACT
 

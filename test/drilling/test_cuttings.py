@@ -8,8 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rpud_sim.drilling.bit import BitParameters
-from rpud_sim.drilling.cuttings import Cuttings
+from rpud_sim.drilling.borehole import BitParameters, Cuttings
 
 BIT = BitParameters()
 DEPTH = 0.05  # m

@@ -4,9 +4,8 @@ import math
 
 import pytest
 
-from rpud_sim.drilling.feed import Feed
 from rpud_sim.drilling.inputs import UNDISTURBED, Disturbances, Percussion
-from rpud_sim.drilling.mount import Mount, MountParameters
+from rpud_sim.drilling.mount import Feed, Mount, MountParameters
 from rpud_sim.foundation.quantities import ParameterError
 
 RATE = 2000.0

@@ -8,8 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from rpud_sim.drilling.rotor import RotationParameters, Rotor
-from rpud_sim.drilling.rotor_values import Resistance
+from rpud_sim.drilling.rotor import Resistance, RotationParameters, Rotor
 
 DRIVE = RotationParameters(
     rotation_model="friction_drive",

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rpud_sim.drilling.rocks import ROCKS
-from rpud_sim.drilling.strata import (
+from rpud_sim.drilling.rock import (
+    ROCKS,
     Layer,
     Strata,
     StrataParameters,

@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rpud_sim.foundation.quantities import ParameterError
-from rpud_sim.foundation.yaml_files import MOST_BYTES, parse_yaml, read_yaml
+from rpud_sim.foundation.quantities import ParameterError, Quantity
+from rpud_sim.foundation.yaml_files import MOST_BYTES, cursor_at, open_yaml, parse_yaml, read_yaml
 
 
 @pytest.mark.parametrize(
@@ -112,3 +112,64 @@ def test_any_file_is_a_value_or_refused_in_one_line(tmp_path_factory, text):
         return
     assert refusal.startswith(str(path))
     assert "\n" not in refusal
+
+
+SHARE = Quantity("", "", 0.0, 1.0)
+TEXT = """\
+share: 2
+parts:
+  - {share: 3}
+  - 4
+"""
+
+
+@pytest.mark.parametrize(
+    ("read", "plain", "dotted"),
+    [
+        (
+            lambda top: top.get("share").check(SHARE),
+            "f.yaml:1: share = 2 is outside its range [0, 1]",
+            "f.yaml:1: share = 2 is outside its range [0, 1]",
+        ),
+        (
+            lambda top: top.get("parts").sequence("part {number}")[0].get("share").check(SHARE),
+            "f.yaml:3: part 1: share = 3 is outside its range [0, 1]",
+            "f.yaml:3: parts[0].share = 3 is outside its range [0, 1]",
+        ),
+        (
+            lambda top: top.get("parts").sequence("part {number}")[1].mapping(),
+            "f.yaml:4: part 2: 4 is not a mapping",
+            "f.yaml:4: parts: part 2: 4 is not a mapping",
+        ),
+        (
+            lambda top: top.get("share").sequence(),
+            "f.yaml:1: share = 2 is not a list",
+            "f.yaml:1: share: share = 2 is not a list",
+        ),
+        (
+            lambda top: top.mapping(("parts", "shares"), unknown="{shown}: {hint}"),
+            "f.yaml:1: 'share': did you mean shares?",
+            "f.yaml:1: share: 'share': did you mean shares?",
+        ),
+        (
+            lambda top: top.mapping(needed=("other",)),
+            "f.yaml:1: other is missing",
+            "f.yaml:1: other: other is missing",
+        ),
+    ],
+    ids=itertools.count(),
+)
+def test_a_cursor_names_file_line_and_place(tmp_path, monkeypatch, read, plain, dotted):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "f.yaml").write_text(TEXT)
+    for text, in_path in ((plain, False), (dotted, True)):
+        top = open_yaml("f.yaml", where="{file}:{line}: ", dotted=in_path)
+        with pytest.raises(ParameterError) as caught, top.errors():
+            read(top)
+        assert str(caught.value) == text
+
+
+def test_errors_of_other_code_get_the_place_once():
+    entry = cursor_at([1], "--inject").sequence("entry {number}")[0]
+    with pytest.raises(ParameterError, match=r"^--inject: entry 1: text$"), entry.errors():
+        raise ParameterError("text")

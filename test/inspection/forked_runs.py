@@ -9,7 +9,7 @@ import rpud_sim.bag
 from rpud_sim.bag import BagWriter, Topic
 from rpud_sim.bag.definitions import find_definition, find_type_hash
 from rpud_sim.bag.manifest import RECORD_NAME, manifest_from_record
-from rpud_sim.inspection.verify.installed_types import installed_codec
+from rpud_sim.inspection.recorded_journal import installed_codec
 from rpud_sim.simulation.commands import Drive, WeightOnBit
 from rpud_sim.simulation.configuration import to_settings
 from rpud_sim.simulation.faults import Fault

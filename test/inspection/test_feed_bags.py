@@ -4,8 +4,7 @@ import pytest
 
 import rpud_sim.bag
 from rpud_sim.foundation.quantities import ParameterError
-from rpud_sim.inspection.forked_bag import write_fork
-from rpud_sim.inspection.offline_bag import write_offline_bag
+from rpud_sim.inspection.offline_bag import write_fork, write_offline_bag
 from rpud_sim.inspection.verify.verification import verify
 from rpud_sim.simulation import Feed
 from rpud_sim.simulation.changes import Changes, Planned, apply_change, parameter_changes

@@ -20,8 +20,8 @@ from inspection.forked_runs import (
 )
 from sample_bags import write_offline_bag
 
-from rpud_sim.inspection.forked_bag import write_fork
-from rpud_sim.inspection.recorded_run import ForkError
+from rpud_sim.inspection import InspectionError
+from rpud_sim.inspection.offline_bag import write_fork
 from rpud_sim.inspection.verify.verification import verify
 from rpud_sim.simulation import preset
 from rpud_sim.simulation.changes import parameter_changes, parse_injections
@@ -129,26 +129,30 @@ def without_entry(source, out, number):
 def test_what_the_bag_does_not_hold_is_refused(used, plain, tmp_path):
     path = used.path
     late = without_entry(plain, tmp_path / "late", 0)
-    with pytest.raises(ForkError, match=r"/rpud/journal: .*; its recorder came too late"):
+    with pytest.raises(InspectionError, match=r"/rpud/journal: .*; its recorder came too late"):
         write_fork(late, tmp_path / "fork", 0.01)
     torn = without_entry(path, tmp_path / "torn", 6)
     known = json.loads(entries_of(path)[5].content)["time"] / SECOND
-    with pytest.raises(ForkError, match=r"complete up to .* alone: .* 6 to 6 .* are missing"):
+    with pytest.raises(InspectionError, match=r"complete up to .* alone: .* 6 to 6 .* are missing"):
         write_fork(torn, tmp_path / "fork", known + 0.001)
-    with pytest.raises(ForkError, match="give a --duration that ends before"):
+    with pytest.raises(InspectionError, match="give a --duration that ends before"):
         write_fork(torn, tmp_path / "fork", known / 2)
     write_fork(torn, tmp_path / "before", known / 2, known / 4)
     none = altered(plain, tmp_path / "none", lambda m: [m.data], {"/rpud/wrench"})
-    with pytest.raises(ForkError, match="holds no journal; record the topic journal"):
+    with pytest.raises(InspectionError, match="holds no journal; record the topic journal"):
         write_fork(none, tmp_path / "fork", 0.1)
-    with pytest.raises(ForkError, match=r"--at = 0.31 s is outside the run of the bag: \[0, 0.3\]"):
+    with pytest.raises(
+        InspectionError, match=r"--at = 0.31 s is outside the run of the bag: \[0, 0.3\]"
+    ):
         write_fork(plain, tmp_path / "fork", 0.31)
-    with pytest.raises(ForkError, match=r"--at = 9 s is outside run 2 of 2 of the bag"):
+    with pytest.raises(InspectionError, match=r"--at = 9 s is outside run 2 of 2 of the bag"):
         write_fork(path, tmp_path / "fork", 9.0, run=2)
-    with pytest.raises(ForkError, match=r"--run = 3 is outside its range \[1, 2\]"):
+    with pytest.raises(InspectionError, match=r"--run = 3 is outside its range \[1, 2\]"):
         write_fork(path, tmp_path / "fork", 0.1, run=3)
-    with pytest.raises(ForkError, match=r"nothing is left of the recorded run after --at = 0.3 s"):
+    with pytest.raises(
+        InspectionError, match=r"nothing is left of the recorded run after --at = 0.3 s"
+    ):
         write_fork(plain, tmp_path / "fork", 0.3)
-    with pytest.raises(ForkError, match="no journal named /rpud/jurnal, but /rpud/journal"):
+    with pytest.raises(InspectionError, match="no journal named /rpud/jurnal, but /rpud/journal"):
         write_fork(plain, tmp_path / "fork", 0.3, topic="/rpud/jurnal")
     assert not (tmp_path / "fork").exists()

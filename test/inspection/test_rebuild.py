@@ -13,8 +13,8 @@ from sample_bags import write_offline_bag
 import rpud_sim.bag
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.definitions import find_definition
+from rpud_sim.inspection import InspectionError
 from rpud_sim.inspection import rebuild as rebuilding
-from rpud_sim.inspection.export.export import ExportError
 from rpud_sim.simulation import preset
 from rpud_sim.simulation.sampling import CHANNELS, Times
 from rpud_sim.simulation.simulation import Simulation
@@ -153,12 +153,12 @@ def test_a_recording_that_began_late_begins_late(bag, tmp_path):
     ],
 )
 def test_what_is_not_there_is_refused_and_nothing_written(bag, tmp_path, options, reason):
-    with pytest.raises(ExportError, match=reason):
+    with pytest.raises(InspectionError, match=reason):
         rebuild(bag, tmp_path / "out", 1000, **options)
     assert not (tmp_path / "out").exists()
 
 
 def test_a_bag_without_a_trajectory_is_refused(bag, tmp_path):
     altered(bag, tmp_path / "bag", lambda m: [m.data], {"/rpud/waveform"})
-    with pytest.raises(ExportError, match="holds no trajectory"):
+    with pytest.raises(InspectionError, match="holds no trajectory"):
         rebuild(tmp_path / "bag", tmp_path / "out", 1000)

@@ -6,7 +6,7 @@ import pytest
 from inspection.forked_runs import JOURNAL, MILLISECOND, decoded, entries_of, held, manifest_of
 
 from rpud_sim.foundation.quantities import ParameterError
-from rpud_sim.inspection.forked_bag import write_fork
+from rpud_sim.inspection.offline_bag import write_fork
 from rpud_sim.inspection.verify.verification import verify
 from rpud_sim.simulation.changes import parameter_changes, parse_injections, read_commands
 

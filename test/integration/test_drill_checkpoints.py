@@ -9,8 +9,8 @@ from std_srvs.srv import SetBool
 from support import Process
 
 import rpud_sim.bag
-from rpud_sim.inspection.forked_bag import write_fork
-from rpud_sim.inspection.verify.installed_types import installed_codec
+from rpud_sim.inspection.offline_bag import write_fork
+from rpud_sim.inspection.recorded_journal import installed_codec
 from rpud_sim.inspection.verify.verification import verify
 from rpud_sim.simulation.topics import TOPICS
 

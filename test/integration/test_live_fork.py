@@ -10,10 +10,10 @@ from sample_bags import write_offline_bag
 from support import Process
 
 import rpud_sim.bag
-from rpud_sim.inspection.forked_bag import write_fork
-from rpud_sim.inspection.verify.installed_types import installed_codec
+from rpud_sim.inspection.offline_bag import write_fork
+from rpud_sim.inspection.recorded_journal import installed_codec
 from rpud_sim.inspection.verify.verification import verify
-from rpud_sim.ros.types import message_class
+from rpud_sim.ros.graph import message_class
 from rpud_sim.simulation import preset
 from rpud_sim.simulation.scenario import parse_scenario
 from rpud_sim.simulation.topics import TOPICS

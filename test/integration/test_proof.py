@@ -21,7 +21,7 @@ from support import Process
 import rpud_sim.bag
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.definitions import find_definition
-from rpud_sim.inspection.forked_bag import write_fork
+from rpud_sim.inspection.offline_bag import write_fork
 from rpud_sim.inspection.verify.verification import verify
 
 JOURNAL = "/rpud/journal"

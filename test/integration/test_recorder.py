@@ -148,8 +148,8 @@ def ask():
     node = rclpy.create_node("asker", context=context)
     executor = SingleThreadedExecutor(context=context)
 
-    def call(name, kind):
-        client = node.create_client(service_type(kind), f"/rpud/recorder/{name}")
+    def call(name):
+        client = node.create_client(service_type(name), f"/rpud/recorder/{name}")
         assert client.wait_for_service(10.0)
         future = client.call_async(client.srv_type.Request())
         executor.add_node(node)
@@ -176,15 +176,15 @@ def test_services_pause_go_on_and_split(process, talker, ask, connect, tmp_path)
     client = connect("/rpud")
     recorder = process("recorder", "--out", tmp_path / "run", "--start-paused")
     talker("--count", 100_000, "--rate", 500).wait_for_line("talking")
-    assert ask("is_paused", "IsPaused").paused
-    ask("resume", "Resume")
-    assert not ask("is_paused", "IsPaused").paused
+    assert ask("is_paused").paused
+    ask("resume")
+    assert not ask("is_paused").paused
     impacts = client.listen("contact_force")
     client.until(lambda: len(impacts) > 100)
-    ask("split_bagfile", "SplitBagfile")
-    ask("pause", "Pause")
-    ask("toggle_paused", "TogglePaused")
-    ask("toggle_paused", "TogglePaused")
+    ask("split_bagfile")
+    ask("pause")
+    ask("toggle_paused")
+    ask("toggle_paused")
     recorder.interrupt()
     assert recorder.wait() == 0
     said = re.findall(r": (paused|resumed|goes on in a new file)", recorder.output)

@@ -2,8 +2,7 @@
 
 import pytest
 
-from rpud_sim.kernels.notice import notice
-from rpud_sim.kernels.processor import BASELINE, BASELINE_FEATURES, Target, choose_target
+from rpud_sim.kernels.processor import BASELINE, BASELINE_FEATURES, Target, choose_target, notice
 from rpud_sim.kernels.store import KernelStore
 
 ENOUGH = ",".join(f"+{name}" for name in sorted(BASELINE_FEATURES))

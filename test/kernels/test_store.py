@@ -6,8 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from rpud_sim.kernels.notice import notice
-from rpud_sim.kernels.processor import BASELINE, Target
+from rpud_sim.kernels.processor import BASELINE, Target, notice
 from rpud_sim.kernels.store import KernelStore, digest_of_sources, kernel_name, user_folders
 
 NAME = kernel_name("room.f", "(float64,)", "x86-64-v2", "", "sources")

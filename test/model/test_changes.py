@@ -13,10 +13,10 @@ from invariants import check_trajectory
 from support import examples
 from trajectories import evaluate, rebuild
 
-from rpud_sim.model.drill import derive
+from rpud_sim.model.contact import CONTACT_MODELS
+from rpud_sim.model.drill import SEATING_TIME, derive
 from rpud_sim.model.engine import Engine, EngineError
-from rpud_sim.model.parameters import CONTACT_MODELS, QUANTITIES, preset
-from rpud_sim.model.seating import SEATING_TIME
+from rpud_sim.model.parameters import QUANTITIES, preset
 
 REGIMES = ("free", "drilling")
 COMMANDS = (10.0, 35e-6, 16000.0)

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rpud_sim.model.collision import collide, common_velocity
+from rpud_sim.model.contact import collide, common_velocity
 
 MASSES = st.floats(1e-4, 10.0)
 VELOCITIES = st.floats(-20.0, 20.0)

@@ -10,7 +10,7 @@ from scipy.integrate import quad, solve_ivp
 from scipy.optimize import brentq
 
 from rpud_sim.model import contact
-from rpud_sim.model.drill import effective_tool
+from rpud_sim.model.contact import effective_tool
 from rpud_sim.model.parameters import preset
 
 FREE_MASS = 5e-3
@@ -37,13 +37,13 @@ def test_the_parameter_chooses_the_model():
 )
 def test_contact_agrees_with_direct_integration(model, displacement, velocity, gravity):
     tool = effective_tool(DRILLING.replace(contact_model=model))
-    arguments = (displacement, velocity, FREE_MASS, tool.mass, tool.spring_rate, gravity)
+    blow = contact.UndisturbedContact(displacement, velocity, FREE_MASS, tool, gravity)
 
     def acceleration(eta):  # eq. (31)
         return (FREE_MASS * gravity - tool.spring_rate * eta) / (FREE_MASS + tool.mass)
 
-    t_max = contact.time_of_maximum(*arguments)
-    t_con = contact.contact_time(*arguments)
+    t_max = blow.time_of_maximum
+    t_con = blow.duration
     solution = solve_ivp(
         lambda _, y: (y[1], acceleration(y[0])),
         (0.0, 1.1 * t_con),
@@ -54,18 +54,18 @@ def test_contact_agrees_with_direct_integration(model, displacement, velocity, g
         dense_output=True,
     ).sol
     for time in np.linspace(0.0, t_con, 9):
-        eta, eta_second = contact.deformation(time, *arguments)
+        eta, eta_second = blow.deformation(time)
         assert eta == pytest.approx(solution(time)[0], abs=1e-14)
         assert eta_second == pytest.approx(acceleration(solution(time)[0]), rel=1e-7, abs=1e-3)
         # Eqs. (29) and (30) are two sides of one force.
-        force = contact.contact_force(eta_second, FREE_MASS, gravity)
+        force = FREE_MASS * (gravity - eta_second)
         assert force == pytest.approx(tool.mass * eta_second + tool.spring_rate * eta, abs=1e-8)
     # Eq. (38): the first maximum after the impact, where the velocity vanishes.
     turning = brentq(lambda t: solution(t)[1], 0.0, 0.9 * t_con, xtol=1e-16)
     assert t_max == pytest.approx(turning, abs=1e-12)
-    greatest = contact.force_at_maximum(*arguments)
-    eta, eta_second = contact.deformation(t_max, *arguments)
-    assert greatest == pytest.approx(contact.contact_force(eta_second, FREE_MASS, gravity))
+    greatest = blow.greatest_force
+    eta, eta_second = blow.deformation(t_max)
+    assert greatest == pytest.approx(FREE_MASS * (gravity - eta_second))
     # Eq. (39): deformed as at the impact, and on the way back.
     assert solution(t_con)[0] == pytest.approx(displacement, abs=1e-14)
     assert solution(t_con)[1] == pytest.approx(-velocity, rel=1e-6)
@@ -75,14 +75,14 @@ def test_contact_agrees_with_direct_integration(model, displacement, velocity, g
 def test_contact_is_left_when_its_force_returns_to_zero(velocity, gravity):
     tool = effective_tool(DRILLING)
     rest = FREE_MASS * gravity / tool.spring_rate
-    omega = contact.natural_frequency(FREE_MASS, tool.mass, tool.spring_rate)
+    blow = contact.UndisturbedContact(0.0, velocity, FREE_MASS, tool, gravity)
+    omega = blow.angular_frequency
     time = contact.release_time(-rest, velocity / omega, omega, gravity)
-    arguments = (0.0, velocity, FREE_MASS, tool.mass, tool.spring_rate, gravity)
-    _, acceleration = contact.deformation(time, *arguments)
-    greatest = contact.force_at_maximum(*arguments)
-    assert abs(contact.contact_force(acceleration, FREE_MASS, gravity)) < 1e-9 * greatest + 1e-11
+    _, acceleration = blow.deformation(time)
+    greatest = blow.greatest_force
+    assert abs(FREE_MASS * (gravity - acceleration)) < 1e-9 * greatest + 1e-11
     # Close to eq. (39), which ends the contact when the deformation is back at zero.
-    assert time == pytest.approx(contact.contact_time(*arguments), rel=1e-2)
+    assert time == pytest.approx(blow.duration, rel=1e-2)
 
 
 def test_a_mass_that_only_rests_is_not_released():

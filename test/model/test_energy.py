@@ -11,11 +11,11 @@ from scipy.integrate import quad
 from support import examples
 
 from rpud_sim.model import energy, tally
+from rpud_sim.model.closed_form import harmonic_vibration
 from rpud_sim.model.engine import Engine
-from rpud_sim.model.guards import force_on_drill_tool
 from rpud_sim.model.parameters import preset
+from rpud_sim.model.search import force_on_drill_tool
 from rpud_sim.model.segment import IMPACT, motion_at
-from rpud_sim.model.vibration import harmonic_vibration
 
 RPUD = energy.RpudConstants(1.0, False, 0.0)
 ACTUATOR, DRILL_TOOL, BOTH = 1, 2, 3

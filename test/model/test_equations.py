@@ -8,17 +8,17 @@ import pytest
 from scipy.integrate import quad, solve_ivp
 
 from rpud_sim.model import contact
-from rpud_sim.model.drill import STATE, derive
-from rpud_sim.model.parameters import preset
-from rpud_sim.model.resets import exchange_momentum
-from rpud_sim.model.segment import CONTACT_ACTUATOR, CONTACT_DRILL_TOOL
-from rpud_sim.model.suspension import (
+from rpud_sim.model.closed_form import (
     damping_coefficient,
     decaying_part,
     free_vibration,
     oscillator,
+    turn_at,
 )
-from rpud_sim.model.vibration import turn_at
+from rpud_sim.model.drill import STATE, derive
+from rpud_sim.model.parameters import preset
+from rpud_sim.model.resets import exchange_momentum
+from rpud_sim.model.segment import CONTACT_ACTUATOR, CONTACT_DRILL_TOOL
 
 DRILL = derive(preset("free").replace(actuator_restitution=0.8, drill_tool_restitution=0.6))
 
@@ -30,7 +30,7 @@ SPRING_RATES = MODULUS * AREAS / LENGTHS
 SECTION_MASSES = DENSITY * AREAS * LENGTHS
 
 # A contact as in Fig. 12: displacement [m], velocity [m/s], free mass, tool mass [kg], k [N/m], g
-CONTACT = (2e-6, 3.0, 5e-3, 6e-3, 4e7, 9.81)
+CONTACT = contact.UndisturbedContact(2e-6, 3.0, 5e-3, contact.EffectiveTool(6e-3, 4e7), 9.81)
 
 
 def collide(contact_bit, **velocities):
@@ -122,7 +122,7 @@ def test_the_rayleigh_tool_is_one_mode_shape_throughout():
 
 
 def solve_equation_31(stop, events=None):
-    displacement, velocity, free_mass, tool_mass, spring_rate, gravity = CONTACT
+    displacement, velocity, free_mass, (tool_mass, spring_rate), gravity = CONTACT
 
     def derivative(_, state):
         force = free_mass * gravity - spring_rate * state[0]
@@ -140,11 +140,11 @@ def solve_equation_31(stop, events=None):
 
 
 def test_equation_36_solves_equation_31():
-    _, _, free_mass, tool_mass, spring_rate, gravity = CONTACT
+    _, _, free_mass, (tool_mass, spring_rate), gravity = CONTACT
     solved = solve_equation_31(8e-5)
 
     for time in np.linspace(0.0, 8e-5, 9):
-        eta, acceleration = contact.deformation(time, *CONTACT)
+        eta, acceleration = CONTACT.deformation(time)
         expected = solved.sol(time)[0]
         assert eta == pytest.approx(expected, abs=1e-12)
         force = free_mass * gravity - spring_rate * expected
@@ -153,9 +153,9 @@ def test_equation_36_solves_equation_31():
 
 def test_equation_39_is_when_the_deformation_returns():
     def returned(_, state):
-        return state[0] - CONTACT[0]
+        return state[0] - CONTACT.displacement
 
     returned.direction = -1
     solved = solve_equation_31(2e-4, events=returned)
 
-    assert contact.contact_time(*CONTACT) == pytest.approx(solved.t_events[0][0], rel=1e-8)
+    assert CONTACT.duration == pytest.approx(solved.t_events[0][0], rel=1e-8)

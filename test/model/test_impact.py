@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from closed_forms import FREE_MASS, motion
 
-from rpud_sim.model.contact import contact_time, force_at_maximum
+from rpud_sim.model.contact import EffectiveTool, UndisturbedContact
 from rpud_sim.model.drill import derive
 from rpud_sim.model.engine import Engine
 from rpud_sim.model.impact import open_impact
-from rpud_sim.model.motion import CONTACT_BOTH
 from rpud_sim.model.parameters import preset
+from rpud_sim.model.segment import CONTACT_BOTH
 
 
 @pytest.fixture(scope="module")
@@ -42,16 +42,10 @@ def test_undisturbed_impacts_follow_eqs_21_and_36_to_39(drilled):
         assert impact["impact_velocity"] == pytest.approx(velocity)
         assert impact["energy"] == pytest.approx(0.5 * drill.free_mass * velocity**2)
         together = drill.free_mass * velocity / (drill.free_mass + drill.tool_mass)
-        arguments = (
-            0.0,
-            together,
-            drill.free_mass,
-            drill.tool_mass,
-            drill.tool_spring_rate,
-            drill.gravity,
-        )
-        assert impact["peak_force"] == pytest.approx(force_at_maximum(*arguments))
-        assert impact["contact_duration"] == pytest.approx(contact_time(*arguments), rel=1e-3)
+        tool = EffectiveTool(drill.tool_mass, drill.tool_spring_rate)
+        alone = UndisturbedContact(0.0, together, drill.free_mass, tool, drill.gravity)
+        assert impact["peak_force"] == pytest.approx(alone.greatest_force)
+        assert impact["contact_duration"] == pytest.approx(alone.duration, rel=1e-3)
         # What it brought, and what the tool's elasticity gave it back.
         impulse = drill.free_mass * (velocity + together)
         impulse += drill.free_mass * drill.gravity * impact["contact_duration"]

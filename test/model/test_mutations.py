@@ -16,15 +16,20 @@ CHECKS = Path(__file__).with_name("test_equations.py")
 
 # equation, the file it is in, its text, what becomes of it
 MUTATIONS = [
-    (6, "collision.py", "(mass_2 - restitution * mass_1)", "(mass_2 + restitution * mass_1)"),
+    (6, "contact.py", "(mass_2 - restitution * mass_1)", "(mass_2 + restitution * mass_1)"),
     (6, "resets.py", "drill.actuator_restitution", "drill.drill_tool_restitution"),
-    (8, "suspension.py", "(w * motion.sine - a * motion.cosine)", "(w * motion.sine)"),
-    (13, "collision.py", "(mass_1 - restitution * mass_2)", "(mass_1 + restitution * mass_2)"),
+    (8, "closed_form.py", "(w * motion.sine - a * motion.cosine)", "(w * motion.sine)"),
+    (13, "contact.py", "(mass_1 - restitution * mass_2)", "(mass_1 + restitution * mass_2)"),
     (13, "resets.py", "drill.drill_tool_restitution", "drill.actuator_restitution"),
     (22, "contact.py", "3.0 * k_1 * k_2", "2.0 * k_1 * k_2"),
     (27, "contact.py", "k_1 * k_1 - k_1 * k_2", "k_1 * k_1 + k_1 * k_2"),
-    (36, "contact.py", "(displacement - rest) * cosine\n", "displacement * cosine\n"),
-    (39, "contact.py", "return 2.0 * time_of_maximum(", "return time_of_maximum("),
+    (
+        36,
+        "contact.py",
+        "across * sine + along * cosine",
+        "across * sine + self.displacement * cosine",
+    ),
+    (39, "contact.py", "return 2.0 * self.time_of_maximum", "return self.time_of_maximum"),
 ]
 
 
@@ -59,7 +64,7 @@ def check(equation, name, text, broken):
 
 print(json.dumps([check(*request) for request in requests]))
 """
-UNBROKEN = [(6, "collision.py", "", ""), (36, "contact.py", "", "")]
+UNBROKEN = [(6, "contact.py", "", ""), (36, "contact.py", "", "")]
 
 
 @pytest.fixture(scope="module")

@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from support import examples
 
 from rpud_sim.model.compile import compiled
-from rpud_sim.model.pairwise_sum import SUM_ROOM, pairwise_sum
+from rpud_sim.model.tally import SUM_ROOM, pairwise_sum
 
 
 @compiled

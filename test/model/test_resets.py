@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
+from rpud_sim.model.closed_form import turn_at
 from rpud_sim.model.drill import STATE, derive
 from rpud_sim.model.parameters import preset
 from rpud_sim.model.resets import close_gaps, exchange_momentum, lasting_contact
 from rpud_sim.model.tolerances import LOWEST_BOUNCE, TOUCHING
-from rpud_sim.model.vibration import turn_at
 
 ACTUATOR, TOOL, BOTH = 1, 2, 3
 STILL = {"vibration_amplitude": 0.0, "weight_on_bit": 0.0}

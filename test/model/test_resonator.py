@@ -11,14 +11,14 @@ from scipy.integrate import quad, solve_ivp
 from support import examples
 
 from rpud_sim.model import resonator
+from rpud_sim.model.closed_form import advance_phase, harmonic_vibration
 from rpud_sim.model.drill import STATE, derive
 from rpud_sim.model.energy import actuator_work
 from rpud_sim.model.engine import Engine
-from rpud_sim.model.guards import END_ACTUATOR_RELEASE, force_from_tip, load_of
 from rpud_sim.model.parameters import preset
 from rpud_sim.model.resonator import Resonance
-from rpud_sim.model.segment import SEGMENT
-from rpud_sim.model.vibration import advance_phase, harmonic_vibration
+from rpud_sim.model.search import force_from_tip
+from rpud_sim.model.segment import SEGMENT, load_of
 
 TAU = 500.0 / (math.pi * 16000.0)
 RESISTANCE = 100.0
@@ -160,7 +160,7 @@ def test_the_load_of_a_contact_is_the_integral_of_its_force(seed, contact, time)
     segment["drill_tool_spring_rate"] = 1e7
 
     def force(s):
-        return force_from_tip(load_of(segment, END_ACTUATOR_RELEASE), segment, s).value
+        return force_from_tip(load_of(segment, True), segment, s).value
 
     def angle(s):
         return 2.0 * math.pi * (segment["vibration_phase"] + 16000.0 * s)

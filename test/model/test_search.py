@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from scipy.optimize import brentq, minimize_scalar
 from support import examples
 
+from rpud_sim.model.closed_form import Oscillation, decaying_part, turn_at
 from rpud_sim.model.drill import derive
 from rpud_sim.model.engine import Engine
 from rpud_sim.model.parameters import preset
@@ -19,9 +20,7 @@ from rpud_sim.model.search import fall_time
 from rpud_sim.model.segment import SEGMENT
 from rpud_sim.model.steps import ends_at_root, safe_step
 from rpud_sim.model.strike import first_landing, first_strike, soon_after
-from rpud_sim.model.suspension import Oscillation, decaying_part
 from rpud_sim.model.tolerances import LONGEST_SEARCH, TIME_RESOLUTION, TOUCHING, WEAKEST_PULL
-from rpud_sim.model.vibration import turn_at
 
 SAMPLES_PER_CYCLE = 40
 

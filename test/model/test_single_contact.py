@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from rpud_sim.foundation.time import SECOND
-from rpud_sim.model.parameters import CONTACT_MODELS
-from rpud_sim.model.single_contact import single_contact
+from rpud_sim.model.contact import CONTACT_MODELS, single_contact
 from rpud_sim.simulation import preset
 from rpud_sim.simulation.simulation import Simulation
 

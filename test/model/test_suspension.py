@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import quad, solve_ivp
 
-from rpud_sim.model.suspension import (
+from rpud_sim.model.closed_form import (
     damping_coefficient,
     decaying_derivatives,
     decaying_part,
@@ -17,8 +17,8 @@ from rpud_sim.model.suspension import (
     reacting_force,
     swing_at,
     swung_integral,
+    turn_at,
 )
-from rpud_sim.model.vibration import turn_at
 
 
 def position(motion, frequency, phase, time):

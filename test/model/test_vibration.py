@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rpud_sim.model.vibration import (
+from rpud_sim.model.closed_form import (
     advance_phase,
     harmonic_vibration,
     time_to_zero_displacement,

@@ -13,7 +13,9 @@ from rclpy.qos import (
 
 from rpud_sim.bag.qos import INFINITE
 from rpud_sim.bag.qos import QosProfile as RecordedProfile
-from rpud_sim.ros.qos import is_satisfied, recorded_profile, replay_offer, request_for
+from rpud_sim.ros.graph import request_for
+from rpud_sim.ros.record.recorded_topic import is_satisfied, recorded_profile
+from rpud_sim.ros.replay.replayer_node import replay_offer
 
 SENSOR = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
 RELIABLE = QoSProfile(depth=5)
@@ -26,23 +28,23 @@ def fits(offer, request):
 
 
 def test_a_request_is_as_strong_as_the_weakest_offer():
-    assert request_for([RELIABLE]).reliability == ReliabilityPolicy.RELIABLE
-    assert request_for([RELIABLE, SENSOR]).reliability == ReliabilityPolicy.BEST_EFFORT
-    assert request_for([LATCHED]).durability == DurabilityPolicy.TRANSIENT_LOCAL
-    assert request_for([LATCHED, RELIABLE]).durability == DurabilityPolicy.VOLATILE
+    assert request_for([RELIABLE], 5).reliability == ReliabilityPolicy.RELIABLE
+    assert request_for([RELIABLE, SENSOR], 5).reliability == ReliabilityPolicy.BEST_EFFORT
+    assert request_for([LATCHED], 5).durability == DurabilityPolicy.TRANSIENT_LOCAL
+    assert request_for([LATCHED, RELIABLE], 5).durability == DurabilityPolicy.VOLATILE
 
 
 def test_a_request_connects_to_all_it_was_made_for():
     for first in ALL:
         for second in ALL:
-            request = request_for([first, second])
+            request = request_for([first, second], 5)
             assert fits(first, request)
             assert fits(second, request)
 
 
 def test_it_is_known_when_an_offer_does_not_connect():
     for made_for in ALL:
-        request = request_for([made_for])
+        request = request_for([made_for], 5)
         for offer in ALL:
             assert is_satisfied(request, [made_for, offer]) == fits(offer, request)
 

@@ -5,7 +5,7 @@ from concurrent.futures import Future
 
 import pytest
 
-from rpud_sim.ros.requests import Requests, StoppedError
+from rpud_sim.ros.threads import Requests, StoppedError
 
 
 class Worker:

@@ -6,7 +6,7 @@ from concurrent.futures import ThreadPoolExecutor
 import pytest
 from support import real_time_permitted
 
-from rpud_sim.ros.scheduling import schedule_thread
+from rpud_sim.ros.threads import schedule_thread
 
 
 @pytest.fixture

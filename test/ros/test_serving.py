@@ -9,7 +9,7 @@ from rclpy.parameter import Parameter
 from rosgraph_msgs.msg import Clock
 from support import until
 
-from rpud_sim.ros.serving import quick_switches, serve
+from rpud_sim.ros.threads import quick_switches, serve
 
 
 @pytest.mark.parametrize("kind", [SingleThreadedExecutor, MultiThreadedExecutor])

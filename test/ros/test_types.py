@@ -6,7 +6,7 @@ from rpud_msgs.msg import Fault, Faults
 from std_msgs.msg import String
 
 from rpud_sim.bag.encoder import TEXT, Sequence
-from rpud_sim.ros.types import UnknownTypeError, members_of, message_class
+from rpud_sim.ros.graph import UnknownTypeError, members_of, message_class
 
 
 def test_an_installed_type_is_found():

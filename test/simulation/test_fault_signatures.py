@@ -21,8 +21,8 @@ from fault_signatures import (
     started,
 )
 
-from rpud_sim.drilling.bit import BitParameters, cut, radius_of
-from rpud_sim.drilling.strata import preset_layer
+from rpud_sim.drilling.borehole import BitParameters, cut, radius_of
+from rpud_sim.drilling.rock import preset_layer
 from rpud_sim.simulation.faults import Fault
 
 # Kinds of which the cause remains when the fault has ended.

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from rpud_msgs.msg import Feed as FeedMessage
 from support import examples
 
-from rpud_sim.drilling.feed import STOPPED
+from rpud_sim.drilling.mount import STOPPED
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.simulation import Fault, Feed, Simulation, WeightOnBit, preset, to_configuration
 from rpud_sim.simulation.changes import Planned, read_commands

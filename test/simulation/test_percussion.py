@@ -2,8 +2,8 @@
 
 import pytest
 
-from rpud_sim.drilling.bit import BitParameters, cut, radius_of
-from rpud_sim.drilling.strata import preset_layer
+from rpud_sim.drilling.borehole import BitParameters, cut, radius_of
+from rpud_sim.drilling.rock import preset_layer
 from rpud_sim.model.drill import derive
 from rpud_sim.simulation import Simulation, preset, to_configuration
 from rpud_sim.simulation.percussion import FORCE_WINDOW, PercussionMeter

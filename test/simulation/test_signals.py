@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rpud_sim.drilling.feed import RATE
+from rpud_sim.drilling.mount import RATE
 from rpud_sim.model.segment import IMPACT
 from rpud_sim.simulation import Parameters, fields
 from rpud_sim.simulation.channels import CHANNELS

@@ -6,12 +6,10 @@ import math
 import numpy as np
 import pytest
 
-from rpud_sim.drilling.feed import Feed
 from rpud_sim.drilling.inputs import UNDISTURBED, Disturbances, Percussion
-from rpud_sim.drilling.mount import Mount, MountParameters
+from rpud_sim.drilling.mount import Feed, Mount, MountParameters
 from rpud_sim.drilling.process import Process
-from rpud_sim.drilling.rock import RockParameters
-from rpud_sim.drilling.strata import preset_layer
+from rpud_sim.drilling.rock import RockParameters, preset_layer
 from rpud_sim.model.resonator import Account
 from rpud_sim.simulation import Simulation, actuator, to_configuration
 from rpud_sim.simulation.commands import Drive

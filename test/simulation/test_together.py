@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.definitions import find_definition
-from rpud_sim.inspection.encoded import encoded
+from rpud_sim.inspection.offline_bag import encoded
 from rpud_sim.model.engine import Engine, EngineError
 from rpud_sim.model.parameters import preset
 from rpud_sim.simulation.commands import Drive, WeightOnBit

@@ -3,15 +3,14 @@
 import math
 
 import pytest
+import yaml
 from hypothesis import example, given, settings
 from random_expectations import TOPICS, formulas
 from support import examples
 
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.verdicts import Expectation, Record, evaluate, read_expectations
-from rpud_sim.verdicts.expectation_files import expectations_to_yaml
-from rpud_sim.verdicts.verdict import FAILED, PASSED, UNDECIDED
-from rpud_sim.verdicts.vocabulary import (
+from rpud_sim.verdicts.formulas import (
     WHOLE,
     After,
     Count,
@@ -24,6 +23,8 @@ from rpud_sim.verdicts.vocabulary import (
     Until,
     Window,
 )
+from rpud_sim.verdicts.notation import to_plain
+from rpud_sim.verdicts.verdict import FAILED, PASSED, UNDECIDED
 
 OPPOSITE = {PASSED: FAILED, FAILED: PASSED, UNDECIDED: UNDECIDED}
 PEAK = Signal("contact_force", "peak_force")
@@ -59,9 +60,9 @@ def test_the_verdict_is_the_sign_of_the_margin(record, formula):
 @given(formulas())
 def test_a_file_gives_the_same_expectations_back(tmp_path_factory, formula):
     path = tmp_path_factory.getbasetemp() / "expectations.yaml"
-    expectation = Expectation("a name: with #signs", formula, "REQ-1")
-    path.write_text(expectations_to_yaml([expectation]), encoding="utf-8")
-    assert read_expectations(path) == (expectation,)
+    entry = {"name": "a name: with #signs", "requirement": "REQ-1", "expect": to_plain(formula)}
+    path.write_text(yaml.safe_dump({"expectations": [entry]}), encoding="utf-8")
+    assert read_expectations(path) == (Expectation(entry["name"], formula, "REQ-1"),)
 
 
 @settings(max_examples=examples(30))

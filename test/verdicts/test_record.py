@@ -25,7 +25,7 @@ from rpud_sim.verdicts import (
     quantile,
     signal,
 )
-from rpud_sim.verdicts.messages import Piece, Table, TopicMessages
+from rpud_sim.verdicts.messages import Piece, TopicMessages
 from rpud_sim.verdicts.notation import to_formula, to_plain
 
 FORCE = signal("reacting_force.force")
@@ -48,11 +48,11 @@ def impact(sequence, force):
 
 def test_messages_of_a_foreign_type_are_one_line():
     time = np.array([1])
-    numbered = Table({"log_time": time, "sequence": np.array([2**63], np.uint64)})
+    numbered = Piece(time, time, {"log_time": time, "sequence": np.array([2**63], np.uint64)})
     with pytest.raises(ExpectationError, match="no field 'kind'"):
-        numbered.values("kind", "kind")
+        numbered.values("kind")
     with pytest.raises(ExpectationError, match="journal: sequence: OverflowError"):
-        TopicMessages("journal", [Piece(numbered, time, time)], [np.array([True])])
+        TopicMessages("journal", [numbered], [np.array([True])])
 
 
 def test_a_signal_that_never_came_is_undecided_and_named():

@@ -9,10 +9,8 @@ from random_expectations import record_of
 from support import examples
 
 from rpud_sim.foundation.time import SECOND
-from rpud_sim.verdicts.atoms import Atoms
-from rpud_sim.verdicts.robustness import Evaluation
-from rpud_sim.verdicts.steps import LEAST_MARGIN, LEAST_TRUTH, MOST_MARGIN, MOST_TRUTH
-from rpud_sim.verdicts.vocabulary import (
+from rpud_sim.verdicts.evaluation import Evaluation
+from rpud_sim.verdicts.formulas import (
     WHOLE,
     Always,
     And,
@@ -26,6 +24,7 @@ from rpud_sim.verdicts.vocabulary import (
     Until,
     Window,
 )
+from rpud_sim.verdicts.steps import LEAST_MARGIN, LEAST_TRUTH, MOST_MARGIN, MOST_TRUTH
 
 rtamt = pytest.importorskip("rtamt")
 
@@ -93,7 +92,7 @@ def test_the_margins_are_those_of_rtamt(formula, pairs):
         velocity={number * SECOND: value for number, value in enumerate(y)},
     )
     end = (len(pairs) - 1) * SECOND
-    steps = Evaluation(Atoms(record, 0, end, 0)).steps(formula)
+    steps = Evaluation(record, 0, end, 0).steps(formula)
     for number, margin in enumerate(margins_of_rtamt(text, [*x], [*y])):
         found = steps.values[:, int(steps.at(number * SECOND))]
         assert found[LEAST_MARGIN] <= margin <= found[MOST_MARGIN], (number, text)
@@ -114,6 +113,6 @@ def test_the_margins_are_exactly_those_of_rtamt_where_all_windows_end_in_time(fo
     whole = [part.window for part in formula.walk() if hasattr(part, "window")]
     if WHOLE in whole and whole != [WHOLE]:
         return
-    steps = Evaluation(Atoms(record, 0, (len(pairs) - 1) * SECOND, 0)).steps(formula)
+    steps = Evaluation(record, 0, (len(pairs) - 1) * SECOND, 0).steps(formula)
     margin = margins_of_rtamt(text, [*x], [*y])[0]
     assert steps.values[LEAST_MARGIN, 0] == steps.values[MOST_MARGIN, 0] == margin

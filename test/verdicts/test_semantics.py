@@ -8,9 +8,8 @@ from hypothesis import strategies as st
 from random_expectations import record_of
 from support import examples
 
-from rpud_sim.verdicts.atoms import Atoms
-from rpud_sim.verdicts.robustness import Evaluation
-from rpud_sim.verdicts.vocabulary import (
+from rpud_sim.verdicts.evaluation import Evaluation
+from rpud_sim.verdicts.formulas import (
     WHOLE,
     After,
     Always,
@@ -331,7 +330,7 @@ def test_each_instant_has_the_value_of_the_definitions(formula, force, weight):
     oracle = Oracle(force, weight)
     begin, end = record.span(["reacting_force", "status"])
     assert (begin, end) == (oracle.begin, oracle.end)
-    steps = Evaluation(Atoms(record, begin, end, 0)).steps(formula)
+    steps = Evaluation(record, begin, end, 0).steps(formula)
     for time in range(begin, end + 1):
         number = int(steps.at(np.array([time]))[0])
         found = tuple(steps.values[:, number].tolist()), bool(steps.absent[number])

@@ -5,7 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rpud_sim.viewer.signals import Clock, Jump, find_jumps
+from rpud_sim.inspection.recorded_drill import Clock, Jump
+from rpud_sim.viewer.signals import find_jumps
 
 SECOND = 1_000_000_000
 STEPS = st.lists(
@@ -19,7 +20,7 @@ def test_time_passes_as_the_stamps_do_except_at_jumps(steps, first):
     stamps = first + np.cumsum([0, *(step for _, step in steps)])
     jumps = find_jumps(stamps, logs)
     elapsed = Clock(int(stamps[0]), int(logs[0]), tuple(jumps)).elapsed(stamps, logs)
-    at = {jump.log_time for jump in jumps}
+    at = {jump.time for jump in jumps}
     for place, (passed, step) in enumerate(steps, 1):
         expected = 1 + passed if int(logs[place]) in at else step
         assert elapsed[place] - elapsed[place - 1] == pytest.approx(expected / SECOND, abs=1e-6)

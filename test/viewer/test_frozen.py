@@ -13,13 +13,14 @@ import rpud_sim.bag
 import rpud_sim.viewer
 from rpud_sim.bag import BagWriter
 from rpud_sim.bag.tested import RECORD_NAME, RunVerdict
+from rpud_sim.inspection import InspectionError
 from rpud_sim.inspection.offline_bag import write_offline_bag
 from rpud_sim.simulation import WeightOnBit
 from rpud_sim.simulation.changes import Planned
 from rpud_sim.simulation.configuration import Settings
 from rpud_sim.simulation.run import Beginning
 from rpud_sim.simulation.scenario import read_scenario
-from rpud_sim.viewer.report import ReportError, write_report
+from rpud_sim.viewer.report import write_report
 
 SECOND = 1_000_000_000
 DURATION = 2.0
@@ -142,6 +143,6 @@ def test_modules_can_be_joined_for_their_names_are_unique():
 
 def test_a_file_that_exists_is_kept(bag, tmp_path):
     (tmp_path / "out.html").write_text("mine")
-    with pytest.raises(ReportError, match="exists"):
+    with pytest.raises(InspectionError, match="exists"):
         write_report(bag, tmp_path / "out.html")
     assert (tmp_path / "out.html").read_text() == "mine"

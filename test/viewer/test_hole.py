@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from rpud_sim.drilling.rocks import ROCKS
-from rpud_sim.drilling.strata import Strata, preset_layer
+from rpud_sim.drilling.rock import ROCKS, Strata, preset_layer
 from rpud_sim.viewer.picture import rock_layers as layers
 from rpud_sim.viewer.picture import well_log
 

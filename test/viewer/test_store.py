@@ -17,7 +17,7 @@ from rpud_sim.bag import BagWriter, Topic
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.definitions import find_definition, find_type_hash
 from rpud_sim.cli.main import main
-from rpud_sim.drilling.strata import Strata, preset_layer
+from rpud_sim.drilling.rock import Strata, preset_layer
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.inspection import offline_bag
 from rpud_sim.inspection.rebuild import rebuild

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from rpud_sim.foundation.time import SECOND
-from rpud_sim.inspection.compare.recorded_drill import RecordedDrill
 from rpud_sim.inspection.compare.recorded_values import RecordedValues
+from rpud_sim.inspection.recorded_drill import RecordedDrill
 from rpud_sim.simulation import PARAMETERS
 from rpud_sim.simulation.journal import JournalEntry
 

@@ -14,7 +14,6 @@ from rpud_sim.inspection.compare.page_plots import (
     time_plots,
 )
 from rpud_sim.inspection.compare.quantities import COUNTERS, MEAN, MEDIAN, P95, TIMING
-from rpud_sim.inspection.compare.recorded_drill import CompareError
 from rpud_sim.inspection.compare.results import Comparison, QuantityComparison, WindowComparison
 from rpud_sim.inspection.compare.same_bits import EQUAL, TopicBits, first_different
 from rpud_sim.inspection.compare.template import BODY, HEADINGS
@@ -30,7 +29,7 @@ _SHOWN_TEXT = 80  # characters of a value of a message
 
 
 def write_page(found: Comparison, out: str | os.PathLike[str]) -> None:
-    write_new_file(out, render(found), CompareError)
+    write_new_file(out, render(found))
 
 
 def render(found: Comparison) -> str:

@@ -13,6 +13,7 @@ import numpy as np
 import rpud_sim.bag
 from rpud_sim.bag import BagReader
 from rpud_sim.foundation.quantities import ParameterError, did_you_mean, shown_name
+from rpud_sim.inspection import InspectionError
 from rpud_sim.inspection.compare.changes import (
     commands,
     faults,
@@ -36,7 +37,6 @@ from rpud_sim.inspection.compare.quantities import (
     Quantity,
 )
 from rpud_sim.inspection.compare.quantities import STATUS as STATUS_TOPIC
-from rpud_sim.inspection.compare.recorded_drill import CompareError, RecordedDrill, find_drill
 from rpud_sim.inspection.compare.recorded_values import RecordedValues, read_values, series_of
 from rpud_sim.inspection.compare.results import (
     Comparison,
@@ -50,7 +50,8 @@ from rpud_sim.inspection.compare.same_bits import (
     compare_bits,
 )
 from rpud_sim.inspection.compare.windows import Choice, Window, windows
-from rpud_sim.inspection.damages import Damages
+from rpud_sim.inspection.output import Damages
+from rpud_sim.inspection.recorded_drill import RecordedDrill, find_drill
 
 MOST_RUNS = 6  # number of runs that are compared with each other
 
@@ -96,7 +97,7 @@ def compare(
     changed, failed = commands(drills), faults(runs)
     chosen, warnings = windows(runs, changed, failed, Choice(begin, end, settle))
     if not chosen:
-        raise CompareError(_no_time(names, runs, begin, end, settle))
+        raise InspectionError(_no_time(names, runs, begin, end, settle))
     warnings = [
         *(text for drill in drills for text in drill.warnings),
         *warnings,

@@ -30,7 +30,7 @@ def content(found: Comparison) -> dict[str, Any]:
                 "namespace": drill.namespace or "/",
                 "run": drill.number,
                 "runs_in_bag": drill.runs,
-                "journal": drill.journal,
+                "journal": bool(drill.entries),
                 "begin": number(values.begin),
                 "end": number(values.end),
                 "impacts_missing": values.missing_impacts,

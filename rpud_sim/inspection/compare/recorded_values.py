@@ -21,8 +21,8 @@ from rpud_sim.inspection.compare.quantities import (
     TIMING,
     TYPES,
 )
-from rpud_sim.inspection.compare.recorded_drill import RecordedDrill
-from rpud_sim.inspection.damages import Damages
+from rpud_sim.inspection.output import Damages
+from rpud_sim.inspection.recorded_drill import RecordedDrill
 
 FAULTS = "faults"
 _FAULTS_TYPE = "rpud_msgs/msg/Faults"
@@ -122,13 +122,14 @@ def _wanted(bag: BagReader, drill: RecordedDrill) -> dict[str, str]:
 def _rows(batch: Batch, drill: RecordedDrill, name: str) -> Arrays:
     columns = batch.columns
     published = columns["publish_time"]
-    own = (published >= drill.begin) & (published <= drill.end)
-    times = drill.origins.elapsed(columns["header.stamp"], published)
+    first, last = drill.bounds
+    own = (published >= first) & (published <= last)
+    times = drill.clock.elapsed(columns["header.stamp"], published)
     own &= times >= 0
     wanted = [q.column for q in QUANTITIES if q.topic == name and q.column in columns]
     if name == STATUS:
         wanted += [key for key, *_ in (*TIMING, *COUNTERS) if key in columns]
-    found: Arrays = {"time": times[own] / SECOND}
+    found: Arrays = {"time": times[own]}
     if name == IMPACTS:
         found["sequence"] = columns["sequence"][own].astype(np.int64)
     for key in wanted:
@@ -140,8 +141,9 @@ def _rows(batch: Batch, drill: RecordedDrill, name: str) -> Arrays:
 def _faults(batch: Batch, drill: RecordedDrill) -> dict[int, RecordedFault]:
     found = {}
     columns = batch.columns
+    first, last = drill.bounds
     for published, states in zip(columns["publish_time"], columns["faults"], strict=True):
-        if not drill.begin <= published <= drill.end:
+        if not first <= published <= last:
             continue
         for state in states:
             try:
@@ -154,8 +156,8 @@ def _faults(batch: Batch, drill: RecordedDrill) -> dict[int, RecordedFault]:
 
 def _fault(state: Mapping[str, Any], published: int, drill: RecordedDrill) -> RecordedFault:
     def since(moment: Mapping[str, int]) -> float:
-        stamp = np.array([join_seconds(moment["sec"], moment["nanosec"])])
-        return float(drill.origins.elapsed(stamp, np.array([published]))[0]) / SECOND
+        stamp = join_seconds(moment["sec"], moment["nanosec"])
+        return (stamp - drill.clock.offset(published)) / SECOND
 
     magnitude = float(state["magnitude"])
     words = [str(state["kind"])[:40]]

@@ -12,10 +12,10 @@ from rpud_sim.inspection.compare.estimates import (
     Difference,
     Estimate,
 )
-from rpud_sim.inspection.compare.recorded_drill import RecordedDrill
 from rpud_sim.inspection.compare.recorded_values import RecordedValues
 from rpud_sim.inspection.compare.same_bits import DIFFERENT, EQUAL, TopicBits
 from rpud_sim.inspection.compare.windows import Window
+from rpud_sim.inspection.recorded_drill import RecordedDrill
 from rpud_sim.pages.quantities import Quantity
 
 

@@ -9,12 +9,10 @@ from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Any
 
-import numpy as np
-
 from rpud_sim.bag import BagFormatError, BagReader, TopicSummary
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.foundation.time import SECOND, join_seconds
-from rpud_sim.inspection.compare.recorded_drill import RecordedDrill
+from rpud_sim.inspection.recorded_drill import RecordedDrill
 from rpud_sim.inspection.verify.messages import (
     differing_fields,
 )
@@ -134,9 +132,10 @@ def _timed(side: Side, pairs: dict[str, _Pair]) -> Iterator[tuple[str, _Timed]]:
     drill = side.drill
     names = {drill.topic(topic): topic for topic in pairs}
     latest = dict.fromkeys(names, b"")
+    first, last = drill.bounds
     for message in side.bag.messages(names.keys()):
         topic = names[message.topic]
-        if not drill.begin <= message.publish_time <= drill.end:
+        if not first <= message.publish_time <= last:
             continue
         if pairs[topic].done:
             continue
@@ -144,9 +143,8 @@ def _timed(side: Side, pairs: dict[str, _Pair]) -> Iterator[tuple[str, _Timed]]:
             continue  # a latched message is repeated where a bag's next file begins
         latest[message.topic] = message.data
         stamp = _stamp_of(message.data)
-        published = np.array([message.publish_time])
-        time = int(drill.origins.elapsed(np.array([stamp]), published)[0])
-        yield topic, _Timed(message.data, time, stamp - time)
+        origin = drill.clock.offset(message.publish_time)
+        yield topic, _Timed(message.data, stamp - origin, origin)
 
 
 class _Pair:

@@ -1,48 +1,111 @@
-"""Coverage of a bag: which part of its journal's runs it should hold."""
+"""Coverage of a bag: the stretches of its journal, and which part of them it should hold."""
 
 from __future__ import annotations
 
 import contextlib
 import sys
-from collections.abc import Mapping
+from bisect import bisect_left, bisect_right
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
-from rpud_sim.bag import BagFormatError, BagReader
+from rpud_sim.bag import BagFormatError, BagReader, Message
 from rpud_sim.bag.cdr import Codec
-from rpud_sim.bag.columns import Kind, columns_of
-from rpud_sim.bag.field_values import FieldReader
-from rpud_sim.bag.message_block import MessageBlock
 from rpud_sim.foundation.time import SECOND, join_seconds
-from rpud_sim.inspection.verify.recorded_journal import Position, Span, Stretches
-from rpud_sim.simulation.topics import TOPICS
+from rpud_sim.inspection.recorded_journal import ProgressReader, Recorded
+
+# Kinds of entries after which stamps may repeat: each begins a stretch, counted from 0.
+BEGINNINGS = ("begin", "origin")
+
+Position = tuple[int, int]  # progress of the drill: number of the stretch, and the stamp in it [ns]
 
 # Length of the end of a bag that is searched for stamps [ns].
 _END_LENGTH = 4 * SECOND
 # Longest delay between topics on their way to a recorder [ns].
 _TOPIC_DELAY = 1 * SECOND
 _NOWHERE: Position = (-1, -1)
-# Progress of the drill at a message; only a status says whether the drill stopped.
-_PROGRESS = np.dtype(
-    [
-        ("log_time", np.uint64),
-        ("stretch", np.int64),
-        ("stamp", np.int64),
-        ("status", np.bool_),
-        ("stopped", np.bool_),
-        ("published", np.int64),
-        ("entries", np.int64),  # of the journal so far; -1 if it is no status
-    ]
-)
-_STOPPED = "stopped"  # the STATE constant of rpud_msgs/Status
+
+
+class Stretches:
+    """Stretches of a journal, each of one simulation and one origin of time.
+
+    Stamps do not identify a stretch: those of different stretches may be equal. Publishing times
+    do: the drill publishes entries and messages in one order. An entry may follow the first
+    messages of its stretch shortly, but these never precede the entry before it.
+    """
+
+    def __init__(self, journal: Iterable[Recorded]) -> None:
+        self.runs = 0  # number of runs that messages can belong to
+        self.ended = False  # whether the last entry is the end of the drill
+        self.count = 0  # entries that the drill has made, if it made none after the last one
+        self.first: Recorded | None = None
+        self.last_published = 0  # publishing time of the last entry [ns]
+        self._earliest: list[int] = []  # publishing time of a message in each stretch [ns]
+        self._begins: list[int] = []  # publishing time of the entry that begins each [ns]
+        before, beginning = 0, False
+        for message, entry in journal:
+            if self.first is None:
+                self.first = message, entry
+            if entry.kind in BEGINNINGS or not self._begins:
+                # Entries that begin together are published together.
+                self._earliest.append(self._earliest[-1] if beginning else before)
+                self._begins.append(message.publish_time)
+                self.runs += not beginning
+            beginning = entry.kind in BEGINNINGS
+            self.ended = entry.kind == "end"
+            self.count = entry.sequence + 1
+            before = self.last_published = message.publish_time
+        # False if the clock was set back meanwhile, or if another program wrote these times.
+        self._ordered = all(
+            first <= second
+            for times in (self._earliest, self._begins)
+            for first, second in pairwise(times)
+        )
+
+    def fitting(self, stretch: int, publish_times: np.ndarray) -> int:
+        """Return how many messages, from the first on, may belong to a stretch by these times [ns].
+
+        Stretches ascend with the times. So if the earliest and the latest time fit, all do.
+        """
+        if (
+            self._range(int(publish_times.max()))[0] <= stretch
+            and stretch <= self._range(int(publish_times.min()))[1]
+        ):
+            return len(publish_times)
+        first, last = self.ranges(publish_times)
+        return int(np.argmin((first <= stretch) & (stretch <= last)))
+
+    def ranges(self, publish_times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the first and the last stretch that messages may belong to, by these times."""
+        final = max(0, len(self._begins) - 1)
+        if not self._ordered:
+            return np.zeros(len(publish_times), np.int64), np.full(len(publish_times), final)
+        first = np.maximum(np.searchsorted(self._begins, publish_times) - 1, 0)
+        last = np.searchsorted(self._earliest, publish_times, side="right") - 1
+        return first, np.minimum(np.maximum(first, last), final)
+
+    def of(self, message: Message) -> tuple[int, int]:
+        """Return the first and the last stretch that a message may belong to."""
+        return self._range(message.publish_time)
+
+    def _range(self, publish_time: int) -> tuple[int, int]:
+        """Return the first and the last stretch of a publishing time [ns]."""
+        final = max(0, len(self._begins) - 1)
+        if not self._ordered:
+            return 0, final
+        first = bisect_left(self._begins, publish_time) - 1
+        last = bisect_right(self._earliest, publish_time) - 1
+        return max(0, first), min(max(0, first, last), final)
 
 
 @dataclass(frozen=True)
 class Coverage:
     """Part of the runs that a bag covers."""
 
-    span: Span  # in positions of the drill
+    begun: Position  # from here on, the bag should hold a topic that it holds at all
+    reached: Position  # up to here it should hold it, as all of its topics together show
     # that at least two topics reach, so that one altered stamp changes nothing [ns]
     last_stamp: int
     # publishing time up to which the journal holds every entry [ns]; None if that is the end
@@ -56,21 +119,23 @@ def find_coverage(bag: BagReader, codecs: Mapping[str, Codec], stretches: Stretc
     The last second of a recording shows nothing about its end: when a recorder closes, messages of
     some topics are still on their way. If the drill ended first, its last status shows the end.
     """
-    start = max(0, bag.duration - _END_LENGTH)
-    readers = {topic: _StampReader(codec) for topic, codec in codecs.items()}
+    readers = {topic: ProgressReader(codec) for topic, codec in codecs.items()}
     end = 0
     latest: dict[str, int] = {}
-    parts: list[np.ndarray] = [np.empty(0, _PROGRESS)]
-    for block in bag.blocks(codecs.keys(), start):
+    parts = [np.empty(0, ProgressReader.DTYPE)]
+    for block in bag.blocks(codecs.keys(), max(0, bag.duration - _END_LENGTH)):
         end = max(end, int(block.log_times[-1]))
-        found = readers[block.topic].read(block, stretches)
-        if len(found):
-            latest[block.topic] = int(found["stamp"][-1])
-            parts.append(found)
-    reached = _reached(np.concatenate(parts), end, stretches.ended)
-    span = Span(_find_begin(bag, codecs, stretches), reached)
-    last_stamp = min(sorted(latest.values())[-2:], default=0)
-    return Coverage(span, last_stamp, *_journal_until(np.concatenate(parts), end, stretches))
+        progress = readers[block.topic].read(block)
+        if len(progress):
+            latest[block.topic] = int(progress["stamp"][-1])
+            parts.append(progress)
+    found = np.concatenate(parts)
+    return Coverage(
+        _find_begin(bag, codecs, stretches),
+        _reached(found, end, stretches),
+        min(sorted(latest.values())[-2:], default=0),
+        *_journal_until(found, end, stretches),
+    )
 
 
 def _journal_until(found: np.ndarray, end: int, stretches: Stretches) -> tuple[int | None, int]:
@@ -91,57 +156,26 @@ def _journal_until(found: np.ndarray, end: int, stretches: Stretches) -> tuple[i
     return until, count
 
 
-def _reached(found: np.ndarray, end: int, ended: bool) -> Position:
+def _reached(found: np.ndarray, end: int, stretches: Stretches) -> Position:
     """Return the position that the drill reached while all topics were recorded.
 
     ``found`` is the progress at the messages of the end of a bag, ``end`` the log time of the last
-    of them [ns], and ``ended`` says whether the journal has the end of the drill.
+    of them [ns].
     """
     counted = found["log_time"] <= max(0, end - _TOPIC_DELAY)
+    numbers, _ = stretches.ranges(found["published"])
     positions: list[Position] = []
-    if ended and found["stopped"].any():
+    if stretches.ended and found["stopped"].any():
         stops = np.flatnonzero(found["stopped"])
-        stop = found[stops[np.argmax(found["log_time"][stops])]]
-        positions = 2 * [(int(stop["stretch"]), int(stop["stamp"]))]
-        counted &= found["log_time"] > stop["log_time"]
-    stretches, stamps = found["stretch"][counted], found["stamp"][counted]
+        stop = stops[np.argmax(found["log_time"][stops])]
+        positions = 2 * [(int(numbers[stop]), int(found["stamp"][stop]))]
+        counted &= found["log_time"] > found["log_time"][stop]
     # Some messages with this very stamp follow, but none of them follows a status.
-    stamps = stamps - ~found["status"][counted]
-    last = np.lexsort((stamps, stretches))[-2:]
-    positions += zip(stretches[last].tolist(), stamps[last].tolist(), strict=True)
+    stamps = (found["stamp"] - ~found["status"])[counted]
+    last = np.lexsort((stamps, numbers[counted]))[-2:]
+    positions += zip(numbers[counted][last].tolist(), stamps[last].tolist(), strict=True)
     # Two messages have to agree, so that one altered stamp changes nothing.
     return sorted(positions)[-2] if len(positions) > 1 else _NOWHERE
-
-
-class _StampReader:
-    def __init__(self, codec: Codec) -> None:
-        columns = {column.attribute: column for column in columns_of(codec, "")}
-        stamp = columns.get("header.stamp")
-        state = columns.get("state") if codec.type_name == TOPICS["status"].type else None
-        self._stamp = stamp.name if stamp and stamp.kind is Kind.TIME else ""
-        self._state = state.name if state and state.kind is Kind.TEXT else ""
-        entries = columns.get("journal_entries") if self._state else None
-        self._entries = entries.name if entries and entries.kind is Kind.NUMBER else ""
-        wanted = {self._stamp, self._state, self._entries}
-        chosen = [column for column in columns.values() if column.name in wanted]
-        self._reader = FieldReader(codec, chosen)
-
-    def read(self, block: MessageBlock, stretches: Stretches) -> np.ndarray:
-        """Return the progress of the drill at messages, without those that cannot be read."""
-        if not self._stamp:
-            return np.empty(0, _PROGRESS)
-        values = self._reader.read(block)
-        found = np.zeros(len(values.rows), _PROGRESS)
-        found["log_time"] = block.log_times[values.rows]
-        found["published"] = block.publish_times[values.rows]
-        found["entries"] = values.columns[self._entries] if self._entries else -1
-        found["stamp"] = values.columns[self._stamp]
-        found["stretch"], _ = stretches.ranges(block.publish_times[values.rows])
-        if self._state:
-            states = values.columns[self._state]
-            found["status"] = states != ""
-            found["stopped"] = states == _STOPPED
-        return found
 
 
 def _find_begin(bag: BagReader, codecs: Mapping[str, Codec], stretches: Stretches) -> Position:

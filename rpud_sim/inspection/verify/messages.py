@@ -1,10 +1,10 @@
-"""Single messages of a proof: their keys, their bytes, and the fields in which two differ."""
+"""Messages of a proof: computed ones by topic, keys, bytes, and the fields in which two differ."""
 
 from __future__ import annotations
 
-import dataclasses
 from array import array
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, is_dataclass
 from types import SimpleNamespace
 from typing import Any
 
@@ -12,16 +12,50 @@ import numpy as np
 
 from rpud_sim.bag import BagFormatError, Message
 from rpud_sim.bag.cdr import Codec
+from rpud_sim.bag.message_block import MessageBlock
 from rpud_sim.foundation.time import join_seconds
+from rpud_sim.inspection.offline_bag import encoded_columns
+from rpud_sim.inspection.verify.coverage import Position
 from rpud_sim.simulation.fields import Fields, stamp_of
+from rpud_sim.simulation.together import Columns, Together
 
 # Stamp [ns] and sequence number: unique within a topic, unless something is wrong.
 Key = tuple[int, int]
 
-# Fields of a computed message that its key is made of; not every type has the second one.
-KEY_FIELDS = ("header", "sequence")
+_KEY_FIELDS = ("header", "sequence")  # of which it is made; not every type has the second one
 
 UNREADABLE: Key = (-1, -1)  # key of a recorded message that cannot be decoded
+
+
+@dataclass(frozen=True)
+class ComputedBlock:
+    """Computed messages of one topic, at least one; their keys ascend."""
+
+    messages: MessageBlock  # serialized
+    source: Columns  # the same as columns
+    stretch: int  # of the journal in which they were computed
+    ends: np.ndarray  # stamp of the end of each message's block [ns]
+
+    def fields(self, number: int) -> Fields:
+        return self.source.row(number)
+
+    def key(self, number: int) -> Key:
+        return computed_key(self.source.row(number, _KEY_FIELDS))
+
+    def position(self, number: int) -> Position:
+        """Return the progress of the drill at a message."""
+        return self.stretch, int(self.ends[number])
+
+
+def computed_blocks(
+    together: Together, codecs: Mapping[str, Codec], stretch: int, origin: int
+) -> Iterator[tuple[str, ComputedBlock]]:
+    """Yield each topic's messages, by its name in the run; ``origin`` is time zero's stamp [ns]."""
+    ends = together.ends + origin
+    for columns in together.columns:
+        if columns.topic in codecs:
+            messages = encoded_columns(columns, codecs[columns.topic].encoder, "")
+            yield columns.topic, ComputedBlock(messages, columns, stretch, ends[columns.blocks])
 
 
 def computed_key(fields: Fields) -> Key:
@@ -67,25 +101,21 @@ def first_difference(codec: Codec, recorded: bytes, expected: bytes) -> tuple[st
         found = codec.decode(recorded)
     except BagFormatError as error:
         return "", str(error), "a message"
-    return next(_differences("", found, codec.decode(expected)))
+    return next(differing_fields(found, codec.decode(expected)))
 
 
-def differing_fields(found: Any, expected: Any) -> Iterator[tuple[str, str, str]]:
+def differing_fields(found: Any, expected: Any, path: str = "") -> Iterator[tuple[str, str, str]]:
     """Yield each field in which two decoded messages differ, and its value in each, as texts."""
-    return _differences("", found, expected)
-
-
-def _differences(path: str, found: Any, expected: Any) -> Iterator[tuple[str, str, str]]:
-    if dataclasses.is_dataclass(found) or isinstance(found, SimpleNamespace):
+    if is_dataclass(found) or isinstance(found, SimpleNamespace):
         for name in vars(found):
             if not name.startswith("__"):
                 inner = f"{path}.{name}" if path else name
-                yield from _differences(inner, getattr(found, name), getattr(expected, name))
+                yield from differing_fields(getattr(found, name), getattr(expected, name), inner)
     elif isinstance(found, (list, np.ndarray, array)):
         if len(found) != len(expected):
             yield f"length of {path}", str(len(found)), str(len(expected))
         for i in range(min(len(found), len(expected))):
-            yield from _differences(f"{path}[{i}]", found[i], expected[i])
+            yield from differing_fields(found[i], expected[i], f"{path}[{i}]")
     elif _bits(found) != _bits(expected):
         yield path, _to_text(found, expected), _to_text(expected, found)
 

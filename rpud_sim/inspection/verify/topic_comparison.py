@@ -1,24 +1,25 @@
-"""Comparison of the recorded messages of one topic with the computed ones, in their order."""
+"""Comparison of one topic's recorded messages with the computed ones: in order, or by content."""
 
 from __future__ import annotations
 
 import dataclasses
-from collections import deque
-from collections.abc import Callable
+from collections import Counter, deque
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 
 from rpud_sim.bag import Message
 from rpud_sim.bag.cdr import Codec
-from rpud_sim.inspection.verify.computed_block import ComputedBlock
+from rpud_sim.inspection.verify.coverage import Coverage, Position, Stretches
 from rpud_sim.inspection.verify.messages import (
     UNREADABLE,
+    ComputedBlock,
     Key,
     computed_key,
     first_difference,
     recorded_key,
     without_padding,
+    without_repeats,
 )
-from rpud_sim.inspection.verify.recorded_journal import Position, Span, Stretches
 from rpud_sim.inspection.verify.recorded_topics import RecordedMessages
 from rpud_sim.simulation.fields import Fields
 
@@ -81,9 +82,8 @@ class TopicComparison:
 
     Either side may lack messages: a recorder began late, ended early or lost some, or messages were
     inserted. Only the messages that follow show whether one is missing or altered, so the
-    comparison always looks at two of each side. ``span`` is the part of the runs that the bag
-    covers. Messages of a latched topic may repeat. ``begins`` is stamp and publishing time of the
-    journal's first entry, if it is not the drill's first [ns].
+    comparison always looks at two of each side. Messages of a latched topic may repeat. ``begins``
+    is stamp and publishing time of the journal's first entry, if it is not the drill's first [ns].
     """
 
     def __init__(
@@ -92,25 +92,30 @@ class TopicComparison:
         codec: Codec,
         recorded: RecordedMessages,
         stretches: Stretches,
-        span: Span,
+        coverage: Coverage,
         latched: bool = False,
         begins: tuple[int, int] | None = None,
     ) -> None:
         self.older: Message | None = None  # the last one of before the journal begins
         self._latched = latched
         self._begins = begins
-        self.counts = Counts()  # results so far
+        self._counts = Counter[str]()  # results so far
         # messages so far that are not as computed, at most 10,000
         self.suspects: list[Suspect] = []
         self._topic = topic
         self._codec = codec
         self._stretches = stretches
-        self._span = span
+        self._coverage = coverage
         self._source = recorded
         self._recorded: deque[_Recorded] = deque()
         self._computed: deque[_Computed] = deque()
         self._last: tuple[Key, Callable[[], Fields]] = (UNREADABLE, dict)
         self._missing = 0  # computed messages skipped since the last recorded one
+
+    @property
+    def counts(self) -> Counts:
+        """Results so far."""
+        return Counts(**self._counts)
 
     @property
     def exhausted(self) -> bool:
@@ -152,7 +157,8 @@ class TopicComparison:
                 computed.messages, number, partial(self._stretches.fitting, computed.stretch)
             )
             if passed:
-                self._count_equal(passed)
+                self._begins = None
+                self._count("equal", passed)
                 number += passed
             elif self._source.exhausted:
                 for rest in range(number, count):
@@ -176,14 +182,17 @@ class TopicComparison:
                 return
             self._match(computed, recorded)
 
-    def _count_equal(self, more: int) -> None:
-        counts = self.counts
-        self._begins = None
-        missing = self._missing if counts.equal + counts.different else 0
+    def _count(self, result: str, more: int = 1) -> None:
+        """Count matched messages, and the missing ones between them and those before."""
+        # Messages before a topic's first one were published before the recorder subscribed.
+        if self._matched:
+            self._counts["missing"] += self._missing
         self._missing = 0
-        self.counts = dataclasses.replace(
-            counts, equal=counts.equal + more, missing=counts.missing + missing
-        )
+        self._counts[result] += more
+
+    @property
+    def _matched(self) -> int:
+        return self._counts["equal"] + self._counts["different"]
 
     def finish(self) -> None:
         """Compare the remaining messages: no more are computed."""
@@ -205,8 +214,7 @@ class TopicComparison:
                 older = key[0] < stamp or (key[0] == stamp and not awaited)
                 if older or message.publish_time < published:
                     self.older = message
-                    before = self.counts.before + 1
-                    self.counts = dataclasses.replace(self.counts, before=before)
+                    self._counts["before"] += 1
                     continue
                 self._begins = None
             self._recorded.append(_Recorded(key, message, *self._stretches.of(message)))
@@ -254,27 +262,17 @@ class TopicComparison:
         self._recorded.popleft()
         expected = self._codec.encode(computed.fields)
         equal = self._is_equal(recorded, expected)
-        counts = self.counts
-        # Messages before a topic's first one were published before the recorder subscribed.
-        missing = self._missing if counts.equal + counts.different else 0
-        self._missing = 0
-        self.counts = dataclasses.replace(
-            counts,
-            equal=counts.equal + equal,
-            different=counts.different + (not equal),
-            missing=counts.missing + missing,
-        )
+        self._count("equal" if equal else "different")
         if not equal:
             found = first_difference(self._codec, recorded.message.data, expected)
             self._add_suspect(computed.key[0], recorded, *found)
 
     def _add_tail(self, position: Position) -> None:
-        matched = self.counts.equal + self.counts.different
-        if position <= self._span.reached and (matched or position > self._span.begun):
+        matched = bool(self._matched)
+        if position <= self._coverage.reached and (matched or position > self._coverage.begun):
             # Skipped ones lie before an unexpected message here, so they are missing at the end.
-            tail = self.counts.tail + self._missing * bool(matched) + 1
+            self._counts["tail"] += self._missing * matched + 1
             self._missing = 0
-            self.counts = dataclasses.replace(self.counts, tail=tail)
 
     def _skip_computed(self) -> None:
         self._computed.popleft()
@@ -282,7 +280,7 @@ class TopicComparison:
 
     def _add_unexpected(self, recorded: _Recorded) -> None:
         self._recorded.popleft()
-        self.counts = dataclasses.replace(self.counts, unexpected=self.counts.unexpected + 1)
+        self._counts["unexpected"] += 1
         self._add_suspect(recorded.key[0], recorded, "", "a message", None)
 
     def _is_later(self, recorded: _Recorded, computed: _Computed) -> bool:
@@ -307,3 +305,53 @@ class TopicComparison:
         """Whether all fields are equal bit for bit; padding between fields is ignored."""
         message = recorded.message
         return message.data == expected or without_padding(message, self._codec) == expected
+
+
+class ContentComparison:
+    """Second comparison of a topic with all runs together, if the one by run has failed.
+
+    ``suspects`` are recorded messages that their run does not give, ``recorded`` are all of the
+    topic.
+    """
+
+    def __init__(
+        self, suspects: Sequence[Suspect], codec: Codec, recorded: Iterator[Message], latched: bool
+    ) -> None:
+        self.equal = 0  # number of recorded messages that were computed, in the recorded order
+        self._codec = codec
+        self._recorded = without_repeats(recorded) if latched else recorded
+        self._suspects: dict[Key, list[Suspect]] = {}
+        for suspect in suspects:
+            self._suspects.setdefault(suspect.key, []).append(suspect)
+        self._next = self._read_next()
+
+    @property
+    def in_order(self) -> bool:
+        """Whether every recorded message was computed, in the recorded order."""
+        return self._next is None
+
+    @property
+    def unmatched(self) -> list[Suspect]:
+        """Suspects that no run gives."""
+        return [suspect for group in self._suspects.values() for suspect in group]
+
+    def add(self, computed: Fields) -> None:
+        """Add the next computed message."""
+        key = computed_key(computed)
+        awaited = self._next is not None and self._next[0] == key
+        if not awaited and key not in self._suspects:
+            return
+        expected = self._codec.encode(computed)
+        if awaited and self._next == (key, expected):
+            self.equal += 1
+            self._next = self._read_next()
+        if key in self._suspects:
+            left = [suspect for suspect in self._suspects.pop(key) if suspect.data != expected]
+            if left:
+                self._suspects[key] = left
+
+    def _read_next(self) -> tuple[Key, bytes] | None:
+        message = next(self._recorded, None)
+        if message is None:
+            return None
+        return recorded_key(message, self._codec), without_padding(message, self._codec)

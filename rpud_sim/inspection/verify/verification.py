@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import contextlib
 import json
 import os
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import nullcontext, suppress
 from dataclasses import dataclass
 from itertools import chain
 
@@ -14,29 +14,30 @@ import rpud_sim.bag
 from rpud_sim.bag import BagFormatError, BagReader, Message, TopicSummary
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.foundation.time import SECOND, join_seconds
-from rpud_sim.inspection.verify.computed_block import computed_blocks
-from rpud_sim.inspection.verify.content_comparison import ContentComparison
-from rpud_sim.inspection.verify.coverage import find_coverage
-from rpud_sim.inspection.verify.installed_types import (
+from rpud_sim.inspection.recorded_journal import (
     JOURNAL,
-    is_provable,
+    Recorded,
+    UnverifiableError,
     journal_codec,
+    journal_entries,
     proof_codec,
+    wrong_header,
 )
+from rpud_sim.inspection.verify.coverage import BEGINNINGS, Stretches, find_coverage
 from rpud_sim.inspection.verify.messages import (
+    computed_blocks,
     first_difference,
     recorded_key,
     without_padding,
 )
-from rpud_sim.inspection.verify.recorded_journal import (
-    BEGINNINGS,
-    Stretches,
-    UnverifiableError,
-    journal_entries,
-    wrong_header,
-)
 from rpud_sim.inspection.verify.recorded_topics import RecordedMessages, RecordedTopics
-from rpud_sim.inspection.verify.topic_comparison import Counts, Difference, Suspect, TopicComparison
+from rpud_sim.inspection.verify.topic_comparison import (
+    ContentComparison,
+    Counts,
+    Difference,
+    Suspect,
+    TopicComparison,
+)
 from rpud_sim.simulation import EngineError
 from rpud_sim.simulation.fields import Fields, faults_fields, header_fields
 from rpud_sim.simulation.journal import STARTS, JournalEntry
@@ -130,15 +131,14 @@ class _Proof:
             for summary in bag.topics
             if summary.topic.name.startswith(prefix)
         }
-        self._names = [
-            name
-            for name in PROVED
-            if name in self._summaries
-            and (self._summaries[name].message_count or is_provable(self._summaries[name]))
-        ]
-        if not any(self._summaries[name].message_count for name in self._names):
+        self._codecs: dict[str, Codec] = {}
+        for name in PROVED:
+            if summary := self._summaries.get(name):
+                # Another type matters only if there are messages of it.
+                with nullcontext() if summary.message_count else suppress(UnverifiableError):
+                    self._codecs[name] = proof_codec(summary)
+        if not any(self._summaries[name].message_count for name in self._codecs):
             raise UnverifiableError(f"the bag holds nothing that {self._journal} could prove")
-        self._codecs = {name: proof_codec(self._summaries[name]) for name in self._names}
         self._warnings: dict[str, None] = {}
         self._simulated = 0
 
@@ -172,7 +172,9 @@ class _Proof:
         self._check_commands()
         differences = [*self._journal_differences, *(each.difference for each in decided)]
         held = [
-            name for name in self._names if self._summaries[name].message_count or counts[name].tail
+            name
+            for name in self._codecs
+            if self._summaries[name].message_count or counts[name].tail
         ]
         losses = {name: self._summaries[name].losses for name in held}
         return Verification(
@@ -192,7 +194,7 @@ class _Proof:
         codecs = {self._summaries[name].topic.name: codec for name, codec in self._codecs.items()}
         status = self._summaries.get("status")
         if status and status.topic.type == TOPICS["status"].type and status.definition:
-            with contextlib.suppress(BagFormatError):
+            with suppress(BagFormatError):
                 # A status of any version shows the progress of the drill.
                 codecs[status.topic.name] = Codec(TOPICS["status"].type, status.definition)
         return codecs
@@ -206,7 +208,7 @@ class _Proof:
                 codec,
                 RecordedMessages(recorded, names[name], TOPICS[name].latched),
                 self._stretches,
-                self._coverage.span,
+                self._coverage,
                 TOPICS[name].latched,
                 self._begins(),
             )
@@ -221,7 +223,7 @@ class _Proof:
                 comparisons[found[1]].add(found[2], (stretch, reached))
             else:
                 continue
-            if (stretch, reached) > self._coverage.span.reached and all(
+            if (stretch, reached) > self._coverage.reached and all(
                 comparison.exhausted for comparison in comparisons.values()
             ):
                 break
@@ -360,7 +362,7 @@ class _Proof:
         first = next(iter(self._bag.messages(names)))
         end = max(0, self._bag.duration - _LAST_STATUS)
         last = deque(chain([first], self._bag.messages(names, end)), maxlen=1)[0]
-        with contextlib.suppress(BagFormatError, TypeError):  # of another definition
+        with suppress(BagFormatError, TypeError):  # of another definition
             before, after = codec.decode(first.data), codec.decode(last.data)
             taken = sum(getattr(after, each, 0) - getattr(before, each, 0) for each in _COUNTERS)
             count = sum(summary.message_count for summary in held if summary)
@@ -377,7 +379,7 @@ class _Proof:
             Difference(self._journal, entry.time, message.log_time, field, value, computed)
         )
 
-    def _entries(self) -> Iterator[tuple[Message, JournalEntry]]:
+    def _entries(self) -> Iterator[Recorded]:
         for message, entry in journal_entries(self._bag.messages({self._journal}), self._codec):
             if entry.kind in STARTS:
                 held = entry.content

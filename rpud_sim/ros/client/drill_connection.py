@@ -34,7 +34,7 @@ from rpud_sim.ros.client.topic_lookup import (
     offers_of_topic,
     types_of_topic,
 )
-from rpud_sim.ros.types import message_class
+from rpud_sim.ros.graph import message_class
 
 _COMMANDS = {"weight_on_bit": WeightOnBit, "drive": Drive, "feed": Feed}
 _COMMAND_DEPTH = 100

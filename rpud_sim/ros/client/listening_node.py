@@ -15,8 +15,8 @@ from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 
 from rpud_sim.ros.client.errors import NoAnswerError
-from rpud_sim.ros.serving import raised
 from rpud_sim.ros.starting import name_error, start_ros
+from rpud_sim.ros.threads import raised
 
 _WITH_INFO = Subscription.CallbackType.WithMessageInfo
 _MOST_AT_ONCE = 10_000  # messages of a topic; more would keep its owner from looking

@@ -7,7 +7,7 @@ import re
 from typing import Any
 
 from rpud_sim.foundation.quantities import ParameterError, did_you_mean, shown
-from rpud_sim.ros.types import message_class
+from rpud_sim.ros.graph import message_class
 
 CUT = 128  # elements of an array, or characters of a text, that are shown unless all are wanted
 

@@ -20,7 +20,7 @@ from rpud_sim.ros.client.topic_lookup import (
     offers_of_topic,
     types_of_topic,
 )
-from rpud_sim.ros.types import UnknownTypeError, message_class
+from rpud_sim.ros.graph import UnknownTypeError, message_class
 
 _PUBLISHER_WAIT = 1.0  # for a publisher of a topic that has a subscription [s]
 _REFRESH_PERIOD = 0.5  # between looks at the publishers [s]

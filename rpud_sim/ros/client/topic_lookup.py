@@ -10,7 +10,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.validate_topic_name import validate_topic_name
 
-from rpud_sim.ros.qos import request_for
+from rpud_sim.ros.graph import request_for
 from rpud_sim.ros.starting import name_error
 
 _DEPTH = 5_000  # messages that may wait for a listener; Fast DDS keeps no more
@@ -40,6 +40,4 @@ def listening_qos(offers: Sequence[QoSProfile]) -> QoSProfile:
 
     A latched topic then gives its last messages at once.
     """
-    request = request_for(offers) if offers else QoSProfile(depth=_DEPTH)
-    request.depth = _DEPTH
-    return request
+    return request_for(offers, _DEPTH) if offers else QoSProfile(depth=_DEPTH)

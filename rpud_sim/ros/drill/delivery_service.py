@@ -7,8 +7,8 @@ from rclpy.exceptions import NameValidationException
 from rclpy.node import Node
 from rpud_msgs.srv import GetDelivery
 
-from rpud_sim.ros.discovery_probe import DiscoveryProbe
 from rpud_sim.ros.drill.pacing_loop import PacingLoop
+from rpud_sim.ros.graph import DiscoveryProbe
 
 _MOST_NODES = 100  # that are asked at a time, whoever wants it
 

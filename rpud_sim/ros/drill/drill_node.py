@@ -30,10 +30,9 @@ from rpud_sim.ros.drill.report import Report
 from rpud_sim.ros.drill.simulation_services import SimulationServer
 from rpud_sim.ros.drill.standard_services import StandardServer
 from rpud_sim.ros.drill.status_reporter import REPORT_PERIOD
-from rpud_sim.ros.requests import StoppedError
-from rpud_sim.ros.serving import quick_switches, serve
 from rpud_sim.ros.starting import StartError, start_ros
 from rpud_sim.ros.stopping import StopRequest, limit_end, limited_end
+from rpud_sim.ros.threads import StoppedError, quick_switches, serve
 from rpud_sim.simulation.configuration import Settings
 from rpud_sim.simulation.ensemble import compile_kernels
 from rpud_sim.simulation.ledger import FaultRecord

@@ -16,7 +16,7 @@ from rpud_sim.ros.drill.live_run import LiveRun
 from rpud_sim.ros.drill.managed_node import ManagedNode
 from rpud_sim.ros.drill.messages import message_to_fault, record_to_fault
 from rpud_sim.ros.drill.pacing_loop import PacingLoop
-from rpud_sim.ros.requests import StoppedError
+from rpud_sim.ros.threads import StoppedError
 from rpud_sim.simulation.channels import CHANNELS
 from rpud_sim.simulation.configuration import Settings
 from rpud_sim.simulation.faults import FaultError, check_kind

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from rpud_msgs.msg import CommandResult
 
-from rpud_sim.ros.lateness import Lateness
+from rpud_sim.ros.delay_histogram import DelayHistogram
 from rpud_sim.simulation.commands import Drive, Feed, WeightOnBit
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ class Inbox:
         # By kind and whether it was accepted.
         self._latest: dict[tuple[str, bool], CommandResult] = {}
         self._results_changed = False
-        self._delays = Lateness()
+        self._delays = DelayHistogram()
         self._second = 0
         self._logged = 0
         self._notify: Callable[[], None] = lambda: None
@@ -54,7 +54,7 @@ class Inbox:
 
     def begin(self) -> None:
         """Count from zero, and discard waiting commands: they were meant for the run before."""
-        self._delays = Lateness()
+        self._delays = DelayHistogram()
         with self._counting:
             self.discarded = len(self._waiting)
             self._latest.clear()
@@ -70,9 +70,9 @@ class Inbox:
             self.requests_refused = 0
             self.last_refusal = ""
 
-    def take_delays(self) -> Lateness:
+    def take_delays(self) -> DelayHistogram:
         """Return the delays from arrival to ``drain``, since the last call."""
-        delays, self._delays = self._delays, Lateness()
+        delays, self._delays = self._delays, DelayHistogram()
         return delays
 
     def accept(self, command: Command, result: CommandResult, arrived: int | None = None) -> None:

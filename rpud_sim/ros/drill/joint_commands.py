@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from sensor_msgs.msg import JointState
 
-from rpud_sim.drilling.feed import POSITION, RATE
+from rpud_sim.drilling.mount import POSITION, RATE
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.simulation.commands import Feed
 from rpud_sim.simulation.fields import JOINTS

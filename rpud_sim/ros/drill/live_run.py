@@ -20,7 +20,7 @@ from rpud_sim.ros.drill.pacer import Pacer
 from rpud_sim.ros.drill.publishers import DrillPublishers
 from rpud_sim.ros.drill.status_reporter import StatusReporter
 from rpud_sim.ros.drill.time_source import TimeSource
-from rpud_sim.ros.scheduling import schedule_thread
+from rpud_sim.ros.threads import schedule_thread
 from rpud_sim.simulation.changes import apply_change
 from rpud_sim.simulation.checkpoints import Checkpoints
 from rpud_sim.simulation.configuration import Configuration, Settings

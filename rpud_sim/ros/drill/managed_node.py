@@ -15,7 +15,7 @@ from rclpy.parameter import Parameter
 from rclpy.service import Service
 
 from rpud_sim.foundation.quantities import did_you_mean, shown
-from rpud_sim.ros.serving import raised
+from rpud_sim.ros.threads import raised
 
 Node = TypeVar("Node", bound="ManagedNode")
 Transition = Callable[[Node, LifecycleState], TransitionCallbackReturn]

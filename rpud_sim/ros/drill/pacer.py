@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable
 
 from rpud_sim.foundation.time import SECOND
-from rpud_sim.ros.lateness import Lateness
+from rpud_sim.ros.delay_histogram import DelayHistogram
 
 # A block is computed this long before its deadline, or right after the block before [s]. Requests
 # and parameters wait for its end from then on: with a longer lead services would answer late.
@@ -74,7 +74,7 @@ class Pacer:
         self._missed = 0
         self._lateness = 0.0
         self._lateness_max = 0.0
-        self._all = Lateness()
+        self._all = DelayHistogram()
         self._start = self._start_time = self._time = 0
         self._read_at = self._clock()
         self._read_time = 0

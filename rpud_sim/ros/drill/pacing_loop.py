@@ -9,7 +9,7 @@ from collections.abc import Callable
 from typing import Any
 
 from rpud_sim.ros.drill.live_run import LiveRun
-from rpud_sim.ros.requests import Requests, StoppedError
+from rpud_sim.ros.threads import Requests, StoppedError
 from rpud_sim.simulation.configuration import Settings
 
 _STANDSTILL_PERIOD = 0.1  # of /clock while time stands still [s]

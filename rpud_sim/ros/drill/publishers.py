@@ -13,7 +13,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import serialize_message
 
 from rpud_sim.bag.encoder import Encoder
-from rpud_sim.ros.types import members_of, message_class
+from rpud_sim.ros.graph import members_of, message_class
 from rpud_sim.simulation.fields import Fields, time_fields
 from rpud_sim.simulation.telemetry import Stream
 from rpud_sim.simulation.topics import TOPICS, Topic

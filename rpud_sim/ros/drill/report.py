@@ -9,11 +9,11 @@ from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from std_msgs.msg import Header
 
-from rpud_sim.drilling.feed import FEED_MODES, RATE
+from rpud_sim.drilling.mount import FEED_MODES, RATE
 from rpud_sim.drilling.process import ProcessState
 from rpud_sim.drilling.rock import NO_DEEPER
+from rpud_sim.ros.delay_histogram import DelayHistogram
 from rpud_sim.ros.drill.pacer import Punctuality
-from rpud_sim.ros.lateness import Lateness
 from rpud_sim.simulation.ensemble import Figures
 from rpud_sim.simulation.fields import Fields
 from rpud_sim.simulation.ledger import FaultRecord
@@ -43,9 +43,11 @@ class Report:
     namesakes: int  # other nodes of the same name
     scheduling: str  # how the system schedules the pacing thread
     timing: Punctuality  # punctuality of the blocks
-    command_delays: Lateness  # of commands, from their arrival until they acted, in the last second
+    command_delays: (
+        DelayHistogram  # of commands, from their arrival until they acted, in the last second
+    )
     # of impacts, from their stamps until they were published, in the last second
-    impact_delays: Lateness
+    impact_delays: DelayHistogram
     figures: Figures  # of the interval since the report before
     published: Mapping[str, int]  # messages by topic, the status of this report among them
     subscribers: Mapping[str, int]  # by topic
@@ -137,7 +139,7 @@ def report_to_diagnostics(
     )
 
 
-def _delay_values(name: str, delays: Lateness) -> dict[str, object]:
+def _delay_values(name: str, delays: DelayHistogram) -> dict[str, object]:
     return {
         f"{name}_delay_p50 [s]": f"{delays.quantile(0.5):.6f}",
         f"{name}_delay_p99 [s]": f"{delays.quantile(0.99):.6f}",

@@ -23,7 +23,7 @@ from rpud_sim.ros.drill.live_run import LONGEST_STEP, InterruptedStepError, Live
 from rpud_sim.ros.drill.managed_node import ManagedNode
 from rpud_sim.ros.drill.messages import nanoseconds_to_time
 from rpud_sim.ros.drill.pacing_loop import PacingLoop
-from rpud_sim.ros.requests import StoppedError
+from rpud_sim.ros.threads import StoppedError
 
 STOPPED = SimulationState.STATE_STOPPED
 PLAYING = SimulationState.STATE_PLAYING

@@ -10,13 +10,13 @@ from rpud_msgs.msg import CommandResults
 from std_msgs.msg import Header
 
 from rpud_sim.foundation.time import SECOND
+from rpud_sim.ros.delay_histogram import DelayHistogram
 from rpud_sim.ros.drill.inbox import Inbox
 from rpud_sim.ros.drill.messages import nanoseconds_to_time
 from rpud_sim.ros.drill.namesakes import DuplicateNodes
 from rpud_sim.ros.drill.pacer import Pacer
 from rpud_sim.ros.drill.publishers import RESULTS, DrillPublishers
 from rpud_sim.ros.drill.report import Report, report_to_diagnostics
-from rpud_sim.ros.lateness import Lateness
 from rpud_sim.simulation.block import Block, join_blocks
 from rpud_sim.simulation.fields import Bookkeeping
 from rpud_sim.simulation.run import Run
@@ -58,7 +58,7 @@ class StatusReporter:
         self._subscriptions = [each for each in node.subscriptions if each.topic in commands]
         self.last: Report | None = None  # the latest report, None before the first
         self._blocks: list[Block] = []
-        self._impact_delays = Lateness()
+        self._impact_delays = DelayHistogram()
         self._diagnostics_wait = False
         self._rests_until = 0
         self.begin()
@@ -78,7 +78,7 @@ class StatusReporter:
         self._totals = Statistics()
         self._interval = Statistics()
         self._inbox.begin()
-        self._impact_delays = Lateness()
+        self._impact_delays = DelayHistogram()
         self._due = 0
 
     def add(self, block: Block) -> None:
@@ -130,7 +130,7 @@ class StatusReporter:
             self.publish_diagnostics()  # one in each period, even where time is short
             self._count()
             timing, command_delays = pacer.read(), self._inbox.take_delays()
-            impact_delays, self._impact_delays = self._impact_delays, Lateness()
+            impact_delays, self._impact_delays = self._impact_delays, DelayHistogram()
             figures = self._interval.figures()
             self._totals.merge(self._interval)
             self._interval = Statistics()

@@ -3,18 +3,29 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
 from typing import Any
 
-from rclpy.qos import DurabilityPolicy, QoSCompatibility, QoSProfile, qos_check_compatible
+from rclpy.node import Node
+from rclpy.qos import (
+    DurabilityPolicy,
+    QoSCompatibility,
+    QoSProfile,
+    ReliabilityPolicy,
+    qos_check_compatible,
+)
 from rclpy.subscription import Subscription
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
-from rpud_sim.bag import Message
+from rpud_sim.bag import BagError, Message, Topic
+from rpud_sim.bag.definitions import find_definition, find_type_hash
 from rpud_sim.bag.losses import Losses
+from rpud_sim.bag.qos import QosProfile as RecordedProfile
 from rpud_sim.bag.sequence import SequenceGaps
-from rpud_sim.ros.qos import RECORDING_DEPTH
+from rpud_sim.ros.graph import message_class, request_for
+
+# Messages that may wait in the middleware for the recorder: ten seconds of a 1 kHz topic.
+RECORDING_DEPTH = 10_000
 
 _ENCAPSULATION = 4  # bytes before the fields of every message (CDR)
 _MATCHING = 3.0  # s in which a publisher that was found should be connected
@@ -24,74 +35,74 @@ _LATEST = 2**63 - 1  # in a bag [ns since the epoch]
 _AHEAD = 86_400_000_000_000  # that our clock may be set back while a message waits [ns]
 
 
-def is_damaged(data: bytes, log_time: int, publish_time: int) -> bool:
-    """Return whether these cannot be a message and its times [ns since the epoch].
-
-    The middleware delivers such messages from shared memory that a killed process has left behind.
-    A publisher's clock may be off, or missing: its time need only fit into a bag.
-    """
-    now = time.time_ns()
-    # A computer without a battery for its clock may live in 1970 as a whole.
-    earliest = min(_EARLIEST, max(1, now - _AHEAD))
-    times_fit = earliest <= log_time <= now + _AHEAD and 0 <= publish_time <= _LATEST
-    return len(data) < _ENCAPSULATION or not times_fit
-
-
-@dataclass
 class RecordedTopic:
-    """Topic with its subscription and its counts."""
+    """Topic of one type, subscribed with the QoS that its publishers offer, and its counts."""
 
-    name: str
-    type: str
-    message: Any
-    subscription: Subscription
-    request: QoSProfile  # QoS of the subscription
-    gaps: SequenceGaps  # of the middleware's sequence numbers
-    # publishers that were found last
-    endpoints: list[TopicEndpointInfo] = field(default_factory=list)
-    declared: bool = False  # whether the bag has its declaration
-    numbered: bool = True  # whether the middleware numbers its messages
-    # other types of the topic, which are not recorded
-    further_types: set[str] = field(default_factory=set)
-    # when it was subscribed first, by the monotonic clock [s]
-    subscribed_at: float = field(default_factory=time.monotonic)
-    damaged: int = 0  # messages that were damaged
-    received_at: float = float("-inf")  # when a message came last, by the monotonic clock [s]
-    # since when fewer publishers are connected than there are, by that clock [s]
-    unmatched: float | None = None
-    renewals: int = 0  # subscriptions that were renewed as a publisher was silent
-    _uncounted: int = 0  # damaged messages whose numbers are a gap in the next ones
-    _latest: dict[tuple[int, int | None, int], None] = field(default_factory=dict)
+    def __init__(self, node: Node, name: str, type_name: str) -> None:
+        self.name = name
+        self.type = type_name
+        self.message = message_class(type_name)
+        self.declared = False  # whether the bag has its declaration
+        self.further_types: set[str] = set()  # of the topic, which are not recorded
+        self.damaged = 0  # messages that were damaged
+        self.received_at = float("-inf")  # when a message came last, by the monotonic clock [s]
+        self.renewals = 0  # subscriptions that were renewed as a publisher was silent
+        self._node = node
+        self.endpoints = self._publishers()  # publishers that were found last
+        # Before the first publisher its subscribers show what it will have to offer.
+        known = self.endpoints or node.get_subscriptions_info_by_topic(name)
+        self.request = request_for([each.qos_profile for each in known], RECORDING_DEPTH)
+        self.subscription = self._subscribe()
+        # Gaps in the middleware's sequence numbers, and whether it numbers messages.
+        self.gaps = SequenceGaps(lambda: node.count_publishers(name))
+        self._numbered = True
+        self._uncounted = 0  # damaged messages whose numbers are a gap in the next ones
+        self._latest: dict[tuple[int, int | None, int], None] = {}
+        self._subscribed_at = time.monotonic()
+        # Since when fewer publishers are connected than there are, by the monotonic clock [s].
+        self._unmatched: float | None = None
 
     def losses(self, refused: int) -> Losses:
         """Return the losses; ``refused`` are messages that did not fit into the queue."""
-        return Losses(self.gaps.missing if self.numbered else None, refused, self.damaged)
+        return Losses(self.gaps.missing if self._numbered else None, refused, self.damaged)
 
-    def misses(self, offers: Sequence[QoSProfile]) -> bool:
-        """Return whether a publisher of these offers should have connected by now, and has not."""
-        fitting = sum(
-            qos_check_compatible(offer, self.request)[0] != QoSCompatibility.ERROR
-            for offer in offers
+    def follow(self) -> str:
+        """Look at the publishers; return why to subscribe again because of them, or ""."""
+        endpoints = self._publishers()
+        if not endpoints:
+            self._note_silence()
+            return ""
+        self.endpoints = endpoints
+        offers = [endpoint.qos_profile for endpoint in endpoints]
+        if not is_satisfied(self.request, offers):
+            self.request = request_for(offers, RECORDING_DEPTH)
+            return "a publisher offers less than before"
+        if self._misses(offers):
+            self.renewals += 1
+            return "a publisher that is there was not heard"
+        return ""
+
+    def renew(self) -> None:
+        """Subscribe again; what the old subscription holds is lost."""
+        self._node.destroy_subscription(self.subscription)
+        self._unmatched = None
+        self.subscription = self._subscribe()
+
+    def declaration(self, *, received: bool) -> tuple[Topic, str | None]:
+        """Return the topic and its definition for the bag; ``received`` if it has had a message."""
+        endpoints = self._publishers() or self.endpoints
+        offers = [endpoint.qos_profile for endpoint in endpoints]
+        if received and not offers:
+            # Its publisher is gone already; it offered at least what was requested.
+            offers = [self.request]
+        hashes = [str(endpoint.topic_type_hash) for endpoint in endpoints]
+        topic = Topic(
+            name=self.name,
+            type=self.type,
+            type_hash=hashes[0] if hashes else self._find(find_type_hash) or "",
+            offered_qos=tuple(map(recorded_profile, offers)),
         )
-        now = time.monotonic()
-        if self.subscription.handle.get_publisher_count() >= fitting:
-            self.unmatched = None
-        elif self.unmatched is None:
-            self.unmatched = now
-        elif now >= self.unmatched + _MATCHING * 2 ** min(self.renewals, 5):
-            self.unmatched = None
-            return True
-        return False
-
-    def note_silence(self) -> None:
-        """Count from the first message of each publisher, if none has been found in all the time.
-
-        Those that come are new: what they send before they know the subscription is lost.
-        """
-        settled = time.monotonic() >= self.subscribed_at + _DISCOVERY
-        volatile = self.request.durability != DurabilityPolicy.TRANSIENT_LOCAL
-        if settled and volatile and not self.endpoints:
-            self.gaps.from_first = True
+        return topic, self._find(find_definition)
 
     def accept(self, data: bytes, info: dict[str, Any], *, counts: bool) -> Message | None:
         """Return the message, None if damaged or repeated; ``counts`` makes a gap a loss."""
@@ -108,8 +119,55 @@ class RecordedTopic:
         self._note(number, counts)
         return Message(self.name, log_time, publish_time, data)
 
+    def _publishers(self) -> list[TopicEndpointInfo]:
+        endpoints = self._node.get_publishers_info_by_topic(self.name)
+        return [endpoint for endpoint in endpoints if endpoint.topic_type == self.type]
+
+    def _subscribe(self) -> Subscription:
+        # The recorder takes messages in batches, so nothing ever calls the callback: an executor
+        # costs several times as much for each message as the message itself.
+        return self._node.create_subscription(
+            self.message, self.name, lambda _: None, self.request, raw=True
+        )
+
+    def _find(self, find: Callable[[str], str]) -> str | None:
+        try:
+            return find(self.type)
+        except BagError as error:
+            self._node.get_logger().warning(f"{error}; the bag lacks it")
+            return None
+
+    def _misses(self, offers: Sequence[QoSProfile]) -> bool:
+        """Return whether a publisher of these offers should have connected by now, and has not."""
+        fitting = sum(
+            qos_check_compatible(offer, self.request)[0] != QoSCompatibility.ERROR
+            for offer in offers
+        )
+        now = time.monotonic()
+        if self.subscription.handle.get_publisher_count() >= fitting:
+            self._unmatched = None
+        elif self._unmatched is None:
+            self._unmatched = now
+        elif now >= self._unmatched + _MATCHING * 2 ** min(self.renewals, 5):
+            self._unmatched = None
+            return True
+        return False
+
+    def _note_silence(self) -> None:
+        """Count from the first message of each publisher, if none has been found in all the time.
+
+        Those that come are new: what they send before they know the subscription is lost.
+        """
+        settled = time.monotonic() >= self._subscribed_at + _DISCOVERY
+        if settled and not self._latched and not self.endpoints:
+            self.gaps.from_first = True
+
+    @property
+    def _latched(self) -> bool:
+        return self.request.durability == DurabilityPolicy.TRANSIENT_LOCAL
+
     def _is_repeated(self, publish_time: int, number: int | None, data: bytes) -> bool:
-        if self.request.durability != DurabilityPolicy.TRANSIENT_LOCAL:
+        if not self._latched:
             return False
         key = publish_time, number, hash(data)  # publishers may have no clock
         if key in self._latest:
@@ -121,7 +179,7 @@ class RecordedTopic:
 
     def _note(self, number: int | None, counts: bool) -> None:
         if number is None:
-            self.numbered = False
+            self._numbered = False
             return
         before = self.gaps.missing
         self.gaps.note(number)
@@ -131,3 +189,42 @@ class RecordedTopic:
         elif found:
             self.gaps.missing -= min(found, self._uncounted)
             self._uncounted = 0
+
+
+def is_damaged(data: bytes, log_time: int, publish_time: int) -> bool:
+    """Return whether these cannot be a message and its times [ns since the epoch].
+
+    The middleware delivers such messages from shared memory that a killed process has left behind.
+    A publisher's clock may be off, or missing: its time need only fit into a bag.
+    """
+    now = time.time_ns()
+    # A computer without a battery for its clock may live in 1970 as a whole.
+    earliest = min(_EARLIEST, max(1, now - _AHEAD))
+    times_fit = earliest <= log_time <= now + _AHEAD and 0 <= publish_time <= _LATEST
+    return len(data) < _ENCAPSULATION or not times_fit
+
+
+def is_satisfied(request: QoSProfile, offers: Sequence[QoSProfile]) -> bool:
+    """Return whether a request connects to every offer."""
+    weakest = request_for(offers, RECORDING_DEPTH)
+    return (
+        request.reliability == ReliabilityPolicy.BEST_EFFORT
+        or weakest.reliability == ReliabilityPolicy.RELIABLE
+    ) and (
+        request.durability == DurabilityPolicy.VOLATILE
+        or weakest.durability == DurabilityPolicy.TRANSIENT_LOCAL
+    )
+
+
+def recorded_profile(profile: QoSProfile) -> RecordedProfile:
+    return RecordedProfile(
+        history=profile.history.name.lower(),
+        depth=profile.depth,
+        reliability=profile.reliability.name.lower(),
+        durability=profile.durability.name.lower(),
+        deadline=profile.deadline.nanoseconds,
+        lifespan=profile.lifespan.nanoseconds,
+        liveliness=profile.liveliness.name.lower(),
+        liveliness_lease_duration=profile.liveliness_lease_duration.nanoseconds,
+        avoid_ros_namespace_conventions=profile.avoid_ros_namespace_conventions,
+    )

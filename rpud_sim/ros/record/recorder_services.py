@@ -7,88 +7,77 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import Any
 
-from rclpy.node import Node
 from std_srvs.srv import Trigger
 
-from rpud_sim.ros.record.intake import Intake
-from rpud_sim.ros.record.network_guard import NetworkGuard
+from rpud_sim.bag import BagWriter
+from rpud_sim.ros.record.recorder_node import Recorder
 
 
 class RecorderServices:
     """Services that pause, resume and split a recording.
 
-    Services: ``~/pause``, ``~/resume``, ``~/toggle_paused``, ``~/is_paused``, ``~/split_bagfile``,
-    of the types of rosbag2_interfaces, else std_srvs/Trigger and
+    They are ``~/pause``, ``~/resume``, ``~/toggle_paused``, ``~/is_paused`` and
+    ``~/split_bagfile``, of the types of rosbag2_interfaces, else std_srvs/Trigger and
     rpud_msgs/IsPaused. The node needs no executor: ``serve`` does waiting requests.
-
-    Args:
-        node: that owns them.
-        intake: that they act on.
-        catch_up: hands the intake all that was received before a request.
     """
 
-    def __init__(
-        self, node: Node, guard: NetworkGuard, intake: Intake, catch_up: Callable[[], None]
-    ) -> None:
+    def __init__(self, node: Recorder) -> None:
         self._node = node
-        self._guard = guard
-        self._catch_up = catch_up
-        self._intake = intake
-        actions: dict[str, Callable[[], tuple[bool, str]]] = {
-            "Pause": self._pause,
-            "Resume": self._resume,
-            "IsPaused": lambda: (True, ""),
-            "TogglePaused": lambda: self._resume() if intake.paused else self._pause(),
-            "SplitBagfile": self._split,
-        }
-        self._services = []
-        for kind, action in actions.items():
-            service = service_type(kind)
-            if service is None:
-                continue
-            name = "".join(f"_{letter.lower()}" if letter.isupper() else letter for letter in kind)
+        intake = node.intake
+
+        def toggle() -> str:
+            return resume() if intake.paused else pause()
+
+        def pause() -> str:
+            intake.pause()
+            return "paused"
+
+        def resume() -> str:
+            intake.resume()
+            return "resumed"
+
+        def split() -> str:
+            intake.do(BagWriter.split)
+            return "goes on in a new file"
+
+        self._services = [
             # ``serve`` takes the requests, so nothing ever calls the callback.
-            handle = node.create_service(service, f"~/{name[1:]}", lambda _, response: response)
-            self._services.append((service, handle, action))
+            (kind, node.create_service(kind, f"~/{name}", lambda _, response: response), action)
+            for name, action in (
+                ("pause", pause),
+                ("resume", resume),
+                ("is_paused", lambda: ""),
+                ("toggle_paused", toggle),
+                ("split_bagfile", split),
+            )
+            if (kind := service_type(name)) is not None
+        ]
 
     def serve(self) -> None:
         """Do what was asked for, and answer."""
-        for service, server, action in self._services:
-            with self._guard("a request"):
-                self._serve(service, server, action)
+        for kind, server, action in self._services:
+            with self._node.guard("a request"):
+                self._serve(kind, server, action)
 
-    def _serve(self, service: Any, server: Any, action: Callable[[], tuple[bool, str]]) -> None:
+    def _serve(self, kind: Any, server: Any, action: Callable[[], str]) -> None:
         with server.handle:
-            request, header = server.handle.service_take_request(service.Request)
+            request, header = server.handle.service_take_request(kind.Request)
         if request is None or header is None:
             return
-        self._catch_up()
-        success, text = action()
-        if text:
+        self._node.receive_all()
+        if text := action():
             self._node.get_logger().info(text)
-        response = service.Response()
-        answers = {"success": success, "message": text, "paused": self._intake.paused}
+        response = kind.Response()
+        answers = {"success": True, "message": text, "paused": self._node.intake.paused}
         for field, value in answers.items():
             if hasattr(response, field):
                 setattr(response, field, value)
         server.send_response(response, header)
 
-    def _pause(self) -> tuple[bool, str]:
-        self._intake.pause()
-        return True, "paused"
 
-    def _resume(self) -> tuple[bool, str]:
-        self._intake.resume()
-        return True, "resumed"
-
-    def _split(self) -> tuple[bool, str]:
-        self._intake.split()
-        return True, "goes on in a new file"
-
-
-def service_type(kind: str) -> Any:
+def service_type(name: str) -> Any:
     """Return the type of a rosbag2 service, or its substitute; None if neither is installed."""
     for package in ("rosbag2_interfaces", "rpud_msgs"):
         with suppress(ImportError, AttributeError):
-            return getattr(importlib.import_module(f"{package}.srv"), kind)
-    return None if kind == "IsPaused" else Trigger
+            return getattr(importlib.import_module(f"{package}.srv"), name.title().replace("_", ""))
+    return None if name == "is_paused" else Trigger

@@ -1,48 +1,148 @@
-"""Playback of a bag: messages when they are due, under control. No ROS, no thread; times in ns."""
+"""Playback of a bag: messages when they are due, under control. No ROS; times in ns."""
 
 from __future__ import annotations
 
+import threading
 import time
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections import deque
+from collections.abc import Callable, Generator, Iterable
+from dataclasses import dataclass, replace
 from math import inf
-from typing import Protocol
+from typing import TYPE_CHECKING
 
 from rpud_sim.bag import Message
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.foundation.time import SECOND
-from rpud_sim.ros.lateness import Lateness
+from rpud_sim.ros.delay_histogram import DelayHistogram
 from rpud_sim.ros.replay.replay_options import RATE
-from rpud_sim.ros.replay.timeline import Timeline
 
+if TYPE_CHECKING:
+    from rpud_sim.ros.replay.replayer_node import Replayer
+
+_BATCH_MESSAGES = 256
+_BATCH_BYTES = 1 << 20  # beyond which a batch ends
+_BATCHES = 16
 _BEHIND = SECOND // 20  # later than this, messages come as fast as they can
 _LOOP_PAUSE = SECOND // 10  # between two passes, so that a bag of one message is no flood
 _BUNDLE_TIME = SECOND // 1000  # in which messages are published before requests are served again
 
 
-class RefusedError(Exception):
-    """Request that the state of the replay does not permit; it changes nothing."""
+@dataclass(frozen=True)
+class Timeline:
+    """Position in a bag as a function of a monotonic clock; all times are integer nanoseconds.
+
+    Every change but a seek keeps the position.
+    """
+
+    position: int  # in the bag until ``since``
+    since: int  # time of the clock from which on it moves, unless it is paused
+    rate: float = 1.0  # bag time over clock time
+    paused: bool = False  # whether it stands still
+
+    def position_at(self, now: int) -> int:
+        if self.paused:
+            return self.position
+        return self.position + round(max(0, now - self.since) * self.rate)
+
+    def due(self, position: int) -> float:
+        """Return the time of the clock at which a position is reached; infinite if paused."""
+        if self.paused:
+            return float("inf")
+        return self.since + (position - self.position) / self.rate
+
+    def seek(self, now: int, position: int) -> Timeline:
+        return replace(self, position=position, since=now)
+
+    def pause(self, now: int) -> Timeline:
+        """Return a timeline that stands still from now on."""
+        return replace(self._held(now), paused=True)
+
+    def resume(self, now: int) -> Timeline:
+        return replace(self._held(now), paused=False)
+
+    def with_rate(self, now: int, rate: float) -> Timeline:
+        return replace(self._held(now), rate=rate)
+
+    def _held(self, now: int) -> Timeline:
+        return self.seek(max(now, self.since), self.position_at(now))
 
 
-class Messages(Protocol):
-    """Messages in the order of their log times."""
+class ReadAhead:
+    """Iterator over messages that a thread reads in advance.
 
-    def __iter__(self) -> Iterator[Message]: ...
+    At most about 4,000 messages wait, or 16 MiB and one message for each of 16 batches. So many are
+    read when it is made: later on the thread has little to do at a time, and the messages before it
+    are not late. An error of reading is raised after the last message. While it is open no one else
+    may read the same files.
+    """
 
-    def __next__(self) -> Message: ...
+    def __init__(self, messages: Iterable[Message]) -> None:
+        self._batches: deque[list[Message] | Exception] = deque()
+        self._room = threading.Semaphore(_BATCHES)
+        self._filled = threading.Semaphore(0)
+        self._full = threading.Event()
+        self._closed = False
+        self._iterator = self._iterate()
+        self._thread = threading.Thread(target=self._read, args=(messages,), daemon=True)
+        self._thread.start()
+        self._full.wait()
+
+    def __iter__(self) -> ReadAhead:
+        return self
+
+    def __next__(self) -> Message:
+        """Return the next message; wait until it is read."""
+        return next(self._iterator)
 
     def close(self) -> None:
-        """End reading."""
+        """End reading, and wait until the thread has ended."""
+        self._closed = True
+        self._iterator.close()
+        self._room.release()
+        self._thread.join()
+
+    def _iterate(self) -> Generator[Message, None, None]:
+        while True:
+            self._filled.acquire()
+            batch = self._batches.popleft()
+            if isinstance(batch, Exception):
+                raise batch
+            if not batch:
+                return
+            yield from batch
+            self._room.release()
+
+    def _read(self, messages: Iterable[Message]) -> None:
+        batch: list[Message] = []
+        size = 0
+        end: list[Message] | Exception = []
+        try:
+            for message in messages:
+                batch.append(message)
+                size += len(message.data)
+                if len(batch) == _BATCH_MESSAGES or size >= _BATCH_BYTES:
+                    if not self._hand_over(batch):
+                        return
+                    batch, size = [], 0
+        except Exception as error:
+            end = error
+        if not batch or self._hand_over(batch):
+            self._hand_over(end)
+        self._full.set()
+
+    def _hand_over(self, batch: list[Message] | Exception) -> bool:
+        if not self._room.acquire(blocking=False):
+            self._full.set()
+            self._room.acquire()
+        if self._closed:
+            return False
+        self._batches.append(batch)
+        self._filled.release()
+        return True
 
 
-class Outputs(Protocol):
-    """Publishers of a playback."""
-
-    def publish(self, message: Message, *, hurried: bool) -> None:
-        """Publish a message; if ``hurried``, only its subscribers pace it."""
-
-    def publish_clock(self, bag_time: int) -> None:
-        """Publish the bag's time [ns]."""
+class RefusedError(Exception):
+    """Request that the state of the replay does not permit; it changes nothing."""
 
 
 @dataclass(frozen=True)
@@ -66,23 +166,23 @@ class Playback:
 
     def __init__(
         self,
-        read: Callable[[int], Messages],
+        read: Callable[[int], ReadAhead],
         plan: Plan,
-        outputs: Outputs,
+        outputs: Replayer,
         clock: Callable[[], int] = time.monotonic_ns,
     ) -> None:
         self._read = read
         self._plan = plan
         self._outputs = outputs
         self._clock = clock
-        self._messages: Messages | None = None
+        self._messages: ReadAhead | None = None
         self._next: Message | None = None
         self._timeline = Timeline(plan.first, clock(), plan.rate, plan.paused)
         self._tick = inf
         self._stopped = False
         self._failure: Exception | None = None
         self.published = 0
-        self.lateness = Lateness()
+        self.lateness = DelayHistogram()
 
     @property
     def paused(self) -> bool:

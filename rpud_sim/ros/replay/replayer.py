@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import Any, Protocol
+from typing import Any
 
 import rclpy
 from rclpy.exceptions import ParameterException
@@ -17,15 +17,13 @@ from rpud_sim.bag import BagReader, TopicSummary
 from rpud_sim.foundation.quantities import suggestion
 from rpud_sim.foundation.terminal import printable
 from rpud_sim.foundation.time import SECOND
-from rpud_sim.ros.replay.playback import Plan, Playback
-from rpud_sim.ros.replay.playback_thread import PlaybackThread
-from rpud_sim.ros.replay.read_ahead import ReadAhead
+from rpud_sim.ros.replay.playback import Plan, Playback, ReadAhead
+from rpud_sim.ros.replay.playback_thread import PlaybackThread, offer_services
 from rpud_sim.ros.replay.replay_options import DISCOVERY_TIME, ReplayOptions
-from rpud_sim.ros.replay.replay_services import ReplayServices
 from rpud_sim.ros.replay.replayer_node import Replayer
-from rpud_sim.ros.serving import quick_switches, serve, settled_memory
 from rpud_sim.ros.starting import StartError, start_ros
 from rpud_sim.ros.stopping import StopRequest
+from rpud_sim.ros.threads import quick_switches, serve, settled_memory
 
 _PRIORITY = 10  # as of a drill: in real time or slower; faster, it could keep a core for itself
 _SETTLING_TIME = 0.2  # s from a publisher's match to the subscriber's own
@@ -34,11 +32,8 @@ _BAR_PERIOD = 0.05  # s
 _ACKNOWLEDGEMENT_TIME = 5.0  # s that reliable subscribers have after the last message
 
 
-class MakeBar(Protocol):
-    """Maker of a progress bar."""
-
-    def __call__(self, *, title: str, total: float) -> Any:
-        """Return a ``tqdm`` bar of that many seconds."""
+MakeBar = Callable[..., Any]
+"""Maker of a progress bar: a ``tqdm`` with a ``title`` and a ``total`` in seconds."""
 
 
 class OptionError(ValueError):
@@ -129,7 +124,7 @@ def _replay(
 
     playback = Playback(read, plan, node)
     thread = PlaybackThread(playback, _PRIORITY if options.rate <= 1.0 else 0)
-    ReplayServices(node, thread, node.count_failure)
+    offer_services(node, thread)
     bar = make_bar(title=printable(bag.path.name), total=(plan.last - plan.first) / SECOND)
     with (
         quick_switches(),

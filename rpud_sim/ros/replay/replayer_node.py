@@ -2,27 +2,38 @@
 
 from __future__ import annotations
 
+import re
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from math import inf
 from typing import Any
 
+import numpy as np
 from rclpy.duration import Duration
 from rclpy.exceptions import NameValidationException
 from rclpy.node import Node
 from rclpy.publisher import Publisher
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import DurabilityPolicy, LivelinessPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.validate_full_topic_name import validate_full_topic_name
 from rosgraph_msgs.msg import Clock
 
-from rpud_sim.bag import Message, Topic, TopicSummary
+from rpud_sim.bag import BagError, BagFormatError, Message, Topic, TopicSummary
+from rpud_sim.bag.cdr import Codec
+from rpud_sim.bag.definitions import find_type_hash
+from rpud_sim.bag.qos import QosProfile as RecordedProfile
 from rpud_sim.foundation.terminal import printable
 from rpud_sim.foundation.time import split_seconds
-from rpud_sim.ros.qos import REPLAY_DEPTH, replay_offer
-from rpud_sim.ros.replay.earlier_types import conversion
-from rpud_sim.ros.types import UnknownTypeError, message_class
+from rpud_sim.ros.graph import UnknownTypeError, message_class
 
 CLOCK = "/clock"
+
+# Messages of a replayed topic that may wait for acknowledgement; Fast DDS keeps no more.
+REPLAY_DEPTH = 5_000
+DEPTH_LIMIT = 2**31 - 1  # greatest depth that the middleware accepts
+# Messages that a replayed latched topic keeps; discovery does not show how many it was.
+LATCHED_DEPTH = 10
+# Type of the elements of a field, such as ``sequence<rpud_msgs/Fault>``.
+_ELEMENT = re.compile(r"(?:.*<)?(\w+)/(\w+).*")
 _LONGEST_WAIT = 5_000_000_000  # for subscribers of a fast replay [ns]
 
 
@@ -33,8 +44,7 @@ class Replayer(Node):
     topic is skipped with a warning if its name is invalid in ROS, if its type is not installed or
     not the only one, or if it would share its name with a topic of another type.
 
-    Services: those of ``ReplayServices``. ``remappings`` are other names of topics, as
-    ``OLD:=NEW``.
+    ``remappings`` are other names of topics, as ``OLD:=NEW``.
     """
 
     def __init__(
@@ -50,7 +60,7 @@ class Replayer(Node):
             cli_args=["--ros-args", *rules] if rules else None,
             start_parameter_services=False,
         )
-        self._failures = 0
+        self.failures = 0  # requests that raised an error
         self._replayed: dict[str, Publisher] = {}
         self._send: dict[str, Callable[[bytes], None]] = {}
         self._types: dict[str, str] = {}  # by the names that they are published with
@@ -117,13 +127,9 @@ class Replayer(Node):
         if other != topic.type:
             raise UnknownTypeError(f"it is a {topic.type}, and {name} is a {other}")
 
-    @property
-    def failures(self) -> int:
-        return self._failures
-
     def count_failure(self, reason: str) -> None:
         """Count a request that raised an error, and log why, once a second at most."""
-        self._failures += 1
+        self.failures += 1
         self.get_logger().warning(f"request failed: {reason}", throttle_duration_sec=1.0)
 
     @property
@@ -177,3 +183,80 @@ def _chain(
     converted: Callable[[bytes], Any], publish: Callable[[Any], None]
 ) -> Callable[[bytes], None]:
     return lambda data: publish(converted(data))
+
+
+def replay_offer(recorded: Sequence[RecordedProfile]) -> QoSProfile:
+    """Return the QoS of a replayed topic: the strongest of each policy that was offered.
+
+    So every subscriber that connected to one of the publishers connects to the replay. Without a
+    recorded offer the topic is reliable and volatile.
+    """
+    latched = any(profile.durability == "transient_local" for profile in recorded)
+    depths = [
+        min(max(profile.depth, 1), DEPTH_LIMIT)
+        for profile in recorded
+        if profile.history == "keep_last"
+    ]
+    default_depth = LATCHED_DEPTH if latched else REPLAY_DEPTH
+    reliable = not recorded or any(profile.reliability != "best_effort" for profile in recorded)
+    manual = any(profile.liveliness == "manual_by_topic" for profile in recorded)
+    offer = QoSProfile(
+        # Except for latched topics a depth is only room, which a fast replay needs.
+        depth=max(depths, default=default_depth) if latched else max([*depths, default_depth]),
+        reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
+        liveliness=LivelinessPolicy.MANUAL_BY_TOPIC if manual else LivelinessPolicy.AUTOMATIC,
+    )
+    if recorded:
+        offer.deadline = Duration(nanoseconds=min(profile.deadline for profile in recorded))
+        offer.lifespan = Duration(nanoseconds=max(profile.lifespan for profile in recorded))
+        offer.liveliness_lease_duration = Duration(
+            nanoseconds=min(profile.liveliness_lease_duration for profile in recorded)
+        )
+    return offer
+
+
+def conversion(summary: TopicSummary, installed: Any) -> Callable[[bytes], Any] | None:
+    """Return what makes messages of an installed class of a topic's bytes; None if they are such.
+
+    A subscriber drops a message that ends early. Fields that the recorded version lacks get their
+    default. One with a field that the installed version lacks is an UnknownTypeError.
+    """
+    topic = summary.topic
+    try:
+        same = topic.type_hash in ("", find_type_hash(topic.type))
+    except BagError:  # the type is no part of an installation
+        return None
+    if same or summary.definition is None:
+        return None
+    try:
+        codec = Codec(topic.type, summary.definition)
+    except BagFormatError as error:
+        raise UnknownTypeError(str(error)) from error
+    recorded = {name for name, _, _ in codec.fields(topic.type)}
+    if gone := recorded - installed.get_fields_and_field_types().keys():
+        raise UnknownTypeError(f"the installed {topic.type} has no {', '.join(sorted(gone))}")
+
+    def converted(data: bytes) -> Any:
+        try:
+            return _filled(installed(), codec.decode(data))
+        except (AssertionError, AttributeError, BagFormatError, TypeError, ValueError):
+            return data  # a damaged one goes out as it is
+
+    return converted
+
+
+def _filled(message: Any, values: Any) -> Any:
+    for name, kind in message.get_fields_and_field_types().items():
+        if not hasattr(values, name):
+            continue
+        value = getattr(values, name)
+        if "/" not in kind:
+            value = value.tolist() if isinstance(value, np.ndarray) else value
+        elif isinstance(value, list):
+            element = message_class(_ELEMENT.sub(r"\1/msg/\2", kind))
+            value = [_filled(element(), each) for each in value]
+        else:
+            value = _filled(getattr(message, name), value)
+        setattr(message, name, value)
+    return message

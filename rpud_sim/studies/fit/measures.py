@@ -12,8 +12,8 @@ from types import MappingProxyType
 import numpy as np
 
 from rpud_sim.foundation.time import SECOND
+from rpud_sim.model.contact import single_contact
 from rpud_sim.model.segment import IMPACT, join_records
-from rpud_sim.model.single_contact import single_contact
 from rpud_sim.simulation.block import Block
 from rpud_sim.simulation.configuration import Configuration
 from rpud_sim.simulation.members import QuietRuns, runs_by_itself

@@ -17,7 +17,7 @@ from rpud_sim.foundation.quantities import (
     shown_name,
 )
 from rpud_sim.foundation.time import SECOND
-from rpud_sim.foundation.yaml_files import read_yaml
+from rpud_sim.foundation.yaml_files import cursor_at, read_yaml
 from rpud_sim.simulation.changes import Planned, check_commands, parse_commands
 from rpud_sim.simulation.conditions import check_honoured
 from rpud_sim.simulation.configuration import NODE_NAMES, PARAMETERS
@@ -210,12 +210,8 @@ def _cases(content: Any, taken: Iterable[str]) -> dict[str, Case]:
 
 
 def _commands(entry: str, content: Any) -> tuple[Planned, ...]:
-    if not isinstance(content, list):
-        raise SweepError(f"{entry}: {shown(content)} is not a list")
-    try:
-        return parse_commands(content)
-    except ParameterError as error:
-        raise SweepError(f"{entry}: {error}") from None
+    cursor = cursor_at(content, entry, SweepError)
+    return parse_commands(cursor.sequence("command {number}", other="{shown} is not a list"))
 
 
 def _faults(content: Any) -> dict[str, Fault]:

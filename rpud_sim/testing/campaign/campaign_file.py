@@ -29,7 +29,7 @@ from rpud_sim.testing.campaign.specification import (
 from rpud_sim.testing.campaign.system_entry import to_system
 from rpud_sim.testing.setup import DrillSetup, drill_setup
 from rpud_sim.verdicts import Expectation, ExpectationError, read_expectations
-from rpud_sim.verdicts.expectation_files import parse_expectations
+from rpud_sim.verdicts.notation import parse_expectations
 
 _KEYS = (
     "name",

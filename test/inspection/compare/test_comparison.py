@@ -13,7 +13,8 @@ from rpud_sim.bag.cdr import Codec
 from rpud_sim.cli.main import main
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.foundation.time import SECOND
-from rpud_sim.inspection.compare import CompareError, compare
+from rpud_sim.inspection import InspectionError
+from rpud_sim.inspection.compare import compare
 from rpud_sim.inspection.compare.content import content
 from rpud_sim.inspection.compare.estimates import DIFFERS
 from rpud_sim.inspection.compare.recorded_values import RecordedValues
@@ -216,7 +217,7 @@ def test_a_run_of_several_is_chosen(made, tmp_path):
     assert not found.equal_bits
     assert found.names == (f"{path} /rpud run 1", f"{path} /rpud run 2")
     assert found.values[1].begin < 0.1
-    with pytest.raises(CompareError, match=r"run = 3 is outside its range \[1, 2\]"):
+    with pytest.raises(InspectionError, match=r"run = 3 is outside its range \[1, 2\]"):
         compare([path, path], run_numbers=[3])
 
 
@@ -232,9 +233,11 @@ def test_a_drill_of_several_is_chosen(made, tmp_path):
                     relative = m.topic.removeprefix("/rpud")
                     writer.write(f"{space}{relative}", m.data, m.log_time, m.publish_time)
     path = tmp_path / "both"
-    with pytest.raises(CompareError, match="several drills: choose --namespace of /left, /right"):
+    with pytest.raises(
+        InspectionError, match="several drills: choose --namespace of /left, /right"
+    ):
         compare([path, made / "a"])
-    with pytest.raises(CompareError, match="did you mean /left"):
+    with pytest.raises(InspectionError, match="did you mean /left"):
         compare([path, made / "a"], namespaces=["lefd", None])
     assert compare([path, made / "a"], namespaces=["left", None]).equal_bits
     assert not compare([path, path], namespaces=["/left", "/right/"]).equal_bits
@@ -278,9 +281,9 @@ def test_wrong_arguments_are_one_line(made, options, text):
 def test_what_cannot_be_compared_is_one_line(made, tmp_path):
     with pytest.raises(ParameterError, match=r"1 bags are outside the range \[2, 6\]"):
         compare([made / "a"])
-    with pytest.raises(CompareError, match="holds no topic of a drill"):
+    with pytest.raises(InspectionError, match="holds no topic of a drill"):
         compare([made / "a", write_damaged(tmp_path / "damaged")])
-    with pytest.raises(CompareError, match="no time in common from 50 s to the end"):
+    with pytest.raises(InspectionError, match="no time in common from 50 s to the end"):
         compare([made / "a", made / "other"], begin=50.0)
 
 

@@ -7,9 +7,10 @@ from rpud_sim.foundation.time import SECOND
 from rpud_sim.inspection.compare.comparison import compare_values
 from rpud_sim.inspection.compare.estimates import DIFFERS
 from rpud_sim.inspection.compare.quantities import IMPACTS
-from rpud_sim.inspection.compare.recorded_drill import Origins, RecordedDrill
 from rpud_sim.inspection.compare.recorded_values import RecordedValues
 from rpud_sim.inspection.compare.windows import Window
+from rpud_sim.inspection.recorded_drill import Clock, RecordedDrill
+from rpud_sim.inspection.recorded_journal import JOURNAL, installed_codec
 from rpud_sim.simulation import Parameters, Simulation, Times, preset
 
 DRILLING = preset("drilling")
@@ -31,9 +32,8 @@ def simulated_values(parameters: Parameters, phase: float, duration: int) -> Rec
         positions.append(samples.nodal_plane_position.copy())
     found = np.concatenate(impacts)
     times = np.arange(duration * RATE) / RATE
-    origin = Origins(np.zeros(1, np.int64), np.zeros(1, np.int64))
     return RecordedValues(
-        RecordedDrill("", "", 1, 1, 0, 0, origin),
+        RecordedDrill("", "/journal", installed_codec(JOURNAL), None, Clock(0)),
         {
             IMPACTS: {
                 "time": found["seconds"] + found["fraction"],

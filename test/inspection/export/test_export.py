@@ -30,7 +30,8 @@ from rpud_sim.bag import BagError, BagWriter, Topic
 from rpud_sim.bag.losses import RECORD_NAME, Losses, losses_to_record
 from rpud_sim.bag.manifest import RECORD_NAME as MANIFEST
 from rpud_sim.bag.manifest import Manifest, manifest_from_record
-from rpud_sim.inspection.export.export import ACCOUNT, FORMATS, ExportError, export, file_stem
+from rpud_sim.inspection import InspectionError
+from rpud_sim.inspection.export import ACCOUNT, FORMATS, export, file_stem
 from rpud_sim.simulation import preset
 
 
@@ -171,7 +172,9 @@ def test_an_unknown_topic_leaves_nothing_behind(drilled, tmp_path):
 def test_nothing_is_overwritten(everything, tmp_path):
     for name in ("out", "out.part"):
         (tmp_path / name).mkdir()
-        with pytest.raises(ExportError, match=rf"{name} exists already; nothing is overwritten"):
+        with pytest.raises(
+            InspectionError, match=rf"{name} exists already; nothing is overwritten"
+        ):
             export(everything, tmp_path / "out")
         (tmp_path / name).rmdir()
 
@@ -210,12 +213,12 @@ def test_hostile_names_of_topics_stay_in_the_folder(tmp_path):
     assert {path.name for path in tmp_path.iterdir()} == {"bag", *FORMATS}
 
 
-EXPORT = "import sys; from rpud_sim.inspection.export.export import *\n"
+EXPORT = "import sys; from rpud_sim.inspection.export import *\n"
 
 
 @pytest.mark.parametrize("file_format", FORMATS)
 def test_a_disk_that_is_full_is_one_error_and_leaves_nothing_behind(drilled, tmp_path, file_format):
-    script = EXPORT + "try: export(*sys.argv[1:])\nexcept ExportError as error: print(error)"
+    script = EXPORT + "try: export(*sys.argv[1:])\nexcept InspectionError as error: print(error)"
     done = subprocess.run(
         # -B: the bytecode of what it imports would be cut off as well, and stay.
         [sys.executable, "-B", "-c", script, drilled, tmp_path / "out", file_format],

@@ -7,7 +7,7 @@ import pytest
 import rpud_sim.bag
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.definitions import find_definition
-from rpud_sim.inspection.verify.recorded_journal import UnverifiableError
+from rpud_sim.inspection.recorded_journal import UnverifiableError
 from rpud_sim.inspection.verify.verification import verify
 
 

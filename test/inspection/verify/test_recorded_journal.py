@@ -11,9 +11,9 @@ from inspection.verify.proof_bags import JOURNAL
 from rpud_sim.bag import Message
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.definitions import find_definition
-from rpud_sim.inspection.verify.installed_types import JOURNAL as TYPE
-from rpud_sim.inspection.verify.installed_types import installed_codec
-from rpud_sim.inspection.verify.recorded_journal import Stretches, UnverifiableError
+from rpud_sim.inspection.recorded_journal import JOURNAL as TYPE
+from rpud_sim.inspection.recorded_journal import UnverifiableError, installed_codec
+from rpud_sim.inspection.verify.coverage import Stretches
 from rpud_sim.inspection.verify.verification import PROVED, verify
 from rpud_sim.simulation.journal import JournalEntry
 from rpud_sim.simulation.versions import ENGINE

@@ -10,8 +10,8 @@ from altered_bags import altered, flipped, messages_of, numbered
 from rpud_sim.bag import BagWriter, Topic
 from rpud_sim.bag.definitions import find_definition
 from rpud_sim.cli.main import main
-from rpud_sim.inspection.forked_bag import write_fork
-from rpud_sim.inspection.verify.installed_types import installed_codec
+from rpud_sim.inspection.offline_bag import write_fork
+from rpud_sim.inspection.recorded_journal import installed_codec
 from rpud_sim.inspection.verify.verification import verify
 from rpud_sim.simulation.commands import WeightOnBit
 from rpud_sim.simulation.configuration import Settings

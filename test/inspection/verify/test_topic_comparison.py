@@ -9,10 +9,10 @@ from support import examples
 import rpud_sim.bag
 from rpud_sim.bag import BagWriter, Message, QosProfile, Topic
 from rpud_sim.bag.message_block import MessageBlock
+from rpud_sim.inspection.recorded_journal import installed_codec
 from rpud_sim.inspection.verify import recorded_topics
-from rpud_sim.inspection.verify.computed_block import computed_blocks
-from rpud_sim.inspection.verify.installed_types import installed_codec
-from rpud_sim.inspection.verify.recorded_journal import Span, Stretches
+from rpud_sim.inspection.verify.coverage import Coverage, Stretches
+from rpud_sim.inspection.verify.messages import computed_blocks
 from rpud_sim.inspection.verify.recorded_topics import RecordedMessages, RecordedTopics
 from rpud_sim.inspection.verify.topic_comparison import TopicComparison
 from rpud_sim.simulation.configuration import to_settings
@@ -146,7 +146,7 @@ def test_by_the_block_the_result_is_that_of_single_messages(name, runs, damages,
             CODECS[name],
             source,
             stretches_of(runs),
-            Span((0, 0), (runs - 1, reached)),
+            Coverage((0, 0), (runs - 1, reached), 0, None, 0),
         )
         for together, stretch in found:
             if by_block:

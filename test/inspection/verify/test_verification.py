@@ -12,7 +12,7 @@ import rpud_sim.bag
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.definitions import find_definition
 from rpud_sim.inspection.offline_bag import write_offline_bag as write_bag
-from rpud_sim.inspection.verify.installed_types import installed_codec
+from rpud_sim.inspection.recorded_journal import installed_codec
 from rpud_sim.inspection.verify.verification import PROVED, verify
 from rpud_sim.simulation import preset
 from rpud_sim.simulation.configuration import to_settings

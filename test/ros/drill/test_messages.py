@@ -29,7 +29,7 @@ from rpud_sim.drilling.rock import RockParameters
 from rpud_sim.model.segment import CONSTANTS, SEGMENT
 from rpud_sim.ros.drill import messages
 from rpud_sim.ros.drill.messages import filled
-from rpud_sim.ros.types import members_of
+from rpud_sim.ros.graph import members_of
 from rpud_sim.simulation import fields, preset
 from rpud_sim.simulation.actuator import ActuatorParameters
 from rpud_sim.simulation.commands import Drive, WeightOnBit

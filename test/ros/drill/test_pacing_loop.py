@@ -20,7 +20,7 @@ from rpud_sim.ros.drill.pacer import Pacer
 from rpud_sim.ros.drill.pacing_loop import PacingLoop
 from rpud_sim.ros.drill.publishers import DrillPublishers
 from rpud_sim.ros.drill.status_reporter import CHANGE_PERIOD
-from rpud_sim.ros.requests import StoppedError
+from rpud_sim.ros.threads import StoppedError
 from rpud_sim.simulation.commands import WeightOnBit
 from rpud_sim.simulation.configuration import Settings
 

@@ -7,9 +7,9 @@ from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.serialization import serialize_message
 
+from rpud_sim.ros.delay_histogram import DelayHistogram
 from rpud_sim.ros.drill.pacer import Punctuality
 from rpud_sim.ros.drill.report import Report, report_to_diagnostics
-from rpud_sim.ros.lateness import Lateness
 from rpud_sim.simulation.commands import Drive, Feed, WeightOnBit
 from rpud_sim.simulation.configuration import Settings, to_configuration
 from rpud_sim.simulation.faults import Fault
@@ -52,7 +52,7 @@ def made(**counts):
 
 
 def delays(*seconds):
-    found = Lateness()
+    found = DelayHistogram()
     for each in seconds:
         found.add(each * SECOND)
     return found

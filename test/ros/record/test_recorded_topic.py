@@ -4,6 +4,7 @@ import itertools
 import time
 
 import pytest
+import rclpy
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
 from rpud_sim.bag.sequence import SequenceGaps
@@ -16,9 +17,14 @@ DATA = b"\x00\x01\x00\x00\x05\x00\x00\x00"
 
 @pytest.fixture
 def topic():
-    return RecordedTopic(
-        "/rpud/a", "std_msgs/msg/Int32", None, None, QoSProfile(depth=1), SequenceGaps(lambda: 1)
-    )
+    rclpy.init()
+    node = rclpy.create_node("recorder")
+    topic = RecordedTopic(node, "/rpud/a", "std_msgs/msg/Int32")
+    topic.request = QoSProfile(depth=1)
+    topic.gaps = SequenceGaps(lambda: 1)
+    yield topic
+    node.destroy_node()
+    rclpy.try_shutdown()
 
 
 def info(number, sent=NOW, received=NOW):

@@ -1,5 +1,6 @@
 """The node of the recorder follows the graph, and counts what its queue refuses."""
 
+import re
 import time
 
 import pytest
@@ -12,11 +13,10 @@ from support import until
 
 from rpud_sim.bag import Message
 from rpud_sim.bag.losses import Losses
-from rpud_sim.ros.record.intake import Intake
-from rpud_sim.ros.record.message_queue import Declaration, MessageQueue
-from rpud_sim.ros.record.record_report import failure, lost_text
+from rpud_sim.ros.record.record_options import RecordOptions
+from rpud_sim.ros.record.recorder import failure, lost_text
 from rpud_sim.ros.record.recorder_node import Recorder
-from rpud_sim.ros.record.topic_selection import TopicSelection
+from rpud_sim.ros.record.writing import Intake
 
 RELIABLE = QoSProfile(depth=100)
 SENSOR = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -42,8 +42,9 @@ def peer(nodes):
 
 @pytest.fixture
 def record(nodes):
-    def start(messages, topics=(), namespace="/rpud", **options):
-        nodes.append(Recorder(Intake(messages), TopicSelection(topics, **options), namespace))
+    def start(topics=(), namespace="/rpud", capacity=1 << 20, **options):
+        options = RecordOptions("bag", topics, namespace=namespace, **options)
+        nodes.append(Recorder(Intake(capacity), options))
         return nodes[-1]
 
     return start
@@ -57,20 +58,28 @@ def discovered(recorder, count):
     return condition
 
 
-def items(messages):
-    """Give all that is in the queue."""
-    messages.close()
-    return list(iter(lambda: messages.get(1.0), None))
+class Declarations:
+    """What a bag is told of topics."""
+
+    def add_topic(self, topic, definition):
+        return topic, definition
 
 
-def take(recorder, messages, count):
+def items(recorder):
+    """Give all that is in the queue: messages, and declarations as pairs."""
+    recorder.intake.close()
+    queued = iter(lambda: recorder.intake.get(1.0), None)
+    return [item if isinstance(item, Message) else item(Declarations()) for item in queued]
+
+
+def take(recorder, count):
     """Take until the queue has had `count` items, and give them."""
     taken = []
 
     def condition():
         recorder.receive()
         recorder.finish()
-        taken.extend(items(messages))
+        taken.extend(items(recorder))
         return len(taken) >= count
 
     until(condition)
@@ -80,7 +89,7 @@ def take(recorder, messages, count):
 def test_all_of_the_namespace_is_recorded_but_what_is_hidden(peer, record):
     for name in ("a", "deep/b", "_hidden/c", "/elsewhere/d", "/rpudding/e"):
         peer.create_publisher(String, name, RELIABLE)
-    recorder = record(MessageQueue(), namespace="rpud")
+    recorder = record(namespace="rpud")
     until(discovered(recorder, 2))
     assert recorder.losses.keys() == {"/rpud/a", "/rpud/deep/b"}
     assert not recorder.complete
@@ -89,7 +98,7 @@ def test_all_of_the_namespace_is_recorded_but_what_is_hidden(peer, record):
 def test_names_are_relative_to_the_namespace_or_absolute(peer, record):
     for name in ("a", "b", "/elsewhere/d"):
         peer.create_publisher(String, name, RELIABLE)
-    recorder = record(MessageQueue(), ["a", "/elsewhere/d"])
+    recorder = record(["a", "/elsewhere/d"])
     until(discovered(recorder, 2))
     assert recorder.losses.keys() == {"/rpud/a", "/elsewhere/d"}
     assert recorder.complete
@@ -98,24 +107,22 @@ def test_names_are_relative_to_the_namespace_or_absolute(peer, record):
 @pytest.mark.parametrize(("topics", "namespace"), [(["a b"], "/rpud"), ([], "/a b"), ([""], "/a")])
 def test_what_is_no_name_is_refused(record, topics, namespace):
     with pytest.raises(NameValidationException):
-        record(MessageQueue(), topics, namespace)
+        record(topics, namespace)
 
 
 def test_a_message_comes_with_its_times_and_its_topic_s_declaration(peer, record):
     publisher = peer.create_publisher(String, "a", RELIABLE)
-    messages = MessageQueue()
-    recorder = record(messages)
+    recorder = record()
     until(discovered(recorder, 1))
     until(lambda: publisher.get_subscription_count() == 1)
     before = time.time_ns()
     publisher.publish(String(data="hello"))
-    declaration, message = take(recorder, messages, 2)
-    assert isinstance(declaration, Declaration)
-    assert declaration.topic.name == "/rpud/a"
-    assert declaration.topic.type == "std_msgs/msg/String"
-    assert declaration.topic.type_hash.startswith("RIHS01_df668c740482bbd4")
-    assert [offer.reliability for offer in declaration.topic.offered_qos] == ["reliable"]
-    assert declaration.definition.endswith("string data\n")
+    (topic, definition), message = take(recorder, 2)
+    assert topic.name == "/rpud/a"
+    assert topic.type == "std_msgs/msg/String"
+    assert topic.type_hash.startswith("RIHS01_df668c740482bbd4")
+    assert [offer.reliability for offer in topic.offered_qos] == ["reliable"]
+    assert definition.endswith("string data\n")
     assert isinstance(message, Message)
     assert message.data == b"\x00\x01\x00\x00\x06\x00\x00\x00hello\x00"
     assert before <= message.publish_time <= message.log_time <= time.time_ns()
@@ -123,15 +130,14 @@ def test_a_message_comes_with_its_times_and_its_topic_s_declaration(peer, record
 
 def test_messages_of_all_topics_are_in_the_order_in_which_they_were_received(peer, record):
     publishers = [peer.create_publisher(Int32, name, RELIABLE) for name in "abc"]
-    messages = MessageQueue()
-    recorder = record(messages)
+    recorder = record()
     until(discovered(recorder, 3))
     until(lambda: all(publisher.get_subscription_count() == 1 for publisher in publishers))
     for number in range(99):
         publishers[number % 3].publish(Int32(data=number))
         if number % 10 == 0:
             recorder.receive()
-    taken = take(recorder, messages, 102)
+    taken = take(recorder, 102)
     times = [item.log_time for item in taken if isinstance(item, Message)]
     assert len(times) == 99
     assert times == sorted(times)
@@ -139,8 +145,7 @@ def test_messages_of_all_topics_are_in_the_order_in_which_they_were_received(pee
 
 def test_what_the_queue_refuses_is_counted_for_its_topic(peer, record):
     publishers = {name: peer.create_publisher(Int32, name, RELIABLE) for name in "ab"}
-    messages = MessageQueue(capacity=8 * 30)  # a serialized Int32 has eight bytes
-    recorder = record(messages)
+    recorder = record(capacity=8 * 30)  # a serialized Int32 has eight bytes
     until(discovered(recorder, 2))
     for publisher in publishers.values():
         until(lambda publisher=publisher: publisher.get_subscription_count() == 1)
@@ -152,65 +157,60 @@ def test_what_the_queue_refuses_is_counted_for_its_topic(peer, record):
     publishers["b"].wait_for_all_acked()
     until(lambda: not recorder.receive() and recorder.losses["/rpud/b"].queue == 20)
     assert recorder.losses == {"/rpud/a": Losses(0, 0), "/rpud/b": Losses(0, 20)}
-    assert sum(isinstance(item, Message) for item in items(messages)) == 30
+    assert sum(isinstance(item, Message) for item in items(recorder)) == 30
 
 
 def test_before_its_first_publisher_a_topic_is_recorded_as_its_subscribers_want(peer, record):
     peer.create_subscription(String, "command", lambda _: None, RELIABLE)
-    messages = MessageQueue()
-    recorder = record(messages)
+    recorder = record()
     until(discovered(recorder, 1))
     publisher = peer.create_publisher(String, "command", RELIABLE)
     until(lambda: publisher.get_subscription_count() == 2)
     publisher.publish(String(data="go"))
-    _, message = take(recorder, messages, 2)
+    _, message = take(recorder, 2)
     assert b"go" in message.data
 
 
 @pytest.mark.extended
 def test_what_a_new_publisher_sends_before_it_knows_the_recorder_is_lost(peer, record):
     peer.create_subscription(String, "command", lambda _: None, RELIABLE)
-    messages = MessageQueue()
-    recorder = record(messages)
+    recorder = record()
     until(discovered(recorder, 1))
     # Until every publisher that is there would have been found.
-    until(lambda: recorder.discover() or recorder._recordings["/rpud/command"].gaps.from_first)
+    until(lambda: recorder.discover() or recorder._topics["/rpud/command"].gaps.from_first)
     publisher = peer.create_publisher(String, "command", SENSOR)  # which it cannot hear yet
     for _ in range(5):
         publisher.publish(String(data="too early"))
     until(lambda: recorder.discover() or publisher.get_subscription_count())
     publisher.publish(String(data="go"))
-    _, message = take(recorder, messages, 2)
+    _, message = take(recorder, 2)
     assert b"go" in message.data
     assert recorder.losses == {"/rpud/command": Losses(5)}
 
 
 def test_a_topic_without_a_message_is_declared_at_the_end(peer, record):
     peer.create_subscription(String, "command", lambda _: None, RELIABLE)
-    messages = MessageQueue()
-    recorder = record(messages)
+    recorder = record()
     until(discovered(recorder, 1))
     recorder.finish()
-    [declaration] = items(messages)
-    assert declaration.topic.name == "/rpud/command"
-    assert declaration.topic.offered_qos == ()
-    assert declaration.topic.type_hash.startswith("RIHS01_")
+    [(topic, _)] = items(recorder)
+    assert topic.name == "/rpud/command"
+    assert topic.offered_qos == ()
+    assert topic.type_hash.startswith("RIHS01_")
 
 
 def test_a_latched_message_is_recorded_by_a_recorder_that_comes_later(peer, record):
     peer.create_publisher(String, "status", LATCHED).publish(String(data="latched"))
-    messages = MessageQueue()
-    recorder = record(messages)
+    recorder = record()
     until(discovered(recorder, 1))
-    declaration, message = take(recorder, messages, 2)
+    (topic, _), message = take(recorder, 2)
     assert b"latched" in message.data
-    assert declaration.topic.offered_qos[0].durability == "transient_local"
+    assert topic.offered_qos[0].durability == "transient_local"
 
 
 def test_a_publisher_that_offers_less_is_recorded_as_well(peer, record):
     strong = peer.create_publisher(Int32, "a", RELIABLE)
-    messages = MessageQueue()
-    recorder = record(messages)
+    recorder = record()
     until(discovered(recorder, 1))
     until(lambda: strong.get_subscription_count() == 1)
     strong.publish(Int32(data=1))
@@ -224,7 +224,7 @@ def test_a_publisher_that_offers_less_is_recorded_as_well(peer, record):
     until(heard_by_both)
     weak.publish(Int32(data=2))
     strong.publish(Int32(data=3))
-    _, *taken = take(recorder, messages, 4)
+    _, *taken = take(recorder, 4)
     assert sorted(message.data[4] for message in taken) == [1, 2, 3]
 
 
@@ -236,7 +236,7 @@ def test_of_a_topic_with_two_types_one_is_recorded_and_the_other_named(peer, rec
     rclpy.init(context=other)
     nodes.append(rclpy.create_node("other", namespace="/rpud", context=other))
     nodes[-1].create_publisher(Int32, "a", RELIABLE)
-    recorder = record(MessageQueue())
+    recorder = record()
     until(lambda: any(len(types) == 2 for _, types in recorder.get_topic_names_and_types()))
     until(discovered(recorder, 2))
     assert recorder.skipped == {
@@ -251,7 +251,7 @@ def test_of_a_topic_with_two_types_one_is_recorded_and_the_other_named(peer, rec
 
 def test_a_launch_file_s_namespace_is_recorded():
     rclpy.init(args=["--ros-args", "-r", "__ns:=/launched"])
-    recorder = Recorder(Intake(MessageQueue()), TopicSelection(["a"]), "/rpud")
+    recorder = Recorder(Intake(), RecordOptions("bag", ["a"], namespace="/rpud"))
     try:
         assert recorder.get_namespace() == "/launched"
         recorder.create_publisher(String, "/launched/a", RELIABLE)
@@ -264,7 +264,7 @@ def test_a_launch_file_s_namespace_is_recorded():
 
 def test_a_further_type_that_comes_later_is_named_too(peer, record, nodes):
     peer.create_publisher(String, "a", RELIABLE)
-    recorder = record(MessageQueue())
+    recorder = record()
     until(discovered(recorder, 1))
     assert recorder.further_types == []
     other = rclpy.Context()
@@ -278,8 +278,7 @@ def test_a_further_type_that_comes_later_is_named_too(peer, record, nodes):
 
 def test_what_is_too_short_for_a_message_is_counted_and_not_recorded(peer, record):
     publisher = peer.create_publisher(Int32, "a", RELIABLE)
-    messages = MessageQueue()
-    recorder = record(messages)
+    recorder = record()
     until(discovered(recorder, 1))
     until(lambda: publisher.get_subscription_count() == 1)
     publisher.publish(Int32(data=1))
@@ -290,14 +289,14 @@ def test_what_is_too_short_for_a_message_is_counted_and_not_recorded(peer, recor
         lambda: recorder.receive() or (recorder.taken == 2 and recorder.losses["/rpud/a"].damaged)
     )
     until(lambda: recorder.receive() or recorder.losses["/rpud/a"] == Losses(0, 0, 2))
-    recorded = [item for item in items(messages) if isinstance(item, Message)]
+    recorded = [item for item in items(recorder) if isinstance(item, Message)]
     assert [message.data[4] for message in recorded] == [1, 2]
     assert "lost 2 messages on /rpud/a: 2 damaged" in lost_text("/rpud/a", Losses(0, 0, 2))
 
 
 def test_a_name_that_never_appears_and_a_namespace_without_topics_are_failures(peer, record):
     publisher = peer.create_publisher(Int32, "contact_force", RELIABLE)
-    named = record(MessageQueue(), ["contact_forse"])
+    named = record(["contact_forse"])
     until(
         lambda: (
             named.discover() or dict(named.get_topic_names_and_types()).get("/rpud/contact_force")
@@ -308,13 +307,13 @@ def test_a_name_that_never_appears_and_a_namespace_without_topics_are_failures(p
         "never appeared: /rpud/contact_forse (did you mean /rpud/contact_force?)"
     )
     assert failure(named, allow_empty=True) == ""
-    empty = record(MessageQueue(), namespace="/rpd")
+    empty = record(namespace="/rpd")
     until(lambda: dict(empty.get_topic_names_and_types()).get("/rpud/contact_force"))
     empty.finish()
     assert failure(empty, allow_empty=False) == (
         "nothing came on 0 topics in /rpd (did you mean /rpud?)"
     )
-    there = record(MessageQueue(), ["contact_force"])
+    there = record(["contact_force"])
     until(discovered(there, 1))
     assert failure(there, allow_empty=False) == "nothing came on 1 topics in /rpud"
     until(lambda: publisher.get_subscription_count() == 1)
@@ -327,8 +326,7 @@ def test_a_name_that_never_appears_and_a_namespace_without_topics_are_failures(p
 def test_after_a_standstill_what_is_silent_is_subscribed_again(peer, record, capfd):
     silent = peer.create_publisher(Int32, "silent", LATCHED)
     talking = peer.create_publisher(Int32, "talking", RELIABLE)
-    messages = MessageQueue()
-    recorder = record(messages)
+    recorder = record()
     until(discovered(recorder, 2))
     until(lambda: all(each.get_subscription_count() == 1 for each in (silent, talking)))
     silent.publish(Int32(data=1))
@@ -348,20 +346,19 @@ def test_after_a_standstill_what_is_silent_is_subscribed_again(peer, record, cap
     until(lambda: silent.get_subscription_count() == 1)
     silent.publish(Int32(data=3))
 
-    def numbers(messages):
-        recorded = (item for item in items(messages) if isinstance(item, Message))
+    def numbers():
+        recorded = (item for item in items(recorder) if isinstance(item, Message))
         return [item.data[4] for item in recorded if item.topic == "/rpud/silent"]
 
     found = []
-    until(lambda: recorder.receive() or found.extend(numbers(messages)) or 3 in found)
+    until(lambda: recorder.receive() or found.extend(numbers()) or 3 in found)
     assert found == [1, 3]  # what is latched came again, and is no new message
     assert recorder.losses["/rpud/silent"].total == 0
 
 
 def test_all_topics_end_together(peer, record):
     publishers = [peer.create_publisher(Int32, name, RELIABLE) for name in ("a", "b")]
-    messages = MessageQueue()
-    recorder = record(messages)
+    recorder = record()
     until(discovered(recorder, 2))
     until(lambda: all(publisher.get_subscription_count() == 1 for publisher in publishers))
     publishers[0].publish(Int32(data=1))
@@ -371,6 +368,43 @@ def test_all_topics_end_together(peer, record):
     assert all(publisher.wait_for_all_acked(Duration(seconds=30.0)) for publisher in publishers)
     until(lambda: not recorder.receive() and recorder.taken)
     recorder.finish()
-    declaration, message, silent = items(messages)
-    assert (declaration.topic.name, message.data[4:]) == ("/rpud/a", b"\1\0\0\0")
-    assert isinstance(silent, Declaration)
+    (topic, _), message, (silent, _) = items(recorder)
+    assert (topic.name, message.data[4:]) == ("/rpud/a", b"\1\0\0\0")
+    assert silent.name == "/rpud/b"
+
+
+NAMES = ("/rpud/status", "/rpud/deep/status", "/rpud/_hidden/status", "/other/clock", "/tf")
+
+
+@pytest.mark.parametrize(
+    ("options", "wanted"),
+    [
+        ({}, {"/rpud/status", "/rpud/deep/status"}),
+        ({"topics": ["/tf"]}, {"/tf"}),
+        ({"topics": ["/rpud/_hidden/status"]}, {"/rpud/_hidden/status"}),
+        ({"regex": "status$"}, {"/rpud/status", "/rpud/deep/status"}),
+        ({"regex": "clock", "topics": ["/tf"]}, {"/other/clock", "/tf"}),
+        ({"everything": True}, {"/rpud/status", "/rpud/deep/status", "/other/clock", "/tf"}),
+        ({"everything": True, "regex": "clock"}, set(NAMES) - {"/rpud/_hidden/status"}),
+        ({"exclude": "deep"}, {"/rpud/status"}),
+        ({"everything": True, "exclude": "^/rpud"}, {"/other/clock", "/tf"}),
+        ({"topics": ["/tf", "/rpud/status"], "exclude": "tf"}, {"/rpud/status"}),
+    ],
+)
+def test_topics_are_chosen_by_name_expression_or_namespace(record, options, wanted):
+    patterns = {key: re.compile(options[key]) for key in options.keys() & {"regex", "exclude"}}
+    recorder = record(**(options | patterns))
+    assert set(filter(recorder.wants, NAMES)) == wanted
+    assert not recorder.complete
+
+
+def test_errors_of_the_network_are_counted_and_logged_once_in_a_while(record, capfd):
+    recorder = record()
+    for number in range(5):
+        with recorder.guard("an answer of /stranger"):
+            raise OverflowError(f"number\n{number}")
+    with recorder.guard("an answer of /stranger"):
+        pass
+    assert recorder.suppressed == 5
+    [line] = capfd.readouterr().err.splitlines()
+    assert line.endswith("an answer of /stranger cannot be used: OverflowError: number 0")

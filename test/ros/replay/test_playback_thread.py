@@ -6,9 +6,8 @@ import pytest
 from support import real_time_permitted
 
 from rpud_sim.bag import Message
-from rpud_sim.ros.replay.playback import Plan, Playback
+from rpud_sim.ros.replay.playback import Plan, Playback, ReadAhead
 from rpud_sim.ros.replay.playback_thread import PlaybackThread
-from rpud_sim.ros.replay.read_ahead import ReadAhead
 
 
 def scheduled():

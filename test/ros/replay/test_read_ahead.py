@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rpud_sim.bag import BagFormatError, Message
-from rpud_sim.ros.replay.read_ahead import ReadAhead
+from rpud_sim.ros.replay.playback import ReadAhead
 
 
 def message(number, size=0):

@@ -6,10 +6,8 @@ from sample_bags import write_bag
 from std_srvs.srv import Trigger
 
 import rpud_sim.bag
-from rpud_sim.ros.replay.playback import Plan, Playback
-from rpud_sim.ros.replay.playback_thread import PlaybackThread
-from rpud_sim.ros.replay.read_ahead import ReadAhead
-from rpud_sim.ros.replay.replay_services import ReplayServices, service_types
+from rpud_sim.ros.replay.playback import Plan, Playback, ReadAhead
+from rpud_sim.ros.replay.playback_thread import PlaybackThread, offer_services, service_types
 from rpud_sim.ros.replay.replayer_node import Replayer
 
 
@@ -22,7 +20,7 @@ def test_a_request_that_raises_an_error_is_answered_and_counted(tmp_path, capfd)
         thread = PlaybackThread(
             Playback(lambda position: ReadAhead(bag.messages(node.topic_names)), plan, node)
         )
-        ReplayServices(node, thread, node.count_failure)
+        offer_services(node, thread)
         thread.start()
         executor.add_node(node)
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rpud_sim.foundation.time import SECOND
-from rpud_sim.model.single_contact import single_contact
+from rpud_sim.model.contact import single_contact
 from rpud_sim.simulation import Simulation, preset
 from rpud_sim.simulation.configuration import Configuration, to_configuration
 from rpud_sim.simulation.ensemble import run_ensemble

@@ -8,7 +8,8 @@ import yaml
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from rpud_sim.model.parameters import CONTACT_MODELS, QUANTITIES, REGIMES
+from rpud_sim.model.contact import CONTACT_MODELS
+from rpud_sim.model.parameters import QUANTITIES, REGIMES
 from rpud_sim.simulation import preset
 from rpud_sim.studies.sweep.specification import (
     DESIGNS,

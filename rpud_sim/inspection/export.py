@@ -1,0 +1,216 @@
+"""Export of a bag: one file or folder for each topic, written in bounded memory."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import re
+from collections.abc import Callable, Collection, Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import asdict, dataclass
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote
+
+import rpud_sim.bag
+from rpud_sim.bag import BagReader, Batch, TopicSummary
+from rpud_sim.bag.columns import Column
+from rpud_sim.bag.manifest import RECORD_NAME as MANIFEST
+from rpud_sim.foundation.time import SECOND
+from rpud_sim.inspection import InspectionError
+from rpud_sim.inspection.output import Damages, new_folder
+
+# File with the account of an export, and with what the other files have no place for.
+ACCOUNT = "export.json"
+
+# Module and class of each: Arrow, which may not be installed, is imported only if it is needed.
+FORMATS = {
+    "parquet": ("arrow_files", "ParquetFile"),
+    "csv": ("arrow_files", "CsvFile"),
+    "numpy": ("numpy_files", "NumpyFolder"),
+}
+
+
+@dataclass(frozen=True)
+class ExportedTopic:
+    """Exported topic."""
+
+    name: str  # of the topic
+    type: str  # of its messages
+    messages: int  # number of exported ones
+    rows: int  # of its table
+    path: str  # of its file or folder, in the folder of the export
+    size: int  # of its files [bytes]
+
+
+@dataclass(frozen=True)
+class Exported:
+    """Result of an export."""
+
+    path: str  # of the folder
+    format: str  # one of ``FORMATS``
+    topics: tuple[ExportedTopic, ...]  # in the order of their names
+    left_out: dict[str, str]  # topics that cannot be tables, with the reason
+    # amount and reason of the damaged parts that were skipped, by topic or record
+    damaged: dict[str, str]
+
+
+def export(
+    path: str | os.PathLike[str],
+    out: str | os.PathLike[str],
+    file_format: str = "parquet",
+    topics: Collection[str] | None = None,
+    start: float = 0.0,
+    duration: float | None = None,
+    report: Callable[[int], object] = lambda messages: None,
+) -> Exported:
+    """Write one table for each topic; ``out`` appears when all tables are complete.
+
+    Without ``topics`` these are all that can be tables. ``start`` counts from the beginning of the
+    bag, ``duration`` is the longest part [s].
+    """
+    with rpud_sim.bag.open(path) as bag:
+        if 0 < bag.duration < start * SECOND:
+            held = bag.duration / SECOND
+            raise InspectionError(
+                f"--start = {start:g} s is not in the {held:g} s that the bag holds"
+            )
+        left_out = bag.left_out if topics is None else {}
+        damages = Damages(bag)
+        chosen = [
+            summary
+            for summary in bag.readable_topics
+            if summary.topic.name not in left_out
+            and (topics is None or summary.topic.name in topics)
+        ]
+        length = None if duration is None else round(duration * SECOND)
+        # Before any file is created, so that an unknown topic leaves no file behind.
+        batches = bag.batches(
+            [summary.topic.name for summary in chosen] if topics is None else topics,
+            round(start * SECOND),
+            length,
+            damages.add,
+        )
+        with new_folder(out) as folder:
+            files = _Files(bag, folder, file_format, chosen, damages)
+            with files:
+                for batch in batches:
+                    files.write(batch)
+                    report(batch.message_count)
+            exported = Exported(
+                os.fspath(out), file_format, files.exported(), left_out, damages.texts
+            )
+            write_account(folder, {**asdict(exported), **files.account})
+    return exported
+
+
+def write_account(folder: Path, account: Mapping[str, Any]) -> None:
+    text = json.dumps(account, indent=2, ensure_ascii=False)
+    (folder / ACCOUNT).write_text(text + "\n", "utf-8", "backslashreplace")
+
+
+_ROS_NAME = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+")
+_LONGEST = 180  # bytes; file systems take 255
+
+
+def file_stem(topic: str) -> str:
+    """Return the name of a topic's file without its ending, as in ``rpud.contact_force``.
+
+    Different topics have different names. A topic whose name is not one of ROS gets the prefix
+    ``topic-``, and escapes for all characters that a path could interpret.
+    """
+    if _ROS_NAME.fullmatch(topic):
+        stem = topic[1:].replace("/", ".")
+    else:
+        stem = "topic-" + quote(topic, safe="")
+    if len(stem) > _LONGEST:
+        stem = f"{stem[:_LONGEST]}-{hashlib.sha256(topic.encode()).hexdigest()[:16]}"
+    return stem
+
+
+def make_table(
+    file_format: str, path: Path, columns: Sequence[Column], metadata: Mapping[str, Any]
+) -> Any:
+    """Return a new table of a format, for rows in its ``write``; ``path`` is without its ending."""
+    module, name = FORMATS[file_format]
+    kind = getattr(import_module(f"rpud_sim.inspection.{module}"), name)
+    return kind(path, columns, metadata)
+
+
+class _Files:
+    def __init__(
+        self,
+        bag: BagReader,
+        folder: Path,
+        file_format: str,
+        topics: Collection[TopicSummary],
+        damages: Damages,
+    ) -> None:
+        self._format = file_format
+        self._folder = folder
+        self._topics = {summary.topic.name: summary for summary in topics}
+        self._columns = {name: bag.columns(name) for name in self._topics}
+        self._counts = {name: [0, 0] for name in self._topics}
+        self._files: dict[str, Any] = {}
+        self._open = ExitStack()
+        self._about = {
+            "bag": str(bag.path),
+            "bag_start_time": bag.start_time,
+            "manifests": damages.records(bag, MANIFEST),
+        }
+
+    def __enter__(self) -> _Files:
+        with self._open:
+            for name, columns in self._columns.items():
+                metadata = {"rpud_sim": {**self._about, **self._describe(name)}}
+                stem = self._folder / file_stem(name)
+                file = make_table(self._format, stem, columns, metadata)
+                self._files[name] = file
+                self._open.callback(file.close)
+            self._open = self._open.pop_all()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._open.close()
+
+    def write(self, batch: Batch) -> None:
+        self._files[batch.topic].write(batch.columns)
+        self._counts[batch.topic][0] += batch.message_count
+        self._counts[batch.topic][1] += len(batch)
+
+    def exported(self) -> tuple[ExportedTopic, ...]:
+        return tuple(
+            ExportedTopic(
+                name,
+                summary.topic.type,
+                self._counts[name][0],
+                self._counts[name][1],
+                self._files[name].paths[0].relative_to(self._folder).parts[0],
+                sum(path.stat().st_size for path in self._files[name].paths),
+            )
+            for name, summary in self._topics.items()
+        )
+
+    @property
+    def account(self) -> dict[str, Any]:
+        return {**self._about, "tables": {name: self._describe(name) for name in self._topics}}
+
+    def _describe(self, topic: str) -> dict[str, Any]:
+        summary = self._topics[topic]
+        return {
+            "topic": topic,
+            "type": summary.topic.type,
+            "type_hash": summary.topic.type_hash,
+            "losses": asdict(summary.losses) if summary.losses else None,
+            "columns": {column.name: describe_column(column) for column in self._columns[topic]},
+        }
+
+
+def describe_column(column: Column) -> dict[str, Any]:
+    """Return what ``export.json`` says of a column."""
+    content = {"kind": column.kind.value, "unit": column.unit, "description": column.description}
+    if column.dtype != object:
+        content["dtype"] = str(column.dtype)
+    return content

@@ -1,1 +1,0 @@
-"""Export of the tables of a bag to files for other programs: Parquet, CSV, NumPy."""

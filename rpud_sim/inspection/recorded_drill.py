@@ -1,0 +1,409 @@
+"""One run of one drill in a bag: its journal, its clock, how it was made, and how far it got."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from rpud_sim.bag import BagFormatError, BagReader, TopicSummary
+from rpud_sim.bag.cdr import Codec
+from rpud_sim.bag.manifest import RECORD_NAME as MANIFEST
+from rpud_sim.bag.manifest import Manifest, manifest_from_record
+from rpud_sim.foundation.quantities import suggestion
+from rpud_sim.foundation.time import SECOND
+from rpud_sim.inspection import InspectionError
+from rpud_sim.inspection.output import Damages
+from rpud_sim.inspection.recorded_journal import (
+    JOURNAL,
+    ProgressReader,
+    Recorded,
+    UnverifiableError,
+    installed_codec,
+    journal_codec,
+    journal_entries,
+)
+from rpud_sim.simulation.block import boundaries_until, boundary
+from rpud_sim.simulation.journal import JournalEntry
+from rpud_sim.simulation.topics import PROVED, TOPICS
+from rpud_sim.simulation.versions import engine_of, other_engine
+
+_NO_COMMANDS = ("begin", "origin", "stop", "flush", "save", "state", "end")
+_LATEST = 2**62  # later than every time [ns]
+_END_LENGTH = 10 * SECOND  # end of a bag that shows how far its last run came [ns]
+
+
+@dataclass(frozen=True)
+class Jump:
+    """Step of a clock that passed time does not explain, for example at a reset."""
+
+    time: int  # log or publishing time of the first message after it [ns]
+    step: int  # of the stamps, less the time that passed [ns]
+
+
+@dataclass(frozen=True)
+class Clock:
+    """Conversion of stamps to times since a beginning.
+
+    It converts any part of a bag, in any order, because it knows the jumps. ``times`` are log or
+    publishing times, as those of the jumps.
+    """
+
+    zero: int | None  # stamp at the beginning [ns]; None where log times are used
+    begin: int = 0  # log time of the beginning, for that case [ns]
+    jumps: tuple[Jump, ...] = ()  # in their order
+
+    def offset(self, time: int) -> int:
+        """Return the stamp at time zero, for messages of a time [ns]."""
+        if self.zero is None:
+            return self.begin
+        return self.zero + sum(jump.step for jump in self.jumps if jump.time <= time)
+
+    def elapsed(self, stamps: np.ndarray, times: np.ndarray) -> np.ndarray:
+        """Return times since the beginning [s], of stamps and times [ns]; all (n,)."""
+        if self.zero is None:
+            return (times - _number(self.begin)) / SECOND
+        zero = _number(self.zero)
+        if not self.jumps:
+            return (stamps - zero) / SECOND
+        steps = np.cumsum([0, *(jump.step for jump in self.jumps)], dtype=np.int64)
+        moments = np.array([jump.time for jump in self.jumps], np.int64)
+        return (stamps - zero - steps[np.searchsorted(moments, times, "right")]) / SECOND
+
+
+def _number(time: int) -> int | float:
+    """Return a time for calculations with int64: exact, unless it would not fit [ns]."""
+    return time if abs(time) < 2**62 else float(time)
+
+
+@dataclass(frozen=True)
+class RecordedDrill:
+    """One run of one drill in a bag."""
+
+    path: str
+    journal: str  # name of the journal's topic, also where the bag holds none
+    codec: Codec  # of its messages
+    manifest: Manifest | None
+    clock: Clock  # of simulation time, by publishing times
+    number: int = 1  # of the run, from 1; a reset or a restored checkpoint begins the next one
+    runs: int = 1  # number of runs of this drill in the bag
+    before: tuple[Recorded, ...] = ()  # journal of the same start of the node before this run
+    entries: tuple[Recorded, ...] = ()  # journal of the run; empty without a journal
+    end: int = 0  # simulation time up to which the journal is complete [ns]
+    torn: str = ""  # why the run cannot be told beyond its end; empty if it ended there
+    closed: bool = False  # whether its last entry is the drill's end, or the flush before a reset
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def prefix(self) -> str:
+        """Namespace of the drill, with a slash at its end."""
+        return self.journal[: -len("journal")]
+
+    @property
+    def namespace(self) -> str:
+        return self.prefix[:-1]
+
+    @property
+    def start(self) -> int:
+        """Simulation time at which the run begins [ns]: that of its first origin."""
+        if self.entries[0][1].kind == "state":
+            return self.entries[0][1].time
+        return next((entry.time for _, entry in self.entries if entry.kind == "origin"), 0)
+
+    @cached_property
+    def bounds(self) -> tuple[int, int]:
+        """Publishing times between which the messages of the run lie [ns]."""
+        first, last = 0, _LATEST
+        if self.number > 1:
+            # A run is flushed before the next begins, whose first messages may precede its entry.
+            before = self.before[-1:] or self.entries[:1]
+            flushed = before[0][1].kind == "flush"
+            first = before[0][0].publish_time if flushed else self.entries[0][0].publish_time
+        if self.number < self.runs:
+            last = self.entries[-1][0].publish_time
+        return first, last
+
+    @cached_property
+    def beginning(self) -> Mapping[str, Any]:
+        """Content of the entry ``begin`` of the run; empty if it is unknown."""
+        for _, entry in reversed((*self.before, *self.entries[:1])):
+            if entry.kind == "begin":
+                return entry.content
+            if entry.kind == "state" and isinstance(entry.content.get("beginning"), Mapping):
+                return entry.content["beginning"]
+        return {}
+
+    @cached_property
+    def parameters(self) -> dict[str, Any]:
+        """Parameters at the beginning, and the initial phase, by name."""
+        if not self.entries:
+            return dict(self.manifest.parameters) if self.manifest else {}
+        held = self.beginning.get("parameters")
+        found = {**held} if isinstance(held, dict) else {}
+        return found | {
+            name: self.beginning[name] for name in ("initial_phase",) if name in self.beginning
+        }
+
+    @property
+    def versions(self) -> dict[str, str]:
+        """Versions of what computed the run, by name."""
+        found = dict(self.manifest.versions) if self.manifest else {}
+        made_by = self.beginning.get("made_by")
+        found |= made_by if isinstance(made_by, dict) else {}
+        if self.beginning:
+            found["engine"] = engine_of(self.beginning)
+        return {str(name)[:80]: f"{value!s:.200}" for name, value in found.items()}
+
+    @property
+    def seed(self) -> int | None:
+        """Seed of all random numbers; None if it is unknown."""
+        seed = self.beginning.get("seed", self.parameters.get("seed"))
+        return seed if isinstance(seed, int) else self.manifest.seed if self.manifest else None
+
+    @property
+    def commands(self) -> tuple[JournalEntry, ...]:
+        """Journal entries of commands and changed parameters, in order."""
+        return tuple(entry for _, entry in self.entries[1:] if entry.kind not in _NO_COMMANDS)
+
+    def topic(self, name: str) -> str:
+        return self.prefix + name
+
+    def history(self, time: int) -> tuple[Recorded, ...]:
+        """Return the entries up to an instant [ns], those of runs before as well."""
+        # The first entry is the beginning; that of a restored checkpoint has a later time.
+        rest = (each for each in self.entries[1:] if each[1].time <= time)
+        return (*self.before, self.entries[0], *rest)
+
+    def necessary(self, time: int) -> list[JournalEntry]:
+        """Return the entries from which the state at an instant [ns] follows."""
+        entries = [entry for _, entry in self.history(time)]
+        begins = [place for place, entry in enumerate(entries) if entry.kind == "begin"]
+        # A checkpoint may be of a run before.
+        first = next(
+            place
+            for place in (*reversed(begins), 0)
+            if place == 0 or all(entry.kind != "restore" for entry in entries[place:])
+        )
+        return entries[first:]
+
+    def later(self, time: int) -> list[JournalEntry]:
+        """Return the run's entries after an instant [ns], without those that close it."""
+        last = len(self.entries) - self.closed
+        return [entry for _, entry in self.entries[1:last] if entry.time > time]
+
+    def digest(self, time: int) -> str:
+        """Return a digest of the journal up to an instant [ns]: it identifies the state there."""
+        digest = hashlib.sha256()
+        for message, _ in self.history(time):
+            digest.update(message.data)
+        return digest.hexdigest()
+
+    def check_engine(self) -> None:
+        """Raise an InspectionError if the run cannot be repeated: another engine made it."""
+        if not self.beginning:
+            raise InspectionError("the journal does not tell how its run began")
+        if reason := other_engine(self.beginning):
+            raise InspectionError(f"{self.journal}: {reason}")
+
+
+def find_run(
+    bag: BagReader, number: int = 1, topic: str | None = None, damages: Damages | None = None
+) -> RecordedDrill:
+    """Return a run of a bag by its number, from 1; ``topic`` chooses one of several journals."""
+    summary = _journal(bag, topic)
+    name = summary.topic.name
+    codec = journal_codec(summary)
+    entries: list[Recorded] = []
+    torn = ""
+    try:
+        entries.extend(journal_entries(bag.messages({name}), codec))
+    except UnverifiableError as error:
+        torn = f"{name}: {error}"
+    # The first entry is a beginning, or a state from which a late recording goes on.
+    begins = [
+        place
+        for place, (_, entry) in enumerate(entries)
+        if not place or entry.kind in ("begin", "restore")
+    ]
+    if not begins:
+        raise InspectionError(torn or f"{name} holds no beginning of a run")
+    if not 1 <= number <= len(begins):
+        raise InspectionError(
+            torn
+            or f"--run = {number} is outside its range [1, {len(begins)}]: resets and restored "
+            "checkpoints begin new ones"
+        )
+    first, last = begins[number - 1], number == len(begins)
+    own = entries[first:] if last else entries[first : begins[number]]
+    starts = (place for place in range(first + 1) if entries[place][1].sequence == 0)
+    closed = own[-1][1].kind == "end" or (not last and own[-1][1].kind == "flush")
+    if not closed and not last and not torn:
+        torn = f"{name}: the recording does not tell how run {number} went on"
+    found = RecordedDrill(
+        os.fspath(bag.path),
+        name,
+        codec,
+        find_manifest(bag, damages or Damages(bag), name.rpartition("/")[0]),
+        _clock(own),
+        number,
+        len(begins),
+        tuple(entries[max(starts, default=0) : first]),
+        tuple(own),
+        own[-1][1].time,
+        "" if closed else torn,
+        closed,
+    )
+    return found if closed or torn else _up_to_its_end(bag, found)
+
+
+def _journal(bag: BagReader, wanted: str | None) -> TopicSummary:
+    found = {
+        summary.topic.name: summary
+        for summary in bag.topics
+        if summary.topic.type == JOURNAL and summary.message_count
+    }
+    if not found:
+        raise InspectionError(
+            f"{bag.path} holds no journal; record the topic journal, or all of the namespace"
+        )
+    names = ", ".join(found)
+    if wanted is not None and wanted not in found:
+        raise InspectionError(
+            f"{bag.path} holds no journal named {wanted}, but {names}{suggestion(wanted, found)}"
+        )
+    if wanted is None and len(found) > 1:
+        raise InspectionError(f"{bag.path} holds several journals: choose with --topic of {names}")
+    return found[wanted] if wanted is not None else next(iter(found.values()))
+
+
+def _clock(entries: list[Recorded]) -> Clock:
+    """Return the clock of the origins in a journal."""
+    origins = [
+        (message.publish_time, int(entry.content["origin"]))
+        for message, entry in entries
+        if entry.kind == "origin" and isinstance(entry.content.get("origin"), int)
+    ] or [(0, 0)]
+    steps = zip(origins[1:], origins, strict=False)
+    return Clock(
+        origins[0][1], 0, tuple(Jump(time, zero - last) for (time, zero), (_, last) in steps)
+    )
+
+
+def _up_to_its_end(bag: BagReader, drill: RecordedDrill) -> RecordedDrill:
+    """Return a run that was not closed with the time that it reached, at the end of a block."""
+    origin = next(
+        (e.content["origin"] for _, e in reversed(drill.entries) if e.kind == "origin"), 0
+    )
+    latest = {"": drill.end}
+    try:
+        if not drill.beginning:
+            drill.check_engine()
+        rate = int(drill.beginning["parameters"]["telemetry_rate"])
+        for topic, stamps in _last_stamps(bag, drill.prefix):
+            latest[topic] = max(int(stamps.max()) - origin, latest.get(topic, drill.end))
+    except (ArithmeticError, LookupError, TypeError, ValueError) as error:
+        raise InspectionError(f"{drill.journal} cannot be understood: {error!r:.100}") from None
+    # Two topics have to agree, so that one altered stamp changes nothing.
+    reached = min(sorted(latest.values())[-2:])
+    return replace(drill, end=max(drill.end, boundary(boundaries_until(reached, rate), rate)))
+
+
+def _last_stamps(bag: BagReader, prefix: str) -> Iterator[tuple[str, np.ndarray]]:
+    readers: dict[str, ProgressReader] = {}
+    for summary in bag.topics:
+        name = summary.topic.name
+        if name.startswith(prefix) and name[len(prefix) :] in PROVED and summary.definition:
+            with suppress(BagFormatError):
+                readers[name] = ProgressReader(Codec(summary.topic.type, summary.definition))
+    for block in bag.blocks(readers.keys(), max(0, bag.duration - _END_LENGTH)):
+        stamps = readers[block.topic].read(block)["stamp"]
+        if len(stamps):
+            yield block.topic, stamps
+
+
+def find_drill(
+    bag: BagReader, damages: Damages, namespace: str | None = None, run: int | None = None
+) -> RecordedDrill:
+    """Return a run of a drill in a bag: by default of the only drill, and the first.
+
+    Without a journal that shows its runs, the whole bag is one.
+    """
+    chosen = _choose(bag, namespace)
+    journal = f"{chosen}/journal"
+    reason = f"{bag.path} holds no journal: commands are unknown, and a reset is not seen"
+    if any(s.topic.name == journal and s.message_count for s in bag.readable_topics):
+        try:
+            found = find_run(bag, run or 1, journal, damages)
+        except InspectionError as error:
+            reason = f"{bag.path}: {error}"
+            if run not in (None, 1):
+                raise InspectionError(reason) from error
+        else:
+            several = (
+                f"{bag.path} holds {found.runs} runs: the first is compared; choose with --run"
+            )
+            warnings = (found.torn, several if found.runs > 1 and run is None else "")
+            return replace(found, warnings=tuple(filter(None, warnings)))
+    elif run not in (None, 1):
+        raise InspectionError(f"{bag.path} holds no journal, so there is no run {run}")
+    manifest = find_manifest(bag, damages, chosen)
+    clock = Clock(_first_stamp(bag, chosen))  # the origin is unknown
+    codec = installed_codec(JOURNAL)
+    return RecordedDrill(os.fspath(bag.path), journal, codec, manifest, clock, warnings=(reason,))
+
+
+def _choose(bag: BagReader, wanted: str | None) -> str:
+    """Return the namespace of a drill in a bag."""
+    spaces = set()
+    for summary in bag.readable_topics:
+        space, _, name = summary.topic.name.rpartition("/")
+        known = TOPICS.get(name)
+        own = known is not None and known.type == summary.topic.type
+        if own and summary.topic.type.startswith("rpud_msgs/") and summary.message_count:
+            spaces.add(space)
+    found = sorted(spaces)
+    if not found:
+        raise InspectionError(f"{bag.path} holds no topic of a drill")
+    names = ", ".join(f"{name:.80}" or "/" for name in found)
+    if wanted is None:
+        if len(found) > 1:
+            raise InspectionError(f"{bag.path} holds several drills: choose --namespace of {names}")
+        return found[0]
+    space = "" if wanted == "/" else f"/{wanted.strip('/')}"
+    if space not in found:
+        raise InspectionError(
+            f"{bag.path} holds no drill in {wanted!r:.80}, but in {names}{suggestion(space, found)}"
+        )
+    return space
+
+
+def find_manifest(bag: BagReader, damages: Damages, namespace: str) -> Manifest | None:
+    """Return the manifest of a drill in a bag; None if there is none, or if it is not clear."""
+    found = []
+    for record in damages.records(bag, MANIFEST):
+        try:
+            found.append(manifest_from_record(record))
+        except BagFormatError as error:
+            damages.add_record(MANIFEST, error)
+    own = [m for m in found if m.node.rpartition("/")[0] == namespace and m.node]
+    return next(iter((*own, *(found if len(found) == 1 else ()))), None)
+
+
+def _first_stamp(bag: BagReader, namespace: str) -> int:
+    readable = {summary.topic.name for summary in bag.readable_topics} - bag.left_out.keys()
+    stamps = []
+    for name, topic in TOPICS.items():
+        full = f"{namespace}/{name}"
+        if topic.latched or full not in readable:
+            continue
+        for batch in bag.batches(full, 0, SECOND, leave_out=lambda topic, reason: None):
+            if len(batch) and "header.stamp" in batch.columns:
+                stamps.append(int(batch.columns["header.stamp"].min()))
+                break
+    return min(stamps, default=bag.start_time)

@@ -1,0 +1,192 @@
+"""Journal in a bag: its codecs and entries; and the progress of a drill that messages show."""
+
+from __future__ import annotations
+
+import json
+from collections import OrderedDict
+from collections.abc import Iterable, Iterator
+from functools import cache
+from itertools import groupby
+
+import numpy as np
+
+from rpud_sim.bag import BagFormatError, Message, TopicSummary
+from rpud_sim.bag.cdr import Codec
+from rpud_sim.bag.columns import Kind, columns_of
+from rpud_sim.bag.definitions import find_definition, find_type_hash
+from rpud_sim.bag.field_values import FieldReader
+from rpud_sim.bag.message_block import MessageBlock
+from rpud_sim.foundation.time import NEVER, join_seconds
+from rpud_sim.inspection import InspectionError
+from rpud_sim.simulation.journal import STARTS, JournalEntry
+from rpud_sim.simulation.topics import TOPICS
+
+JOURNAL = TOPICS["journal"].type
+
+_STOPPED = "stopped"  # the STATE constant of rpud_msgs/Status
+
+Recorded = tuple[Message, JournalEntry]
+
+# Entries that are compared with those that a recorder repeats at the beginning of a bag's next
+# file: it repeats as many as the drill keeps.
+_KEPT = TOPICS["journal"].depth
+
+
+class UnverifiableError(InspectionError):
+    """Bag that can be neither proved nor disproved."""
+
+
+@cache
+def installed_codec(type_name: str) -> Codec:
+    """Return the codec of a type as it is installed here; making one takes long."""
+    return Codec(type_name, find_definition(type_name))
+
+
+def journal_codec(summary: TopicSummary) -> Codec:
+    """Return the codec of a journal of any version, for every bag's journal is read."""
+    if summary.topic.type_hash in ("", find_type_hash(JOURNAL)):
+        return installed_codec(JOURNAL)
+    try:
+        return Codec(JOURNAL, summary.definition or "")
+    except BagFormatError as error:
+        raise UnverifiableError(f"{summary.topic.name}: {error}") from None
+
+
+def proof_codec(summary: TopicSummary) -> Codec:
+    """Return the codec of a topic whose type is the installed one."""
+    topic = summary.topic
+    own = TOPICS.get(topic.name.rpartition("/")[2])
+    expected = JOURNAL if topic.type == JOURNAL or own is None else own.type
+    if topic.type != expected:
+        raise UnverifiableError(f"the type of {topic.name} is {topic.type:.80}, not {expected}")
+    if topic.type_hash not in ("", find_type_hash(expected)):
+        raise UnverifiableError(f"{topic.name} is of another version of {expected}")
+    return installed_codec(expected)
+
+
+def journal_entries(recorded: Iterable[Message], codec: Codec) -> Iterator[Recorded]:
+    """Yield the journal's entries with their messages, in order.
+
+    Repeated entries are skipped: a recorder repeats them at the beginning of a bag's next file.
+    Number zero begins the journal of another start of the node. Both journals may be equal, where
+    the node is its own clock; then their publishing times differ. Without it the journal begins
+    with the first entry with which a run can begin: its recorder came late. Missing or malformed
+    entries raise an UnverifiableError.
+    """
+    expected = -1
+    first = (0, b"")
+    kept: OrderedDict[int, bytes] = OrderedDict()
+    for message in recorded:
+        entry = _decode(message, codec)
+        if expected < 0:
+            if entry.sequence and entry.kind not in STARTS:
+                continue
+            expected = entry.sequence
+        published = (message.publish_time, message.data)
+        if entry.sequence == 0 and published != first:
+            first, expected = published, 0
+            kept.clear()
+        if entry.sequence < expected:
+            if kept.get(entry.sequence, message.data) != message.data:
+                raise UnverifiableError(
+                    f"entry {entry.sequence} of the journal is there twice, with other content"
+                )
+            continue
+        if entry.sequence > expected:
+            raise UnverifiableError(
+                f"entries {expected} to {entry.sequence - 1} of the journal are missing"
+            )
+        expected += 1
+        kept[entry.sequence] = message.data
+        if len(kept) > _KEPT:
+            kept.popitem(last=False)
+        yield message, entry
+    if expected < 0:
+        raise UnverifiableError(
+            "the journal holds no entry with which a run can begin; its recorder came too late"
+        )
+
+
+def _decode(message: Message, codec: Codec) -> JournalEntry:
+    try:
+        fields = codec.decode(message.data)
+        content = json.loads(fields.content)
+        time = content.pop("time")
+        if type(time) is not int or not 0 <= time < NEVER:
+            raise ValueError(f"time = {time!r:.40}")
+    except (BagFormatError, AttributeError, LookupError, RecursionError, ValueError) as error:
+        reason = " ".join(f"{error!r:.120}".split())
+        raise UnverifiableError(f"an entry of the journal cannot be understood: {reason}") from None
+    return JournalEntry(int(fields.sequence), time, str(fields.kind), content)
+
+
+def wrong_header(
+    journal: Iterable[Recorded], codec: Codec
+) -> tuple[Message, JournalEntry, str, str, str] | None:
+    """Return the first entry whose header does not fit; its field, its value and the right one.
+
+    The stamp is the entry's time under an origin in force: the one before it, or one that another
+    entry of the same time sets, for they are published together.
+    """
+    before: list[int] = []
+    frame = TOPICS["journal"].frame
+    for time, group in groupby(journal, lambda each: each[1].time):
+        entries = list(group)
+        origins = [entry.content["origin"] for _, entry in entries if entry.kind == "origin"]
+        for message, entry in entries:
+            header = codec.decode(message.data).header
+            if header.frame_id != frame:
+                return message, entry, "header.frame_id", f"{header.frame_id!r:.80}", f"{frame!r}"
+            own = join_seconds(header.stamp.sec, header.stamp.nanosec) - time
+            allowed = origins if entry.kind == "origin" else [*before, *origins]
+            if allowed and own not in allowed:
+                return message, entry, "header.stamp", str(time + own), str(time + allowed[-1])
+        before = origins[-1:] or before
+    return None
+
+
+class ProgressReader:
+    """Reader of what the messages of one topic show of the progress of a drill."""
+
+    # Only a status says whether the drill stopped, and counts the journal's entries so far: -1
+    # elsewhere. Times are in nanoseconds.
+    DTYPE = np.dtype(
+        [
+            ("log_time", np.uint64),
+            ("published", np.int64),
+            ("stamp", np.int64),
+            ("status", np.bool_),
+            ("stopped", np.bool_),
+            ("entries", np.int64),
+        ]
+    )
+
+    def __init__(self, codec: Codec) -> None:
+        columns = {column.attribute: column for column in columns_of(codec, "")}
+        status = codec.type_name == TOPICS["status"].type
+
+        def name(attribute: str, kind: Kind, *, held: bool = True) -> str:
+            column = columns.get(attribute) if held else None
+            return column.name if column and column.kind is kind else ""
+
+        self._stamp = name("header.stamp", Kind.TIME)
+        self._state = name("state", Kind.TEXT, held=status)
+        self._entries = name("journal_entries", Kind.NUMBER, held=bool(self._state))
+        wanted = {self._stamp, self._state, self._entries}
+        self._reader = FieldReader(codec, [c for c in columns.values() if c.name in wanted])
+
+    def read(self, block: MessageBlock) -> np.ndarray:
+        """Return the progress at messages (n,), without those that cannot be read."""
+        if not self._stamp:
+            return np.empty(0, self.DTYPE)
+        values = self._reader.read(block)
+        found = np.zeros(len(values.rows), self.DTYPE)
+        found["log_time"] = block.log_times[values.rows]
+        found["published"] = block.publish_times[values.rows]
+        found["stamp"] = values.columns[self._stamp]
+        found["entries"] = values.columns[self._entries] if self._entries else -1
+        if self._state:
+            states = values.columns[self._state]
+            found["status"] = states != ""
+            found["stopped"] = states == _STOPPED
+        return found

@@ -1,0 +1,250 @@
+"""Closed forms of the harmonic vibration, eqs. (1) and (3), and of bodies on springs.
+
+Every suspended body of the drill obeys, with phase angle phi = 2 pi f t,
+
+    m x'' + c x' + k x = F + H_s sin(phi) + H_c cos(phi)
+
+as in eqs. (2), (8), (9) and (14)-(16). The nodal plane alone has F = W (the preload of the load
+spring) and H = 0; while the free mass is held against the vibrating tip, the vibration appears on
+the right-hand side. The closed form is kept as an ``Oscillation``: offset F/k, a decaying part as
+in eq. (8), and a steady vibration.
+"""
+
+import math
+from typing import NamedTuple
+
+from rpud_sim.model.compile import compiled
+from rpud_sim.model.elementary import exponential, sin_cos, sin_cos_cycles
+
+TWO_PI = 2.0 * math.pi
+
+
+class Turn(NamedTuple):
+    """Sine and cosine of the phase angle: computed once for all that is wanted at one instant."""
+
+    sine: float
+    cosine: float
+
+
+@compiled
+def turn_at(phase):
+    """Return the ``Turn`` of a phase [cycles]."""
+    sine, cosine = sin_cos_cycles(phase)
+    return Turn(sine, cosine)
+
+
+@compiled
+def vibration_of(amplitude, frequency, turn):
+    """Displacement and velocity of the harmonic vibration, eq. (1), given its ``Turn``."""
+    return amplitude * turn.sine, TWO_PI * frequency * amplitude * turn.cosine
+
+
+@compiled
+def harmonic_vibration(amplitude, frequency, phase):
+    """Displacement and velocity of the harmonic vibration, eq. (1).
+
+    Args:
+        phase: f_0 t [cycles]; kept in cycles because one cycle is a whole number.
+
+    Returns:
+        u_hv [m] and v_hv [m/s], positive toward the rock.
+    """
+    return vibration_of(amplitude, frequency, turn_at(phase))
+
+
+@compiled
+def advance_phase(phase, frequency, duration):
+    """Phase after a duration [s], from 0 to 1 [cycles]."""
+    advanced = phase + frequency * duration
+    return advanced - math.floor(advanced)
+
+
+@compiled
+def time_to_zero_displacement(phase, frequency):
+    """Time until the vibration next passes through zero displacement [s], never zero.
+
+    At such an instant the amplitude can change without moving the actuator's tip.
+    """
+    half_cycles = 2.0 * phase
+    return 0.5 * (math.floor(half_cycles) + 1.0 - half_cycles) / frequency
+
+
+class Oscillator(NamedTuple):
+    """A body on a spring, with the rates of its free vibration."""
+
+    mass: float
+    damping: float  # c [N s/m], less than critical
+    spring_rate: float  # k [N/m]
+    decay_rate: float  # a = xi omega_n [1/s]
+    angular_frequency: float  # omega_d = omega_n sqrt(1 - xi^2) [rad/s]
+    compliance: float  # 1 / k [m/N]
+    radian: float  # 1 / omega_d [s]
+
+
+class Oscillation(NamedTuple):
+    """Closed form of a suspended body from the start of a segment.
+
+    x(s) = offset + exp(-decay_rate s) (cosine cos(w s) + sine sin(w s))
+           + vibration_sine sin(phi(s)) + vibration_cosine cos(phi(s)),  w = angular_frequency
+    """
+
+    offset: float  # [m]
+    decay_rate: float  # a = xi omega_n [1/s]
+    angular_frequency: float  # omega_d = omega_n sqrt(1 - xi^2) [rad/s]
+    cosine: float  # A_1 of eq. (9) [m]
+    sine: float  # A_2 of eq. (9) [m]
+    vibration_sine: float  # [m]
+    vibration_cosine: float  # [m]
+
+
+def damping_coefficient(damping_ratio, mass, spring_rate):
+    """c = 2 xi omega_n m [N s/m], from the text after eqs. (2) and (14)."""
+    return 2.0 * damping_ratio * math.sqrt(spring_rate / mass) * mass
+
+
+@compiled
+def oscillator(mass, damping, spring_rate):
+    """Return the ``Oscillator`` of a mass on a damped spring."""
+    a = 0.5 * damping / mass
+    w = math.sqrt(spring_rate / mass - a * a)
+    return Oscillator(mass, damping, spring_rate, a, w, 1.0 / spring_rate, 1.0 / w)
+
+
+@compiled
+def free_vibration(body, force, position, velocity):
+    """Closed form of an ``Oscillator`` under a constant force, eqs. (8)-(9) and (15)-(16).
+
+    Args:
+        force: F [N].
+    """
+    a = body.decay_rate
+    w = body.angular_frequency
+    offset = force * body.compliance
+    A_1 = position - offset
+    A_2 = (velocity + a * A_1) * body.radian
+    return Oscillation(offset, a, w, A_1, A_2, 0.0, 0.0)
+
+
+@compiled
+def driven_vibration(
+    body,
+    force,
+    force_sine,
+    force_cosine,
+    frequency,
+    turn,
+    position,
+    velocity,
+):
+    """Closed form of an ``Oscillator`` that also feels the harmonic vibration.
+
+    Args:
+        force_sine: H_s [N].
+        force_cosine: H_c [N].
+    """
+    omega = TWO_PI * frequency
+    stiffness = body.spring_rate - body.mass * omega * omega
+    resistance = body.damping * omega
+    square = stiffness * stiffness + resistance * resistance
+    vibration_sine = (stiffness * force_sine + resistance * force_cosine) / square
+    vibration_cosine = (stiffness * force_cosine - resistance * force_sine) / square
+    steady = vibration_sine * turn.sine + vibration_cosine * turn.cosine
+    steady_rate = omega * (vibration_sine * turn.cosine - vibration_cosine * turn.sine)
+    free = free_vibration(body, force, position - steady, velocity - steady_rate)
+    return Oscillation(
+        free.offset,
+        free.decay_rate,
+        free.angular_frequency,
+        free.cosine,
+        free.sine,
+        vibration_sine,
+        vibration_cosine,
+    )
+
+
+class Swing(NamedTuple):
+    """Decaying cosine and sine of an ``Oscillation`` at one time: exp(-a s) cos(w s), .. sin."""
+
+    cosine: float
+    sine: float
+
+
+# That of every oscillation at its start, and of one that rests.
+NO_SWING = Swing(1.0, 0.0)
+
+
+@compiled
+def swing_at(decay_rate, angular_frequency, time):
+    """Return the ``Swing`` at a time; functions whose value is known are not called."""
+    if time == 0.0:
+        return NO_SWING
+    decay = 1.0
+    if decay_rate != 0.0:
+        decay = exponential(-decay_rate * time)
+    if angular_frequency == 0.0:
+        return Swing(decay, 0.0)
+    sine, cosine = sin_cos(angular_frequency * time)
+    return Swing(decay * cosine, decay * sine)
+
+
+@compiled
+def decaying_part(motion, time):
+    """Decaying part of an ``Oscillation``, eq. (8): displacement [m] and velocity [m/s]."""
+    return swinging_part(motion, swing_at(motion.decay_rate, motion.angular_frequency, time))
+
+
+@compiled
+def swinging_part(motion, swing):
+    """Return the same as ``decaying_part``, given the ``Swing`` at the time."""
+    a = motion.decay_rate
+    w = motion.angular_frequency
+    cosine = swing.cosine
+    sine = swing.sine
+    displacement = motion.cosine * cosine + motion.sine * sine
+    velocity = (w * motion.sine - a * motion.cosine) * cosine - (
+        w * motion.cosine + a * motion.sine
+    ) * sine
+    return displacement, velocity
+
+
+@compiled
+def swung_integral(motion, swing):
+    """Integral of the decaying part from its start to a time [m s], given the ``Swing`` there."""
+    a = motion.decay_rate
+    w = motion.angular_frequency
+    displacement, velocity = swinging_part(motion, swing)
+    start_rate = w * motion.sine - a * motion.cosine
+    # From x'' + 2 a x' + (a^2 + w^2) x = 0, integrated once.
+    change = velocity - start_rate + 2.0 * a * (displacement - motion.cosine)
+    return -change / (a * a + w * w)
+
+
+@compiled
+def reacting_force(weight_on_bit, load_spring_rate, damping, position, velocity):
+    """R = W - k_1 u_np - c_1 v_np [N], positive while the drill is pushed toward the rock."""
+    return weight_on_bit - load_spring_rate * position - damping * velocity
+
+
+@compiled
+def decaying_derivatives(motion, displacement, velocity):
+    """Second [m/s^2] and third [m/s^3] derivative of the decaying part."""
+    a = motion.decay_rate
+    w = motion.angular_frequency
+    square = a * a + w * w
+    acceleration = -square * displacement - 2.0 * motion.decay_rate * velocity
+    jerk = -square * velocity - 2.0 * motion.decay_rate * acceleration
+    return acceleration, jerk
+
+
+@compiled
+def decaying_amplitude(motion):
+    """Bound on the decaying part at all later times [m]."""
+    return math.sqrt(motion.cosine * motion.cosine + motion.sine * motion.sine)
+
+
+@compiled
+def undamped_frequency(motion):
+    """omega_n [rad/s]: by this factor grows, at most, the bound of each further derivative."""
+    a = motion.decay_rate
+    w = motion.angular_frequency
+    return math.sqrt(a * a + w * w)

@@ -1,0 +1,115 @@
+"""ROS graph: message types by name, requests that fit what publishers offer, names of nodes."""
+
+from __future__ import annotations
+
+import importlib
+import re
+import time
+from collections.abc import Sequence
+from typing import Any
+
+from rcl_interfaces.srv import GetParameters
+from rclpy.client import Client
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.task import Future
+from rclpy.topic_endpoint_info import TopicEndpointInfo
+from rclpy.type_support import check_for_type_support
+
+from rpud_sim.bag.encoder import CODES, Members
+from rpud_sim.bag.encoder import Sequence as SequenceOf
+
+_TYPE_NAME = re.compile(r"([A-Za-z]\w*)/([a-z]+)/([A-Za-z]\w*)")
+_SEQUENCE = re.compile(r"sequence<([^,]+)>")
+_UNKNOWN = "_NODE_NAME_UNKNOWN_"  # as rcl calls it
+_REPETITION = 0.05  # of a request, whose response the other node may drop [s]
+
+
+class UnknownTypeError(Exception):
+    """Message type that is not installed."""
+
+
+def message_class(type_name: str) -> Any:
+    """Import the class of a message type such as ``std_msgs/msg/String``."""
+    match = _TYPE_NAME.fullmatch(type_name)
+    if match is None:
+        raise UnknownTypeError(f"type {type_name!r} is not of the form package/msg/Name")
+    package, kind, name = match.groups()
+    try:
+        message = getattr(importlib.import_module(f"{package}.{kind}"), name)
+        check_for_type_support(message)
+    except Exception as error:
+        # A foreign package may raise anything while it is loaded.
+        raise UnknownTypeError(
+            f"type {type_name} is not installed here ({type(error).__name__}: {error})"
+        ) from error
+    return message
+
+
+def members_of(message: Any) -> Members:
+    """Return the members of a message class, as an encoder needs them.
+
+    A type with others than numbers, texts, messages and their sequences is an UnknownTypeError.
+    """
+    members = message.get_fields_and_field_types().items()
+    return Members(tuple((name, _member(described)) for name, described in members))
+
+
+def _member(described: str) -> Any:
+    if described in CODES:
+        return CODES[described]
+    sequence = _SEQUENCE.fullmatch(described)
+    if sequence is not None:
+        return SequenceOf(_member(sequence[1]))
+    return members_of(message_class(described.replace("/", "/msg/")))
+
+
+def request_for(offers: Sequence[QoSProfile], depth: int) -> QoSProfile:
+    """Return the strongest request that every offer satisfies, so that all of them connect."""
+    reliable = all(offer.reliability == ReliabilityPolicy.RELIABLE for offer in offers)
+    latched = all(offer.durability == DurabilityPolicy.TRANSIENT_LOCAL for offer in offers)
+    return QoSProfile(
+        depth=depth,
+        reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
+    )
+
+
+def node_name(endpoint: TopicEndpointInfo) -> str:
+    """Return the full name of an endpoint's node; empty where that is not discovered yet."""
+    name = endpoint.node_name
+    return "" if name == _UNKNOWN else f"{endpoint.node_namespace.rstrip('/')}/{name}"
+
+
+class DiscoveryProbe:
+    """Request to a node, by a client that is made after the subscriptions.
+
+    Discovery announces the readers of a process in the order in which they were made. So a node
+    whose response has come knows all readers from before: it will not publish past them. ``name``
+    is the full name of the other node; the executor of ``node`` takes the responses.
+    """
+
+    def __init__(self, node: Node, name: str) -> None:
+        self._node = node
+        self._client: Client | None = node.create_client(GetParameters, f"{name}/get_parameters")
+        self._futures: list[Future] = []
+        self._sent = 0.0
+
+    def answered(self) -> bool:
+        """Return whether the node has answered; to be called again until it has."""
+        if self._client is None:
+            return True
+        if any(future.done() for future in self._futures):
+            self.close()
+            return True
+        # The middleware may not call the service ready while it remembers an ended namesake.
+        now = time.monotonic()
+        if now - self._sent > _REPETITION:
+            self._futures.append(self._client.call_async(GetParameters.Request()))
+            self._sent = now
+        return False
+
+    def close(self) -> None:
+        if self._client is not None:
+            self._node.destroy_client(self._client)
+            self._client = None
