@@ -19,10 +19,10 @@ from rpud_msgs.srv import ResetSimulation
 
 from bench.hearing import Hearing
 from bench.machine import used_by
+from rpud_sim.foundation.child_process import end_with_parent
 from rpud_sim.ros.drill.publishers import OF_NODE
 from rpud_sim.ros.graph import message_class
 from rpud_sim.simulation.topics import TOPICS
-from rpud_sim.testing.processes import end_with_parent
 
 _KINDS = {name: message_class(topic.type) for name, topic in {**TOPICS, **OF_NODE}.items()}
 _STARTING = 60.0  # that a process may take until it is heard [s]

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.stats import t
 
 from rpud_sim.simulation import Fault, Feed, Simulation, to_configuration
-from rpud_sim.simulation.faults import KINDS
+from rpud_sim.simulation.fault_kinds import KINDS
 
 DOCUMENTATION = Path(__file__).parents[1] / "docs" / "reference" / "faults.md"
 SECOND = 1_000_000_000

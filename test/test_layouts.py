@@ -10,7 +10,7 @@ from rpud_msgs.srv import ClearFault, InjectFault
 
 from rpud_sim.ros.drill.publishers import OF_NODE
 from rpud_sim.ros.graph import message_class
-from rpud_sim.simulation.faults import KINDS
+from rpud_sim.simulation.fault_kinds import KINDS
 from rpud_sim.simulation.topics import TOPICS
 
 CONFIG = Path(__file__).resolve().parent.parent / "config"

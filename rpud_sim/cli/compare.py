@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from rpud_sim.cli.options import RUN, SECONDS, Number, add_json_argument
+from rpud_sim.cli.options import RUN, JsonOptions, command
+from rpud_sim.cli.output import print_json, progress_bar, table
 from rpud_sim.cli.program import ExitCode, failing
-from rpud_sim.cli.progress import progress_bar
-from rpud_sim.cli.tables import print_json, table
+from rpud_sim.foundation.options import SECONDS, option, positional
 from rpud_sim.foundation.quantities import Quantity
 from rpud_sim.foundation.terminal import complain, printable
 
@@ -19,112 +19,92 @@ if TYPE_CHECKING:
     from rpud_sim.inspection.compare.same_bits import TopicBits
     from rpud_sim.pages.quantities import Quantity as ShownQuantity
 
-HELP = "compare runs: settings, commands, bits and distributions"
-DETAILS = (
-    "The first run is the reference. Exit codes: 0 no difference found, or all within the "
-    "tolerance, 3 a figure differs or a part of a bag is damaged, 1 it cannot be decided or "
-    "failed, 2 wrong call."
-)
-EXAMPLE = "rpud compare bags/before bags/after --tolerance 5 --out compare.html"
-
 _PERCENT = Quantity("%", "a relative difference", 0.0, 100.0, exclusive=True, below=True)
 _MOST_LINES = 40  # of commands or faults; the page and --json have all
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("bag", metavar="A", help="bag of the reference: a folder or one MCAP file")
-    parser.add_argument("others", metavar="B", nargs="+", help="bags to compare with it, up to 5")
-    parser.add_argument(
-        "--from",
-        dest="begin",
-        action=Number,
-        quantity=SECONDS,
-        default=0.0,
-        metavar="S",
-        help="compare distributions from this simulation time on (default: 0)",
+@dataclass(frozen=True, kw_only=True)
+class _Compare(JsonOptions):
+    bag: str = positional("A", "bag of the reference: a folder or one MCAP file")
+    others: Sequence[str] = positional("B", "bags to compare with it, up to 5", nargs="+")
+    begin: float = option(
+        0.0,
+        "compare distributions from this simulation time on (default: 0)",
+        SECONDS,
+        flag="--from",
     )
-    parser.add_argument(
-        "--to",
-        dest="end",
-        action=Number,
-        quantity=SECONDS,
-        metavar="S",
-        help="compare distributions up to this simulation time (default: end of the shortest run)",
+    end: float | None = option(
+        None,
+        "compare distributions up to this simulation time (default: end of the shortest run)",
+        SECONDS,
+        flag="--to",
     )
-    parser.add_argument(
-        "--settle",
-        action=Number,
-        quantity=SECONDS,
-        default=0.5,
-        metavar="S",
-        help="leave out so much time after the start, and after each command and fault "
+    settle: float = option(
+        0.5,
+        "leave out so much time after the start, and after each command and fault "
         "(default: %(default)s)",
+        SECONDS,
     )
-    parser.add_argument(
-        "--tolerance",
-        action=Number,
-        quantity=_PERCENT,
-        metavar="PERCENT",
-        help="relative difference that does not matter: decide whether runs are equivalent",
+    tolerance: float | None = option(
+        None,
+        "relative difference that does not matter: decide whether runs are equivalent",
+        _PERCENT,
     )
-    parser.add_argument(
-        "--run",
-        action=_Append,
-        quantity=RUN,
-        default=[],
-        metavar="N",
-        dest="run_numbers",
-        help="run in a bag with several, from 1; give it once, or once for each bag",
+    run_numbers: Sequence[int] = option(
+        (),
+        "run in a bag with several, from 1; give it once, or once for each bag",
+        RUN,
+        flag="--run",
+        append=True,
     )
-    parser.add_argument(
-        "--namespace",
+    namespaces: Sequence[str] = option(
+        (),
+        "drill in a bag with several; give it once, or once for each bag",
+        flag="--namespace",
         action="append",
-        default=[],
         metavar="NAME",
-        dest="namespaces",
-        help="drill in a bag with several; give it once, or once for each bag",
     )
-    parser.add_argument(
-        "--quantity",
+    quantities: Sequence[str] = option(
+        (),
+        "compare only this quantity, such as peak_force; can be repeated (default: all)",
+        flag="--quantity",
         action="append",
-        default=[],
         metavar="NAME",
-        dest="quantities",
-        help="compare only this quantity, such as peak_force; can be repeated (default: all)",
     )
-    parser.add_argument("--out", metavar="FILE", help="also write a page: a new HTML file")
-    add_json_argument(parser)
+    out: str | None = option(None, "also write a page: a new HTML file", metavar="FILE")
 
 
-class _Append(Number):
-    def __call__(self, parser, namespace, values, option_string=None):
-        before = getattr(namespace, self.dest)
-        super().__call__(parser, namespace, values, option_string)
-        setattr(namespace, self.dest, [*before, getattr(namespace, self.dest)])
-
-
-def run(arguments: argparse.Namespace) -> int:
+@command(
+    "compare",
+    "bags/before bags/after --tolerance 5 --out compare.html",
+    "compare runs: settings, commands, bits and distributions",
+    _Compare,
+    "The first run is the reference. Exit codes: 0 no difference found, or all within the "
+    "tolerance, 3 a figure differs or a part of a bag is damaged, 1 it cannot be decided or "
+    "failed, 2 wrong call.",
+)
+def _run(options: _Compare) -> int:
     from rpud_sim.bag import BagError
     from rpud_sim.inspection import InspectionError
     from rpud_sim.inspection.compare import compare
     from rpud_sim.inspection.compare.content import content
 
-    if arguments.out:
+    if options.out:
         from rpud_sim.inspection.compare.compare_page import write_page
         from rpud_sim.inspection.output import check_new_file
 
         with failing(InspectionError):
-            check_new_file(arguments.out)
+            check_new_file(options.out)
     with failing(BagError, InspectionError), progress_bar(" messages", scaled=True) as bar:
         found = compare(
-            [arguments.bag, *arguments.others],
-            begin=arguments.begin,
-            end=arguments.end,
-            settle=arguments.settle,
-            tolerance=(arguments.tolerance or 0.0) / 100.0,
-            run_numbers=arguments.run_numbers,
-            namespaces=arguments.namespaces,
-            quantities=arguments.quantities,
+            [options.bag, *options.others],
+            begin=options.begin,
+            end=options.end,
+            settle=options.settle,
+            tolerance=(options.tolerance or 0.0) / 100.0,
+            run_numbers=options.run_numbers,
+            namespaces=options.namespaces,
+            quantities=options.quantities,
             report=bar.update,
         )
     for warning in found.warnings:
@@ -132,13 +112,13 @@ def run(arguments: argparse.Namespace) -> int:
     for name, parts in found.damaged.items():
         for part, reason in parts.items():
             complain("rpud compare", f"{name}: left out {part}: {reason}")
-    if arguments.out:
+    if options.out:
         with failing(InspectionError):
-            write_page(found, arguments.out)
-    if arguments.json:
-        print_json({**content(found), "out": arguments.out})
+            write_page(found, options.out)
+    if options.json:
+        print_json({**content(found), "out": options.out})
     else:
-        print("\n".join([*_lines(found), *([f"page: {arguments.out}"] if arguments.out else [])]))
+        print("\n".join([*_lines(found), *([f"page: {options.out}"] if options.out else [])]))
     if found.damaged or found.differs:
         return ExitCode.INCOMPLETE
     return ExitCode.FAILED if found.undecided and not found.equal_bits else ExitCode.DONE

@@ -1,112 +1,226 @@
-"""Commands that act on a running drill: press, drive, feed, engage, faults, time, parameters."""
+"""Commands on a running drill: press, drive, feed, engage, faults, time, parameters, echo."""
 
 from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Callable, Mapping
+import math
+import sys
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
-from rpud_sim.cli.drill_arguments import add_drill_arguments, connected_drill, number
-from rpud_sim.cli.options import POSITIVE_SECONDS, Number
-from rpud_sim.cli.program import CommandError, ExitCode
-from rpud_sim.cli.tables import table
+from rpud_sim.cli.options import AT_MOST_ONE, EXACTLY_ONE, PlaceOptions, command
+from rpud_sim.cli.output import table
+from rpud_sim.cli.program import CommandError, ExitCode, failing
+from rpud_sim.foundation.options import POSITIVE_SECONDS, option, positional
 from rpud_sim.foundation.quantities import Quantity
-from rpud_sim.foundation.terminal import printable
+from rpud_sim.foundation.terminal import complain, printable
 
-_SCOPES = ("all", "time", "state", "faults")
+if TYPE_CHECKING:
+    from rpud_sim.ros.client import DrillClient
+    from rpud_sim.ros.client.topic_listener import TopicListener
+
 _SEED = Quantity("", "a seed", 0, 2**32 - 1, whole=True)
+_COUNT = Quantity("", "a number of messages", 1, 2**63 - 1, whole=True)
+_WIDTH = 2**31 - 1  # of a line of YAML: no text is folded
+_WAIT = 0.1  # between looks at the clock and at signals [s]
 
-_Argument = tuple[str, Mapping[str, Any]]
-
-
-def _argument(name: str, **options: Any) -> _Argument:
-    """Argument of a command, as ``argparse`` takes it."""
-    return name, options
+_Act = TypeVar("_Act", bound=Callable[..., str])  # takes the drill and the options
 
 
-@dataclass(frozen=True)
-class DrillCommand:
-    """Command that acts on a running drill and prints one text."""
-
-    HELP: str  # what it does
-    EXAMPLE: str  # call of it
-    act: Callable[[argparse.Namespace], str]  # acts on the drill; returns the text
-    arguments: tuple[_Argument, ...] = ()  # beside those of every command on a drill
-    exclusive: bool = False  # whether exactly one of its arguments has to be given
-
-    def add_arguments(self, parser: argparse.ArgumentParser) -> None:
-        """Declare the arguments."""
-        own: argparse._ActionsContainer = parser
-        if self.exclusive:
-            own = parser.add_mutually_exclusive_group(required=True)
-        for name, options in self.arguments:
-            own.add_argument(name, **options)
-        add_drill_arguments(parser)
-
-    def run(self, arguments: argparse.Namespace) -> ExitCode:
-        """Act on the drill and print; return the exit code when the drill has accepted it."""
-        print(self.act(arguments))
-        return ExitCode.DONE
+def _number(text: str) -> float:
+    """Return a finite number, whose range the drill checks; a type for argparse."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise argparse.ArgumentTypeError(f"{text!r} is not a number")
+    return value
 
 
-def _press(arguments: argparse.Namespace) -> str:
-    with connected_drill(arguments) as drill:
-        drill.press(arguments.force)
-    return f"weight on bit: {arguments.force:g} N"
+@dataclass(frozen=True, kw_only=True)
+class DrillOptions(PlaceOptions):
+    """Options of every command on a running drill."""
+
+    patience: float = option(
+        5.0,
+        "fail if there is no drill or no answer within that many seconds (default: %(default)g)",
+        POSITIVE_SECONDS,
+        last=True,
+    )
 
 
-def _drive(arguments: argparse.Namespace) -> str:
-    with connected_drill(arguments) as drill:
-        drill.drive(not arguments.off, arguments.voltage, arguments.frequency)
-        status = drill.status
+@contextmanager
+def _connected_drill(name: str, options: DrillOptions) -> Iterator[DrillClient]:
+    """Connect a command to its drill; each error becomes one line."""
+    from rpud_sim.ros.client import ClientError, DrillClient, RefusedError
+    from rpud_sim.ros.starting import StartError
+
+    with (
+        failing(ClientError),
+        failing(StartError, code=ExitCode.USAGE),
+        DrillClient(
+            options.namespace,
+            domain_id=options.domain,
+            node_name=f"rpud_{name}",
+            patience=options.patience,
+        ) as drill,
+    ):
+        try:
+            yield drill
+        except RefusedError as error:
+            raise CommandError(f"the drill refuses: {error}") from error
+
+
+def _acting(name: str, example: str, text: str, kind: type[DrillOptions]) -> Callable[[_Act], _Act]:
+    """Declare a command that acts on a running drill and prints one text."""
+
+    def declare(act: _Act) -> _Act:
+        @command(name, example, text, kind)
+        def run(options: DrillOptions) -> ExitCode:
+            with _connected_drill(name, options) as drill:
+                said = act(drill, options)
+            print(said)
+            return ExitCode.DONE
+
+        return act
+
+    return declare
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Press(DrillOptions):
+    force: float = positional("FORCE", "weight on bit in newtons", type=_number)
+
+
+@_acting("press", "30", "press a running drill onto the rock with a weight on bit", _Press)
+def _press(drill: DrillClient, options: _Press) -> str:
+    drill.press(options.force)
+    return f"weight on bit: {options.force:g} N"
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Drive(DrillOptions):
+    off: bool = option(False, "do not drive the actuator")
+    voltage: float | None = option(
+        None, "amplitude in volts (default: the present one)", type=_number, metavar="V"
+    )
+    frequency: float | None = option(
+        None, "in hertz (default: the present one)", type=_number, metavar="HZ"
+    )
+
+
+@_acting("drive", "--voltage 80", "drive the actuator of a running drill, or switch it off", _Drive)
+def _drive(drill: DrillClient, options: _Drive) -> str:
+    drill.drive(not options.off, options.voltage, options.frequency)
+    status = drill.status
     state = "on" if status.drive_enabled else "off"
     return f"drive: {state}, {status.drive_voltage:g} V, {status.drive_frequency:g} Hz"
 
 
-def _feed(arguments: argparse.Namespace) -> str:
-    with connected_drill(arguments) as drill:
-        drill.feed(arguments.rate, arguments.position)
-    if arguments.rate is not None:
-        return f"feed: {arguments.rate:g} m/s"
-    return f"feed: to {arguments.position:g} m"
+@dataclass(frozen=True, kw_only=True)
+class _Feed(DrillOptions):
+    rate: float | None = option(
+        None,
+        "toward the rock in m/s; 0 holds the mount",
+        type=_number,
+        metavar="V",
+        group=EXACTLY_ONE,
+    )
+    position: float | None = option(
+        None, "along the drill axis in metres", type=_number, metavar="X", group=EXACTLY_ONE
+    )
 
 
-def _engage(arguments: argparse.Namespace) -> str:
-    with connected_drill(arguments) as drill:
-        drill.engage(not arguments.off)
-        return f"regime: {drill.status.regime}"
+@_acting(
+    "feed", "--rate 0.0005", "feed a running drill on an arm toward the rock, or retract it", _Feed
+)
+def _feed(drill: DrillClient, options: _Feed) -> str:
+    drill.feed(options.rate, options.position)
+    if options.rate is not None:
+        return f"feed: {options.rate:g} m/s"
+    return f"feed: to {options.position:g} m"
 
 
-def _inject(arguments: argparse.Namespace) -> str:
-    if (arguments.kind is None) != arguments.list:
-        raise CommandError("needs either KIND or --list", ExitCode.USAGE)
-    if arguments.list:
-        return _list_faults(arguments)
-    with connected_drill(arguments) as drill:
-        fault = drill.inject(
-            arguments.kind, arguments.channel, arguments.magnitude, arguments.duration
-        )
-    return f"fault {fault}: {' on '.join(filter(None, (arguments.kind, arguments.channel)))}"
+@dataclass(frozen=True, kw_only=True)
+class _Engage(DrillOptions):
+    off: bool = option(False, "take the tool out of the rock")
 
 
-def _list_faults(arguments: argparse.Namespace) -> str:
-    with connected_drill(arguments) as drill:
-        answer = drill.list_faults()
+@_acting(
+    "engage", "--off", "put the tool of a running drill into the rock, or take it out", _Engage
+)
+def _engage(drill: DrillClient, options: _Engage) -> str:
+    drill.engage(not options.off)
+    return f"regime: {drill.status.regime}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Inject(DrillOptions):
+    kind: str | None = positional(
+        "KIND",
+        "kind of the fault; `rpud inject --list` lists those that are possible",
+        nargs="?",
+    )
+    channel: str = option(
+        "",
+        "topic with the faulty signal, such as reacting_force; only for signal faults",
+        metavar="C",
+    )
+    magnitude: float | None = option(
+        None,
+        "how much, in the unit of the kind (default: that of the kind)",
+        type=_number,
+        metavar="M",
+    )
+    duration: float | None = option(
+        None,
+        "end the fault after that many seconds of simulation time (default: never)",
+        POSITIVE_SECONDS,
+        flag="--for",
+    )
+    list: bool = option(
+        False, "list the active faults, and the kinds and channels that are possible now"
+    )
+    json: bool = option(False, "print the list as one JSON object")
+
+    def __post_init__(self) -> None:
+        if (self.kind is None) != self.list:
+            raise CommandError("needs either KIND or --list", ExitCode.USAGE)
+
+
+@_acting(
+    "inject",
+    "free_mass_jammed --for 5",
+    "inject a fault into a running drill, or list its faults",
+    _Inject,
+)
+def _inject(drill: DrillClient, options: _Inject) -> str:
+    if options.kind is None:
+        return _faults(drill, options.json)
+    fault = drill.inject(options.kind, options.channel, options.magnitude, options.duration)
+    return f"fault {fault}: {' on '.join(filter(None, (options.kind, options.channel)))}"
+
+
+def _faults(drill: DrillClient, as_json: bool) -> str:
+    answer = drill.list_faults()
     active = [
         {
             "number": fault.number,
             "kind": fault.kind,
             "channel": fault.channel,
             # NaN, for none, is not JSON.
-            "magnitude": fault.magnitude if fault.magnitude == fault.magnitude else None,
+            "magnitude": None if math.isnan(fault.magnitude) else fault.magnitude,
             "onset": fault.onset.sec + fault.onset.nanosec / 1e9,
         }
         for fault in answer.faults
     ]
-    if arguments.json:
-        kinds, channels = list(answer.kinds), list(answer.channels)
+    if as_json:
+        kinds, channels = [*answer.kinds], [*answer.channels]
         return json.dumps({"active": active, "kinds": kinds, "channels": channels}, indent=2)
     rows = [
         (
@@ -128,189 +242,183 @@ def _list_faults(arguments: argparse.Namespace) -> str:
     )
 
 
-def _clear(arguments: argparse.Namespace) -> str:
-    if (arguments.fault is None) != arguments.all:
-        raise CommandError("needs either FAULT or --all", ExitCode.USAGE)
-    which = "all" if arguments.all else arguments.fault
-    with connected_drill(arguments) as drill:
-        cleared = drill.clear(int(which) if which.isdecimal() else which)
+@dataclass(frozen=True, kw_only=True)
+class _Clear(DrillOptions):
+    fault: str | None = positional("FAULT", "number of a fault, or a kind of faults", nargs="?")
+    all: bool = option(False, "end all faults")
+
+    def __post_init__(self) -> None:
+        if (self.fault is None) != self.all:
+            raise CommandError("needs either FAULT or --all", ExitCode.USAGE)
+
+
+@_acting("clear", "free_mass_jammed", "end faults of a running drill", _Clear)
+def _clear(drill: DrillClient, options: _Clear) -> str:
+    which = "all" if options.fault is None else options.fault
+    cleared = drill.clear(int(which) if which.isdecimal() else which)
     return f"cleared: {printable(', '.join(map(str, cleared)) or 'no fault was active')}"
 
 
-def _pause(arguments: argparse.Namespace) -> str:
-    with connected_drill(arguments) as drill:
-        drill.pause()
-        return f"state: {drill.status.state}"
+@_acting(
+    "pause",
+    "",
+    "let the time of a running drill stand still, so that it can be stepped",
+    DrillOptions,
+)
+def _pause(drill: DrillClient, options: DrillOptions) -> str:
+    drill.pause()
+    return f"state: {drill.status.state}"
 
 
-def _play(arguments: argparse.Namespace) -> str:
-    with connected_drill(arguments) as drill:
-        drill.play()
-        return f"state: {drill.status.state}"
+@_acting("play", "", "let the time of a paused drill pass", DrillOptions)
+def _play(drill: DrillClient, options: DrillOptions) -> str:
+    drill.play()
+    return f"state: {drill.status.state}"
 
 
-def _step(arguments: argparse.Namespace) -> str:
-    with connected_drill(arguments) as drill:
-        reached = drill.step(arguments.seconds)
-    return f"time: {reached:.9f} s"
+@dataclass(frozen=True, kw_only=True)
+class _Step(DrillOptions):
+    seconds: float = positional("SECONDS", "of simulation time", type=_number)
 
 
-def _reset(arguments: argparse.Namespace) -> str:
-    with connected_drill(arguments) as drill:
-        drill.reset(arguments.scope, arguments.seed)
-        return f"state: {drill.status.state}, time: {drill.time:.9f} s"
+@_acting("step", "0.1", "advance a paused drill by some seconds of simulation time", _Step)
+def _step(drill: DrillClient, options: _Step) -> str:
+    return f"time: {drill.step(options.seconds):.9f} s"
 
 
-def _set(arguments: argparse.Namespace) -> str:
-    from rpud_sim.simulation.parameter_files import parse_assignment
+@dataclass(frozen=True, kw_only=True)
+class _Reset(DrillOptions):
+    scope: str = option(
+        "all",
+        "what begins again (default: %(default)s)",
+        choices=("all", "time", "state", "faults"),
+    )
+    seed: int | None = option(
+        None, "of phase, scenario and noise from here on (default: the present one)", _SEED
+    )
 
-    values = dict(map(parse_assignment, arguments.assignments))
-    with connected_drill(arguments) as drill:
-        drill.set_parameters(**values)
+
+@_acting("reset", "--seed 7", "let a running drill begin again", _Reset)
+def _reset(drill: DrillClient, options: _Reset) -> str:
+    drill.reset(options.scope, options.seed)
+    return f"state: {drill.status.state}, time: {drill.time:.9f} s"
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Set(DrillOptions):
+    assignments: Sequence[str] = positional(
+        "NAME=VALUE",
+        "a parameter that may change while the drill runs, in SI units",
+        nargs="+",
+    )
+
+    def __post_init__(self) -> None:
+        self.values()  # a mistake ends before the drill is looked for
+
+    def values(self) -> dict[str, Any]:
+        from rpud_sim.simulation.parameter_files import parse_assignment
+
+        return dict(map(parse_assignment, self.assignments))
+
+
+@_acting("set", "real_time_factor=0.5", "set parameters of a running drill", _Set)
+def _set(drill: DrillClient, options: _Set) -> str:
+    values = options.values()
+    drill.set_parameters(**values)
     return printable(", ".join(f"{name}: {value}" for name, value in values.items()))
 
 
-DRILL_COMMANDS: Mapping[str, DrillCommand] = {
-    "press": DrillCommand(
-        "press a running drill onto the rock with a weight on bit",
-        "rpud press 30",
-        _press,
-        (_argument("force", type=number, metavar="FORCE", help="weight on bit in newtons"),),
-    ),
-    "drive": DrillCommand(
-        "drive the actuator of a running drill, or switch it off",
-        "rpud drive --voltage 80",
-        _drive,
-        (
-            _argument("--off", action="store_true", help="do not drive the actuator"),
-            _argument(
-                "--voltage",
-                type=number,
-                metavar="V",
-                help="amplitude in volts (default: the present one)",
-            ),
-            _argument(
-                "--frequency",
-                type=number,
-                metavar="HZ",
-                help="in hertz (default: the present one)",
-            ),
-        ),
-    ),
-    "feed": DrillCommand(
-        "feed a running drill on an arm toward the rock, or retract it",
-        "rpud feed --rate 0.0005",
-        _feed,
-        (
-            _argument(
-                "--rate", type=number, metavar="V", help="toward the rock in m/s; 0 holds the mount"
-            ),
-            _argument(
-                "--position", type=number, metavar="X", help="along the drill axis in metres"
-            ),
-        ),
-        exclusive=True,
-    ),
-    "engage": DrillCommand(
-        "put the tool of a running drill into the rock, or take it out",
-        "rpud engage --off",
-        _engage,
-        (_argument("--off", action="store_true", help="take the tool out of the rock"),),
-    ),
-    "inject": DrillCommand(
-        "inject a fault into a running drill, or list its faults",
-        "rpud inject free_mass_jammed --for 5",
-        _inject,
-        (
-            _argument(
-                "kind",
-                nargs="?",
-                metavar="KIND",
-                help="kind of the fault; `rpud inject --list` lists those that are possible",
-            ),
-            _argument(
-                "--channel",
-                default="",
-                metavar="C",
-                help="topic with the faulty signal, such as reacting_force; only for signal faults",
-            ),
-            _argument(
-                "--magnitude",
-                type=number,
-                metavar="M",
-                help="how much, in the unit of the kind (default: that of the kind)",
-            ),
-            _argument(
-                "--for",
-                dest="duration",
-                action=Number,
-                quantity=POSITIVE_SECONDS,
-                metavar="S",
-                help="end the fault after that many seconds of simulation time (default: never)",
-            ),
-            _argument(
-                "--list",
-                action="store_true",
-                help="list the active faults, and the kinds and channels that are possible now",
-            ),
-            _argument("--json", action="store_true", help="print the list as one JSON object"),
-        ),
-    ),
-    "clear": DrillCommand(
-        "end faults of a running drill",
-        "rpud clear free_mass_jammed",
-        _clear,
-        (
-            _argument(
-                "fault", nargs="?", metavar="FAULT", help="number of a fault, or a kind of faults"
-            ),
-            _argument("--all", action="store_true", help="end all faults"),
-        ),
-    ),
-    "pause": DrillCommand(
-        "let the time of a running drill stand still, so that it can be stepped",
-        "rpud pause",
-        _pause,
-    ),
-    "play": DrillCommand("let the time of a paused drill pass", "rpud play", _play),
-    "step": DrillCommand(
-        "advance a paused drill by some seconds of simulation time",
-        "rpud step 0.1",
-        _step,
-        (_argument("seconds", type=number, metavar="SECONDS", help="of simulation time"),),
-    ),
-    "reset": DrillCommand(
-        "let a running drill begin again",
-        "rpud reset --seed 7",
-        _reset,
-        (
-            _argument(
-                "--scope",
-                choices=_SCOPES,
-                default="all",
-                help="what begins again (default: %(default)s)",
-            ),
-            _argument(
-                "--seed",
-                action=Number,
-                quantity=_SEED,
-                metavar="N",
-                help="of phase, scenario and noise from here on (default: the present one)",
-            ),
-        ),
-    ),
-    "set": DrillCommand(
-        "set parameters of a running drill",
-        "rpud set real_time_factor=0.5",
-        _set,
-        (
-            _argument(
-                "assignments",
-                nargs="+",
-                metavar="NAME=VALUE",
-                help="a parameter that may change while the drill runs, in SI units",
-            ),
-        ),
-    ),
-}
-"""Commands of ``rpud``, by name."""
+@dataclass(frozen=True, kw_only=True)
+class _Echo(DrillOptions):
+    topic: str = positional("TOPIC", "name, relative to the namespace or absolute")
+    once: bool = option(False, "end after one message", group=AT_MOST_ONE)
+    count: int | None = option(
+        None,
+        "end after that many messages (default: at SIGINT or SIGTERM)",
+        _COUNT,
+        group=AT_MOST_ONE,
+    )
+    duration: float | None = option(None, "end after that many seconds", POSITIVE_SECONDS)
+    json: bool = option(False, "print one line of JSON per message")
+    field: str | None = option(
+        None, "print only this field, such as header.stamp.sec", metavar="PATH"
+    )
+    full_length: bool = option(
+        False, "print arrays and texts in full; otherwise YAML cuts them after 128 elements"
+    )
+
+
+@command(
+    "echo",
+    "status --once",
+    "print the messages of a topic, of any installed type",
+    _Echo,
+    "Each message is a YAML document. The subscription asks for what the publishers offer, so a "
+    "latched topic gives its last messages. Lost messages are counted on standard error.",
+)
+def _echo(options: _Echo) -> ExitCode:
+    from rpud_sim.ros.client import ClientError
+    from rpud_sim.ros.client.listening_node import ListeningNode
+    from rpud_sim.ros.client.plain_message import CUT, FieldPath, to_plain
+    from rpud_sim.ros.client.topic_listener import TopicListener
+    from rpud_sim.ros.starting import StartError
+
+    with (
+        failing(ClientError),
+        failing(StartError, code=ExitCode.USAGE),
+        ListeningNode("rpud_echo", options.namespace, options.domain) as listening,
+    ):
+        listener = TopicListener(listening, options.topic, options.patience)
+        field = FieldPath(options.field, listener.kind) if options.field else None
+        cut = None if options.full_length or options.json else CUT
+        text = _json_text if options.json else _yaml_text()
+
+        def show(message: Any) -> None:
+            value = message if field is None else field.value(message)
+            sys.stdout.write(text(None if value is None else to_plain(value, cut)))
+
+        return _listen(listener, show, options)
+
+
+def _listen(listener: TopicListener, show: Callable[[Any], None], options: _Echo) -> ExitCode:
+    from rpud_sim.ros.stopping import StopRequest
+
+    wanted = 1 if options.once else options.count
+    end = None if options.duration is None else time.monotonic() + options.duration
+    shown = lost = 0
+    with StopRequest() as stop:
+        while not stop.requested and (wanted is None or shown < wanted):
+            rest = _WAIT if end is None else min(_WAIT, end - time.monotonic())
+            if rest <= 0.0:
+                if wanted is None:
+                    break
+                limit = f"within {options.duration:g} s"
+                raise CommandError(f"{shown} of {wanted} messages on {listener.topic} {limit}")
+            messages = listener.take(rest)
+            for message in messages[: None if wanted is None else wanted - shown]:
+                show(message)
+                shown += 1
+            if messages:
+                sys.stdout.flush()
+            if listener.lost > lost:
+                lost = listener.lost
+                complain("rpud echo", f"{lost} messages of {listener.topic} were lost")
+    return ExitCode.DONE
+
+
+def _json_text(plain: Any) -> str:
+    from rpud_sim.ros.client.plain_message import to_json_value
+
+    return json.dumps(to_json_value(plain)) + "\n"
+
+
+def _yaml_text() -> Callable[[Any], str]:
+    import yaml
+
+    dumper = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
+
+    def write(plain: Any) -> str:
+        text = yaml.dump(plain, Dumper=dumper, sort_keys=False, allow_unicode=True, width=_WIDTH)
+        return str(text).removesuffix("...\n") + "---\n"
+
+    return write

@@ -1,18 +1,86 @@
-"""Executables of ``ros2 run``: ``drill_node``, ``recorder`` and ``replayer``.
+"""``rpud record`` and ``rpud replay``, and the executables of ``ros2 run``.
 
-ROS is loaded when they run, so that a missing ROS is an error in one line.
+``drill_node``, ``recorder`` and ``replayer`` load ROS when they run, so that a missing ROS is an
+error in one line.
 """
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
 
-from rpud_sim.cli import record, replay
-from rpud_sim.cli.options import Parser, add_with_parent, options_from, split_ros_arguments
-from rpud_sim.cli.program import ExitCode, failing, report_errors, run_program
+from rpud_sim.cli.options import Parser, add_options, command, options_from, split_ros_arguments
+from rpud_sim.cli.output import progress_bar, status_line
+from rpud_sim.cli.program import CommandError, ExitCode, failing, report_errors, run_program
+from rpud_sim.foundation.options import parent_flag
+from rpud_sim.foundation.terminal import printable
 from rpud_sim.ros.record.record_options import RecordOptions
 from rpud_sim.ros.replay.replay_options import ReplayOptions
+
+_REPLAY_BAR = "{desc}: {percentage:3.0f}%|{bar}| {n:.1f}/{total:.1f} s{postfix}"
+
+
+@command(
+    "record",
+    "--out bags/first --duration 10",
+    "record ROS topics into a bag that rosbag2 reads",
+    RecordOptions,
+)
+def _record(options: RecordOptions, ros_arguments: Sequence[str] = ()) -> int:
+    from rpud_sim.bag import BagError
+    from rpud_sim.ros.record import recorder
+    from rpud_sim.ros.starting import StartError
+
+    with (
+        failing(BagError),
+        failing(StartError, code=ExitCode.USAGE),
+        status_line(printable(Path(options.out).name)) as show,
+    ):
+        result = recorder.record(options, ros_arguments, show)
+    with suppress(BrokenPipeError):
+        print(result.summary, flush=True)
+    if result.failure:
+        raise CommandError(result.failure)
+    return ExitCode.DONE
+
+
+@command(
+    "replay",
+    "bags/first --rate 0.5",
+    "publish a bag's messages with their types, QoS and timing",
+    ReplayOptions,
+)
+def _replay(options: ReplayOptions, ros_arguments: Sequence[str] = ()) -> int:
+    from rpud_sim.bag import BagError
+    from rpud_sim.ros.replay import replayer
+    from rpud_sim.ros.starting import StartError
+
+    with (
+        failing(BagError, replayer.ReplayError),
+        failing(replayer.OptionError, StartError, code=ExitCode.USAGE),
+    ):
+        bar = partial(progress_bar, "s", delay=0.0, layout=_REPLAY_BAR)
+        print(replayer.replay(options, ros_arguments, bar), flush=True)
+    return ExitCode.DONE
+
+
+@dataclass(frozen=True, kw_only=True)
+class _NodeOptions:
+    with_parent: bool = parent_flag()
+
+
+def _drill(options: _NodeOptions, ros_arguments: Sequence[str]) -> int:
+    from rpud_sim.ros.drill.drill_node import drill
+    from rpud_sim.ros.starting import StartError
+
+    with failing(RuntimeError), failing(StartError, code=ExitCode.USAGE):
+        drill(ros_arguments, options.with_parent)
+    return ExitCode.DONE
 
 
 def drill_node() -> None:
@@ -21,43 +89,27 @@ def drill_node() -> None:
         description="A drill in soft real time.",
         epilog="example: drill_node --ros-args -r __ns:=/rpud --params-file config/free.yaml",
     )
-    add_with_parent(parser)
-
-    def run() -> int:
-        words, ros_arguments = split_ros_arguments(sys.argv[1:])
-        arguments = parser.parse_args(words)
-        from rpud_sim.ros.drill.drill_node import drill
-        from rpud_sim.ros.starting import StartError
-
-        with failing(RuntimeError), failing(StartError, code=ExitCode.USAGE):
-            drill(ros_arguments, arguments.with_parent)
-        return ExitCode.DONE
-
-    _run("drill_node", "drill_node", run)
+    _execute(parser, "drill_node", _NodeOptions, _drill)
 
 
 def recorder() -> None:
     parser = Parser(prog="recorder", description="Recorder of ROS topics.")
-    record.add_arguments(parser)
-
-    def run() -> int:
-        words, ros_arguments = split_ros_arguments(sys.argv[1:])
-        return record.record(options_from(parser.parse_args(words), RecordOptions), ros_arguments)
-
-    _run("recorder", "rpud record", run)
+    _execute(parser, "rpud record", RecordOptions, _record)
 
 
 def replayer() -> None:
     parser = Parser(prog="replayer", description="Replayer of bags.")
-    replay.add_arguments(parser)
-
-    def run() -> int:
-        words, ros_arguments = split_ros_arguments(sys.argv[1:])
-        return replay.replay(options_from(parser.parse_args(words), ReplayOptions), ros_arguments)
-
-    _run("replayer", "rpud replay", run)
+    _execute(parser, "rpud replay", ReplayOptions, _replay)
 
 
-def _run(program: str, command: str, run: Callable[[], int]) -> None:
+def _execute(
+    parser: Parser, same_as: str, kind: type[Any], run: Callable[[Any, Sequence[str]], int]
+) -> None:
     """Run an executable; its expected errors name the command that it is the same as."""
-    run_program(program, lambda: report_errors(command, run))
+    add_options(parser, kind)
+
+    def execute() -> int:
+        words, ros_arguments = split_ros_arguments(sys.argv[1:])
+        return run(options_from(parser.parse_args(words), kind), ros_arguments)
+
+    run_program(parser.prog, lambda: report_errors(same_as, execute))

@@ -2,22 +2,16 @@
 
 from __future__ import annotations
 
-import argparse
 import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from rpud_sim.cli.live_line import logging_above
-from rpud_sim.cli.options import (
-    POSITIVE_SECONDS,
-    SECONDS,
-    Number,
-    add_bag_argument,
-    add_json_argument,
-    add_run_argument,
-)
+from rpud_sim.cli.options import BagOptions, command, run_number_option
+from rpud_sim.cli.output import print_json, progress_bar
 from rpud_sim.cli.program import ExitCode, failing
-from rpud_sim.cli.progress import progress_bar
-from rpud_sim.cli.tables import print_json
+from rpud_sim.foundation.options import POSITIVE_SECONDS, SECONDS, option, required
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.foundation.terminal import complain, printable
 
@@ -25,79 +19,69 @@ if TYPE_CHECKING:
     from rpud_sim.inspection.offline_bag import ForkedBag
     from rpud_sim.simulation.changes import Changes
 
-HELP = "go on from any instant of a recorded run, with other commands, parameters or faults"
-DETAILS = (
-    "Without a change the new bag equals the rest of the recorded one, bit for bit. A recorded "
-    "change after the instant is repeated, unless the fork has its own; a live drill repeats none."
-)
-EXAMPLE = "rpud fork bags/first --at 1.5 --inject hard_rock,magnitude=5 --out bags/harder"
 
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    add_bag_argument(parser)
-    parser.add_argument(
-        "--at",
-        action=Number,
-        quantity=SECONDS,
-        required=True,
-        metavar="S",
-        help="instant of the fork: simulation time since the beginning of the run",
+@dataclass(frozen=True, kw_only=True)
+class _Fork(BagOptions):
+    at: float = required(
+        "instant of the fork: simulation time since the beginning of the run", quantity=SECONDS
     )
-    parser.add_argument(
-        "--duration",
-        action=Number,
-        quantity=POSITIVE_SECONDS,
-        metavar="S",
-        help="go on for that many seconds (default: to the end of the recorded run; live: until "
+    duration: float | None = option(
+        None,
+        "go on for that many seconds (default: to the end of the recorded run; live: until "
         "SIGINT or SIGTERM)",
+        POSITIVE_SECONDS,
     )
-    parser.add_argument(
-        "--set",
+    assignments: Sequence[str] = option(
+        (),
+        "another value of a parameter from the instant on; can be repeated",
+        flag="--set",
         action="append",
-        default=[],
         metavar="NAME=VALUE",
-        dest="assignments",
-        help="another value of a parameter from the instant on; can be repeated",
     )
-    parser.add_argument(
-        "--inject",
-        action="append",
-        default=[],
-        metavar="KIND[,KEY=VALUE...]",
-        help="inject a fault at the instant; keys are channel, magnitude, duration and onset, the "
+    inject: Sequence[str] = option(
+        (),
+        "inject a fault at the instant; keys are channel, magnitude, duration and onset, the "
         "seconds from the instant to the fault; can be repeated",
+        action="append",
+        metavar="KIND[,KEY=VALUE...]",
     )
-    parser.add_argument(
-        "--commands",
-        metavar="FILE",
-        help="a scenario with faults, and with commands that replace the recorded ones; its times "
+    commands: str | None = option(
+        None,
+        "a scenario with faults, and with commands that replace the recorded ones; its times "
         "count from the instant",
+        metavar="FILE",
     )
-    parser.add_argument("--out", metavar="DIR", help="write a new bag; with --live record it")
-    parser.add_argument("--live", action="store_true", help="go on as a drill node, on ROS topics")
-    add_run_argument(parser)
-    parser.add_argument(
-        "--topic", metavar="NAME", help="topic of the journal, if there are several"
+    out: str | None = option(None, "write a new bag; with --live record it", metavar="DIR")
+    live: bool = option(False, "go on as a drill node, on ROS topics")
+    run: int = run_number_option()
+    topic: str | None = option(None, "topic of the journal, if there are several", metavar="NAME")
+    namespace: str | None = option(
+        None, "with --live: namespace of the node (default: the recorded one)"
     )
-    parser.add_argument(
-        "--namespace", help="with --live: namespace of the node (default: the recorded one)"
-    )
-    parser.add_argument("--quiet", action="store_true", help="with --live: no live line")
-    add_json_argument(parser)
+    quiet: bool = option(False, "with --live: no live line")
 
 
-def run(arguments: argparse.Namespace) -> int:
-    if not (arguments.out or arguments.live):
+@command(
+    "fork",
+    "bags/first --at 1.5 --inject hard_rock,magnitude=5 --out bags/harder",
+    "go on from any instant of a recorded run, with other commands, parameters or faults",
+    _Fork,
+    "Without a change the new bag equals the rest of the recorded one, bit for bit. A recorded "
+    "change after the instant is repeated, unless the fork has its own; a live drill repeats none.",
+)
+def _run(options: _Fork) -> int:
+    if options.live:
+        if options.json:
+            raise ParameterError("--json goes with a bag, not with --live")
+        return _live(options, _changes(options))
+    if not options.out:
         raise ParameterError("where to? give --out DIR, or --live")
-    if arguments.live and arguments.json:
-        raise ParameterError("--json goes with a bag, not with --live")
-    if not arguments.live and (arguments.namespace or arguments.quiet):
+    if options.namespace or options.quiet:
         raise ParameterError("--namespace and --quiet go with --live")
-    changes = _changes(arguments)
-    return _live(arguments, changes) if arguments.live else _to_bag(arguments, changes)
+    return _to_bag(options, options.out, _changes(options))
 
 
-def _changes(arguments: argparse.Namespace) -> Changes:
+def _changes(options: _Fork) -> Changes:
     from rpud_sim.inspection.fork import LIVE
     from rpud_sim.simulation.changes import (
         Changes,
@@ -107,13 +91,13 @@ def _changes(arguments: argparse.Namespace) -> Changes:
     )
     from rpud_sim.simulation.parameter_files import parse_assignment
 
-    values = dict(parse_assignment(text) for text in arguments.assignments)
-    changes = parameter_changes(values, LIVE if arguments.live else ())
-    changes += parse_injections(arguments.inject)
-    return changes + (read_commands(arguments.commands) if arguments.commands else Changes())
+    values = dict(parse_assignment(text) for text in options.assignments)
+    changes = parameter_changes(values, LIVE if options.live else ())
+    changes += parse_injections(options.inject)
+    return changes + (read_commands(options.commands) if options.commands else Changes())
 
 
-def _to_bag(arguments: argparse.Namespace, changes: Changes) -> int:
+def _to_bag(options: _Fork, out: str, changes: Changes) -> int:
     from rpud_sim.bag import BagError
     from rpud_sim.inspection import InspectionError
     from rpud_sim.inspection.offline_bag import write_fork
@@ -121,18 +105,18 @@ def _to_bag(arguments: argparse.Namespace, changes: Changes) -> int:
 
     with failing(BagError, InspectionError, EngineError), progress_bar(" s") as bar:
         forked = write_fork(
-            arguments.bag,
-            arguments.out,
-            arguments.at,
-            arguments.duration,
+            options.bag,
+            out,
+            options.at,
+            options.duration,
             changes,
-            run=arguments.number,
-            topic=arguments.topic,
+            run=options.run,
+            topic=options.topic,
             report=bar.update,
         )
     for warning in forked.warnings:
         complain("rpud fork", warning)
-    print_json(dataclasses.asdict(forked)) if arguments.json else print(_account(forked))
+    print_json(dataclasses.asdict(forked)) if options.json else print(_account(forked))
     return ExitCode.DONE
 
 
@@ -144,7 +128,7 @@ def _account(forked: ForkedBag) -> str:
     )
 
 
-def _live(arguments: argparse.Namespace, changes: Changes) -> int:
+def _live(options: _Fork, changes: Changes) -> int:
     from rpud_sim.bag import BagError
     from rpud_sim.cli.run import drill
     from rpud_sim.inspection import InspectionError
@@ -156,23 +140,23 @@ def _live(arguments: argparse.Namespace, changes: Changes) -> int:
 
     with failing(BagError, InspectionError, EngineError), progress_bar(" s") as bar:
         fork = open_fork(
-            arguments.bag,
-            arguments.at,
+            options.bag,
+            options.at,
             changes,
-            run=arguments.number,
-            topic=arguments.topic,
+            run=options.run,
+            topic=options.topic,
             stop=True,
             report=bar.update,
         )
         start = live_start(fork, changes)
-    namespace = arguments.namespace or fork.recorded.prefix.rstrip("/") or "/"
+    namespace = options.namespace or fork.recorded.prefix.rstrip("/") or "/"
     with (
         failing(NamesakeError),
         failing(StartError, code=ExitCode.USAGE),
         StopRequest() as stop,
         logging_above(
-            not arguments.quiet,
-            open_drill(start.settings.values(), namespace, arguments.duration, start=start),
+            not options.quiet,
+            open_drill(start.settings.values(), namespace, options.duration, start=start),
         ) as node,
     ):
-        return drill(node, stop, "rpud fork", record=arguments.out, live=not arguments.quiet)
+        return drill(node, stop, "rpud fork", options.out, live=not options.quiet)

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import importlib
 import sys
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Iterable, Mapping, Sequence
 
-from rpud_sim.cli.options import Parser
+from rpud_sim.cli.options import DECLARED, Command, Parser, add_options, options_from
 from rpud_sim.cli.program import report_errors, run_program
 from rpud_sim.foundation.quantities import did_you_mean
 
@@ -22,8 +22,8 @@ _DRILL, _RUNNING, _BAGS, _TEST, _STUDY = (
 
 COMMANDS: Mapping[str, tuple[str, str]] = {
     "run": (_DRILL, "run"),
-    "record": (_DRILL, "record"),
-    "replay": (_DRILL, "replay"),
+    "record": (_DRILL, "executables"),
+    "replay": (_DRILL, "executables"),
     "simulate": (_DRILL, "simulate"),
     "watch": (_DRILL, "watch"),
     "press": (_RUNNING, "drill_commands"),
@@ -37,17 +37,17 @@ COMMANDS: Mapping[str, tuple[str, str]] = {
     "step": (_RUNNING, "drill_commands"),
     "reset": (_RUNNING, "drill_commands"),
     "set": (_RUNNING, "drill_commands"),
-    "echo": (_RUNNING, "echo"),
-    "info": (_BAGS, "info"),
-    "recover": (_BAGS, "recover"),
-    "verify": (_BAGS, "verify"),
+    "echo": (_RUNNING, "drill_commands"),
+    "info": (_BAGS, "bags"),
+    "recover": (_BAGS, "bags"),
+    "verify": (_BAGS, "bags"),
     "fork": (_BAGS, "fork"),
-    "export": (_BAGS, "export"),
-    "report": (_BAGS, "report"),
+    "export": (_BAGS, "bags"),
+    "report": (_BAGS, "bags"),
     "compare": (_BAGS, "compare"),
     "test": (_TEST, "test"),
-    "sweep": (_STUDY, "sweep"),
-    "fit": (_STUDY, "fit"),
+    "sweep": (_STUDY, "studies"),
+    "fit": (_STUDY, "studies"),
 }
 """Commands in the order of the help: the group of each, and its module in this package."""
 
@@ -55,15 +55,14 @@ GROUPS = tuple(dict.fromkeys(group for group, _ in COMMANDS.values()))
 """Groups in that order."""
 
 
-def load_command(name: str) -> Any:
-    """Return what a command is made of: HELP, EXAMPLE, add_arguments and run."""
-    module = importlib.import_module(f"rpud_sim.cli.{COMMANDS[name][1]}")
-    return getattr(module, "DRILL_COMMANDS", {}).get(name, module)
+def load_command(name: str) -> Command:
+    importlib.import_module(f"rpud_sim.cli.{COMMANDS[name][1]}")
+    return DECLARED[name]
 
 
-def build_parser() -> argparse.ArgumentParser:
-    """Return the parser of ``rpud`` with all its commands."""
-    loaded = {name: load_command(name) for name in COMMANDS}
+def build_parser(names: Iterable[str] = COMMANDS) -> argparse.ArgumentParser:
+    """Return the parser of ``rpud`` with some commands, by default all."""
+    loaded = {name: load_command(name) for name in names}
     parser = Parser(
         prog="rpud",
         description="Impact dynamics of a rotary-percussive ultrasonic drill.",
@@ -76,34 +75,32 @@ def build_parser() -> argparse.ArgumentParser:
         required=True,
         help="one of these; rpud COMMAND --help shows its options",
     )
-    for name, command in loaded.items():
+    for name, each in loaded.items():
         subparser = commands.add_parser(
             name,
-            description=f"{command.HELP[0].upper()}{command.HELP[1:]}. "
-            f"{getattr(command, 'DETAILS', '')}",
-            epilog=f"example: {command.EXAMPLE}",
+            description=f"{each.help[0].upper()}{each.help[1:]}. {each.details}",
+            epilog=f"example: {each.example}",
         )
-        command.add_arguments(subparser)
-        subparser.set_defaults(run=command.run)
+        add_options(subparser, each.options)
     return parser
 
 
-def _group_help(group: str, loaded: Mapping[str, Any]) -> str:
+def _group_help(group: str, loaded: Mapping[str, Command]) -> str:
     width = max(map(len, COMMANDS))
     lines = (
-        f"  {name:<{width}}  {loaded[name].HELP}"
-        for name, (own, _) in COMMANDS.items()
-        if own == group
+        f"  {name:<{width}}  {each.help}"
+        for name, each in loaded.items()
+        if COMMANDS[name][0] == group
     )
     return "\n".join([f"{group}:", *lines])
 
 
 def execute(words: Sequence[str]) -> int:
     """Run a command and return its exit code; an expected error is printed as one line."""
-    parser = build_parser()
     name = words[0] if words else ""
     if name in COMMANDS:
-        return report_errors(f"rpud {name}", lambda: _run(parser, words))
+        return report_errors(f"rpud {name}", lambda: _run(build_parser([name]), words))
+    parser = build_parser()
     if name and not name.startswith("-"):
         hint = did_you_mean(name, COMMANDS)
         parser.error(f"argument COMMAND: invalid choice: {name!r}; {hint}")
@@ -112,11 +109,13 @@ def execute(words: Sequence[str]) -> int:
 
 def _run(parser: argparse.ArgumentParser, words: Sequence[str]) -> int:
     arguments, further = parser.parse_known_args(words)
-    if further and not hasattr(arguments, "further"):
-        parser.error(f"unrecognized arguments: {' '.join(further)}")
-    arguments.further = further
-    code: int = arguments.run(arguments)
-    return code
+    chosen = DECLARED[arguments.command]
+    options = options_from(arguments, chosen.options)
+    if further:
+        if not hasattr(chosen.options, "further"):
+            parser.error(f"unrecognized arguments: {' '.join(further)}")
+        options = dataclasses.replace(options, further=further)
+    return chosen.run(options)
 
 
 def main(words: Sequence[str] | None = None) -> None:

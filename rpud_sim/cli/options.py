@@ -1,26 +1,117 @@
-"""Arguments of all programs: one parser, checked numbers, and arguments that commands share."""
+"""Commands, and the command line of each, which is generated from its options object."""
 
 from __future__ import annotations
 
 import argparse
 import dataclasses
-import os
-import re
+from collections.abc import Callable, Sequence
 from typing import Any, NoReturn, TypeVar
 
+from rpud_sim.foundation.options import DOMAIN, bag_argument, option
 from rpud_sim.foundation.quantities import Quantity
 from rpud_sim.foundation.terminal import printable
 
-LONGEST = 1e9  # greatest number of seconds that an option accepts: thirty years
-
-POSITIVE_SECONDS = Quantity("s", "a duration", 0.0, LONGEST, exclusive=True)
-SECONDS = Quantity("s", "a duration or an offset", 0.0, LONGEST)
-BYTES = Quantity("bytes", "a size", 1.0, 1e18, whole=True)
 RUN = Quantity("", "number of a run", 1, 1e9, whole=True)
 
-_PROCESSES = Quantity("", "processes", 1, 1024, whole=True)
+# Groups of options by a rule; any other name of a group is a title.
+AT_MOST_ONE, EXACTLY_ONE = "at most one", "exactly one"
+
+_METAVARS = {"": "N", "%": "PERCENT"}  # of units that are no word
 
 _Options = TypeVar("_Options")
+
+
+@dataclasses.dataclass(frozen=True)
+class Command:
+    """Command of ``rpud``."""
+
+    example: str  # call of it
+    help: str  # what it does
+    options: type[Any]  # frozen dataclass whose fields declare the arguments
+    run: Callable[[Any], int]  # takes the options, returns the exit code
+    details: str  # sentences for its own help
+
+
+DECLARED: dict[str, Command] = {}
+"""Commands of the modules that are loaded, by name."""
+
+_Run = TypeVar("_Run", bound=Callable[[Any], int])
+
+
+def command(
+    name: str, example: str, text: str, kind: type[Any], details: str = ""
+) -> Callable[[_Run], _Run]:
+    """Declare the function of a command: the words of an example, its help, and its options."""
+
+    def declare(run: _Run) -> _Run:
+        DECLARED[name] = Command(f"rpud {name} {example}".rstrip(), text, kind, run, details)
+        return run
+
+    return declare
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class JsonOptions:
+    """Options of a command that prints text or JSON."""
+
+    json: bool = option(False, "print one JSON object", last=True)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class BagOptions(JsonOptions):
+    """Options of a command that reads a bag."""
+
+    bag: str = bag_argument()
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class PlaceOptions:
+    """Options that say where a drill runs."""
+
+    namespace: str = option("/rpud", "namespace of the drill (default: %(default)s)", last=True)
+    domain: int | None = option(
+        None, "ROS domain (default: ROS_DOMAIN_ID, or 0)", DOMAIN, last=True
+    )
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class ParameterOptions:
+    """Options that give parameters of a drill."""
+
+    regime: str | None = option(
+        None,
+        "free is before drilling, drilling is in the rock (default: drilling)",
+        choices=("free", "drilling"),
+    )
+    config: str | None = option(
+        None, "a ROS parameter file, such as config/drilling.yaml", metavar="FILE"
+    )
+    assignments: Sequence[str] = option(
+        (),
+        "set one parameter, in SI units; can be repeated",
+        flag="--set",
+        action="append",
+        metavar="NAME=VALUE",
+    )
+
+    def values(self) -> dict[str, Any]:
+        """Return the given parameters by name: the file's, then --regime, then each --set."""
+        from rpud_sim.simulation.parameter_files import parse_assignment, read_parameter_file
+
+        values = read_parameter_file(self.config) if self.config else {}
+        if self.regime:
+            values["regime"] = self.regime
+        values.update(parse_assignment(text) for text in self.assignments)
+        return values
+
+
+def run_number_option(condition: str = "") -> int:
+    return option(
+        1,
+        f"{condition}number of the simulation, if resets or restored checkpoints began "
+        "several (default: the first)",
+        RUN,
+    )
 
 
 class Parser(argparse.ArgumentParser):
@@ -31,12 +122,15 @@ class Parser(argparse.ArgumentParser):
         self.exit(2, f"{self.prog}: {printable(message)}; see {self.prog} --help\n")
 
 
-class Number(argparse.Action):
+class _Number(argparse.Action):
     """Argument that is a number in a range; outside, a ParameterError names the option."""
 
-    def __init__(self, *arguments: Any, quantity: Quantity, **options: Any) -> None:
+    def __init__(
+        self, *arguments: Any, quantity: Quantity, append: bool = False, **options: Any
+    ) -> None:
         super().__init__(*arguments, **options)
         self._quantity = quantity
+        self._append = append
 
     def __call__(
         self,
@@ -45,8 +139,10 @@ class Number(argparse.Action):
         values: Any,
         option_string: str | None = None,
     ) -> None:
-        name = self.option_strings[-1]
-        setattr(namespace, self.dest, self._quantity.check(name, _parse_number(values)))
+        number = self._quantity.check(self.option_strings[-1], _parse_number(values))
+        if self._append:
+            number = [*(getattr(namespace, self.dest) or ()), number]
+        setattr(namespace, self.dest, number)
 
 
 def _parse_number(text: Any) -> Any:
@@ -59,17 +155,38 @@ def _parse_number(text: Any) -> Any:
     return text
 
 
-def pattern(text: str) -> re.Pattern[str]:
-    """Return a regular expression; a type for argparse."""
-    try:
-        return re.compile(text)
-    except (re.error, RecursionError, OverflowError) as error:
-        raise argparse.ArgumentTypeError(f"{text!r} is no regular expression: {error}") from error
+def add_options(parser: argparse.ArgumentParser, kind: type[Any]) -> None:
+    """Declare the arguments of an options object, in the order of its fields."""
+    groups: dict[str, argparse._ActionsContainer] = {"": parser}
+    declared = [field for field in dataclasses.fields(kind) if field.metadata]
+    for field in sorted(declared, key=lambda each: each.metadata.get("last", False)):
+        words = {name: word for name, word in field.metadata.items() if name != "last"}
+        group = words.pop("group", "")
+        if group not in groups:
+            groups[group] = (
+                parser.add_mutually_exclusive_group(required=group == EXACTLY_ONE)
+                if group in (AT_MOST_ONE, EXACTLY_ONE)
+                else parser.add_argument_group(group)
+            )
+        if words.pop("positional", False):
+            groups[group].add_argument(field.name, **words)
+            continue
+        flag = words.pop("flag", f"--{field.name.replace('_', '-')}")
+        if isinstance(field.default, bool):
+            words["action"] = "store_true"
+        elif not words.get("required"):
+            words["default"] = None if field.default == () else field.default
+        if "quantity" in words:
+            unit = words["quantity"].unit
+            words = {"action": _Number, "metavar": _METAVARS.get(unit, unit.upper()), **words}
+        groups[group].add_argument(flag, dest=field.name, **words)
 
 
 def options_from(arguments: argparse.Namespace, kind: type[_Options]) -> _Options:
-    fields = dataclasses.fields(kind)  # type: ignore[arg-type]
-    return kind(**{field.name: getattr(arguments, field.name) for field in fields})
+    """Return the options object of parsed arguments."""
+    given = {name: value for name, value in vars(arguments).items() if value is not None}
+    fields = dataclasses.fields(kind)  # type: ignore[arg-type]  # any dataclass
+    return kind(**{field.name: given[field.name] for field in fields if field.name in given})
 
 
 def split_ros_arguments(words: list[str]) -> tuple[list[str], list[str]]:
@@ -84,107 +201,3 @@ def split_ros_arguments(words: list[str]) -> tuple[list[str], list[str]]:
         ros += own[begin:end]
         del own[begin:end]
     return own, ros
-
-
-def add_bag_argument(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("bag", metavar="BAG", help="a bag's folder or one MCAP file")
-
-
-def add_json_argument(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--json", action="store_true", help="print one JSON object")
-
-
-def add_run_argument(parser: argparse.ArgumentParser, condition: str = "") -> None:
-    """Declare --run, ``number`` of the arguments; the condition begins its help."""
-    parser.add_argument(
-        "--run",
-        action=Number,
-        quantity=RUN,
-        default=1,
-        metavar="N",
-        dest="number",
-        help=f"{condition}number of the simulation, if resets or restored checkpoints began "
-        "several (default: the first)",
-    )
-
-
-def add_with_parent(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "--with-parent",
-        action="store_true",
-        help="stop also when the process that started it has ended, as under ros2 launch",
-    )
-
-
-def add_workers_argument(parser: argparse._ActionsContainer) -> None:
-    """Declare --workers of a study; ``worker_count`` reads it."""
-    parser.add_argument(
-        "--workers",
-        action=Number,
-        quantity=_PROCESSES,
-        metavar="N",
-        help="processes on this machine (default: one for each of its cores)",
-    )
-
-
-def add_scheduler_argument(parser: argparse._ActionsContainer) -> None:
-    parser.add_argument(
-        "--scheduler",
-        metavar="tcp://HOST:PORT",
-        help="run on the Dask cluster of this scheduler",
-    )
-
-
-def worker_count(arguments: argparse.Namespace) -> int:
-    """Return the number of --workers; by default one for each core that this process may use."""
-    return arguments.workers or len(os.sched_getaffinity(0))
-
-
-def add_range_arguments(parser: argparse.ArgumentParser, verb: str, longest: float) -> None:
-    """Declare --start and --duration of a part of a bag, both of at most ``longest`` seconds."""
-    parser.add_argument(
-        "--start",
-        action=Number,
-        quantity=dataclasses.replace(SECONDS, maximum=longest),
-        default=0.0,
-        metavar="S",
-        help="skip that many seconds of the bag (default: 0)",
-    )
-    parser.add_argument(
-        "--duration",
-        action=Number,
-        quantity=dataclasses.replace(POSITIVE_SECONDS, maximum=longest),
-        metavar="S",
-        help=f"{verb} at most that many seconds (default: to the end)",
-    )
-
-
-def add_parameter_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare --regime, --config and --set."""
-    parser.add_argument(
-        "--regime",
-        choices=("free", "drilling"),
-        help="free is before drilling, drilling is in the rock (default: drilling)",
-    )
-    parser.add_argument(
-        "--config", metavar="FILE", help="a ROS parameter file, such as config/drilling.yaml"
-    )
-    parser.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        metavar="NAME=VALUE",
-        dest="assignments",
-        help="set one parameter, in SI units; can be repeated",
-    )
-
-
-def chosen_parameters(arguments: argparse.Namespace) -> dict[str, Any]:
-    """Return the given parameters by name: the file's, then --regime, then each --set."""
-    from rpud_sim.simulation.parameter_files import parse_assignment, read_parameter_file
-
-    values = read_parameter_file(arguments.config) if arguments.config else {}
-    if arguments.regime:
-        values["regime"] = arguments.regime
-    values.update(parse_assignment(text) for text in arguments.assignments)
-    return values

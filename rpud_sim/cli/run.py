@@ -1,21 +1,28 @@
-"""``rpud run``: drill in real time, and record if requested."""
+"""``rpud run``: drill in real time, with a recorder and a page in processes of their own.
+
+So neither a slow disk nor a page can make the drill late.
+"""
 
 from __future__ import annotations
 
-import argparse
+import signal
+import sys
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from rpud_sim.cli.live_line import LiveLine, logging_above, summary_text
-from rpud_sim.cli.options import (
-    POSITIVE_SECONDS,
-    Number,
-    add_parameter_arguments,
-    chosen_parameters,
-)
-from rpud_sim.cli.program import ExitCode, failing
-from rpud_sim.cli.recorder_process import RecorderProcess
+from rpud_sim.cli.options import ParameterOptions, command
+from rpud_sim.cli.program import CommandError, ExitCode, failing
 from rpud_sim.cli.watch import DEFAULT_PORT, PORT
-from rpud_sim.cli.watch_process import watching
+from rpud_sim.foundation.child_process import RPUD, ChildProcess
+from rpud_sim.foundation.options import (
+    POSITIVE_SECONDS,
+    namespace_option,
+    option,
+    run_time_option,
+)
 from rpud_sim.foundation.terminal import complain, printable
 from rpud_sim.ros.record.record_options import RecordOptions
 
@@ -23,98 +30,83 @@ if TYPE_CHECKING:
     from rpud_sim.ros.drill.drill_node import DrillNode
     from rpud_sim.ros.stopping import StopRequest
 
-HELP = "drill in real time on ROS topics"
-EXAMPLE = "rpud run --duration 10 --record bags/first --set weight_on_bit=20"
+_PROGRAM = "rpud run"
+_PAGE_START = 60.0  # that the page's server may take to start on a busy machine [s]
+_PAGE_END = 10.0  # that it may take to end [s]
+_RECORDER_START = 15.0  # s
+_RECORDER_END = 30.0  # s
+_READY = "recording\n"  # that the recorder prints when it records
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    add_parameter_arguments(parser)
-    parser.add_argument(
-        "--duration",
-        action=Number,
-        quantity=POSITIVE_SECONDS,
-        metavar="S",
-        help="stop after that many seconds (default: at SIGINT or SIGTERM)",
+@dataclass(frozen=True, kw_only=True)
+class _Run(ParameterOptions):
+    duration: float | None = run_time_option()
+    record: str | None = option(
+        None, "record the namespace into a new bag, by a recorder process", metavar="DIR"
     )
-    parser.add_argument(
-        "--record",
-        metavar="DIR",
-        help="record the namespace into a new bag, by a recorder process",
-    )
-    parser.add_argument(
-        "--max-loss",
-        action=Number,
-        quantity=POSITIVE_SECONDS,
-        default=RecordOptions.max_loss,
-        metavar="S",
-        help="with --record: seconds of messages that a crash may cost at most, where processor "
+    max_loss: float = option(
+        RecordOptions.max_loss,
+        "with --record: seconds of messages that a crash may cost at most, where processor "
         "and disk keep up (default: %(default)g)",
+        POSITIVE_SECONDS,
     )
-    parser.add_argument(
-        "--watch",
-        action=Number,
-        quantity=PORT,
-        nargs="?",
-        const=str(DEFAULT_PORT),
-        metavar="PORT",
-        help="also serve the page of the drill, by a process of its own; 0 is a free port "
+    watch: int | None = option(
+        None,
+        "also serve the page of the drill, by a process of its own; 0 is a free port "
         f"(default: {DEFAULT_PORT})",
+        PORT,
+        nargs="?",
+        const=DEFAULT_PORT,
+        metavar="PORT",
     )
-    parser.add_argument(
-        "--namespace",
-        default=RecordOptions.namespace,
-        help="namespace of the node (default: %(default)s)",
+    namespace: str = namespace_option("namespace of the node")
+    allow_duplicate: bool = option(
+        False, "drill although a drill of the same name runs; both answer the same requests"
     )
-    parser.add_argument(
-        "--allow-duplicate",
-        action="store_true",
-        help="drill although a drill of the same name runs; both answer the same requests",
-    )
-    parser.add_argument("--quiet", action="store_true", help="no live line of rate and forces")
+    quiet: bool = option(False, "no live line of rate and forces")
 
 
-def run(arguments: argparse.Namespace) -> int:
-    """Drill until the duration is over or a signal stops it; return the exit code."""
-    values = chosen_parameters(arguments)
+@command(
+    "run",
+    "--duration 10 --record bags/first --set weight_on_bit=20",
+    "drill in real time on ROS topics",
+    _Run,
+)
+def _run(options: _Run) -> int:
+    """Drill until the duration is over or a signal stops it."""
+    values = options.values()
     from rpud_sim.ros.drill.session import NamesakeError, open_drill
     from rpud_sim.ros.starting import StartError
     from rpud_sim.ros.stopping import StopRequest
 
+    live = not options.quiet
     with (
         failing(NamesakeError),
         failing(StartError, code=ExitCode.USAGE),
         StopRequest() as stop,
-        watching(arguments.watch, arguments.namespace, stop),
+        _watching(options.watch, options.namespace, stop),
         logging_above(
-            not arguments.quiet,
+            live,
             open_drill(
                 values,
-                arguments.namespace,
-                arguments.duration,
-                allow_duplicate=arguments.allow_duplicate,
+                options.namespace,
+                options.duration,
+                allow_duplicate=options.allow_duplicate,
             ),
         ) as node,
     ):
-        return drill(
-            node,
-            stop,
-            "rpud run",
-            record=arguments.record,
-            max_loss=arguments.max_loss,
-            live=not arguments.quiet,
-        )
+        return drill(node, stop, _PROGRAM, options.record, options.max_loss, live)
 
 
 def drill(
     node: DrillNode,
     stop: StopRequest,
     program: str,
-    *,
     record: str | None,
     max_loss: float = RecordOptions.max_loss,
     live: bool = True,
 ) -> ExitCode:
-    """Drill to the end, and print a summary; return the exit code.
+    """Drill to the end, and print a summary.
 
     ``record`` is a new bag for the node's namespace. A crash may cost it at most ``max_loss`` of
     messages [s].
@@ -133,27 +125,31 @@ def _drill_and_record(
 
     with failing(RuntimeError):
         node.prepare()  # so that the recorder finds its topics, and has the first message
-    recorder = RecorderProcess(record, node.get_namespace(), max_loss)
-    if not recorder.wait_until_ready(stop):
-        closed = recorder.close()
+    recorder = ChildProcess(
+        (
+            *(*RPUD, "record", "--out", record, "--namespace", node.get_namespace()),
+            # `_missing` compares numbers of messages, which says more than an empty bag.
+            *("--max-loss", str(max_loss), "--allow-empty", "--until-eof", "--ready-fd", "1"),
+        ),
+        errors_apart=True,
+        until_eof=True,
+    )
+    if not recorder.first_line(_RECORDER_START, lambda: stop.requested):
+        closed = _close_recorder(recorder)
         return ExitCode.DONE if stop.requested and closed else ExitCode.FAILED
     await_recorder(node, stop)
     node.count_sent()
     try:
         drilled = _drill(node, stop, program, live)
     finally:
-        recorded = recorder.close()
-    for line in recorder.missing(node.sent) if recorded else ():
+        recorded = _close_recorder(recorder)
+    for line in _missing(record, node.sent) if recorded else ():
         recorded = False
         complain(program, line)
     _print_summary(node)
     if recorded:
         print(f"bag: {printable(record)}", flush=True)
     return ExitCode.DONE if drilled and recorded else ExitCode.FAILED
-
-
-def _print_summary(node: DrillNode) -> None:
-    print(summary_text(node.totals.figures(), node.report, node.faults), flush=True)
 
 
 def _drill(node: DrillNode, stop: StopRequest, program: str, live: bool) -> bool:
@@ -171,3 +167,70 @@ def _drill(node: DrillNode, stop: StopRequest, program: str, live: bool) -> bool
     if reason is not None:
         complain(program, reason)
     return reason is None
+
+
+def _print_summary(node: DrillNode) -> None:
+    print(summary_text(node.totals.figures(), node.report, node.faults), flush=True)
+
+
+def _close_recorder(recorder: ChildProcess) -> bool:
+    """Stop it, print its summary or its errors, and return whether it recorded until now."""
+    early = not recorder.running
+    recorder.end(signal.SIGTERM, seconds=_RECORDER_END)
+    print(recorder.output.removeprefix(_READY), end="", flush=True)
+    code = recorder.code or 0
+    if code == 0:
+        if early:
+            complain(_PROGRAM, "the recorder was stopped before the drill")
+        return not early
+    errors = recorder.errors.splitlines()
+    lines = [line for line in errors if line.startswith("rpud")]
+    if not lines and code < 0:
+        complain(_PROGRAM, f"the recorder was ended by signal {-code}; its bag is torn")
+    else:
+        print("\n".join(lines or errors[-3:]), file=sys.stderr)
+    return False
+
+
+def _missing(path: str, sent: Mapping[str, int]) -> list[str]:
+    """Return a line for each topic with more messages sent than in the closed bag."""
+    import rpud_sim.bag
+    from rpud_sim.bag import BagError
+
+    try:
+        with rpud_sim.bag.open(path) as bag:
+            recorded = {item.topic.name: item.message_count for item in bag.topics}
+    except BagError as error:
+        return [str(error)]
+    return [
+        f"{name}: {count} messages were sent, {recorded.get(name, 0)} are in the bag"
+        for name, count in sorted(sent.items())
+        if recorded.get(name, 0) < count
+    ]
+
+
+@contextmanager
+def _watching(port: int | None, namespace: str, stop: StopRequest) -> Iterator[None]:
+    """Serve the page of a drill meanwhile, and print its address; without a port, no page."""
+    if port is None:
+        yield
+        return
+    words = ("watch", "--port", str(port), "--namespace", namespace, "--until-eof")
+    server = ChildProcess((*RPUD, *words), errors_apart=True, until_eof=True)
+    try:
+        line = server.first_line(_PAGE_START, lambda: stop.requested)
+        print(line, end="", flush=True)
+        if not (line or stop.requested):
+            raise CommandError(f"the page cannot be served: {_no_page(server)}")
+        yield
+        if not (server.running or stop.requested):
+            complain(_PROGRAM, "the server of the page ended before the drill")
+    finally:
+        server.end(signal.SIGTERM, seconds=_PAGE_END)
+
+
+def _no_page(server: ChildProcess) -> str:
+    if server.running:
+        return f"nothing within {_PAGE_START:g} s"
+    errors = server.errors.strip().splitlines()
+    return errors[-1].removeprefix("rpud watch: ") if errors else "it ended"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import dataclasses
 import gc
 import importlib
@@ -10,18 +9,14 @@ import math
 import os
 import sys
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rpud_sim.cli.options import (
-    Number,
-    add_json_argument,
-    add_parameter_arguments,
-    chosen_parameters,
-)
+from rpud_sim.cli.options import JsonOptions, ParameterOptions, command
+from rpud_sim.cli.output import print_json, progress_bar
 from rpud_sim.cli.program import ExitCode, failing
-from rpud_sim.cli.progress import progress_bar
-from rpud_sim.cli.tables import print_json
+from rpud_sim.foundation.options import option
 from rpud_sim.foundation.quantities import ParameterError, Quantity, shown
 from rpud_sim.foundation.terminal import complain
 
@@ -30,65 +25,56 @@ if TYPE_CHECKING:
     from rpud_sim.simulation.configuration import Configuration
     from rpud_sim.simulation.scenario import Scenario
 
-HELP = "run the drill offline, faster than real time, and print its figures"
-EXAMPLE = "rpud simulate --regime drilling --duration 20 --set weight_on_bit=20 --json"
-
 _DURATION = Quantity("s", "simulated time", 1e-9, 1e6)  # time is whole nanoseconds
 _REPEAT = Quantity("", "number of runs", 1, 1e6, whole=True)
 _SEED = Quantity("", "seed", 0, 2**63, whole=True)
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    add_parameter_arguments(parser)
-    parser.add_argument(
-        "--duration",
-        action=Number,
-        quantity=_DURATION,
-        default=10.0,
+@dataclass(frozen=True, kw_only=True)
+class _Simulate(ParameterOptions, JsonOptions):
+    duration: float = option(10.0, "simulated time (default: %(default)s)", _DURATION)
+    repeat: int = option(
+        1,
+        "an ensemble of N runs over initial vibration phases; adds standard errors",
+        _REPEAT,
+    )
+    seed: int | None = option(
+        None,
+        "seed of the initial phases, and of the scenario in place of its own",
+        _SEED,
         metavar="S",
-        help="simulated time (default: %(default)s)",
     )
-    parser.add_argument(
-        "--repeat",
-        action=Number,
-        quantity=_REPEAT,
-        default=1,
-        metavar="N",
-        help="an ensemble of N runs over initial vibration phases; adds standard errors",
-    )
-    parser.add_argument(
-        "--seed",
-        action=Number,
-        quantity=_SEED,
-        metavar="S",
-        help="seed of the initial phases, and of the scenario in place of its own",
-    )
-    parser.add_argument(
-        "--commands",
+    commands: str | None = option(
+        None,
+        "commands and faults at their times, a YAML file as of rpud fork --commands",
         metavar="FILE",
-        help="commands and faults at their times, a YAML file as of rpud fork --commands",
     )
-    parser.add_argument(
-        "--bag", metavar="DIR", help="write the run as a bag with the topics of the node"
+    bag: str | None = option(
+        None, "write the run as a bag with the topics of the node", metavar="DIR"
     )
-    add_json_argument(parser)
 
 
-def run(arguments: argparse.Namespace) -> int:
+@command(
+    "simulate",
+    "--regime drilling --duration 20 --set weight_on_bit=20 --json",
+    "run the drill offline, faster than real time, and print its figures",
+    _Simulate,
+)
+def _run(options: _Simulate) -> int:
     _load_numba()
     from rpud_sim.model.engine import EngineError
 
     errors: list[type[Exception]] = [EngineError]
-    if arguments.bag:  # only then, for it takes long to load
+    if options.bag:  # only then, for it takes long to load
         from rpud_sim.bag import BagError
 
         errors.append(BagError)
-    if arguments.bag and arguments.repeat > 1:
+    if options.bag and options.repeat > 1:
         raise ParameterError("--bag goes with a single run, not with --repeat")
-    _refuse_assignments_to_the_node(arguments)
+    _refuse_assignments_to_the_node(options)
     with failing(*errors):
-        figures = _simulate(arguments)
-    print_json(figures) if arguments.json else print(_text(figures))
+        figures = _simulate(options)
+    print_json(figures) if options.json else print(_text(figures))
     return ExitCode.DONE
 
 
@@ -108,41 +94,39 @@ def _load_numba() -> None:
             gc.enable()
 
 
-def _refuse_assignments_to_the_node(arguments: argparse.Namespace) -> None:
+def _refuse_assignments_to_the_node(options: _Simulate) -> None:
     """Refuse parameters without effect here; a file may hold them, for the node reads it too."""
     from rpud_sim.simulation.configuration import NODE_NAMES
     from rpud_sim.simulation.parameter_files import parse_assignment
 
-    for text in arguments.assignments:
+    for text in options.assignments:
         name, _ = parse_assignment(text)
         if name in NODE_NAMES and name != "scenario":
             raise ParameterError(f"{name} is a parameter of the drill node alone: see rpud run")
 
 
-def _simulate(arguments: argparse.Namespace) -> dict[str, Any]:
+def _simulate(options: _Simulate) -> dict[str, Any]:
     from rpud_sim.simulation.configuration import to_settings
     from rpud_sim.simulation.ensemble import compile_kernels, compile_members, initial_phases
 
-    values = chosen_parameters(arguments)
+    values = options.values()
     configuration = to_settings(values).configuration
     file = values.get("scenario", "")
-    scenario = _scenario(file, arguments.seed)
-    planned = _commands(arguments.commands)
-    if arguments.bag or scenario or planned:
-        compile_kernels(configuration, _show, messages=bool(arguments.bag))
+    scenario = _scenario(file, options.seed)
+    planned = _commands(options.commands)
+    if options.bag or scenario or planned:
+        compile_kernels(configuration, _show, messages=bool(options.bag))
     compile_members(configuration, _show)
-    phases = initial_phases(arguments.repeat, arguments.seed)
-    if arguments.bag:
+    phases = initial_phases(options.repeat, options.seed)
+    if options.bag:
         from rpud_sim.inspection.offline_bag import write_offline_bag
         from rpud_sim.simulation.run import Beginning
 
-        beginning = Beginning(to_settings(values), phases[0], arguments.seed or 0, scenario)
+        beginning = Beginning(to_settings(values), phases[0], options.seed or 0, scenario)
         text = Path(file).read_text(encoding="utf-8") if scenario else ""
-        with progress_bar(" s", arguments.duration) as bar:
-            write_offline_bag(
-                arguments.bag, beginning, arguments.duration, text, bar.update, planned
-            )
-    figures = _figures(arguments, configuration, phases, scenario, planned)
+        with progress_bar(" s", options.duration) as bar:
+            write_offline_bag(options.bag, beginning, options.duration, text, bar.update, planned)
+    figures = _figures(options, configuration, phases, scenario, planned)
     figures["scenario"] = values.get("scenario") or None
     return figures
 
@@ -162,19 +146,18 @@ def _commands(path: str | None) -> Sequence[Planned]:
 
 
 def _figures(
-    arguments: argparse.Namespace,
+    options: _Simulate,
     configuration: Configuration,
     phases: Sequence[float],
     scenario: Scenario | None,
     planned: Sequence[Planned],
 ) -> dict[str, Any]:
     from rpud_sim.drilling.rock import NO_DEEPER
-    from rpud_sim.simulation.energy_account import mean_account
+    from rpud_sim.simulation.energy_account import mean_account, mean_feed_account
     from rpud_sim.simulation.ensemble import run_ensemble
-    from rpud_sim.simulation.feed_account import mean_feed_account
 
-    duration = arguments.duration
-    total = duration * arguments.repeat
+    duration = options.duration
+    total = duration * options.repeat
     with progress_bar(" s", total) as bar:
         threads = len(os.sched_getaffinity(0))
         ensemble = run_ensemble(
@@ -195,9 +178,9 @@ def _figures(
             for name in dataclasses.asdict(works[0])
         }
     figures["regime"] = configuration.parameters.regime
-    figures["repeat"] = arguments.repeat
-    figures["seed"] = arguments.seed
-    if arguments.repeat > 1:
+    figures["repeat"] = options.repeat
+    figures["seed"] = options.seed
+    if options.repeat > 1:
         figures["standard_error"] = ensemble.standard_error()
     figures["parameters"] = dataclasses.asdict(configuration.parameters)
     figures["actuator"] = dataclasses.asdict(configuration.actuator)

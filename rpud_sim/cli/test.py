@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import argparse
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from contextlib import nullcontext
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rpud_sim.cli.options import add_json_argument
+from rpud_sim.cli.options import command
+from rpud_sim.cli.output import print_json, progress_bar, table
 from rpud_sim.cli.program import CommandError, ExitCode, failing
-from rpud_sim.cli.progress import progress_bar
-from rpud_sim.cli.tables import print_json, table
+from rpud_sim.foundation.options import option, positional
 from rpud_sim.foundation.terminal import complain, printable
 from rpud_sim.foundation.whole_folder import whole_file
 
@@ -25,51 +25,56 @@ SUFFIXES = (".yaml", ".yml")
 # The package was imported before pytest could rewrite it; its tests do not need that.
 _QUIET = ("-W", "ignore::pytest.PytestAssertRewriteWarning")
 
-HELP = "judge a bag by the expectations of a file, or fly a campaign of tests"
-DETAILS = (
+
+@dataclass(frozen=True, kw_only=True)
+class _Test:
+    subject: str = positional(
+        "BAG|CAMPAIGN",
+        "a bag's folder or one file of it, or a campaign file that ends in .yaml",
+    )
+    expect: str | None = option(None, "expectations, as in docs/reference", metavar="FILE")
+    namespace: str | None = option(
+        None, "of the drill, where the bag holds several", metavar="NAME"
+    )
+    junit: str | None = option(None, "write a JUnit XML file as well", metavar="FILE")
+    json: bool = option(False, "print one JSON object")
+    out: str | None = option(
+        None,
+        "folder for page, bags and logs (default: rpud-artefacts)",
+        metavar="DIR",
+        group="campaigns",
+    )
+    only: str | None = option(
+        None, "fly these runs only: -k of pytest", metavar="EXPRESSION", group="campaigns"
+    )
+    further: Sequence[str] = ()  # words for pytest
+
+
+@command(
+    "test",
+    "bags/first --expect config/expectations.yaml",
+    "judge a bag by the expectations of a file, or fly a campaign of tests",
+    _Test,
     "Each expectation is passed, failed or undecided. The last run in a bag is judged. "
     "A campaign flies scenarios, parameters and seeds against a system under test, by pytest, "
     "which gets all further options, such as -n 4 or --lf. "
-    "Exit codes: 0 all passed, 1 one is undecided, or a drill failed, 2 wrong call, 3 one failed."
+    "Exit codes: 0 all passed, 1 one is undecided, or a drill failed, 2 wrong call, 3 one failed.",
 )
-EXAMPLE = "rpud test bags/first --expect config/expectations.yaml"
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "subject",
-        metavar="BAG|CAMPAIGN",
-        help="a bag's folder or one file of it, or a campaign file that ends in .yaml",
-    )
-    parser.add_argument("--expect", metavar="FILE", help="expectations, as in docs/reference")
-    parser.add_argument(
-        "--namespace", metavar="NAME", help="of the drill, where the bag holds several"
-    )
-    parser.add_argument("--junit", metavar="FILE", help="write a JUnit XML file as well")
-    add_json_argument(parser)
-    group = parser.add_argument_group("campaigns")
-    group.add_argument(
-        "--out", metavar="DIR", help="folder for page, bags and logs (default: rpud-artefacts)"
-    )
-    group.add_argument("--only", metavar="EXPRESSION", help="fly these runs only: -k of pytest")
-    parser.set_defaults(further=[])
-
-
-def run(arguments: argparse.Namespace) -> int:
-    if Path(arguments.subject).suffix in SUFFIXES and not Path(arguments.subject).is_dir():
-        return _test_campaign(arguments)
-    if arguments.expect is None:
+def _run(options: _Test) -> int:
+    if Path(options.subject).suffix in SUFFIXES and not Path(options.subject).is_dir():
+        return _test_campaign(options)
+    if options.expect is None:
         raise CommandError("a bag needs --expect FILE; see rpud test --help", ExitCode.USAGE)
-    if arguments.further:
-        words = printable(" ".join(arguments.further))
+    if options.further:
+        words = printable(" ".join(options.further))
         raise CommandError(f"unrecognized arguments: {words}", ExitCode.USAGE)
-    return _test_bag(arguments)
+    return _test_bag(options, options.expect)
 
 
-def _test_campaign(arguments: argparse.Namespace) -> int:
+def _test_campaign(options: _Test) -> int:
     """Call pytest on a campaign; return the exit code."""
     for name in ("expect", "namespace", "json"):
-        if getattr(arguments, name):
+        if getattr(options, name):
             raise CommandError(f"--{name} is for bags", ExitCode.USAGE)
     import pytest
 
@@ -88,14 +93,14 @@ def _test_campaign(arguments: argparse.Namespace) -> int:
             plugin: Any = session.config.pluginmanager.get_plugin(NAME)
             self.campaigns = tuple(plugin.results.values())
 
-    read_campaign(arguments.subject)  # a mistake is one line
-    words = [arguments.subject, "--rpud-keep", *_QUIET, *arguments.further]
-    for option, value in (
-        ("--rpud-artefacts", arguments.out and Path(arguments.out).absolute()),
-        ("--junitxml", arguments.junit),
-        ("-k", arguments.only),
+    read_campaign(options.subject)  # a mistake is one line
+    words = [options.subject, "--rpud-keep", *_QUIET, *options.further]
+    for name, value in (
+        ("--rpud-artefacts", options.out and Path(options.out).absolute()),
+        ("--junitxml", options.junit),
+        ("-k", options.only),
     ):
-        words += [f"{option}={value}"] if value else []
+        words += [f"{name}={value}"] if value else []
     listener = Listener()
     code = pytest.main(words, [listener])
     outcomes = [each.outcome for found in listener.campaigns for each in found.requirements]
@@ -107,30 +112,30 @@ def _test_campaign(arguments: argparse.Namespace) -> int:
     return ExitCode.FAILED if met == ExitCode.DONE and code != pytest.ExitCode.OK else met
 
 
-def _test_bag(arguments: argparse.Namespace) -> int:
+def _test_bag(options: _Test, expect: str) -> int:
     from rpud_sim.bag import BagError
     from rpud_sim.verdicts import ExpectationError, Record, evaluate, read_expectations
     from rpud_sim.verdicts.record import check_bag
     from rpud_sim.verdicts.verdict import junit_xml
 
-    expectations = read_expectations(arguments.expect)
+    expectations = read_expectations(expect)
     topics = sorted({topic for each in expectations for topic in each.topics})
     with failing(BagError):
-        check_bag(arguments.subject, expectations, arguments.namespace, arguments.expect)
+        check_bag(options.subject, expectations, options.namespace, expect)
         with progress_bar(" messages", scaled=True) as bar:
-            record = Record.from_bag(arguments.subject, topics, arguments.namespace, bar.update)
+            record = Record.from_bag(options.subject, topics, options.namespace, bar.update)
     with failing(ExpectationError):  # they fit the types: a message holds an impossible value
         verdicts = [evaluate(each, record) for each in expectations]
     for topic in topics:
         if lost := record.missing(topic).total:
             complain("rpud test", f"{lost} messages of {topic} are lost")
-    if arguments.junit:
-        target = Path(arguments.junit)
+    if options.junit:
+        target = Path(options.junit)
         # A device or a pipe has no name to replace.
         direct = target.is_symlink() or (target.exists() and not target.is_file())
         with nullcontext(target) if direct else whole_file(target) as file:
-            file.write_text(junit_xml(verdicts, arguments.subject), encoding="utf-8")
-    print_json(_content(verdicts, record)) if arguments.json else print(_account(verdicts, record))
+            file.write_text(junit_xml(verdicts, options.subject), encoding="utf-8")
+    print_json(_content(verdicts, record)) if options.json else print(_account(verdicts, record))
     return _exit_code(each.outcome for each in verdicts)
 
 

@@ -7,11 +7,12 @@ import os
 import sys
 import threading
 import time
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from rpud_sim.cli.drill_arguments import add_place_arguments
-from rpud_sim.cli.options import Number
+from rpud_sim.cli.options import PlaceOptions, command
 from rpud_sim.cli.program import ExitCode, failing
+from rpud_sim.foundation.options import option, positional
 from rpud_sim.foundation.quantities import Quantity
 from rpud_sim.foundation.terminal import complain, printable
 
@@ -20,106 +21,103 @@ if TYPE_CHECKING:
     from rpud_sim.viewer.live_store import LiveStore
     from rpud_sim.viewer.server import PageServer
 
-HELP = "show running drills in the browser and act on them, or show a bag"
-EXAMPLE = "rpud watch --port 8810"
-DETAILS = (
-    "With BAG it shows that bag: a timeline, every signal, and exact waveforms rebuilt from the "
-    "trajectory. It prints the address of the page, which only this machine can reach unless "
-    "--address says otherwise. Other machines then need the token in the address."
-)
-
 PORT = Quantity("", "a port", 0, 65535, whole=True)
 DEFAULT_PORT = 8810  # as in rpud_sim.viewer.server, which needs Tornado
 _SEARCH_TIME = 1.0  # for drills before the addresses are printed [s]
 _SEARCH_PERIOD = 0.05  # s
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "bag",
+@dataclass(frozen=True, kw_only=True)
+class _Watch(PlaceOptions):
+    bag: str | None = positional(
+        "BAG",
+        "a bag's folder or one file of it: the page shows the bag, and needs no ROS",
         nargs="?",
-        metavar="BAG",
-        help="a bag's folder or one file of it: the page shows the bag, and needs no ROS",
     )
-    parser.add_argument(
-        "--port",
-        action=Number,
-        quantity=PORT,
-        default=DEFAULT_PORT,
+    port: int = option(
+        DEFAULT_PORT,
+        "port of the page, 0 for a free one (default: %(default)s)",
+        PORT,
         metavar="P",
-        help="port of the page, 0 for a free one (default: %(default)s)",
     )
-    parser.add_argument(
-        "--address",
-        default="127.0.0.1",
-        metavar="A",
-        help="address to listen on; others than this machine's own need the printed token "
+    address: str = option(
+        "127.0.0.1",
+        "address to listen on; others than this machine's own need the printed token "
         "(default: %(default)s)",
+        metavar="A",
     )
-    parser.add_argument("--open", action="store_true", help="open the page in the browser")
-    add_place_arguments(parser)
-    parser.add_argument("--until-eof", action="store_true", help=argparse.SUPPRESS)
+    open: bool = option(False, "open the page in the browser")
+    until_eof: bool = option(False, argparse.SUPPRESS)
 
 
-def run(arguments: argparse.Namespace) -> int:
-    """Serve until a signal; return the exit code."""
-    return watch_drills(arguments) if arguments.bag is None else watch_bag(arguments)
+@command(
+    "watch",
+    "--port 8810",
+    "show running drills in the browser and act on them, or show a bag",
+    _Watch,
+    "With BAG it shows that bag: a timeline, every signal, and exact waveforms rebuilt from the "
+    "trajectory. It prints the address of the page, which only this machine can reach unless "
+    "--address says otherwise. Other machines then need the token in the address.",
+)
+def _run(options: _Watch) -> int:
+    """Serve until a signal."""
+    return _watch_drills(options) if options.bag is None else _watch_bag(options, options.bag)
 
 
-def watch_bag(arguments: argparse.Namespace) -> ExitCode:
+def _watch_bag(options: _Watch, bag: str) -> ExitCode:
     """Serve the page of a bag until a signal."""
     from rpud_sim.bag import BagError
     from rpud_sim.viewer.recorded_store import serve_bag
     from rpud_sim.viewer.server import Place, ServerError
 
     def announce(server: PageServer) -> None:
-        if arguments.until_eof:
+        if options.until_eof:
             threading.Thread(target=_stop_at_end, args=(server,), daemon=True).start()
         url = server.url("/screen")
-        print(f"bag {printable(arguments.bag)}: {url}", flush=True)
-        if arguments.open:
-            open_browser(url)
+        print(f"bag {printable(bag)}: {url}", flush=True)
+        if options.open:
+            _open_browser(url)
 
     with failing(BagError, ServerError):
-        serve_bag(arguments.bag, Place.of(arguments.port, arguments.address), announce)
+        serve_bag(bag, Place.of(options.port, options.address), announce)
     return ExitCode.DONE
 
 
-def watch_drills(arguments: argparse.Namespace) -> ExitCode:
+def _watch_drills(options: _Watch) -> ExitCode:
     """Serve the pages of running drills until a signal."""
     from rpud_sim.ros.starting import StartError
     from rpud_sim.viewer.live_store import serve_drills
     from rpud_sim.viewer.server import Place, ServerError
 
     def announce(server: PageServer, store: LiveStore) -> None:
-        if arguments.until_eof:  # beside its drill: hear all of the run
+        if options.until_eof:  # beside its drill: hear all of the run
             store.hear()
             threading.Thread(target=_stop_at_end, args=(server,), daemon=True).start()
-        _announce(server, store.finder, arguments)
+        _announce(server, store.finder, options)
 
     with failing(ServerError), failing(StartError, code=ExitCode.USAGE):
         serve_drills(
-            Place.of(arguments.port, arguments.address),
-            arguments.domain,
-            arguments.namespace,
+            Place.of(options.port, options.address),
+            options.domain,
+            options.namespace,
             announce,
         )
     return ExitCode.DONE
 
 
-def _announce(server: PageServer, finder: DrillFinder, arguments: argparse.Namespace) -> None:
-    drills = [arguments.namespace] if arguments.until_eof else _find(finder)
+def _announce(server: PageServer, finder: DrillFinder, options: _Watch) -> None:
+    drills = [options.namespace] if options.until_eof else _find(finder)
     if len(drills) == 1:
         url = server.url("/screen", namespace=drills[0])
         print(f"drill {printable(drills[0])}: {url}", flush=True)
-        if not arguments.until_eof:
+        if not options.until_eof:
             print(f"all drills of ROS domain {finder.domain_id}: {server.url()}", flush=True)
     else:
         url = server.url()
         count = f"{len(drills)} drills" if drills else "no drill yet"
         print(f"{count} in ROS domain {finder.domain_id}: {url}", flush=True)
-    if arguments.open:
-        open_browser(url)
+    if options.open:
+        _open_browser(url)
 
 
 def _find(finder: DrillFinder) -> list[str]:
@@ -131,7 +129,7 @@ def _find(finder: DrillFinder) -> list[str]:
     return found
 
 
-def open_browser(url: str) -> None:
+def _open_browser(url: str) -> None:
     """Open a page in the browser of the desktop; say so if there is none."""
     import webbrowser
 

@@ -1,10 +1,11 @@
-"""Blocks: what happened between two times, and their boundaries."""
+"""Blocks: what happened between two times, in one part or in many, and their boundaries."""
 
 from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
+from itertools import accumulate
 
 import numpy as np
 
@@ -14,8 +15,8 @@ from rpud_sim.foundation.time import SECOND
 from rpud_sim.model.energy import RpudConstants
 from rpud_sim.model.segment import IMPACT, SEGMENT, join_records
 from rpud_sim.simulation.actuator import ActuatorReading
-from rpud_sim.simulation.feed_account import FeedAccount
-from rpud_sim.simulation.sampling import Samples, Times, sample
+from rpud_sim.simulation.energy_account import FeedAccount, sum_accounts
+from rpud_sim.simulation.sampling import Samples, Stretches, Times, sample, sample_stretches
 
 
 def boundary(number: int, rate: int) -> int:
@@ -35,24 +36,62 @@ def first_sample(time: int, rate: int) -> int:
 
 @dataclasses.dataclass(frozen=True)
 class Block(Shared):
-    """Segments and impacts between two times, immutable.
+    """Segments and impacts between two times, immutable; it may be many blocks in one.
 
     Times are integer nanoseconds of simulation time.
     """
 
-    start: int  # beginning of the block
-    end: int  # its end
+    start: int  # beginning of the first part
+    ends: np.ndarray  # end of each part, at least one, shape (n,), int64
     # the ``SEGMENT`` records that cover the block, in order, without a gap. The last one is
     # open: it has its full duration, which a command may shorten.
     covering: np.ndarray
     # the ``IMPACT`` records of the impacts on the drill tool that ended in it, in order
     impacts: np.ndarray
+    # number of the segments that were finished at each end, shape (n,), int64. The next one
+    # was open there.
+    finished: np.ndarray
+    struck: np.ndarray  # number of the impacts that were finished at each end, shape (n,), int64
     rpud: RpudConstants  # constants of the RPUD that the segments lack
     electrical_energy: float  # that the actuator drew in it [J]; NaN where its model has no power
-    actuator: ActuatorReading | None = None  # its state at the end of the block
-    process: ProcessState = AT_REST  # state of rotation, feed and borehole at the end of the block
-    # energy account of feed and mount in the block; None without a feed
-    feed: FeedAccount | None = None
+    readings: Sequence[ActuatorReading] = ()  # of the actuator at each end
+    # of rotation, feed and borehole at each end; none where there is nothing to step
+    states: Sequence[ProcessState] = ()
+    feeds: Sequence[FeedAccount] = ()  # account of feed and mount in each part; none without a feed
+
+    def __len__(self) -> int:
+        """Return the number of parts."""
+        return len(self.ends)
+
+    @property
+    def end(self) -> int:
+        """End of the last part."""
+        return int(self.ends[-1])
+
+    @property
+    def starts(self) -> np.ndarray:
+        """Beginning of each part."""
+        return _shifted(self.start, self.ends)
+
+    @property
+    def opened(self) -> np.ndarray:
+        """Number of the segment that was open when each part began."""
+        return _shifted(0, self.finished)
+
+    @property
+    def actuator(self) -> ActuatorReading | None:
+        """State of the actuator at the end."""
+        return self.readings[-1] if self.readings else None
+
+    @property
+    def process(self) -> ProcessState:
+        """State of rotation, feed and borehole at the end."""
+        return self.states[-1] if self.states else AT_REST
+
+    @property
+    def feed(self) -> FeedAccount | None:
+        """Energy account of feed and mount in the block; None without a feed."""
+        return sum_accounts(self.feeds)
 
     @property
     def segments(self) -> np.ndarray:
@@ -75,26 +114,51 @@ class Block(Shared):
         """Sample all channels at ascending times from the block's start to its end."""
         return sample(self.covering, times)
 
+    def sample_ends(self) -> Samples:
+        """Sample all channels at the end of each part."""
+        parts = Stretches(self.opened, self.finished, np.arange(len(self) + 1))
+        return sample_stretches(self.covering, parts, Times.from_nanoseconds(self.ends))
 
-def sum_accounts(accounts: Iterable[FeedAccount | None]) -> FeedAccount | None:
-    """Return the sum of accounts; None if there are none."""
-    there = [account for account in accounts if account is not None]
-    return sum(there[1:], there[0]) if there else None
+    def sample_parts(self, length: int, cuts: np.ndarray, times: Times) -> Samples:
+        """Sample all channels in groups of ``length`` parts, as if each were alone.
+
+        Args:
+            length: of a group; the block is a whole multiple of it.
+            cuts: number of the first time of each group, and of all.
+            times: ascending, each from the beginning of its group to its end.
+        """
+        groups = Stretches(self.opened[::length], self.finished[length - 1 :: length], cuts)
+        return sample_stretches(self.covering, groups, times)
 
 
 def join_blocks(blocks: Sequence[Block]) -> Block:
-    """Return consecutive blocks, at least one, as one block."""
-    last = blocks[-1]
+    """Return consecutive blocks, at least one, as one block with the parts of all."""
     if len(blocks) == 1:
-        return last
+        return blocks[0]
+    last = blocks[-1]
     return Block(
         blocks[0].start,
-        last.end,
+        np.concatenate([block.ends for block in blocks]),
         join_records([*(block.segments for block in blocks), last.open_segment], SEGMENT),
         join_records([block.impacts for block in blocks], IMPACT),
+        _joined_counts([(block.finished, len(block.segments)) for block in blocks]),
+        _joined_counts([(block.struck, len(block.impacts)) for block in blocks]),
         last.rpud,
         math.fsum(block.electrical_energy for block in blocks),
-        last.actuator,
-        last.process,
-        sum_accounts(block.feed for block in blocks),
+        [reading for block in blocks for reading in block.readings],
+        [state for block in blocks for state in block.states],
+        [feed for block in blocks for feed in block.feeds],
     )
+
+
+def _joined_counts(parts: Sequence[tuple[np.ndarray, int]]) -> np.ndarray:
+    before = accumulate((count for _, count in parts[:-1]), initial=0)
+    return np.concatenate([counts + n for (counts, _), n in zip(parts, before, strict=True)])
+
+
+def _shifted(first: int, values: np.ndarray) -> np.ndarray:
+    """Return a first value and all others but the last; each live block needs it at once."""
+    shifted = np.empty_like(values)
+    shifted[0] = first
+    shifted[1:] = values[:-1]
+    return shifted

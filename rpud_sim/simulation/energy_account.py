@@ -1,4 +1,4 @@
-"""Energy account of a run: joules by term, summed over blocks, and powers over the last second."""
+"""Energy accounts: joules by term of drill, feed and mount, and powers over the last second."""
 
 from __future__ import annotations
 
@@ -6,18 +6,20 @@ import dataclasses
 import math
 import operator
 from collections import deque
+from collections.abc import Iterable, Sequence
 from itertools import chain, islice
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from rpud_sim.foundation.shared import Shared
 from rpud_sim.foundation.time import SECOND, split_fraction
-from rpud_sim.model.energy import TERMS
-from rpud_sim.model.segment import SEGMENT, join_records
+from rpud_sim.model.energy import TERMS, RpudConstants
+from rpud_sim.model.segment import IMPACT, SEGMENT, join_records
 from rpud_sim.model.tally import CLASSES, PART_ROOM, add_block, empty_tallies
-from rpud_sim.simulation.block import Block
-from rpud_sim.simulation.feed_account import FeedAccount
-from rpud_sim.simulation.span import Span
+
+if TYPE_CHECKING:  # a block has accounts
+    from rpud_sim.simulation.block import Block
 
 # The powers of a status are means over this time [ns].
 _WINDOW = SECOND
@@ -56,19 +58,27 @@ class EnergyAccount(Shared):
     @staticmethod
     def of(block: Block) -> EnergyAccount:
         """Return the account of a block."""
+        times = (block.start, block.end)
+        return EnergyAccount.between(*times, block.covering, block.rpud, block.electrical_energy)
+
+    @staticmethod
+    def between(
+        start: int, end: int, covering: np.ndarray, rpud: RpudConstants, electrical: float = 0.0
+    ) -> EnergyAccount:
+        """Return the account of the time between two times [ns] that segments cover."""
         tally = empty_tallies(1)
         add_block(
-            block.rpud,
-            block.covering,
-            block.impacts[:0],
-            *split_fraction(block.start),
-            *split_fraction(block.end),
+            rpud,
+            covering,
+            join_records([], IMPACT),
+            *split_fraction(start),
+            *split_fraction(end),
             False,
             tally,
             np.zeros(CLASSES, np.int64),
             np.zeros(PART_ROOM),
         )
-        return EnergyAccount.from_tally(tally[0], block.electrical_energy)
+        return EnergyAccount.from_tally(tally[0], electrical)
 
     @staticmethod
     def from_tally(tally: np.void, electrical: float) -> EnergyAccount:
@@ -120,18 +130,102 @@ def mean_account(accounts: list[EnergyAccount]) -> EnergyAccount:
     return EnergyAccount(*table.mean(axis=0).tolist())
 
 
+@dataclasses.dataclass(frozen=True)
+class FeedAccount(Shared):
+    """Energy of feed, arm and load spring, in joules.
+
+    ``feed_work + host_work + spring_changes`` is the sum of all other terms and of the
+    ``weight_on_bit_work`` of the ``EnergyAccount``.
+    """
+
+    feed_work: float = 0.0  # of the feed's drive on the arm
+    host_work: float = 0.0  # of a host that slips by a fault
+    spring_changes: float = 0.0  # of the load spring's rate, under changed parameters
+    guide_friction: float = 0.0  # lost in the friction of the mount's guide
+    host_slip: float = 0.0  # lost where the host slips by the force of the arm
+    arm_stored: float = 0.0  # in the arm's spring at the end, less that at the start
+    penetration_work: float = 0.0  # of the load spring on the rock, while the hole gets deeper
+    # lost in the damping of the load spring by the mount's motion, beside ``load_damper`` of the
+    # ``EnergyAccount``
+    load_damper: float = 0.0
+    # to the springs of the drill while the mount withdraws from bodies that the rock does not hold;
+    # in ``changes`` of the ``EnergyAccount``
+    withdrawal_work: float = 0.0
+    # W^2 / (2 k_1) - W u_np of the load spring at the end, less that at the start; the rest
+    # of its energy is in ``EnergyAccount.stored``
+    preload_stored: float = 0.0
+    # work of the mount that the percussion does not take, since force and place of the mount are
+    # constant for it within a step, and the restoring spring does not pull at the mount
+    coupling: float = 0.0
+
+    def __add__(self, other: FeedAccount) -> FeedAccount:
+        """Return the account of both."""
+        return FeedAccount(*map(operator.add, _feed_values(self), _feed_values(other)))
+
+    def __sub__(self, other: FeedAccount) -> FeedAccount:
+        """Return the account of the time after another one that begins with this one."""
+        return FeedAccount(*map(operator.sub, _feed_values(self), _feed_values(other)))
+
+    @property
+    def work(self) -> float:
+        """Work of the feed's drive, and of a host that slips by a fault [J]."""
+        return self.feed_work + self.host_work
+
+    @property
+    def kept(self) -> float:
+        """Part of ``work`` that does not reach the RPUD as work of the weight on bit [J].
+
+        Guide, host and rock take it, arm and load spring store it, or it is ``coupling``. What a
+        changed load spring adds is taken off.
+        """
+        values = _feed_values(self)
+        return math.fsum((*values[_INFLOWS:], -self.spring_changes))
+
+    def to_dict(self, weight_on_bit_work: float) -> dict[str, float]:
+        """Return the terms and the residual by name, ready for JSON; see ``residual``."""
+        return {**dataclasses.asdict(self), "residual": self.residual(weight_on_bit_work)}
+
+    def residual(self, weight_on_bit_work: float) -> float:
+        """Return what flowed in less where it went [J]; in a sound run rounding alone.
+
+        Args:
+            weight_on_bit_work: on the RPUD, as of the ``EnergyAccount`` of the same time [J].
+        """
+        values = _feed_values(self)
+        outflow = [-each for each in values[_INFLOWS:]]
+        return math.fsum((*values[:_INFLOWS], *outflow, -weight_on_bit_work))
+
+
+_INFLOWS = 3  # first terms of the account, which flow in
+_feed_values = operator.attrgetter(*(field.name for field in dataclasses.fields(FeedAccount)))
+
+
+def sum_accounts(accounts: Iterable[FeedAccount | None]) -> FeedAccount | None:
+    """Return the sum of accounts; None if there are none."""
+    there = [account for account in accounts if account is not None]
+    return sum(there[1:], there[0]) if there else None
+
+
+def mean_feed_account(accounts: Sequence[FeedAccount]) -> FeedAccount | None:
+    """Return the mean of accounts, term by term; None if there are none."""
+    if not accounts:
+        return None
+    columns = zip(*map(_feed_values, accounts), strict=True)
+    return FeedAccount(*(math.fsum(column) / len(accounts) for column in columns))
+
+
 class RecentEnergy:
-    """Account of the blocks of the last second of simulation time."""
+    """Mean powers over the blocks of the last second of simulation time."""
 
     def __init__(self, has_feed: bool = False) -> None:
         self._has_feed = has_feed
-        self._spans: deque[Span] = deque()
+        self._blocks: deque[Block] = deque()
 
-    def add(self, span: Span) -> None:
-        """Add the blocks that follow."""
-        self._spans.append(span)
-        while self._spans[0].end <= span.end - _WINDOW:
-            self._spans.popleft()
+    def add(self, block: Block) -> None:
+        """Add a block that follows."""
+        self._blocks.append(block)
+        while self._blocks[0].end <= block.end - _WINDOW:
+            self._blocks.popleft()
 
     def powers(self) -> dict[str, float]:
         """Return mean powers by their name in ``rpud_msgs/Status`` [W]; zero before the start.
@@ -141,8 +235,8 @@ class RecentEnergy:
         weight_on_bit_power``. Without one the first two of these are NaN.
         """
         total, feed, duration = EnergyAccount(), self._feed_account(), self._duration()
-        if self._spans:
-            total = EnergyAccount.of(self._block())
+        if self._blocks:
+            total = self._drill_account()
         energies = {
             "actuator_power": total.actuator_work,
             "weight_power": total.weight_on_bit_work + total.gravity_work,
@@ -169,25 +263,23 @@ class RecentEnergy:
         return self._feed_account().coupling / duration if duration else 0.0
 
     def _late(self) -> int:
-        """Return the number of blocks of the first span that ended before the last second."""
-        first, last = self._spans[0], self._spans[-1]
+        """Return the number of parts of the first block that ended before the last second."""
+        first, last = self._blocks[0], self._blocks[-1]
         return int(np.searchsorted(first.ends, last.end - _WINDOW, side="right"))
 
-    def _block(self) -> Block:
-        """Return the last second as one block, without its impacts; a status waits for it."""
-        first, *others = self._spans
-        last, late = self._spans[-1], self._late()
-        parts = [first.covering[first.opened[late] : -1], *(span.covering[:-1] for span in others)]
-        covering = join_records([*parts, last.covering[-1:]], SEGMENT)
-        start = int(first.starts[late])
-        return Block(start, last.end, covering, last.impacts[:0], last.rpud, math.nan)
+    def _drill_account(self) -> EnergyAccount:
+        first, *others = self._blocks
+        last, late = self._blocks[-1], self._late()
+        parts = [first.covering[first.opened[late] : -1], *(block.segments for block in others)]
+        covering = join_records([*parts, last.open_segment], SEGMENT)
+        return EnergyAccount.between(int(first.starts[late]), last.end, covering, last.rpud)
 
     def _duration(self) -> float:
-        if not self._spans:
+        if not self._blocks:
             return 0.0
-        return (self._spans[-1].end - int(self._spans[0].starts[self._late()])) / SECOND
+        return (self._blocks[-1].end - int(self._blocks[0].starts[self._late()])) / SECOND
 
     def _feed_account(self) -> FeedAccount:
         # One by one, so that they have the same bits however they came.
-        feeds = chain.from_iterable(span.feeds for span in self._spans)
-        return sum(islice(feeds, self._late() if self._spans else 0, None), FeedAccount())
+        feeds = chain.from_iterable(block.feeds for block in self._blocks)
+        return sum(islice(feeds, self._late() if self._blocks else 0, None), FeedAccount())

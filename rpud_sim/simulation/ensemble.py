@@ -24,8 +24,7 @@ from rpud_sim.model.parameters import Parameters
 from rpud_sim.simulation.changes import Planned, apply_to_simulation
 from rpud_sim.simulation.commands import WeightOnBit
 from rpud_sim.simulation.configuration import Configuration, whole_configuration
-from rpud_sim.simulation.energy_account import EnergyAccount, RecentEnergy
-from rpud_sim.simulation.feed_account import FeedAccount
+from rpud_sim.simulation.energy_account import EnergyAccount, FeedAccount, RecentEnergy
 from rpud_sim.simulation.members import Figures, Member, QuietRuns, runs_by_itself
 from rpud_sim.simulation.sampling import Times
 from rpud_sim.simulation.scenario import Scenario

@@ -1,202 +1,28 @@
-"""Faults of the drill and of its signals, checked when they are made.
-
-A physical fault changes the drill, so that every channel shows its effect through the physics. A
-signal fault changes the messages of one channel of a healthy drill. ``docs/reference/faults.md``
-explains the kinds and says where the effect of a magnitude is assumed.
-"""
+"""Faults, checked when they are made, and what they make of the drill."""
 
 from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterable, Mapping
-from typing import Any
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Any
 
-from rpud_sim.foundation.quantities import ParameterError, Quantity, shown, suggestion
-from rpud_sim.simulation.channels import CHANNELS, GROUND_TRUTH
+from rpud_sim.drilling.inputs import UNDISTURBED, Disturbances
+from rpud_sim.foundation.quantities import ParameterError, shown, suggestion
+from rpud_sim.model.parameters import QUANTITIES, Parameters
+from rpud_sim.simulation.fault_kinds import CHANNEL_NEEDS, KINDS, NO_EFFECT, Kind
+from rpud_sim.simulation.topics import CHANNELS, GROUND_TRUTH
+
+if TYPE_CHECKING:  # settings of a run have a scenario of faults
+    from rpud_sim.simulation.configuration import Configuration
+
+# A binding raises the damping ratio up to this. The closed forms of the paper need less than
+# critical damping, which is 1.
+MOST_DAMPING_RATIO = 0.99
 
 
 class FaultError(ParameterError):
     """Unusable fault; the text says why, in one line."""
-
-
-@dataclasses.dataclass(frozen=True)
-class Kind:
-    """Kind of fault."""
-
-    physical: bool  # whether it changes the drill; otherwise it changes the messages of a channel
-    description: str  # one phrase
-    # meaning of its magnitude, None if it has none; without unit if the unit is the channel's
-    magnitude: Quantity | None = None
-    # magnitude that NaN stands for; a factor on the channel's scale if the unit is the
-    # channel's
-    default: float = 0.0
-    # magnitude inside the range that would change nothing and is rejected
-    unchanging: float | None = None
-    # whether the magnitude has the unit of the channel's main quantity
-    in_channel_unit: bool = False
-
-    def quantity_on(self, channel: str) -> Quantity | None:
-        """Return the meaning of the magnitude on a channel; None if the kind has none."""
-        if self.magnitude is None or not self.in_channel_unit:
-            return self.magnitude
-        return dataclasses.replace(self.magnitude, unit=CHANNELS[channel].unit)
-
-    @property
-    def takes_zero(self) -> bool:
-        """Whether zero is a magnitude with an effect, not only a way to leave it open."""
-        if self.magnitude is None or self.unchanging == 0.0:
-            return False
-        return not self.magnitude.exclusive and self.magnitude.minimum <= 0.0
-
-    def default_on(self, channel: str) -> float:
-        """Return the magnitude that NaN stands for on a channel."""
-        return self.default * CHANNELS[channel].scale if self.in_channel_unit else self.default
-
-
-def _share(description: str) -> Quantity:
-    return Quantity("", description, 0.0, 1.0, exclusive=True)
-
-
-def _above_zero(unit: str, description: str, greatest: float) -> Quantity:
-    return Quantity(unit, description, 0.0, greatest, exclusive=True)
-
-
-def _binding(description: str) -> Quantity:
-    return Quantity("", description, 1.0, 1e3, exclusive=True)
-
-
-KINDS: Mapping[str, Kind] = {
-    "free_mass_jammed": Kind(
-        True, "the free mass is wedged to the drill tool and strikes it no more"
-    ),
-    "lost_preload": Kind(
-        True,
-        "the load spring pushes less than commanded",
-        _share("share of the weight on bit that is lost"),
-        0.5,
-    ),
-    "load_spring_binding": Kind(
-        True,
-        "the RPUD binds in its linear guide",
-        _binding("factor on the rate of the load spring"),
-        5.0,
-    ),
-    "drill_tool_binding": Kind(
-        True,
-        "the bit binds in its hole",
-        _binding("factor on the rate of the restoring spring, divisor of the progress"),
-        5.0,
-    ),
-    "choking": Kind(
-        True,
-        "cuttings clog the hole",
-        _share("share lost of the progress and of the drill tool's restitution"),
-        0.8,
-    ),
-    "hard_rock": Kind(
-        True,
-        "the bit meets harder rock",
-        Quantity("", "factor on the specific energy of the rock", 1.0, 1e3, exclusive=True),
-        3.0,
-    ),
-    "resonance_drift": Kind(
-        True,
-        "the resonance of the actuator has moved",
-        Quantity("Hz", "offset of the resonance frequency", -1e4, 1e4),
-        -200.0,
-        unchanging=0.0,
-    ),
-    "restitution_loss": Kind(
-        True,
-        "the impacts are less elastic",
-        Quantity("", "factor on both coefficients of restitution", 0.0, 1.0, below=True),
-        0.5,
-    ),
-    "generator_lock_loss": Kind(
-        True, "the generator tracks no more and runs at the commanded frequency"
-    ),
-    "binding": Kind(
-        True,
-        "friction along the tool in its hole resists the rotation",
-        _above_zero("N m", "torque of the friction", 100.0),
-        0.05,
-    ),
-    "hard_inclusion": Kind(
-        True,
-        "the bit meets a stone that is harder than its layer",
-        _above_zero("Pa", "strength of the stone", 1e9),
-        2e8,
-    ),
-    "corkscrewing": Kind(
-        True,
-        "rock protrudes into the flutes, along which the tool screws itself in",
-        _above_zero("N m", "torque of the rock that protrudes", 100.0),
-        0.02,
-    ),
-    "bit_walk": Kind(
-        True,
-        "the bit walks sideways until its hole guides it",
-        _above_zero("m/s", "rate at which the bit walks", 0.1),
-        5e-4,
-    ),
-    "feed_stall": Kind(True, "the drive of the feed stands still"),
-    "arm_slip": Kind(
-        True,
-        "the host of the arm slips away from the rock",
-        _above_zero("m/s", "rate at which the host slips", 0.1),
-        2e-4,
-    ),
-    "worn_bit": Kind(
-        True,
-        "the bit is worn",
-        Quantity("", "factor on the area of its wear flats", 1.0, 1e4, exclusive=True),
-        3.0,
-    ),
-    "off": Kind(False, "nothing is published"),
-    "stuck": Kind(False, "the values last published are repeated with new stamps"),
-    "garbage": Kind(False, "random bit patterns in place of every value"),
-    "wrong": Kind(
-        False,
-        "plausible values that are consistently wrong",
-        Quantity("", "factor on every measured number", -10.0, 10.0),
-        0.5,
-        unchanging=1.0,
-    ),
-    "slow": Kind(
-        False,
-        "messages go out at a lower rate",
-        Quantity("s", "period in which at most one message goes out", 0.0, 1e3, exclusive=True),
-        0.5,
-    ),
-    "delayed": Kind(
-        False,
-        "every message comes late",
-        Quantity("s", "time by which a message is late", 0.0, 10.0, exclusive=True),
-        0.5,
-    ),
-    "intermittent": Kind(
-        False,
-        "messages are lost at random",
-        Quantity("", "probability that a message is lost", 0.0, 1.0, exclusive=True),
-        0.5,
-    ),
-    "noise": Kind(
-        False,
-        "Gaussian noise on the main quantity",
-        Quantity("", "standard deviation", 0.0, 1e6, exclusive=True),
-        1.0,
-        in_channel_unit=True,
-    ),
-    "bias": Kind(
-        False,
-        "a constant offset on the main quantity",
-        Quantity("", "offset", -1e6, 1e6),
-        1.0,
-        unchanging=0.0,
-        in_channel_unit=True,
-    ),
-}
 
 
 def number_of(value: Any) -> float | None:
@@ -238,9 +64,14 @@ class Fault:
         return f"{self.kind} on {self.channel}" if self.channel else self.kind
 
     @property
+    def declared(self) -> Kind:
+        """Its kind."""
+        return KINDS[self.kind]
+
+    @property
     def physical(self) -> bool:
         """Whether it changes the drill; otherwise it changes the messages of its channel."""
-        return KINDS[self.kind].physical
+        return self.declared.physical
 
     def _check_channel(self) -> None:
         if self.physical:
@@ -261,7 +92,7 @@ class Fault:
             )
 
     def _checked_magnitude(self) -> float:
-        kind = KINDS[self.kind]
+        kind = self.declared
         quantity = kind.quantity_on(self.channel)
         number = number_of(self.magnitude)
         if number is None:
@@ -281,3 +112,94 @@ class Fault:
         if number == kind.unchanging:
             raise FaultError(f"magnitude of {self} = {number:g} would change nothing; {hint}")
         return number
+
+
+def check_supported(fault: Fault, configuration: Configuration) -> None:
+    """Refuse a fault that would have no effect, or no meaning, in a configuration."""
+    needs = fault.declared.needs
+    if fault.channel in CHANNEL_NEEDS:
+        needs = (CHANNEL_NEEDS[fault.channel], *needs)
+    for need in needs:
+        if reason := need(fault, configuration):
+            raise FaultError(f"{fault} cannot be honoured: it {reason}")
+
+
+def supported_kinds(configuration: Configuration) -> tuple[str, ...]:
+    """Return the kinds of faults that a configuration supports with their default magnitudes."""
+    supported = []
+    for name, kind in KINDS.items():
+        try:
+            check_supported(
+                Fault(name, "" if kind.physical else next(iter(CHANNELS))), configuration
+            )
+        except FaultError:
+            continue
+        supported.append(name)
+    return tuple(supported)
+
+
+@dataclasses.dataclass(frozen=True)
+class FaultEffects:
+    """Drill and rock under faults."""
+
+    parameters: Parameters  # in force, always inside their ranges
+    load_spring_rate: float  # k_1 without a binding, with which the load spring pushes [N/m]
+    jammed: bool = False  # whether the free mass is wedged to the drill tool
+    specific_energy_factor: float = 1.0  # on the specific energy of the rock
+    progress_factor: float = 1.0  # on the progress into the rock, 0 to 1
+    resonance_offset: float = 0.0  # of the actuator [Hz]
+    preload_factor: float = 1.0  # on the commanded weight on bit, 0 to 1
+    lock_lost: bool = False  # whether a tracking generator does not track
+    disturbances: Disturbances = UNDISTURBED  # of the slow processes around the percussion
+
+
+def effects_of(faults: Iterable[Fault], parameters: Parameters) -> FaultEffects:
+    """Return the effects of any faults; signal faults do not change the drill.
+
+    Factors of several faults multiply and offsets add, so that their order does not matter. A
+    binding by a factor f means that the same force moves a body 1/f as far, and takes the damping
+    ratio xi to 1 - (1 - xi)/f, up to ``MOST_DAMPING_RATIO`` (assumed). A parameter that would leave
+    its range takes the end of the range.
+    """
+    sums = dict(NO_EFFECT)
+    for fault in faults:
+        fault.declared.effect(sums, fault.magnitude)
+    both, drill_tool = sums["restitution"], sums["drill_tool_restitution"]
+    load, restoring = sums["load_spring"], sums["restoring_spring"]
+    wanted = {
+        "load_spring_rate": parameters.load_spring_rate * load,
+        "rpud_damping_ratio": _bound(parameters.rpud_damping_ratio, load),
+        "restoring_spring_rate": parameters.restoring_spring_rate * restoring,
+        "drill_tool_damping_ratio": _bound(parameters.drill_tool_damping_ratio, restoring),
+        "actuator_restitution": parameters.actuator_restitution * both,
+        "drill_tool_restitution": parameters.drill_tool_restitution * both * drill_tool,
+    }
+    limited = {name: min(value, _most(parameters, name)) for name, value in wanted.items()}
+    disturbed = {field.name: sums[field.name] for field in dataclasses.fields(Disturbances)}
+    disturbed.update(
+        hardness=sums["specific_energy"],
+        progress=sums["binding"],
+        clogged=1.0 - sums["clearing"],
+        preload_factor=sums["preload"],
+    )
+    return FaultEffects(
+        parameters.replace(**limited),
+        parameters.load_spring_rate,
+        sums["jammed"],
+        sums["specific_energy"],
+        sums["progress"],
+        sums["resonance_offset"],
+        sums["preload"],
+        sums["lock_lost"],
+        Disturbances(**disturbed),
+    )
+
+
+def _bound(damping_ratio: float, factor: float) -> float:
+    return damping_ratio if factor == 1.0 else 1.0 - (1.0 - damping_ratio) / factor
+
+
+def _most(parameters: Parameters, name: str) -> float:
+    if name.endswith("damping_ratio"):
+        return max(MOST_DAMPING_RATIO, getattr(parameters, name))
+    return QUANTITIES[name].maximum

@@ -1,13 +1,17 @@
-"""Ledger of faults: onset and end of each, to the nanosecond."""
+"""Ledger and schedule of faults: when each begins and ends, to the nanosecond."""
 
 from __future__ import annotations
 
 import dataclasses
+import heapq
 from collections import deque
+from collections.abc import Iterator
 
 from rpud_sim.foundation.quantities import shown
 from rpud_sim.foundation.shared import Shared
+from rpud_sim.foundation.time import NEVER
 from rpud_sim.simulation.faults import Fault, FaultError
+from rpud_sim.simulation.scenario import ScheduledFault
 
 # Cleared faults that are kept; older ones are only counted.
 MOST_CLEARED = 1000
@@ -87,3 +91,38 @@ class FaultLedger:
         """Let every fault end."""
         for record in self._active:
             self.clear(time, record.number)
+
+
+class FaultSchedule:
+    """Instants at which faults begin or end by themselves.
+
+    At one instant ends come before beginnings, each in the order in which they were planned. Times
+    are integer nanoseconds of simulation time.
+    """
+
+    def __init__(self) -> None:
+        # Time, whether it begins, number of the plan, and the fault or the number of its record.
+        self._plans: list[tuple[int, bool, int, ScheduledFault | int]] = []
+        self._count = 0
+
+    @property
+    def next_time(self) -> int:
+        """Time of the next beginning or end [ns]; ``NEVER`` if none is planned."""
+        return self._plans[0][0] if self._plans else NEVER
+
+    def plan_beginning(self, fault: ScheduledFault) -> None:
+        """Plan that a fault begins at its onset."""
+        self._plan(fault.onset, True, fault)
+
+    def plan_end(self, time: int, number: int) -> None:
+        """Plan that the fault of a number ends at a time [ns]."""
+        self._plan(time, False, number)
+
+    def pop_due(self, time: int) -> Iterator[ScheduledFault | int]:
+        """Yield the faults that begin until a time [ns], and the numbers of those that end."""
+        while self.next_time <= time:
+            yield heapq.heappop(self._plans)[-1]
+
+    def _plan(self, time: int, begins: bool, fault: ScheduledFault | int) -> None:
+        heapq.heappush(self._plans, (time, begins, self._count, fault))
+        self._count += 1

@@ -25,8 +25,7 @@ from rpud_sim.model.segment import IMPACT, SEGMENT
 from rpud_sim.model.tally import CLASSES, PART_ROOM, advance_members, empty_tallies
 from rpud_sim.simulation.actuator import Actuator
 from rpud_sim.simulation.configuration import Configuration
-from rpud_sim.simulation.energy_account import EnergyAccount
-from rpud_sim.simulation.feed_account import FeedAccount
+from rpud_sim.simulation.energy_account import EnergyAccount, FeedAccount
 from rpud_sim.simulation.plant import nominal_drive, rpud_constants
 from rpud_sim.simulation.scenario import Scenario
 from rpud_sim.simulation.statistics import Statistics, figures_of

@@ -1,4 +1,4 @@
-"""Percussion as the slow processes see it: sums over the time since their last step."""
+"""What percussion and slow processes exchange at each step: impacts, forces, and their energy."""
 
 from __future__ import annotations
 
@@ -7,10 +7,12 @@ from array import array
 import numpy as np
 
 from rpud_sim.drilling.inputs import Percussion
+from rpud_sim.drilling.mount import Advance, MountWork
 from rpud_sim.model.drill import Drill
 from rpud_sim.model.elementary import exponential, sin_cos, sin_cos_cycles
 from rpud_sim.model.segment import SEGMENT
-from rpud_sim.simulation.record_fields import reader_of
+from rpud_sim.simulation.energy_account import FeedAccount
+from rpud_sim.simulation.stepped_engine import reader_of
 
 # Time constant of the mean force on the rock [s]: most of a period of the RPUD on its load spring.
 FORCE_WINDOW = 0.1
@@ -100,3 +102,95 @@ class PercussionMeter:
         reach = position + max(position - self._position, 0.0)
         self._position = position
         return Percussion(energies, ratio, drill.in_rock, force, on_rock, drill.rpud_damping, reach)
+
+
+class LoadSpring:
+    """Energy of the load spring between mount and RPUD, from step to step.
+
+    Its force is k_1 (s - u_np), with s = W / k_1 the compression by mount and rock, and c_1 times
+    the relative velocity. s changes at the steps alone, by the mount and by the hole.
+
+    Args:
+        stored: energy of the arm at time zero [J].
+        compression: s at time zero [m].
+        spring_rate: with which the load spring pushes, at time zero [N/m].
+    """
+
+    def __init__(
+        self, stored: float, compression: float, spring_rate: float, position: float
+    ) -> None:
+        self._compression = compression
+        self._spring_rate = spring_rate
+        self._first_stored = stored
+        # Of the last step, until it is in the engine: way of the origin past the bodies [m], and
+        # the part of the preload that this takes [J].
+        self._passed = self._left = 0.0
+        self._first_preload = self._preload(position)
+        self._changes = 0.0
+        self._mount_work = 0.0
+        self._penetration = 0.0
+        self._withdrawal = 0.0
+        # Forces of the present step by the velocity of the mount: of the damping, and all [N].
+        self._damping_force = self._motion_force = 0.0
+        self._damper = 0.0  # loss in the damping, up to the last step [J]
+        self._motion_work = 0.0  # of all these forces on the RPUD, up to the last step [J]
+        self._start = position  # of the nodal plane at the last step [m]
+
+    def step(self, advance: Advance, spring_rate: float, position: float) -> None:
+        """Add a step."""
+        way = self._compression
+        change = spring_rate - self._spring_rate
+        self._changes += change * way * (0.5 * way - position)
+        after = advance.compression + advance.passed
+        deeper = after - advance.moved
+        self._penetration -= _work(spring_rate, position, way, deeper)
+        self._mount_work += _work(spring_rate, position, deeper, after)
+        self._compression, self._passed = advance.compression, advance.passed
+        self._spring_rate, self._left = spring_rate, 0.0
+        if advance.passed:
+            self._left = _work(spring_rate, position, 0.0, after) - self._preload(position)
+        self._damper -= 2.0 * self._damping_force * (position - self._start)
+        self._motion_work += self._motion_force * (position - self._start)
+        self._damping_force = advance.damping_force
+        self._motion_force = advance.damping_force + advance.lead_force
+        self._damper += advance.damping_force * advance.moved
+        self._start = position
+
+    def shift(self, way: float, work: float) -> None:
+        """Count positions from an origin that is further ahead.
+
+        Args:
+            work: that this does on the springs of the drill [J].
+        """
+        self._start -= way
+        self._mount_work -= self._left - work
+        self._withdrawal += work
+        self._passed = self._left = 0.0
+
+    def account(self, work: MountWork, position: float) -> FeedAccount:
+        """Return the account since time zero."""
+        way = position - self._start
+        damper = self._damper - 2.0 * self._damping_force * way
+        motion_work = self._motion_work + self._motion_force * way
+        return FeedAccount(
+            feed_work=work.feed,
+            host_work=work.host,
+            spring_changes=self._changes,
+            guide_friction=work.damper,
+            host_slip=work.slip,
+            arm_stored=work.stored - self._first_stored,
+            penetration_work=self._penetration,
+            load_damper=damper,
+            withdrawal_work=self._withdrawal,
+            preload_stored=self._preload(position) - self._first_preload,
+            coupling=work.drill - self._mount_work - damper - motion_work,
+        )
+
+    def _preload(self, position: float) -> float:
+        way = self._compression
+        return self._left + _work(self._spring_rate, position - self._passed, 0.0, way)
+
+
+def _work(spring_rate: float, position: float, start: float, end: float) -> float:
+    """Return the work on the load spring while its other end goes from start to end [J]."""
+    return spring_rate * (end - start) * (0.5 * (start + end) - position)

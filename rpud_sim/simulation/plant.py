@@ -17,10 +17,10 @@ from rpud_sim.model.resonator import Resonance
 from rpud_sim.model.segment import IMPACT, SEGMENT, join_records, motion_at
 from rpud_sim.simulation.actuator import Actuator, ActuatorReading
 from rpud_sim.simulation.commands import Drive
-from rpud_sim.simulation.conditions import Conditions
 from rpud_sim.simulation.configuration import Configuration
-from rpud_sim.simulation.feed_account import FeedAccount, LoadSpring
-from rpud_sim.simulation.percussion import PercussionMeter, nodal_plane_position
+from rpud_sim.simulation.energy_account import FeedAccount
+from rpud_sim.simulation.faults import FaultEffects, effects_of
+from rpud_sim.simulation.percussion import LoadSpring, PercussionMeter, nodal_plane_position
 from rpud_sim.simulation.stepped_engine import SteppedEngine
 
 
@@ -61,7 +61,7 @@ class Plant:
         self.weight_on_bit = parameters.weight_on_bit
         # into the rock by percussion alone
         self.progress = Progress(configuration.rock, parameters.tool_length)
-        self._conditions = Conditions(parameters)
+        self._effects = effects_of((), parameters)
         self._hardness = 1.0
         # rotation, feed and borehole
         self.process = Process(configuration.drilling, self._surroundings())
@@ -135,16 +135,16 @@ class Plant:
         finished, struck = reached
         return finished + segments, struck + impacts
 
-    def change(self, conditions: Conditions, hardness: float) -> None:
-        """Put conditions into force at the present time; positions and velocities go on.
+    def change(self, effects: FaultEffects, hardness: float) -> None:
+        """Put effects of faults into force at the present time; positions and velocities go on.
 
         Args:
             hardness: factor on the specific energy of the rock at time zero, without faults.
         """
         self._set_aside()
-        self.actuator.drift(conditions.resonance_offset)
-        self.actuator.lock(not conditions.lock_lost)
-        self._conditions = conditions
+        self.actuator.drift(effects.resonance_offset)
+        self.actuator.lock(not effects.lock_lost)
+        self._effects = effects
         self._hardness = hardness
         self._drill = self._derived()
 
@@ -191,7 +191,7 @@ class Plant:
             interval, position, weight, self._drill, engine.amplitude
         )
         in_contact = self.process.in_contact
-        self.process.step(percussion, self._surroundings(), self._conditions.disturbances)
+        self.process.step(percussion, self._surroundings(), self._effects.disturbances)
         if self.process.in_contact is not in_contact:
             self._drill = self._derived()
         if self._load_spring and (advance := self.process.advance) is not None:
@@ -228,14 +228,14 @@ class Plant:
 
     def _pushing_rate(self) -> float:
         """Rate with which the load spring pushes [N/m]."""
-        acting = self._conditions
+        acting = self._effects
         return acting.load_spring_rate * acting.disturbances.preload_factor
 
     def _surroundings(self) -> Surroundings:
-        parameters = self._conditions.parameters
+        parameters = self._effects.parameters
         depth = self.progress.depth
         return Surroundings(
-            self._conditions.load_spring_rate,
+            self._effects.load_spring_rate,
             parameters.regime == "drilling",
             depth if math.isfinite(depth) else 0.0,
             self._hardness,
@@ -243,13 +243,13 @@ class Plant:
 
     def _acting_parameters(self) -> Parameters:
         """Parameters in force, free of the rock while the tool does not touch it."""
-        parameters = self._conditions.parameters
+        parameters = self._effects.parameters
         if self.process.in_contact is False and parameters.regime == "drilling":
             return parameters.replace(regime="free")
         return parameters
 
     def _derived(self) -> Drill:
-        return derive(self._acting_parameters(), self._conditions.jammed)
+        return derive(self._acting_parameters(), self._effects.jammed)
 
     def feed_account(self, segment: np.ndarray) -> FeedAccount | None:
         """Return the account of feed and mount since time zero; None without a feed."""
@@ -267,7 +267,7 @@ class Plant:
         if self._percussion is not None:
             self._percussion.add(impacts)
         if self._drill.in_rock:
-            acting = self._conditions
+            acting = self._effects
             self.progress.add(
                 impacts, self._hardness * acting.specific_energy_factor, acting.progress_factor
             )
@@ -275,7 +275,7 @@ class Plant:
     def _weight_on_bit(self) -> float:
         weight = self.process.preload
         if weight is None:
-            return self.weight_on_bit * self._conditions.preload_factor
+            return self.weight_on_bit * self._effects.preload_factor
         return weight
 
     def _commands(self) -> tuple[tuple[float, float, float], float]:

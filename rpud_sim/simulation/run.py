@@ -17,7 +17,6 @@ from rpud_sim.simulation.fields import Bookkeeping, faults_fields, journal_field
 from rpud_sim.simulation.journal import Journal
 from rpud_sim.simulation.scenario import Scenario, ScheduledFault
 from rpud_sim.simulation.simulation import Simulation
-from rpud_sim.simulation.span import span_of
 from rpud_sim.simulation.state import state_of
 from rpud_sim.simulation.telemetry import Stream, Telemetry, messages_of
 from rpud_sim.simulation.together import Entry, Together
@@ -239,9 +238,8 @@ class Run:
             if block.end < end:
                 self.note("stop")
                 yield from self.entries()
-            span = span_of([block])
-            self._recent_energy.add(span)
-            yield from self._telemetry.prompt(span, simulation.faults.since(block.start))
+            self._recent_energy.add(block)
+            yield from self._telemetry.prompt(block, simulation.faults.since(block.start))
             yield from self._changed_faults()
             stream = self._telemetry.streams(block)
             if defer is None:
@@ -253,8 +251,7 @@ class Run:
     def advance_together(self, time: int) -> Iterator[Entry | Together]:
         """Advance to a time [ns], and yield the messages of ``advance_to``, many at once.
 
-        Where nothing changes from outside, those of about a second come together. ``on_block``
-        then is called with the blocks of a span as one.
+        Where nothing changes from outside, those of about a second come together.
         """
         yield from self.changes()
         simulation = self._simulation
@@ -262,10 +259,10 @@ class Run:
             if not (blocks := self._undisturbed_blocks(time)):
                 yield from self.advance_to(min(self.next_boundary, time))
                 continue
-            span = simulation.advance_through(self._telemetry.ends(simulation.time, blocks))
-            self._recent_energy.add(span)
-            yield self._telemetry.together(span)
-            self._on_block(span.block)
+            block = simulation.advance_through(self._telemetry.ends(simulation.time, blocks))
+            self._recent_energy.add(block)
+            yield self._telemetry.together(block)
+            self._on_block(block)
 
     def _undisturbed_blocks(self, time: int) -> int:
         """Return the number of blocks that can be done together, up to a time [ns]."""

@@ -14,7 +14,8 @@ import numpy as np
 from rpud_sim.foundation.quantities import Quantity, shown
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.foundation.yaml_files import Cursor, cursor_at, open_yaml
-from rpud_sim.simulation.faults import KINDS, Fault, FaultError, number_of
+from rpud_sim.simulation.fault_kinds import KINDS
+from rpud_sim.simulation.faults import Fault, FaultError, number_of
 
 GREATEST_SEED = 2**63 - 1  # what a ROS parameter holds
 

@@ -11,15 +11,18 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.model.elementary import logarithm_one_plus, sin_cos_cycles
-from rpud_sim.simulation.channels import CHANNELS, Channel, Path
-from rpud_sim.simulation.fields import Fields
-from rpud_sim.simulation.ledger import FaultRecord
+from rpud_sim.simulation.topics import CHANNELS, Channel, FieldPath
+
+if TYPE_CHECKING:  # a kind of fault has its stage
+    from rpud_sim.simulation.ledger import FaultRecord
+
+Fields = dict[str, Any]
 
 # Share of the values of a garbage channel that are NaN or infinite, so that mission software meets
 # them; of random bit patterns only one in two thousand is.
@@ -36,7 +39,7 @@ class SignalFaults:
     def __init__(self, seed: int = 0) -> None:
         self._seed = seed
         self._last: dict[str, Fields | Callable[[], Fields]] = {}
-        self._stages: dict[str, dict[int, _Stage]] = {}
+        self._stages: dict[str, dict[int, Stage]] = {}
 
     @property
     def busy(self) -> bool:
@@ -101,7 +104,7 @@ class SignalFaults:
             self._last[channel] = messages[-1]
         return messages
 
-    def _stage(self, record: FaultRecord) -> _Stage:
+    def _stage(self, record: FaultRecord) -> Stage:
         fault = record.fault
         random = np.random.default_rng(
             np.random.SeedSequence(self._seed, spawn_key=(record.number,))
@@ -109,10 +112,14 @@ class SignalFaults:
         last = self._last.get(fault.channel)
         if callable(last):
             last = last()
-        return STAGES[fault.kind](CHANNELS[fault.channel], fault.magnitude, random, last)
+        stage = fault.declared.stage
+        assert stage is not None
+        return stage(CHANNELS[fault.channel], fault.magnitude, random, last)
 
 
-class _Stage:
+class Stage:
+    """Stage of a fault, through which the messages of its channel pass."""
+
     def __init__(
         self,
         channel: Channel,
@@ -137,12 +144,16 @@ class _Stage:
         raise NotImplementedError
 
 
-class _Off(_Stage):
+class Off(Stage):
+    """No message goes on."""
+
     def _change(self, fields: Fields) -> None:
         return None
 
 
-class _Stuck(_Stage):
+class Stuck(Stage):
+    """Values last published, with new stamps."""
+
     def _change(self, fields: Fields) -> Fields:
         if self._last is None:
             self._last = fields
@@ -150,9 +161,11 @@ class _Stuck(_Stage):
         return _replaced(fields, {path: _at(self._last, path) for path in paths})
 
 
-class _Garbage(_Stage):
+class Garbage(Stage):
+    """Random bit patterns."""
+
     def _change(self, fields: Fields) -> Fields:
-        values: dict[Path, Any] = {
+        values: dict[FieldPath, Any] = {
             path: _garbage_number(self._random) for path in self._channel.numbers
         }
         values.update({path: self._random.random() < 0.5 for path in self._channel.flags})
@@ -165,7 +178,9 @@ def _garbage_number(random: np.random.Generator) -> float:
     return float(np.uint64(random.bit_generator.random_raw()).view(np.float64))
 
 
-class _Wrong(_Stage):
+class Wrong(Stage):
+    """Every measured number times the magnitude."""
+
     def _change(self, fields: Fields) -> Fields:
         return _replaced(
             fields,
@@ -173,7 +188,9 @@ class _Wrong(_Stage):
         )
 
 
-class _Slow(_Stage):
+class Slow(Stage):
+    """At most one message in each period."""
+
     def __init__(self, *args: Any) -> None:
         super().__init__(*args)
         self._period = round(self._magnitude * SECOND)
@@ -186,7 +203,9 @@ class _Slow(_Stage):
         return messages[:1]
 
 
-class _Delayed(_Stage):
+class Delayed(Stage):
+    """Messages that wait."""
+
     def __init__(self, *args: Any) -> None:
         super().__init__(*args)
         self._delay = round(self._magnitude * SECOND)
@@ -203,7 +222,9 @@ class _Delayed(_Stage):
         return [fields for _, fields in self._waiting]
 
 
-class _Intermittent(_Stage):
+class Intermittent(Stage):
+    """Messages that are lost at random."""
+
     def _change(self, fields: Fields) -> Fields | None:
         return None if self._random.random() < self._magnitude else fields
 
@@ -215,40 +236,31 @@ def _normal(random: np.random.Generator) -> float:
     return float(size * sine)
 
 
-class _Noise(_Stage):
+class Noise(Stage):
+    """Gaussian noise on the main quantity."""
+
     def _change(self, fields: Fields) -> Fields:
         main = self._channel.numbers[0]
         disturbance = self._magnitude * _normal(self._random)
         return _replaced(fields, {main: _at(fields, main) + disturbance})
 
 
-class _Bias(_Stage):
+class Bias(Stage):
+    """Offset on the main quantity."""
+
     def _change(self, fields: Fields) -> Fields:
         main = self._channel.numbers[0]
         return _replaced(fields, {main: _at(fields, main) + self._magnitude})
 
 
-STAGES: dict[str, type[_Stage]] = {
-    "off": _Off,
-    "stuck": _Stuck,
-    "garbage": _Garbage,
-    "wrong": _Wrong,
-    "slow": _Slow,
-    "delayed": _Delayed,
-    "intermittent": _Intermittent,
-    "noise": _Noise,
-    "bias": _Bias,
-}
-
-
-def _at(fields: Fields, path: Path) -> Any:
+def _at(fields: Fields, path: FieldPath) -> Any:
     value: Any = fields
     for name in path:
         value = value[name]
     return value
 
 
-def _replaced(fields: Fields, values: dict[Path, Any]) -> Fields:
+def _replaced(fields: Fields, values: dict[FieldPath, Any]) -> Fields:
     """Return a copy of a message with other values at some paths."""
     copy = _copy(fields)
     for path, value in values.items():

@@ -12,18 +12,21 @@ import numpy as np
 from rpud_sim.drilling.process import ProcessState
 from rpud_sim.model.parameters import Parameters
 from rpud_sim.simulation.actuator import ActuatorReading
-from rpud_sim.simulation.block import Block
+from rpud_sim.simulation.block import Block, join_blocks
 from rpud_sim.simulation.commands import Applied, Drive, Feed, WeightOnBit
-from rpud_sim.simulation.conditions import check_honoured, conditions, honoured_kinds
 from rpud_sim.simulation.configuration import Configuration, to_values, whole_configuration
-from rpud_sim.simulation.fault_schedule import FaultSchedule
-from rpud_sim.simulation.faults import Fault, FaultError
-from rpud_sim.simulation.feed_account import FeedAccount
+from rpud_sim.simulation.energy_account import FeedAccount
+from rpud_sim.simulation.faults import (
+    Fault,
+    FaultError,
+    check_supported,
+    effects_of,
+    supported_kinds,
+)
 from rpud_sim.simulation.journal import Journal
-from rpud_sim.simulation.ledger import FaultLedger, FaultRecord
+from rpud_sim.simulation.ledger import FaultLedger, FaultRecord, FaultSchedule
 from rpud_sim.simulation.plant import Plant, nominal_drive, rpud_constants
 from rpud_sim.simulation.scenario import Scenario, ScheduledFault
-from rpud_sim.simulation.span import Span, span_of
 
 # Refusals that are kept until they are drained; the oldest are dropped.
 _MOST_REFUSALS = 100
@@ -66,7 +69,7 @@ class Simulation:
         self._refusals: deque[str] = deque(maxlen=_MOST_REFUSALS)
         for scheduled in scenario.faults if scenario else ():
             try:
-                check_honoured(scheduled.fault, configuration)
+                check_supported(scheduled.fault, configuration)
             except FaultError as error:
                 raise FaultError(f"{scheduled.place}{error}") from None
             self._schedule.plan_beginning(scheduled)
@@ -172,10 +175,22 @@ class Simulation:
         feed, fed = self._plant.feed_account(covering[-1:]), self._fed
         if feed is not None and fed is not None:
             self._fed, feed = feed, feed - fed
-        return Block(start, time, covering, impacts, self._rpud, drawn, reading, self.process, feed)
+        return Block(
+            start,
+            np.array([time], np.int64),
+            covering,
+            impacts,
+            np.array([len(covering) - 1], np.int64),
+            np.array([len(impacts)], np.int64),
+            self._rpud,
+            drawn,
+            (reading,),
+            (self.process,),
+            () if feed is None else (feed,),
+        )
 
-    def advance_through(self, ends: np.ndarray) -> Span:
-        """Advance to times one after the other and return what happened up to each.
+    def advance_through(self, ends: np.ndarray) -> Block:
+        """Advance to times one after the other; the block has a part up to each of them.
 
         The result is that of ``advance_to`` for each of them; without a scheduled change before the
         last one, it takes one call of the engine.
@@ -190,10 +205,10 @@ class Simulation:
                 # The actuator has no power here, and nothing changes what it reads.
                 covering, impacts = self._plant.drain()
                 readings = (self._plant.reading,) * len(ends)
-                return Span(
+                return Block(
                     start, ends, covering, impacts, *reached, self._rpud, math.nan, readings
                 )
-        return span_of([self.advance_to(end) for end in ends.tolist()])
+        return join_blocks([self.advance_to(end) for end in ends.tolist()])
 
     def apply(self, command: WeightOnBit | Drive | Feed) -> None:
         """Put a command into force at the present time.
@@ -243,7 +258,7 @@ class Simulation:
                 Weight on bit and nominal vibration change by command alone.
         """
         self._configuration = configuration
-        self._change_conditions()
+        self._change_effects()
         self._note("configure", parameters=to_values(configuration))
 
     def inject(self, fault: Fault, duration: int = 0) -> int:
@@ -265,28 +280,28 @@ class Simulation:
     def clear_all(self) -> None:
         """Let all faults end at the present time."""
         self._faults.clear_all(self.time)
-        self._change_conditions()
+        self._change_effects()
         self._note("clear_all")
 
-    def honoured_kinds(self) -> tuple[str, ...]:
-        """Return the kinds of faults that this drill can honour, as it is configured."""
-        return honoured_kinds(self._configuration)
+    def supported_kinds(self) -> tuple[str, ...]:
+        """Return the kinds of faults that this drill supports, as it is configured."""
+        return supported_kinds(self._configuration)
 
     def _note(self, kind: str, **content: Any) -> None:
         if self._journal is not None:
             self._journal.note(self.time, kind, **content)
 
     def _inject(self, fault: Fault, duration: int) -> int:
-        check_honoured(fault, self._configuration)
+        check_supported(fault, self._configuration)
         number = self._faults.inject(self.time, fault)
         if duration:
             self._schedule.plan_end(self.time + duration, number)
-        self._change_conditions()
+        self._change_effects()
         return number
 
     def _clear(self, number: int) -> FaultRecord:
         record = self._faults.clear(self.time, number)
-        self._change_conditions()
+        self._change_effects()
         return record
 
     def _apply_due_faults(self) -> None:
@@ -303,10 +318,10 @@ class Simulation:
         except FaultError as error:
             self._refusals.append(f"scheduled fault refused: {scheduled.place}{error}")
 
-    def _change_conditions(self) -> None:
+    def _change_effects(self) -> None:
         configuration = self._configuration
         active = [record.fault for record in self._faults.active]
         self._plant.change(
-            conditions(configuration.parameters, active),
+            effects_of(active, configuration.parameters),
             configuration.rock.rock_specific_energy / self._first_specific_energy,
         )

@@ -23,9 +23,9 @@ from rpud_sim.model.drill import STATE, Drill
 from rpud_sim.model.parameters import Parameters
 from rpud_sim.model.segment import IMPACT, SEGMENT
 from rpud_sim.simulation.block import Block
-from rpud_sim.simulation.channels import CHANNELS
 from rpud_sim.simulation.configuration import Configuration, to_configuration, to_values
-from rpud_sim.simulation.signals import STAGES
+from rpud_sim.simulation.fault_kinds import KINDS
+from rpud_sim.simulation.topics import CHANNELS
 
 if TYPE_CHECKING:
     from rpud_sim.simulation.run import Run
@@ -46,7 +46,11 @@ _PACKED = {
 }
 # Records that wait for the next block, by the attribute that holds them.
 _WAITING = {"_segments": SEGMENT, "_impacts": IMPACT}
-_STAGES = {f"{kind.__module__}.{kind.__name__}": kind for kind in STAGES.values()}
+_STAGES = {
+    f"{kind.stage.__module__}.{kind.stage.__name__}": kind.stage
+    for kind in KINDS.values()
+    if kind.stage
+}
 # Attributes that are no state: what a run gets from its owner, room for results, and what is kept
 # so that it need not be calculated again. What commands do is in the simulation.
 _LEFT_OUT = frozenset(
@@ -188,8 +192,11 @@ class _Reader:
         if found is Block:
             _check_records("covering", [values["covering"]], SEGMENT)
             _check_records("impacts", [values["impacts"]], IMPACT)
-            if not len(values["covering"]):
-                raise ValueError("a block has no segment")
+            counts = (len(values["covering"]) - 1, len(values["impacts"]))
+            ends, finished, struck = (values[name] for name in ("ends", "finished", "struck"))
+            _check_records("ends", (ends, finished, struck), _DTYPES["int64"])
+            if len(ends) != 1 or counts[0] < 0 or (*finished, *struck) != counts:
+                raise ValueError("a block has other segments or impacts than it counts")
         return found(**values)
 
     def _object(self, old: Any, name: str, trees: Mapping[str, Any]) -> Any:

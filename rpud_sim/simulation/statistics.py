@@ -21,9 +21,13 @@ from rpud_sim.model.tally import (
     class_at,
     empty_tallies,
 )
-from rpud_sim.simulation.block import Block, sum_accounts
-from rpud_sim.simulation.energy_account import EnergyAccount, absorbed
-from rpud_sim.simulation.feed_account import FeedAccount
+from rpud_sim.simulation.block import Block
+from rpud_sim.simulation.energy_account import (
+    EnergyAccount,
+    FeedAccount,
+    absorbed,
+    sum_accounts,
+)
 
 # Names and units of the figures.
 FIGURES = MappingProxyType(

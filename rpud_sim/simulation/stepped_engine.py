@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+import struct
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -15,10 +16,28 @@ from rpud_sim.model.events import DONE, FULL, advance, interrupt
 from rpud_sim.model.parameters import Parameters
 from rpud_sim.model.resonator import Resonance
 from rpud_sim.model.segment import IMPACT, SEGMENT, join_records
-from rpud_sim.simulation.record_fields import reader_of
 
 _FIRST_ROOM = 256  # segments; it doubles when it is too small
 _MOST_ROOM = 4096  # segments for which the room is kept after a long block
+
+# NumPy builds an object for the record and one for each field, which takes many times as long.
+_CODES = {"f8": "d", "i8": "q"}
+
+
+def reader_of(dtype: np.dtype, *names: str) -> Callable[[np.ndarray], tuple[Any, ...]]:
+    """Return a function that reads fields of the first record of an array.
+
+    Args:
+        names: of fields of 64 bits, in the order in which the dtype has them.
+    """
+    layout, end = "=", 0
+    fields: Mapping[str, Any] = dtype.fields or {}
+    for name in names:
+        kind, offset = fields[name][:2]
+        layout += f"{offset - end}x{_CODES[kind.str[1:]]}"
+        end = offset + kind.itemsize
+    read: Any = struct.Struct(layout).unpack_from  # takes arrays as buffers
+    return read
 
 
 _FINITE = ("amplitude", "u_np", "v_np", "u_fm", "v_fm", "u_dt", "v_dt", "owed")

@@ -15,7 +15,6 @@ from rpud_sim.simulation.block import (
     first_sample,
     join_blocks,
 )
-from rpud_sim.simulation.channels import CHANNELS
 from rpud_sim.simulation.fields import (
     actuator_state_fields,
     contact_force_fields,
@@ -39,8 +38,8 @@ from rpud_sim.simulation.process_fields import (
 )
 from rpud_sim.simulation.sampling import Times, join_samples
 from rpud_sim.simulation.signals import SignalFaults
-from rpud_sim.simulation.span import Span, span_of
 from rpud_sim.simulation.together import Columns, Entry, Together
+from rpud_sim.simulation.topics import CHANNELS
 
 _SENSORS = (
     ("nodal_plane", nodal_plane_fields),
@@ -87,23 +86,23 @@ class Telemetry:
         self._actuator_time = 0
         self._actuator_work = 0.0
 
-    def prompt(self, span: Span, faults: Sequence[FaultRecord]) -> Iterator[Entry]:
+    def prompt(self, block: Block, faults: Sequence[FaultRecord]) -> Iterator[Entry]:
         """Yield the messages that are due at once: impacts of a block and the sample at its end.
 
         Args:
-            span: one block, at most one telemetry period long, after that of the last call.
+            block: at most one telemetry period long, after that of the last call.
             faults: that lasted in the block, or in a part of it.
         """
         faults = [record for record in faults if record.fault.channel]
-        for columns in self._columns(span, sampled=self._boundary(span.end) is not None):
+        for columns in self._columns(block, sampled=self._boundary(block.end) is not None):
             for time, topic, values in columns.messages():
                 if topic in CHANNELS:
                     for changed in self._signals.apply(topic, time, values, faults):
                         yield time, topic, changed
                 else:
                     yield time, topic, values
-        for channel, values in self._signals.release(span.end, faults):
-            yield span.end, channel, values
+        for channel, values in self._signals.release(block.end, faults):
+            yield block.end, channel, values
 
     def streams(self, block: Block) -> Stream | None:
         """Return waveform and trajectory if a period of theirs ends with this block, else None.
@@ -135,52 +134,52 @@ class Telemetry:
         first = boundaries_until(start, self._rate) + 1
         return np.array([boundary(first + k, self._rate) for k in range(count)], np.int64)
 
-    def together(self, span: Span) -> Together:
-        """Return all messages of a span of healthy signals, for which ``stride`` gave the length.
+    def together(self, block: Block) -> Together:
+        """Return all messages of a block of healthy signals, for which ``stride`` gave the length.
 
         They are those that ``prompt`` and ``streams`` would yield block by block.
         """
-        streams = self._streams_of(span, self._stream_period)
-        columns = [*self._columns(span), *(each for each in streams if each is not None)]
+        streams = self._streams_of(block, self._stream_period)
+        columns = [*self._columns(block), *(each for each in streams if each is not None)]
         for each in columns:
             if each.topic in CHANNELS:
                 self._signals.note(each.topic, partial(each.row, len(each) - 1))
-        return Together(span.ends, tuple(columns))
+        return Together(block.ends, tuple(columns))
 
-    def _columns(self, span: Span, sampled: bool = True) -> Iterator[Columns]:
-        """Yield the impacts of a span and, if ``sampled``, what is due at its blocks' ends."""
-        blocks, ends = np.arange(len(span)), span.ends
-        if len(span.impacts):
-            struck = span.struck.searchsorted(np.arange(len(span.impacts)), side="right")
-            fields = contact_force_fields(span.impacts, self.origin)
-            times = np.maximum(span.starts[struck], stamp_of(fields) - self.origin)
+    def _columns(self, block: Block, sampled: bool = True) -> Iterator[Columns]:
+        """Yield the impacts of a block and, if ``sampled``, what is due at its parts' ends."""
+        parts, ends = np.arange(len(block)), block.ends
+        if len(block.impacts):
+            struck = block.struck.searchsorted(np.arange(len(block.impacts)), side="right")
+            fields = contact_force_fields(block.impacts, self.origin)
+            times = np.maximum(block.starts[struck], stamp_of(fields) - self.origin)
             yield Columns("contact_force", struck, times, fields)
         if not sampled:
             return
         stamps = self.origin + ends
-        samples = span.sample_ends()
+        samples = block.sample_ends()
         for topic, make in _SENSORS:
-            yield Columns(topic, blocks, ends, make(samples, stamps))
-        fields = wrench_fields(samples, stamps, mount_torque(span.states))
-        yield Columns("wrench", blocks, ends, fields)
+            yield Columns(topic, parts, ends, make(samples, stamps))
+        fields = wrench_fields(samples, stamps, mount_torque(block.states))
+        yield Columns("wrench", parts, ends, fields)
         for topic in PROCESS_TOPICS:
-            if has_part(span.states, topic):
-                for among, fields in process_fields(topic, span.states, stamps):
-                    yield Columns(topic, blocks[among], ends[among], fields)
+            if has_part(block.states, topic):
+                for among, fields in process_fields(topic, block.states, stamps):
+                    yield Columns(topic, parts[among], ends[among], fields)
         if self._wanted("joint_states"):
-            joints = tuple(process_joints(span.states))
+            joints = tuple(process_joints(block.states))
             fields = joint_state_fields(samples, stamps, joints)
-            yield Columns("joint_states", blocks, ends, fields)
-        if span.readings:
-            powers = self._powers(span)
+            yield Columns("joint_states", parts, ends, fields)
+        if block.readings:
+            powers = self._powers(block)
             if self._wanted("actuator_state"):
-                fields = actuator_state_fields(span.readings, powers, stamps)
-                yield Columns("actuator_state", blocks, ends, fields)
+                fields = actuator_state_fields(block.readings, powers, stamps)
+                yield Columns("actuator_state", parts, ends, fields)
 
-    def _powers(self, span: Span) -> np.ndarray:
+    def _powers(self, block: Block) -> np.ndarray:
         """Return the actuator's mean mechanical power up to the end of each block [W]."""
         powers = []
-        for end, reading in zip(span.ends.tolist(), span.readings, strict=True):
+        for end, reading in zip(block.ends.tolist(), block.readings, strict=True):
             work = reading.mechanical_work - self._actuator_work
             elapsed = end - self._actuator_time
             self._actuator_time, self._actuator_work = end, reading.mechanical_work
@@ -199,54 +198,54 @@ class Telemetry:
     def _take_pending(self) -> Stream:
         if not self._pending:
             return iter(())
-        span = span_of([join_blocks(self._pending)])
+        block = join_blocks(self._pending)
         self._pending.clear()
-        return _rows(self._streams_of(span, 1, _PART))
+        return _rows(self._streams_of(block, len(block), _PART))
 
     def _streams_of(
-        self, span: Span, period: int, part: int | None = None
+        self, block: Block, period: int, part: int | None = None
     ) -> Iterator[Columns | None]:
-        """Return waveform and trajectory of a span, a message of each in every ``period`` blocks.
+        """Return waveform and trajectory of a block, a message of each in every ``period`` parts.
 
         part: samples after which there is a None; None for no such parts.
         """
         first = self._segments
-        self._segments += int(span.finished[-1])
-        return self._stream(span, period, part, first, self.origin)
+        self._segments += int(block.finished[-1])
+        return self._stream(block, period, part, first, self.origin)
 
     def _stream(
-        self, span: Span, period: int, part: int | None, first: int, origin: int
+        self, block: Block, period: int, part: int | None, first: int, origin: int
     ) -> Iterator[Columns | None]:
-        blocks = np.arange(period - 1, len(span), period)
-        ends, finished = span.ends[blocks], span.finished[blocks]
+        groups = np.arange(period - 1, len(block), period)
+        ends, finished = block.ends[groups], block.finished[groups]
         rate = self._sample_rate
-        cuts = np.array([first_sample(end, rate) for end in (span.start, *ends.tolist())])
+        cuts = np.array([first_sample(end, rate) for end in (block.start, *ends.tolist())])
         held = np.flatnonzero(np.diff(cuts))
         if len(held) and self._wanted("waveform"):
             begin, count = int(cuts[0]), int(cuts[-1] - cuts[0])
             if part is None:
                 times = Times.from_grid(begin, count, rate)
-                samples = span.sample_parts(period, cuts - cuts[0], times)
+                samples = block.sample_parts(period, cuts - cuts[0], times)
             else:
                 parts = []
                 for number in range(0, count, part):
                     times = Times.from_grid(begin + number, min(part, count - number), rate)
-                    parts.append(span.block.sample(times))
+                    parts.append(block.sample(times))
                     yield None
                 samples = join_samples(parts)
             cuts = np.append(cuts[held], cuts[-1])
             fields = waveform_fields(samples, cuts, rate, origin)
-            yield Columns("waveform", blocks[held], ends[held], fields)
+            yield Columns("waveform", groups[held], ends[held], fields)
         count = int(finished[-1])
         if count and self._wanted("trajectory"):
             yield None
             # A message holds the segments of one period that have the same constants.
-            segments = span.covering[:count]
+            segments = block.covering[:count]
             firsts = np.unique([0, *finished[:-1].tolist(), *trajectory_cuts(segments).tolist()])
             firsts = firsts[firsts < count]
             periods = np.searchsorted(finished, firsts, side="right")
             fields = trajectory_fields(segments, np.append(firsts, count), first, origin)
-            yield Columns("trajectory", blocks[periods], ends[periods], fields)
+            yield Columns("trajectory", groups[periods], ends[periods], fields)
 
     def _boundary(self, time: int) -> int | None:
         """Number of the telemetry period that ends at a time [ns], if one does."""

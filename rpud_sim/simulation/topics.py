@@ -1,4 +1,4 @@
-"""Table of the drill's topics: type, depth, durability and frame, for node, bags and checks."""
+"""Tables of the drill's topics, and of the channels: topics whose signal may fail."""
 
 from __future__ import annotations
 
@@ -66,3 +66,67 @@ PROVED = tuple(name for name, topic in TOPICS.items() if topic.proved)
 def offered_topics(values: Mapping[str, Any]) -> Mapping[str, Topic]:
     """Return the topics that a drill publishes, by name."""
     return {name: topic for name, topic in TOPICS.items() if topic.is_offered(values)}
+
+
+# Names that lead to a field of a message.
+FieldPath = tuple[str, ...]
+
+# Tests compare with these, the ground truth: no signal fault may change them.
+GROUND_TRUTH = ("waveform", "trajectory", "borehole")
+
+
+@dataclasses.dataclass(frozen=True)
+class Channel:
+    """Measured fields of a topic, by their paths in the message.
+
+    Stamps, frames and sequence numbers are no measurements: no fault changes them.
+    """
+
+    unit: str  # SI unit of the main quantity, on which noise and bias act
+    scale: float  # a disturbance of the main quantity that mission software notices, assumed [unit]
+    numbers: tuple[FieldPath, ...]  # every measured number; the first is the main quantity
+    flags: tuple[FieldPath, ...] = ()  # every measured truth value
+
+
+CHANNELS: Mapping[str, Channel] = {
+    "nodal_plane": Channel("m", 1e-4, (("position",), ("velocity",))),
+    "drill_tool": Channel("m", 1e-5, (("displacement",), ("velocity",)), (("in_contact",),)),
+    "reacting_force": Channel("N", 1.0, (("force",),)),
+    "wrench": Channel(
+        "N",
+        1.0,
+        (
+            ("wrench", "force", "z"),
+            ("wrench", "force", "x"),
+            ("wrench", "force", "y"),
+            ("wrench", "torque", "x"),
+            ("wrench", "torque", "y"),
+            ("wrench", "torque", "z"),
+        ),
+    ),
+    "contact_force": Channel(
+        "N",
+        1e3,
+        (
+            ("peak_force",),
+            ("contact_duration",),
+            ("impact_velocity",),
+            ("impulse",),
+            ("energy",),
+            ("energy_transferred",),
+        ),
+        (("squeezed",),),
+    ),
+    "rotation": Channel(
+        "N m",
+        1e-2,
+        (("torque",), ("drive_torque",), ("angle",), ("rate",)),
+        (("stalled",),),
+    ),
+    "mount": Channel(
+        "N",
+        1.0,
+        (("force",), ("weight_on_bit",), ("position",), ("feed",), ("rate",), ("slip",)),
+        (("in_contact",),),
+    ),
+}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+import signal
 import sys
 import tempfile
 from collections.abc import Mapping
@@ -11,8 +12,8 @@ from typing import Any
 
 import yaml
 
+from rpud_sim.foundation.child_process import ChildProcess
 from rpud_sim.testing.domains import DomainClaim, loopback_environment
-from rpud_sim.testing.processes import ChildProcess
 
 # Parameters of every drill of a test: time stands still between steps, and begins at zero.
 LOCKSTEP: Mapping[str, bool] = {"start_paused": True, "publish_clock": True}
@@ -42,14 +43,12 @@ class DrillProcess:
             "PYTHONUNBUFFERED": "1",
         }
         self.process = ChildProcess(
-            "drill",
             (
                 *(sys.executable, "-c", _PROGRAM, "--ros-args"),
                 *("-r", f"__ns:={namespace}", "--params-file", str(file)),
             ),
-            self.environment,
-            self.folder / "drill.log",
-            self.folder,
+            environment=self.environment,
+            folder=self.folder,
         )
 
     @property
@@ -58,9 +57,7 @@ class DrillProcess:
 
     def stop(self) -> None:
         """End it, and leave the domain to others."""
-        self.process.send(2)
-        self.process.wait(3.0)
-        self.process.kill()
+        self.process.end(signal.SIGINT)
         self._claim.release()
         shutil.rmtree(self.folder, ignore_errors=True)
 

@@ -11,9 +11,9 @@ import yaml
 
 from rpud_sim.foundation.quantities import ParameterError, did_you_mean, shown, shown_name
 from rpud_sim.foundation.yaml_files import read_yaml
-from rpud_sim.simulation.conditions import check_honoured
 from rpud_sim.simulation.configuration import PARAMETERS, Configuration, to_settings
-from rpud_sim.simulation.faults import KINDS, FaultError
+from rpud_sim.simulation.fault_kinds import KINDS
+from rpud_sim.simulation.faults import FaultError, check_supported
 from rpud_sim.simulation.parameter_files import read_parameter_file
 from rpud_sim.simulation.scenario import parse_scenario
 from rpud_sim.testing.drill_process import LOCKSTEP, NO_FAULTS
@@ -105,7 +105,7 @@ def _scenario(faults: Any, folders: Sequence[Path], configuration: Configuration
         content = {"faults": [dict(e) if isinstance(e, Mapping) else e for e in found]}
     for planned in parse_scenario(content, name).faults:
         try:
-            check_honoured(planned.fault, configuration)
+            check_supported(planned.fault, configuration)
         except FaultError as error:
             raise FaultError(f"{planned.place}{error}") from None
     return yaml.safe_dump(content)

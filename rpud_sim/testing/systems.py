@@ -11,6 +11,7 @@ from collections import ChainMap
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
+from rpud_sim.foundation.child_process import ChildProcess, stop_all
 from rpud_sim.foundation.quantities import ParameterError, suggestion
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.ros.client.drill_search import node_name
@@ -19,7 +20,6 @@ from rpud_sim.testing.answers import Answers
 from rpud_sim.testing.collector import COMMANDS, Collector
 from rpud_sim.testing.errors import LostMessagesError, SystemUnderTestError, is_verdict
 from rpud_sim.testing.introductions import Introductions
-from rpud_sim.testing.processes import ChildProcess, stop_all
 
 _START = 30.0  # that nodes may take to start which the test does not start itself [s]
 _CONNECTION = 10.0  # that the middleware may take to connect what is there [s]
@@ -113,7 +113,9 @@ class Systems:
             name = shlex.join(words[words[0] == sys.executable :])
         log = self._folder / f"system_{self._count}.log"
         try:
-            system = SystemUnderTest(name, words, self._environment, log, folder)
+            system = SystemUnderTest(
+                words, log, name=name, environment=self._environment, folder=folder
+            )
         except OSError as error:
             what = f"{error.filename or name} cannot be started: {error.strerror}"
             raise SystemUnderTestError(name, "died", what) from None

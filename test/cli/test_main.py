@@ -1,5 +1,6 @@
 """`rpud` as a whole: help, wrong calls, exit codes, and what it loads."""
 
+import dataclasses
 import importlib
 import os
 import re
@@ -15,6 +16,7 @@ from support import called
 
 import rpud_sim
 from rpud_sim.cli.main import COMMANDS, build_parser, load_command
+from rpud_sim.cli.options import DECLARED
 
 HEAVY = ("numpy", "numba", "scipy", "tornado", "mcap", "yaml", "tqdm", "rclpy", "rpud_msgs")
 # All that `rpud simulate` may need, beside the standard library.
@@ -69,7 +71,7 @@ def test_help_lists_every_command_in_its_group(capsys):
 def test_help_of_every_command_has_an_example_that_is_one(capsys, name):
     code, output, errors = called(capsys, name, "--help")
     assert (code, errors) == (0, "")
-    example = load_command(name).EXAMPLE
+    example = load_command(name).example
     assert f"example: {example}" in " ".join(output.split())
     program, *words = shlex.split(example)
     assert program == "rpud"
@@ -155,12 +157,11 @@ def test_a_reader_that_has_gone_is_no_failure(words):
 
 
 def test_what_is_unexpected_is_one_line_that_says_how_to_see_the_rest(monkeypatch, capsys):
-    from rpud_sim.cli import simulate
-
-    def fail(arguments):
+    def fail(options):
         importlib.import_module("rpud_sim.missing")
 
-    monkeypatch.setattr(simulate, "run", fail)
+    failing = dataclasses.replace(load_command("simulate"), run=fail)
+    monkeypatch.setitem(DECLARED, "simulate", failing)
     monkeypatch.delenv("RPUD_TRACEBACK", raising=False)
     code, output, errors = called(capsys, "simulate")
     line = (
@@ -204,7 +205,7 @@ def test_output_that_cannot_be_written_is_one_line(tmp_path, redirection, reason
 
 INTERRUPTED_IMPORT = """
 import signal, sys, types
-from rpud_sim.cli import info, main
+from rpud_sim.cli import bags, main
 
 class Interrupted(types.ModuleType):
     def __getattr__(self, name):
@@ -219,40 +220,44 @@ main.main(["info", "bag"])
 
 INTERRUPTED_CALLBACK = """
 import signal, threading
-from rpud_sim.cli import info, main
+from rpud_sim.cli import bags, main, options
+from rpud_sim.cli.options import command
 
 class Dying:
     def __del__(self):
         signal.raise_signal(signal.SIGINT)
 
+@command("info", "", "fail", options.BagOptions)
 def run(arguments):
     Dying()
     threading.Event().wait(20.0)
     print("it went on")
 
-info.run = run
 main.main(["info", "bag"])
 """
 
 # So does the import of a module that Cython has compiled.
 INTERRUPTED_MODULE = """
 import contextlib, signal, threading
-from rpud_sim.cli import info, main
+from rpud_sim.cli import bags, main, options
+from rpud_sim.cli.options import command
 
+@command("info", "", "fail", options.BagOptions)
 def run(arguments):
     with contextlib.suppress(BaseException):
         signal.raise_signal(signal.SIGINT)
     threading.Event().wait(20.0)
     print("it went on")
 
-info.run = run
 main.main(["info", "bag"])
 """
 
 INTERRUPTED_WORK = """
 import signal
-from rpud_sim.cli import info, main
+from rpud_sim.cli import bags, main, options
+from rpud_sim.cli.options import command
 
+@command("info", "", "fail", options.BagOptions)
 def run(arguments):
     try:
         signal.raise_signal(signal.SIGINT)
@@ -261,7 +266,6 @@ def run(arguments):
         signal.pause()
         print("cleaned up")
 
-info.run = run
 main.main(["info", "bag"])
 """
 

@@ -1,15 +1,12 @@
 """Arguments become checked options; a number outside is one line with value, unit and range."""
 
-import dataclasses
 import re
 
 import pytest
 from support import called
 
 from rpud_sim.bag.output_file import COMPRESSIONS
-from rpud_sim.cli import record as record_command
-from rpud_sim.cli import replay as replay_command
-from rpud_sim.cli.options import Parser, options_from, split_ros_arguments
+from rpud_sim.cli.options import Parser, add_options, options_from, split_ros_arguments
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.ros.record import record_options
 from rpud_sim.ros.record.record_options import RecordOptions
@@ -19,14 +16,14 @@ from rpud_sim.ros.replay.replay_options import ReplayOptions
 @pytest.fixture
 def record():
     parser = Parser(prog="rpud record")
-    record_command.add_arguments(parser)
+    add_options(parser, RecordOptions)
     return lambda *words: options_from(parser.parse_args(["--out", "bag", *words]), RecordOptions)
 
 
 @pytest.fixture
 def replay():
     parser = Parser(prog="rpud replay")
-    replay_command.add_arguments(parser)
+    add_options(parser, ReplayOptions)
     return lambda *words: options_from(parser.parse_args(["bag", *words]), ReplayOptions)
 
 
@@ -44,10 +41,10 @@ def test_the_number_of_a_run_needs_a_rate(capsys):
 
 
 def test_the_defaults_of_the_command_line_are_those_of_the_options(record, replay):
-    recorded = dataclasses.replace(record(), topics=())
-    assert recorded == RecordOptions("bag")
+    recorded = record()
+    assert recorded == RecordOptions(out="bag", topics=[])
     assert (recorded.namespace, recorded.compression, recorded.max_loss) == ("/rpud", "zstd", 1.0)
-    assert replay() == ReplayOptions("bag")
+    assert replay() == ReplayOptions(bag="bag")
     assert replay("--clock").clock == 40.0
     assert replay("--clock", "100").clock == 100.0
 

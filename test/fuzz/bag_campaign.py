@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import faulthandler
-import importlib
 import io
 import multiprocessing
 import random
@@ -23,7 +22,7 @@ from pathlib import Path
 from typing import Any
 
 from fuzz.bag_inputs import draw_bag
-from rpud_sim.cli.main import execute
+from rpud_sim.cli.main import execute, load_command
 
 CPU = 10  # seconds that a command may take
 PATIENCE = 120  # seconds after which a command that waits is ended, and its stack printed
@@ -173,7 +172,7 @@ def _name(code: int | None) -> str:
 def _work(pipe: Connection, numbers: range, seed: int, folder: Path) -> None:
     for way, how in WAYS.items():
         if how.words is not None:
-            importlib.import_module(f"rpud_sim.cli.{way}")
+            load_command(way)
     for number in numbers:
         pipe.send(attack(seed, number, folder))
     pipe.close()

@@ -19,16 +19,16 @@ from fuzz.drill import Drill
 from rpud_sim.foundation.quantities import ParameterError, Quantity
 from rpud_sim.ros.drill.declaration import declare_settings
 from rpud_sim.simulation.changes import read_commands
-from rpud_sim.simulation.channels import CHANNELS
 from rpud_sim.simulation.configuration import (
     CHANGEABLE,
     PARAMETERS,
     to_configuration,
     to_settings,
 )
-from rpud_sim.simulation.faults import KINDS
+from rpud_sim.simulation.fault_kinds import KINDS
 from rpud_sim.simulation.parameter_files import parse_assignment, read_parameter_file
 from rpud_sim.simulation.scenario import read_scenario
+from rpud_sim.simulation.topics import CHANNELS
 
 NUMBERS = {
     name: declaration.allowed

@@ -5,7 +5,7 @@ from drill_client import SECOND, nanoseconds, stamps
 from rpud_msgs.srv import ClearFault, ListFaults
 from std_srvs.srv import SetBool
 
-from rpud_sim.simulation.channels import CHANNELS
+from rpud_sim.simulation.topics import CHANNELS
 
 TELEMETRY = ("nodal_plane", "reacting_force", "wrench")
 PARAMETERS = {"start_paused": True, "publish_clock": True}

@@ -35,10 +35,11 @@ def test_a_boundary_is_the_last_one_at_its_own_time(number, rate):
 
 @given(rates, st.lists(st.integers(0, 3 * SECOND), min_size=2).map(sorted))
 def test_blocks_that_follow_each_other_have_every_sample_once(rate, times):
-    grids = [
-        Block(start, end, EMPTY, EMPTY, RPUD, 0.0).grid(rate) for start, end in pairwise(times)
-    ]
-    whole = Block(times[0], times[-1], EMPTY, EMPTY, RPUD, 0.0).grid(rate)
+    def grid(start, end):
+        return Block(start, np.array([end]), *[EMPTY] * 4, RPUD, 0.0).grid(rate)
+
+    grids = [grid(start, end) for start, end in pairwise(times)]
+    whole = grid(times[0], times[-1])
     assert sum(map(len, grids)) == len(whole)
     for before, after in pairwise([grid for grid in grids if grid]):
         assert before.stop == after.start

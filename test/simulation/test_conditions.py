@@ -9,14 +9,16 @@ from hypothesis import strategies as st
 from rpud_sim.drilling.inputs import Disturbances
 from rpud_sim.model.parameters import QUANTITIES
 from rpud_sim.simulation import Parameters, preset
-from rpud_sim.simulation.conditions import (
-    MOST_DAMPING_RATIO,
-    Conditions,
-    check_honoured,
-    conditions,
-)
 from rpud_sim.simulation.configuration import to_configuration
-from rpud_sim.simulation.faults import KINDS, Fault, FaultError
+from rpud_sim.simulation.fault_kinds import KINDS
+from rpud_sim.simulation.faults import (
+    MOST_DAMPING_RATIO,
+    Fault,
+    FaultEffects,
+    FaultError,
+    check_supported,
+    effects_of,
+)
 
 PHYSICAL = [name for name, kind in KINDS.items() if kind.physical]
 
@@ -57,20 +59,20 @@ def any_parameters(draw):
 
 def healthy(parameters, **changes):
     """Conditions with parameters, and with the load spring rate of the drill's default."""
-    return Conditions(parameters, **{"load_spring_rate": Parameters().load_spring_rate, **changes})
+    return FaultEffects(parameters, Parameters().load_spring_rate, **changes)
 
 
 def test_without_faults_nothing_changes():
-    assert conditions(preset("free"), ()) == healthy(preset("free"))
+    assert effects_of((), preset("free")) == healthy(preset("free"))
 
 
 def test_signal_faults_leave_the_drill_as_it_is():
     signals = [Fault(name, "wrench") for name, kind in KINDS.items() if not kind.physical]
-    assert conditions(preset("drilling"), signals) == healthy(preset("drilling"))
+    assert effects_of(signals, preset("drilling")) == healthy(preset("drilling"))
 
 
 def under(*faults, **parameters):
-    return conditions(Parameters(**parameters), faults)
+    return effects_of(faults, Parameters(**parameters))
 
 
 def test_each_kind_acts_where_it_should():
@@ -139,8 +141,8 @@ def test_a_parameter_that_would_leave_its_range_takes_its_end():
 
 
 @given(parameters=any_parameters(), several=st.lists(faults(), max_size=12))
-def test_any_faults_together_leave_valid_conditions(parameters, several):
-    found = conditions(parameters, several)
+def test_any_faults_together_leave_valid_effects_of(several, parameters):
+    found = effects_of(several, parameters)
     assert Parameters(**vars(found.parameters)) == found.parameters  # each inside its range
     assert 0.0 <= found.progress_factor <= 1.0
     assert 0.0 <= found.preload_factor <= 1.0
@@ -194,15 +196,15 @@ FULL = {
     ],
 )
 def test_a_fault_without_effect_is_refused_with_the_reason(kind, lacking, reason):
-    check_honoured(Fault(kind), to_configuration(FULL))
+    check_supported(Fault(kind), to_configuration(FULL))
     with pytest.raises(FaultError, match=f"^{kind} cannot be honoured: it {reason}"):
-        check_honoured(Fault(kind), to_configuration({**FULL, **lacking}))
+        check_supported(Fault(kind), to_configuration({**FULL, **lacking}))
 
 
 def test_a_bound_bit_needs_no_rock_before_drilling():
-    check_honoured(Fault("drill_tool_binding"), to_configuration({"regime": "free"}))
+    check_supported(Fault("drill_tool_binding"), to_configuration({"regime": "free"}))
 
 
 @pytest.mark.parametrize("kind", ["hard_rock", "choking", "drill_tool_binding", "hard_inclusion"])
 def test_strata_are_a_rock(kind):
-    check_honoured(Fault(kind), to_configuration({"strata": "sandstone"}))
+    check_supported(Fault(kind), to_configuration({"strata": "sandstone"}))

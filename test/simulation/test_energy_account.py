@@ -23,7 +23,6 @@ from rpud_sim.simulation.configuration import Configuration, to_settings
 from rpud_sim.simulation.energy_account import EnergyAccount, RecentEnergy, mean_account
 from rpud_sim.simulation.faults import Fault
 from rpud_sim.simulation.simulation import Simulation
-from rpud_sim.simulation.span import span_of
 from rpud_sim.viewer.report import terms
 
 SECOND = 1_000_000_000
@@ -212,7 +211,7 @@ def test_powers_are_means_of_the_last_second_and_so_are_those_of_a_copy():
     recent = RecentEnergy()
     blocks = [simulation.advance_to(number * SECOND // 200) for number in range(1, 300)]
     for block in blocks:
-        recent.add(span_of([block]))
+        recent.add(block)
     total = EnergyAccount.of(join_blocks(blocks[-200:]))
     powers = recent.powers()
     assert powers["actuator_power"] == total.actuator_work / 1.0
@@ -220,7 +219,7 @@ def test_powers_are_means_of_the_last_second_and_so_are_those_of_a_copy():
     assert powers["absorbed_power"] == total.absorbed / 1.0
     assert powers["stored_power"] == total.stored / 1.0
     copied = copy.deepcopy(recent)
-    recent.add(span_of([simulation.advance_to(2 * SECOND)]))
+    recent.add(simulation.advance_to(2 * SECOND))
     assert copied.powers() == pytest.approx(powers, abs=0.0, nan_ok=True)
     assert recent.powers()["actuator_power"] != powers["actuator_power"]
 
@@ -242,7 +241,7 @@ def test_with_a_feed_its_work_is_in_the_powers_and_both_sums_close():
     recent = RecentEnergy(has_feed=True)
     assert set(recent.powers().values()) == {0.0}
     for block in blocks:
-        recent.add(span_of([block]))
+        recent.add(block)
     powers = recent.powers()
     last = functools.reduce(operator.add, (block.feed for block in blocks[-100:]))
     assert powers["feed_power"] == pytest.approx(last.feed_work)
@@ -266,9 +265,9 @@ def test_powers_with_a_feed_are_the_same_from_a_span():
     blocks = fed()
     one, other = RecentEnergy(has_feed=True), RecentEnergy(has_feed=True)
     for block in blocks:
-        one.add(span_of([block]))
-    other.add(span_of(blocks[:80]))
-    other.add(span_of(blocks[80:]))
+        one.add(block)
+    other.add(join_blocks(blocks[:80]))
+    other.add(join_blocks(blocks[80:]))
     assert other.powers() == one.powers()
 
 
@@ -282,7 +281,7 @@ def test_without_a_feed_its_powers_are_unknown():
 def test_a_step_of_no_length_leaves_the_powers():
     simulation = Simulation(Configuration())
     recent = RecentEnergy()
-    recent.add(span_of([simulation.advance_to(SECOND // 2)]))
+    recent.add(simulation.advance_to(SECOND // 2))
     powers = recent.powers()
-    recent.add(span_of([simulation.advance_to(SECOND // 2)]))
+    recent.add(simulation.advance_to(SECOND // 2))
     assert recent.powers() == pytest.approx(powers, nan_ok=True)

@@ -9,8 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rpud_sim.foundation.quantities import ParameterError
-from rpud_sim.simulation.channels import CHANNELS, GROUND_TRUTH
-from rpud_sim.simulation.faults import KINDS, Fault, FaultError
+from rpud_sim.simulation.fault_kinds import KINDS
+from rpud_sim.simulation.faults import Fault, FaultError
+from rpud_sim.simulation.topics import CHANNELS, GROUND_TRUTH
 
 MESSAGE = Path(__file__).parents[2] / "msg_defs" / "msg" / "Fault.msg"
 DOCUMENTATION = Path(__file__).parents[2] / "docs" / "reference" / "faults.md"

@@ -16,8 +16,7 @@ from rpud_sim.simulation.changes import Planned, read_commands
 from rpud_sim.simulation.checkpoints import Checkpoints
 from rpud_sim.simulation.configuration import to_settings
 from rpud_sim.simulation.control import Control
-from rpud_sim.simulation.energy_account import EnergyAccount
-from rpud_sim.simulation.feed_account import FeedAccount
+from rpud_sim.simulation.energy_account import EnergyAccount, FeedAccount
 from rpud_sim.simulation.fields import Bookkeeping
 from rpud_sim.simulation.journal import Journal
 from rpud_sim.simulation.run import Beginning, Run

@@ -101,7 +101,7 @@ def drill(values, digest):
     advance(120 * MILLISECOND, 10 * MILLISECOND)
     simulation.apply(Feed("rate", 0.006) if fed else WeightOnBit(14.0))
     advance(180 * MILLISECOND, 7_300_000)
-    honoured = simulation.honoured_kinds()
+    honoured = simulation.supported_kinds()
     for number, kind in enumerate(kind for kind in KINDS if kind in honoured):
         given = {} if KINDS[kind] is None else {"magnitude": KINDS[kind]}
         simulation.inject(Fault(kind, **given), 60 * MILLISECOND)

@@ -65,7 +65,7 @@ def test_no_module_needs_another_to_be_imported_before_it(name):
 @pytest.mark.parametrize(
     "program",
     [
-        "import rpud_sim.bag, rpud_sim.cli.info, rpud_sim.cli.main",
+        "import rpud_sim.bag, rpud_sim.cli.bags, rpud_sim.cli.main",
         "import rpud_sim.ros.record.recorder, rpud_sim.ros.replay.replayer",
     ],
 )

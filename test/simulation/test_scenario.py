@@ -7,10 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rpud_sim.simulation.channels import CHANNELS
-from rpud_sim.simulation.conditions import check_honoured
 from rpud_sim.simulation.configuration import to_configuration
-from rpud_sim.simulation.faults import KINDS, Fault, FaultError
+from rpud_sim.simulation.fault_kinds import KINDS
+from rpud_sim.simulation.faults import Fault, FaultError, check_supported
 from rpud_sim.simulation.scenario import (
     GREATEST_SEED,
     Scenario,
@@ -18,6 +17,7 @@ from rpud_sim.simulation.scenario import (
     parse_scenario,
     read_scenario,
 )
+from rpud_sim.simulation.topics import CHANNELS
 
 EXAMPLE = Path(__file__).parents[2] / "config" / "faults.yaml"
 SECOND = 1_000_000_000
@@ -57,7 +57,7 @@ def test_the_example_on_an_arm_can_be_honoured_there():
     scenario = read_scenario(EXAMPLE.with_name("faults_on_an_arm.yaml"))
     assert len(scenario.faults) == 8
     for scheduled in scenario.faults:
-        check_honoured(scheduled.fault, configuration)
+        check_supported(scheduled.fault, configuration)
 
 
 def test_times_are_exact_and_faults_are_in_their_order(file):

@@ -13,16 +13,17 @@ from hypothesis import strategies as st
 from rpud_sim.drilling.mount import RATE
 from rpud_sim.model.segment import IMPACT
 from rpud_sim.simulation import Parameters, fields
-from rpud_sim.simulation.channels import CHANNELS
 from rpud_sim.simulation.commands import Feed
 from rpud_sim.simulation.configuration import to_configuration
-from rpud_sim.simulation.faults import KINDS, Fault
+from rpud_sim.simulation.fault_kinds import KINDS
+from rpud_sim.simulation.faults import Fault
 from rpud_sim.simulation.ledger import FaultLedger, FaultRecord
 from rpud_sim.simulation.process_fields import process_fields
 from rpud_sim.simulation.sampling import Times
 from rpud_sim.simulation.signals import SignalFaults
 from rpud_sim.simulation.simulation import Simulation
 from rpud_sim.simulation.together import row_of
+from rpud_sim.simulation.topics import CHANNELS
 
 MILLISECOND = 1_000_000
 ORIGIN = 1_700_000_000_000_000_000  # stamps need not be simulation time

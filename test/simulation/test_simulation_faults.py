@@ -15,7 +15,8 @@ from rpud_sim.drilling.rotor import RotationParameters
 from rpud_sim.simulation import Parameters, preset
 from rpud_sim.simulation.commands import Drive, Feed, WeightOnBit
 from rpud_sim.simulation.configuration import Configuration
-from rpud_sim.simulation.faults import KINDS, Fault, FaultError
+from rpud_sim.simulation.fault_kinds import KINDS
+from rpud_sim.simulation.faults import Fault, FaultError
 from rpud_sim.simulation.scenario import Scenario, ScheduledFault
 from rpud_sim.simulation.simulation import Simulation
 
@@ -265,11 +266,11 @@ def test_lost_preload_changes_what_acts_and_not_what_is_commanded():
 
 def test_the_kinds_that_are_honoured_follow_the_configuration():
     simulation = Simulation(Configuration(preset("free")))
-    assert "drill_tool_binding" in simulation.honoured_kinds()
+    assert "drill_tool_binding" in simulation.supported_kinds()
     simulation.configure(Configuration(preset("free").replace(regime="drilling")))
-    assert "drill_tool_binding" not in simulation.honoured_kinds()
-    assert {*Simulation(FULL).honoured_kinds()} == {*KINDS} - {*SLOW}
-    assert Simulation(ON_AN_ARM).honoured_kinds() == tuple(KINDS)
+    assert "drill_tool_binding" not in simulation.supported_kinds()
+    assert {*Simulation(FULL).supported_kinds()} == {*KINDS} - {*SLOW}
+    assert Simulation(ON_AN_ARM).supported_kinds() == tuple(KINDS)
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,8 @@ import pytest
 
 from rpud_sim.simulation.commands import Feed, WeightOnBit
 from rpud_sim.simulation.configuration import to_settings
-from rpud_sim.simulation.faults import KINDS, Fault, FaultError
+from rpud_sim.simulation.fault_kinds import KINDS
+from rpud_sim.simulation.faults import Fault, FaultError
 from rpud_sim.simulation.journal import Journal, JournalEntry
 from rpud_sim.simulation.rerun import Rerun
 from rpud_sim.simulation.run import Beginning, Run

@@ -13,8 +13,7 @@ from rpud_sim.model.engine import Engine, EngineError
 from rpud_sim.model.parameters import Parameters
 from rpud_sim.model.resonator import Resonance
 from rpud_sim.model.segment import IMPACT, SEGMENT
-from rpud_sim.simulation.record_fields import reader_of
-from rpud_sim.simulation.stepped_engine import SteppedEngine, machine_code
+from rpud_sim.simulation.stepped_engine import SteppedEngine, machine_code, reader_of
 
 FREE, ROCK = Parameters(regime="free"), Parameters(regime="drilling")
 RESONANCE = Resonance(0.01, 100.0, 3.5e-7, 100.0, 16000.0, 16010.0)

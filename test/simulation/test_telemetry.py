@@ -11,7 +11,6 @@ from rpud_sim.simulation.faults import Fault
 from rpud_sim.simulation.sampling import Times
 from rpud_sim.simulation.scenario import Scenario, ScheduledFault
 from rpud_sim.simulation.simulation import Simulation
-from rpud_sim.simulation.span import span_of
 from rpud_sim.simulation.telemetry import Telemetry, messages_of
 
 SECOND = 1_000_000_000
@@ -32,7 +31,7 @@ def made(telemetry_rate=100, sample_rate=50_000, block_duration=0.05, **options)
 
 
 def everything(telemetry, block, faults):
-    yield from telemetry.prompt(span_of([block]), faults)
+    yield from telemetry.prompt(block, faults)
     yield from messages_of(telemetry.streams(block))
 
 
@@ -195,7 +194,7 @@ def test_what_is_wanted_at_once_comes_before_the_streams():
     simulation = Simulation(Parameters())
     for time in periods(100):
         block = simulation.advance_to(time)
-        prompt = list(telemetry.prompt(span_of([block]), ()))
+        prompt = list(telemetry.prompt(block, ()))
         streams = list(messages_of(telemetry.streams(block)))
         others = {"actuator_state", "joint_states", "contact_force"}
         assert {topic for _, topic, _ in prompt} <= {*SENSORS, *others}

@@ -182,7 +182,7 @@ def test_a_span_is_its_blocks(values, ends, scenario):
         for field in dataclasses.fields(samples):
             values = getattr(samples, field.name)[number : number + 1]
             assert values.tobytes() == getattr(expected, field.name).tobytes()
-    account = EnergyAccount.of(span.block)
+    account = EnergyAccount.of(span)
     assert account.residual == pytest.approx(0.0, abs=1e-6)
 
 

@@ -17,11 +17,10 @@ from rpud_sim.ros.drill.managed_node import ManagedNode
 from rpud_sim.ros.drill.messages import message_to_fault, record_to_fault
 from rpud_sim.ros.drill.pacing_loop import PacingLoop
 from rpud_sim.ros.threads import StoppedError
-from rpud_sim.simulation.channels import CHANNELS
 from rpud_sim.simulation.configuration import Settings
 from rpud_sim.simulation.faults import FaultError, check_kind
 from rpud_sim.simulation.simulation import Simulation
-from rpud_sim.simulation.topics import TOPICS
+from rpud_sim.simulation.topics import CHANNELS, TOPICS
 
 
 class FaultServer:
@@ -49,7 +48,7 @@ class FaultServer:
         def act(simulation: Simulation) -> None:
             if duration < 0:
                 raise FaultError(f"duration = {duration / SECOND:g} s is less than zero")
-            check_kind(request.fault.kind, simulation.honoured_kinds())
+            check_kind(request.fault.kind, simulation.supported_kinds())
             response.number = simulation.inject(message_to_fault(request.fault), duration)
 
         return self._answer(response, act)
@@ -73,7 +72,7 @@ class FaultServer:
             response.faults = [
                 record_to_fault(record, run.origin) for record in run.simulation.faults.active
             ]
-            response.kinds = list(run.simulation.honoured_kinds())
+            response.kinds = list(run.simulation.supported_kinds())
 
         with contextlib.suppress(StoppedError):  # without a run there are no faults
             self._loop.request(act)

@@ -12,7 +12,8 @@ from builtin_interfaces.msg import Time
 from rpud_msgs.msg import Fault as FaultMessage
 
 from rpud_sim.simulation import fields
-from rpud_sim.simulation.faults import KINDS, Fault
+from rpud_sim.simulation.fault_kinds import KINDS
+from rpud_sim.simulation.faults import Fault
 from rpud_sim.simulation.ledger import FaultRecord
 
 Message = TypeVar("Message")

@@ -2,45 +2,91 @@
 
 from __future__ import annotations
 
+import argparse
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+
+from rpud_sim.foundation.options import (
+    BYTES,
+    POSITIVE_SECONDS,
+    namespace_option,
+    option,
+    parent_flag,
+    positional,
+    required,
+    run_time_option,
+)
 
 # Names of the writer's compressions; repeated, because the writer takes long to load.
 COMPRESSIONS = ("none", "lz4", "zstd")
 
 
-@dataclass(frozen=True)
+def pattern(text: str) -> re.Pattern[str]:
+    """Return a regular expression; a type for argparse."""
+    try:
+        return re.compile(text)
+    except (re.error, RecursionError, OverflowError) as error:
+        raise argparse.ArgumentTypeError(f"{text!r} is no regular expression: {error}") from error
+
+
+@dataclass(frozen=True, kw_only=True)
 class RecordOptions:
     """What to record, how to write it, and when to end."""
 
-    out: str  # New folder of the bag
-
-    # What to record.
-    topics: Sequence[str] = ()  # Names relative to the namespace; all of the namespace if empty
-    everything: bool = False  # Whether to record the topics of all namespaces
-    # Expression to find in the names of further topics, of any namespace
-    regex: re.Pattern[str] | None = None
-    # Expression to find in the names of topics that are not recorded
-    exclude: re.Pattern[str] | None = None
-    namespace: str = "/rpud"  # Namespace to record and to resolve names in
-
-    # How to write it.
-    compression: str = "zstd"  # Compression of the bag's chunks, one of ``COMPRESSIONS``
-    max_loss: float = 1.0  # Greatest time of messages that a crash of the recorder may cost [s]
-    # Size at which a new file of the bag begins [bytes]; one file if None
-    max_bag_size: int | None = None
-    # Duration at which a new file of the bag begins [s]; one file if None
-    max_bag_duration: float | None = None
-    # Size of the whole bag at which the recording ends [bytes]; no limit if None
-    max_disk: int | None = None
-    max_cache_size: int = 256 * 2**20  # Size of messages that may wait for the disk [bytes]
-
-    # When to record, and when to end.
-    start_paused: bool = False  # Whether to record only when the service ``~/resume`` is called
-    duration: float | None = None  # Time after which to stop [s]; at SIGINT or SIGTERM if None
-    with_parent: bool = False  # Whether to stop also where the parent process has ended
-    until_eof: bool = False  # Whether to stop also where standard input ends
-    # Whether a bag without a requested topic, or without any message, is a success
-    allow_empty: bool = False
-    ready_fd: int | None = None  # Open file descriptor that gets one line when the recording begins
+    topics: Sequence[str] = positional(
+        "TOPIC",
+        "a topic to record, relative to the namespace; without one, the whole namespace",
+        nargs="*",
+    )
+    everything: bool = option(False, "record the topics of all namespaces", flag="--all")
+    regex: re.Pattern[str] | None = option(
+        None,
+        "record the topics, of any namespace, whose name contains this expression",
+        type=pattern,
+        metavar="EXPRESSION",
+    )
+    exclude: re.Pattern[str] | None = option(
+        None,
+        "record no topic whose name contains this expression",
+        type=pattern,
+        metavar="EXPRESSION",
+    )
+    out: str = required("the bag's new folder; nothing is overwritten", metavar="DIR")
+    namespace: str = namespace_option("namespace to record and to resolve names in")
+    compression: str = option(
+        "zstd", "compression of the bag's chunks (default: %(default)s)", choices=COMPRESSIONS
+    )
+    duration: float | None = run_time_option()
+    max_loss: float = option(
+        1.0,
+        "seconds of messages that a crash may cost at most, where processor and disk keep up "
+        "(default: %(default)g)",
+        POSITIVE_SECONDS,
+    )
+    max_bag_size: int | None = option(
+        None, "begin a new file of the bag before one is larger (default: one file)", BYTES
+    )
+    max_bag_duration: float | None = option(
+        None,
+        "begin a new file of the bag when one lasts as long (default: one file)",
+        POSITIVE_SECONDS,
+    )
+    max_disk: int | None = option(
+        None, "stop before the whole bag is larger, with exit code 1 (default: no limit)", BYTES
+    )
+    max_cache_size: int = option(
+        256 * 2**20, "messages that may wait for the disk (default: %(default)d)", BYTES
+    )
+    start_paused: bool = option(False, "record only when the service ~/resume is called")
+    with_parent: bool = parent_flag()
+    until_eof: bool = option(False, argparse.SUPPRESS)  # stop also where standard input ends
+    allow_empty: bool = option(
+        False, "exit code 0 also if a requested topic never appears, or no message arrives"
+    )
+    ready_fd: int | None = option(
+        None,
+        "write one line to this open file descriptor when the recording begins",
+        type=int,
+        metavar="N",
+    )

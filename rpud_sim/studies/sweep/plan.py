@@ -8,7 +8,8 @@ from collections.abc import Mapping
 from typing import Any
 
 from rpud_sim.foundation.time import SECOND
-from rpud_sim.simulation.faults import KINDS, Fault
+from rpud_sim.simulation.fault_kinds import KINDS
+from rpud_sim.simulation.faults import Fault
 from rpud_sim.simulation.scenario import Scenario, ScheduledFault
 from rpud_sim.studies.sweep.specification import HEALTHY, SweepSpecification
 

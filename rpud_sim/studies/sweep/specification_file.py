@@ -19,9 +19,8 @@ from rpud_sim.foundation.quantities import (
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.foundation.yaml_files import cursor_at, read_yaml
 from rpud_sim.simulation.changes import Planned, check_commands, parse_commands
-from rpud_sim.simulation.conditions import check_honoured
 from rpud_sim.simulation.configuration import NODE_NAMES, PARAMETERS
-from rpud_sim.simulation.faults import Fault, FaultError
+from rpud_sim.simulation.faults import Fault, FaultError, check_supported
 from rpud_sim.simulation.statistics import FIGURES
 from rpud_sim.simulation.topics import TOPICS
 from rpud_sim.studies.sweep.specification import (
@@ -166,7 +165,7 @@ def _check_drills(specification: SweepSpecification) -> None:
                 raise SweepError(f"{place}{error}") from None
             for name, fault in specification.faults.items():
                 try:
-                    check_honoured(fault, drill)
+                    check_supported(fault, drill)
                 except FaultError as error:
                     raise SweepError(f"{place}faults: {name}: {error}") from None
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rpud_sim.cli.fit import fit_text
+from rpud_sim.cli.studies import fit_text
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.pages.plot import axis_ends
 from rpud_sim.simulation.configuration import to_settings

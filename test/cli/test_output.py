@@ -1,4 +1,4 @@
-"""Progress is a bar on a terminal, and a line every ten seconds elsewhere."""
+"""Tables are aligned; progress is a bar on a terminal, and a line every ten seconds elsewhere."""
 
 import io
 import sys
@@ -6,7 +6,7 @@ import time
 
 import pytest
 
-from rpud_sim.cli.progress import progress_bar, status_line
+from rpud_sim.cli.output import progress_bar, status_line, table
 
 
 class Screen(io.StringIO):
@@ -107,3 +107,7 @@ def test_a_status_is_a_line_every_ten_seconds_elsewhere(screen, advance):
             advance(1.0)
             show(f"{number} messages")
     assert log.getvalue() == "bag: 10 messages\nbag: 20 messages\n"
+
+
+def test_a_table_is_aligned_after_escaping():
+    assert table(("name", "n"), [("\x1b", 10)], left=1) == ["name   n", "\\x1b  10"]

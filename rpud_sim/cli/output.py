@@ -1,18 +1,38 @@
-"""Progress of commands that may take long, on standard error.
+"""Output of commands: tables and JSON on standard output, progress on standard error.
 
-A terminal shows one line that is rewritten. Where standard error is no terminal, such as a log,
-one line is written every ten seconds.
+A terminal shows progress as one line that is rewritten. Where standard error is no terminal, such
+as a log, one line is written every ten seconds.
 """
 
 from __future__ import annotations
 
+import json
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from typing import Any
 
+from rpud_sim.foundation.terminal import printable
+
 _DELAY = 2.0  # s, until a terminal shows a bar
 _LINE_PERIOD = 10.0  # s between two lines where there is no terminal
+
+
+def table(head: Sequence[str], rows: Iterable[Sequence[Any]], left: int) -> list[str]:
+    """Return the lines of a table, aligned and printable, ``left`` columns to the left."""
+    cells = [[printable(cell) for cell in row] for row in (head, *rows)]
+    widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
+    return [
+        "  ".join(
+            cell.ljust(width) if number < left else cell.rjust(width)
+            for number, (cell, width) in enumerate(zip(row, widths, strict=True))
+        )
+        for row in cells
+    ]
+
+
+def print_json(content: Any) -> None:
+    print(json.dumps(content, indent=2))
 
 
 class _Lines:

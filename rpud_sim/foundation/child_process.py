@@ -1,0 +1,174 @@
+"""Child process: its start, its lines, its end. It never outlives the process that started it."""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, BinaryIO
+
+RPUD = (sys.executable, "-m", "rpud_sim.cli.main")
+"""Words that start ``rpud``."""
+
+_GRACE = 3.0  # that a process has to obey a signal [s]
+_POLL_PERIOD = 0.05  # between looks at the output [s]
+_TAIL = 15  # lines of output in an error
+_SET_DEATH_SIGNAL = 1  # PR_SET_PDEATHSIG of prctl(2)
+_LIBC = ctypes.CDLL(None)
+
+
+class ChildProcess:
+    """Process in a session of its own: Ctrl-C does not reach it.
+
+    Its output goes to a file, or stays in memory; with ``errors_apart`` its errors do not belong to
+    it. With ``until_eof`` its standard input ends together with this process; otherwise the
+    kernel interrupts it then.
+    """
+
+    def __init__(
+        self,
+        command: Sequence[str],
+        output: Path | None = None,
+        *,
+        name: str = "",
+        environment: Mapping[str, str] | None = None,
+        folder: Path | None = None,
+        errors_apart: bool = False,
+        until_eof: bool = False,
+    ) -> None:
+        self.command = tuple(command)
+        self.name = name
+        self._said: tuple[str, str] | None = None  # output and errors, when it has been ended
+        self._output = _memory() if output is None else output.open("w+b")
+        self._errors = _memory() if errors_apart else self._output
+        try:
+            self._process = subprocess.Popen(
+                self.command,
+                env=environment,
+                cwd=folder,
+                stdin=subprocess.PIPE if until_eof else subprocess.DEVNULL,
+                stdout=self._output,
+                stderr=self._errors,
+                start_new_session=True,
+                preexec_fn=None if until_eof else end_with_parent,
+            )
+        except OSError:
+            self._output.close()
+            self._errors.close()
+            raise
+
+    @property
+    def pid(self) -> int:
+        return self._process.pid
+
+    @property
+    def code(self) -> int | None:
+        """Exit code, negative for a signal; None while it runs."""
+        return self._process.poll()
+
+    @property
+    def running(self) -> bool:
+        return self.code is None
+
+    @property
+    def output(self) -> str:
+        return self._said[0] if self._said else _text(self._output)
+
+    @property
+    def errors(self) -> str:
+        """Its errors, if they are apart; otherwise its output."""
+        return self._said[1] if self._said else _text(self._errors)
+
+    @property
+    def tail(self) -> str:
+        """The last lines of its errors, indented."""
+        lines = self.errors.splitlines()[-_TAIL:]
+        return "\n".join(f"    {line}" for line in lines) or "    (it has printed nothing)"
+
+    @property
+    def ending(self) -> str:
+        """How it has ended, in words."""
+        code = self.code
+        if code is None:
+            return "runs"
+        if code < 0:
+            with contextlib.suppress(ValueError):
+                return f"was ended by {signal.Signals(-code).name}"
+        return f"ended with exit code {code}"
+
+    def first_line(self, seconds: float, cancelled: Callable[[], bool] = lambda: False) -> str:
+        """Wait for the first line of its output; empty if it ends, or none comes in time."""
+        deadline = time.monotonic() + seconds
+        while True:
+            last = not self.running or cancelled() or time.monotonic() >= deadline
+            line, found, _ = self.output.partition("\n")
+            if found or last:
+                return line + found if found else ""
+            self.wait(_POLL_PERIOD)
+
+    def send(self, number: int) -> None:
+        """Send a signal to its group."""
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(self.pid, number)
+
+    def stop(self) -> None:
+        """End it by the gentlest signal that it obeys, then what it left in its group."""
+        self.end(signal.SIGINT, signal.SIGTERM)
+
+    def end(self, *numbers: int, seconds: float = _GRACE) -> None:
+        """End it by the first of these signals that it obeys in time, or kill it."""
+        for number in numbers:
+            if self.running:
+                self.send(number)
+                self.wait(seconds)
+        self.kill()
+
+    def kill(self) -> None:
+        self.send(signal.SIGKILL)
+        self._process.wait()
+        if self._process.stdin:
+            self._process.stdin.close()
+        if self._said is None:
+            self._said = self.output, self.errors
+            self._output.close()
+            self._errors.close()
+
+    def wait(self, seconds: float) -> bool:
+        """Wait until it has ended, at most for some seconds; return whether it has."""
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            self._process.wait(seconds)
+        return not self.running
+
+
+def stop_all(processes: Sequence[ChildProcess]) -> None:
+    """End processes together, each as ``ChildProcess.stop`` does."""
+    for number in (signal.SIGINT, signal.SIGTERM):
+        running = [process for process in processes if process.running]
+        for process in running:
+            process.send(number)
+        deadline = time.monotonic() + _GRACE
+        for process in running:
+            process.wait(max(0.0, deadline - time.monotonic()))
+    for process in processes:
+        process.kill()
+
+
+def end_with_parent() -> None:
+    """Have the kernel end this process by SIGTERM when the one that started it ends."""
+    # Nothing else ends a child of a process that is killed. A launch file ends its own at SIGTERM.
+    _LIBC.prctl(_SET_DEATH_SIGNAL, signal.SIGTERM)
+
+
+def _memory() -> BinaryIO:
+    return os.fdopen(os.memfd_create("output"), "w+b")
+
+
+def _text(file: Any) -> str:
+    # Without moving the offset, which the child has as well.
+    return os.pread(file.fileno(), os.fstat(file.fileno()).st_size, 0).decode(errors="replace")
