@@ -86,6 +86,10 @@ docs: install/.package .venv/.docs ## Publish docs/ as pages in build/docs; a wa
 	  python -m sphinx --builder html --jobs auto --fresh-env --fail-on-warning --keep-going --quiet docs build/docs
 	@echo "Pages: build/docs/index.html"
 
+.PHONY: reference
+reference: install/.package ## Write the tables of docs/reference that follow from the code and the messages
+	@$(WITH_ENV) python -m toolchain.reference
+
 .PHONY: dist
 dist: install/.package ## Build wheels of both packages into dist/, for each CPython found or for PYTHONS
 	@$(WITH_ENV) python -m toolchain.dist $(PYTHONS:%=--python %)

@@ -1,0 +1,171 @@
+"""Files of docs/reference that follow from the code: ``python -m toolchain.reference``."""
+
+from __future__ import annotations
+
+import csv
+import importlib
+import inspect
+import io
+import re
+import textwrap
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import Any
+
+from rpud_sim.simulation import preset
+from rpud_sim.simulation.configuration import (
+    CHANGEABLE,
+    PARAMETERS,
+    Configuration,
+    Settings,
+)
+
+ROOT = Path(__file__).resolve().parents[1]
+FOLDER = ROOT / "docs" / "reference"
+PACKAGES = (
+    "rpud_sim.bag",
+    "rpud_sim.simulation",
+    "rpud_sim.ros.client",
+    "rpud_sim.testing",
+    "rpud_sim.verdicts",
+    "rpud_sim.inspection.compare",
+)
+_WIDTH = 100
+_FIELD = re.compile(
+    r"\s*(?P<type>\S+)\s+(?P<name>\w+)(?:=(?P<value>\S+)|\s*=\s*(?P<constant>\S+))?\s*(?:#\s*(?P<comment>.*))?$"
+)
+
+
+def parameters() -> str:
+    """Return every parameter: default, range, whether it may change, meaning; as CSV."""
+    drilling, free = Settings(), Settings(Configuration(preset("free")))
+    rows = [("parameter", "default", "range", "may change", "meaning")]
+    for name, declared in PARAMETERS.items():
+        default = _shown(drilling.value(name))
+        if name != "regime" and _shown(free.value(name)) != default:
+            default += f" (free: {_shown(free.value(name))})"
+        allowed = declared.allowed
+        may_change = "yes" if name in CHANGEABLE else ""
+        rows.append((name, default, allowed.range, may_change, allowed.description))
+    return _csv(rows)
+
+
+def _shown(value: Any) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    return value or "none" if isinstance(value, str) else f"{value:g}"
+
+
+def messages() -> str:
+    """Return every field of every message and service: type, name, meaning; as CSV."""
+    rows = [("message", "field", "type", "meaning")]
+    for path in sorted((ROOT / "msg_defs").glob("*/*.*")):
+        name = path.stem
+        for line in path.read_text(encoding="utf-8").splitlines():
+            if line == "---":
+                name = f"{path.stem} response"
+                continue
+            comment = line.strip()
+            if comment.startswith("#"):
+                # A comment that goes on below its field.
+                if line.startswith(" ") and rows[-1][0] == name:
+                    *others, meaning = rows[-1]
+                    rows[-1] = (*others, f"{meaning} {comment.lstrip('# ')}")
+            elif comment and (field := _FIELD.match(line)):
+                value = field["constant"] or field["value"]
+                shown = f"{field['name']} = {value}" if value else field["name"]
+                rows.append((name, shown, field["type"], field["comment"] or ""))
+    return _csv(rows)
+
+
+def _csv(rows: Iterable[tuple[str, ...]]) -> str:
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows(rows)
+    return text.getvalue()
+
+
+def python() -> str:
+    """Return the public classes and functions with their docstrings, as ``help`` shows them."""
+    parts = []
+    for name in PACKAGES:
+        package = importlib.import_module(name)
+        parts += [f"{name}\n{'=' * len(name)}", inspect.getdoc(package) or ""]
+        parts += [text for each in package.__all__ for text in _entry(each, getattr(package, each))]
+    return "\n\n".join(parts) + "\n"
+
+
+def _entry(name: str, item: Any) -> Iterator[str]:
+    if inspect.isclass(item):
+        yield f"class {name}{_signature(item)}\n{_indented(_text(item))}".rstrip()
+        for member, value in vars(item).items():
+            if not member.startswith("_") and _is_documented(value):
+                function = (
+                    value.fget if isinstance(value, property) else inspect.unwrap(_function(value))
+                )
+                form = "" if isinstance(value, property) else _signature(function)
+                yield _indented(
+                    f"{member}{form}\n{_indented(inspect.getdoc(function) or '')}".rstrip()
+                )
+    elif callable(item):
+        yield f"{name}{_signature(item)}\n{_indented(inspect.getdoc(item) or '')}".rstrip()
+    else:
+        yield f"{name}: {type(item).__name__}"
+
+
+def _function(value: Any) -> Any:
+    return getattr(value, "__func__", getattr(value, "func", value))
+
+
+def _is_documented(value: Any) -> bool:
+    return isinstance(value, property) or inspect.isroutine(_function(value))
+
+
+def _signature(item: Any) -> str:
+    if inspect.isclass(item) and issubclass(item, Exception):
+        return f"({item.__bases__[0].__name__})"
+    try:
+        found = inspect.signature(item)
+    except ValueError:
+        return "()"
+    plain = [
+        # A function as a default would be shown with its address.
+        each.replace(
+            annotation=inspect.Parameter.empty,
+            default=...
+            if callable(each.default) and each.default is not each.empty
+            else each.default,
+        )
+        for each in found.parameters.values()
+        if each.name != "self"
+    ]
+    text = str(found.replace(parameters=plain, return_annotation=inspect.Signature.empty))
+    return text.replace("Ellipsis", "...")
+
+
+def _text(item: type) -> str:
+    """Return the docstring of a class, and its fields with the comments behind them."""
+    document = inspect.getdoc(item) or ""
+    if document.startswith(f"{item.__name__}("):  # made by dataclass or NamedTuple
+        document = ""
+    fields = re.findall(r"^    (\w+): .*?(?:  # (.*))?$", inspect.getsource(item), re.MULTILINE)
+    width = max((len(name) for name, comment in fields if comment), default=0)
+    lines = [f"{name:{width}}  {comment}" for name, comment in fields if comment]
+    return "\n\n".join(filter(None, [document, "\n".join(lines)]))
+
+
+def _indented(text: str) -> str:
+    return textwrap.indent(text, "    ")
+
+
+FILES = {"parameters.csv": parameters, "messages.csv": messages, "python.txt": python}
+
+
+def main() -> None:
+    """Write the files."""
+    for name, make in FILES.items():
+        (FOLDER / name).write_text(make(), encoding="utf-8")
+        print(FOLDER / name)
+
+
+if __name__ == "__main__":
+    main()
