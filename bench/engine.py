@@ -16,13 +16,8 @@ from bench.flight import Flight, agreeing, first_flight
 from bench.table import Goal, Row, row
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.simulation import Parameters, preset
-from rpud_sim.simulation.ensemble import (
-    compile_kernels,
-    compile_members,
-    initial_phases,
-    run_ensemble,
-)
-from rpud_sim.simulation.simulation import Simulation
+from rpud_sim.simulation.ensemble import compile_kernels, compile_members, run_ensemble
+from rpud_sim.simulation.simulation import Simulation, initial_phases
 from rpud_sim.simulation.statistics import Statistics
 
 DURATION = 100  # of the runs [s]

@@ -4,8 +4,7 @@ from pathlib import Path
 
 from rpud_sim.drilling.rock import RockParameters
 from rpud_sim.simulation.actuator import ActuatorParameters
-from rpud_sim.simulation.configuration import Configuration, to_configuration
-from rpud_sim.simulation.parameter_files import read_parameter_file
+from rpud_sim.simulation.configuration import Configuration, read_parameter_file, to_configuration
 
 CONFIG = Path(__file__).parents[1] / "config"
 

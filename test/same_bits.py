@@ -16,10 +16,11 @@ from rpud_sim.inspection.offline_bag import write_offline_bag
 from rpud_sim.simulation.changes import Planned
 from rpud_sim.simulation.commands import Feed, WeightOnBit
 from rpud_sim.simulation.configuration import to_settings
-from rpud_sim.simulation.ensemble import initial_phases, run_members
+from rpud_sim.simulation.ensemble import run_members
 from rpud_sim.simulation.faults import Fault
 from rpud_sim.simulation.run import Beginning
 from rpud_sim.simulation.scenario import Scenario, ScheduledFault
+from rpud_sim.simulation.simulation import initial_phases
 from rpud_sim.simulation.versions import ENGINE
 
 KEPT = Path(__file__).parent / "data" / "bits.json"

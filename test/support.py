@@ -20,7 +20,7 @@ from ament_index_python.packages import get_package_share_directory
 
 from rpud_sim.cli.main import main
 from rpud_sim.simulation.fields import trajectory_cuts, trajectory_fields
-from rpud_sim.simulation.together import row_of
+from rpud_sim.simulation.telemetry import row_of
 
 _PROFILE = Path(get_package_share_directory("rpud_sim"), "config", "fastdds_loopback.xml")
 _FAST_DDS = os.environ.get("RMW_IMPLEMENTATION", "rmw_fastrtps_cpp").startswith("rmw_fastrtps")

@@ -11,7 +11,7 @@ from robot_descriptions import ROOT, arm_with_drill, expanded
 from ros2_control_hardware import INTERFACES, PARAMETERS, Description
 
 from rpud_sim.drilling.mount import MountParameters
-from rpud_sim.simulation.process_fields import FEED_JOINT, ROTATION_JOINT
+from rpud_sim.simulation.fields import FEED_JOINT, ROTATION_JOINT
 from rpud_sim.simulation.topics import TOPICS
 
 pytestmark = pytest.mark.extended

@@ -12,8 +12,7 @@ from drill_configurations import tables
 from rpud_sim.drilling.mount import MountParameters
 from rpud_sim.drilling.rotor import RotationParameters
 from rpud_sim.simulation import preset
-from rpud_sim.simulation.fields import JOINTS
-from rpud_sim.simulation.process_fields import FEED_JOINT, ROTATION_JOINT
+from rpud_sim.simulation.fields import FEED_JOINT, JOINTS, ROTATION_JOINT
 from rpud_sim.simulation.sampling import Times
 from rpud_sim.simulation.simulation import Simulation
 from rpud_sim.simulation.topics import MOUNT_FRAME, NODAL_PLANE_FRAME, TOOL_TIP_FRAME

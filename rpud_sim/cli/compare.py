@@ -87,7 +87,7 @@ def _run(options: _Compare) -> int:
     from rpud_sim.bag import BagError
     from rpud_sim.inspection import InspectionError
     from rpud_sim.inspection.compare import compare
-    from rpud_sim.inspection.compare.content import content
+    from rpud_sim.inspection.compare.results import content
 
     if options.out:
         from rpud_sim.inspection.compare.compare_page import write_page

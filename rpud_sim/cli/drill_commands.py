@@ -316,7 +316,7 @@ class _Set(DrillOptions):
         self.values()  # a mistake ends before the drill is looked for
 
     def values(self) -> dict[str, Any]:
-        from rpud_sim.simulation.parameter_files import parse_assignment
+        from rpud_sim.simulation.configuration import parse_assignment
 
         return dict(map(parse_assignment, self.assignments))
 
@@ -359,8 +359,7 @@ class _Echo(DrillOptions):
 def _echo(options: _Echo) -> ExitCode:
     from rpud_sim.ros.client import ClientError
     from rpud_sim.ros.client.listening_node import ListeningNode
-    from rpud_sim.ros.client.plain_message import CUT, FieldPath, to_plain
-    from rpud_sim.ros.client.topic_listener import TopicListener
+    from rpud_sim.ros.client.topic_listener import CUT, FieldPath, TopicListener, to_plain
     from rpud_sim.ros.starting import StartError
 
     with (
@@ -407,7 +406,7 @@ def _listen(listener: TopicListener, show: Callable[[Any], None], options: _Echo
 
 
 def _json_text(plain: Any) -> str:
-    from rpud_sim.ros.client.plain_message import to_json_value
+    from rpud_sim.ros.client.topic_listener import to_json_value
 
     return json.dumps(to_json_value(plain)) + "\n"
 

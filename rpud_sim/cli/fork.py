@@ -89,7 +89,7 @@ def _changes(options: _Fork) -> Changes:
         parse_injections,
         read_commands,
     )
-    from rpud_sim.simulation.parameter_files import parse_assignment
+    from rpud_sim.simulation.configuration import parse_assignment
 
     values = dict(parse_assignment(text) for text in options.assignments)
     changes = parameter_changes(values, LIVE if options.live else ())

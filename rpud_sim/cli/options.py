@@ -96,7 +96,7 @@ class ParameterOptions:
 
     def values(self) -> dict[str, Any]:
         """Return the given parameters by name: the file's, then --regime, then each --set."""
-        from rpud_sim.simulation.parameter_files import parse_assignment, read_parameter_file
+        from rpud_sim.simulation.configuration import parse_assignment, read_parameter_file
 
         values = read_parameter_file(self.config) if self.config else {}
         if self.regime:

@@ -96,8 +96,7 @@ def _load_numba() -> None:
 
 def _refuse_assignments_to_the_node(options: _Simulate) -> None:
     """Refuse parameters without effect here; a file may hold them, for the node reads it too."""
-    from rpud_sim.simulation.configuration import NODE_NAMES
-    from rpud_sim.simulation.parameter_files import parse_assignment
+    from rpud_sim.simulation.configuration import NODE_NAMES, parse_assignment
 
     for text in options.assignments:
         name, _ = parse_assignment(text)
@@ -107,7 +106,8 @@ def _refuse_assignments_to_the_node(options: _Simulate) -> None:
 
 def _simulate(options: _Simulate) -> dict[str, Any]:
     from rpud_sim.simulation.configuration import to_settings
-    from rpud_sim.simulation.ensemble import compile_kernels, compile_members, initial_phases
+    from rpud_sim.simulation.ensemble import compile_kernels, compile_members
+    from rpud_sim.simulation.simulation import initial_phases
 
     values = options.values()
     configuration = to_settings(values).configuration

@@ -21,10 +21,9 @@ from rpud_sim.simulation.configuration import PARAMETERS, Settings, to_configura
 from rpud_sim.simulation.faults import Fault, FaultError
 from rpud_sim.simulation.fields import Bookkeeping, Fields
 from rpud_sim.simulation.journal import JournalEntry
-from rpud_sim.simulation.rerun import JournalError, Rerun, repeat_change
-from rpud_sim.simulation.resumption import Resumed, Start, resume
+from rpud_sim.simulation.rerun import JournalError, Rerun, Resumed, Start, repeat_change, resume
 from rpud_sim.simulation.run import Run
-from rpud_sim.simulation.together import Entry
+from rpud_sim.simulation.telemetry import Entry
 
 # Parameters of a node that a live fork may have otherwise, for they change no bit.
 LIVE = ("autostart", "publish_clock", "start_paused", "thread_priority")

@@ -18,8 +18,15 @@ from rpud_sim.inspection import InspectionError
 from rpud_sim.inspection.export import describe_column, file_stem, make_table, write_account
 from rpud_sim.inspection.output import new_folder
 from rpud_sim.inspection.recorded_journal import installed_codec
-from rpud_sim.simulation.rebuilding import Rebuilder, end_sample, first_sample, to_segments
-from rpud_sim.simulation.sampling import CHANNELS, Samples, Times
+from rpud_sim.simulation.sampling import (
+    CHANNELS,
+    Rebuilder,
+    Samples,
+    Times,
+    end_sample,
+    first_sample,
+    to_segments,
+)
 from rpud_sim.simulation.topics import TOPICS
 
 _TYPE = TOPICS["trajectory"].type

@@ -30,24 +30,24 @@ from rpud_sim.simulation.configuration import (
     PARAMETERS,
     Configuration,
     Settings,
+    read_parameter_file,
     to_configuration,
     to_settings,
 )
 from rpud_sim.simulation.control import Control
 from rpud_sim.simulation.energy_account import FeedAccount
-from rpud_sim.simulation.ensemble import Ensemble, compile_kernels, initial_phases, run_ensemble
+from rpud_sim.simulation.ensemble import Ensemble, compile_kernels, run_ensemble
 from rpud_sim.simulation.fault_kinds import KINDS
 from rpud_sim.simulation.faults import Fault, FaultError
 from rpud_sim.simulation.fields import Bookkeeping
 from rpud_sim.simulation.journal import Journal, JournalEntry
 from rpud_sim.simulation.ledger import FaultLedger, FaultRecord
-from rpud_sim.simulation.parameter_files import read_parameter_file
 from rpud_sim.simulation.run import Beginning, Run
 from rpud_sim.simulation.sampling import Samples, Times
 from rpud_sim.simulation.scenario import Scenario, ScheduledFault, read_scenario
-from rpud_sim.simulation.simulation import Simulation
+from rpud_sim.simulation.simulation import Simulation, initial_phases
 from rpud_sim.simulation.statistics import FIGURES, Statistics
-from rpud_sim.simulation.together import Together
+from rpud_sim.simulation.telemetry import Together
 from rpud_sim.simulation.topics import TOPICS, Topic
 
 __all__ = [

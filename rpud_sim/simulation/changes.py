@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from rpud_sim.foundation.quantities import ParameterError, did_you_mean, shown, shown_name
 from rpud_sim.foundation.time import SECOND
@@ -14,11 +14,9 @@ from rpud_sim.simulation.commands import Drive, Feed, WeightOnBit
 from rpud_sim.simulation.configuration import CHANGEABLE, PARAMETERS, Configuration, Settings
 from rpud_sim.simulation.faults import Fault
 from rpud_sim.simulation.plant import nominal_drive
+from rpud_sim.simulation.run import Run
 from rpud_sim.simulation.scenario import ONSET, parse_scenario
 from rpud_sim.simulation.simulation import Simulation
-
-if TYPE_CHECKING:  # a run of an ensemble has planned changes too
-    from rpud_sim.simulation.run import Run
 
 # Parameters that a fork changes by a command, for they hold only until the first command
 COMMANDED = ("weight_on_bit", "drive_enabled")

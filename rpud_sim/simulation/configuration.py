@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 from rpud_sim.drilling.borehole import BitParameters
@@ -19,7 +20,8 @@ from rpud_sim.foundation.parameters import (
     number,
     text,
 )
-from rpud_sim.foundation.quantities import ParameterError, did_you_mean, shown_name
+from rpud_sim.foundation.quantities import ParameterError, did_you_mean, shown, shown_name
+from rpud_sim.foundation.yaml_files import open_yaml, parse_yaml
 from rpud_sim.model.parameters import QUANTITIES, Parameters, preset
 from rpud_sim.simulation.actuator import ActuatorParameters
 from rpud_sim.simulation.commands import Drive, Feed
@@ -296,3 +298,27 @@ def to_values(configuration: Configuration) -> dict[str, Any]:
 
 def _those_of(group: type, values: Mapping[str, Any]) -> dict[str, Any]:
     return {name: values[name] for name in declarations(group) if name in values}
+
+
+def read_parameter_file(path: str | Path) -> dict[str, Any]:
+    """Return the parameters of a ROS file: those below ``/**``, then those of its nodes."""
+    nodes = open_yaml(path).file_mapping("a ROS parameter file")
+    found: dict[str, Any] = {}
+    for _, node in sorted(nodes.items(), key=lambda item: str(item[0]) != "/**"):
+        section = node.value if isinstance(node.value, Mapping) else {}
+        values = section.get("ros__parameters")
+        if not isinstance(values, Mapping):
+            raise node.refusal("{name} has no mapping named ros__parameters")
+        found.update({str(name): value for name, value in values.items()})
+    return found
+
+
+def parse_assignment(text: str) -> tuple[str, Any]:
+    """Return name and value of ``name=value``; the value is read as YAML."""
+    name, equals, value = text.partition("=")
+    if not (name and equals):
+        raise ParameterError(f"{shown(text)} is not of the form name=value")
+    try:
+        return name, parse_yaml(value)
+    except ParameterError:
+        return name, value

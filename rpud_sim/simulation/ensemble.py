@@ -15,21 +15,212 @@ from queue import Empty, SimpleQueue
 import numpy as np
 from numba.core import event
 
+from rpud_sim.drilling.rock import Progress
 from rpud_sim.drilling.rotor import RotorWork
-from rpud_sim.foundation.time import SECOND
+from rpud_sim.foundation.time import SECOND, split_fraction
 from rpud_sim.model.compile import compilation_notice
+from rpud_sim.model.drill import Drill, derive
 from rpud_sim.model.elementary import CALLED_BY_PYTHON
-from rpud_sim.model.engine import EngineError
+from rpud_sim.model.energy import RpudConstants
+from rpud_sim.model.engine import EngineError, failure, initial_state
+from rpud_sim.model.events import DONE
 from rpud_sim.model.parameters import Parameters
+from rpud_sim.model.resonator import account
+from rpud_sim.model.segment import IMPACT, SEGMENT
+from rpud_sim.model.tally import CLASSES, PART_ROOM, advance_members, empty_tallies
+from rpud_sim.simulation.actuator import Actuator
 from rpud_sim.simulation.changes import Planned, apply_to_simulation
 from rpud_sim.simulation.commands import WeightOnBit
 from rpud_sim.simulation.configuration import Configuration, whole_configuration
 from rpud_sim.simulation.energy_account import EnergyAccount, FeedAccount, RecentEnergy
-from rpud_sim.simulation.members import Figures, Member, QuietRuns, runs_by_itself
+from rpud_sim.simulation.plant import nominal_drive, rpud_constants
 from rpud_sim.simulation.sampling import Times
 from rpud_sim.simulation.scenario import Scenario
 from rpud_sim.simulation.simulation import Simulation
-from rpud_sim.simulation.statistics import Statistics
+from rpud_sim.simulation.statistics import Statistics, figures_of
+
+_FIRST_IMPACTS = 1024  # room for impacts; it doubles when it is too small
+
+Figures = dict[str, float | int | None]
+
+
+def runs_by_itself(configuration: Configuration, scenario: Scenario | None = None) -> bool:
+    """Return whether nothing happens in a run without commands but the drill's own motion.
+
+    Faults of a scenario, a temperature, a tracking generator and the slow processes of drilling
+    change a drill at their instants, and only a ``Simulation`` knows them.
+    """
+    actuator = configuration.actuator
+    steady = not actuator.heating and actuator.generator != "tracking"
+    return steady and not configuration.drilling.active and not (scenario and scenario.faults)
+
+
+@dataclasses.dataclass(frozen=True)
+class Member:
+    """Result of one member."""
+
+    figures: Figures  # of the whole run; empty if it failed
+    # its energy account; None if it failed, or without accounts
+    account: EnergyAccount | None = None
+    failure: EngineError | None = None  # why it failed; None if it did not
+    feed: FeedAccount | None = None  # its account of feed and mount; None without a feed
+    rotation: RotorWork | None = None  # energies of its rotor; None without rotation
+
+
+class _Room(threading.local):
+    """Arrays that all calls of the kernel in a thread share."""
+
+    def __init__(self) -> None:
+        self.impacts = np.empty(_FIRST_IMPACTS, IMPACT)
+        self.segments = np.zeros(2, SEGMENT)
+        self.classes = np.zeros(CLASSES, np.int64)  # empty between two calls
+        self.part = np.zeros(PART_ROOM)
+
+    def grow(self) -> None:
+        """Make room for twice as many impacts, and keep those that are there."""
+        impacts = np.empty(2 * len(self.impacts), IMPACT)
+        impacts[: len(self.impacts)] = self.impacts
+        self.impacts = impacts
+
+
+_room = _Room()
+
+
+class EnsembleRuns:
+    """Runs of one drill without commands, from time zero on, which differ in their phases."""
+
+    def __init__(self, configuration: Configuration, phases: Sequence[float]) -> None:
+        self._parameters = parameters = configuration.parameters
+        drive = nominal_drive(configuration)
+        actuator = Actuator(configuration.actuator, parameters.vibration_amplitude, drive)
+        self._drill: Drill = derive(parameters)
+        self._rpud: RpudConstants = rpud_constants(parameters, actuator.resonance)
+        self._resonant = actuator.resonance is not None
+        state = initial_state(parameters, 0.0, actuator.level > 0.0, actuator.resonance)
+        self._states = state.repeat(len(phases))
+        self._states["phase"] = [phase % 1.0 for phase in phases]
+        if self._resonant:
+            self._states["drive_phase"] = self._states["phase"]
+        self._segments = np.zeros(len(phases), SEGMENT)
+        self._impacts = np.zeros(len(phases), IMPACT)
+        self._statuses = np.full(len(phases), DONE)
+        self._quantiles = np.full(len(phases), -1)
+        self._drawn = [0.0] * len(phases)
+        self._progress = Progress(configuration.rock, parameters.tool_length)
+        self._begun = False
+        self._time = 0
+
+    @property
+    def time(self) -> int:
+        """Simulation time [ns]."""
+        return self._time
+
+    @property
+    def depth(self) -> float:
+        """Depth of the hole of a single run that is advanced [m]; NaN without a rock model."""
+        return self._progress.depth
+
+    def run(self, end: int, whole: bool) -> list[Member]:
+        """Run all from time zero to an end [ns], and return their results.
+
+        Args:
+            whole: whether the energy accounts are wanted.
+        """
+        tallies = empty_tallies(len(self._states))
+        self._advance(end, tallies, _room.classes, (True, True, True, True, whole))
+        return [self._result(tallies, number, whole) for number in range(len(tallies))]
+
+    def advance_to(
+        self, time: int, statistics: Statistics | None = None, whole: bool = True
+    ) -> np.ndarray:
+        """Advance a single run to a time [ns], and return its impacts since the last call.
+
+        Args:
+            statistics: to add to what happens; None for none.
+            whole: whether the energy account is wanted; the figures need only a part of it.
+
+        Returns:
+            ``IMPACT`` records, which the next call of any run in this thread overwrites.
+        """
+        [_] = self._states
+        begin = self._time
+        counts = begin == 0
+        if statistics is None:
+            tallies, classes = empty_tallies(1), _room.classes
+        else:
+            tallies, classes = statistics.sums
+            counts = counts and not statistics.begun
+        options = (not self._begun, False, statistics is not None, counts, whole)
+        count = self._advance(time, tallies, classes, options)
+        if (error := self._error(0)) is not None:
+            raise error
+        electrical = self._electrical(0)
+        if statistics is not None:
+            statistics.note_part(begin, time, electrical)
+        found = _room.impacts[:count]
+        if self._drill.in_rock:
+            self._progress.add(found)
+        return found
+
+    def _advance(
+        self,
+        time: int,
+        tallies: np.ndarray,
+        classes: np.ndarray,
+        options: tuple[bool, bool, bool, bool, bool],
+    ) -> int:
+        """Advance all runs; return how many impacts the last one had."""
+        members = (
+            self._states,
+            self._segments,
+            self._impacts,
+            tallies,
+            self._statuses,
+            self._quantiles,
+        )
+        begin, end = split_fraction(self._time), split_fraction(time)
+        progress = np.array([0, -1, 0])
+        while not advance_members(
+            self._drill,
+            self._rpud,
+            members,
+            begin,
+            end,
+            options,
+            (_room.impacts, _room.segments, classes, _room.part),
+            progress,
+        ):
+            _room.grow()
+        self._begun = True
+        self._time = time
+        return int(progress[2])
+
+    def _result(self, tallies: np.ndarray, number: int, whole: bool) -> Member:
+        if (error := self._error(number)) is not None:
+            return Member({}, failure=error)
+        quantile = int(self._quantiles[number])
+        figures = figures_of(tallies[number], self._time / SECOND, quantile)
+        if not whole:
+            return Member(figures)
+        return Member(figures, EnergyAccount.from_tally(tallies[number], self._electrical(number)))
+
+    def _error(self, number: int) -> EngineError | None:
+        status = int(self._statuses[number])
+        if status == DONE:
+            return None
+        return failure(status, self._parameters, self._drill, self._states[number : number + 1])
+
+    def _electrical(self, number: int) -> float:
+        """Return the electrical energy since the last call [J]; NaN without a resonance."""
+        if not self._resonant:
+            return math.nan
+        state = self._states[number]
+        seconds, fraction = split_fraction(self._time)
+        ahead = float(seconds - state["seconds"]) + (fraction - state["fraction"])
+        drawn = float(account(state, self._segments[number], ahead).drawn)
+        before, self._drawn[number] = self._drawn[number], drawn
+        return drawn - before
+
 
 # Simulated time between two reports of progress, and between two looks at Ctrl-C [ns].
 _STRETCH = 10 * SECOND
@@ -64,30 +255,22 @@ class Ensemble:
 
     def standard_error(self) -> Figures:
         """Return the standard error of each mean; None for fewer than two members."""
-        names = [name for name in self.members[0] if name != "duration"]
-        return {name: _standard_error(self._column(name)) for name in names}
+        columns = {name: self._column(name) for name in self.members[0] if name != "duration"}
+        return {
+            name: float(np.std(column, ddof=1)) / math.sqrt(len(column))
+            if len(column) > 1
+            else None
+            for name, column in columns.items()
+        }
 
     def _column(self, name: str) -> list[float]:
         return [value for member in self.members if (value := member[name]) is not None]
 
 
 def _mean(values: Sequence[float]) -> float | int | None:
-    if not values:
-        return None
-    return values[0] if len(values) == 1 else float(np.mean(values))
-
-
-def _standard_error(values: Sequence[float]) -> float | None:
-    if len(values) < 2:
-        return None
-    return float(np.std(values, ddof=1)) / math.sqrt(len(values))
-
-
-def initial_phases(repeat: int, seed: int | None) -> tuple[float, ...]:
-    """Return an ensemble's phases [cycles]: drawn with the seed; zero for one run without."""
-    if seed is None and repeat == 1:
-        return (0.0,)
-    return tuple(np.random.default_rng(0 if seed is None else seed).random(repeat).tolist())
+    if len(values) > 1:
+        return float(np.mean(values))
+    return values[0] if values else None
 
 
 def compile_kernels(
@@ -154,7 +337,7 @@ def compile_members(
         compile_kernels(configuration, report)
         return
     with _notice(report):
-        QuietRuns(configuration, (0.0,)).advance_to(1000, Statistics())
+        EnsembleRuns(configuration, (0.0,)).advance_to(1000, Statistics())
 
 
 def run_members(
@@ -190,12 +373,10 @@ def run_members(
     size = max(_STRETCH // max(end, 1), 1) if quiet and not drills else 1
     batches = [phases[i : i + size] for i in range(0, len(phases), size)]
 
-    def run(batch: Sequence[float], report: Callable[[float], None]) -> list[Member]:
-        if not quiet:
-            return [_run(configuration, batch[0], scenario, planned, end, report)]
-        if drills or end > _STRETCH:
-            return [_run_quietly(configuration, batch[0], end, report)]
-        members = QuietRuns(configuration, batch).run(end, accounts)
+    def run(batch: Sequence[float], report: Callable[[float], object]) -> list[Member]:
+        if size == 1 or end > _STRETCH:
+            return [_run(configuration, batch[0], scenario, planned, end, quiet, report)]
+        members = EnsembleRuns(configuration, batch).run(end, accounts)
         report(len(batch) * end / SECOND)
         return members
 
@@ -234,50 +415,42 @@ def _run(
     scenario: Scenario | None,
     planned: Sequence[Planned],
     end: int,
-    report: Callable[[float], None],
+    quiet: bool,
+    report: Callable[[float], object],
 ) -> Member:
-    simulation = Simulation(configuration, phase, scenario)
+    """Run a member stretch by stretch: a long one, or one with changes or a depth."""
+    run = (
+        EnsembleRuns(configuration, (phase,))
+        if quiet
+        else Simulation(configuration, phase, scenario)
+    )
     pending = deque(planned)
-
-    def advance(time: int, statistics: Statistics) -> None:
-        while pending and pending[0].delay < time:
-            if pending[0].delay > simulation.time:
-                statistics.add(simulation.advance_to(pending[0].delay))
-            apply_to_simulation(simulation, pending.popleft().change)
-        statistics.add(simulation.advance_to(time))
-
-    return _stretch_by_stretch(configuration, simulation, advance, end, report)
-
-
-def _run_quietly(
-    configuration: Configuration, phase: float, end: int, report: Callable[[float], None]
-) -> Member:
-    """Run a long member, or one whose depth is wanted."""
-    run = QuietRuns(configuration, (phase,))
-    return _stretch_by_stretch(configuration, run, run.advance_to, end, report)
-
-
-def _stretch_by_stretch(
-    configuration: Configuration,
-    run: Simulation | QuietRuns,
-    advance: Callable[[int, Statistics], object],
-    end: int,
-    report: Callable[[float], None],
-) -> Member:
     statistics = Statistics()
-    time = 0
-    while time < end:
-        before, time = time, min(time + _STRETCH, end)
+    for begin in range(0, end, _STRETCH):
+        time = min(begin + _STRETCH, end)
         try:
-            advance(time, statistics)
+            if isinstance(run, EnsembleRuns):
+                run.advance_to(time, statistics)
+            else:
+                _advance(run, time, pending, statistics)
         except EngineError as error:
             return Member({}, failure=error)
-        report((time - before) / SECOND)
+        report((time - begin) / SECOND)
     figures = statistics.figures()
     if configuration.rock.rock_model != "none" or configuration.strata.strata:
         figures["depth"] = run.depth
         figures["penetration_rate"] = run.depth / statistics.duration
     return Member(figures, statistics.account, feed=statistics.feed, rotation=statistics.rotation)
+
+
+def _advance(
+    simulation: Simulation, time: int, pending: deque[Planned], statistics: Statistics
+) -> None:
+    while pending and pending[0].delay < time:
+        if pending[0].delay > simulation.time:
+            statistics.add(simulation.advance_to(pending[0].delay))
+        apply_to_simulation(simulation, pending.popleft().change)
+    statistics.add(simulation.advance_to(time))
 
 
 def run_ensemble(
@@ -302,26 +475,21 @@ def run_ensemble(
     compile_members(configuration)
     if scenario or planned:
         compile_kernels(configuration)
-    members: list[Figures] = []
-    accounts: list[EnergyAccount] = []
-    feeds: list[FeedAccount] = []
-    rotors: list[RotorWork] = []
     started = time.perf_counter()
     found = run_members(configuration, duration, phases, report, scenario, True, threads, planned)
+    members = []
     with contextlib.closing(found):
         for member in found:
             if member.failure is not None:
                 raise member.failure
-            assert member.account is not None
-            members.append(member.figures)
-            accounts.append(member.account)
-            if member.feed is not None:
-                feeds.append(member.feed)
-            if member.rotation is not None:
-                rotors.append(member.rotation)
+            members.append(member)
     wall = time.perf_counter() - started
     simulated = round(duration * SECOND) / SECOND * len(members)
-    speed = simulated / wall if wall > 0.0 else math.inf
     return Ensemble(
-        tuple(phases), tuple(members), tuple(accounts), speed, tuple(feeds), tuple(rotors)
+        tuple(phases),
+        tuple(member.figures for member in members),
+        tuple(member.account for member in members if member.account is not None),
+        simulated / wall if wall > 0.0 else math.inf,
+        tuple(member.feed for member in members if member.feed is not None),
+        tuple(member.rotation for member in members if member.rotation is not None),
     )

@@ -6,7 +6,7 @@ ROS messages from it, and bags are encoded from it. Messages are dictionaries, s
 
 What a drill samples comes as columns of many messages: an array in place of each value that differs
 from message to message. A sequence is an array with a row for each message, or ``Ragged`` if its
-length differs. One message is a row of such columns (``together.Columns.row``).
+length differs. One message is a row of such columns (``telemetry.Columns.row``).
 """
 
 from __future__ import annotations
@@ -14,20 +14,22 @@ from __future__ import annotations
 import dataclasses
 import math
 from array import array
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import groupby
 from operator import attrgetter
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from rpud_sim.drilling.mount import FEED_MODES
+from rpud_sim.drilling.process import ProcessState
 from rpud_sim.foundation.ragged import Ragged
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.model.segment import CONSTANTS, IMPACT, SEGMENT
 from rpud_sim.simulation.actuator import ActuatorReading
 from rpud_sim.simulation.journal import JournalEntry
 from rpud_sim.simulation.ledger import FaultLedger, FaultRecord
-from rpud_sim.simulation.sampling import Samples
+from rpud_sim.simulation.sampling import SEGMENT_ARRAYS, Samples
 from rpud_sim.simulation.simulation import Simulation
 from rpud_sim.simulation.topics import TOPICS
 
@@ -36,12 +38,9 @@ Fields = dict[str, Any]
 # Joints of urdf/rpud.urdf; each moves one body along the drill axis.
 JOINTS = ("rpud_nodal_plane_joint", "rpud_free_mass_joint", "rpud_tool_tip_joint")
 
-# Fields of a trajectory with a value for each segment; it holds the constants once.
-SEGMENT_ARRAYS = tuple(name for name in SEGMENT.names or () if name not in CONSTANTS)
-
 # Place of the constants among the numbers of a segment, which are all of one size.
-_FIELDS: Any = SEGMENT.fields
-_CONSTANTS = [_FIELDS[name][1] // np.dtype(np.float64).itemsize for name in CONSTANTS]
+_SEGMENT_FIELDS: Any = SEGMENT.fields
+_CONSTANTS = [_SEGMENT_FIELDS[name][1] // np.dtype(np.float64).itemsize for name in CONSTANTS]
 
 _TYPE_CODES = {np.dtype(np.int64): "q", np.dtype(np.float64): "d", np.dtype(np.uint8): "B"}
 
@@ -68,13 +67,23 @@ def to_array(values: np.ndarray) -> array:
     return array(_TYPE_CODES[values.dtype], np.ascontiguousarray(values).tobytes())
 
 
-def nodal_plane_fields(samples: Samples, stamps: np.ndarray) -> Fields:
-    """Columns of ``rpud_msgs/NodalPlane``."""
-    return {
-        "header": header_fields("nodal_plane", stamps),
-        "position": samples.nodal_plane_position,
-        "velocity": samples.nodal_plane_velocity,
-    }
+# Topics that hold samples alone: the channel of each field.
+SAMPLED: Mapping[str, Mapping[str, str]] = {
+    "nodal_plane": {"position": "nodal_plane_position", "velocity": "nodal_plane_velocity"},
+    "drill_tool": {
+        "displacement": "drill_tool_displacement",
+        "velocity": "drill_tool_velocity",
+        "in_contact": "in_contact",
+    },
+    "reacting_force": {"force": "reacting_force"},
+}
+
+
+def sampled_fields(topic: str, samples: Samples, stamps: np.ndarray) -> Fields:
+    """Columns of a topic of ``SAMPLED``."""
+    channels = SAMPLED[topic].items()
+    values = {name: getattr(samples, channel) for name, channel in channels}
+    return {"header": header_fields(topic, stamps), **values}
 
 
 _READING = (
@@ -101,24 +110,6 @@ def actuator_state_fields(
         "header": header_fields("actuator_state", stamps),
         **dict(zip(_READING, columns, strict=True)),
         "mechanical_power": mechanical_powers,
-    }
-
-
-def drill_tool_fields(samples: Samples, stamps: np.ndarray) -> Fields:
-    """Columns of ``rpud_msgs/DrillTool``."""
-    return {
-        "header": header_fields("drill_tool", stamps),
-        "displacement": samples.drill_tool_displacement,
-        "velocity": samples.drill_tool_velocity,
-        "in_contact": samples.in_contact,
-    }
-
-
-def reacting_force_fields(samples: Samples, stamps: np.ndarray) -> Fields:
-    """Columns of ``rpud_msgs/ReactingForce``."""
-    return {
-        "header": header_fields("reacting_force", stamps),
-        "force": samples.reacting_force,
     }
 
 
@@ -164,13 +155,9 @@ def joint_state_fields(
         others: joints that follow, with a value for each sample.
     """
     plane, mass, tool = JOINTS
+    at, rate = samples.nodal_plane_position, samples.nodal_plane_velocity
     joints = (
-        Joint(
-            plane,
-            samples.nodal_plane_position,
-            samples.nodal_plane_velocity,
-            samples.reacting_force,
-        ),
+        Joint(plane, at, rate, samples.reacting_force),
         Joint(mass, samples.free_mass_position, samples.free_mass_velocity, None),
         Joint(tool, samples.drill_tool_displacement, samples.drill_tool_velocity, None),
         *others,
@@ -337,3 +324,87 @@ def faults_fields(ledger: FaultLedger, time: int, origin: int) -> Fields:
         "faults": [fault_fields(record, origin) for record in ledger.records],
         "forgotten": ledger.forgotten,
     }
+
+
+# Joints of urdf/rpud_feed.urdf.
+FEED_JOINT = "rpud_feed"
+ROTATION_JOINT = "rpud_rotation"
+
+# Fields of topics of the slow processes: attributes of the part of the state of the same name.
+_PROCESS_FIELDS: Mapping[str, tuple[str, ...]] = {
+    "rotation": ("angle", "rate", "torque", "drive_torque", "stalled"),
+    "mount": ("position", "feed", "rate", "force", "weight_on_bit", "in_contact", "slip"),
+    "borehole": (
+        *("depth", "penetration_rate", "layer", "specific_energy", "packed_cuttings"),
+        *("bit_wear", "side_offset"),
+    ),
+}
+_PROCESS_JOINTS = (
+    (ROTATION_JOINT, "rotation", ("angle", "rate", "drive_torque")),
+    (FEED_JOINT, "mount", ("feed", "rate", "force")),
+)
+PROCESS_TOPICS = tuple(_PROCESS_FIELDS)
+_VALUES = {topic: attrgetter(*names) for topic, names in _PROCESS_FIELDS.items()}
+
+States = Sequence[ProcessState]
+
+
+def has_part(states: States, topic: str) -> bool:
+    """Return whether states, all of one drill, have the part of a topic."""
+    return bool(states) and getattr(states[0], topic) is not None
+
+
+def process_fields(
+    topic: str, states: States, stamps: np.ndarray
+) -> Iterator[tuple[slice, Fields]]:
+    """Yield columns of a topic of ``PROCESS_TOPICS``, and which of the states they are of.
+
+    All messages of columns have the same texts, so those of each layer come by themselves.
+    """
+    names = _PROCESS_FIELDS[topic]
+    rows = [_VALUES[topic](getattr(state, topic)) for state in states]
+    first = 0
+    for _, group in groupby(rows, key=_texts):
+        columns = list(zip(*group, strict=True))
+        among = slice(first, first + len(columns[0]))
+        fields = {
+            name: values[0] if isinstance(values[0], str) else np.array(values)
+            for name, values in zip(names, columns, strict=True)
+        }
+        yield among, {"header": header_fields(topic, stamps[among]), **fields}
+        first = among.stop
+
+
+def process_joints(states: States) -> Iterator[Joint]:
+    """Yield the joints of rotation and feed, with a value for each state.
+
+    The feed's joint is its drive, as an encoder shows it: the arm may give way beyond. Its effort
+    is the force of the arm on the mount [N], that of the rotation the torque of the drive on the
+    rotor [N m].
+    """
+    for joint, topic, (position, velocity, effort) in _PROCESS_JOINTS:
+        if has_part(states, topic):
+            yield Joint(
+                joint,
+                _parts(states, topic, position),
+                _parts(states, topic, velocity),
+                _parts(states, topic, effort),
+            )
+
+
+def mount_torque(states: States) -> np.ndarray | None:
+    """Torque of the drill on the mount about its z axis for each state; None without rotation.
+
+    The drive turns the rotor, and the mount takes the same torque the other way round [N m].
+    """
+    if not has_part(states, "rotation"):
+        return None
+    return 0.0 - _parts(states, "rotation", "drive_torque")  # no negative zero
+
+
+def _parts(states: States, topic: str, name: str) -> np.ndarray:
+    return np.array([getattr(getattr(state, topic), name) for state in states])
+
+
+def _texts(row: tuple[Any, ...]) -> tuple[str, ...]:
+    return tuple(value for value in row if isinstance(value, str))

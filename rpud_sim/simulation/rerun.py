@@ -1,18 +1,74 @@
-"""Rerun of a journal: the same messages again, bit for bit."""
+"""Rerun of a journal: the same messages again, bit for bit; checkpoints, and a run resumed."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+import dataclasses
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from typing import Any
 
+from rpud_sim.foundation.quantities import ParameterError, did_you_mean, shown
+from rpud_sim.foundation.time import SECOND
 from rpud_sim.model.engine import EngineError
-from rpud_sim.simulation.checkpoints import Checkpoints
+from rpud_sim.simulation.block import boundaries_until, boundary
+from rpud_sim.simulation.changes import Planned
 from rpud_sim.simulation.commands import Drive, Feed, WeightOnBit
-from rpud_sim.simulation.configuration import to_configuration
+from rpud_sim.simulation.configuration import Settings, to_configuration, to_values
 from rpud_sim.simulation.faults import Fault
+from rpud_sim.simulation.fields import Fields
 from rpud_sim.simulation.journal import Journal, JournalEntry
 from rpud_sim.simulation.run import Beginning, Run
 from rpud_sim.simulation.state import set_state
-from rpud_sim.simulation.together import Entry, Together
+from rpud_sim.simulation.telemetry import Entry, Together
+
+# Checkpoints that are kept. One takes well below a megabyte at the default rates.
+MOST_CHECKPOINTS = 16
+
+_NAME = re.compile(r"[A-Za-z0-9_.-]{1,64}")
+
+
+class CheckpointError(ParameterError):
+    """Checkpoint that cannot be saved or restored; the text says why, in one line."""
+
+
+class Checkpoints:
+    """Named states of runs, in memory; at most ``MOST_CHECKPOINTS``."""
+
+    def __init__(self) -> None:
+        self._runs: dict[str, Run] = {}
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the checkpoints, the oldest first."""
+        return tuple(self._runs)
+
+    def save(self, name: str, run: Run) -> None:
+        """Keep the present state of a run; an older one of the same name is discarded.
+
+        Raises:
+            CheckpointError: if the name cannot be one, or there are too many.
+        """
+        if not (isinstance(name, str) and _NAME.fullmatch(name)):
+            raise CheckpointError(
+                f"{shown(name)} is no name of a checkpoint: 1 to 64 letters, digits, _, . and -"
+            )
+        if name not in self._runs and len(self._runs) >= MOST_CHECKPOINTS:
+            raise CheckpointError(
+                f"{shown(name)} would be one more than {MOST_CHECKPOINTS} checkpoints: "
+                f"give the name of one to replace, such as {next(iter(self._runs))}"
+            )
+        state = run.copy()
+        self._runs.pop(name, None)
+        self._runs[name] = state
+
+    def find(self, name: str) -> Run:
+        """Return a new run in the state of a checkpoint, which stays."""
+        if name not in self._runs:
+            known = did_you_mean(name, self._runs) if self._runs else "none was saved"
+            raise CheckpointError(f"there is no checkpoint {shown(name)}; {known}")
+        run = self._runs[name].copy()
+        run.begin_streams()  # what was pending is of the time before the checkpoint
+        return run
 
 
 class JournalError(ValueError):
@@ -138,3 +194,92 @@ def repeat_change(run: Run, entry: JournalEntry) -> Iterator[Entry]:
         yield from run.changes()
     else:
         raise JournalError("there is no such kind")
+
+
+@dataclasses.dataclass(frozen=True)
+class Resumed:
+    """Recorded run at an instant."""
+
+    run: Run  # with a journal that goes on with the number after the recorded entries
+    settings: Settings  # in force
+    faults: Entry | None  # the last message of the topic ``faults``
+    # of the journal that the resumption itself added: the stop at the instant
+    entries: tuple[Entry, ...]
+
+
+def resume(
+    entries: Sequence[JournalEntry],
+    time: int,
+    *,
+    stop: bool,
+    report: Callable[[float], object] = lambda seconds: None,
+) -> Resumed:
+    """Run a journal again up to an instant.
+
+    Args:
+        entries: up to that instant, at least one; all of them are repeated.
+        time: simulation time of the instant in the last of their runs [ns].
+        stop: whether the run stops exactly there, which its journal notes between two blocks.
+            Otherwise it stops at the end of the last block before it.
+        report: called with the seconds that were simulated since its last call.
+
+    Raises:
+        JournalError: if an entry cannot be repeated.
+        EngineError: if the simulation cannot go on.
+    """
+    listening: list[bool] = []
+    journal = Journal(states=False)  # the recorded ones are repeated
+    rerun = Rerun(journal, lambda topic: bool(listening))
+    faults: Entry | None = None
+    reached = 0
+
+    def hear(messages: Iterable[Entry | Together]) -> list[Entry]:
+        nonlocal faults, reached
+        heard = []
+        for message in messages:
+            if isinstance(message, Together):
+                pass  # neither faults nor entries of the journal
+            elif message[1] == "faults":
+                faults = message
+            elif message[1] == "journal":
+                heard.append(message)
+            if rerun.time >= reached + SECOND:
+                report((rerun.time - reached) / SECOND)
+                reached = rerun.time
+        return heard
+
+    for entry in entries:
+        hear(rerun.repeat(entry))
+        reached = min(reached, rerun.time)  # a restored checkpoint, or the next run
+    run = rerun.run
+    if run is None:
+        raise JournalError("nothing has begun")
+    rate = run.beginning.settings.telemetry_rate
+    last = boundary(boundaries_until(time, rate), rate)
+    if last > run.time:
+        hear(run.advance_together(last))
+    journal.restart(entries[-1].sequence + 1)
+    stops = hear(run.advance_to(time)) if stop else []
+    listening.append(True)
+    configuration = run.simulation.configuration
+    settings = run.beginning.settings.replace(to_values(configuration))
+    return Resumed(run, settings, faults, tuple(stops))
+
+
+@dataclasses.dataclass(frozen=True)
+class Start:
+    """Start of a drill in the state of a fork, in place of time zero."""
+
+    run: Run  # in that state; it is copied
+    settings: Settings  # in force
+    journal: tuple[Fields, ...]  # messages of the journal up to there
+    # changes that come by themselves; delays count from simulation time zero
+    planned: tuple[Planned, ...] = ()
+    # where the state came from, for the journal
+    forked_from: Mapping[str, Any] = dataclasses.field(default_factory=dict)
+
+    def next_journal(self) -> Journal:
+        """Return a journal that goes on after the messages."""
+        journal = Journal()
+        journal.restart(int(self.journal[-1]["sequence"]) + 1)
+        return journal

@@ -11,15 +11,13 @@ from rpud_sim.simulation.block import Block, boundaries_until, boundary
 from rpud_sim.simulation.configuration import Settings, to_settings
 from rpud_sim.simulation.control import Control
 from rpud_sim.simulation.energy_account import RecentEnergy
-from rpud_sim.simulation.ensemble import initial_phases
 from rpud_sim.simulation.faults import Fault
 from rpud_sim.simulation.fields import Bookkeeping, faults_fields, journal_fields, status_fields
 from rpud_sim.simulation.journal import Journal
 from rpud_sim.simulation.scenario import Scenario, ScheduledFault
-from rpud_sim.simulation.simulation import Simulation
+from rpud_sim.simulation.simulation import Simulation, initial_phases
 from rpud_sim.simulation.state import state_of
-from rpud_sim.simulation.telemetry import Stream, Telemetry, messages_of
-from rpud_sim.simulation.together import Entry, Together
+from rpud_sim.simulation.telemetry import Entry, Stream, Telemetry, Together, messages_of
 from rpud_sim.simulation.versions import ENGINE, engine_versions
 
 

@@ -32,6 +32,13 @@ from rpud_sim.simulation.scenario import Scenario, ScheduledFault
 _MOST_REFUSALS = 100
 
 
+def initial_phases(repeat: int, seed: int | None) -> tuple[float, ...]:
+    """Return an ensemble's phases [cycles]: drawn with the seed; zero for one run without."""
+    if seed is None and repeat == 1:
+        return (0.0,)
+    return tuple(np.random.default_rng(0 if seed is None else seed).random(repeat).tolist())
+
+
 class Simulation:
     """One drill, from simulation time zero on.
 

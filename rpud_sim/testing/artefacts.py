@@ -13,12 +13,15 @@ from pathlib import Path
 
 from rpud_sim.bag import BagError, BagWriter, QosProfile, Topic
 from rpud_sim.bag.definitions import find_definition, find_type_hash
-from rpud_sim.bag.losses import RECORD_NAME as LOSSES_RECORD
-from rpud_sim.bag.losses import Losses, losses_to_record
-from rpud_sim.bag.manifest import RECORD_NAME as MANIFEST_RECORD
-from rpud_sim.bag.manifest import Manifest, installed_versions, machine_name
-from rpud_sim.bag.tested import RECORD_NAME as TESTED_RECORD
-from rpud_sim.bag.tested import RunVerdict
+from rpud_sim.bag.losses import LOSSES_RECORD, Losses, losses_to_record
+from rpud_sim.bag.manifest import (
+    MANIFEST_RECORD,
+    Manifest,
+    RunVerdict,
+    installed_versions,
+    machine_name,
+)
+from rpud_sim.bag.manifest import VERDICT_RECORD as TESTED_RECORD
 from rpud_sim.testing.drill import Drill
 from rpud_sim.testing.report_pages import ReportPages
 

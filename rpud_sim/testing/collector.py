@@ -13,7 +13,7 @@ from rpud_msgs.srv import GetDelivery
 
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.ros.client import DrillClient
-from rpud_sim.ros.client.topic_lookup import listening_qos, types_of_topic
+from rpud_sim.ros.client.topic_listener import listening_qos, types_of_topic
 from rpud_sim.ros.graph import message_class
 from rpud_sim.simulation.topics import TOPICS
 from rpud_sim.testing.errors import is_verdict

@@ -9,8 +9,7 @@ from contextlib import suppress
 
 from rclpy.node import Node
 
-from rpud_sim.ros.client.drill_search import node_name
-from rpud_sim.ros.graph import DiscoveryProbe
+from rpud_sim.ros.graph import DiscoveryProbe, node_name
 from rpud_sim.testing.collector import COMMANDS, Collector
 
 _PATIENCE = 5.0  # with a node that does not answer, or has no services of parameters [s]

@@ -11,10 +11,14 @@ import yaml
 
 from rpud_sim.foundation.quantities import ParameterError, did_you_mean, shown, shown_name
 from rpud_sim.foundation.yaml_files import read_yaml
-from rpud_sim.simulation.configuration import PARAMETERS, Configuration, to_settings
+from rpud_sim.simulation.configuration import (
+    PARAMETERS,
+    Configuration,
+    read_parameter_file,
+    to_settings,
+)
 from rpud_sim.simulation.fault_kinds import KINDS
 from rpud_sim.simulation.faults import FaultError, check_supported
-from rpud_sim.simulation.parameter_files import read_parameter_file
 from rpud_sim.simulation.scenario import parse_scenario
 from rpud_sim.testing.drill_process import LOCKSTEP, NO_FAULTS
 

@@ -14,7 +14,7 @@ from pathlib import Path
 from rpud_sim.foundation.child_process import ChildProcess, stop_all
 from rpud_sim.foundation.quantities import ParameterError, suggestion
 from rpud_sim.foundation.time import SECOND
-from rpud_sim.ros.client.drill_search import node_name
+from rpud_sim.ros.graph import node_name
 from rpud_sim.simulation.topics import TOPICS
 from rpud_sim.testing.answers import Answers
 from rpud_sim.testing.collector import COMMANDS, Collector

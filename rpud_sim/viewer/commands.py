@@ -24,13 +24,15 @@ _MOST_NAMES, _LENGTH = 4, 160  # parameters that a text names; its characters
 _QUIET = ("flush", "stop", "origin", "state")  # entries that change nothing for the user
 _LASTING = ("weight_on_bit", "drive", "feed")  # kinds whose value holds until the next one
 
+_Told = tuple[str, str, Mapping[str, float]]  # kind of an entry, its text, and what it sets
+
 
 @dataclass
-class Entry:
+class LogEntry:
     """Change of a run, in words."""
 
     time: float  # since the run, or the bag, began [s]
-    kind: str  # ``COMMAND``, ``FAULT`` or ``RUN``
+    kind: str  # ``COMMAND``, ``FAULT``, ``RUN`` or ``REFUSAL``
     text: str
     count: int = 1  # of the changes that it stands for
 
@@ -49,8 +51,8 @@ class Commands:
     def __init__(self) -> None:
         self.parameters: dict[str, Any] = {}  # of the present run, as far as it is known
         self._forgotten = 0  # entries that are not kept any more
-        self._entries: list[Entry] = []
-        self._last: dict[str, tuple[float, str, int, Entry]] = {}  # by kind; number in the row
+        self._entries: list[LogEntry] = []
+        self._last: dict[str, tuple[float, str, int, LogEntry]] = {}  # by kind; number in the row
         self._steps: dict[str, tuple[array[float], array[float]]] = {}
 
     def add(self, time: float, kind: str, content: object) -> None:
@@ -78,7 +80,7 @@ class Commands:
         if kind in _LASTING and row > _ALONE and entry is not None:
             entry.time, entry.text, entry.count = time, text[:_LENGTH], entry.count + 1
         else:
-            entry = Entry(time, sort, text[:_LENGTH])
+            entry = LogEntry(time, sort, text[:_LENGTH])
             self._entries.append(entry)
         self._last[kind] = time, text, row, entry
         if len(self._entries) > _STORED:
@@ -87,7 +89,7 @@ class Commands:
 
     def refuse(self, time: float, reason: str) -> None:
         """Add a refusal to the log, at a time [s]."""
-        self._entries.append(Entry(time, REFUSAL, f"refused: {reason}"[:_LENGTH]))
+        self._entries.append(LogEntry(time, REFUSAL, f"refused: {reason}"[:_LENGTH]))
 
     @property
     def quantities(self) -> Collection[str]:
@@ -100,7 +102,13 @@ class Commands:
         ``faults`` are those of the frame. Their beginnings and ends take the place of what the
         journal says of faults.
         """
-        told = [entry for fault in faults for entry in _fault_entries(fault)]
+        told = []
+        for fault in faults:
+            name = f"fault {fault['number']}"
+            begins = f"{name}: {_fault_text(fault)} begins"
+            told.append(LogEntry(float(fault["onset"]), FAULT, begins))
+            if fault.get("end") is not None:
+                told.append(LogEntry(float(fault["end"]), FAULT, f"{name} ends"))
         own = [entry for entry in self._entries if not (told and entry.kind == FAULT)]
         entries = sorted([*own, *told], key=lambda entry: entry.time)
         changes = [entry for entry in entries if entry.kind in (COMMAND, FAULT)]
@@ -127,7 +135,7 @@ class Commands:
             found[name] = {"t": t[chosen], "v": v[chosen]}
         return found
 
-    def _read(self, kind: str, content: Mapping[str, Any]) -> tuple[str, str, Mapping[str, float]]:
+    def _read(self, kind: str, content: Mapping[str, Any]) -> _Told:
         """Return kind and text of an entry, and what it sets; note its parameters."""
         match kind:
             case "begin":
@@ -146,12 +154,12 @@ class Commands:
             case "weight_on_bit":
                 text = f"weight on bit {_shown(kind, content['force'])}"
                 return COMMAND, text, {kind: content["force"]}
+            case "drive" if not content["enabled"]:
+                return COMMAND, "drive off", {"drive_voltage": 0.0}
             case "drive":
                 voltage, frequency = float(content["voltage"]), float(content["frequency"])
                 text = f"drive {_shown('drive_voltage', voltage)} at {1e-3 * frequency:.6g} kHz"
-                values = {"drive_voltage": voltage, "drive_frequency": frequency}
-                off = COMMAND, "drive off", {"drive_voltage": 0.0}
-                return (COMMAND, text, values) if content["enabled"] else off
+                return COMMAND, text, {"drive_voltage": voltage, "drive_frequency": frequency}
             case "feed" if content["mode"] == "position":
                 return COMMAND, f"feed to {_shown('feed', content['value'])}", {}
             case "feed":
@@ -205,14 +213,7 @@ def fault_row(fault: Any, seconds: Callable[[Any], float]) -> dict[str, Any]:
     }
 
 
-def _fault_entries(fault: Mapping[str, Any]) -> Iterable[Entry]:
-    name = f"fault {fault['number']}"
-    yield Entry(float(fault["onset"]), FAULT, f"{name}: {_fault_text(fault)} begins")
-    if fault.get("end") is not None:
-        yield Entry(float(fault["end"]), FAULT, f"{name} ends")
-
-
-def _thinned(entries: list[Entry], most: int) -> list[Entry]:
+def _thinned(entries: list[LogEntry], most: int) -> list[LogEntry]:
     """Return the newest half of so many entries, and evenly chosen ones of those before."""
     if len(entries) <= most:
         return entries

@@ -8,6 +8,7 @@ import re
 from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
+from functools import partial
 from time import monotonic
 from typing import Any
 
@@ -18,7 +19,7 @@ from rpud_sim.pages.quantities import QUANTITIES
 from rpud_sim.ros.client.telemetry import FIELDS
 from rpud_sim.viewer.commands import Commands, fault_row
 from rpud_sim.viewer.history import Bins, Impacts
-from rpud_sim.viewer.picture import SECTION, Picture
+from rpud_sim.viewer.picture import SECTION, TIMES, Picture
 
 BIN = 0.05  # length of the finest bins [s]
 
@@ -31,11 +32,11 @@ _ALWAYS = (  # quantities that each drill has, also before the first message or 
     *("peak_force", "impact_rate", "reacting_force"),
     *("nodal_plane", "free_mass", "drill_tool"),
 )
-_TIMES = ("weight_on_bit_applied", "drive_applied", "feed_applied")
 
+Block = tuple[float, float, tuple[np.ndarray, ...]]  # begin [s], sample period [s], samples
 _Sink = Callable[[int, tuple[Any, ...]], object]
 
-# Quantities of each topic by its field: what a status has too is taken from the other topic.
+# Quantities of each topic by its field; what a status has too is taken from the other topic.
 _QUANTITIES: dict[str, dict[str, str]] = {topic: {} for topic in (*FIELDS, "status")}
 _OWNERS: dict[str, str] = {}
 for _quantity in QUANTITIES.values():
@@ -46,9 +47,6 @@ for _quantity in QUANTITIES.values():
         if _topic != "status":
             _OWNERS[_quantity.name] = _topic
 _SIGNALS = tuple({name: None for names in _QUANTITIES.values() for name in names.values()})
-
-
-_Block = tuple[float, float, tuple[np.ndarray, ...]]  # begin [s], sample period [s], samples
 
 
 class Heard:
@@ -85,8 +83,8 @@ class Heard:
         self.fine = Bins(_SIGNALS, BIN, _BINS, newest=True)
         self.whole = Bins(_SIGNALS, BIN, _BINS)
         # Of the waveform: the newest whose impacts were heard too, and the newest of all.
-        self.block: _Block | None = None
-        self._newest: _Block | None = None
+        self.block: Block | None = None
+        self._newest: Block | None = None
         self._latest: dict[str, tuple[Any, ...]] = {}
         self._pending: dict[str, list[tuple[np.ndarray, np.ndarray]]] = {}
         self._pending_since = 0.0
@@ -104,10 +102,10 @@ class Heard:
     def sinks(self) -> dict[str, _Sink]:
         """Return, by topic, a function that keeps stamp and values for ``settle``."""
 
-        def sink(waiting: list[tuple[int, tuple[Any, ...]]]) -> _Sink:
-            return lambda stamp, values: waiting.append((stamp, values))
+        def keep(waiting: list[tuple[int, tuple[Any, ...]]], *message: Any) -> None:
+            waiting.append(message)
 
-        return {topic: sink(waiting) for topic, waiting in self._waiting.items()}
+        return {topic: partial(keep, waiting) for topic, waiting in self._waiting.items()}
 
     def latched(self, topic: str, message: Any) -> None:
         self.version += 1
@@ -236,28 +234,24 @@ class Heard:
         content: Any = {}
         with suppress(RecursionError, ValueError):  # a stranger may publish there too
             content = json.loads(entry.content)
-        if not isinstance(content, dict) or not isinstance(content.get("time"), int):
+        if not isinstance(content, dict) or not isinstance(time := content.get("time"), int):
             return
         stamp = _stamp(entry.header.stamp)
         if entry.kind in ("begin", "restore"):
             self.run += 1
             self._clear()
             if self._located:  # where the clock goes back, what is later belongs to the run before
-                self._kept = {
-                    topic: message
-                    for topic, message in self._kept.items()
-                    if _stamp(message.header.stamp) <= stamp
-                }
-            self._locate(stamp - content["time"])
-        elif entry.kind == "origin" and isinstance(content.get("origin"), int):
-            former, time = self.origin, content["time"]
-            again = self._located and former is not None and self.time is not None
-            self._locate(content["origin"])
-            if again and former != self.origin:  # the origin of stamps changed, and the run goes on
-                self._former = former or 0, content["origin"] + time
+                kept = self._kept.items()
+                self._kept = {k: each for k, each in kept if _stamp(each.header.stamp) <= stamp}
+            self._locate(stamp - time)
+        elif entry.kind == "origin" and isinstance(origin := content.get("origin"), int):
+            former = self.origin if self._located and self.time is not None else None
+            self._locate(origin)
+            if former is not None and former != origin:  # the run goes on with other stamps
+                self._former = former, origin + time
                 self.time = min(self.time or 0.0, time / SECOND)
         elif not self._located:
-            self._locate(stamp - content["time"])
+            self._locate(stamp - time)
         self.log_version += 1
         self.commands.add(self._seconds(stamp), entry.kind, content)
 
@@ -269,14 +263,17 @@ class Heard:
 
     def _show(self, topic: str, message: Any) -> None:
         if topic == "status":
-            self._status(message)
-        else:
-            self._faults(message)
+            return self._status(message)
+        self.log_version += 1
+        self.faults = [
+            fault_row(fault, lambda time: self._seconds(_stamp(time))) for fault in message.faults
+        ]
+        return None
 
     def _status(self, status: Any) -> None:
         names = [name for name in status.get_fields_and_field_types() if name != "header"]
         fields = {name: getattr(status, name) for name in names}
-        for name in _TIMES:
+        for name in TIMES:
             fields[name] = self._seconds(_stamp(fields[name]))
         self.status = fields
         time = self._seconds(_stamp(status.header.stamp))
@@ -284,12 +281,6 @@ class Heard:
         for field, quantity in _QUANTITIES["status"].items():
             if _OWNERS.get(quantity) not in self._latest:
                 self._add(quantity, np.array([time]), np.array([fields[field]], float))
-
-    def _faults(self, faults: Any) -> None:
-        self.log_version += 1
-        self.faults = [
-            fault_row(fault, lambda time: self._seconds(_stamp(time))) for fault in faults.faults
-        ]
 
 
 def _stamp(time: Any) -> int:

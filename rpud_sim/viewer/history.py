@@ -9,9 +9,17 @@ import numpy as np
 
 Layer = dict[str, Any]  # ``t`` [s] and ``mean``, most with ``low`` and ``high``: equal shapes (n,)
 
+MOST = 4_000_000  # impacts that are kept: some two and a half hours of drilling
+MOST_OUTLIERS = 200  # of one answer
+
+_FIRST_LENGTH = 1 << 14
+_ENDS = (0.05, 0.95)  # quantiles of the band
+# What a bin has: least and greatest value, sum and number of values; how two are merged, and none.
+_MERGES = ((np.minimum, np.inf), (np.maximum, -np.inf), (np.add, 0.0), (np.add, 0))
+
 
 class Bins:
-    """Bins of several signals, from time 0 on.
+    """Least, mean and greatest value of several signals in bins, from time 0 on.
 
     All bins are equally long. A time beyond the last one doubles their length, so that the number
     of bins and the memory stay; with ``newest`` it lets the older half of the bins go instead.
@@ -22,14 +30,11 @@ class Bins:
     ) -> None:
         self.width = width  # of a bin [s]
         self.first = 0  # number of the oldest bin that is kept
-        self._newest = newest
         self.end = 0.0  # latest time [s]
+        self._newest, self._length = newest, count
         self._place = {name: place for place, name in enumerate(signals)}
         shape = len(self._place), count
-        self._least = np.full(shape, np.inf)
-        self._greatest = np.full(shape, -np.inf)
-        self._total = np.zeros(shape)
-        self._count = np.zeros(shape, np.int64)
+        self._bins = [np.full(shape, none) for _, none in _MERGES]
 
     def add(self, signal: str, times: np.ndarray, values: np.ndarray) -> None:
         """Add values at times [s], both of shape (n,); values that are not finite are left out."""
@@ -39,9 +44,8 @@ class Bins:
         times, values = times[valid], values[valid].astype(float, copy=False)
         latest = float(times.max())
         self.end = max(self.end, latest)
-        while latest >= self.width * (self.first + self._least.shape[1]):
+        while latest >= self.width * (self.first + self._length):
             self._grow(latest)
-        place = self._place[signal]
         bins = (times / self.width).astype(np.intp) - self.first
         if bins.min() < 0:  # older than what is kept
             values, bins = values[bins >= 0], bins[bins >= 0]
@@ -51,23 +55,25 @@ class Bins:
             order = np.argsort(bins, kind="stable")
             values, bins = values[order], bins[order]
         firsts = np.flatnonzero(np.diff(bins, prepend=-1))
-        places = bins[firsts]
-        least, greatest = (f.reduceat(values, firsts) for f in (np.minimum, np.maximum))
-        self._least[place, places] = np.minimum(self._least[place, places], least)
-        self._greatest[place, places] = np.maximum(self._greatest[place, places], greatest)
-        self._total[place, places] += np.add.reduceat(values, firsts)
-        self._count[place, places] += np.diff(np.append(firsts, len(bins)))
+        place, places = self._place[signal], bins[firsts]
+        found = [merge.reduceat(values, firsts) for merge, _ in _MERGES[:3]]
+        found.append(np.diff(np.append(firsts, len(bins))))
+        for kept, (merge, _), new in zip(self._bins, _MERGES, found, strict=True):
+            kept[place, places] = merge(kept[place, places], new)
 
     def has(self, signal: str) -> bool:
-        return bool(self._count[self._place[signal]].any())
+        return bool(self._bins[3][self._place[signal]].any())
+
+    def used(self) -> np.ndarray:
+        """Return the numbers of bins in which any signal has a value."""
+        return self.first + np.flatnonzero(self._bins[3].any(axis=0))
 
     def mean(self, signal: str, start: float, end: float) -> float:
         """Return the mean of a signal from a time to another [s], to a bin; NaN without a value."""
-        place = self._place[signal]
         first, last = (round(time / self.width) for time in (start, end))
-        chosen = slice(first, max(last, first + 1))
-        count = self._count[place, chosen].sum()
-        return float(self._total[place, chosen].sum() / count) if count else float("nan")
+        chosen = self._place[signal], slice(first, max(last, first + 1))
+        total, count = (float(bins[chosen].sum()) for bins in self._bins[2:])
+        return total / count if count else float("nan")
 
     def view(self, signal: str, start: float, end: float, parts: int) -> Layer:
         """Return least, mean and greatest value in about so many parts of a range of time [s].
@@ -75,54 +81,35 @@ class Bins:
         Parts without a value are NaN. They are whole bins, and begin at multiples of their length,
         so that they stay when the range moves.
         """
-        joined = max(1, 2 ** int(np.log2(max(1.0, part_length(start, end, parts) / self.width))))
-        first = max(0, int(np.floor(start / self.width)) // joined * joined - self.first)
-        last = min(int(np.ceil(end / self.width)) + 1 - self.first, self._least.shape[1])
-        place = self._place[signal]
+        wide = 2 ** int(np.log2(max(1.0, part_length(start, end, parts) / self.width)))
+        first = max(0, int(np.floor(start / self.width)) // wide * wide - self.first)
+        last = min(int(np.ceil(end / self.width)) + 1 - self.first, self._length)
         if last <= first:
             return dict.fromkeys(("t", "mean", "low", "high"), np.empty(0))
-        starts = np.arange(first, last, joined) - first
-        least = np.minimum.reduceat(self._least[place, first:last], starts)
-        greatest = np.maximum.reduceat(self._greatest[place, first:last], starts)
-        total = np.add.reduceat(self._total[place, first:last], starts)
-        count = np.add.reduceat(self._count[place, first:last], starts)
-        none = np.full(len(starts), np.nan)
-        used = count > 0
+        starts, place = np.arange(first, last, wide) - first, self._place[signal]
+        least, greatest, total, count = (
+            merge.reduceat(bins[place, first:last], starts)
+            for bins, (merge, _) in zip(self._bins, _MERGES, strict=True)
+        )
+        none, used = np.full(len(starts), np.nan), count > 0
         return {
-            "t": (self.first + first + starts + 0.5 * joined) * self.width,
+            "t": (self.first + first + starts + 0.5 * wide) * self.width,
             "mean": np.divide(total, count, out=none.copy(), where=used),
             "low": np.where(used, least, none),
             "high": np.where(used, greatest, none),
         }
 
-    def used(self) -> np.ndarray:
-        """Return the numbers of bins in which any signal has a value."""
-        return self.first + np.flatnonzero(self._count.any(axis=0))
-
     def _grow(self, latest: float) -> None:
-        half = self._least.shape[1] // 2
+        half = self._length // 2
+        gone = half * (1 + (int(latest / self.width) - self.first - 2 * half) // half)
         if self._newest:
-            past = int(latest / self.width) - self.first - 2 * half
-            gone = half * (1 + past // half)
             self.first += gone
         else:
             self.width *= 2.0
-        for bins, merge, none in (
-            (self._least, np.minimum, np.inf),
-            (self._greatest, np.maximum, -np.inf),
-            (self._total, np.add, 0.0),
-            (self._count, np.add, 0),
-        ):
+        for bins, (merge, none) in zip(self._bins, _MERGES, strict=True):
             kept = bins[:, gone:].copy() if self._newest else merge(bins[:, ::2], bins[:, 1::2])
             bins[:, : kept.shape[1]] = kept
             bins[:, kept.shape[1] :] = none
-
-
-MOST = 4_000_000  # impacts that are kept: some two and a half hours of drilling
-
-_FIRST_LENGTH = 1 << 14
-_ENDS = (0.05, 0.95)  # quantiles of the band
-MOST_OUTLIERS = 200  # of one answer
 
 
 class Impacts:
@@ -136,28 +123,24 @@ class Impacts:
         self.total = 0  # impacts that were added
         self._skip = 0
         self._count = 0
-        self._times = np.empty(_FIRST_LENGTH)
-        self._peaks = np.empty(_FIRST_LENGTH, np.float32)
+        self._times, self._peaks = np.empty(_FIRST_LENGTH), np.empty(_FIRST_LENGTH, np.float32)
         self._sorted = True
 
     def add(self, times: np.ndarray, peaks: np.ndarray) -> None:
         """Add impacts, shape (n,) [s] and [N]; in any order, but best in that of time."""
-        if not len(times):
-            return
         self.total += len(times)
         kept = slice(self._skip, None, self.stride)
         self._skip = (self._skip - len(times)) % self.stride
         with np.errstate(over="ignore"):  # a faulty channel may hold garbage
             times, peaks = times[kept], peaks[kept].astype(np.float32)
+        if not len(times):
+            return
         end = self._count + len(times)
         if end > len(self._times):
-            for name in ("_times", "_peaks"):
-                grown = np.empty(2 * end, getattr(self, name).dtype)
-                grown[: self._count] = getattr(self, name)[: self._count]
-                setattr(self, name, grown)
-        if len(times):
-            before = self._times[self._count - 1] if self._count else -np.inf
-            self._sorted &= bool(times[0] >= before and (np.diff(times) >= 0.0).all())
+            self._times = np.resize(self._times, 2 * end)
+            self._peaks = np.resize(self._peaks, 2 * end)
+        before = self._times[self._count - 1] if self._count else -np.inf
+        self._sorted &= bool(times[0] >= before and (np.diff(times) >= 0.0).all())
         self._times[self._count : end], self._peaks[self._count : end] = times, peaks
         self._count = end
         if self._count > MOST:
@@ -172,9 +155,9 @@ class Impacts:
         self._sort()
         times = self._times[: self._count]
         first, last = np.searchsorted(times, [start, end])
-        return times[first:last], self._peaks[: self._count][first:last]
+        return times[first:last], self._peaks[first:last]
 
-    def spread(self, start: float, end: float, parts: int) -> dict[str, Any]:
+    def spread(self, start: float, end: float, parts: int) -> Layer:
         """Return the spread of the peak forces in about so many parts of a range of time [s].
 
         ``low`` and ``high`` are the ends of the band with 90 % of them; without an impact they are
@@ -182,31 +165,26 @@ class Impacts:
         Parts begin at multiples of their length, a power of two of milliseconds, so that they stay
         when the range moves.
         """
-        width = part_length(start, end, parts)
-        first, last = int(np.floor(start / width)), int(np.ceil(end / width))
-        edges = np.arange(first, last + 1) * width
+        edges, width = _edges(start, end, parts)
         times, peaks = self.between(float(edges[0]), float(edges[-1]))
         finite = np.isfinite(peaks)  # what is not has no place among quantiles
         times, peaks = times[finite], peaks[finite]
-        count = last - first
-        part = np.minimum((times / width).astype(np.intp) - first, count - 1)
+        count = len(edges) - 1
+        part = np.minimum((times / width).astype(np.intp) - round(edges[0] / width), count - 1)
         numbers = np.bincount(part, minlength=count)
         # Sorted within each part: the quantiles are then at known places. One key of both is much
         # faster than a sort by two.
         scale = 0.4 / max(float(np.abs(peaks).max(initial=0.0)), 1e-30)
         ordered = (np.sort(part + scale * peaks.astype(float)) - part) / scale
-        ends = np.cumsum(numbers)
+        begins = np.cumsum(numbers) - numbers
         with np.errstate(invalid="ignore", divide="ignore"):
             mean = np.bincount(part, peaks, count) / numbers
-        low, high = mean.copy(), mean.copy()
-        used = numbers > 0
+        low, high, used = mean.copy(), mean.copy(), numbers > 0
         for band, share in zip((low, high), _ENDS, strict=True):
-            places = (ends - numbers + (share * (numbers - 1)).round().astype(int))[used]
-            band[used] = ordered[places]
+            places = begins + (share * (numbers - 1)).round().astype(int)
+            band[used] = ordered[places[used]]
         # An outlier is as far above the band as the band is wide, at least.
-        far = (
-            np.flatnonzero(peaks > (high + (high - low))[part]) if len(peaks) else np.empty(0, int)
-        )
+        far = np.flatnonzero(peaks > (high + (high - low))[part])
         chosen = far
         if len(far) > MOST_OUTLIERS:
             chosen = np.sort(far[np.argpartition(-peaks[far], MOST_OUTLIERS)[:MOST_OUTLIERS]])
@@ -215,13 +193,12 @@ class Impacts:
         middles = edges[:-1] + 0.5 * width
         return {"t": middles, "mean": mean, "low": low, "high": high, "outliers": outliers}
 
-    def rate(self, start: float, end: float, parts: int) -> tuple[np.ndarray, np.ndarray]:
-        """Return the middles of such parts [s], and the impacts per second in each; shapes (n,)."""
-        width = part_length(start, end, parts)
-        edges = np.arange(np.floor(start / width), np.ceil(end / width) + 1) * width
+    def rate(self, start: float, end: float, parts: int) -> Layer:
+        """Return the impacts per second in such parts as ``mean``."""
+        edges, width = _edges(start, end, parts)
         times, _ = self.between(float(edges[0]), float(edges[-1]))
         counts = np.diff(np.searchsorted(times, edges)) * self.stride
-        return edges[:-1] + 0.5 * width, counts / width
+        return {"t": edges[:-1] + 0.5 * width, "mean": counts / width}
 
     def _sort(self) -> None:
         if not self._sorted:
@@ -235,3 +212,9 @@ def part_length(start: float, end: float, parts: int) -> float:
     """Return the length of parts of a range [s]: a power of two of milliseconds."""
     wanted = max((end - start) / max(parts, 1), 1e-9)
     return float(1e-3 * 2.0 ** np.ceil(np.log2(wanted / 1e-3)))
+
+
+def _edges(start: float, end: float, parts: int) -> tuple[np.ndarray, float]:
+    """Return the edges of parts of a range, and the length of a part [s]."""
+    width = part_length(start, end, parts)
+    return np.arange(np.floor(start / width), np.ceil(end / width) + 1) * width, width

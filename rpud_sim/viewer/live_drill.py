@@ -9,7 +9,7 @@ import time
 from collections import Counter, deque
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 from rpud_sim.foundation.quantities import ParameterError, did_you_mean, shown
@@ -21,43 +21,51 @@ from rpud_sim.viewer.heard import Heard
 ACTIONS = ("press", "drive", "feed", "engage", "inject", "clear", "pause", "play", "step", "reset")
 
 WAITING, DONE, REFUSED, FAILED = "waiting", "done", "refused", "failed"
+SEARCHING, CONNECTED, VANISHED = "searching", "connected", "vanished"
 
 _MOST_WAITING = 32
 _KEPT = 8  # outcomes besides those that wait
-_LONGEST = 200  # characters of the arguments of an outcome
 _BEYOND = re.compile(
     r"\w+ = (?P<value>\S+)(?P<unit> .+?)? is outside its range "
     r"[\[(](?P<low>\S+), (?P<high>\S+)[\])](?P=unit)?"
 )
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """Action of the operator, and what the drill said to it."""
-
-    number: int  # of the action, from 1 on
-    name: str  # such as ``press``
-    arguments: str  # as they were given
-    state: str  # ``waiting``, ``done``, ``refused`` or ``failed`` (no drill, or no answer)
-    text: str  # the reason, or a result such as ``fault 3``
+_PERIOD = 0.1  # between takes of messages [s]
+_CHECK_PERIOD = 0.5  # between looks at events and at the publishers [s]
+_SILENCE = 4.0  # of a drill that is gone; a living one publishes a status every second or so [s]
+_SEARCH_PATIENCE = 1.0  # s
+_ANSWER_PATIENCE = 10.0  # s
+_INTERRUPTERS = ("pause", "reset")  # which a step that is under way must not delay
 
 
 def plain_refusal(reason: str) -> str:
     """Return a drill's reason in fewer words, such as ``9999 V is above 200 V``."""
-    found = _BEYOND.fullmatch(reason)
-    if found is None:
-        return reason
-    value, low, high, unit = (found[name] or "" for name in ("value", "low", "high", "unit"))
-    try:
-        if float(value) < float(low):
-            return f"{value}{unit} is below {low}{unit}"
-        return f"{value}{unit} is above {high}{unit}" if float(value) > float(high) else reason
-    except ValueError:
-        return reason
+    if found := _BEYOND.fullmatch(reason):
+        value, low, high, unit = (found[name] or "" for name in ("value", "low", "high", "unit"))
+        with suppress(ValueError):
+            if float(value) < float(low):
+                return f"{value}{unit} is below {low}{unit}"
+            if float(value) > float(high):
+                return f"{value}{unit} is above {high}{unit}"
+    return reason
 
 
 class InterruptedWaitError(Exception):
     """Raised inside a wait of the client to end it."""
+
+
+@dataclass
+class Action:
+    """Action of the operator, and what the drill said to it."""
+
+    number: int  # from 1 on
+    name: str  # such as ``press``
+    given: dict[str, Any]  # arguments
+    state: str = WAITING  # or ``done``, ``refused``, ``failed`` (no drill, or no answer)
+    text: str = ""  # the reason, or a result such as ``fault 3``
+
+    def plain(self) -> dict[str, Any]:
+        """Return it as a frame has it."""
+        return {name: value for name, value in vars(self).items() if name != "given"}
 
 
 class Actions:
@@ -66,18 +74,18 @@ class Actions:
     def __init__(self) -> None:
         self.running = ""  # name of the action that is under way; empty for none
         self._lock = threading.Lock()
-        self._queue: deque[tuple[int, str, dict[str, Any]]] = deque()
-        self._outcomes: dict[int, Outcome] = {}
-        self._numbers = 0
+        self._queue: deque[Action] = deque()
+        self._shown: list[Action] = []  # those that wait, and the latest others
+        self._count = 0
 
     @property
-    def outcomes(self) -> tuple[Outcome, ...]:
+    def outcomes(self) -> list[dict[str, Any]]:
         """Of the latest actions, oldest first."""
         with self._lock:
-            return tuple(self._outcomes.values())
+            return [action.plain() for action in self._shown]
 
-    def add(self, name: str, arguments: dict[str, Any]) -> int:
-        """Queue an action and return its number; one that does not exist is a ParameterError."""
+    def add(self, name: str, arguments: dict[str, Any]) -> None:
+        """Queue an action; one that does not exist is a ParameterError."""
         if name not in ACTIONS:
             raise ParameterError(f"action {shown(name)} is unknown; {did_you_mean(name, ACTIONS)}")
         try:
@@ -85,41 +93,39 @@ class Actions:
         except TypeError as error:
             raise ParameterError(f"action {name}: {error}") from None
         with self._lock:
-            self._numbers += 1
-            number = self._numbers
-            state, text = WAITING, ""
+            self._count += 1
+            action = Action(self._count, name, dict(arguments))
+            self._shown.append(action)
             if len(self._queue) < _MOST_WAITING:
-                self._queue.append((number, name, dict(arguments)))
-            else:
-                state, text = FAILED, f"{_MOST_WAITING} actions wait already"
-            said = ", ".join(f"{key} {value}" for key, value in arguments.items() if value != "")
-            self._note(Outcome(number, name, said[:_LONGEST], state, text))
-        return number
+                self._queue.append(action)
+                return
+        self._settle(action, FAILED, f"{_MOST_WAITING} actions wait already")
 
     def waits_for(self, names: Collection[str]) -> bool:
         with self._lock:
-            return any(name in names for _, name, _ in self._queue)
+            return any(action.name in names for action in self._queue)
 
     def execute(self, client: DrillClient) -> bool:
         """Execute the next action; return whether there was one."""
-        action = self._next()
-        if action is None:
+        if (action := self._next()) is None:
             return False
-        number, name, arguments = action
-        self.running = name
+        self.running = action.name
         try:
-            result = getattr(client, name)(**arguments)
+            result = getattr(client, action.name)(**action.given)
         except (RefusedError, ParameterError) as error:
-            self._settle(number, REFUSED, plain_refusal(str(error)))
+            self._settle(action, REFUSED, plain_refusal(str(error)))
         except ClientError as error:
-            self._settle(number, FAILED, str(error))
+            self._settle(action, FAILED, str(error))
         except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
             # No page asks so; but the thread that hears the drill must not end by it.
-            self._settle(number, REFUSED, f"wrong arguments: {error}")
+            self._settle(action, REFUSED, f"wrong arguments: {error}")
         except InterruptedWaitError:
-            self._settle(number, FAILED, "interrupted")
+            self._settle(action, FAILED, "interrupted")
         else:
-            self._settle(number, DONE, _result_text(name, result))
+            text = f"fault {result}" if action.name == "inject" else ""
+            if action.name == "clear":
+                text = f"ended: {', '.join(map(str, result)) or 'none'}"
+            self._settle(action, DONE, text)
         finally:
             self.running = ""
         return True
@@ -127,39 +133,18 @@ class Actions:
     def fail_all(self, reason: str) -> None:
         """Let all actions that wait fail for a reason."""
         while (action := self._next()) is not None:
-            self._settle(action[0], FAILED, reason)
+            self._settle(action, FAILED, reason)
 
-    def _next(self) -> tuple[int, str, dict[str, Any]] | None:
+    def _next(self) -> Action | None:
         with self._lock:
             return self._queue.popleft() if self._queue else None
 
-    def _settle(self, number: int, state: str, text: str) -> None:
+    def _settle(self, action: Action, state: str, text: str) -> None:
         with self._lock:
-            self._note(replace(self._outcomes[number], state=state, text=text))
-
-    def _note(self, outcome: Outcome) -> None:
-        self._outcomes[outcome.number] = outcome
-        settled = [each.number for each in self._outcomes.values() if each.state != WAITING]
-        for number in settled[:-_KEPT]:
-            del self._outcomes[number]
-
-
-def _result_text(name: str, result: Any) -> str:
-    if name == "inject":
-        return f"fault {result}"
-    if name == "clear":
-        return f"ended: {', '.join(map(str, result)) or 'none'}"
-    return ""
-
-
-SEARCHING, CONNECTED, VANISHED = "searching", "connected", "vanished"
-
-_PERIOD = 0.1  # between takes of messages [s]
-_CHECK_PERIOD = 0.5  # between looks at events and at the publishers [s]
-_SILENCE = 4.0  # of a drill that is gone; a living one publishes a status every second or so [s]
-_SEARCH_PATIENCE = 1.0  # s
-_ANSWER_PATIENCE = 10.0  # s
-_INTERRUPTERS = ("pause", "reset")  # which a step that is under way must not delay
+            action.state, action.text = state, text
+            settled = [each for each in self._shown if each.state != WAITING]
+            for old in settled[:-_KEPT]:
+                self._shown.remove(old)
 
 
 class LiveDrill:
@@ -188,7 +173,6 @@ class LiveDrill:
         self._lost_before: Counter[str] = Counter()  # by clients that are closed
         self._telemetry: Telemetry | None = None
         self._status_at = 0.0
-        self._asked_run = 0
         # Here, so that the caller gets the error of a namespace that ROS does not allow.
         self._client: DrillClient | None = self._open(namespace)
         self.namespace = self._client.namespace
@@ -215,11 +199,10 @@ class LiveDrill:
         with self._lock:
             yield self._heard
 
-    def act(self, name: str, arguments: dict[str, Any]) -> int:
-        """Queue an action, and return the number of its outcome."""
-        number = self.actions.add(name, arguments)
+    def act(self, name: str, arguments: dict[str, Any]) -> None:
+        """Queue an action."""
+        self.actions.add(name, arguments)
         self._wake.set()
-        return number
 
     # The thread
 
@@ -266,9 +249,8 @@ class LiveDrill:
             self.refusals = self.refusals[0], refused[-1][1]
 
     def _check(self) -> None:
-        if self._closed:
-            raise InterruptedWaitError
-        if self.actions.running == "step" and self.actions.waits_for(_INTERRUPTERS):
+        long = self.actions.running == "step" and self.actions.waits_for(_INTERRUPTERS)
+        if self._closed or long:
             raise InterruptedWaitError
         self._settle()  # a long step shows what happens
 
@@ -287,14 +269,13 @@ class LiveDrill:
                 self._connect(self.connection["state"], str(error))
                 self.actions.fail_all(str(error))
             else:
-                self._connect(CONNECTED, "")
-                return
+                return self._connect(CONNECTED, "")
+        return None
 
     def _follow(self) -> None:
         client = self._client
         assert client is not None  # it was found
-        self._asked_run = 0
-        due = 0.0
+        due, asked_run = 0.0, 0
         while not self._closed:
             client.take()
             self._settle()
@@ -307,18 +288,14 @@ class LiveDrill:
                     return self._lose(client, "it has left")
                 if now - self._status_at > _SILENCE:
                     return self._lose(client, f"it has published no status for {_SILENCE:g} s")
-                self._look(client)
+                if self._heard.run != asked_run:
+                    asked_run = self._heard.run
+                    with suppress(ClientError):  # it may be gone, which the next look shows
+                        response = client.list_faults()
+                        self.kinds, self.channels = tuple(response.kinds), tuple(response.channels)
             self._wake.wait(_PERIOD)
             self._wake.clear()
         return None
-
-    def _look(self, client: DrillClient) -> None:
-        """Look at what no message says: which faults are possible."""
-        if self._heard.run != self._asked_run:
-            self._asked_run = self._heard.run
-            with suppress(ClientError):  # it may be gone, which the next look shows
-                response = client.list_faults()
-                self.kinds, self.channels = tuple(response.kinds), tuple(response.channels)
 
     def _lose(self, client: DrillClient, reason: str) -> None:
         self._connect(VANISHED, f"the drill in {self.namespace} is gone: {reason}")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import asdict
 from typing import Any
 from urllib.parse import urlencode
@@ -15,11 +15,11 @@ from rpud_sim.foundation.quantities import ParameterError, shown
 from rpud_sim.pages.quantities import QUANTITIES, number_text
 from rpud_sim.ros.client.drill_finder import DrillFinder
 from rpud_sim.ros.starting import StartError
-from rpud_sim.viewer.heard import Heard
+from rpud_sim.viewer.heard import Block, Heard
 from rpud_sim.viewer.live_drill import LiveDrill
 from rpud_sim.viewer.picture import MOTION, SECTION, chosen_quantities, drill_plots
 from rpud_sim.viewer.server import PageServer, Place
-from rpud_sim.viewer.session import ClientState, StoreError, View
+from rpud_sim.viewer.session import ClientState, Store, StoreError
 
 # How long a drill is heard after its last page has gone: a page may be loaded again [s].
 LINGER = 120.0
@@ -28,7 +28,6 @@ MOST_DRILLS = 16
 _GAP = 1.0  # shortest time before the server heard the drill that is shown as a gap [s]
 _MOST_SAMPLES = 1200  # of a section
 _SHARE = 100.0  # a view may take one part of so many of the time
-
 _LOOK_PERIOD = 3.0  # between looks at the namespaces [s]
 
 
@@ -45,12 +44,7 @@ _TIMING = {
 }
 
 
-def drill_path(namespace: str) -> str:
-    """Return the address of a drill's screen on the server."""
-    return f"/screen?{urlencode({'namespace': namespace}, safe='/')}"
-
-
-class LiveStore:
+class LiveStore(Store):
     """Drills of a domain; one thread hears each, however many pages show it.
 
     A page that names no drill shows that of ``namespace``, which may start later. ``clock`` gives
@@ -122,7 +116,14 @@ class LiveStore:
         """Return what has changed."""
         if self._clock() - self._looked >= _LOOK_PERIOD:
             self._look()
-        return live_frame(self._pages[id(client)], client, self._namespaces)
+        drill = self._pages[id(client)]
+        if drill.error:
+            raise StoreError(f"the thread that hears {drill.namespace} has ended: {drill.error}")
+        with drill.reading() as heard:
+            if client.sent.get("run", (None,))[0] != heard.run:
+                client.sent.clear()
+                client.section = True
+            return self._state(drill, heard, client) | _measured(heard, client) or None
 
     def request(self, client: ClientState, name: str, content: Any) -> None:
         """Queue an action."""
@@ -132,38 +133,33 @@ class LiveStore:
 
     def listing(self) -> dict[str, Any]:
         """Return the drills of the domain for the list."""
-        found = [
-            {**asdict(drill), "path": drill_path(drill.namespace)} for drill in self.finder.drills()
+        drills = [
+            {
+                **asdict(each),
+                "path": f"/screen?{urlencode({'namespace': each.namespace}, safe='/')}",
+            }
+            for each in self.finder.drills()
         ]
-        return {"domain": self.finder.domain_id, "drills": found}
+        return {"domain": self.finder.domain_id, "drills": drills}
 
     def _look(self) -> list[str]:
         self._looked = self._clock()
         self._namespaces = [drill.namespace for drill in self.finder.drills()]
         return self._namespaces
 
-
-def live_frame(
-    drill: LiveDrill, client: ClientState, namespaces: list[str]
-) -> dict[str, Any] | None:
-    """Return what has changed of a drill for one browser; None for nothing."""
-    if drill.error:
-        raise StoreError(f"the thread that hears {drill.namespace} has ended: {drill.error}")
-    with drill.reading() as heard:
-        if client.sent.get("run", (None,))[0] != heard.run:
-            client.sent.clear()
-            client.section = True
+    def _state(self, drill: LiveDrill, heard: Heard, client: ClientState) -> dict[str, Any]:
+        """Return what has changed of a drill's state."""
         plain = {
             "run": heard.run,
             "growing": True,
-            "drills": namespaces,
+            "drills": self._namespaces,
             "drill": drill.namespace,
             "connection": drill.connection,
             "kinds": drill.kinds,
             "channels": drill.channels,
             "refusals": drill.refusals,
             "losses": drill.lost,
-            "outcomes": [asdict(each) for each in drill.actions.outcomes],
+            "outcomes": drill.actions.outcomes,
             "status": heard.status,
             "faults": heard.faults,
         }
@@ -173,57 +169,57 @@ def live_frame(
             plain["gaps"] = [[0.0, heard.since]] if heard.since > _GAP else []
         frame = {name: value for name, value in plain.items() if client.is_due(name, value)}
         if "status" in frame:
-            frame["timing"] = _timing(heard.status)
-        if client.is_due("values", heard.version, 0.5):
-            frame["values"] = heard.values
-        if client.is_due("log", heard.log_version, 0.5):
-            frame |= heard.commands.frame(heard.faults)
-        start, end = _range(client.view, heard.time or 0.0)
-        if client.is_due("steps", (heard.log_version, client.view), 0.5):
-            steps = heard.commands.steps(start, end, client.view.width)
-            frame["steps"] = {name: steps[name] for name in steps if heard.is_stepped(name)}
-        if heard.time is not None:
-            frame |= _measured(client, heard, heard.time, start, end)
-    return frame or None
+            frame["timing"] = {
+                label: QUANTITIES["lateness"].text(heard.status[name])
+                if name in ("lateness_max", "lag")
+                else number_text(float(heard.status[name]))
+                for label, name in _TIMING.items()
+                if name in heard.status
+            }
+        return frame
 
 
-def _measured(
-    client: ClientState, heard: Heard, now: float, start: float, end: float
-) -> dict[str, Any]:
-    sent, found = client.sent, dict[str, Any]()
-    if client.is_due("has", now, 1.0):
+def _measured(heard: Heard, client: ClientState) -> dict[str, Any]:
+    """Return what is new of commands, plots, numbers and motion."""
+    sent, due, view, found = client.sent, client.is_due, client.view, dict[str, Any]()
+    now = heard.time or 0.0
+    start, end = (view.start, view.end) if view.follow is None else (now - view.follow, now)
+    if due("values", heard.version, 0.5):
+        found["values"] = heard.values
+    if due("log", heard.log_version, 0.5):
+        found |= heard.commands.frame(heard.faults)
+    if due("steps", (heard.log_version, view), 0.5):
+        steps = heard.commands.steps(start, end, view.width)
+        found["steps"] = {name: steps[name] for name in steps if heard.is_stepped(name)}
+    if heard.time is None:
+        return found
+    if due("has", now, 1.0):
         plots = drill_plots(heard.has)
-        if client.is_due("plots", plots):
+        if due("plots", plots):
             found["plots"] = plots
-    if client.is_due("numbers", now, 0.2):
+    if due("numbers", now, 0.2):
         found["numbers"] = heard.picture().numbers(now)
-    if client.is_due("whole", heard.whole.end, 1.0):
+    if due("whole", heard.whole.end, 1.0):
         whole = heard.picture(0.0)
         found["timeline"] = whole.line("peak_force", 0.0, now)
         if (hole := whole.hole(now, heard.commands.parameters)) is not None:
             found["hole"] = hole
-    block = heard.block
-    if client.section and block is not None and client.is_due("section", block[0]):
-        found["section"] = _section(heard, *block)
-    if client.is_due("asked", (client.view, client.choices)):
+    if client.section and heard.block is not None and due("section", heard.block[0]):
+        found["section"] = _section(heard, heard.block)
+    if due("asked", (view, client.choices)):
         sent["view"] = None, -math.inf
-    if client.is_due("view", heard.version, sent.get("cost", 0.0) * _SHARE):
+    if due("view", heard.version, sent.get("cost", 0.0) * _SHARE):
         began = time.perf_counter()
         chosen = chosen_quantities(sent["plots"][0], client.choices)
         kinds = {name: kind for name, kind in chosen.items() if not heard.is_stepped(name)}
-        found["view"] = heard.picture(start).view(start, end, client.view.width, kinds)
+        found["view"] = heard.picture(start).view(start, end, view.width, kinds)
         sent["cost"] = time.perf_counter() - began
     return found
 
 
-def _range(view: View, now: float) -> tuple[float, float]:
-    return (view.start, view.end) if view.follow is None else (now - view.follow, now)
-
-
-def _section(
-    heard: Heard, begin: float, period: float, arrays: tuple[np.ndarray, ...]
-) -> dict[str, Any]:
+def _section(heard: Heard, block: Block) -> dict[str, Any]:
     """Return the end of a block."""
+    begin, period, arrays = block
     length = len(arrays[0])
     first = max(0, length - max(2, round(SECTION / period)))
     stride = -(-(length - first) // _MOST_SAMPLES)
@@ -235,16 +231,6 @@ def _section(
     impacts = [[at - time, *rest] for at, *rest in heard.latest_impacts if time <= at < end]
     own = {"time": time, "period": period * stride, "exact": stride == 1, "impacts": impacts}
     return {**samples, **own}
-
-
-def _timing(status: Mapping[str, Any]) -> dict[str, str]:
-    return {
-        label: QUANTITIES["lateness"].text(status[name])
-        if name in ("lateness_max", "lag")
-        else number_text(float(status[name]))
-        for label, name in _TIMING.items()
-        if name in status
-    }
 
 
 def serve_drills(

@@ -12,86 +12,18 @@ from typing import Any
 import numpy as np
 
 from rpud_sim.bag import Message
+from rpud_sim.foundation.time import SECOND
 from rpud_sim.inspection.recorded_drill import Jump
 from rpud_sim.viewer.commands import Commands, fault_row
 from rpud_sim.viewer.history import Bins, Impacts
 from rpud_sim.viewer.picture import GAP, usual
 from rpud_sim.viewer.recording import PieceRows, Recording
-from rpud_sim.viewer.signals import (
-    FAULTS,
-    IMPACTS,
-    JOURNAL,
-    PEAK_FORCE,
-    find_jumps,
-    namespace,
-)
-
-MOST_FAULTS = 500  # of a drill; further ones are counted
-AT_ONCE = 64  # parts with journals and faults that are read before the page stands
-
-
-class Marks:
-    """Commands and faults that were read so far."""
-
-    def __init__(self, recording: Recording) -> None:
-        self._recording = recording
-        self._topics = [
-            name
-            for name, reader in recording.readers.items()
-            if reader.summary.topic.type in (JOURNAL, FAULTS)
-        ]
-        self.clear()
-
-    def clear(self) -> None:
-        """Forget everything: the clocks of the recording have changed."""
-        self.commands: dict[str, Commands] = defaultdict(Commands)  # by drill
-        self._faults: dict[tuple[str, int, int], dict[str, Any]] = {}  # drill, run, number
-        self.unlisted = 0  # faults beyond ``MOST_FAULTS``, and messages of other types
-        self.version = 0
-        self._next = 0
-
-    def read_next(self) -> bool:
-        """Read the next part that holds any; return whether there was one."""
-        pieces = self._recording.pieces
-        while self._next < len(pieces):
-            number, self._next = self._next, self._next + 1
-            if not pieces[number].topics.isdisjoint(self._topics):
-                for topic in self._topics:
-                    for message, decoded in self._recording.decoded(number, topic):
-                        self._add(message, decoded)
-                self.version += 1
-                return True
-        return False
-
-    def faults(self, drill: str) -> list[dict[str, Any]]:
-        """Return ``faults`` of a frame, in the order of their onsets."""
-        found = [fault for (name, _, _), fault in self._faults.items() if name == drill]
-        return sorted(found, key=lambda fault: float(fault["onset"]))
-
-    def _add(self, message: Message, decoded: Any) -> None:
-        drill = namespace(message.topic)
-        try:
-            if hasattr(decoded, "faults"):
-                self._add_faults(drill, message, decoded)
-            else:
-                time = self._recording.time_of(message, decoded.header.stamp)
-                self.commands[drill].add(time, str(decoded.kind), decoded.content)
-        except (AttributeError, TypeError, ValueError):
-            self.unlisted += 1  # another type of the same name
-
-    def _add_faults(self, drill: str, message: Message, decoded: Any) -> None:
-        jumps = self._recording.clocks[drill].jumps
-        run = sum(jump.time <= message.log_time for jump in jumps)
-        for fault in decoded.faults:
-            key = drill, run, int(fault.number)
-            if key not in self._faults and len(self._faults) >= MOST_FAULTS:
-                self.unlisted += 1
-                continue
-            self._faults[key] = fault_row(fault, partial(self._recording.time_of, message))
-
+from rpud_sim.viewer.signals import FAULTS, IMPACTS, JOURNAL, find_jumps, namespace
 
 BINS = 2**17  # greatest number of bins of a signal
 MEMORY = 256 * 2**20  # greatest size of the bins of all signals [bytes]
+MOST_FAULTS = 500  # of a bag; further ones are counted
+AT_ONCE = 64  # parts with journals and faults that are read before the page stands
 
 _LEAST_BINS = 2**10
 _BIN_SIZE = 32  # bytes
@@ -102,21 +34,44 @@ _SPARE = 1.02  # of the time, for what is later than the last log time
 
 
 class Overview:
-    """Bins of all signals over the whole time of a recording, and the impacts of each drill.
+    """Bins of all signals over the whole time of a recording, and the impacts, commands and faults.
 
-    ``look`` fills them from parts anywhere in the bag, ``read_next`` one part after the other. What
-    a bag gains while it grows is read by further calls of it.
+    At first it has a sample. ``look`` reads parts anywhere in the bag, ``read_next`` one after the
+    other. What a bag gains while it grows is read by further calls of it.
     """
 
     def __init__(self, recording: Recording) -> None:
         self._recording = recording
-        self._last: dict[str, tuple[int, int]] = {}  # stamp and log time by drill
-        self._sampled: set[int] = set()
-        self.read = 0  # parts that were read in their order
+        self._marked = [
+            name for name, each in recording.readers.items() if each.type in (JOURNAL, FAULTS)
+        ]
         self._scanned = 0  # parts whose jumps of the clocks are known
-        self.until = 0.0  # time up to which these reach [s]
-        self.end = 0.0  # latest time of what was read, and at first the expected one [s]
-        self._clear()
+        self.version = 0  # of commands and faults
+        self._restart()
+        self.look(recording.sample)
+        all(self._read_marks() for _ in range(AT_ONCE))  # until there are no more
+
+    def _restart(self) -> None:
+        """Forget everything: the clocks of the recording have changed."""
+        recording = self._recording
+        duration = max(recording.bag.duration / SECOND, 1e-3)
+        if recording.pieces:
+            duration = max(duration, recording.end_of(recording.rows(len(recording.pieces) - 1)))
+        names = [signal.name for signal in recording.signals]
+        fitting = MEMORY // (_BIN_SIZE * max(1, len(names)))
+        count = min(BINS, max(_LEAST_BINS, 2 ** int(math.log2(fitting))))
+        self.bins = Bins(names, duration * _SPARE / count, count)
+        self.impacts: dict[str, Impacts] = defaultdict(Impacts)  # by drill
+        self.end = duration  # latest time of what was read, and at first the expected one [s]
+        self._until = 0.0  # time up to which the parts reach that were read in their order [s]
+        self.read = 0  # number of these parts
+        self._sampled: set[int] = set()  # parts beyond them that were read
+        self._last: dict[str, tuple[int, int]] = {}  # stamp and log time by drill
+        self.commands: dict[str, Commands] = defaultdict(Commands)  # by drill
+        self._faults: dict[tuple[str, int, int], dict[str, Any]] = {}  # drill, run, number
+        self.unlisted = 0  # faults beyond ``MOST_FAULTS``, and messages of other types
+        self._marks = 0  # parts whose commands and faults were read
+        self.version += 1
 
     @property
     def complete(self) -> bool:
@@ -133,7 +88,7 @@ class Overview:
     @property
     def known(self) -> float:
         """Time up to which no value is missing [s]; infinite if all was read."""
-        return math.inf if self.complete else self.until
+        return math.inf if self.complete else self._until
 
     def look(self, numbers: Iterable[int]) -> None:
         """Read these parts now, if they were not read yet."""
@@ -144,34 +99,48 @@ class Overview:
                     self._sampled.add(number)
 
     def read_next(self) -> bool:
-        """Read the next few parts, if there are any; return whether the clocks stayed the same.
+        """Read the next few parts, those with commands first; return whether there were any.
 
-        If they did not, everything is to be read again, since all later times change.
+        If they show that a clock was set, all later times change, and all is read again.
         """
+        if self._read_marks():
+            return True
+        if self.complete:
+            return False
         recording, numbers = self._recording, self._batch(self.read)
         found = recording.rows_of(numbers)
-        clocks, found_jumps = recording.clocks, self._jumps(found)
+        jumps = self._jumps(found)
         if self.read >= self._scanned and any(
-            not {*new} <= {*clocks[drill].jumps} for drill, new in found_jumps
+            not {*new} <= {*recording.clocks[drill].jumps} for drill, new in jumps.items()
         ):
-            # The clock was set between the sampled parts.
-            self._scanned = len(recording.pieces)
-            self._last.clear()
-            self._sampled.clear()
-            jumps: dict[str, list[Jump]] = defaultdict(list)
-            for first in range(0, len(recording.pieces), _BATCH):
-                for drill, new in self._jumps(recording.rows_of(self._batch(first))):
-                    jumps[drill] += new
-            recording.set_jumps(jumps)
-            self._last.clear()
-            self.read = 0
-            self._clear()
-            return False
+            self._scan()
+            self._restart()
+            return True
         if self.read not in self._sampled:
             self._add(found)
-        self.until = max(self.until, recording.end_of(found))
+        self._until = max(self._until, recording.end_of(found))
         self.read += len(numbers)
         return True
+
+    def gaps(self) -> list[tuple[float, float]]:
+        """Return where no signal has messages for much longer than usual, from and to [s].
+
+        Only a complete overview knows it: of an incomplete one it returns nothing.
+        """
+        used, width = self.bins.used(), self.bins.width
+        steps = np.diff(used)
+        if not self.complete or len(steps) < _LEAST_STEPS:
+            return []
+        longest = max(GAP * usual(steps), _LEAST_GAP / width)
+        return [
+            ((int(used[place]) + 1) * width, int(used[place + 1]) * width)
+            for place in np.flatnonzero(steps > longest)
+        ]
+
+    def faults(self, drill: str) -> list[dict[str, Any]]:
+        """Return ``faults`` of a frame, in the order of their onsets."""
+        found = [fault for (name, _, _), fault in self._faults.items() if name == drill]
+        return sorted(found, key=lambda fault: float(fault["onset"]))
 
     def _batch(self, first: int) -> list[int]:
         """Return the parts that are read together: a sampled one alone, others until the next."""
@@ -180,45 +149,27 @@ class Overview:
         rest = range(first, min(first + _BATCH, len(self._recording.pieces)))
         return [*itertools.takewhile(lambda number: number not in self._sampled, rest)]
 
-    def gaps(self) -> list[tuple[float, float]]:
-        """Return where no signal has messages for much longer than usual, from and to [s].
+    def _scan(self) -> None:
+        """Find all jumps of the clocks: one was set between the sampled parts."""
+        self._scanned = len(self._recording.pieces)
+        self._last.clear()
+        jumps: dict[str, list[Jump]] = defaultdict(list)
+        for first in range(0, self._scanned, _BATCH):
+            numbers = range(first, min(first + _BATCH, self._scanned))
+            for drill, new in self._jumps(self._recording.rows_of(numbers)).items():
+                jumps[drill] += new
+        self._recording.set_jumps(jumps)
 
-        Only a complete overview knows it: of an incomplete one it returns nothing.
-        """
-        if not self.complete:
-            return []
-        used, width = self.bins.used(), self.bins.width
-        steps = np.diff(used)
-        if len(steps) < _LEAST_STEPS:
-            return []
-        longest = max(GAP * usual(steps), _LEAST_GAP / width)
-        return [
-            ((int(used[place]) + 1) * width, int(used[place + 1]) * width)
-            for place in np.flatnonzero(steps > longest)
-        ]
-
-    def _clear(self) -> None:
-        recording = self._recording
-        duration = max(recording.duration, 1e-3)
-        if recording.pieces:
-            duration = max(duration, recording.end_of(recording.rows(len(recording.pieces) - 1)))
-        names = [signal.name for signal in recording.signals]
-        fitting = MEMORY // (_BIN_SIZE * max(1, len(names)))
-        count = min(BINS, max(_LEAST_BINS, 2 ** int(math.log2(fitting))))
-        self.bins = Bins(names, duration * _SPARE / count, count)
-        self.impacts: dict[str, Impacts] = defaultdict(Impacts)  # by drill
-        self.until, self.end = 0.0, duration
-
-    def _jumps(self, found: PieceRows) -> list[tuple[str, list[Jump]]]:
+    def _jumps(self, found: PieceRows) -> dict[str, list[Jump]]:
         """Return the jumps of each drill's clock in the parts that follow those before."""
-        jumps = []
+        jumps = {}
         for drill in self._recording.clocks:
             stamps, logs = self._recording.series(drill, found)
             if len(stamps):
                 before = self._last.get(drill, (stamps[0], logs[0]))
                 self._last[drill] = stamps[-1], logs[-1]
                 stamps, logs = np.append(before[0], stamps), np.append(before[1], logs)
-                jumps.append((drill, find_jumps(stamps, logs)))
+                jumps[drill] = find_jumps(stamps, logs)
         return jumps
 
     def _add(self, found: PieceRows) -> None:
@@ -227,13 +178,42 @@ class Overview:
         for topic, rows in found.items():
             if not len(rows.stamps):
                 continue
-            times = recording.elapsed(topic, rows)
+            times, drill = recording.elapsed(topic, rows), namespace(topic)
             self.end = max(self.end, float(times.max()))
-            reader = recording.readers[topic]
-            for signal in reader.signals:
+            for signal in recording.readers[topic].signals:
                 self.bins.add(signal.name, times, rows.values[signal.column])
-            drill = namespace(topic)
-            if topic == recording.topic(drill, IMPACTS) and PEAK_FORCE in rows.values:
-                peaks = rows.values[PEAK_FORCE]
+            if topic == recording.topic(drill, IMPACTS) and "peak_force" in rows.values:
+                peaks = rows.values["peak_force"]
                 valid = np.isfinite(peaks)
                 self.impacts[drill].add(times[valid], peaks[valid])
+
+    def _read_marks(self) -> bool:
+        """Read the next part with commands or faults; return whether there was one."""
+        pieces = self._recording.pieces
+        while self._marks < len(pieces):
+            number, self._marks = self._marks, self._marks + 1
+            if not pieces[number].topics.isdisjoint(self._marked):
+                for topic in self._marked:
+                    for message, decoded in self._recording.decoded(number, topic):
+                        self._mark(namespace(topic), message, decoded)
+                self.version += 1
+                return True
+        return False
+
+    def _mark(self, drill: str, message: Message, decoded: Any) -> None:
+        time_of = partial(self._recording.time_of, message)
+        try:
+            if not hasattr(decoded, "faults"):
+                time = time_of(decoded.header.stamp)
+                self.commands[drill].add(time, str(decoded.kind), decoded.content)
+                return
+            jumps = self._recording.clocks[drill].jumps
+            run = sum(jump.time <= message.log_time for jump in jumps)
+            for fault in decoded.faults:
+                key = drill, run, int(fault.number)
+                if key in self._faults or len(self._faults) < MOST_FAULTS:
+                    self._faults[key] = fault_row(fault, time_of)
+                else:
+                    self.unlisted += 1
+        except (AttributeError, TypeError, ValueError):
+            self.unlisted += 1  # another type of the same name

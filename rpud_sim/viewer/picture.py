@@ -14,11 +14,33 @@ from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.pages.quantities import QUANTITIES
 from rpud_sim.viewer.history import Bins, Impacts, Layer
 
-_STEPS = ("weight_on_bit", "drive_voltage", "drive_frequency")
-_BANDS = (  # quantities that change faster than a screen shows
-    *("peak_force", "reacting_force", "mount_force", "torque", "drive_torque", "rotation_rate"),
-    *("feed", "mount_position", "nodal_plane", "drill_tool"),
-)
+GAP = 3.0  # distance of two points, in usual ones, from which on there is a gap between them
+SECTION = 0.02  # length of the motion that a section shows [s]
+MOTION = ("nodal_plane", "actuator", "free_mass", "drill_tool", "contact_force")
+IMPACTS = ("impact_rate", "peak_force")  # quantities that the impacts themselves show
+TIMES = ("weight_on_bit_applied", "drive_applied", "feed_applied")  # stamps in a status
+
+_POINT = 2  # width of a part of a band [px]
+_LEAST_IMPACTS = 8  # in a part of the time that shows their spread
+_RATES = 10  # parts of a second, whose rates of impacts are compared
+_SPARK = 60  # means of a sparkline, one a second
+_TIMELINE = 1000  # bins
+_FINEST = 1 << 20  # parts of a range: as many as there are bins
+_COLOURS = 6  # of layers of the rock
+_LOG_PARTS = 200  # of the depth, at most
+_LOG_BINS = 4000  # of the run, for rate and torque over the depth
+_NUMBERS = {  # quantities that a number shows: the first that there is
+    "reacting_force": ("reacting_force",),
+    "power": ("electrical_power", "actuator_power"),
+    "penetration_rate": ("penetration_rate",),
+}
+# Kinds of layers; bands are of quantities that change faster than a screen shows. Others are lines.
+_KINDS = {
+    **dict.fromkeys(("weight_on_bit", "drive_voltage", "drive_frequency"), "steps"),
+    **dict.fromkeys(("peak_force", "reacting_force", "mount_force", "torque"), "band"),
+    **dict.fromkeys(("drive_torque", "rotation_rate", "feed", "mount_position"), "band"),
+    **dict.fromkeys(("nodal_plane", "drill_tool"), "band"),
+}
 # Choices of the last plot: title and quantities by identifier.
 _MORE = {
     "depth": ("depth of the hole", "depth"),
@@ -58,8 +80,11 @@ def drill_plots(
     """
     plots = []
     for name, title, choices in _PLOTS:
-        shown = [_choice(each, *choice, has=has) for each, choice in choices.items()]
-        shown = [choice for choice in shown if choice["layers"]]
+        shown = [
+            choice_of(each, heading, labels)
+            for each, (heading, *quantities) in choices.items()
+            if (labels := {each: QUANTITIES[each].label for each in quantities if has(each)})
+        ]
         if name == "more":
             shown += others
         if shown:
@@ -67,16 +92,17 @@ def drill_plots(
     return plots
 
 
-def _choice(name: str, title: str, *quantities: str, has: Callable[[str], bool]) -> dict[str, Any]:
+def choice_of(name: str, title: str, labels: Mapping[str, str]) -> dict[str, Any]:
+    """Return a choice of a plot with a layer for each quantity, by the labels of these."""
     layers = [
-        {"quantity": each, "label": QUANTITIES[each].label, "kind": _kind(each)}
-        for each in filter(has, quantities)
+        {
+            "quantity": quantity,
+            "label": label,
+            "kind": _KINDS.get(quantity, "line" if quantity in QUANTITIES else "band"),
+        }
+        for quantity, label in labels.items()
     ]
     return {"id": name, "title": title, "layers": layers}
-
-
-def _kind(quantity: str) -> str:
-    return "steps" if quantity in _STEPS else "band" if quantity in _BANDS else "line"
 
 
 def chosen_quantities(plots: Collection[dict[str, Any]], choices: Any) -> dict[str, str]:
@@ -86,33 +112,12 @@ def chosen_quantities(plots: Collection[dict[str, Any]], choices: Any) -> dict[s
     """
     found: dict[str, str] = {}
     for plot in plots:
-        if plot["id"] == "motion":
-            continue
-        wanted = choices.get(plot["id"])
-        options = plot["choices"]
-        choice = next((each for each in options if each["id"] == wanted), options[0])
-        found |= {layer["quantity"]: layer["kind"] for layer in choice["layers"]}
+        options = {each["id"]: each["layers"] for each in plot["choices"]}
+        layers = options.get(choices.get(plot["id"]), plot["choices"][0]["layers"])
+        if plot["id"] != "motion":
+            found |= {layer["quantity"]: layer["kind"] for layer in layers}
     return found
 
-
-GAP = 3.0  # distance of two points, in usual ones, from which on there is a gap between them
-SECTION = 0.02  # length of the motion that a section shows [s]
-MOTION = ("nodal_plane", "actuator", "free_mass", "drill_tool", "contact_force")
-IMPACTS = ("impact_rate", "peak_force")  # quantities that the impacts themselves show
-
-_POINT = 2  # width of a part of a band [px]
-_LEAST_IMPACTS = 8  # in a part of the time that shows their spread
-_RATES = 10  # parts of a second, whose rates of impacts are compared
-_SPARK = 60  # means of a sparkline, one a second
-_TIMELINE = 1000  # bins
-_COLOURS = 6  # of layers of the rock
-_LOG_PARTS = 200  # of the depth, at most
-_LOG_BINS = 4000  # of the run, for rate and torque over the depth
-_NUMBERS = {  # quantities that a number shows: the first that there is
-    "reacting_force": ("reacting_force",),
-    "power": ("electrical_power", "actuator_power"),
-    "penetration_rate": ("penetration_rate",),
-}
 
 Range = tuple[float, float, int]  # begin and end [s], number of parts
 
@@ -157,8 +162,7 @@ class Picture:
             count = len(self.impacts.between(begin, last)[0])
             ranges.append((begin, last, min(parts, max(1, count // _LEAST_IMPACTS))))
         if "impact_rate" in wanted:
-            rates = [self.impacts.rate(*each) for each in ranges]
-            layers["impact_rate"] = joined([{"t": t, "mean": rate} for t, rate in rates])
+            layers["impact_rate"] = joined([self.impacts.rate(*each) for each in ranges])
         if "peak_force" not in wanted:
             return layers
         if len(self.impacts.between(start, end)[0]) >= self.most:
@@ -189,9 +193,9 @@ class Picture:
         for number, quantities in _NUMBERS.items():
             if name := next(filter(None, map(self.names, quantities)), None):
                 means = self.bins.view(name, now - seconds, now, seconds)["mean"]
-                bins = self.bins.view(name, begin, now, 1 << 20)
+                bins = self.bins.view(name, begin, now, _FINEST)
                 if not np.isfinite(bins["mean"]).any():  # a status is as old as a second
-                    bins = self.bins.view(name, begin - 1.0, now, 1 << 20)
+                    bins = self.bins.view(name, begin - 1.0, now, _FINEST)
                 found[number] = _figures(bins["low"], bins["mean"], bins["high"], means)
         return found
 
@@ -213,7 +217,7 @@ class Picture:
 
     def latest(self, name: str, now: float) -> float | None:
         """Return the latest value of a signal of the bins in the second before a time [s]."""
-        means = self.bins.view(name, now - 1.0, now, 1 << 20)["mean"]
+        means = self.bins.view(name, now - 1.0, now, _FINEST)["mean"]
         known = means[np.isfinite(means)]
         return float(known[-1]) if len(known) else None
 
@@ -303,16 +307,11 @@ def well_log(
     valid = np.isfinite(depth) & np.isfinite(rate) & (depth >= 0.0)
     greatest = float(depth[valid].max(initial=0.0))
     if greatest <= 0.0:
-        return {"depth": np.empty(0), "rate": np.empty(0), "torque": np.empty(0)}
+        return dict.fromkeys(("depth", "rate", "torque"), np.empty(0))
     part = np.minimum((depth[valid] / greatest * _LOG_PARTS).astype(int), _LOG_PARTS - 1)
-    used, places = np.unique(part, return_inverse=True)
-    counts = np.bincount(places)
-
-    def means(values: np.ndarray | None) -> np.ndarray:
-        if values is None:
-            return np.full(len(used), np.nan, np.float32)
-        found: np.ndarray = np.bincount(places, values[valid]) / counts
-        return found.astype(np.float32)
-
-    centres = ((used + 0.5) * greatest / _LOG_PARTS).astype(np.float32)
-    return {"depth": centres, "rate": means(rate), "torque": means(torque)}
+    used, places, counts = np.unique(part, return_inverse=True, return_counts=True)
+    log = {"depth": (used + 0.5) * greatest / _LOG_PARTS}
+    log["rate"] = np.bincount(places, rate[valid]) / counts
+    none = np.full(len(used), np.nan)
+    log["torque"] = none if torque is None else np.bincount(places, torque[valid]) / counts
+    return {name: values.astype(np.float32) for name, values in log.items()}

@@ -12,14 +12,12 @@ from typing import TYPE_CHECKING, Any
 
 from rpud_sim.bag import BagError
 from rpud_sim.foundation.quantities import ParameterError
+from rpud_sim.foundation.time import SECOND
 from rpud_sim.pages.quantities import QUANTITIES, Quantity, for_browser
-from rpud_sim.viewer.overview import AT_ONCE, Marks, Overview
-from rpud_sim.viewer.picture import chosen_quantities, drill_plots
-from rpud_sim.viewer.recording import Recording
-from rpud_sim.viewer.session import ClientState, StoreError
+from rpud_sim.viewer.picture import choice_of, chosen_quantities, drill_plots
+from rpud_sim.viewer.session import ClientState, Store, StoreError
 from rpud_sim.viewer.signals import Signal
 from rpud_sim.viewer.views import MESSAGES_RANGE, Views
-from rpud_sim.viewer.waveforms import Waveforms
 
 if TYPE_CHECKING:
     from rpud_sim.viewer.server import PageServer, Place
@@ -30,34 +28,7 @@ _MOST_PLOTS = 5  # of a bag without a drill
 _MOST_GAPS = 300
 
 
-class Opened:
-    """Recording, and what was read of it so far."""
-
-    def __init__(self, path: Path) -> None:
-        self.recording = Recording(path)
-        try:
-            self.overview = Overview(self.recording)
-            self.overview.look(self.recording.sample)
-            self.marks = Marks(self.recording)
-            all(self.marks.read_next() for _ in range(AT_ONCE))  # until there are no more
-            self.waveforms = Waveforms(self.recording)
-            self.views = Views(self.recording, self.overview, self.waveforms)
-        except BaseException:
-            self.recording.close()
-            raise
-
-    def read_next(self) -> bool:
-        """Read the next part; return whether there was one."""
-        if self.marks.read_next():
-            return True
-        if self.overview.complete:
-            return False
-        if not self.overview.read_next():
-            self.marks.clear()
-        return True
-
-
-class RecordedStore:
+class RecordedStore(Store):
     """Store of one bag.
 
     When it is made it has read a sample of the bag, so that a page can stand at once; ``start``
@@ -68,7 +39,7 @@ class RecordedStore:
 
     def __init__(self, path: str | Path) -> None:
         self.path = Path(path)
-        self._bag = Opened(self.path)
+        self._bag = Views(self.path)
         self._opened = 1  # how often the bag was opened
         self._version = 0  # of what was read; grows at most each ``_REFRESH``
         self._refreshed = 0.0
@@ -82,25 +53,21 @@ class RecordedStore:
         """Read on in a thread."""
         self._thread.start()
 
-    def read_all(self) -> Opened:
+    def read_all(self) -> Views:
         """Read the whole bag and return it; for one that no thread reads."""
-        while self._bag.read_next():
+        while self._bag.overview.read_next():
             pass
         self._version += 1
         return self._bag
-
-    def shut(self) -> None:
-        """End the thread and release the files."""
-        self._ended.set()
-        if self._thread.is_alive():
-            self._thread.join()
-        self._bag.recording.close()
 
     def __enter__(self) -> RecordedStore:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self.shut()
+        self._ended.set()
+        if self._thread.is_alive():
+            self._thread.join()
+        self._bag.recording.close()
 
     # For pages
 
@@ -108,23 +75,16 @@ class RecordedStore:
     def drills(self) -> list[str]:
         """Namespaces of drills; of a bag without a drill, those with signals."""
         recording = self._bag.recording
-        found = sorted(set(recording.clocks))
+        found = sorted(recording.clocks)
         ours = [drill for drill in found if recording.is_drill(drill)]
-        return ours or [d for d in found if any(s.drill == d for s in recording.signals)] or found
+        return ours or sorted({signal.drill for signal in recording.signals}) or found
 
     def open(self, client: ClientState) -> None:
         """Note one more browser; an unknown drill is an error, none is the first."""
-        if not client.drill:
-            client.drill = self.drills[0]
+        client.drill = client.drill or self.drills[0]
         if client.drill not in self.drills:
             raise StoreError(f"the bag holds no drill {client.drill:.100}")
         client.sent["opened"] = self._bag
-
-    def close(self, client: ClientState) -> None:
-        """Note that a browser has gone."""
-
-    def tidy(self) -> None:
-        """A bag has nothing to free."""
 
     def request(self, client: ClientState, name: str, content: Any) -> None:
         """Find an impact: the next frame has it as ``jump``."""
@@ -151,31 +111,31 @@ class RecordedStore:
         if client.sent.get("opened") is not bag:  # opened again: the browser forgets everything
             client.sent = {"opened": bag}
             client.section = True
-        sent, due, views = client.sent, client.is_due, bag.views
+        sent, due, overview = client.sent, client.is_due, bag.overview
         if due("described", version):
             sent["described plots"] = self._describe(drill)
         plots, others = sent["described plots"]
-        now, commands = bag.overview.end, bag.marks.commands[drill]
+        now, commands = overview.end, overview.commands[drill]
         playhead = now if client.playhead is None else min(max(client.playhead, 0.0), now)
         kinds = chosen_quantities(plots, client.choices)
         start, end = self._range(client, now)
-        whole = end - start > MESSAGES_RANGE  # it is made of what was read so far
         frame: dict[str, Any] = {}
         if due("drills", drill):
             frame |= {"drills": self.drills, "drill": drill, "run": self._opened}
         if due("plots", plots):
             frame |= {"plots": plots, "quantities": for_browser() + others}
         if due("state", version):
-            frame |= {**self._state(now), "timeline": views.timeline(drill)}
-        if due("marks", bag.marks.version):
-            faults = bag.marks.faults(drill)
+            frame |= {**self._state(now), "timeline": bag.timeline(drill)}
+        if due("marks", overview.version):
+            faults = overview.faults(drill)
             frame |= {"faults": faults, **commands.frame(faults)}
-        recent = version if whole or end > now - _REFRESH else 0
-        if due("view", (start, end, width, kinds, recent)):
-            frame["view"] = views.view(drill, start, end, width, kinds)
+        # A long view is made of what was read so far, and a late one may grow.
+        moving = end - start > MESSAGES_RANGE or end > now - _REFRESH
+        if due("view", (start, end, width, kinds, version if moving else 0)):
+            frame["view"] = bag.view(drill, start, end, width, kinds)
             frame["steps"] = commands.steps(start, end, width)
         if due("moment", (playhead, version)):
-            frame |= views.moment(drill, playhead, commands.parameters)
+            frame |= bag.moment(drill, playhead)
         if client.section and due("section", playhead):
             section = bag.waveforms.section(drill, playhead)
             frame |= {"section": section} if section else {}
@@ -186,25 +146,17 @@ class RecordedStore:
     def _describe(self, drill: str) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
         """Return the plots of a drill, and the quantities of the signals beyond the table."""
         bag = self._bag
-        known = {bag.views.signal(drill, quantity) for quantity in QUANTITIES}
+        known = {bag.signal(drill, quantity) for quantity in QUANTITIES}
         left = [
-            signal
-            for signal in bag.recording.signals
-            if signal not in known and bag.views.has_values(signal)
+            each for each in bag.recording.signals if each not in known and bag.has_values(each)
         ]
         left.sort(key=lambda signal: signal.drill != drill)
-        others = [_quantity(signal, drill) for signal in left]
-        choices = [
-            {
-                "id": each["name"],
-                "title": each["label"],
-                "layers": [{"quantity": each["name"], "label": each["label"], "kind": "band"}],
-            }
-            for each in others
-        ]
+        quantities = [_quantity(signal, drill) for signal in left]
+        others = [each.for_browser() for each in quantities]
+        choices = [choice_of(each.name, each.label, {each.name: each.label}) for each in quantities]
         if bag.recording.is_drill(drill):
-            steps = bag.marks.commands[drill].quantities
-            plots = drill_plots(lambda name: name in steps or bag.views.has(drill, name), choices)
+            steps = bag.overview.commands[drill].quantities
+            plots = drill_plots(lambda name: name in steps or bag.has(drill, name), choices)
             return plots, others
         plots = [
             {"id": f"signal{n}", "title": "signal", "choices": choices[n:] + choices[:n]}
@@ -220,17 +172,16 @@ class RecordedStore:
             return start, max(min(view.end, now), start + 1e-9)
         if self._bag.recording.growing:
             client.sent["followed"] = True
-        followed = client.sent.get("followed", False)
-        return (max(now - view.follow, 0.0) if followed else 0.0), now
+        return (max(now - view.follow, 0.0) if client.sent.get("followed") else 0.0), now
 
     def _state(self, now: float) -> dict[str, Any]:
-        recording, overview = self._bag.recording, self._bag.overview
+        recording, overview, bag = self._bag.recording, self._bag.overview, self._bag.recording.bag
         losses = {}
         timing = {
-            "bag": f"{recording.path.name}: {recording.duration:.6g} s, "
-            f"{recording.bag.message_count} messages, {recording.bag.size / 1e6:.1f} MB"
+            "bag": f"{recording.path.name}: {bag.duration / SECOND:.6g} s, "
+            f"{bag.message_count} messages, {bag.size / 1e6:.1f} MB"
         }
-        for summary in recording.bag.readable_topics:
+        for summary in bag.readable_topics:
             name, rate = summary.topic.name, summary.rate
             at = f" at {rate:.4g} Hz" if rate else ""
             timing[name] = f"{summary.message_count} messages{at}"
@@ -249,7 +200,7 @@ class RecordedStore:
 
     def _notice(self) -> str:
         """Return what a user must know of the state of the bag; empty for nothing."""
-        bag, recording, parts = self._bag, self._bag.recording, []
+        recording, unlisted, parts = self._bag.recording, self._bag.overview.unlisted, []
         if recording.lost:
             parts.append(f"{recording.lost} since it was opened; this is what was there.")
         elif recording.bag.unclosed and not recording.growing:
@@ -261,8 +212,8 @@ class RecordedStore:
         unreadable = [f"{count} of {name:.100}" for name, count in counts.items() if count]
         if unreadable:
             parts.append(f"Messages that cannot be read: {', '.join(unreadable[:5])}.")
-        if bag.marks.unlisted:
-            parts.append(f"{bag.marks.unlisted} entries of journal and faults are not shown.")
+        if unlisted:
+            parts.append(f"{unlisted} entries of journal and faults are not shown.")
         if not recording.signals:
             parts.append("The bag holds no numbers that can be drawn over time.")
         elif recording.left_out:
@@ -284,7 +235,7 @@ class RecordedStore:
         try:
             while self._may_read():
                 with self._lock:
-                    more = self._bag.read_next()
+                    more = self._bag.overview.read_next()
                     if not more or time.monotonic() - self._refreshed > _REFRESH:
                         self._refreshed = time.monotonic()
                         self._version += 1
@@ -305,15 +256,13 @@ class RecordedStore:
     def _wait_for_growth(self) -> None:
         """Wait until the bag has grown, and add what was written."""
         pause = _REFRESH
-        while not self._ended.wait(pause):
-            if not self._may_read():
-                return
+        while not self._ended.wait(pause) and self._may_read():
             begin = time.monotonic()
             with self._lock:
                 recording = self._bag.recording
                 before = len(recording.pieces), recording.lost, recording.growing
                 if not recording.grow():
-                    opened = Opened(self.path)
+                    opened = Views(self.path)
                     recording.close()
                     self._bag = opened
                     self._opened += 1
@@ -321,8 +270,7 @@ class RecordedStore:
                 after = len(recording.pieces), recording.lost, recording.growing
             if after[0] > before[0]:
                 return
-            if after != before:
-                self._version += 1
+            self._version += after != before
             pause = max(_REFRESH, (time.monotonic() - begin) / _SHARE)
 
 
@@ -341,7 +289,7 @@ def serve_bag(
         server.run()
 
 
-def _quantity(signal: Signal, drill: str) -> dict[str, Any]:
+def _quantity(signal: Signal, drill: str) -> Quantity:
     """Return a signal as a quantity of the table that the browser has."""
     label = f"{signal.topic.removeprefix(f'{drill}/')} {signal.column}"
-    return Quantity(signal.name, label, signal.unit, zero=False).for_browser()
+    return Quantity(signal.name, label, signal.unit, zero=False)

@@ -14,22 +14,18 @@ from typing import Any
 import numpy as np
 
 import rpud_sim.bag
-from rpud_sim.bag import BagError, Message, Piece
-from rpud_sim.bag.cdr import Codec
-from rpud_sim.bag.message_block import MessageBlock, joined, messages_of
+from rpud_sim.bag import BagError, BagSegment, Message
+from rpud_sim.bag.messages import MessageBlock, joined, messages_of
 from rpud_sim.foundation.time import SECOND, join_seconds
 from rpud_sim.inspection.recorded_drill import Clock, Jump
 from rpud_sim.viewer.signals import (
     OURS,
     Rows,
-    Series,
-    Signal,
     clock_topics,
     find_jumps,
     is_stranger,
     namespace,
     topic_readers,
-    zero_stamp,
 )
 
 # Parts that are read before the page stands; of the others it has not seen anything yet.
@@ -59,32 +55,28 @@ class Recording:
             self.begin = self.bag.start_time  # log time of its beginning [ns]
             # By topic: readers, and reasons why there are no signals.
             self.readers, self.left_out = topic_readers(self.bag)
-            self.pieces: list[Piece] = self.bag.pieces()
+            self.pieces: list[BagSegment] = self.bag.segments()
         except BaseException:
             self.bag.close()
             raise
+        self.signals = [each for reader in self.readers.values() for each in reader.signals]
         self.damages: dict[int, str] = {}  # reasons why parts are not read, by their numbers
         self.lost = ""  # what happened to the files since they were opened; empty for nothing
         # Rows of a part by topic, none of a damaged one; those that were used last are kept.
         self.rows = lru_cache(_KEPT)(lambda number: self.rows_of([number]))
         self.decoded = lru_cache(_KEPT)(self._decode)
-        self._codecs: dict[str, Codec] = {}
+        self._held = lru_cache(_KEPT)(self._numbers)
         self._clock_topics = clock_topics(self.readers) or {"": frozenset()}  # nothing is readable
-        self._topics = frozenset(
+        self._topics = {
             name
             for name, reader in self.readers.items()
             if (reader.signals or reader.stamped)
             and (not reader.block or name in self._clock_topics[namespace(name)])
-        )
+        }
         self._spans: dict[str, dict[int, tuple[float, float] | None]] = defaultdict(dict)
-        self._held = lru_cache(_KEPT)(self._numbers)
         self.clocks = {drill: Clock(None, self.begin) for drill in self._clock_topics}
-        self._find_clocks()
-
-    @property
-    def duration(self) -> float:
-        """From the first to the last log time [s]."""
-        return self.bag.duration / SECOND
+        for drill in self.clocks:
+            self._find_clock(drill)
 
     @property
     def growing(self) -> bool:
@@ -96,24 +88,15 @@ class Recording:
         except OSError:
             return False
 
-    @property
-    def signals(self) -> tuple[Signal, ...]:
-        return tuple(signal for reader in self.readers.values() for signal in reader.signals)
-
     def is_drill(self, drill: str) -> bool:
         """Whether a namespace has topics of a drill."""
-        return any(
-            reader.summary.topic.type.startswith(OURS) and namespace(name) == drill
-            for name, reader in self.readers.items()
-        )
+        ours = [name for name, reader in self.readers.items() if reader.type.startswith(OURS)]
+        return drill in map(namespace, ours)
 
     def topic(self, drill: str, kind: str) -> str:
         """Return the topic of a drill with messages of a type, the drill's own first; or ""."""
-        found = [
-            name
-            for name, reader in self.readers.items()
-            if reader.summary.topic.type == kind and namespace(name) == drill
-        ]
+        of_kind = [name for name, reader in self.readers.items() if reader.type == kind]
+        found = [name for name in of_kind if namespace(name) == drill]
         return min(found, key=is_stranger, default="")
 
     @property
@@ -144,24 +127,24 @@ class Recording:
         except BagError as error:
             self.lost = f"it cannot be read any more: {error}"
             return True
-        pieces = {_key(piece): piece for piece in bag.pieces()}
-        known = {_key(piece) for piece in self.pieces}
+        pieces = {_key(piece): piece for piece in bag.segments()}
+        known = [_key(piece) for piece in self.pieces]
         counted = {each.topic.name for each in bag.readable_topics if each.message_count}
-        if not known <= pieces.keys() or not counted <= self.readers.keys() | self.left_out.keys():
+        if not {*known} <= {*pieces} or not counted <= self.readers.keys() | self.left_out.keys():
             bag.close()
             return False
-        new = [piece for key, piece in pieces.items() if key not in known]
-        self.pieces = [pieces[_key(piece)] for piece in self.pieces] + new
+        new = pieces.keys() - {*known}
+        self.pieces = [pieces[key] for key in [*known, *filter(new.__contains__, pieces)]]
         self.bag.close()
         self.bag, self._files = bag, now
         return True
 
     def rows_of(self, numbers: Iterable[int]) -> PieceRows:
         """Return the rows of several parts together, by topic; they are not kept."""
-        by_topic: dict[str, list[MessageBlock]] = {}
+        by_topic: dict[str, list[MessageBlock]] = defaultdict(list)
         for number in numbers:
             for block in self._undamaged(number, self._topics):
-                by_topic.setdefault(block.topic, []).append(block)
+                by_topic[block.topic].append(block)
         return {
             name: self.readers[name].read(
                 blocks[0] if len(blocks) == 1 else joined([block.packed() for block in blocks])
@@ -169,20 +152,9 @@ class Recording:
             for name, blocks in by_topic.items()
         }
 
-    def messages(self, number: int, topics: Sequence[str]) -> list[Message]:
-        """Return the messages of topics in a part; none of a damaged one."""
-        return [*messages_of(self._undamaged(number, frozenset(topics)))]
-
-    def _decode(self, number: int, topic: str) -> list[tuple[Message, Any]]:
-        """Return the messages of a topic in a part, as they came and decoded; no others."""
-        if topic not in self._codecs:
-            summary = self.readers[topic].summary
-            self._codecs[topic] = Codec(summary.topic.type, summary.definition or "")
-        found = []
-        for message in self.messages(number, (topic,)):
-            with suppress(BagError):
-                found.append((message, self._codecs[topic].decode(message.data)))
-        return found
+    def messages(self, number: int, topic: str) -> list[Message]:
+        """Return the messages of a topic in a part; none of a damaged one."""
+        return [*messages_of(self._undamaged(number, {topic}))]
 
     def pieces_between(self, drill: str, start: float, end: float) -> Iterator[int]:
         """Yield the numbers of parts that may hold what a drill did from ``start`` to ``end`` [s].
@@ -219,18 +191,27 @@ class Recording:
 
     def end_of(self, found: PieceRows) -> float:
         """Return the greatest time since the bag began of some rows [s]; 0 without any."""
-        ends = [
-            float(self.elapsed(topic, rows).max())
-            for topic, rows in found.items()
-            if len(rows.stamps)
-        ]
-        return max(ends, default=0.0)
+        times = [self.elapsed(topic, rows) for topic, rows in found.items()]
+        return max((float(each.max()) for each in times if len(each)), default=0.0)
 
     def set_jumps(self, found: Mapping[str, Sequence[Jump]]) -> None:
         for drill, jumps in found.items():
-            clock = self.clocks[drill]
-            self.clocks[drill] = Clock(clock.zero, clock.begin, tuple(jumps))
-            self._spans[drill].clear()
+            self._set_clock(drill, self.clocks[drill].zero, jumps)
+
+    def series(self, drill: str, found: PieceRows) -> tuple[np.ndarray, np.ndarray]:
+        """Return stamps and log times that show a drill's time, in the order of the log times."""
+        wanted = self._clock_topics[drill] or [name for name in found if namespace(name) == drill]
+        parts = [(rows.stamps, rows.log_times) for name, rows in found.items() if name in wanted]
+        stamps, logs = np.concatenate([np.empty((2, 0), np.int64), *parts], axis=1)
+        order = np.argsort(logs, kind="stable")
+        return stamps[order], logs[order]
+
+    def span(self, drill: str, number: int) -> tuple[float, float] | None:
+        """Return the first and the last time of a drill in a part [s]; None if it has none."""
+        if number not in self._spans[drill]:
+            times = self.clocks[drill].elapsed(*self.series(drill, self.rows(number)))
+            self._spans[drill][number] = (times.min(), times.max()) if len(times) else None
+        return self._spans[drill][number]
 
     def close(self) -> None:
         self.bag.close()
@@ -241,67 +222,56 @@ class Recording:
     def __exit__(self, *_: object) -> None:
         self.close()
 
+    def _decode(self, number: int, topic: str) -> list[tuple[Message, Any]]:
+        """Return the messages of a topic in a part, as they came and decoded; no others."""
+        found = []
+        for message in self.messages(number, topic):
+            with suppress(BagError):
+                found.append((message, self.readers[topic].codec.decode(message.data)))
+        return found
+
     def _numbers(self, drill: str, count: int) -> list[int]:
         """Return which of the first parts hold topics of a drill."""
         parts = enumerate(self.pieces[:count])
         return [number for number, piece in parts if drill in map(namespace, piece.topics)]
 
-    def _undamaged(self, number: int, topics: frozenset[str]) -> list[MessageBlock]:
+    def _undamaged(self, number: int, topics: set[str]) -> list[MessageBlock]:
         """Return what a part holds of some topics, up to its damage; note the damage."""
-        piece = self.pieces[number]
         found: list[MessageBlock] = []
-        if piece.topics.isdisjoint(topics):
-            return found
-        try:
-            found.extend(piece.blocks(topics))  # what is before the damage stays
-        except BagError as error:
-            self.damages.setdefault(number, str(error))
+        if not self.pieces[number].topics.isdisjoint(topics):
+            try:
+                found.extend(self.pieces[number].blocks(topics))  # what is before it stays
+            except BagError as error:
+                self.damages.setdefault(number, str(error))
         return found
-
-    def series(self, drill: str, found: PieceRows) -> Series:
-        """Return stamps and log times that show a drill's time, in the order of the log times."""
-        wanted = self._clock_topics[drill]
-        parts = [
-            rows
-            for name, rows in found.items()
-            if (name in wanted if wanted else namespace(name) == drill)
-        ]
-        none = np.empty(0, np.int64)
-        logs = np.concatenate([none, *(rows.log_times for rows in parts)])
-        stamps = np.concatenate([none, *(rows.stamps for rows in parts)])
-        order = np.argsort(logs, kind="stable")
-        return stamps[order], logs[order]
-
-    def span(self, drill: str, number: int) -> tuple[float, float] | None:
-        """Return the first and the last time of a drill in a part [s]; None if it has none."""
-        if number not in self._spans[drill]:
-            stamps, logs = self.series(drill, self.rows(number))
-            times = self.clocks[drill].elapsed(stamps, logs)
-            self._spans[drill][number] = (times.min(), times.max()) if len(times) else None
-        return self._spans[drill][number]
 
     def _end(self, drill: str, number: int) -> float:
         span = self.span(drill, number)
         return span[1] if span else (self.pieces[number].end_time - self.begin) / SECOND
 
-    def _find_clocks(self) -> None:
-        """Find when each clock began, and its jumps as far as a sample of the bag shows them."""
-        for drill, topics in self._clock_topics.items():
-            numbers = [number for number in self.sample if topics & self.rows(number).keys()]
-            if not numbers:
-                continue
-            series = [self.series(drill, self.rows(number)) for number in numbers]
-            stamps, logs = (np.concatenate(each) for each in zip(*series, strict=True))
-            first = self.rows(numbers[0])
-            rows = min(
-                (first[name] for name in topics & first.keys()), key=lambda each: each.log_times[0]
-            )
-            zero = zero_stamp(rows.stamps, rows.log_times, self.begin)
-            self.clocks[drill] = Clock(zero, self.begin, tuple(find_jumps(stamps, logs)))
-            self._spans[drill].clear()
+    def _set_clock(self, drill: str, zero: int | None, jumps: Sequence[Jump]) -> None:
+        self.clocks[drill] = Clock(zero, self.begin, tuple(jumps))
+        self._spans[drill].clear()
+
+    def _find_clock(self, drill: str) -> None:
+        """Find when a clock began, and its jumps as far as a sample of the bag shows them."""
+        topics = self._clock_topics[drill]
+        sample = [rows for rows in map(self.rows, self.sample) if topics & rows.keys()]
+        if not sample:
+            return
+        stamps, logs = np.concatenate([self.series(drill, rows) for rows in sample], axis=1)
+        rows = min(
+            (sample[0][name] for name in topics & sample[0].keys()),
+            key=lambda each: each.log_times[0],
+        )
+        # A block is logged after its last row, and the other messages at their own times.
+        others = np.flatnonzero(rows.log_times != rows.log_times[0])
+        last = int(others[0]) - 1 if len(others) else -1
+        zero = int(rows.stamps[last]) - (int(rows.log_times[0]) - self.begin)
+        self._set_clock(drill, zero, find_jumps(stamps, logs))
 
 
-def _key(piece: Piece) -> tuple[int, int, int]:
+def _key(piece: BagSegment) -> tuple[int, int, int]:
     return piece.start_time, piece.end_time, piece.size
 
 

@@ -8,7 +8,7 @@ import html
 import math
 import os
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from importlib.resources import files
 from itertools import pairwise
@@ -18,24 +18,46 @@ from typing import Any
 import numpy as np
 
 from rpud_sim.bag import BagFormatError
-from rpud_sim.bag.manifest import RECORD_NAME as MANIFEST
-from rpud_sim.bag.manifest import Manifest, manifest_from_record
-from rpud_sim.bag.tested import RECORD_NAME as TESTED
-from rpud_sim.bag.tested import RunVerdict, tested_from_record
+from rpud_sim.bag.manifest import MANIFEST_RECORD as MANIFEST
+from rpud_sim.bag.manifest import VERDICT_RECORD as TESTED
+from rpud_sim.bag.manifest import Manifest, RunVerdict, manifest_from_record, tested_from_record
 from rpud_sim.foundation.terminal import printable
 from rpud_sim.inspection import InspectionError
 from rpud_sim.inspection.output import Damages, check_new_file, write_new_file
 from rpud_sim.pages.quantities import QUANTITIES
-from rpud_sim.viewer.history import Bins, Impacts
-from rpud_sim.viewer.recorded_store import Opened, RecordedStore
+from rpud_sim.viewer.recorded_store import RecordedStore
 from rpud_sim.viewer.session import ClientState, StoreError, View, encode
 from rpud_sim.viewer.signals import STATUS
+from rpud_sim.viewer.views import Views
 
 BINS = 3000  # of a layer, at most
 SECTIONS = 12  # blocks of motion that a report keeps
 
 _FINEST = 0.016  # shortest bin [s]: there are some impacts in each
+MOST_SEGMENTS = 100  # further ones are in the last
+_LONGEST = 200  # characters of a cell
+_NEAR = 1e-3  # boundaries that are closer are one [s]
 
+# Fields of ``rpud_msgs/Status``, and their names in the picture.
+INFLOWS = {
+    "actuator_power": "work of the vibration",
+    "weight_power": "weight on bit and gravity",
+    "change_power": "changed parameters",
+}
+OUTFLOWS = {
+    "absorbed_power": "drill tool and rock",
+    "collision_power": "collisions of actuator and free mass",
+    "load_damper_power": "damping of the load spring",
+    "stored_power": "stored in motion and springs",
+}
+# Further fields, of a drill with a feed; NaN without one, and missing in earlier messages.
+FEED_POWERS = ("weight_on_bit_power", "feed_power", "mount_power")
+
+FEED = "feed"
+GRAVITY = "gravity"
+MOUNT = "arm, preload of the load spring and hole"
+
+Table = dict[str, Any]  # ``title``, ``columns`` and ``rows``, as a frame has it
 
 _IMPORT = re.compile(r'^import .*? from "\./([\w.]+)";\n', re.MULTILINE)
 _EXPORT = re.compile(r"^export (?=class|function|const|let)", re.MULTILINE)
@@ -55,32 +77,23 @@ class Reported:
 
 
 def write_report(
-    path: str | os.PathLike[str],
-    out: str | os.PathLike[str],
-    drill: str = "",
+    path: str | os.PathLike[str], out: str | os.PathLike[str], drill: str = ""
 ) -> Reported:
     """Write the report of a drill in a bag, the first by default, into a new file."""
     check_new_file(out)
     with RecordedStore(os.fspath(path)) as store:
-        content = store.read_all()
+        bag = store.read_all()
         client = ClientState(drill, View(None, 0.0, np.inf, BINS))
         try:
             store.open(client)
         except StoreError as error:
             raise InspectionError(str(error)) from None
-        frame = store.frame(client) or {}
-        recording = content.recording
-        damages = Damages(recording.bag)
-        others = [name for name in frame["drills"] if name != client.drill]
-        frame |= {"number": 1, "mode": "frozen", "drills": [client.drill]}
-        if others:
-            frame["notice"] += f" The bag holds other drills: {', '.join(others):.200}."
-        if "view" in frame:
-            frame |= _overview(content, client.drill, frame)
-        frame |= _sections(content, client.drill, frame)
-        frame["report"] = _report(content, client.drill, frame, damages)
-        name = Path(path).resolve().name
-        write_new_file(out, frozen_page(f"{name} – report", encode(frame)))
+        recording, damages = bag.recording, Damages(bag.recording.bag)
+        page = frozen_page(
+            f"{Path(path).resolve().name} – report",
+            encode(_frame(bag, client.drill, store.frame(client) or {}, damages)),
+        )
+        write_new_file(out, page)
         damaged = damages.texts
         damaged |= {f"part {number}": reason for number, reason in recording.damages.items()}
         damaged |= {
@@ -89,61 +102,47 @@ def write_report(
             if reader.unreadable
         }
         left_out = {k: v for k, v in recording.left_out.items() if k not in damaged}
-        shown = [
-            summary.message_count
-            for summary in recording.bag.readable_topics
-            if summary.topic.name not in recording.left_out
-        ]
-        return Reported(len(shown), sum(shown), left_out, damaged)
+        readable = recording.bag.readable_topics
+        shown = [each for each in readable if each.topic.name not in recording.left_out]
+        return Reported(len(shown), sum(each.message_count for each in shown), left_out, damaged)
 
 
-def _overview(content: Opened, drill: str, frame: Mapping[str, Any]) -> dict[str, Any]:
-    """Return ``view`` over the whole run, and the plots that it serves: those of the table."""
-    plots = []
-    for plot in frame["plots"]:
-        choices = [
+def _frame(bag: Views, drill: str, frame: dict[str, Any], damages: Damages) -> dict[str, Any]:
+    """Return the one frame of a report, from the first one of a screen."""
+    now = float(frame["now"])
+    others = [name for name in frame["drills"] if name != drill]
+    frame |= {"number": 1, "mode": "frozen", "drills": [drill]}
+    if others:
+        frame["notice"] += f" The bag holds other drills: {', '.join(others):.200}."
+    for plot in frame["plots"]:  # the overview has the quantities of the table
+        known = [
             choice
             for choice in plot["choices"]
             if all(layer["quantity"] in QUANTITIES for layer in choice["layers"])
         ]
-        plots.append({**plot, "choices": choices or plot["choices"][:1]})
-    layers = [layer for plot in plots for each in plot["choices"] for layer in each["layers"]]
-    count = int(min(BINS, max(frame["now"] / _FINEST, 1.0)))
-    kinds = {layer["quantity"]: layer["kind"] for layer in layers}
-    view = content.views.view(drill, 0.0, frame["now"], count, kinds)
-    return {"plots": plots, "view": view}
-
-
-def _sections(content: Opened, drill: str, frame: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the kept blocks of motion: at the ends of equal parts of the run, and after faults."""
-    now = float(frame["now"])
-    moments = [*np.linspace(0.0, now, SECTIONS + 1)[1:]]
-    for fault in frame.get("faults", [])[: SECTIONS // 2]:
+        plot["choices"] = known or plot["choices"][:1]
+    choices = [choice for plot in frame["plots"] for choice in plot["choices"]]
+    kinds = {layer["quantity"]: layer["kind"] for each in choices for layer in each["layers"]}
+    frame["view"] = bag.view(drill, 0.0, now, int(min(BINS, max(now / _FINEST, 1.0))), kinds)
+    # Blocks of motion at the ends of equal parts of the run, and after faults.
+    moments = np.linspace(0.0, now, SECTIONS + 1)[1:]
+    for fault in frame["faults"][: SECTIONS // 2]:
         after = min(float(fault["onset"]) + 0.1, now)
-        moments[int(np.argmin(np.abs(np.array(moments) - after)))] = after
-    found = [content.waveforms.section(drill, moment) for moment in sorted({*moments})]
-    sections = [section for section in found if section is not None]
-    return {"sections": sections, "section": sections[-1]} if sections else {}
+        moments[np.argmin(np.abs(moments - after))] = after
+    sections = [bag.waveforms.section(drill, moment) for moment in np.unique(moments).tolist()]
+    if sections := [section for section in sections if section is not None]:
+        frame |= {"sections": sections, "section": sections[-1]}
+    frame["report"] = _report(bag, drill, frame, damages)
+    return frame
 
 
 def _report(
-    content: Opened, drill: str, frame: Mapping[str, Any], damages: Damages
+    content: Views, drill: str, frame: Mapping[str, Any], damages: Damages
 ) -> dict[str, Any]:
-    now, views = float(frame["now"]), content.views
-    bins, impacts = content.overview.bins, content.overview.impacts[drill]
-    faults = frame["faults"]
-    moments = [entry["time"] for entry in frame["commands"]["list"]]
-    moments += [
-        fault[end] for fault in faults for end in ("onset", "end") if fault[end] is not None
-    ]
+    now, bins = float(frame["now"]), content.overview.bins
     tables = []
-    if impacts.total:
-        names = ("reacting_force", "absorbed_power")
-        known = {name: views.signal(drill, name) for name in names}
-        signals = {name: signal.name for name, signal in known.items() if signal is not None}
-        tables.append(
-            segment_table(now, moments, frame.get("steps", {}), faults, impacts, bins, signals)
-        )
+    if content.overview.impacts[drill].total:
+        tables.append(segment_table(content, drill, frame))
     means = {
         signal.column: bins.mean(signal.name, 0.0, now)
         for signal in content.recording.signals
@@ -223,48 +222,14 @@ def _hash(text: str) -> str:
     return f"'sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}'"
 
 
-MOST_SEGMENTS = 100  # further ones are in the last
-_LONGEST = 200  # characters of a cell
-_NEAR = 1e-3  # boundaries that are closer are one [s]
-
-# Fields of ``rpud_msgs/Status``, and their names in the picture.
-INFLOWS = {
-    "actuator_power": "work of the vibration",
-    "weight_power": "weight on bit and gravity",
-    "change_power": "changed parameters",
-}
-OUTFLOWS = {
-    "absorbed_power": "drill tool and rock",
-    "collision_power": "collisions of actuator and free mass",
-    "load_damper_power": "damping of the load spring",
-    "stored_power": "stored in motion and springs",
-}
-# Further fields, of a drill with a feed; NaN without one, and missing in earlier messages.
-FEED_POWERS = ("weight_on_bit_power", "feed_power", "mount_power")
-
-FEED = "feed"
-GRAVITY = "gravity"
-MOUNT = "arm, preload of the load spring and hole"
-
-Table = dict[str, Any]  # ``title``, ``columns`` and ``rows``, as a frame has it
-
-
-def segment_table(
-    end: float,
-    moments: Iterable[float],
-    steps: Mapping[str, Mapping[str, np.ndarray]],
-    faults: Sequence[Mapping[str, Any]],
-    impacts: Impacts,
-    bins: Bins,
-    signals: Mapping[str, str],
-) -> Table:
-    """Return statistics of each segment between ``moments`` [s] until ``end`` [s].
-
-    ``steps`` and ``faults`` are those of a frame; ``signals`` are the names in ``bins`` of the
-    quantities ``reacting_force`` and ``absorbed_power``, as far as there are any.
-    """
+def segment_table(content: Views, drill: str, frame: Mapping[str, Any]) -> Table:
+    """Return statistics of each segment between commands and faults of a frame."""
+    end, faults = float(frame["now"]), frame["faults"]
+    impacts, bins = content.overview.impacts[drill], content.overview.bins
+    moments = [entry["time"] for entry in frame["commands"]["list"]]
+    moments += [fault[name] for fault in faults for name in ("onset", "end")]
     begins = [0.0]
-    for moment in sorted(moment for moment in moments if 0.0 < moment < end):
+    for moment in sorted(moment for moment in moments if moment and 0.0 < moment < end):
         if moment - begins[-1] > _NEAR:
             begins.append(moment)
     title = "segments between commands and faults"
@@ -274,29 +239,17 @@ def segment_table(
     rows = []
     for begin, until in pairwise([*begins, max(end, begins[-1])]):
         _, held = impacts.between(begin, until)
-        peaks = held[np.isfinite(held)].astype(float)
-        rows.append(
-            [
-                f"{begin:.3f}",
-                f"{until:.3f}",
-                _in_force(steps, begin + _NEAR),
-                _active(faults, begin + _NEAR) or "none",
-                str(len(held) * impacts.stride),
-                _text("impact_rate", len(held) * impacts.stride / max(until - begin, 1e-9)),
-                *(
-                    _text("peak_force", float(figure))
-                    for figure in (
-                        (peaks.mean(), *np.quantile(peaks, (0.5, 0.95)), peaks.max())
-                        if len(peaks)
-                        else (math.nan,) * 4
-                    )
-                ),
-                *(
-                    _text(name, bins.mean(signals[name], begin, until) if name in signals else None)
-                    for name in ("reacting_force", "absorbed_power")
-                ),
-            ]
-        )
+        peaks, count = held[np.isfinite(held)].astype(float), len(held) * impacts.stride
+        figures = {"impact_rate": [count / max(until - begin, 1e-9)], "peak_force": [math.nan] * 4}
+        if len(peaks):
+            spread = peaks.mean(), *np.quantile(peaks, (0.5, 0.95)), peaks.max()
+            figures["peak_force"] = [float(each) for each in spread]
+        for name in ("reacting_force", "absorbed_power"):
+            signal = content.signal(drill, name)
+            figures[name] = [bins.mean(signal.name, begin, until) if signal else math.nan]
+        row = [f"{begin:.3f}", f"{until:.3f}", _in_force(frame.get("steps", {}), begin + _NEAR)]
+        row += [_active(faults, begin + _NEAR) or "none", str(count)]
+        rows.append(row + [_text(name, each) for name in figures for each in figures[name]])
     columns = [
         *("begin [s]", "end [s]", "commands in force", "active faults", "impacts", "impacts [/s]"),
         *("peak force: mean [kN]", "median [kN]", "95 % [kN]", "greatest [kN]"),
@@ -312,26 +265,17 @@ def energy_table(means: Mapping[str, float], seconds: float) -> Table | None:
     """
     if not all(math.isfinite(means.get(name, math.nan)) for name in (*INFLOWS, *OUTFLOWS)):
         return None
-    into, out = terms(
-        {name: means.get(name, math.nan) for name in (*INFLOWS, *OUTFLOWS, *FEED_POWERS)}
-    )
-    came, went = sum(into.values()), sum(out.values())
-    powers = [
-        *((f"in: {text}", power) for text, power in into.items()),
-        *((f"out: {text}", power) for text, power in out.items()),
-        ("residual: in − out", came - went),
-    ]
+    into, out = terms(means)
+    came = sum(into.values())
+    powers = {f"in: {text}": power for text, power in into.items()}
+    powers |= {f"out: {text}": power for text, power in out.items()}
+    powers["residual: in − out"] = came - sum(out.values())
     if math.isfinite(electrical := means.get("electrical_power", math.nan)):
-        powers.append(("electrical, drawn by the actuator", electrical))
-    rows = [
-        [
-            text,
-            f"{power * seconds:.4g}",
-            _text("power", power),
-            f"{100.0 * power / came:.3g}" if came > 0.0 else "–",
-        ]
-        for text, power in powers
-    ]
+        powers["electrical, drawn by the actuator"] = electrical
+    rows = []
+    for text, power in powers.items():
+        share = f"{100.0 * power / came:.3g}" if came > 0.0 else "–"
+        rows.append([text, f"{power * seconds:.4g}", _text("power", power), share])
     columns = ["term", "energy [J]", "mean power [W]", "share of what comes in [%]"]
     return {"title": f"energy account of {seconds:.1f} s", "columns": columns, "rows": rows}
 
@@ -355,22 +299,22 @@ def terms(powers: Mapping[str, float]) -> tuple[dict[str, float], dict[str, floa
 
 def run_tables(manifest: Manifest) -> list[Table]:
     """Return where a run came from, and its parameters if they are known."""
-    origin = [
-        ("drill", manifest.node),
-        ("forked from", str(dict(manifest.forked_from)) if manifest.forked_from else ""),
-        ("command", " ".join(manifest.command)),
-        ("machine", manifest.machine),
-        ("versions", ", ".join(f"{name} {text}" for name, text in manifest.versions.items())),
-    ]
-    parameters = [
-        (name, f"{value:g}" if isinstance(value, float) else f"{value}")
+    origin = {
+        "drill": manifest.node,
+        "forked from": str(dict(manifest.forked_from)) if manifest.forked_from else "",
+        "command": " ".join(manifest.command),
+        "machine": manifest.machine,
+        "versions": ", ".join(f"{name} {text}" for name, text in manifest.versions.items()),
+    }
+    parameters = {
+        name: f"{value:g}" if isinstance(value, float) else f"{value}"
         for name, value in sorted(manifest.parameters.items())
-    ]
-    return [
-        {"title": title, "columns": [], "rows": [[name, text[:_LONGEST]] for name, text in rows]}
-        for title, found in (("run", origin), ("parameters", parameters))
-        if (rows := [pair for pair in found if pair[1]])
-    ]
+    }
+    tables = []
+    for title, found in (("run", origin), ("parameters", parameters)):
+        if rows := [[name, text[:_LONGEST]] for name, text in found.items() if text]:
+            tables.append({"title": title, "columns": [], "rows": rows})
+    return tables
 
 
 def _text(quantity: str, value: float | None) -> str:

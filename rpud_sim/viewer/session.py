@@ -8,13 +8,25 @@ import math
 import time
 from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.foundation.terminal import printable
 from rpud_sim.pages.quantities import for_browser
+
+PERIOD = 0.1  # between frames, at least [s]
+LONGEST_REQUEST = 4096  # bytes
+
+_MOST_WIDTH = 4000  # px
+_MOST_NAME = 256  # characters
+_MOST_CHOICES = 32
+_ALIGNED = 8  # bytes
+_GREATEST = 1e12  # number that a page sends: the difference of any two can be divided finely
+
+# Calls a function in the one thread in which stores work.
+Work = Callable[..., Awaitable[Any]]
 
 
 class StoreError(RuntimeError):
@@ -51,16 +63,17 @@ class ClientState:
         return True
 
 
-class Store(Protocol):
+class Store:
     """Data that browsers look at. All methods are called from one thread, which may be any."""
 
-    mode: str  # ``live`` or ``recorded``
+    mode = ""  # ``live`` or ``recorded``
 
     def open(self, client: ClientState) -> None:
         """Note one more browser, or another drill of it; StoreError if there is nothing to show."""
 
     def frame(self, client: ClientState) -> dict[str, Any] | None:
         """Return fields of the next frame without ``number``; None if nothing is new."""
+        raise NotImplementedError
 
     def request(self, client: ClientState, name: str, content: Any) -> None:
         """Do what a browser asks: ``act`` and its arguments, or ``seek``; ParameterError if not."""
@@ -72,29 +85,29 @@ class Store(Protocol):
         """Free what no browser needs any more; called every few seconds."""
 
 
-_ALIGNED = 8  # bytes
-
-
 def encode(frame: Mapping[str, Any]) -> bytes:
-    """Return the bytes of a frame.
+    """Return the bytes of a frame: a header in JSON, and arrays in binary.
+
+    They are ``uint32 n`` (little-endian), n bytes of the header, zeros up to a multiple of 8, and
+    the arrays, each filled up to a multiple of 8. In the header an array is ``{"$": [offset,
+    length, type]}``: the offset counts from the first array [bytes], the type is ``f4`` or ``f8``.
 
     Its values are plain ones, mappings, sequences and one-dimensional arrays. Times need double
     precision, and have it; other arrays become single. Equal arrays are sent once. A scalar that is
     not finite becomes null.
     """
-    arrays: dict[bytes, list[Any]] = {}
+    arrays: dict[bytes, int] = {}  # offsets by content
     size = 0
 
     def plain(value: Any) -> Any:
         nonlocal size
         if isinstance(value, np.ndarray):
             kind = "f8" if value.dtype == np.float64 else "f4"
-            data = np.ascontiguousarray(value, f"<{kind}").tobytes()
-            data += bytes(-len(data) % _ALIGNED)
-            if (reference := arrays.get(data)) is None:
-                reference = arrays[data] = [size, len(value), kind]
+            data = _filled(np.ascontiguousarray(value, f"<{kind}").tobytes())
+            if data not in arrays:
+                arrays[data] = size
                 size += len(data)
-            return {"$": [reference[0], len(value), kind]}
+            return {"$": [arrays[data], len(value), kind]}
         if isinstance(value, Mapping):
             return {printable(str(key)): plain(each) for key, each in value.items()}
         if isinstance(value, list | tuple):
@@ -106,20 +119,11 @@ def encode(frame: Mapping[str, Any]) -> bytes:
         return printable(value) if isinstance(value, str) else value
 
     header = json.dumps(plain(frame), separators=(",", ":"), allow_nan=False).encode()
-    head = len(header).to_bytes(4, "little") + header
-    return b"".join([head, bytes(-len(head) % _ALIGNED), *arrays])
+    return b"".join([_filled(len(header).to_bytes(4, "little") + header), *arrays])
 
 
-PERIOD = 0.1  # between frames, at least [s]
-LONGEST_REQUEST = 4096  # bytes
-
-_MOST_WIDTH = 4000  # px
-_MOST_NAME = 256  # characters
-_MOST_CHOICES = 32
-_GREATEST = 1e12  # number that a page sends: the difference of any two can be divided finely
-
-# Calls a function in the one thread in which stores work.
-Work = Callable[..., Awaitable[Any]]
+def _filled(data: bytes) -> bytes:
+    return data + bytes(-len(data) % _ALIGNED)
 
 
 class RequestError(ValueError):

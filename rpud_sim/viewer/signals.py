@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -10,17 +11,23 @@ import numpy as np
 from rpud_sim.bag import BagFormatError, BagReader, TopicSummary
 from rpud_sim.bag.columns import Column, Kind, usable
 from rpud_sim.bag.field_values import FieldReader
-from rpud_sim.bag.message_block import MessageBlock
+from rpud_sim.bag.messages import MessageBlock
 from rpud_sim.bag.tables import compiled, late_messages
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.inspection.recorded_drill import Jump
 from rpud_sim.simulation.topics import TOPICS
 
+MOST_SIGNALS, MOST_TOPICS = 120, 100  # signals of a bag, and topics with signals
+OURS = "rpud_msgs/"  # signals of these types come first where a bag has too many
+IMPACTS = "rpud_msgs/msg/ContactForce"
+TRAJECTORY = "rpud_msgs/msg/Trajectory"
+JOURNAL, FAULTS = "rpud_msgs/msg/JournalEntry", "rpud_msgs/msg/Faults"
+STATUS = "rpud_msgs/msg/Status"
+WAVEFORM = "rpud_msgs/msg/Waveform"
+
+_NO_SIGNALS = {"sequence", "sample_period"}  # they number messages, or help to read them
 _BACK = SECOND  # step back of a clock that lateness does not explain [ns]
 _AHEAD = 60 * SECOND  # step ahead of a clock that passed time does not explain [ns]
-
-# Stamps and log times of messages in the order of their log times, each of shape (n,) [ns].
-Series = tuple[np.ndarray, np.ndarray]
 
 
 def find_jumps(stamps: np.ndarray, log_times: np.ndarray) -> list[Jump]:
@@ -30,31 +37,6 @@ def find_jumps(stamps: np.ndarray, log_times: np.ndarray) -> list[Jump]:
         Jump(int(log_times[place + 1]), int(steps[place] - passed[place]))
         for place in np.flatnonzero((steps < -_BACK) | (steps - passed > _AHEAD)).tolist()
     ]
-
-
-def zero_stamp(stamps: np.ndarray, log_times: np.ndarray, begin: int) -> int:
-    """Return the stamp of a clock at the bag's beginning [ns], from a topic's first message.
-
-    ``stamps`` and ``log_times`` have the shape (n,) [ns]; ``begin`` is a log time [ns].
-    """
-    others = np.flatnonzero(log_times != log_times[0])
-    last = int(others[0]) - 1 if len(others) else -1  # a block is logged after its last row
-    return int(stamps[last]) - (int(log_times[0]) - begin)
-
-
-MOST_SIGNALS = 120  # greatest number of signals of a bag
-MOST_TOPICS = 100  # greatest number of topics with signals
-
-IMPACTS = "rpud_msgs/msg/ContactForce"
-TRAJECTORY = "rpud_msgs/msg/Trajectory"
-JOURNAL, FAULTS = "rpud_msgs/msg/JournalEntry", "rpud_msgs/msg/Faults"
-STATUS = "rpud_msgs/msg/Status"
-WAVEFORM = "rpud_msgs/msg/Waveform"
-PEAK_FORCE = "peak_force"  # column of an impact
-
-# Numbers of messages, and what only helps to read them.
-_NO_SIGNALS = {"sequence", "sample_period"}
-OURS = "rpud_msgs/"  # signals of these types come first where a bag has too many
 
 
 @dataclass(frozen=True)
@@ -103,25 +85,20 @@ class TopicReader:
     """Reader of the signals of one topic, of which it takes at most so many."""
 
     def __init__(self, summary: TopicSummary, columns: Sequence[Column], most: int) -> None:
-        self.summary = summary
+        self.summary, self.topic, self.type = summary, summary.topic.name, summary.topic.type
         self.unreadable = 0  # messages that are not of the type
         self.block = columns[0].name == "time"  # whether a message holds many rows
-        self.stamped = any(
-            (column.name, column.kind) == ("header.stamp", Kind.TIME) for column in columns
-        )
+        stamp = [each for each in columns if each.name == "header.stamp" and each.kind is Kind.TIME]
         numbers = [
-            column
-            for column in columns
-            if column.kind is Kind.NUMBER and column.name not in _NO_SIGNALS and not self.block
+            each
+            for each in columns
+            if each.kind is Kind.NUMBER and each.name not in _NO_SIGNALS and not self.block
         ][:most]
-        self.signals = tuple(
-            Signal(summary.topic.name, summary.topic.type, column.name, column.unit)
-            for column in numbers
-        )
-        stamp = [column for column in columns if column.name == "header.stamp" and self.stamped]
-        assert summary.definition is not None  # a table needs it
-        codec, _ = compiled(summary.topic.type, summary.definition)
-        self._fields = FieldReader(codec, [*stamp, *numbers])
+        self.stamped = bool(stamp)
+        self.latched = "transient_local" in {each.durability for each in summary.topic.offered_qos}
+        self.signals = [Signal(self.topic, self.type, each.name, each.unit) for each in numbers]
+        self.codec, _ = compiled(self.type, summary.definition or "")
+        self._fields = FieldReader(self.codec, [*stamp, *numbers])
 
     def read(self, block: MessageBlock) -> Rows:
         """Return the rows of messages; count those that are not of the type."""
@@ -166,14 +143,12 @@ def clock_topics(readers: Mapping[str, TopicReader]) -> dict[str, frozenset[str]
     Blocks are logged long after their stamps, and latched messages may be old. They are used only
     if a drill has nothing else.
     """
-    chosen: dict[str, frozenset[str]] = {}
-    for drill in {namespace(name) for name in readers}:
-        ranks = {
-            name: ("transient_local" in {each.durability for each in offers}, reader.block)
-            for name, reader in readers.items()
-            if namespace(name) == drill and reader.stamped
-            for offers in [reader.summary.topic.offered_qos]
-        }
-        best = min(ranks.values(), default=None)
-        chosen[drill] = frozenset(name for name, rank in ranks.items() if rank == best)
-    return chosen
+    ranks: dict[str, dict[str, tuple[bool, bool]]] = defaultdict(dict)
+    for name, reader in readers.items():
+        known = ranks[namespace(name)]
+        if reader.stamped:
+            known[name] = reader.latched, reader.block
+    return {
+        drill: frozenset(name for name, rank in known.items() if rank == min(known.values()))
+        for drill, known in ranks.items()
+    }

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,7 @@ from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.definitions import find_definition
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.inspection.rebuild import TrajectoryPiece, trajectory_pieces
-from rpud_sim.simulation.rebuilding import end_sample, first_sample, sample_between
+from rpud_sim.simulation.sampling import end_sample, first_sample, sample_between
 from rpud_sim.viewer.picture import MOTION, SECTION
 from rpud_sim.viewer.recording import Recording
 from rpud_sim.viewer.signals import IMPACTS, TRAJECTORY, WAVEFORM
@@ -36,6 +36,8 @@ CHANNELS = {
     "reacting_force": "reacting_force",
 }
 
+_Samples = tuple[np.ndarray, np.ndarray, Mapping[str, np.ndarray]]  # numbers, times, channels
+
 
 @dataclass(frozen=True)
 class Waveform:
@@ -44,7 +46,17 @@ class Waveform:
     rate: int  # of the samples [Hz]
     numbers: np.ndarray  # of the samples since simulation time zero, shape (n,)
     times: np.ndarray  # since the bag began [s], shape (n,)
-    channels: Mapping[str, np.ndarray] = field(default_factory=dict)  # by name, shape (n,)
+    channels: Mapping[str, np.ndarray]  # by name, shape (n,); none without a sample
+
+    @classmethod
+    def of(cls, parts: Sequence[_Samples], rate: int) -> Waveform:
+        """Return parts in the order of their times."""
+        parts = sorted(parts, key=lambda part: float(part[1][0]))
+        numbers = np.concatenate([np.empty(0, np.int64), *(part[0] for part in parts)])
+        times = np.concatenate([np.empty(0), *(part[1] for part in parts)])
+        names = parts[0][2] if parts else ()
+        channels = {name: np.concatenate([part[2][name] for part in parts]) for name in names}
+        return cls(rate, numbers, times, channels)
 
     @property
     def cuts(self) -> list[int]:
@@ -70,7 +82,7 @@ class Waveforms:
         """
         if rate is None:
             rate = int(min(max(SAMPLES / max(end - start, 1e-9), 1.0), HIGHEST_RATE))
-        parts = []
+        parts: list[_Samples] = []
         for zero, segments in self._stretches(drill, start, end):
             first = max(math.ceil((start - zero) * rate), first_sample(segments[0], rate))
             last = min(math.floor((end - zero) * rate) + 1, end_sample(segments[-1], rate))
@@ -78,7 +90,7 @@ class Waveforms:
                 samples = sample_between(segments, first, last, rate)
                 counted = np.arange(first, last, dtype=np.int64)
                 parts.append((counted, counted / rate + zero, vars(samples)))
-        return _joined(parts, rate)
+        return Waveform.of(parts, rate)
 
     def section(self, drill: str, end: float) -> dict[str, Any] | None:
         """Return the field ``section`` of a frame: the motion until a time [s]; None without any.
@@ -95,50 +107,49 @@ class Waveforms:
         newest = int(np.flatnonzero(np.diff(waveform.numbers, prepend=0) <= 0)[-1:].sum())
         numbers = waveform.numbers[newest:] - waveform.numbers[newest]
         step = -(-int(numbers[-1] + 1) // round(SECTION * SECTION_RATE + 1))
-        found: dict[str, Any] = {"exact": exact, "period": step / waveform.rate}
-        found["time"] = time = float(waveform.times[newest])
+        time = float(waveform.times[newest])
+        found: dict[str, Any] = {"exact": exact, "period": step / waveform.rate, "time": time}
         for name in MOTION:
             values = np.full(int(numbers[-1]) + 1, np.nan, np.float32)
             values[numbers] = waveform.channels[CHANNELS[name]][newest:]
             found[name] = values[::step]
-        impacts = self.impacts(drill, time, end)
-        rows = impacts["time"] - time, impacts["peak_force"], impacts["contact_duration"]
-        return found | {"impacts": np.column_stack(rows).tolist()}
+        times, *rest = self.impacts(drill, time, end)
+        return found | {"impacts": np.column_stack([times - time, *rest]).tolist()}
 
-    def impacts(self, drill: str, start: float, end: float) -> dict[str, np.ndarray]:
-        """Return ``time``, ``peak_force`` and ``contact_duration`` of impacts in a range."""
-        recording = self._recording
-        names, topic = ("peak_force", "contact_duration"), recording.topic(drill, IMPACTS)
-        found = []
+    def impacts(self, drill: str, start: float, end: float) -> np.ndarray:
+        """Return times [s], peak forces [N] and durations [s] of impacts in a range: (3, n)."""
+        recording, topic = self._recording, self._recording.topic(drill, IMPACTS)
+        found = [np.empty((3, 0))]
         for number in recording.pieces_between(drill, start, end) if topic else ():
             if (rows := recording.rows(number).get(topic)) is not None:
                 times = recording.elapsed(topic, rows)
-                inside = (times >= start) & (times <= end)
-                values = [rows.values.get(name, np.full(len(times), np.nan)) for name in names]
-                found.append(np.array([times, *values])[:, inside])
-        rows_ = np.concatenate([np.empty((3, 0)), *found], axis=1)
-        return dict(zip(("time", *names), rows_[:, np.argsort(rows_[0])], strict=True))
+                none = np.full(len(times), np.nan)
+                values = [
+                    rows.values.get(each, none) for each in ("peak_force", "contact_duration")
+                ]
+                found.append(np.array([times, *values])[:, (times >= start) & (times <= end)])
+        impacts = np.concatenate(found, axis=1)
+        return impacts[:, np.argsort(impacts[0])]
 
     def next_impact(
         self, drill: str, time: float, *, back: bool = False
     ) -> dict[str, float] | None:
         """Return the first impact after a time since the bag began [s], or the last before it."""
-        recording = self._recording
+        recording, topic = self._recording, self._recording.topic(drill, IMPACTS)
         for number in recording.pieces_from(drill, time, back=back):
-            if recording.topic(drill, IMPACTS) not in recording.pieces[number].topics:
-                continue
-            begin, end = recording.span(drill, number) or (0.0, -1.0)
-            found = self.impacts(drill, begin, end)
-            later = np.flatnonzero(found["time"] < time if back else found["time"] > time)
-            if len(later):
-                place = later[-1 if back else 0]
-                return {name: float(values[place]) for name, values in found.items()}
+            if topic in recording.pieces[number].topics:
+                found = self.impacts(drill, *(recording.span(drill, number) or (0.0, -1.0)))
+                found = found[:, found[0] < time if back else found[0] > time]
+                if found.size:
+                    names = ("time", "peak_force", "contact_duration")
+                    return dict(zip(names, found[:, -1 if back else 0].tolist(), strict=True))
         return None
 
     def recorded(self, drill: str, start: float, end: float, beyond: int = 0) -> Waveform:
         """Return the samples of the waveform's topic between two times [s], and some beyond."""
         recording, topic = self._recording, self._recording.topic(drill, WAVEFORM)
-        parts, rate = [], SECTION_RATE
+        parts: list[_Samples] = []
+        rate = SECTION_RATE
         for number in recording.pieces_between(drill, start, end) if topic else ():
             for message, block in recording.decoded(number, topic):
                 try:
@@ -160,7 +171,7 @@ class Waveforms:
                     channels = {name: values[inside] for name, values in channels.items()}
                     numbers = (sequence % 2**62) + np.flatnonzero(inside)
                     parts.append((numbers, times[inside], channels))
-        return _joined(parts, rate)
+        return Waveform.of(parts, rate)
 
     def _stretches(
         self, drill: str, start: float, end: float
@@ -170,44 +181,29 @@ class Waveforms:
         They cover a range, and begin before it and end after it.
         """
         recording, topic = self._recording, self._recording.topic(drill, TRAJECTORY)
-        if not topic:
-            return
-        clock, zero = recording.clocks[drill], 0.0
-        held: list[TrajectoryPiece] = []
-        for piece in self._trajectory(topic, [*recording.pieces_between(drill, start, end)]):
-            begin = (piece.origin - clock.offset(piece.log_time)) / SECOND
+        held: list[np.ndarray] = []
+        zero = 0.0
+        for piece in self._pieces(topic, drill, start, end) if topic else ():
+            offset = recording.clocks[drill].offset(piece.log_time)
+            begin = (piece.origin - offset) / SECOND
             if held and not (piece.follows and begin == zero):
-                yield zero, np.concatenate([each.segments for each in held])
+                yield zero, np.concatenate(held)
                 held = []
-            held.append(piece)
+            held.append(piece.segments)
             zero = begin
         if held:
-            yield zero, np.concatenate([each.segments for each in held])
+            yield zero, np.concatenate(held)
 
-    def _trajectory(self, topic: str, numbers: Sequence[int]) -> Iterator[TrajectoryPiece]:
+    def _pieces(
+        self, topic: str, drill: str, start: float, end: float
+    ) -> Iterator[TrajectoryPiece]:
         recording = self._recording
+        numbers = enumerate(recording.pieces_between(drill, start, end))
         # Parts of the bag that follow each other.
-        for _, adjacent in itertools.groupby(enumerate(numbers), lambda each: each[1] - each[0]):
-            messages = [
-                message
-                for _, number in adjacent
-                for message in recording.messages(number, (topic,))
-            ]
-            messages.sort(key=lambda message: message.log_time)
+        for _, adjacent in itertools.groupby(numbers, lambda each: each[1] - each[0]):
+            parts = (recording.messages(number, topic) for _, number in adjacent)
+            messages = sorted(itertools.chain(*parts), key=lambda message: message.log_time)
             try:
                 yield from trajectory_pieces(messages, self._codec, recording.path)
             except BagError:
                 continue  # what came before the damage is drawn
-
-
-def _joined(
-    parts: Sequence[tuple[np.ndarray, np.ndarray, Mapping[str, np.ndarray]]], rate: int
-) -> Waveform:
-    parts = sorted(parts, key=lambda part: float(part[1][0]))
-    names = parts[0][2] if parts else ()
-    return Waveform(
-        rate,
-        np.concatenate([np.empty(0, np.int64), *(numbers for numbers, _, _ in parts)]),
-        np.concatenate([np.empty(0), *(times for _, times, _ in parts)]),
-        {name: np.concatenate([each[name] for _, _, each in parts]) for name in names},
-    )

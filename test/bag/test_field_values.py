@@ -11,7 +11,7 @@ from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.columns import Kind, Sequences, columns_of
 from rpud_sim.bag.errors import BagFormatError
 from rpud_sim.bag.field_values import FieldReader
-from rpud_sim.bag.message_block import MessageBlock
+from rpud_sim.bag.messages import MessageBlock
 
 PARTS = f"""
 {SEPARATOR}

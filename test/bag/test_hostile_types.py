@@ -11,8 +11,7 @@ from sample_bags import START
 
 import rpud_sim.bag
 from rpud_sim.bag import BagFormatError
-from rpud_sim.bag.budget import DECODED_LIMIT
-from rpud_sim.bag.cdr import DEFINITION_LIMIT, Codec
+from rpud_sim.bag.cdr import DECODED_LIMIT, DEFINITION_LIMIT, Codec
 from rpud_sim.bag.definitions import find_definition
 from rpud_sim.bag.errors import DefinitionNotFoundError
 

@@ -22,11 +22,12 @@ from rpud_sim.simulation.changes import read_commands
 from rpud_sim.simulation.configuration import (
     CHANGEABLE,
     PARAMETERS,
+    parse_assignment,
+    read_parameter_file,
     to_configuration,
     to_settings,
 )
 from rpud_sim.simulation.fault_kinds import KINDS
-from rpud_sim.simulation.parameter_files import parse_assignment, read_parameter_file
 from rpud_sim.simulation.scenario import read_scenario
 from rpud_sim.simulation.topics import CHANNELS
 

@@ -6,7 +6,7 @@ import pytest
 from robot_descriptions import arm_with_drill
 from ros2_control_hardware import Description, Hardware
 
-from rpud_sim.simulation.process_fields import FEED_JOINT, ROTATION_JOINT
+from rpud_sim.simulation.fields import FEED_JOINT, ROTATION_JOINT
 
 NAMESPACE = "/controlled"
 

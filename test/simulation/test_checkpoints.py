@@ -4,11 +4,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rpud_sim.simulation.checkpoints import MOST_CHECKPOINTS, CheckpointError, Checkpoints
 from rpud_sim.simulation.commands import WeightOnBit
 from rpud_sim.simulation.configuration import to_settings
 from rpud_sim.simulation.faults import Fault
 from rpud_sim.simulation.journal import Journal
+from rpud_sim.simulation.rerun import MOST_CHECKPOINTS, CheckpointError, Checkpoints
 from rpud_sim.simulation.run import Beginning, Run
 
 MILLISECOND = 1_000_000

@@ -14,9 +14,9 @@ from rpud_sim.simulation.configuration import (
     NODE_NAMES,
     PARAMETERS,
     Configuration,
+    read_parameter_file,
     to_configuration,
 )
-from rpud_sim.simulation.parameter_files import read_parameter_file
 
 CONFIG = Path(__file__).parents[2] / "config"
 

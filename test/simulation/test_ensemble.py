@@ -12,15 +12,10 @@ from rpud_sim.drilling.rock import RockParameters
 from rpud_sim.model.compile import compilation_notice
 from rpud_sim.simulation import ensemble, preset
 from rpud_sim.simulation.configuration import Configuration
-from rpud_sim.simulation.ensemble import (
-    Ensemble,
-    compile_kernels,
-    initial_phases,
-    run_ensemble,
-)
+from rpud_sim.simulation.ensemble import Ensemble, compile_kernels, run_ensemble
 from rpud_sim.simulation.faults import Fault
 from rpud_sim.simulation.scenario import Scenario, ScheduledFault
-from rpud_sim.simulation.simulation import Simulation
+from rpud_sim.simulation.simulation import Simulation, initial_phases
 from rpud_sim.simulation.statistics import FIGURES, Statistics
 
 SANDSTONE = RockParameters(rock_model="specific_energy")

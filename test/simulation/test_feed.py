@@ -13,14 +13,14 @@ from rpud_sim.drilling.mount import STOPPED
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.simulation import Fault, Feed, Simulation, WeightOnBit, preset, to_configuration
 from rpud_sim.simulation.changes import Planned, read_commands
-from rpud_sim.simulation.checkpoints import Checkpoints
 from rpud_sim.simulation.configuration import to_settings
 from rpud_sim.simulation.control import Control
 from rpud_sim.simulation.energy_account import EnergyAccount, FeedAccount
 from rpud_sim.simulation.fields import Bookkeeping
 from rpud_sim.simulation.journal import Journal
+from rpud_sim.simulation.rerun import Checkpoints
 from rpud_sim.simulation.run import Beginning, Run
-from rpud_sim.simulation.together import one_by_one
+from rpud_sim.simulation.telemetry import one_by_one
 
 MILLISECOND = 1_000_000
 SECOND = 1000 * MILLISECOND

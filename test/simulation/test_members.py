@@ -13,12 +13,11 @@ from rpud_sim.drilling.rock import RockParameters
 from rpud_sim.model import engine
 from rpud_sim.model.engine import EngineError, initial_state
 from rpud_sim.model.tolerances import GREATEST_EFFORT
-from rpud_sim.simulation import members, preset
+from rpud_sim.simulation import ensemble, preset
 from rpud_sim.simulation.actuator import ActuatorParameters
 from rpud_sim.simulation.configuration import Configuration
-from rpud_sim.simulation.ensemble import run_ensemble, run_members
+from rpud_sim.simulation.ensemble import EnsembleRuns, run_ensemble, run_members, runs_by_itself
 from rpud_sim.simulation.faults import Fault
-from rpud_sim.simulation.members import QuietRuns, runs_by_itself
 from rpud_sim.simulation.scenario import Scenario, ScheduledFault
 from rpud_sim.simulation.simulation import Simulation
 from rpud_sim.simulation.statistics import Statistics
@@ -63,14 +62,14 @@ def statistics_of(configuration, phase, times):
 @settings(max_examples=examples(30), deadline=None)
 @given(DRILLS, st.lists(PHASES, min_size=1, max_size=4), st.integers(1, 60 * MILLISECOND))
 def test_members_are_runs_of_a_simulation(configuration, phases, end):
-    found = QuietRuns(configuration, phases).run(end, True)
+    found = EnsembleRuns(configuration, phases).run(end, True)
     assert len(found) == len(phases)
     for phase, member in zip(phases, found, strict=True):
         expected, _ = statistics_of(configuration, phase, [end])
         assert member.failure is None
         assert exact(member.figures) == exact(expected.figures())
         assert exact(member.account) == exact(expected.account)
-    without = QuietRuns(configuration, phases).run(end, False)
+    without = EnsembleRuns(configuration, phases).run(end, False)
     assert exact([m.figures for m in without]) == exact([m.figures for m in found])
 
 
@@ -78,7 +77,7 @@ def test_members_are_runs_of_a_simulation(configuration, phases, end):
 @given(DRILLS, PHASES, st.lists(st.integers(0, 60 * MILLISECOND), min_size=1, max_size=4))
 def test_a_run_in_parts_is_that_of_a_simulation(configuration, phase, times):
     times = sorted(times)
-    run, statistics = QuietRuns(configuration, [phase]), Statistics()
+    run, statistics = EnsembleRuns(configuration, [phase]), Statistics()
     for time in times[:-1]:
         run.advance_to(time)
     impacts = run.advance_to(times[-1], statistics)
@@ -93,10 +92,10 @@ def test_a_run_in_parts_is_that_of_a_simulation(configuration, phase, times):
 def test_more_impacts_than_there_is_room_for_are_all_counted(monkeypatch):
     configuration = Configuration(preset("drilling").replace(weight_on_bit=80.0))
     expected, impacts = statistics_of(configuration, 0.25, [2_000 * MILLISECOND])
-    monkeypatch.setattr(members, "_FIRST_IMPACTS", 70)
-    monkeypatch.setattr(members, "_room", members._Room())
+    monkeypatch.setattr(ensemble, "_FIRST_IMPACTS", 70)
+    monkeypatch.setattr(ensemble, "_room", ensemble._Room())
     assert len(impacts) > 1000
-    [member] = QuietRuns(configuration, [0.25]).run(2_000 * MILLISECOND, True)
+    [member] = EnsembleRuns(configuration, [0.25]).run(2_000 * MILLISECOND, True)
     assert exact(member.figures) == exact(expected.figures())
 
 
@@ -109,14 +108,14 @@ def tired(monkeypatch):
         state["effort"] = 2.0 * GREATEST_EFFORT
         return state
 
-    monkeypatch.setattr(members, "initial_state", begin)
+    monkeypatch.setattr(ensemble, "initial_state", begin)
     monkeypatch.setattr(engine, "initial_state", begin)
 
 
 def test_a_member_that_fails_leaves_the_others_as_they_are():
     end, phases = 50 * MILLISECOND, [0.25, 0.5, 0.75]
     configuration = Configuration(preset("drilling"))
-    runs = QuietRuns(configuration, phases)
+    runs = EnsembleRuns(configuration, phases)
     runs._states["effort"][1] = 2.0 * GREATEST_EFFORT
     found = runs.run(end, True)
     assert found[1].figures == {}

@@ -5,7 +5,7 @@ import itertools
 import pytest
 
 from rpud_sim.foundation.quantities import ParameterError
-from rpud_sim.simulation.parameter_files import parse_assignment, read_parameter_file
+from rpud_sim.simulation.configuration import parse_assignment, read_parameter_file
 
 
 @pytest.fixture

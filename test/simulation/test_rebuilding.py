@@ -10,8 +10,7 @@ from support import trajectory_messages
 
 from rpud_sim.simulation import preset
 from rpud_sim.simulation.commands import WeightOnBit
-from rpud_sim.simulation.rebuilding import Rebuilder, to_segments
-from rpud_sim.simulation.sampling import CHANNELS, Times
+from rpud_sim.simulation.sampling import CHANNELS, Rebuilder, Times, to_segments
 from rpud_sim.simulation.simulation import Simulation
 
 END = 100_000_000

@@ -15,7 +15,7 @@ from rpud_sim.simulation.journal import Journal, JournalEntry
 from rpud_sim.simulation.rerun import JournalError, Rerun
 from rpud_sim.simulation.run import Beginning, Run
 from rpud_sim.simulation.scenario import parse_scenario
-from rpud_sim.simulation.together import one_by_one
+from rpud_sim.simulation.telemetry import one_by_one
 
 MILLISECOND = 1_000_000
 RATES = {"telemetry_rate": 200, "sample_rate": 20_000, "block_duration": 0.02}

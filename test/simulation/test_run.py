@@ -11,12 +11,12 @@ from hypothesis import strategies as st
 
 from rpud_sim.simulation.commands import Drive, WeightOnBit
 from rpud_sim.simulation.configuration import to_settings
-from rpud_sim.simulation.ensemble import initial_phases
 from rpud_sim.simulation.faults import Fault
 from rpud_sim.simulation.fields import Bookkeeping, stamp_of
 from rpud_sim.simulation.journal import Journal
 from rpud_sim.simulation.run import Beginning, Run
 from rpud_sim.simulation.scenario import Scenario, ScheduledFault
+from rpud_sim.simulation.simulation import initial_phases
 
 SECOND = 1_000_000_000
 MILLISECOND = 1_000_000

@@ -17,12 +17,12 @@ from rpud_sim.simulation.commands import Feed
 from rpud_sim.simulation.configuration import to_configuration
 from rpud_sim.simulation.fault_kinds import KINDS
 from rpud_sim.simulation.faults import Fault
+from rpud_sim.simulation.fields import process_fields
 from rpud_sim.simulation.ledger import FaultLedger, FaultRecord
-from rpud_sim.simulation.process_fields import process_fields
 from rpud_sim.simulation.sampling import Times
 from rpud_sim.simulation.signals import SignalFaults
 from rpud_sim.simulation.simulation import Simulation
-from rpud_sim.simulation.together import row_of
+from rpud_sim.simulation.telemetry import row_of
 from rpud_sim.simulation.topics import CHANNELS
 
 MILLISECOND = 1_000_000
@@ -39,13 +39,9 @@ def run():
     block = Simulation(Parameters(regime="free")).advance_to(100 * MILLISECOND)
     times = [number * MILLISECOND for number in range(101)]
     samples = block.sample(Times.from_nanoseconds(np.array(times)))
-    makers = {
-        "nodal_plane": fields.nodal_plane_fields,
-        "drill_tool": fields.drill_tool_fields,
-        "reacting_force": fields.reacting_force_fields,
-        "wrench": fields.wrench_fields,
-    }
-    columns = {channel: make(samples, ORIGIN + np.array(times)) for channel, make in makers.items()}
+    stamps = ORIGIN + np.array(times)
+    columns = {topic: fields.sampled_fields(topic, samples, stamps) for topic in fields.SAMPLED}
+    columns["wrench"] = fields.wrench_fields(samples, stamps)
     messages = {
         channel: [(time, row_of(made, number)) for number, time in enumerate(times)]
         for channel, made in columns.items()

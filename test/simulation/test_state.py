@@ -12,7 +12,7 @@ from rpud_sim.simulation.journal import Journal, JournalEntry
 from rpud_sim.simulation.rerun import Rerun
 from rpud_sim.simulation.run import Beginning, Run
 from rpud_sim.simulation.state import state_of
-from rpud_sim.simulation.together import one_by_one
+from rpud_sim.simulation.telemetry import one_by_one
 
 MILLISECOND = 1_000_000
 DRILLS = {

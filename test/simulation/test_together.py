@@ -22,7 +22,7 @@ from rpud_sim.simulation.run import Beginning, Run
 from rpud_sim.simulation.sampling import Times
 from rpud_sim.simulation.scenario import Scenario, ScheduledFault
 from rpud_sim.simulation.simulation import Simulation
-from rpud_sim.simulation.together import Together, one_by_one
+from rpud_sim.simulation.telemetry import Together, one_by_one
 from rpud_sim.simulation.topics import TOPICS
 
 MILLISECOND = 1_000_000

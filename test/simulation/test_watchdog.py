@@ -1,6 +1,6 @@
 """Commands that stay out let the drill go down to nothing, as fast as the ramp says."""
 
-from rpud_sim.simulation.watchdog import CommandWatchdog
+from rpud_sim.simulation.control import CommandWatchdog
 
 SECOND = 1_000_000_000
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from rpud_sim.simulation import preset, to_configuration
-from rpud_sim.simulation.parameter_files import read_parameter_file
+from rpud_sim.simulation.configuration import read_parameter_file
 from validation.choices import energy_shares, figure_12_implies
 from validation.contradictions import contradiction_rows
 from validation.named_choices import AS_FIGURE_12, FITTED, NAMED, REASONED, TABLES

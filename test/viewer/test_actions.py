@@ -22,10 +22,13 @@ def test_more_actions_than_can_wait_fail_at_once():
     actions = Actions()
     for _ in range(33):
         actions.add("pause", {})
-    states = [outcome.state for outcome in actions.outcomes]
+    states = [outcome["state"] for outcome in actions.outcomes]
     assert states == ["waiting"] * 32 + ["failed"]
     actions.fail_all("no drill")
-    assert {outcome.text for outcome in actions.outcomes} <= {"no drill", "32 actions wait already"}
+    assert {outcome["text"] for outcome in actions.outcomes} <= {
+        "no drill",
+        "32 actions wait already",
+    }
     assert len(actions.outcomes) == 8
 
 
@@ -39,7 +42,7 @@ def test_arguments_of_a_wrong_kind_are_refused(error):
     actions.add("press", {"force": {}})
     assert actions.execute(Client())
     [outcome] = actions.outcomes
-    assert (outcome.state, outcome.text) == ("refused", "wrong arguments: {} is no number")
+    assert (outcome["state"], outcome["text"]) == ("refused", "wrong arguments: {} is no number")
 
 
 @pytest.mark.parametrize(

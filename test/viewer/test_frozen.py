@@ -12,7 +12,7 @@ from viewer.frame_reader import decode
 import rpud_sim.bag
 import rpud_sim.viewer
 from rpud_sim.bag import BagWriter
-from rpud_sim.bag.tested import RECORD_NAME, RunVerdict
+from rpud_sim.bag.manifest import VERDICT_RECORD, RunVerdict
 from rpud_sim.inspection import InspectionError
 from rpud_sim.inspection.offline_bag import write_offline_bag
 from rpud_sim.simulation import WeightOnBit
@@ -106,7 +106,7 @@ def test_the_account_of_energy_closes(frame):
 def test_the_verdict_of_a_test_is_in_the_report(bag, tmp_path):
     said = RunVerdict("test_mission.py::test_press", "failed", "7", ("[R1] calm: failed",))
     with rpud_sim.bag.open(bag) as reader, BagWriter(tmp_path / "bag") as writer:
-        writer.add_record(RECORD_NAME, said.to_record())
+        writer.add_record(VERDICT_RECORD, said.to_record())
         kept = [each for each in reader.topics if each.topic.name == "/rpud/reacting_force"]
         for summary in kept:
             writer.add_topic(summary.topic, summary.definition)

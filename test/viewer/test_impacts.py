@@ -24,7 +24,7 @@ def test_every_impact_is_in_one_part(times, parts, count):
     spread = found.spread(0.0, 100.0, count)
     width = np.diff(spread["t"])[0] if len(spread["t"]) > 1 else 2 * spread["t"][0]
     inside = [time for time in times if time < spread["t"][-1] + width / 2]
-    assert found.rate(0.0, 100.0, count)[1].sum() * width == pytest.approx(len(inside))
+    assert found.rate(0.0, 100.0, count)["mean"].sum() * width == pytest.approx(len(inside))
 
 
 def test_mean_and_band_are_those_of_the_part():
@@ -58,7 +58,7 @@ def test_times_without_impacts_have_no_value():
     found = filled([0.1, 9.9], [1.0, 2.0])
     spread = found.spread(0.0, 10.0, 10)
     assert np.isnan(spread["mean"][3])
-    assert found.rate(0.0, 10.0, 10)[1][3] == 0.0
+    assert found.rate(0.0, 10.0, 10)["mean"][3] == 0.0
     assert np.isnan(Impacts().spread(0.0, 1.0, 4)["mean"]).all()
 
 
@@ -68,7 +68,7 @@ def test_of_many_impacts_every_second_stays_and_the_rate_is_right(monkeypatch):
     found = filled(times, np.ones(10_000), 7)
     assert found.total == 10_000
     assert len(found.between(0.0, 10.0)[0]) <= 1000
-    assert found.rate(0.0, 8.0, 4)[1][1] == pytest.approx(1000.0, rel=0.05)
+    assert found.rate(0.0, 8.0, 4)["mean"][1] == pytest.approx(1000.0, rel=0.05)
 
 
 def test_impacts_may_come_in_any_order():

@@ -3,7 +3,7 @@
 from viewer.recorded_bags import SECOND, write_forces
 
 import rpud_sim.bag
-from rpud_sim.bag.block_order import gathered_blocks
+from rpud_sim.bag.messages import blocks_of
 from rpud_sim.viewer.signals import topic_readers
 
 
@@ -12,7 +12,7 @@ def test_messages_whose_times_need_64_bits_are_counted_as_unreadable(tmp_path):
     with rpud_sim.bag.open(path) as bag:
         [reader] = topic_readers(bag)[0].values()
         first, second = bag.messages()
-    [block] = gathered_blocks([first, second._replace(log_time=2**63)])
+    [block] = blocks_of([first, second._replace(log_time=2**63)])
     rows = reader.read(block)
     assert rows.values["force"].tolist() == [1.5]
     assert reader.unreadable == 1

@@ -355,7 +355,7 @@ def test_an_impact_without_a_duration_has_no_waveform_of_zeros(tmp_path):
     with RecordedStore(tmp_path / "free") as opened:
         opened.read_all()
         first = opened._bag.waveforms.next_impact(DRILL, 0.2)["time"]
-        shown = opened._bag.views.view(DRILL, first - 1e-5, first + 1e-5, 500, ["peak_force"])
+        shown = opened._bag.view(DRILL, first - 1e-5, first + 1e-5, 500, ["peak_force"])
     assert shown["detail"] == WAVEFORM
     assert len(shown["layers"]["peak_force"]["t"]) == 1
     assert "free_mass" in shown["layers"]

@@ -1,20 +1,25 @@
-"""What differs in how runs were made: parameters, versions, seed, commands and faults."""
+"""What differs in how runs were made, and the parts of the time between common changes."""
 
 from __future__ import annotations
 
 import difflib
 import json
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 from rpud_sim.foundation.time import SECOND
-from rpud_sim.inspection.compare.recorded_values import RecordedValues
+from rpud_sim.inspection.compare.values import RecordedValues
 from rpud_sim.inspection.recorded_drill import RecordedDrill
 from rpud_sim.simulation import PARAMETERS
 from rpud_sim.simulation.journal import JournalEntry
 
 _MOST_TEXT = 300  # characters of a command
+_SHORTEST = 0.1  # s; shorter parts hold nothing to compare
+_TOGETHER = 1e-3  # s; changes so close are one
+MOST_WINDOWS = 20  # number of segments that are compared
 
 
 @dataclass(frozen=True)
@@ -120,26 +125,132 @@ def faults(values: Sequence[RecordedValues]) -> tuple[Event, ...]:
 
 
 def _aligned(runs: Sequence[list[tuple[str, float, float | None]]]) -> tuple[Event, ...]:
-    rows: list[tuple[str, list[tuple[float, float | None] | None]]] = []
+    """Return the events of all runs, each with its text, time and end in each."""
+    rows: list[tuple[str, list[tuple[float | None, float | None]]]] = []
     for number, events in enumerate(runs):
         texts = [text for text, _, _ in events]
         matcher = difflib.SequenceMatcher(None, [text for text, _ in rows], texts, autojunk=False)
-        merged: list[tuple[str, list[tuple[float, float | None] | None]]] = []
+        merged = []
         for kind, low, high, first, last in matcher.get_opcodes():
-            for text, cells in rows[low:high]:
-                merged.append((text, [*cells, None]))
             if kind == "equal":
-                for offset, (_, time, end) in enumerate(events[first:last]):
-                    merged[len(merged) - (high - low) + offset][1][-1] = (time, end)
-            else:
-                for text, time, end in events[first:last]:
-                    merged.append((text, [*[None] * number, (time, end)]))
+                for (text, cells), event in zip(rows[low:high], events[first:last], strict=True):
+                    merged.append((text, [*cells, event[1:]]))
+                continue
+            merged += [(text, [*cells, (None, None)]) for text, cells in rows[low:high]]
+            lacking = [(None, None)] * number
+            merged += [(text, [*lacking, (time, end)]) for text, time, end in events[first:last]]
         rows = merged
-    return tuple(
-        Event(
-            text,
-            tuple(cell[0] if cell else None for cell in cells),
-            tuple(cell[1] if cell else None for cell in cells),
+    return tuple(Event(text, *zip(*cells, strict=True)) for text, cells in rows)
+
+
+@dataclass(frozen=True)
+class Window:
+    """Part of the time that is compared."""
+
+    name: str
+    begins: tuple[float, ...]  # begins, ends: in each run, simulation time [s]
+    ends: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Choice:
+    """Choice of the part of the time that is compared."""
+
+    begin: float = 0.0  # simulation time from which on it is compared [s]
+    end: float | None = None  # up to which [s]; None for the end of the shortest run
+    settle: float = 0.5  # time that is left out after the start and after each change [s]
+
+
+def windows(
+    runs: Sequence[RecordedValues],
+    commands: Sequence[Event],
+    faults: Sequence[Event],
+    choice: Choice,
+) -> tuple[tuple[Window, ...], list[str]]:
+    """Return the windows, and warnings in one line each.
+
+    Where all runs have the same commands, each part between them is compared for itself, and so
+    with faults. Otherwise the common time is one window.
+    """
+    warnings = []
+    changes: list[tuple[str, tuple[float, ...]]] = []
+    if all(event.common for event in commands):
+        changes += [(event.text, _times(event)) for event in commands]
+    else:
+        warnings.append(
+            "the commands differ: a difference may come from them, so causes are mixed; "
+            "--from and --to choose a time in which they agree"
         )
-        for text, cells in rows
-    )
+    if all(event.common for event in faults):
+        changes += [(f"fault {event.text}", _times(event)) for event in faults]
+        changes += [
+            (f"end of fault {event.text}", tuple(end or 0.0 for end in event.ends))
+            for event in faults
+            if all(end is not None for end in event.ends)
+        ]
+    else:
+        warnings.append("the faults differ: a difference may come from them, so causes are mixed")
+    changes.sort(key=lambda change: change[1])
+    if any(
+        later < earlier
+        for (_, before), (_, after) in pairwise(changes)
+        for earlier, later in zip(before, after, strict=True)
+    ):
+        warnings.append("commands and faults come in another order in each run: causes are mixed")
+        changes = []
+    return _between(runs, changes, choice, warnings), warnings
+
+
+def _times(event: Event) -> tuple[float, ...]:
+    return tuple(time or 0.0 for time in event.times)
+
+
+def _between(
+    runs: Sequence[RecordedValues],
+    changes: Sequence[tuple[str, tuple[float, ...]]],
+    choice: Choice,
+    warnings: list[str],
+) -> tuple[Window, ...]:
+    first = max([choice.begin, *(run.begin for run in runs)])
+    last = min([math.inf if choice.end is None else choice.end, *(run.end for run in runs)])
+    inside = [
+        (text, tuple(min(max(time, first), last) for time in times))
+        for text, times in changes
+        if not _before(times, first + _TOGETHER) and min(times) < last
+    ]
+    # A change before the first moment, or at it, only has to settle.
+    early = [times for _, times in changes if _before(times, first + _TOGETHER)]
+    names = [""]
+    places = [tuple(first for _ in runs)]
+    settled = [
+        tuple(
+            max([first, choice.settle, *(times[run] + choice.settle for times in early)])
+            for run in range(len(runs))
+        )
+    ]
+    for text, times in inside:
+        close = max(b - a for a, b in zip(places[-1], times, strict=True)) < _TOGETHER
+        if close:
+            names[-1] = f"{names[-1]}; {text}" if names[-1] else text
+        else:
+            names.append(text)
+            places.append(times)
+            settled.append(tuple(time + choice.settle for time in times))
+    ends = [*places[1:], tuple(last for _ in runs)]
+    found = []
+    short = 0
+    for name, begin, end in zip(names, settled, ends, strict=True):
+        if min(b - a for a, b in zip(begin, end, strict=True)) < _SHORTEST:
+            short += 1
+            continue
+        title = f"after {name}" if name else "from the start" if len(names) > 1 else "whole time"
+        found.append(Window(title, begin, end))
+    if short and found:
+        warnings.append(f"{short} segments between changes are too short to compare")
+    if len(found) > MOST_WINDOWS:
+        warnings.append(f"only the first {MOST_WINDOWS} of {len(found)} segments are compared")
+    return tuple(found[:MOST_WINDOWS])
+
+
+def _before(times: Sequence[float], moment: float) -> bool:
+    return all(time <= moment for time in times)

@@ -13,10 +13,10 @@ from rpud_sim.inspection.compare.page_plots import (
     label,
     time_plots,
 )
-from rpud_sim.inspection.compare.quantities import COUNTERS, MEAN, MEDIAN, P95, TIMING
 from rpud_sim.inspection.compare.results import Comparison, QuantityComparison, WindowComparison
 from rpud_sim.inspection.compare.same_bits import EQUAL, TopicBits, first_different
 from rpud_sim.inspection.compare.template import BODY, HEADINGS
+from rpud_sim.inspection.compare.values import COUNTERS, MEAN, MEDIAN, P95, TIMING
 from rpud_sim.inspection.compare.wording import FIGURES, difference_texts, sentence
 from rpud_sim.inspection.output import write_new_file
 from rpud_sim.pages.frame import render_page

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.special import stdtr, stdtrit
 
 from rpud_sim.inspection.compare.block_bootstrap import mean_error
-from rpud_sim.inspection.compare.quantities import MEAN, MEDIAN, P95, Quantity
+from rpud_sim.inspection.compare.values import MEAN, MEDIAN, P95, ComparedQuantity
 
 LEVEL = 0.95  # confidence level of all intervals
 
@@ -99,7 +99,7 @@ def _reach(blocks: float) -> float:
 
 
 def difference(
-    quantity: Quantity,
+    quantity: ComparedQuantity,
     figure: str,
     reference: Estimate,
     other: Estimate,

@@ -15,9 +15,14 @@ from rpud_sim.inspection.compare.estimates import (
     UNDECIDED,
     Difference,
 )
-from rpud_sim.inspection.compare.quantities import QUANTITIES, STATUS, Quantity
-from rpud_sim.inspection.compare.recorded_values import RecordedValues, series_of
 from rpud_sim.inspection.compare.results import Comparison, QuantityComparison, WindowComparison
+from rpud_sim.inspection.compare.values import (
+    QUANTITIES,
+    STATUS,
+    ComparedQuantity,
+    RecordedValues,
+    series_of,
+)
 from rpud_sim.inspection.compare.wording import FIGURES, difference_texts
 from rpud_sim.pages.plot import Axis, Layer, Line, Plot, Points, Rule, Zone
 
@@ -191,7 +196,11 @@ def time_plots(found: Comparison) -> list[Plot]:
 
 
 def _over_time(
-    found: Comparison, quantity: Quantity, begin: float, end: float, marks: tuple[Layer, ...]
+    found: Comparison,
+    quantity: ComparedQuantity,
+    begin: float,
+    end: float,
+    marks: tuple[Layer, ...],
 ) -> Plot | None:
     shown = quantity.shown
     layers: list[Layer] = [*marks]
@@ -215,7 +224,9 @@ def _over_time(
     return Plot(shown.label, tuple(layers), alt, Axis(unit=shown.unit), x, 130, 520)
 
 
-def _points(run: RecordedValues, quantity: Quantity) -> tuple[np.ndarray, np.ndarray] | None:
+def _points(
+    run: RecordedValues, quantity: ComparedQuantity
+) -> tuple[np.ndarray, np.ndarray] | None:
     arrays = run.topics.get(quantity.topic)
     if arrays is None or len(arrays["time"]) < 2:
         return None

@@ -1,10 +1,13 @@
-"""Results of a comparison of runs."""
+"""Results of a comparison of runs, and their content for JSON."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
 
-from rpud_sim.inspection.compare.changes import Event, Setting
+from rpud_sim.inspection.compare.changes import Event, Setting, Window
 from rpud_sim.inspection.compare.estimates import (
     DIFFERS,
     TOO_FEW,
@@ -12,9 +15,8 @@ from rpud_sim.inspection.compare.estimates import (
     Difference,
     Estimate,
 )
-from rpud_sim.inspection.compare.recorded_values import RecordedValues
 from rpud_sim.inspection.compare.same_bits import DIFFERENT, EQUAL, TopicBits
-from rpud_sim.inspection.compare.windows import Window
+from rpud_sim.inspection.compare.values import RecordedValues
 from rpud_sim.inspection.recorded_drill import RecordedDrill
 from rpud_sim.pages.quantities import Quantity
 
@@ -56,10 +58,10 @@ class WindowComparison:
 class Timing:
     """Timing of a run by its status: of the machine, not of the drill."""
 
-    # greatest value of each field in ``quantities.TIMING``, by name; NaN if unknown
+    # greatest value of each field in ``values.TIMING``, by name; NaN if unknown
     greatest: dict[str, float]
     median: dict[str, float]  # median of the same
-    # last value of each field in ``quantities.COUNTERS``; None if unknown
+    # last value of each field in ``values.COUNTERS``; None if unknown
     counters: dict[str, int | None]
 
 
@@ -79,28 +81,23 @@ class Comparison:
     timing: tuple[Timing, ...]
     tolerance: float  # relative difference that does not matter; 0 for none
     warnings: tuple[str, ...]
-    # Damaged parts that were skipped, by name of the run and of the part.
-    damaged: dict[str, dict[str, str]]
+
+    @property
+    def damaged(self) -> dict[str, dict[str, str]]:
+        """Damaged parts that were skipped, by name of the run and of the part."""
+        runs = zip(self.names, self.values, strict=True)
+        return {name: run.damaged for name, run in runs if run.damaged}
 
     @property
     def differences(self) -> tuple[Difference, ...]:
         """All differences of all windows and runs."""
-        return tuple(
-            found
-            for window in self.windows
-            for quantity in window.quantities
-            for run in quantity.differences
-            for found in run
-        )
+        return tuple(all_differences(self.windows))
 
     @property
     def equal_bits(self) -> bool:
         """Whether every compared message of every run is equal to that of the reference."""
-        return all(
-            any(topic.state == EQUAL for topic in run)
-            and not any(topic.state == DIFFERENT for topic in run)
-            for run in self.bits
-        )
+        states = [{topic.state for topic in run} for run in self.bits]
+        return all(EQUAL in run and DIFFERENT not in run for run in states)
 
     @property
     def differs(self) -> bool:
@@ -132,3 +129,97 @@ class Comparison:
         if self.tolerance:
             return f"equivalent: all {count} figures are within {percent}"
         return f"no difference found in {count} figures"
+
+
+def all_differences(found: Sequence[WindowComparison]) -> Iterator[Difference]:
+    """Yield the differences of all windows and runs."""
+    for window in found:
+        for quantity in window.quantities:
+            for run in quantity.differences:
+                yield from run
+
+
+def content(found: Comparison) -> dict[str, Any]:
+    """Return a comparison for JSON; ``docs/reference/compare.md`` lists its fields."""
+    runs = zip(found.names, found.drills, found.values, found.timing, strict=True)
+    return _plain(
+        {
+            "equal_bits": found.equal_bits,
+            "differs": found.differs,
+            "undecided": found.undecided,
+            "tolerance": found.tolerance or None,
+            "runs": [
+                {
+                    "name": name,
+                    "bag": drill.path,
+                    "namespace": drill.namespace or "/",
+                    "run": drill.number,
+                    "runs_in_bag": drill.runs,
+                    "journal": bool(drill.entries),
+                    "begin": values.begin,
+                    "end": values.end,
+                    "impacts_missing": values.missing_impacts,
+                    "timing": {
+                        "greatest": timing.greatest,
+                        "median": timing.median,
+                        **timing.counters,
+                    },
+                }
+                for name, drill, values, timing in runs
+            ],
+            "parameters": [asdict(each) for each in found.parameters],
+            "versions": [asdict(each) for each in found.versions],
+            "commands": [asdict(each) for each in found.commands],
+            "faults": [asdict(each) for each in found.faults],
+            "bits": [[asdict(topic) for topic in run] for run in found.bits],
+            "windows": [
+                {**asdict(each.window), "quantities": [*map(_quantity, each.quantities)]}
+                for each in found.windows
+            ],
+            "warnings": found.warnings,
+            "damaged": found.damaged,
+        }
+    )
+
+
+def _quantity(each: QuantityComparison) -> dict[str, Any]:
+    return {
+        "quantity": each.quantity,
+        "unit": each.unit,
+        "runs": [
+            run
+            and {
+                "count": run.count,
+                "max": run.greatest,
+                **{name: _estimate(figure) for name, figure in run.estimates.items()},
+            }
+            for run in each.runs
+        ],
+        "differences": [[_difference(found) for found in run] for run in each.differences],
+    }
+
+
+def _estimate(each: Estimate) -> dict[str, float]:
+    return {name: getattr(each, name) for name in ("value", "low", "high", "error", "blocks")}
+
+
+def _difference(each: Difference) -> dict[str, Any]:
+    relative = ("relative", "relative_low", "relative_high")
+    return {
+        "figure": each.figure,
+        "difference": each.value,
+        "low": each.low,
+        "high": each.high,
+        **{name: getattr(each, name) for name in relative},
+        "p": each.chance,
+        "decision": each.decision,
+    }
+
+
+def _plain(value: Any) -> Any:
+    """Return content with None for numbers that are not finite: JSON has no NaN."""
+    if isinstance(value, Mapping):
+        return {name: _plain(item) for name, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value

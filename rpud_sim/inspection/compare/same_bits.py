@@ -1,4 +1,4 @@
-"""Whether two runs have the same bits: their messages side by side, up to the first difference."""
+"""Runs read side by side: their values, and whether their messages have the same bits."""
 
 from __future__ import annotations
 
@@ -11,11 +11,12 @@ from typing import Any
 
 from rpud_sim.bag import BagFormatError, BagReader, TopicSummary
 from rpud_sim.bag.cdr import Codec
+from rpud_sim.bag.messages import MessageBlock
 from rpud_sim.foundation.time import SECOND, join_seconds
+from rpud_sim.inspection.compare.values import RecordedValues, ValueReader
+from rpud_sim.inspection.output import Damages
 from rpud_sim.inspection.recorded_drill import RecordedDrill
-from rpud_sim.inspection.verify.messages import (
-    differing_fields,
-)
+from rpud_sim.inspection.verify.messages import differing_fields
 from rpud_sim.simulation.topics import PROVED
 
 EQUAL, DIFFERENT, NOT_COMPARED = "equal", "different", "not compared"
@@ -25,7 +26,6 @@ _STAMP = slice(4, 12)  # of the header, after the four bytes that tell the encod
 _SEVERAL_TIMES = ("faults", "trajectory")  # topics with other times than the stamp
 _MOST_WAITING = 64 * 2**20  # messages of a topic that the other run lacks [bytes]
 _OVERHEAD = 256  # bytes that a message takes in addition to its data
-_REPORTED = 1000  # messages between two reports of progress
 
 
 @dataclass(frozen=True)
@@ -51,74 +51,98 @@ def first_different(run: Sequence[TopicBits]) -> TopicBits | None:
     return min(found, key=lambda topic: topic.time or 0.0, default=None)
 
 
-@dataclass(frozen=True)
 class Side:
-    """Run in an open bag."""
+    """Run in an open bag, of which each block is read once."""
 
-    bag: BagReader
-    drill: RecordedDrill
+    def __init__(self, bag: BagReader, drill: RecordedDrill, damages: Damages) -> None:
+        self._drill = drill
+        self._values = ValueReader(bag, drill, damages)
+        # Topics whose bits are compared, by their relative names.
+        self.held: dict[str, TopicSummary] = {
+            self.relative(summary.topic.name): summary
+            for summary in bag.readable_topics
+            if summary.topic.name.startswith(drill.prefix) and summary.message_count
+        }
+        names = {drill.topic(name) for name in PROVED if name in self.held}
+        self._blocks = bag.blocks(names | self._values.topics)
+        self._latest: dict[str, bytes] = {}
+        self.reached = -1  # simulation time of the latest message so far [ns]
+        self.ended = False
 
-    def summary(self, topic: str) -> TopicSummary | None:
-        """Return the summary of a topic of the drill; None without messages."""
-        name = self.drill.topic(topic)
-        found = (s for s in self.bag.readable_topics if s.topic.name == name and s.message_count)
-        return next(found, None)
+    def relative(self, topic: str) -> str:
+        return topic.removeprefix(self._drill.prefix)
+
+    @property
+    def values(self) -> RecordedValues:
+        return self._values.values()
+
+    def next(self) -> MessageBlock | None:
+        """Return the next block, whose values are read; None at the end."""
+        block = next(self._blocks, None)
+        if block is None:
+            self.ended = True
+        else:
+            self._values.add(block)
+        return block
+
+    def timed(self, block: MessageBlock) -> Iterator[_Timed]:
+        """Yield the messages of the run in a block, without repeats."""
+        first, last = self._drill.bounds
+        for number, published in enumerate(block.publish_times.tolist()):
+            data = block.message(number)
+            # A latched message is repeated where a bag's next file begins.
+            if first <= published <= last and data != self._latest.get(block.topic):
+                self._latest[block.topic] = data
+                origin = self._drill.clock.offset(published)
+                time = _stamp_of(data) - origin
+                self.reached = max(self.reached, time)
+                yield _Timed(data, time, origin)
 
 
-def compare_bits(
-    reference: Side, other: Side, report: Callable[[int], object] = lambda messages: None
-) -> tuple[TopicBits, ...]:
-    """Return the comparison of each topic that the simulation determines, if a run holds it.
+def read_side_by_side(
+    sides: Sequence[Side], report: Callable[[int], object]
+) -> Iterator[tuple[TopicBits, ...]]:
+    """Read runs; yield the comparison of each with the first, by topic that a run computes.
 
-    Both bags are read side by side, so that few messages wait for their partner.
+    They are read side by side, so that few messages wait for their partner.
     """
-    found: dict[str, TopicBits] = {}
-    pairs: dict[str, _Pair] = {}
+    pairs = [_pairs(sides[0], other) for other in sides[1:]]
+    while reading := [number for number, side in enumerate(sides) if not side.ended]:
+        number = min(reading, key=lambda number: sides[number].reached)
+        side = sides[number]
+        block = side.next()
+        if block is None:
+            continue
+        report(len(block))
+        topic = side.relative(block.topic)
+        found = [each.get(topic) for each in (pairs if number == 0 else [pairs[number - 1]])]
+        waiting = [pair for pair in found if isinstance(pair, _Pair) and not pair.done]
+        for timed in side.timed(block) if waiting else ():
+            for pair in waiting:
+                pair.add(min(number, 1), timed)
+    for other, each in zip(sides[1:], pairs, strict=True):
+        until = min(sides[0].reached, other.reached)
+        yield tuple(
+            pair.result(until) if isinstance(pair, _Pair) else pair for pair in each.values()
+        )
+
+
+def _pairs(first: Side, second: Side) -> dict[str, _Pair | TopicBits]:
+    """Return the topics of two runs, by name: to be compared, or with the reason why not."""
+    found: dict[str, _Pair | TopicBits] = {}
     for topic in PROVED:
-        first, second = reference.summary(topic), other.summary(topic)
-        if first is None and second is None:
-            continue
-        if first is None or second is None:
-            lacking = "the reference" if first is None else "this run"
+        held = [side.held[topic] for side in (first, second) if topic in side.held]
+        if len(held) == 1:
+            lacking = "this run" if topic in first.held else "the reference"
             found[topic] = TopicBits(topic, NOT_COMPARED, note=f"{lacking} does not hold it")
-            continue
-        try:
-            [(name, definition)] = {(s.topic.type, s.definition) for s in (first, second)}
-            pairs[topic] = _Pair(topic, Codec(name, definition or ""))
-        except (BagFormatError, ValueError):
-            note = "the definitions of its messages differ"
-            found[topic] = TopicBits(topic, NOT_COMPARED, note=note)
-    _read(pairs, (reference, other), report)
-    found |= {topic: pair.result() for topic, pair in pairs.items()}
-    return tuple(found[topic] for topic in PROVED if topic in found)
-
-
-def _read(
-    pairs: dict[str, _Pair], sides: tuple[Side, Side], report: Callable[[int], object]
-) -> None:
-    sources = [_timed(side, pairs) for side in sides]
-    reached = [-1, -1]
-    read = 0
-    while not all(pair.done for pair in pairs.values()):
-        number = int(reached[1] < reached[0])
-        item = next(sources[number], None)
-        if item is None:
-            for topic, timed in sources[1 - number]:
-                pair = pairs[topic]
-                if pair.done:
-                    continue
-                if timed.time > reached[number]:
-                    break  # the other run went on longer
-                pair.add(1 - number, timed)
-            break
-        topic, timed = item
-        reached[number] = max(reached[number], timed.time)
-        if not pairs[topic].done:
-            pairs[topic].add(number, timed)
-        read += 1
-        if read % _REPORTED == 0:
-            report(_REPORTED)
-    report(read % _REPORTED)
+        elif held:
+            try:
+                [(name, definition)] = {(s.topic.type, s.definition) for s in held}
+                found[topic] = _Pair(topic, Codec(name, definition or ""))
+            except (BagFormatError, ValueError):
+                note = "the definitions of its messages differ"
+                found[topic] = TopicBits(topic, NOT_COMPARED, note=note)
+    return found
 
 
 @dataclass(frozen=True)
@@ -126,25 +150,6 @@ class _Timed:
     data: bytes  # serialized
     time: int  # simulation time [ns]
     origin: int  # stamp of simulation time zero [ns]
-
-
-def _timed(side: Side, pairs: dict[str, _Pair]) -> Iterator[tuple[str, _Timed]]:
-    drill = side.drill
-    names = {drill.topic(topic): topic for topic in pairs}
-    latest = dict.fromkeys(names, b"")
-    first, last = drill.bounds
-    for message in side.bag.messages(names.keys()):
-        topic = names[message.topic]
-        if not first <= message.publish_time <= last:
-            continue
-        if pairs[topic].done:
-            continue
-        if message.data == latest[message.topic]:
-            continue  # a latched message is repeated where a bag's next file begins
-        latest[message.topic] = message.data
-        stamp = _stamp_of(message.data)
-        origin = drill.clock.offset(message.publish_time)
-        yield topic, _Timed(message.data, stamp - origin, origin)
 
 
 class _Pair:
@@ -221,14 +226,18 @@ class _Pair:
         for waiting in self._waiting:
             waiting.clear()
 
-    def result(self) -> TopicBits:
+    def result(self, until: int) -> TopicBits:
+        """Return the comparison up to a time that both runs reached [ns]."""
         if self._found:
             return self._found
         if not self._equal:
             return TopicBits(self._topic, NOT_COMPARED, note="the runs have no time in common")
-        sides = [place for place, waiting in enumerate(self._waiting) if waiting]
-        longer = ("the reference", "this run")[sides[0]] if sides else ""
-        note = f"{longer} goes on longer" if longer else ""
+        longer = [
+            name
+            for name, waiting in zip(("the reference", "this run"), self._waiting, strict=True)
+            if waiting and waiting[0].time <= until
+        ]
+        note = f"{longer[0]} goes on longer" if longer else ""
         return TopicBits(self._topic, EQUAL, self._equal, note=note)
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 from rpud_sim.inspection.compare.estimates import DIFFERS, Difference
-from rpud_sim.inspection.compare.quantities import MEAN, MEDIAN, P95
 from rpud_sim.inspection.compare.results import Comparison
+from rpud_sim.inspection.compare.values import MEAN, MEDIAN, P95
 from rpud_sim.pages.quantities import NONE, Quantity
 
 FIGURES = {MEAN: "mean", MEDIAN: "median", P95: "95 % quantile"}

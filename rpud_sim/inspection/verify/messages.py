@@ -12,12 +12,12 @@ import numpy as np
 
 from rpud_sim.bag import BagFormatError, Message
 from rpud_sim.bag.cdr import Codec
-from rpud_sim.bag.message_block import MessageBlock
+from rpud_sim.bag.messages import MessageBlock
 from rpud_sim.foundation.time import join_seconds
 from rpud_sim.inspection.offline_bag import encoded_columns
 from rpud_sim.inspection.verify.coverage import Position
 from rpud_sim.simulation.fields import Fields, stamp_of
-from rpud_sim.simulation.together import Columns, Together
+from rpud_sim.simulation.telemetry import Columns, Together
 
 # Stamp [ns] and sequence number: unique within a topic, unless something is wrong.
 Key = tuple[int, int]

@@ -44,7 +44,7 @@ from rpud_sim.simulation.journal import STARTS, JournalEntry
 from rpud_sim.simulation.rerun import JournalError, Rerun
 from rpud_sim.simulation.run import Run
 from rpud_sim.simulation.state import state_of
-from rpud_sim.simulation.together import Entry, Together, one_by_one
+from rpud_sim.simulation.telemetry import Entry, Together, one_by_one
 from rpud_sim.simulation.topics import PROVED, TOPICS
 from rpud_sim.simulation.versions import other_engine
 

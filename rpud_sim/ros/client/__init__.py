@@ -7,7 +7,7 @@ cannot be used is a ``ParameterError``, and a node or a name that ROS does not p
 """
 
 from rpud_sim.ros.client.drill_client import DrillClient
-from rpud_sim.ros.client.errors import (
+from rpud_sim.ros.client.listening_node import (
     ClientError,
     NoAnswerError,
     NoDrillError,

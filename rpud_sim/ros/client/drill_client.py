@@ -2,28 +2,51 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from types import TracebackType
 from typing import Any, TypeVar
 
+from builtin_interfaces.msg import Duration, Time
+from rcl_interfaces.srv import SetParametersAtomically
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
-from rpud_msgs.srv import GetDelivery
+from rpud_msgs.msg import Drive, Fault, Feed, Result, SimulationState, Status, WeightOnBit
+from rpud_msgs.srv import (
+    ClearFault,
+    GetDelivery,
+    InjectFault,
+    ListFaults,
+    ResetSimulation,
+    RunToTime,
+    SetSimulationState,
+    StepSimulation,
+)
+from std_srvs.srv import SetBool
 
-from rpud_sim.foundation.time import SECOND
-from rpud_sim.ros.client.commands import Commands
-from rpud_sim.ros.client.drill_connection import DrillConnection
-from rpud_sim.ros.client.drill_watch import stamp_of
-from rpud_sim.ros.client.fault_services import FaultServices
-from rpud_sim.ros.client.simulation_services import SimulationServices
+from rpud_sim.foundation.quantities import ParameterError, Quantity, did_you_mean, shown
+from rpud_sim.foundation.time import SECOND, join_seconds, split_seconds
+from rpud_sim.ros.client.drill_connection import SECONDS, DrillConnection
+from rpud_sim.ros.client.listening_node import RefusedError
 from rpud_sim.ros.client.telemetry import Telemetry
 
 PATIENCE = 10.0  # time limit of a client, unless it is given another one [s]
 
+# What a reset may restart, by name.
+SCOPES: Mapping[str, int] = {
+    "all": ResetSimulation.Request.SCOPE_ALL,
+    "time": ResetSimulation.Request.SCOPE_TIME,
+    "state": ResetSimulation.Request.SCOPE_STATE,
+    "faults": ResetSimulation.Request.SCOPE_SPAWNED,
+}
+_SEED = Quantity("", "a seed", 0, 2**32 - 1, whole=True)
+_FAULT_NUMBER = Quantity("", "the number of a fault", 1, 2**32 - 1, whole=True)
+
 Value = TypeVar("Value")
 
 
-class DrillClient(Commands, FaultServices, SimulationServices):
+class DrillClient:
     """Commands and hears one running drill.
 
     A command returns when the drill has accepted it, so that a step which follows cannot overtake
@@ -47,7 +70,8 @@ class DrillClient(Commands, FaultServices, SimulationServices):
         node_name: str = "drill_client",
         patience: float = PATIENCE,
     ) -> None:
-        super().__init__(DrillConnection(namespace, domain_id, node_name, patience))
+        self._drill = DrillConnection(namespace, domain_id, node_name, patience)
+        self._published: Mapping[str, int] = {}
 
     def __enter__(self) -> DrillClient:
         return self
@@ -64,6 +88,8 @@ class DrillClient(Commands, FaultServices, SimulationServices):
         """Leave the graph."""
         self._drill.listening.close()
 
+    # What the drill is and says.
+
     @property
     def node(self) -> Node:
         """Node of the client, for publishers and services of your own."""
@@ -75,21 +101,37 @@ class DrillClient(Commands, FaultServices, SimulationServices):
         return self._drill.namespace
 
     @property
-    def time(self) -> float:
-        """Stamp of the latest status [s]."""
-        return stamp_of(self.status) / SECOND
+    def publishers(self) -> list[str]:
+        """Full names of the nodes that publish the drill's status; no node, no drill."""
+        return self._drill.publishers
 
-    def check_while_waiting(self, check: Callable[[], object]) -> None:
-        """Call this while a method waits; an error that it raises ends the wait.
-
-        A test that has started the drill knows at once that the drill has died.
-        """
-        self._drill.listening.check = check
+    @property
+    def status(self) -> Status:
+        """Latest status of the drill, a ``rpud_msgs/Status``."""
+        return self._drill.status
 
     @property
     def status_number(self) -> int:
         """Number that the drill's publisher has given to the latest status; 0 before the first."""
-        return self._drill.watch.number
+        return self._drill.number
+
+    @property
+    def time(self) -> float:
+        """Stamp of the latest status [s]."""
+        return _stamp_of(self.status) / SECOND
+
+    @property
+    def published(self) -> Mapping[str, int]:
+        """Messages that the drill had published on each topic when the last step ended."""
+        return self._published
+
+    @property
+    def faults(self) -> list[Fault]:
+        """Faults since the start, those that last and those that are over, by number."""
+        self._drill.find()
+        faults = self._drill.until(lambda: self._drill.faults, "no list of faults came")
+        assert faults is not None  # until waits for it
+        return list(faults.faults)
 
     def delivery(self, nodes: Sequence[str] = ()) -> GetDelivery.Response:
         """Return what the drill has published, and who has discovered it.
@@ -100,6 +142,8 @@ class DrillClient(Commands, FaultServices, SimulationServices):
         request = GetDelivery.Request(nodes=nodes)
         return self._drill.call("simulation/get_delivery", request, repeat=True)
 
+    # Waiting and listening.
+
     def found(self, patience: float | None = None) -> None:
         """Wait until the drill is found and has published its status.
 
@@ -107,23 +151,6 @@ class DrillClient(Commands, FaultServices, SimulationServices):
         drill that has never run on a machine may compile for a minute.
         """
         self._drill.find(patience)
-
-    def listen(
-        self,
-        topic: str,
-        kind: Any = None,
-        qos: QoSProfile | None = None,
-        patience: float | None = None,
-    ) -> list[Any]:
-        """Subscribe to a topic, and return the list that its messages are added to.
-
-        Args:
-            topic: of any node; a relative name is one of the drill's namespace.
-            kind: class of its messages; None for that with which it is published.
-            qos: of the subscription; None for what its publishers offer.
-            patience: time limit for the topic [s]; None for that of the client.
-        """
-        return self._drill.listen(topic, kind, qos, patience)
 
     def until(
         self,
@@ -139,21 +166,12 @@ class DrillClient(Commands, FaultServices, SimulationServices):
         self.found()
         return self._drill.until(condition, what, patience)
 
-    def observe(self, observer: Callable[[str, Any], object]) -> None:
-        """Call a function with the name and each message of some topics.
+    def check_while_waiting(self, check: Callable[[], object]) -> None:
+        """Call this while a method waits; an error that it raises ends the wait.
 
-        These are ``status``, ``faults``, ``journal`` and ``command_results``. They are latched:
-        what came before is not repeated. Observe before the client has waited.
+        A test that has started the drill knows at once that the drill has died.
         """
-        self._drill.watch.observer = observer
-
-    def telemetry(self, sinks: Mapping[str, Callable[[int, tuple[Any, ...]], object]]) -> Telemetry:
-        """Subscribe to fast topics, whose messages are decoded in a few microseconds.
-
-        ``sinks`` has, by topic, a function of the stamp [ns] and the values, as ``Telemetry`` has
-        them.
-        """
-        return Telemetry(self._drill.listening, sinks)
+        self._drill.listening.check = check
 
     def take(self) -> None:
         """Take all messages that have arrived, without a wait; responses and events stay."""
@@ -163,7 +181,260 @@ class DrillClient(Commands, FaultServices, SimulationServices):
         """Take messages, responses and events that have arrived, or wait for the next one [s]."""
         self._drill.listening.spin(seconds)
 
-    @property
-    def publishers(self) -> list[str]:
-        """Full names of the nodes that publish the drill's status; no node, no drill."""
-        return self._drill.watch.publishers
+    def listen(
+        self,
+        topic: str,
+        kind: Any = None,
+        qos: QoSProfile | None = None,
+        patience: float | None = None,
+    ) -> list[Any]:
+        """Subscribe to a topic of any node, and return the list that its messages are added to.
+
+        A relative name is one of the drill's namespace. ``kind`` is the class of the messages; None
+        for that with which it is published. ``qos`` is what the publishers offer if it is None.
+        ``patience`` limits the wait for the topic [s]; None for that of the client.
+        """
+        return self._drill.listen(topic, kind, qos, patience)
+
+    def observe(self, observer: Callable[[str, Any], object]) -> None:
+        """Call a function with the name and each message of some topics.
+
+        These are ``status``, ``faults``, ``journal`` and ``command_results``. They are latched:
+        what came before is not repeated. Observe before the client has waited.
+        """
+        self._drill.observer = observer
+
+    def telemetry(self, sinks: Mapping[str, Callable[[int, tuple[Any, ...]], object]]) -> Telemetry:
+        """Subscribe to fast topics, whose messages are decoded in a few microseconds.
+
+        ``sinks`` has, by topic, a function of the stamp [ns] and the values, as ``Telemetry`` has
+        them.
+        """
+        return Telemetry(self._drill.listening, sinks)
+
+    # Commands: each returns when the drill has accepted it.
+
+    def press(self, force: float) -> None:
+        """Command a weight on bit [N]."""
+        self._drill.command("weight_on_bit", WeightOnBit(force=_number("force", force)))
+
+    def drive(
+        self, enabled: bool = True, voltage: float | None = None, frequency: float | None = None
+    ) -> None:
+        """Command amplitude [V] and frequency [Hz], None as they are, or switch the drive off."""
+        status = self.status
+        present = (status.drive_voltage, status.drive_frequency) if enabled else (0.0, 0.0)
+        message = Drive(
+            enabled=bool(enabled),
+            voltage=present[0] if voltage is None else _number("voltage", voltage),
+            frequency=present[1] if frequency is None else _number("frequency", frequency),
+        )
+        self._drill.command("drive", message)
+
+    def feed(self, rate: float | None = None, position: float | None = None) -> None:
+        """Command the feed of a drill on an arm: its rate or its position, and not both.
+
+        The rate is toward the rock [m/s], where zero holds the mount; the position is along the
+        drill axis [m].
+        """
+        if (rate is None) == (position is None):
+            raise ParameterError("feed takes a rate or a position")
+        if rate is not None:
+            message = Feed(mode=Feed.MODE_RATE, value=_number("rate", rate))
+        else:
+            message = Feed(mode=Feed.MODE_POSITION, value=_number("position", position))
+        self._drill.command("feed", message)
+
+    def engage(self, on: bool = True) -> None:
+        """Put the drill tool into the rock, or take it out."""
+        _check_success(self._drill.call("engage", SetBool.Request(data=bool(on)), repeat=True))
+        regime = Status.REGIME_DRILLING if on else Status.REGIME_FREE
+        self._drill.until(lambda: self.status.regime == regime, f"no status said {regime}")
+
+    def set_parameters(self, **values: Any) -> None:
+        """Set parameters of the drill, all of them or none."""
+        parameters = [Parameter(name, value=value) for name, value in values.items()]
+        request = SetParametersAtomically.Request(
+            parameters=[parameter.to_parameter_msg() for parameter in parameters]
+        )
+        name = "set_parameters_atomically"
+        result = self._drill.call_node(name, SetParametersAtomically, request).result
+        if not result.successful:
+            raise RefusedError(result.reason)
+
+    # Faults: a call returns when the topic ``faults`` shows the change.
+
+    def inject(
+        self,
+        kind: str,
+        channel: str = "",
+        magnitude: float | None = None,
+        duration: float | None = None,
+    ) -> int:
+        """Inject a fault, such as ``free_mass_jammed``, and return its number.
+
+        ``channel`` is the relative name of the topic with the faulty signal; empty for the physics.
+        The magnitude is in the unit of the kind; None for its default. After a duration in
+        simulation time [s] it ends by itself; None for never.
+        """
+        fault = Fault(
+            kind=_text("kind", kind),
+            channel=_text("channel", channel),
+            magnitude=math.nan if magnitude is None else _number("magnitude", magnitude),
+        )
+        sec, nanosec = _split("duration", 0.0 if duration is None else duration)
+        request = InjectFault.Request(fault=fault, duration=Duration(sec=sec, nanosec=nanosec))
+        response = _check_success(self._drill.call("inject_fault", request))
+        number = int(response.number)
+        self._drill.until(
+            lambda: any(each.number == number for each in self.faults),
+            f"the topic faults did not show fault {number}",
+        )
+        return number
+
+    def clear(self, which: int | str = "all") -> list[int]:
+        """End active faults now: ``which`` is a number, a kind or ``all``. Return their numbers."""
+        numbers = self._active(which)
+        for number in [0] if which == "all" else numbers:
+            _check_success(self._drill.call("clear_fault", ClearFault.Request(number=number)))
+        self._drill.until(
+            lambda: not any(each.active and each.number in numbers for each in self.faults),
+            "the topic faults did not show the end",
+        )
+        return numbers
+
+    def list_faults(self) -> ListFaults.Response:
+        """Return the active faults, and the kinds and channels that can be injected now."""
+        return self._drill.call("list_faults", ListFaults.Request(), repeat=True)
+
+    def _active(self, which: int | str) -> list[int]:
+        if not isinstance(which, str):
+            return [int(_FAULT_NUMBER.check("fault", which))]
+        active = self.list_faults().faults
+        numbers = [int(each.number) for each in active if which in ("all", each.kind)]
+        if not numbers and which != "all":
+            if not active:
+                raise RefusedError("no fault is active")
+            hint = did_you_mean(which, sorted({each.kind for each in active}))
+            raise RefusedError(f"no fault {shown(which)} is active; {hint}")
+        return numbers
+
+    # Simulation time: a call returns when the topic ``status`` shows the change.
+
+    def pause(self) -> None:
+        """Let simulation time stand still; a step that is under way is interrupted."""
+        self._set_state(SimulationState.STATE_PAUSED, Status.STATE_PAUSED)
+
+    def play(self) -> None:
+        """Let simulation time pass by itself."""
+        self._set_state(SimulationState.STATE_PLAYING, Status.STATE_RUNNING)
+
+    def step(self, seconds: float) -> float:
+        """Advance a paused drill, and return the stamp that it reached [s].
+
+        Its status and all messages of that time that have arrived are taken before this returns.
+        """
+        sec, nanosec = _split("step", seconds)
+        request = StepSimulation.Request(duration=Duration(sec=sec, nanosec=nanosec))
+        return self._advance("simulation/step", request)
+
+    def run_to(self, stamp: float) -> float:
+        """Advance a paused drill to a stamp [s], and return the stamp that it reached [s]."""
+        sec, nanosec = _split("time", stamp)
+        request = RunToTime.Request(time=Time(sec=sec, nanosec=nanosec))
+        return self._advance("simulation/run_to", request)
+
+    def reset(self, scope: str | int = "all", seed: int | None = None) -> None:
+        """Begin again; the drill plays on if it played.
+
+        ``scope`` is ``all``, ``time``, ``state``, ``faults``, or the bits of
+        ``rpud_msgs/ResetSimulation``. ``seed`` is of the vibration's phase, the scenario and the
+        noise from here on; None for the present one.
+        """
+        if isinstance(scope, str) and scope not in SCOPES:
+            raise ParameterError(
+                f"scope = {shown(scope)} is unknown; {did_you_mean(scope, SCOPES)}"
+            )
+        bits = SCOPES[scope] if isinstance(scope, str) else int(scope)
+        request = ResetSimulation.Request(scope=bits)
+        if seed is not None:
+            request.reseed, request.seed = True, int(_SEED.check("seed", seed))
+        before, count = self.status, self._drill.statuses
+        _check_result(self._drill.call("simulation/reset", request).result)
+        self._drill.until(
+            lambda: self._drill.statuses > count and _is_reset(self.status, before, bits),
+            "no status showed the reset",
+        )
+        self.take()
+
+    def _set_state(self, state: int, name: str) -> None:
+        request = SetSimulationState.Request(state=SimulationState(state=state))
+        result = self._drill.call("simulation/set_state", request, repeat=True).result
+        if result.result != SetSimulationState.Response.ALREADY_IN_TARGET_STATE:
+            _check_result(result)
+        states = (name, Status.STATE_INACTIVE)  # which says nothing about its time
+        self._drill.until(lambda: self.status.state in states, f"no status said {name}")
+
+    def _advance(self, name: str, request: Any) -> float:
+        response = self._drill.call(name, request)
+        _check_result(response.result)
+        self._published = dict(zip(response.topics, response.published, strict=True))
+        reached = join_seconds(response.time.sec, response.time.nanosec)
+        self._drill.until(
+            lambda: _stamp_of(self.status) >= reached, "no status showed the end of the step"
+        )
+        self.take()
+        return reached / SECOND
+
+
+# Arguments as fields of messages; the drill itself checks their ranges.
+
+
+def _number(name: str, value: Any) -> float:
+    try:
+        return float(value)
+    except (TypeError, ValueError, OverflowError):
+        raise ParameterError(f"{name} = {shown(value)} is not a number") from None
+
+
+def _text(name: str, value: Any) -> str:
+    if not isinstance(value, str):
+        raise ParameterError(f"{name} = {shown(value)} is not a text")
+    return value
+
+
+def _split(name: str, seconds: Any) -> tuple[int, int]:
+    """Return seconds as whole ones and the nanoseconds of the rest, as a message has them."""
+    return split_seconds(min(round(SECONDS.check(name, seconds) * SECOND), 2**31 * SECOND - 1))
+
+
+def _stamp_of(status: Status) -> int:
+    """Return the stamp of a status [ns]."""
+    return join_seconds(status.header.stamp.sec, status.header.stamp.nanosec)
+
+
+def _check_success(response: Any) -> Any:
+    if not response.success:
+        raise RefusedError(response.message)
+    return response
+
+
+def _check_result(result: Result) -> None:
+    if result.result != Result.RESULT_OK:
+        raise RefusedError(result.error_message, result.result)
+
+
+def _is_reset(status: Status, before: Status, bits: int) -> bool:
+    """Return whether a status is one of after a reset.
+
+    The drill publishes it before it answers, but a topic and a service have no common order.
+    """
+    if status.state == Status.STATE_RUNNING:
+        return True  # its counters and stamps rise again at once
+    request = ResetSimulation.Request
+    bits = bits or request.SCOPE_ALL
+    counts = status.commands_accepted + status.commands_rejected
+    began_again = _stamp_of(status) != _stamp_of(before) or _stamp_of(status) == 0
+    return (not bits & request.SCOPE_STATE or counts == 0) and (
+        not bits & request.SCOPE_TIME or began_again
+    )

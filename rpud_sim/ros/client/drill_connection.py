@@ -1,15 +1,27 @@
-"""Connection of a client to one drill: how to find it, call it, and wait for its answer."""
+"""Connection of a client to one drill: how to find it, call it, and know what it says."""
 
 from __future__ import annotations
 
 import secrets
+import time
+from collections import deque
 from collections.abc import Callable
+from itertools import pairwise
 from typing import Any, TypeVar
 
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile
-from rpud_msgs.msg import Drive, Feed, Status, WeightOnBit
+from rpud_msgs.msg import (
+    CommandResult,
+    CommandResults,
+    Drive,
+    Faults,
+    Feed,
+    JournalEntry,
+    Status,
+    WeightOnBit,
+)
 from rpud_msgs.srv import (
     ClearFault,
     GetDelivery,
@@ -23,18 +35,23 @@ from rpud_msgs.srv import (
 )
 from std_srvs.srv import SetBool
 
-from rpud_sim.ros.client.arguments import SECONDS
-from rpud_sim.ros.client.drill_search import no_drill, node_name
-from rpud_sim.ros.client.drill_watch import DrillWatch
-from rpud_sim.ros.client.errors import NoAnswerError, NoDrillError, RefusedError
-from rpud_sim.ros.client.listening_node import ListeningNode
-from rpud_sim.ros.client.topic_lookup import (
+from rpud_sim.foundation.quantities import Quantity
+from rpud_sim.ros.client.drill_finder import no_drill
+from rpud_sim.ros.client.listening_node import (
+    ListeningNode,
+    NoAnswerError,
+    NoDrillError,
+    RefusedError,
+)
+from rpud_sim.ros.client.topic_listener import (
     absolute_name,
     listening_qos,
     offers_of_topic,
     types_of_topic,
 )
-from rpud_sim.ros.graph import message_class
+from rpud_sim.ros.graph import message_class, node_name
+
+SECONDS = Quantity("s", "a duration", 0.0, 2.0**31, below=True)
 
 _COMMANDS = {"weight_on_bit": WeightOnBit, "drive": Drive, "feed": Feed}
 _COMMAND_DEPTH = 100
@@ -49,6 +66,10 @@ _SERVICES = {
     "simulation/run_to": RunToTime,
     "simulation/reset": ResetSimulation,
 }
+_STATUS_TYPE = "rpud_msgs/msg/Status"
+_STATUS_PERIOD = 2.5  # in which every living drill publishes a status, at any load [s]
+_LATCHED = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+_JOURNAL = QoSProfile(depth=1000, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 Value = TypeVar("Value")
 
@@ -61,11 +82,25 @@ class DrillConnection:
     ) -> None:
         self._patience = float(SECONDS.check("patience", patience))
         self.listening = ListeningNode(node_name, namespace, domain_id)  # node of the client
-        self.watch = DrillWatch(self.listening)  # what the drill says
+        self.latest: Status | None = None  # status, None before the first
+        self.faults: Faults | None = None  # the latest, None before the first
+        self.statuses = 0  # count of the statuses that came
+        # called with the name of a topic (``status``, ``faults``, ``journal``,
+        # ``command_results``) and each of its messages
+        self.observer: Callable[[str, Any], object] = lambda topic, message: None
         self._found = False
+        self._sequence: deque[int] = deque(maxlen=100)  # publication numbers of the statuses
         # The drill returns the headers of commands: so this client knows its own.
         self._mark, self._commands = f"{node_name}-{secrets.token_hex(4)}", 0
+        self._awaited = ""  # frame of the command whose result is awaited
+        self._result: CommandResult | None = None  # of that command
+        self._shown = 0  # number of the status that shows it
         self._publishers: dict[str, Publisher] = {}
+        subscribe = self.listening.subscribe
+        subscribe(Status, "status", self._on_status, _LATCHED)
+        subscribe(Faults, "faults", self._on_faults, _LATCHED)
+        subscribe(JournalEntry, "journal", self._on_entry, _JOURNAL)
+        subscribe(CommandResults, "command_results", self._on_results, _LATCHED)
         self._clients = {
             name: self.node.create_client(kind, name) for name, kind in _SERVICES.items()
         }
@@ -80,9 +115,22 @@ class DrillConnection:
 
     @property
     def status(self) -> Status:
+        """Latest status of the drill, which is found first."""
         self.find()
-        assert self.watch.status is not None  # a drill that is found has one
-        return self.watch.status
+        assert self.latest is not None  # a drill that is found has one
+        return self.latest
+
+    @property
+    def number(self) -> int:
+        """Number that the publisher has given to the latest status; 0 before the first."""
+        return self._sequence[-1] if self._sequence else 0
+
+    @property
+    def publishers(self) -> list[str]:
+        """Full names of the nodes that publish the status; empty where not discovered yet."""
+        topic = self.node.resolve_topic_name("status")
+        infos = self.node.get_publishers_info_by_topic(topic)
+        return [node_name(info) for info in infos if info.topic_type == _STATUS_TYPE]
 
     def find(self, patience: float | None = None) -> None:
         """Wait until the drill is found and has published its status, within a patience [s]."""
@@ -99,13 +147,13 @@ class DrillConnection:
             raise NoDrillError(no_drill(self.node, self.namespace, domain, patience)) from None
         self._introduce(patience)
         try:
-            self.listening.until(lambda: self.watch.status, patience, "")
+            self.listening.until(lambda: self.latest, patience, "")
         except NoAnswerError:
             raise NoDrillError(
                 f"the drill in {self.namespace} published no status within {patience:g} s: it is "
                 "still starting, or waits for the transition configure"
             ) from None
-        self.watch.check_alone()
+        self._check_alone()
         self._found = True
 
     def until(
@@ -119,10 +167,56 @@ class DrillConnection:
         self.find()
         publisher = self._publisher(name)
         self._commands += 1
-        frame = message.header.frame_id = f"{self._mark}/{self._commands}"
-        result = self.watch.result_of(lambda: publisher.publish(message), frame, self._patience)
+        self._awaited = message.header.frame_id = f"{self._mark}/{self._commands}"
+        self._result = None
+        publisher.publish(message)
+        what = "the drill did not accept the command"
+        result = self.until(lambda: self._result, what)
+        assert result is not None  # until waits for it
+        # The latest status shows it then.
+        self.until(lambda: not self._sequence or self.number >= self._shown, what)
         if not result.accepted:
             raise RefusedError(result.reason)
+
+    def call(self, name: str, request: Any, repeat: bool = False) -> Any:
+        """Call a service of the drill and return its response.
+
+        With ``repeat`` it is sent again and again; not if it must act only once. While the drill
+        publishes its status it is alive, and the wait goes on.
+        """
+        self.find()
+        return self.listening.call(
+            self._clients[name], request, self._patience, lambda: self.statuses, repeat
+        )
+
+    def call_node(self, name: str, kind: Any, request: Any) -> Any:
+        """Call a service that every node has, such as ``list_parameters``, repeatedly if needed."""
+        self.find()
+        nodes = self.until(
+            lambda: [node for node in self.publishers if node],
+            "the name of the drill's node was not discovered",
+        )
+        full_name = f"{nodes[0]}/{name}"
+        if full_name not in self._clients:
+            self._clients[full_name] = self.node.create_client(kind, full_name)
+            self._introduce(self._patience)
+        return self.call(full_name, request, repeat=True)
+
+    def listen(
+        self, topic: str, kind: Any, qos: QoSProfile | None, patience: float | None
+    ) -> list[Any]:
+        self.find()
+        name = absolute_name(self.node, topic)
+        if kind is None:
+            types = self.until(
+                lambda: types_of_topic(self.node, name), f"no publisher on {name}", patience
+            )
+            kind = message_class(types[0])
+        heard: list[Any] = []
+        offered = qos or listening_qos(offers_of_topic(self.node, name))
+        self.listening.subscribe(kind, name, heard.append, offered)
+        self._introduce(self._patience)
+        return heard
 
     def _publisher(self, name: str) -> Publisher:
         """Return the publisher of a command, which the drill hears.
@@ -144,49 +238,8 @@ class DrillConnection:
         # One that asks for messages from before, which a command never has, is not connected.
         volatile = DurabilityPolicy.VOLATILE
         names = [node_name(info) for info in infos if info.qos_profile.durability == volatile]
-        drills = {name for name in self.watch.publishers if name}
+        drills = {name for name in self.publishers if name}
         return not drills.isdisjoint(names) and publisher.get_subscription_count() >= len(names)
-
-    def call(self, name: str, request: Any, repeat: bool = False) -> Any:
-        """Call a service of the drill and return its response.
-
-        With ``repeat`` it is sent again and again; not if it must act only once. While the drill
-        publishes its status it is alive, and the wait goes on.
-        """
-        self.find()
-        return self.listening.call(
-            self._clients[name], request, self._patience, lambda: self.watch.statuses, repeat
-        )
-
-    def call_node(self, name: str, kind: Any, request: Any) -> Any:
-        """Call a service that every node has, such as ``list_parameters``, repeatedly if needed."""
-        self.find()
-        nodes = self.until(
-            lambda: [node for node in self.watch.publishers if node],
-            "the name of the drill's node was not discovered",
-        )
-        full_name = f"{nodes[0]}/{name}"
-        if full_name not in self._clients:
-            self._clients[full_name] = self.node.create_client(kind, full_name)
-            self._introduce(self._patience)
-        return self.call(full_name, request, repeat=True)
-
-    def listen(
-        self, topic: str, kind: Any, qos: QoSProfile | None, patience: float | None
-    ) -> list[Any]:
-        self.find()
-        name = absolute_name(self.node, topic)
-        if kind is None:
-            types = self.until(
-                lambda: types_of_topic(self.node, name), f"no publisher on {name}", patience
-            )
-            kind = message_class(types[0])
-        if qos is None:
-            qos = listening_qos(offers_of_topic(self.node, name))
-        heard: list[Any] = []
-        self.listening.subscribe(kind, name, heard.append, qos)
-        self._introduce(self._patience)
-        return heard
 
     def _introduce(self, patience: float) -> None:
         """Wait until the drill has discovered all subscriptions and clients of this node.
@@ -199,3 +252,39 @@ class DrillConnection:
             self.listening.call(last, GetSimulationState.Request(), patience, repeat=True)
         finally:
             self.node.destroy_client(last)
+
+    def _check_alone(self) -> None:
+        """Check that one drill alone is there; one that was killed counts for nothing."""
+        if len(self.publishers) < 2:
+            return
+        # The middleware remembers a killed drill for 20 s. Only the numbers of living ones go on.
+        deadline = time.monotonic() + _STATUS_PERIOD
+        while time.monotonic() < deadline and len(names := self.publishers) > 1:
+            if any(after <= before for before, after in pairwise(self._sequence)):
+                known = ", ".join(filter(None, names))
+                raise NoDrillError(
+                    f"{len(names)} nodes publish {self.node.resolve_topic_name('status')} "
+                    f"({known}): all of them would answer; start each drill in a namespace of its "
+                    "own"
+                )
+            self.listening.spin(0.02)
+
+    def _on_status(self, status: Status, info: dict[str, Any]) -> None:
+        self.latest = status
+        self.statuses += 1
+        if info.get("publication_sequence_number") is not None:
+            self._sequence.append(info["publication_sequence_number"])
+        self.observer("status", status)
+
+    def _on_faults(self, faults: Faults) -> None:
+        self.faults = faults
+        self.observer("faults", faults)
+
+    def _on_entry(self, entry: JournalEntry) -> None:
+        self.observer("journal", entry)
+
+    def _on_results(self, results: CommandResults) -> None:
+        for result in results.results:
+            if result.header.frame_id == self._awaited != "":
+                self._result, self._shown = result, results.status
+        self.observer("command_results", results)

@@ -1,4 +1,4 @@
-"""List of all drills of a domain, with what each says of itself."""
+"""Drills of a domain: which there are, and what each says of itself."""
 
 from __future__ import annotations
 
@@ -6,14 +6,17 @@ import dataclasses
 import time
 from types import TracebackType
 
+from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.subscription import Subscription
 from rpud_msgs.msg import Status
 
-from rpud_sim.ros.client.drill_search import drill_namespaces
+from rpud_sim.foundation.quantities import suggestion
 from rpud_sim.ros.client.listening_node import ListeningNode
 
 _LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+_STEP = "/simulation/step"
+_STEP_TYPE = "rpud_msgs/srv/StepSimulation"
 _SILENCE = 4.0  # of a drill that is gone; the middleware remembers a killed one for 20 s [s]
 
 
@@ -87,3 +90,22 @@ class DrillFinder:
             int(status.active_faults),
             int(status.impacts),
         )
+
+
+def drill_namespaces(node: Node) -> list[str]:
+    """Return the namespaces in which there are drills, as far as the node has discovered them."""
+    return sorted(
+        name.removesuffix(_STEP) or "/"
+        for name, types in node.get_service_names_and_types()
+        if name.endswith(_STEP) and _STEP_TYPE in types
+    )
+
+
+def no_drill(node: Node, namespace: str, domain_id: int, patience: float) -> str:
+    """Return one line that says that there is no drill in a namespace, and where there are some."""
+    text = f"no drill in {namespace} of ROS domain {domain_id} within {patience:g} s; "
+    others = [each for each in drill_namespaces(node) if each != namespace]
+    if not others:
+        return f"{text}there is none in the whole domain: `rpud run` starts one"
+    where = "there is one in" if len(others) == 1 else "there are some in"
+    return f"{text}{where} {', '.join(others)}{suggestion(namespace, others)}"

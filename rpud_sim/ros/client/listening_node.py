@@ -1,4 +1,4 @@
-"""Node of a client, with a context and an executor of its own."""
+"""Node of a client, with a context and an executor of its own, and errors of waiting for it."""
 
 from __future__ import annotations
 
@@ -14,7 +14,6 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 
-from rpud_sim.ros.client.errors import NoAnswerError
 from rpud_sim.ros.starting import name_error, start_ros
 from rpud_sim.ros.threads import raised
 
@@ -24,6 +23,29 @@ _POLL_PERIOD = 0.02  # between looks at the graph, which wakes no executor [s]
 _REPETITION = 2.0  # of a request that may be repeated [s]
 
 Value = TypeVar("Value")
+
+
+class ClientError(RuntimeError):
+    """A command that did not succeed."""
+
+
+class RefusedError(ClientError):
+    """Command or request that the drill refused; the text is the drill's own reason.
+
+    ``result`` is the number of ``rpud_msgs/Result``; None where there is none.
+    """
+
+    def __init__(self, reason: str, result: int | None = None) -> None:
+        super().__init__(reason)
+        self.result = result
+
+
+class NoDrillError(ClientError):
+    """No drill in the namespace, or more than one."""
+
+
+class NoAnswerError(ClientError, TimeoutError):
+    """Nothing came within the time limit."""
 
 
 class ListeningNode:

@@ -1,27 +1,34 @@
-"""Listener to one topic of any type, whose QoS follows that of the publishers."""
+"""Listener to one topic of any type, and its messages as plain values."""
 
 from __future__ import annotations
 
+import math
+import re
 import time
 from collections import deque
+from collections.abc import Sequence
 from contextlib import suppress
 from typing import Any
 
+from rclpy.exceptions import NameValidationException
+from rclpy.expand_topic_name import expand_topic_name
+from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
+from rclpy.validate_topic_name import validate_topic_name
 
-from rpud_sim.bag.sequence import SequenceGaps
-from rpud_sim.foundation.quantities import did_you_mean
-from rpud_sim.ros.client.errors import ClientError, NoAnswerError
-from rpud_sim.ros.client.listening_node import ListeningNode
-from rpud_sim.ros.client.topic_lookup import (
-    absolute_name,
-    listening_qos,
-    offers_of_topic,
-    types_of_topic,
-)
-from rpud_sim.ros.graph import UnknownTypeError, message_class
+from rpud_sim.bag.losses import SequenceGaps
+from rpud_sim.foundation.quantities import ParameterError, did_you_mean, shown
+from rpud_sim.ros.client.listening_node import ClientError, ListeningNode, NoAnswerError
+from rpud_sim.ros.graph import UnknownTypeError, message_class, request_for
+from rpud_sim.ros.starting import name_error
 
+CUT = 128  # elements of an array, or characters of a text, that are shown unless all are wanted
+
+_PART = re.compile(r"([A-Za-z]\w*)((?:\[\d+\])*)")
+_ELEMENT = re.compile(r"sequence<(.+?)(?:, *\d+)?>|(.+)\[\d+\]")
+_MESSAGE = re.compile(r"(\w+)/(\w+)")
+_DEPTH = 5_000  # messages that may wait for a listener; Fast DDS keeps no more
 _PUBLISHER_WAIT = 1.0  # for a publisher of a topic that has a subscription [s]
 _REFRESH_PERIOD = 0.5  # between looks at the publishers [s]
 
@@ -113,3 +120,99 @@ class TopicListener:
         number = info["publication_sequence_number"]
         if number is not None:  # not every middleware counts
             self._gaps.note(number)
+
+
+def absolute_name(node: Node, topic: str) -> str:
+    """Return the absolute name of a topic."""
+    try:
+        validate_topic_name(topic)
+        return expand_topic_name(topic, node.get_name(), node.get_namespace())
+    except NameValidationException as error:
+        raise name_error(error) from error
+
+
+def types_of_topic(node: Node, topic: str) -> list[str]:
+    """Return the types of the publishers and subscriptions of a topic, by its absolute name."""
+    return sorted(dict(node.get_topic_names_and_types()).get(topic, []))
+
+
+def offers_of_topic(node: Node, topic: str) -> list[QoSProfile]:
+    """Return the QoS of each publisher of a topic, by its absolute name."""
+    return [endpoint.qos_profile for endpoint in node.get_publishers_info_by_topic(topic)]
+
+
+def listening_qos(offers: Sequence[QoSProfile]) -> QoSProfile:
+    """Return the strongest request that all offers satisfy; reliable and volatile without one.
+
+    A latched topic then gives its last messages at once.
+    """
+    return request_for(offers, _DEPTH) if offers else QoSProfile(depth=_DEPTH)
+
+
+def to_plain(value: Any, cut: int | None = None) -> Any:
+    """Convert a message or a field to plain values; arrays and texts end at ``cut`` in ``...``."""
+    if hasattr(value, "get_fields_and_field_types"):
+        return {
+            name: to_plain(getattr(value, name), cut) for name in value.get_fields_and_field_types()
+        }
+    if isinstance(value, str):
+        return value if cut is None or len(value) <= cut else value[:cut] + "..."
+    if isinstance(value, bytes):
+        return value[0] if len(value) == 1 else list(value)
+    if isinstance(value, (bool, int, float)):
+        return value
+    if not hasattr(value, "__len__"):  # NumPy's numbers
+        return value.item()
+    kept = value if cut is None else value[:cut]
+    plain = kept.tolist() if hasattr(kept, "tolist") else [to_plain(each, cut) for each in kept]
+    return plain if len(kept) == len(value) else [*plain, "..."]
+
+
+def to_json_value(value: Any) -> Any:
+    """Return plain values with null in place of numbers that JSON has not: NaN and infinity."""
+    if isinstance(value, dict):
+        return {name: to_json_value(each) for name, each in value.items()}
+    if isinstance(value, list):
+        return [to_json_value(each) for each in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+class FieldPath:
+    """Path to a field of a message, such as ``header.stamp.sec`` or ``faults[0].kind``."""
+
+    def __init__(self, text: str, kind: Any) -> None:
+        self._steps: list[str | int] = []
+        described = ""
+        for part in text.split("."):
+            match = _PART.fullmatch(part)
+            if match is None:
+                raise ParameterError(
+                    f"field {shown(text)} is not a path such as header.stamp or faults[0].kind"
+                )
+            name, indices = match.groups()
+            fields = {} if kind is None else kind.get_fields_and_field_types()
+            if name not in fields:
+                hint = did_you_mean(name, fields) if fields else f"{described} has no fields"
+                raise ParameterError(f"field {shown(text)}: there is no {shown(name)}; {hint}")
+            self._steps.append(name)
+            described = fields[name]
+            for index in re.findall(r"\d+", indices):
+                element = _ELEMENT.fullmatch(described)
+                if element is None:
+                    raise ParameterError(f"field {shown(text)}: {described} is not an array")
+                described = element[1] or element[2]
+                self._steps.append(int(index))
+            message = _MESSAGE.fullmatch(described)
+            kind = message_class(f"{message[1]}/msg/{message[2]}") if message else None
+
+    def value(self, message: Any) -> Any:
+        """Return the field of a message; None if an array is too short."""
+        value = message
+        for step in self._steps:
+            if isinstance(step, str):
+                value = getattr(value, step)
+            elif step < len(value):
+                value = value[step]
+            else:
+                return None
+        return value

@@ -17,7 +17,7 @@ from rpud_msgs.msg import Feed as FeedMessage
 from rpud_msgs.msg import WeightOnBit as WeightOnBitMessage
 from sensor_msgs.msg import JointState
 
-from rpud_sim.bag.sequence import SequenceGaps
+from rpud_sim.bag.losses import SequenceGaps
 from rpud_sim.drilling.mount import POSITION, RATE
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.foundation.time import SECOND, join_seconds

@@ -10,8 +10,7 @@ from sensor_msgs.msg import JointState
 from rpud_sim.drilling.mount import POSITION, RATE
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.simulation.commands import Feed
-from rpud_sim.simulation.fields import JOINTS
-from rpud_sim.simulation.process_fields import FEED_JOINT, ROTATION_JOINT
+from rpud_sim.simulation.fields import FEED_JOINT, JOINTS, ROTATION_JOINT
 
 _PASSIVE = (*JOINTS, ROTATION_JOINT)
 

@@ -22,10 +22,9 @@ from rpud_sim.ros.drill.status_reporter import StatusReporter
 from rpud_sim.ros.drill.time_source import TimeSource
 from rpud_sim.ros.threads import schedule_thread
 from rpud_sim.simulation.changes import apply_change
-from rpud_sim.simulation.checkpoints import Checkpoints
 from rpud_sim.simulation.configuration import Configuration, Settings
 from rpud_sim.simulation.journal import Journal
-from rpud_sim.simulation.resumption import Start
+from rpud_sim.simulation.rerun import Checkpoints, Start
 from rpud_sim.simulation.run import Beginning, Run
 from rpud_sim.simulation.topics import offered_topics
 

@@ -19,7 +19,7 @@ from rpud_sim.ros.starting import name_error, start_ros
 from rpud_sim.ros.stopping import StopRequest
 from rpud_sim.simulation.configuration import to_settings
 from rpud_sim.simulation.ensemble import compile_kernels
-from rpud_sim.simulation.resumption import Start
+from rpud_sim.simulation.rerun import Start
 
 _DISCOVERY_TIME = 5.0  # that the middleware may take to connect a recorder's subscriptions [s]
 

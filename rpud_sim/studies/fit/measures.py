@@ -16,7 +16,7 @@ from rpud_sim.model.contact import single_contact
 from rpud_sim.model.segment import IMPACT, join_records
 from rpud_sim.simulation.block import Block
 from rpud_sim.simulation.configuration import Configuration
-from rpud_sim.simulation.members import QuietRuns, runs_by_itself
+from rpud_sim.simulation.ensemble import EnsembleRuns, runs_by_itself
 from rpud_sim.simulation.sampling import Times
 from rpud_sim.simulation.simulation import Simulation
 from rpud_sim.simulation.statistics import FIGURES, Statistics
@@ -191,7 +191,7 @@ def _quiet_parts(
     configuration: Configuration, phase: float, edges: Sequence[int], whole: bool
 ) -> Iterator[_Part]:
     """Yield a run that needs no records, because nothing in it is sampled."""
-    run = QuietRuns(configuration, (phase,))
+    run = EnsembleRuns(configuration, (phase,))
     for start, end in itertools.pairwise(edges):
         depth, statistics = run.depth, Statistics()
         # A copy by bytes: NumPy copies structures field by field.

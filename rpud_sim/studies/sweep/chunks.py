@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 
 from rpud_sim.foundation.quantities import ParameterError
-from rpud_sim.simulation.ensemble import initial_phases, run_members
+from rpud_sim.simulation.ensemble import run_members
+from rpud_sim.simulation.simulation import initial_phases
 from rpud_sim.simulation.versions import engine_versions
 from rpud_sim.studies.processes import check_versions
 from rpud_sim.studies.sweep.plan import PlannedRun, plan_run, point_seed

@@ -20,7 +20,7 @@
  *   impacts: [number, number, number][], exact: boolean, kept?: number[]}} Section
  * @typedef {{mean: number | null, least: number | null, greatest: number | null,
  *   spark: Float32Array | number[]}} NumberOf
- * @typedef {{number: number, name: string, arguments: Record<string, any>,
+ * @typedef {{number: number, name: string,
  *   state: "waiting" | "done" | "refused" | "failed", text: string}} Outcome
  * @typedef {{name: string, label: string, unit: string, scale: number, colour: string, floor: number,
  *   zero: boolean}} Quantity

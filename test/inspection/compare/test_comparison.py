@@ -15,9 +15,9 @@ from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.inspection import InspectionError
 from rpud_sim.inspection.compare import compare
-from rpud_sim.inspection.compare.content import content
 from rpud_sim.inspection.compare.estimates import DIFFERS
-from rpud_sim.inspection.compare.recorded_values import RecordedValues
+from rpud_sim.inspection.compare.results import content
+from rpud_sim.inspection.compare.values import RecordedValues
 from rpud_sim.simulation import preset, read_scenario
 
 DRILLING = preset("drilling")

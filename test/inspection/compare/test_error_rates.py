@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 
 from rpud_sim.foundation.time import SECOND
+from rpud_sim.inspection.compare.changes import Window
 from rpud_sim.inspection.compare.comparison import compare_values
 from rpud_sim.inspection.compare.estimates import DIFFERS
-from rpud_sim.inspection.compare.quantities import IMPACTS
-from rpud_sim.inspection.compare.recorded_values import RecordedValues
-from rpud_sim.inspection.compare.windows import Window
+from rpud_sim.inspection.compare.values import IMPACTS, RecordedValues
 from rpud_sim.inspection.recorded_drill import Clock, RecordedDrill
 from rpud_sim.inspection.recorded_journal import JOURNAL, installed_codec
 from rpud_sim.simulation import Parameters, Simulation, Times, preset

@@ -20,9 +20,9 @@ from rpud_sim.inspection.compare.estimates import (
     difference,
     estimate,
 )
-from rpud_sim.inspection.compare.quantities import MEAN, MEDIAN, P95, Quantity
+from rpud_sim.inspection.compare.values import MEAN, MEDIAN, P95, ComparedQuantity
 
-FORCE = Quantity("peak_force", "N", "contact_force", "peak_force")
+FORCE = ComparedQuantity("peak_force", "N", "contact_force", "peak_force")
 
 
 def values(count, mean=100.0, seed=0):

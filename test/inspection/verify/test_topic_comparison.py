@@ -8,7 +8,7 @@ from support import examples
 
 import rpud_sim.bag
 from rpud_sim.bag import BagWriter, Message, QosProfile, Topic
-from rpud_sim.bag.message_block import MessageBlock
+from rpud_sim.bag.messages import MessageBlock
 from rpud_sim.inspection.recorded_journal import installed_codec
 from rpud_sim.inspection.verify import recorded_topics
 from rpud_sim.inspection.verify.coverage import Coverage, Stretches
@@ -18,7 +18,7 @@ from rpud_sim.inspection.verify.topic_comparison import TopicComparison
 from rpud_sim.simulation.configuration import to_settings
 from rpud_sim.simulation.journal import JournalEntry
 from rpud_sim.simulation.run import Beginning, Run
-from rpud_sim.simulation.together import Together
+from rpud_sim.simulation.telemetry import Together
 from rpud_sim.simulation.topics import TOPICS
 
 SECOND = 1_000_000_000

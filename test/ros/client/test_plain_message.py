@@ -15,7 +15,7 @@ from std_msgs.msg import Byte, ByteMultiArray, Header, String
 from support import examples
 
 from rpud_sim.foundation.quantities import ParameterError
-from rpud_sim.ros.client.plain_message import CUT, FieldPath, to_json_value, to_plain
+from rpud_sim.ros.client.topic_listener import CUT, FieldPath, to_json_value, to_plain
 
 FAULTS = Faults(
     header=Header(stamp=Time(sec=3)),

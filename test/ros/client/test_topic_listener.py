@@ -8,10 +8,8 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rpud_msgs.msg import Status
 from std_msgs.msg import Int32, String
 
-from rpud_sim.ros.client.errors import ClientError
-from rpud_sim.ros.client.listening_node import ListeningNode
-from rpud_sim.ros.client.topic_listener import TopicListener
-from rpud_sim.ros.client.topic_lookup import types_of_topic
+from rpud_sim.ros.client.listening_node import ClientError, ListeningNode
+from rpud_sim.ros.client.topic_listener import TopicListener, types_of_topic
 
 SENSOR = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
 LATCHED = QoSProfile(depth=3, durability=DurabilityPolicy.TRANSIENT_LOCAL)

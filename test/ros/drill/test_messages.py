@@ -39,7 +39,7 @@ from rpud_sim.simulation.faults import Fault, FaultError
 from rpud_sim.simulation.ledger import FaultLedger
 from rpud_sim.simulation.sampling import Samples
 from rpud_sim.simulation.simulation import Simulation
-from rpud_sim.simulation.together import row_of
+from rpud_sim.simulation.telemetry import row_of
 
 SANDSTONE = RockParameters(rock_model="specific_energy")
 SECOND = 1_000_000_000
@@ -77,17 +77,17 @@ def trajectories(block, sequence, origin):
 
 
 @pytest.mark.parametrize(
-    ("kind", "make", "frame", "channels"),
+    ("kind", "topic", "frame", "channels"),
     [
         (
             NodalPlane,
-            fields.nodal_plane_fields,
+            "nodal_plane",
             "rpud_nodal_plane",
             {"position": "nodal_plane_position", "velocity": "nodal_plane_velocity"},
         ),
         (
             DrillTool,
-            fields.drill_tool_fields,
+            "drill_tool",
             "rpud_tool_tip",
             {
                 "displacement": "drill_tool_displacement",
@@ -97,15 +97,15 @@ def trajectories(block, sequence, origin):
         ),
         (
             ReactingForce,
-            fields.reacting_force_fields,
+            "reacting_force",
             "rpud_mount",
             {"force": "reacting_force"},
         ),
     ],
 )
-def test_a_sample_is_said_field_by_field(kind, make, frame, channels):
+def test_a_sample_is_said_field_by_field(kind, topic, frame, channels):
     samples = numbered_samples()
-    message = filled(kind(), row_of(make(samples, STAMPS), 1))
+    message = filled(kind(), row_of(fields.sampled_fields(topic, samples, STAMPS), 1))
     assert nanoseconds(message.header.stamp) == ORIGIN + 7
     assert message.header.frame_id == frame
     said = set(message.get_fields_and_field_types()) - {"header"}

@@ -10,8 +10,7 @@ import pytest
 from rpud_sim.cli.studies import fit_text
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.pages.plot import axis_ends
-from rpud_sim.simulation.configuration import to_settings
-from rpud_sim.simulation.parameter_files import read_parameter_file
+from rpud_sim.simulation.configuration import read_parameter_file, to_settings
 from rpud_sim.studies.fit import branches
 from rpud_sim.studies.fit import fit as rounds
 from rpud_sim.studies.fit.branches import FitError

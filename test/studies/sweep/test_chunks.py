@@ -8,7 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rpud_sim.simulation import preset
-from rpud_sim.simulation.ensemble import initial_phases, run_ensemble
+from rpud_sim.simulation.ensemble import run_ensemble
+from rpud_sim.simulation.simulation import initial_phases
 from rpud_sim.simulation.statistics import FIGURES
 from rpud_sim.studies.sweep.chunks import Chunk, chunk_count, chunk_size, make_chunks, simulate
 from rpud_sim.studies.sweep.design import design_points

@@ -1,9 +1,9 @@
-"""Values of one run, read from its bag in one pass: impacts, motion, powers, timing and faults."""
+"""Quantities that runs are compared by, and their values in one run of a bag."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -11,21 +11,87 @@ import numpy as np
 
 from rpud_sim.bag import BagReader
 from rpud_sim.bag.columns import Kind, usable
-from rpud_sim.bag.tables import Batch
+from rpud_sim.bag.messages import MessageBlock
+from rpud_sim.bag.tables import Batch, Table, batches
 from rpud_sim.foundation.time import SECOND, join_seconds
-from rpud_sim.inspection.compare.quantities import (
-    COUNTERS,
-    IMPACTS,
-    QUANTITIES,
-    STATUS,
-    TIMING,
-    TYPES,
-)
 from rpud_sim.inspection.output import Damages
 from rpud_sim.inspection.recorded_drill import RecordedDrill
+from rpud_sim.pages.quantities import QUANTITIES as SHOWN
+from rpud_sim.pages.quantities import Quantity
+from rpud_sim.simulation.topics import TOPICS
 
-FAULTS = "faults"
-_FAULTS_TYPE = "rpud_msgs/msg/Faults"
+MEAN, MEDIAN, P95 = "mean", "median", "p95"  # figures of a distribution
+
+
+@dataclass(frozen=True)
+class ComparedQuantity:
+    """Quantity of a run."""
+
+    name: str  # of the quantity, and of its key in JSON
+    unit: str  # SI unit
+    topic: str  # relative name of its topic
+    column: str = ""  # of the topic's table; empty if it is computed from impacts
+    # figures that are compared; others would only repeat them
+    tested: tuple[str, ...] = (MEAN, MEDIAN, P95)
+    fewest: int = 40  # number of values below which nothing is decided
+    resolution: float = 0.0  # size of the rounding of its values; smaller differences mean nothing
+
+    @property
+    def averaged(self) -> bool:
+        """Whether its values are means over parts of the time, so that only their mean counts."""
+        return self.tested == (MEAN,)
+
+    @property
+    def shown(self) -> Quantity:
+        """How people read it."""
+        return SHOWN[_SHOWN_AS.get(self.name, self.name)]
+
+
+# Names in the table of quantities, where they differ from those in JSON.
+_SHOWN_AS = {"energy": "impact_energy", "nodal_plane_position": "nodal_plane"}
+
+# Relative names of the topics that are read.
+IMPACTS, STATUS, FAULTS = "contact_force", "status", "faults"
+_READ = (IMPACTS, FAULTS, "nodal_plane", "reacting_force", STATUS)
+
+QUANTITIES = (
+    # The mean of the intervals is one over the rate, so it is not tested again.
+    ComparedQuantity("impact_rate", "1/s", IMPACTS, tested=(MEAN,)),
+    ComparedQuantity("impact_interval", "s", IMPACTS, tested=(MEDIAN, P95)),
+    ComparedQuantity("peak_force", "N", IMPACTS, "peak_force"),
+    ComparedQuantity("impact_velocity", "m/s", IMPACTS, "impact_velocity"),
+    ComparedQuantity("energy", "J", IMPACTS, "energy"),
+    ComparedQuantity("contact_duration", "s", IMPACTS, "contact_duration"),
+    ComparedQuantity("impact_power", "W", IMPACTS, tested=(MEAN,)),
+    ComparedQuantity("reacting_force", "N", "reacting_force", "force"),
+    ComparedQuantity("nodal_plane_position", "m", "nodal_plane", "position"),
+    *(
+        ComparedQuantity(name, unit, STATUS, name, (MEAN,), fewest=16, resolution=resolution)
+        for name, unit, resolution in (
+            ("penetration_rate", "m/s", 1e-12),
+            ("electrical_power", "W", 1e-9),
+            ("actuator_power", "W", 1e-9),
+            ("weight_power", "W", 1e-9),
+            ("load_damper_power", "W", 1e-9),
+            ("collision_power", "W", 1e-9),
+            ("absorbed_power", "W", 1e-9),
+        )
+    ),
+)
+
+# Fields of a status about timing, which belong to the machine and are never tested.
+TIMING = (
+    ("lateness_max", "latest block", "s"),
+    ("lag", "lag behind the schedule", "s"),
+    ("real_time_factor", "real-time factor", ""),
+)
+
+# Fields of a status that count since the start.
+COUNTERS = (
+    ("deadlines_missed", "deadlines missed"),
+    ("messages_dropped", "messages dropped"),
+    ("commands_rejected", "commands refused"),
+)
 
 Arrays = dict[str, np.ndarray]
 
@@ -78,45 +144,58 @@ class RecordedValues:
         return found or [a for a in self.topics.values() if len(a["time"])]
 
 
-def read_values(
-    bag: BagReader,
-    drill: RecordedDrill,
-    damages: Damages,
-    report: Callable[[int], object] = lambda messages: None,
-) -> RecordedValues:
-    """Read the values of a run."""
-    wanted = _wanted(bag, drill)
-    parts: dict[str, list[Arrays]] = {name: [] for name in wanted.values()}
-    faults: dict[int, RecordedFault] | None = None
-    for batch in bag.batches([*wanted], leave_out=damages.add):
-        name = wanted[batch.topic]
-        if name == FAULTS:
-            faults = {**(faults or {}), **_faults(batch, drill)}
-        else:
-            parts[name].append(_rows(batch, drill, name))
-        report(batch.message_count)
-    topics = {
-        name: {key: np.concatenate([part[key] for part in found]) for key in found[0]}
-        for name, found in parts.items()
-        if found
-    }
-    return RecordedValues(drill, topics, faults, damages.texts)
+class ValueReader:
+    """Reader of the values of one run from the blocks of its bag."""
+
+    def __init__(self, bag: BagReader, drill: RecordedDrill, damages: Damages) -> None:
+        self._bag = bag
+        self._drill = drill
+        self._damages = damages
+        self._names = dict(_wanted(bag, drill))  # relative names of topics
+        self._tables = {
+            summary.topic.name: Table(summary)
+            for summary in bag.readable_topics
+            if summary.topic.name in self._names
+        }
+        self._parts: dict[str, list[Arrays]] = {}
+        self._faults: dict[int, RecordedFault] | None = None
+
+    @property
+    def topics(self) -> set[str]:
+        return {*self._names}
+
+    def add(self, block: MessageBlock) -> None:
+        if block.topic not in self._names:
+            return
+        name, tables = self._names[block.topic], {block.topic: self._tables[block.topic]}
+        for batch in batches(self._bag.path, [block], tables, self._damages.add):
+            if name == FAULTS:
+                self._faults = {**(self._faults or {}), **_faults(batch, self._drill)}
+            else:
+                self._parts.setdefault(name, []).append(_rows(batch, self._drill, name))
+
+    def values(self) -> RecordedValues:
+        """Return the values of all blocks that were added."""
+        topics = {
+            name: {key: np.concatenate([part[key] for part in found]) for key in found[0]}
+            for name, found in self._parts.items()
+        }
+        return RecordedValues(self._drill, topics, self._faults, self._damages.texts)
 
 
-def _wanted(bag: BagReader, drill: RecordedDrill) -> dict[str, str]:
-    types = {**TYPES, FAULTS: _FAULTS_TYPE}
-    found = {}
+def _wanted(bag: BagReader, drill: RecordedDrill) -> Iterator[tuple[str, str]]:
+    """Yield the topics of a drill with usable values: names in the bag, and relative ones."""
+    types = {drill.topic(name): TOPICS[name].type for name in _READ}
     for summary in bag.readable_topics:
         full = summary.topic.name
-        name = full.removeprefix(f"{drill.namespace}/")
-        if full == drill.topic(name) and types.get(name) == summary.topic.type:
-            if full in bag.left_out:
-                continue
-            held = {column.name for column in bag.columns(full) if column.kind is Kind.NUMBER}
-            times = {column.name for column in bag.columns(full) if column.kind is Kind.TIME}
-            if "header.stamp" in times and (name != IMPACTS or "sequence" in held):
-                found[full] = name
-    return found
+        if types.get(full) != summary.topic.type or full in bag.left_out:
+            continue
+        kinds = {column.name: column.kind for column in bag.columns(full)}
+        name = full.removeprefix(drill.prefix)
+        if kinds.get("header.stamp") is Kind.TIME and (
+            name != IMPACTS or kinds.get("sequence") is Kind.NUMBER
+        ):
+            yield full, name
 
 
 def _rows(batch: Batch, drill: RecordedDrill, name: str) -> Arrays:
@@ -140,8 +219,8 @@ def _rows(batch: Batch, drill: RecordedDrill, name: str) -> Arrays:
 
 def _faults(batch: Batch, drill: RecordedDrill) -> dict[int, RecordedFault]:
     found = {}
-    columns = batch.columns
     first, last = drill.bounds
+    columns = batch.columns
     for published, states in zip(columns["publish_time"], columns["faults"], strict=True):
         if not first <= published <= last:
             continue
@@ -191,16 +270,13 @@ def series_of(values: RecordedValues, name: str, begin: float, end: float) -> np
         return None
     # A report of powers is the mean of the second before it.
     if quantity.topic == STATUS:
-        first, last = np.searchsorted(arrays["time"], [begin + 1.0 - 1e-9, end + 1e-9])
-        first = max(first, _first_change(arrays["time"]))
+        times = arrays["time"]
+        first, last = np.searchsorted(times, [begin + 1.0 - 1e-9, end + 1e-9])
+        # The drill does not move as long as the time of its status stays.
+        first = max(first, int(np.searchsorted(times, times[:1].sum(), side="right")))
     found = arrays[quantity.column][first:last]
     found = found[np.isfinite(found)]
     return found if len(found) else None
-
-
-def _first_change(times: np.ndarray) -> int:
-    """Return the row after which a status is of a drill that moves: its time goes on."""
-    return int(np.searchsorted(times, times[0], side="right")) if len(times) else 0
 
 
 def _rates(arrays: Arrays, begin: float, end: float, column: str | None) -> np.ndarray | None:

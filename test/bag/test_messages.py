@@ -21,9 +21,13 @@ from sample_bags import (
 
 import rpud_sim.bag
 from rpud_sim.bag import BagError, BagFormatError, BagWriter, Message
-from rpud_sim.bag.block_order import PiecesInOrder
-from rpud_sim.bag.message_block import MessageBlock
-from rpud_sim.bag.messages import Piece
+from rpud_sim.bag.messages import (
+    BagSegment,
+    MessageBlock,
+    blocks_in_order,
+    messages_in_order,
+    messages_of,
+)
 
 TOPICS = st.sampled_from(["/a", "/b", "/c"])
 ENTRIES = st.lists(
@@ -51,10 +55,9 @@ def test_a_begin_beyond_int64_that_no_message_has_is_no_error():
     times = np.array([1, 2])
     starts = np.zeros(2, np.int64)
     block = MessageBlock("/a", times, times, np.zeros(4, np.uint8), starts, starts)
-    piece = Piece(2**63, 2**63, 4, frozenset({"/a"}), lambda topics: [block])
-    found = PiecesInOrder([piece])
-    assert [block.log_times.tolist() for block in found.blocks()] == [[1, 2]]
-    assert [message.log_time for message in found.messages()] == [1, 2]
+    segment = BagSegment(2**63, 2**63, 4, frozenset({"/a"}), lambda topics: [block])
+    assert [block.log_times.tolist() for block in blocks_in_order([segment])] == [[1, 2]]
+    assert [message.log_time for message in messages_in_order([segment])] == [1, 2]
 
 
 def test_what_cannot_be_tables_is_looked_for_once(tmp_path):
@@ -264,3 +267,48 @@ def test_an_iteration_that_is_left_stops_reading(tmp_path):
         assert first.message(0) == serialized_string("message 0")
     with pytest.raises(BagError, match="was closed"):
         next(bag.blocks())
+
+
+def everything(bag):
+    return [
+        message for segment in bag.segments() for message in messages_of([*segment.blocks(None)])
+    ]
+
+
+def test_all_parts_together_hold_every_message_once(tmp_path):
+    path = write_bag(tmp_path / "bag", 500, chunk_size=2000)
+    with rpud_sim.bag.open(path) as bag:
+        segments = bag.segments()
+        assert len(segments) > 5
+        assert everything(bag) == [*bag.messages()]
+        for segment in segments:
+            times = [time for block in segment.blocks({TALK.name}) for time in block.log_times]
+            assert (segment.start_time, segment.end_time) == (times[0], times[-1])
+            assert segment.topics == {TALK.name}
+            assert [*segment.blocks({"/other"})] == []
+
+
+@pytest.mark.parametrize("part", [0.3, 0.6, 0.95])
+def test_a_file_that_was_cut_off_is_read_up_to_there(tmp_path, part):
+    path = write_bag(tmp_path / "bag", 500, chunk_size=2000)
+    with rpud_sim.bag.open(path) as bag:
+        whole = [*bag.messages()]
+    file = next(path.glob("*.mcap"))
+    file.write_bytes(file.read_bytes()[: int(part * file.stat().st_size)])
+    with pytest.raises(BagFormatError, match="cut off"):
+        rpud_sim.bag.open(path)
+    with rpud_sim.bag.open(path, unclosed=True) as bag:
+        assert bag.unclosed == (file,)
+        found = everything(bag)
+        assert found == whole[: len(found)]
+        assert len(found) == bag.message_count > 0
+        assert [*bag.messages()] == found
+        (talk,) = [each for each in bag.topics if each.topic.name == TALK.name]
+        assert talk.message_count == len(found)
+        assert talk.first_time == found[0].log_time
+        assert talk.last_time <= found[-1].log_time  # the index of the last chunk may be missing
+
+
+def test_a_whole_file_is_none_that_was_cut_off(tmp_path):
+    with rpud_sim.bag.open(write_bag(tmp_path / "bag"), unclosed=True) as bag:
+        assert bag.unclosed == ()
