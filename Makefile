@@ -133,7 +133,7 @@ fuzz: install/.package ## Send N hostile inputs (100000) to every way into the d
 
 .PHONY: signatures
 signatures: PHASES = 8
-signatures: install/.package ## Print the tables of fault signatures, from PHASES initial phases (8)
+signatures: install/.package ## Print the table of fault signatures and write signatures.csv, from PHASES initial phases (8)
 	@$(WITH_ENV) python test/fault_signatures.py --phases $(PHASES)
 
 .PHONY: random-sets

@@ -19,6 +19,7 @@ from rpud_sim.simulation.configuration import (
     Configuration,
     Settings,
 )
+from rpud_sim.simulation.fault_kinds import KINDS
 
 ROOT = Path(__file__).resolve().parents[1]
 FOLDER = ROOT / "docs" / "reference"
@@ -54,6 +55,21 @@ def _shown(value: Any) -> str:
     if isinstance(value, bool):
         return str(value).lower()
     return value or "none" if isinstance(value, str) else f"{value:g}"
+
+
+def faults() -> str:
+    """Return every kind of fault: what happens, its magnitude and what it needs; as CSV."""
+    rows = [("fault", "what happens", "magnitude", "range", "default", "needs")]
+    for name, kind in KINDS.items():
+        needs = ", ".join(need.__name__.strip("_").replace("_", " ") for need in kind.needs)
+        needs = needs if kind.physical else "channel"
+        quantity = kind.magnitude
+        if quantity is None:
+            rows.append((name, kind.description, "", "", "", needs))
+            continue
+        default = "of the channel" if kind.in_channel_unit else f"{kind.default:g}"
+        rows.append((name, kind.description, quantity.description, quantity.range, default, needs))
+    return _csv(rows)
 
 
 def messages() -> str:
@@ -157,7 +173,12 @@ def _indented(text: str) -> str:
     return textwrap.indent(text, "    ")
 
 
-FILES = {"parameters.csv": parameters, "messages.csv": messages, "python.txt": python}
+FILES = {
+    "parameters.csv": parameters,
+    "faults.csv": faults,
+    "messages.csv": messages,
+    "python.txt": python,
+}
 
 
 def main() -> None:
