@@ -21,6 +21,7 @@ from rpud_sim.pages.quantities import Quantity
 from rpud_sim.simulation.topics import TOPICS
 
 MEAN, MEDIAN, P95 = "mean", "median", "p95"  # figures of a distribution
+FIGURES = {MEAN: "mean", MEDIAN: "median", P95: "95 % quantile"}  # as people read them
 
 
 @dataclass(frozen=True)

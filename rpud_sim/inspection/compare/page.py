@@ -6,7 +6,7 @@ import os
 from typing import Any
 
 from rpud_sim.inspection.compare.estimates import DIFFERS, Estimate
-from rpud_sim.inspection.compare.page_plots import (
+from rpud_sim.inspection.compare.plots import (
     difference_plot,
     distribution_plots,
     hidden_commands,
@@ -15,9 +15,7 @@ from rpud_sim.inspection.compare.page_plots import (
 )
 from rpud_sim.inspection.compare.results import Comparison, QuantityComparison, WindowComparison
 from rpud_sim.inspection.compare.same_bits import EQUAL, TopicBits, first_different
-from rpud_sim.inspection.compare.template import BODY, HEADINGS
-from rpud_sim.inspection.compare.values import COUNTERS, MEAN, MEDIAN, P95, TIMING
-from rpud_sim.inspection.compare.wording import FIGURES, difference_texts, sentence
+from rpud_sim.inspection.compare.values import COUNTERS, FIGURES, MEAN, MEDIAN, P95, TIMING
 from rpud_sim.inspection.output import write_new_file
 from rpud_sim.pages.frame import render_page
 from rpud_sim.pages.quantities import NONE as _UNSET
@@ -26,6 +24,100 @@ from rpud_sim.pages.quantities import QUANTITIES, Quantity
 _MOST_DRAWN = 3  # windows whose distributions are drawn
 _MOST_NAMED = 6  # settings that differ, which the page names above its plot
 _SHOWN_TEXT = 80  # characters of a value of a message
+
+_HEADINGS = {
+    "runs": ("run", "bag", "drill", "run in the bag", "from [s]", "to [s]"),
+    "bits": (
+        "topic", "bits", "equal messages", "first difference [s]", "field", "in A", "here", "",
+    ),
+    "figures": (
+        "quantity", "figure", "run", "A", "run", "difference", "95 % interval", "p", "decision",
+    ),
+    "of_runs": (
+        "quantity", "run", "values", "blocks", "mean", "interval", "median", "interval",
+        "95 % below", "interval", "greatest",
+    ),
+}  # fmt: skip
+
+_BODY = """\
+<p class="verdict">{{ verdict }}</p>
+{% for line in warnings %}<p class="warning">{{ line }}</p>
+{% endfor %}
+<p>{% for name, bag in named %}{{ name }}: <code>{{ bag }}</code>{{ ". " if loop.last else "; " }}
+{% endfor %}
+{{ settings }}</p>
+{% for item in windows %}
+{% if loop.first %}
+{% if windows | length > 1 %}<h2>{{ item.name }}</h2>{% endif %}
+{% if item.plot %}{{ figure(item.plot) }}{% else %}
+<p class="none">There are too few values to compare.</p>{% endif %}
+{% else %}
+<details><summary>{{ item.name }}: {{ item.count }}</summary>
+{% if item.plot %}{{ figure(item.plot) }}{% else %}
+<p class="none">There are too few values to compare.</p>{% endif %}
+</details>
+{% endif %}
+{% endfor %}
+
+<details id="figures"><summary>Figures in numbers</summary>
+<p>Intervals are 95 % confidence intervals by a stationary block bootstrap, since impacts that
+follow each other are not independent. Decisions are corrected for their number by Holm's method:
+if the runs were of one kind, one comparison in twenty would name a difference.
+{% if tolerance %}A difference up to {{ tolerance }} counts as none.{% endif %}</p>
+{% for item in windows %}
+<h3>{{ item.name }}</h3>
+{{ table(headings.figures, item.rows, caption="Figures of each run, and differences from A") }}
+{{ table(headings.of_runs, item.of_runs, caption="Values of each run with their intervals") }}
+{% endfor %}
+</details>
+
+<details id="distributions"><summary>Distributions</summary>
+<p>Share of the values in each of 60 classes [%].</p>
+{% for name, plots in distributions %}
+{% if distributions | length > 1 %}<h3>{{ name }}</h3>{% endif %}
+{{ figures(plots, 20) }}
+{% else %}<p class="none">There are no values.</p>{% endfor %}
+{% if not_drawn %}<p class="none">Not drawn: {{ not_drawn }} further segments.</p>{% endif %}
+</details>
+
+<details id="time"><summary>Over time</summary>
+{% if over_time %}<p>Line: mean; band: least to greatest.
+{% if hidden %}{{ hidden }} commands are not drawn: their table has all.{% endif %}</p>
+{{ figures(over_time, 30) }}
+{% else %}<p class="none">There are no series.</p>{% endif %}
+</details>
+
+<details id="settings"><summary>Runs, settings, commands and faults</summary>
+{{ table(headings.runs, runs, caption="A is the reference") }}
+{% if parameters %}
+{{ table(headings.parameters, parameters, caption="Parameters that differ") }}
+{% else %}<p class="none">No parameter differs.</p>{% endif %}
+{% if versions %}
+{{ table(headings.versions, versions, false, "Versions that differ") }}
+{% else %}<p class="none">All runs are of the same software and machine.</p>{% endif %}
+{% if commands %}
+{{ table(headings.commands, commands, caption="Commands, aligned") }}
+{% else %}<p class="none">No run has a command.</p>{% endif %}
+{% if faults %}
+{{ table(headings.faults, faults, caption="Faults, aligned, from onset to end") }}
+{% else %}<p class="none">No run has a fault.</p>{% endif %}
+</details>
+
+<details id="bits"><summary>Bits</summary>
+<p>Messages of each topic side by side, as far as both runs hold it. Times count from the beginning
+of each run.</p>
+{% for name, line, rows in bits %}
+<h3>{{ name }}</h3>
+<p>{{ line }}</p>
+{{ table(headings.bits, rows, caption="Messages beside those of A") }}
+{% endfor %}
+</details>
+
+<details id="timing"><summary>Timing of the machine</summary>
+<p>These belong to the machine that ran the drill, not to the drill, and are not tested.</p>
+{{ table(headings.timing, timing, caption="From the reports in status") }}
+</details>
+"""
 
 
 def write_page(found: Comparison, out: str | os.PathLike[str]) -> None:
@@ -36,9 +128,9 @@ def render(found: Comparison) -> str:
     letters = [chr(ord("A") + number) for number in range(len(found.names))]
     drawn = found.windows[:_MOST_DRAWN]
     return render_page(
-        BODY,
+        _BODY,
         " and ".join(found.names) if len(found.names) < 3 else f"{len(found.names)} runs",
-        verdict=sentence(found),
+        verdict=found.sentence,
         named=[(letter, drill.path) for letter, drill in zip(letters, found.drills, strict=True)],
         settings=_settings_line(found),
         warnings=[
@@ -51,7 +143,7 @@ def render(found: Comparison) -> str:
         ],
         letters=letters,
         headings={
-            **HEADINGS,
+            **_HEADINGS,
             "parameters": ("parameter", *letters, "unit"),
             "versions": ("software or machine", *letters),
             "commands": ("command", *(f"{letter} [s]" for letter in letters)),
@@ -143,7 +235,7 @@ def _window(found: Comparison, window: WindowComparison, letters: list[str]) -> 
             letters[number],
             quantity.shown.text(each.reference.value),
             quantity.shown.text(each.other.value),
-            *difference_texts(quantity.shown, each),
+            *each.texts(quantity.shown),
             f"{each.chance:.2g}" if each.chance == each.chance else _UNSET,
             each.decision,
         )

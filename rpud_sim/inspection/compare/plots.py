@@ -17,13 +17,13 @@ from rpud_sim.inspection.compare.estimates import (
 )
 from rpud_sim.inspection.compare.results import Comparison, QuantityComparison, WindowComparison
 from rpud_sim.inspection.compare.values import (
+    FIGURES,
     QUANTITIES,
     STATUS,
     ComparedQuantity,
     RecordedValues,
     series_of,
 )
-from rpud_sim.inspection.compare.wording import FIGURES, difference_texts
 from rpud_sim.pages.plot import Axis, Layer, Line, Plot, Points, Rule, Zone
 
 _CLASSES = 60
@@ -98,7 +98,7 @@ def _difference_points(found: Comparison, rows: _Rows) -> Iterator[Points]:
 
 def _told(quantity: QuantityComparison, each: Difference) -> str:
     shown = quantity.shown
-    difference, interval = difference_texts(shown, each)
+    difference, interval = each.texts(shown)
     return (
         f"{shown.label}, {FIGURES[each.figure]}: {shown.text(each.reference.value)} and "
         f"{shown.text(each.other.value)}, {difference} ({interval}): {each.decision}"
@@ -122,7 +122,7 @@ def _columns(rows: _Rows) -> tuple[tuple[str, tuple[str, ...]], ...]:
             continue
         shown = quantity.shown
         one, other = shown.text(each.reference.value), shown.text(each.other.value)
-        cells.append((one, other, *difference_texts(shown, each)))
+        cells.append((one, other, *each.texts(shown)))
     a, b, difference, interval = zip(*cells, strict=True)
     return (("A", a), ("B", b), ("difference", difference), ("95 % interval", interval))
 
