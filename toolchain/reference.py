@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import csv
 import importlib
 import inspect
@@ -12,6 +13,8 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
+from rpud_sim.cli.main import COMMANDS, build_parser, load_command
+from rpud_sim.model import tolerances
 from rpud_sim.simulation import preset
 from rpud_sim.simulation.configuration import (
     CHANGEABLE,
@@ -19,6 +22,7 @@ from rpud_sim.simulation.configuration import (
     Configuration,
     Settings,
 )
+from rpud_sim.simulation.energy_account import EnergyAccount
 from rpud_sim.simulation.fault_kinds import KINDS
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -69,6 +73,40 @@ def faults() -> str:
             continue
         default = "of the channel" if kind.in_channel_unit else f"{kind.default:g}"
         rows.append((name, kind.description, quantity.description, quantity.range, default, needs))
+    return _csv(rows)
+
+
+def commands() -> str:
+    """Return every command with its arguments and options; as CSV."""
+    rows = [("group", "command", "argument", "meaning")]
+    chosen = next(a for a in build_parser()._actions if isinstance(a, argparse._SubParsersAction))
+    for name, parser in chosen.choices.items():
+        rows.append((COMMANDS[name][0], f"rpud {name}", "", load_command(name).help))
+        for action in parser._actions:
+            if isinstance(action, argparse._HelpAction) or action.help in (None, argparse.SUPPRESS):
+                continue
+            value = action.metavar or "|".join(map(str, action.choices or [action.dest.upper()]))
+            words = [*action.option_strings, *([] if action.nargs == 0 else [str(value)])]
+            meaning = action.help % {**vars(action), "prog": parser.prog}
+            rows.append((COMMANDS[name][0], f"rpud {name}", " ".join(words), meaning))
+    return _csv(rows)
+
+
+def energy() -> str:
+    """Return the terms of the energy account; as CSV."""
+    return _csv([("term", "meaning [J]"), *_fields(EnergyAccount)])
+
+
+def bounds() -> str:
+    """Return the tolerances of the engine with the comments above them; as CSV."""
+    rows, comment = [("bound", "value", "meaning")], ""
+    for line in inspect.getsource(tolerances).splitlines():
+        if line.startswith("#"):
+            comment = f"{comment} {line.lstrip('# ')}".strip()
+        elif found := re.match(r"([A-Z_]+) = (\S+)", line):
+            rows.append((found[1], f"{getattr(tolerances, found[1]):g}", comment))
+        else:
+            comment = ""
     return _csv(rows)
 
 
@@ -159,14 +197,27 @@ def _signature(item: Any) -> str:
 
 
 def _text(item: type) -> str:
-    """Return the docstring of a class, and its fields with the comments behind them."""
+    """Return the docstring of a class, and its fields with their comments."""
     document = inspect.getdoc(item) or ""
     if document.startswith(f"{item.__name__}("):  # made by dataclass or NamedTuple
         document = ""
-    fields = re.findall(r"^    (\w+): .*?(?:  # (.*))?$", inspect.getsource(item), re.MULTILINE)
-    width = max((len(name) for name, comment in fields if comment), default=0)
-    lines = [f"{name:{width}}  {comment}" for name, comment in fields if comment]
+    fields = [(name, comment) for name, comment in _fields(item) if comment]
+    width = max((len(name) for name, _ in fields), default=0)
+    lines = [f"{name:{width}}  {comment}" for name, comment in fields]
     return "\n\n".join(filter(None, [document, "\n".join(lines)]))
+
+
+def _fields(item: type) -> Iterator[tuple[str, str]]:
+    """Yield the fields of a class with the comment behind or above each."""
+    above = ""
+    for line in inspect.getsource(item).splitlines():
+        if line.startswith("    # "):
+            above = f"{above} {line[6:]}".strip()
+        elif found := re.match(r"    (\w+): [^#]*(?:#\s*(.*))?$", line):
+            yield found[1], found[2] or above
+            above = ""
+        else:
+            above = ""
 
 
 def _indented(text: str) -> str:
@@ -176,6 +227,9 @@ def _indented(text: str) -> str:
 FILES = {
     "parameters.csv": parameters,
     "faults.csv": faults,
+    "commands.csv": commands,
+    "energy.csv": energy,
+    "tolerances.csv": bounds,
     "messages.csv": messages,
     "python.txt": python,
 }
