@@ -1,6 +1,6 @@
 """Launch of a launch file as ``ros2 launch`` does it, whose command line may be missing.
 
-python -m rpud_sim.testing.campaign.launcher FILE [NAME:=VALUE ...]
+python -m rpud_sim.testing.launcher FILE [NAME:=VALUE ...]
 """
 
 from __future__ import annotations

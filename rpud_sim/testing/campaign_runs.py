@@ -1,4 +1,4 @@
-"""Outcome of a run of a campaign, and the flight that gives it."""
+"""Runs of a campaign: their flights, their outcomes, and the tests that pytest sees in them."""
 
 from __future__ import annotations
 
@@ -6,12 +6,23 @@ import dataclasses
 import json
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
 
-from rpud_sim.testing.campaign.specification import CampaignRun, CampaignSystem
+import pytest
+
+from rpud_sim.foundation.quantities import ParameterError
+from rpud_sim.testing.campaign_file import Campaign, CampaignRun, CampaignSystem, read_campaign
 from rpud_sim.testing.drill import Drill
-from rpud_sim.testing.errors import DrillError, ExpectationFailedError, SystemUnderTestError
+from rpud_sim.testing.errors import (
+    DrillError,
+    ExpectationFailedError,
+    LostMessagesError,
+    SystemUnderTestError,
+)
 from rpud_sim.testing.expectations import verdict_line
+from rpud_sim.testing.plugin import give_back_drills, take_drill
 from rpud_sim.verdicts import Expectation, Verdict
 from rpud_sim.verdicts.verdict import FAILED, PASSED, UNDECIDED
 
@@ -23,8 +34,8 @@ ENDINGS = {
     "late": "the system under test answers too late",
     BROKEN: "drill or middleware failed: the run says nothing about the system under test",
 }
+# Name of the verdict of every run on whether the system under test has answered to the end.
 SYSTEM = "system under test"
-"""Name of the verdict of every run on whether the system under test has answered to the end."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -46,12 +57,10 @@ class RunOutcome:
         ]
 
     def to_json(self) -> str:
-        """Return the text from which ``outcome_from_json`` makes the outcome again."""
         return json.dumps(dataclasses.asdict(self))
 
 
 def outcome_from_json(text: str) -> RunOutcome:
-    """Return the outcome that ``to_json`` has written."""
     content = json.loads(text)
     verdicts = tuple(Verdict(**each) for each in content.pop("verdicts"))
     return RunOutcome(**content, verdicts=verdicts)
@@ -70,12 +79,7 @@ def outcome_of(
 def fly(
     drill: Drill, run: CampaignRun, system: CampaignSystem, expectations: Sequence[Expectation]
 ) -> RunOutcome:
-    """Step the drill through a run beside the system under test, and judge what was published.
-
-    Raises:
-        DrillError: if the drill fails.
-        LostMessagesError: if the middleware fails.
-    """
+    """Step the drill through a run beside the system under test, and judge what was published."""
     ending, text = _step_through(drill, run, system, expectations)
     if ending == COMPLETED:
         return outcome_of(ending, drill.time, text, _judge(drill, expectations))
@@ -137,3 +141,55 @@ def _cut_short(verdict: Verdict, reached: float) -> Verdict:
         return verdict
     text = f"the run ended early, at {reached:.9g} s; until then: {verdict.text}"
     return dataclasses.replace(verdict, outcome=UNDECIDED, margin=None, unit="", text=text)
+
+
+class RunFailedError(AssertionError):
+    """Run of a campaign in which a verdict failed."""
+
+
+class CampaignFile(pytest.File):
+    """Campaign file: an item for each run."""
+
+    def collect(self) -> Iterator[CampaignItem]:
+        try:
+            campaign = read_campaign(self.path)
+        except ParameterError as error:
+            raise self.CollectError(str(error)) from None
+        for run in campaign.runs:
+            yield CampaignItem.from_parent(self, name=run.name, run=run, campaign=campaign)
+
+
+class CampaignItem(pytest.Item):
+    """Run of a campaign."""
+
+    def __init__(self, run: CampaignRun, campaign: Campaign, **options: Any) -> None:
+        super().__init__(**options)
+        self._run, self._campaign = run, campaign
+        self.rpud_outcome: RunOutcome | None = None
+
+    def runtest(self) -> None:
+        """Fly the run; a failed verdict fails the test.
+
+        An undecided one may be decided by another run; see ``CampaignSession``.
+        """
+        system = self._campaign.system
+        try:
+            drill = take_drill(self, self._run.setup, system.folder)
+            self.rpud_outcome = fly(drill, self._run, system, self._campaign.expectations)
+        except (DrillError, LostMessagesError, ParameterError) as error:
+            self.rpud_outcome = outcome_of(BROKEN, 0.0, str(error))
+            raise
+        if failures := self.rpud_outcome.failures:
+            raise RunFailedError("\n".join(failures))
+
+    def teardown(self) -> None:
+        give_back_drills(self)
+
+    def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: Any = None) -> Any:
+        """Return the reasons without a traceback into this package."""
+        if isinstance(excinfo.value, AssertionError | DrillError | ParameterError):
+            return str(excinfo.value)
+        return super().repr_failure(excinfo, style)
+
+    def reportinfo(self) -> tuple[Path, int, str]:
+        return self.path, 0, self.name

@@ -16,11 +16,10 @@ import pytest
 from rpud_sim.foundation.whole_folder import whole_file
 
 if TYPE_CHECKING:
-    from rpud_sim.testing.campaign.results import CampaignResults
+    from rpud_sim.testing.campaign_results import CampaignResults
 
 _SUFFIXES = (".yaml", ".yml")
-NAME = "rpud_campaigns"
-"""Name of the plugin, by which its results are found."""
+NAME = "rpud_campaigns"  # of the plugin, by which its results are found
 
 # Keys that together only campaigns have.
 _KEYS = (
@@ -42,10 +41,9 @@ class CampaignSession:
     def pytest_collect_file(
         self, file_path: Path, parent: pytest.Collector
     ) -> pytest.Collector | None:
-        """Collect a campaign file."""
         if file_path.suffix not in _SUFFIXES or not _is_campaign(file_path):
             return None
-        from rpud_sim.testing.campaign.items import CampaignFile
+        from rpud_sim.testing.campaign_runs import CampaignFile
 
         return CampaignFile.from_parent(parent, path=file_path)
 
@@ -76,8 +74,7 @@ class CampaignSession:
         """Write the page and the results of each campaign of which a run was flown."""
         if not self._reports or hasattr(self._config, "workerinput"):
             return
-        from rpud_sim.testing.campaign.page import campaign_page
-        from rpud_sim.testing.campaign.results import results_from_reports
+        from rpud_sim.testing.campaign_results import campaign_page, results_from_reports
 
         folder = self._config.getoption("rpud_artefacts")
         for file in dict.fromkeys(each["file"] for each in self._reports.values()):
