@@ -12,6 +12,7 @@ from sample_bags import write_offline_bag
 import rpud_sim.bag as bags
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.cli.main import main
+from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.inspection import InspectionError
 from rpud_sim.inspection.compare import compare
