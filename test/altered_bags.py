@@ -1,7 +1,7 @@
 """Bags that are like another one, except for what a test changes."""
 
 from rpud_sim import bag as bags
-from rpud_sim.bag.losses import RECORD_NAME
+from rpud_sim.bag.losses import LOSSES_RECORD
 
 
 def altered(source, out, change, topics=None):
@@ -13,8 +13,8 @@ def altered(source, out, change, topics=None):
         for message in reader.messages(topics):
             for data in change(message):
                 writer.write(message.topic, data, message.log_time, message.publish_time)
-        for record in reader.records(RECORD_NAME):
-            writer.add_record(RECORD_NAME, record)
+        for record in reader.records(LOSSES_RECORD):
+            writer.add_record(LOSSES_RECORD, record)
     return out
 
 

@@ -1,7 +1,7 @@
 """Made-up results of campaigns: every expectation passed, except those that are given."""
 
-from rpud_sim.testing.campaign.outcome import COMPLETED, outcome_of
-from rpud_sim.testing.campaign.results import FlownRun, results_of
+from rpud_sim.testing.campaign_results import FlownRun, results_of
+from rpud_sim.testing.campaign_runs import COMPLETED, outcome_of
 from rpud_sim.verdicts import Verdict
 from rpud_sim.verdicts.verdict import FAILED, PASSED, UNDECIDED
 

@@ -147,7 +147,7 @@ def write_damaged(path: Path) -> Path:
             data = serialized_string("whole") if number % 2 == 0 else b"\x00\x01\x00\x00\xff"
             bag.write(TALK.name, data, time, time)
         odd = {"offered_qos_profiles": "!!timestamp 1", "topic_type_hash": ""}
-        bag._folder.add_channel(Topic("/rpud/odd", STRING), None, odd)
+        bag.add_channel(Topic("/rpud/odd", STRING), None, odd)
         bag.add_record("rpud_losses", {"losses": "["})
         bag.add_record("rpud_manifest", {"manifest": "["})
     return path

@@ -17,14 +17,11 @@ if TYPE_CHECKING:
     from rpud_sim.bag.columns import Column, Kind
     from rpud_sim.bag.errors import BagError, BagExistsError, BagFormatError, BagNotFoundError
     from rpud_sim.bag.losses import Losses
-    from rpud_sim.bag.messages import Message, Piece
-    from rpud_sim.bag.metadata import Topic
-    from rpud_sim.bag.qos import QosProfile
+    from rpud_sim.bag.messages import BagSegment, Message
+    from rpud_sim.bag.metadata import QosProfile, Topic, TopicSummary
     from rpud_sim.bag.reader import BagReader
-    from rpud_sim.bag.recovery import recover
-    from rpud_sim.bag.recovery_account import Recovery, TopicRecovery
+    from rpud_sim.bag.recovery import Recovery, TopicRecovery, recover
     from rpud_sim.bag.tables import Batch
-    from rpud_sim.bag.topic_summary import TopicSummary
     from rpud_sim.bag.writer import BagWriter
 
 __all__ = [
@@ -33,13 +30,13 @@ __all__ = [
     "BagFormatError",
     "BagNotFoundError",
     "BagReader",
+    "BagSegment",
     "BagWriter",
     "Batch",
     "Column",
     "Kind",
     "Losses",
     "Message",
-    "Piece",
     "QosProfile",
     "Recovery",
     "Topic",
@@ -50,36 +47,26 @@ __all__ = [
 ]
 
 # Loaded at first use. A drill that records nothing uses this package too, and must run where the
-# libraries of bags are missing; tables need NumPy, which listing a bag does not.
+# libraries of bags are missing.
 _MODULES = {
-    "BagError": "errors",
-    "BagExistsError": "errors",
-    "BagFormatError": "errors",
-    "BagNotFoundError": "errors",
-    "BagReader": "reader",
-    "BagWriter": "writer",
-    "Batch": "tables",
-    "Column": "columns",
-    "Kind": "columns",
-    "Losses": "losses",
-    "Message": "messages",
-    "Piece": "messages",
-    "QosProfile": "qos",
-    "Recovery": "recovery_account",
-    "Topic": "metadata",
-    "TopicRecovery": "recovery_account",
-    "TopicSummary": "topic_summary",
-    "recover": "recovery",
+    "columns": ("Column", "Kind"),
+    "errors": ("BagError", "BagExistsError", "BagFormatError", "BagNotFoundError"),
+    "losses": ("Losses",),
+    "messages": ("BagSegment", "Message"),
+    "metadata": ("QosProfile", "Topic", "TopicSummary"),
+    "reader": ("BagReader",),
+    "recovery": ("Recovery", "TopicRecovery", "recover"),
+    "tables": ("Batch",),
+    "writer": ("BagWriter",),
 }
 
 
 def __getattr__(name: str) -> Any:
     """Return a public name, and keep it."""
-    if name not in _MODULES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    value = getattr(import_module(f"{__name__}.{_MODULES[name]}"), name)
-    globals()[name] = value
-    return value
+    for module, names in _MODULES.items():
+        if name in names:
+            return globals().setdefault(name, getattr(import_module(f"{__name__}.{module}"), name))
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
 def __dir__() -> list[str]:

@@ -1,17 +1,23 @@
-"""Messages that a recorder lost, as metadata records of the bag."""
+"""Messages that never arrived: a recorder's account, and gaps in numbered messages."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+import re
+import struct
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 
 from rpud_sim.bag.errors import parsing
 
-RECORD_NAME = "rpud_losses"  # metadata record with the ``Losses`` of each topic
+LOSSES_RECORD = "rpud_losses"  # metadata record with the ``Losses`` of each topic
 
 # Metadata record with the duration that a recorder loses at most if it is killed: ``max_loss`` [s].
 RECORDING_RECORD = "rpud_recording"
+
+_BEGINNING = re.compile(r"\s*std_msgs/(?:msg/)?Header\s+header\s+uint64\s+sequence\b")
+_COMMENT = re.compile(r"#.*")
+_SEQUENCES = 64  # of one topic at most; the oldest, of publishers that left, are discarded
 
 
 @dataclass(frozen=True)
@@ -35,7 +41,7 @@ def losses_to_record(losses: Mapping[str, Losses]) -> dict[str, str]:
 
 
 def losses_from_record(record: Mapping[str, str]) -> dict[str, Losses]:
-    with parsing(f"the record {RECORD_NAME}"):
+    with parsing(f"the record {LOSSES_RECORD}"):
         return {topic: _losses(json.loads(text)) for topic, text in record.items()}
 
 
@@ -50,3 +56,55 @@ def _losses(value: Mapping[str, int | None]) -> Losses:
         if not 0 <= count < 2**63:
             raise ValueError(f"{count:g} is no number of messages")
     return losses
+
+
+class SequenceGaps:
+    """Count of messages that never arrived, from the numbers that publishers give to messages.
+
+    Messages do not name their publisher. With one publisher the count is exact. With several, a
+    number that continues no known sequence is a gap in the sequence just below it. If there are
+    more publishers than known sequences, it begins a new sequence instead. ``publisher_count`` is
+    called at gaps only. What a sequence lacks before its first number counts where ``from_first``.
+    """
+
+    def __init__(self, publisher_count: Callable[[], int]) -> None:
+        self.missing = 0  # messages that never arrived
+        self.from_first = False  # whether all publishers of new sequences began with number 1
+        self._publisher_count = publisher_count
+        self._last: list[int] = []  # number of each sequence, the most recent at the end
+
+    def note(self, number: int) -> None:
+        last = self._last
+        if number - 1 in last:
+            last.remove(number - 1)
+        else:
+            below = max((before for before in last if before < number), default=None)
+            if below is None:
+                self.missing += self.from_first * (number - 1)
+            elif len(last) >= self._publisher_count():
+                self.missing += number - below - 1
+                last.remove(below)
+        last.append(number)
+        if len(last) > _SEQUENCES:
+            del last[0]
+
+
+def numbers_messages(definition: str) -> bool:
+    """Return whether messages of a type begin with their header and ``uint64 sequence``.
+
+    Blocks number their first entry, not themselves: the number of missing blocks cannot be known.
+    """
+    text = _COMMENT.sub("", definition[: 64 * 1024]).split("=" * 80)[0]
+    return _BEGINNING.match(text) is not None and "[]" not in text
+
+
+def sequence_number(data: bytes) -> int | None:
+    """Return the field ``sequence``, which follows seconds, nanoseconds and name of the frame."""
+    order = "<" if data[1:2] == b"\x01" else ">"
+    try:
+        (length,) = struct.unpack_from(f"{order}I", data, 12)
+        place = 4 + (12 + length + 7) // 8 * 8  # numbers are aligned to their size after 4 bytes
+        (number,) = struct.unpack_from(f"{order}Q", data, place)
+    except struct.error:
+        return None
+    return int(number)

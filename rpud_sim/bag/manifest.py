@@ -1,4 +1,4 @@
-"""Manifest of a run: the drill's parameters, and the recorder, as a metadata record of the bag."""
+"""Origin of a run, and the verdict of a test about it, as metadata records of the bag."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from typing import Any
 from rpud_sim.bag.errors import parsing
 
 # Metadata record of a manifest; a bag has one for each drill that ran during the recording.
-RECORD_NAME = "rpud_manifest"
+MANIFEST_RECORD = "rpud_manifest"
+VERDICT_RECORD = "rpud_test"  # metadata record of a test's verdict
 
-_KEY = "manifest"
 _PACKAGES = ("rpud_sim", "numpy", "numba", "mcap")
 
 
@@ -48,13 +48,13 @@ class Manifest:
         content = _readable(asdict(self))
         if not self.forked_from:
             del content["forked_from"]
-        return {_KEY: json.dumps(content, ensure_ascii=False, default=repr)}
+        return {"manifest": json.dumps(content, ensure_ascii=False, default=repr)}
 
 
 def manifest_from_record(record: Mapping[str, str]) -> Manifest:
     """Return the manifest from the content of the metadata record; unknown fields are ignored."""
-    with parsing(f"the record {RECORD_NAME}"):
-        value = _readable(json.loads(record[_KEY]))
+    with parsing(f"the record {MANIFEST_RECORD}"):
+        value = _readable(json.loads(record["manifest"]))
         scenario = value["scenario"]
         return Manifest(
             node=str(value["node"]),
@@ -96,13 +96,36 @@ def installed_versions() -> dict[str, str]:
 
 def machine_name() -> str:
     """Return the architecture and the processor, without the name of the host."""
-    return " ".join(filter(None, (platform.machine(), _processor())))
-
-
-def _processor() -> str:
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").splitlines()
+        fields = (line.partition(":") for line in lines)
+        names = [value.strip() for key, _, value in fields if key.strip() == "model name"][:1]
     except OSError:
-        return platform.processor()
-    fields = (line.partition(":") for line in lines)
-    return next((value.strip() for key, _, value in fields if key.strip() == "model name"), "")
+        names = [platform.processor()]
+    return " ".join(filter(None, (platform.machine(), *names)))
+
+
+@dataclass(frozen=True)
+class RunVerdict:
+    """Verdict of a test about the run in a bag."""
+
+    test: str  # its name
+    verdict: str  # ``passed``, ``failed`` or ``undecided``
+    seed: str  # of all random numbers
+    requirements: tuple[str, ...] = ()  # each with its verdict, value and time, in one line
+
+    def to_record(self) -> dict[str, str]:
+        """Return the content of the metadata record: one key with a JSON object."""
+        return {"test": json.dumps(asdict(self), ensure_ascii=True)}
+
+
+def tested_from_record(record: Mapping[str, str]) -> RunVerdict:
+    """Return the verdict from the content of the metadata record."""
+    with parsing(f"the record {VERDICT_RECORD}"):
+        value = json.loads(record["test"])
+        return RunVerdict(
+            str(value["test"]),
+            str(value["verdict"]),
+            str(value["seed"]),
+            tuple(str(line) for line in value["requirements"]),
+        )

@@ -4,28 +4,46 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Collection, Iterable, Iterator
+import zlib
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
-from functools import cached_property, lru_cache, partial
+from functools import cache, cached_property, lru_cache, partial
 from pathlib import Path
-from typing import TYPE_CHECKING, BinaryIO
+from typing import BinaryIO
 
-from mcap.records import Channel, ChunkIndex, Metadata, Schema
+from mcap.opcode import Opcode
+from mcap.records import (
+    Channel,
+    ChunkIndex,
+    Footer,
+    Metadata,
+    MetadataIndex,
+    Schema,
+    Statistics,
+)
+from mcap.summary import Summary
 
+from rpud_sim.bag.chunks import chunk_blocks, stretch_blocks
 from rpud_sim.bag.errors import BagError, BagFormatError, reading
-from rpud_sim.bag.latched import REPEATED_KEY
-from rpud_sim.bag.mcap_index import MessageTimes, check_ends, complete_statistics, read_summary
-from rpud_sim.bag.messages import Piece
-from rpud_sim.bag.metadata import Topic, load_offered_qos
-from rpud_sim.bag.record_walk import RecordWalk, Stretch
-from rpud_sim.bag.records import MAGIC, parse, read_record
-from rpud_sim.bag.topic_summary import TopicSummary
+from rpud_sim.bag.messages import REPEATED_KEY, BagSegment, MessageBlock
+from rpud_sim.bag.metadata import Topic, TopicSummary, load_offered_qos
+from rpud_sim.bag.records import (
+    MAGIC,
+    RECORD,
+    message_index_times,
+    parse,
+    parse_chunk_index,
+    read_record,
+)
+from rpud_sim.bag.scan import RecordWalk
 
-if TYPE_CHECKING:
-    from rpud_sim.bag.message_block import MessageBlock
+# Greatest summary section [bytes]; that of an hour's recording has less than one MiB.
+SUMMARY_LIMIT = 64 * 2**20
 
 RECORDS_LIMIT = 64 * 2**20  # greatest size of all metadata records of one name together [bytes]
 
+_REMEDY = "rpud recover makes a whole bag of it"
+_FOOTER_SIZE = RECORD.size + 20
 _COMMENT = re.compile(r"#.*")
 _NO_SCHEMA = Schema(id=0, data=b"", encoding="", name="")
 
@@ -45,46 +63,38 @@ class McapFile:
         shown: Path | None = None,
         unclosed: bool = False,
     ) -> None:
-        self._path = path
         self._shown = shown or path
-        self._repeats = repeats
+        self.closed = True  # whether the file was closed
         with reading(self._shown):
             self._stream: BinaryIO = path.open("rb")
         try:
             with reading(self._shown):
                 self.size = os.fstat(self._stream.fileno()).st_size
-                self.closed = True  # whether the file was closed
                 try:
-                    check_ends(self._stream, self.size, self._shown)
-                    self._index = read_summary(self._stream, self.size)
-                    self.statistics = complete_statistics(self._index)
+                    _check_ends(self._stream, self.size, self._shown)
+                    self._index = _read_summary(self._stream, self.size)
+                    self.statistics = _checked_statistics(self._index)
                 except BagFormatError:
                     if not unclosed or not self._walk.end > len(MAGIC):
                         raise
                     self.closed = False
                     self._index = self._walk.summary
-                    self.statistics = complete_statistics(self._index)
+                    self.statistics = _checked_statistics(self._index)
         except BaseException:
             self._stream.close()
             raise
+        self.schemas = self._index.schemas
+        self.channels = {
+            number: channel
+            for number, channel in self._index.channels.items()
+            if repeats or REPEATED_KEY not in channel.metadata
+        }
 
     def __enter__(self) -> McapFile:
         return self
 
     def __exit__(self, *_: object) -> None:
         self._stream.close()
-
-    @cached_property
-    def channels(self) -> dict[int, Channel]:
-        return {
-            number: channel
-            for number, channel in self._index.channels.items()
-            if self._repeats or REPEATED_KEY not in channel.metadata
-        }
-
-    @property
-    def schemas(self) -> dict[int, Schema]:
-        return self._index.schemas
 
     @property
     def message_count(self) -> int:
@@ -135,8 +145,8 @@ class McapFile:
         """Return the summary of one topic."""
         with self._reading():
             channels = self.topic_channels[name]
-            schema = self._index.schemas.get(channels[0].schema_id, _NO_SCHEMA)
-            first, last = self._times.span({channel.id for channel in channels})
+            schema = self.schemas.get(channels[0].schema_id, _NO_SCHEMA)
+            first, last = self._span({channel.id for channel in channels})
             counts = self.statistics.channel_message_counts
             return TopicSummary(
                 topic=Topic(
@@ -153,62 +163,48 @@ class McapFile:
                 kinds=frozenset(map(self._kind, channels)),
             )
 
-    def pieces(self) -> Iterator[Piece]:
+    def segments(self) -> Iterator[BagSegment]:
         """Yield the parts that can be read by themselves, in the order of the file."""
         with self._reading():
             walk = None if self.closed and self._index.chunk_indexes else self._walk
-        index = walk.summary if walk else self._index
-        for chunk in index.chunk_indexes:
-            held = self._names(chunk.message_index_offsets)
-            yield Piece(
+        everything = frozenset(self.topic_channels)
+        for chunk in (walk.summary if walk else self._index).chunk_indexes:
+            held = chunk.message_index_offsets
+            yield BagSegment(
                 chunk.message_start_time,
                 chunk.message_end_time,
                 chunk.uncompressed_size,
-                held if chunk.message_index_offsets else frozenset(self.topic_channels),
-                partial(self._chunk_blocks, chunk),
+                self._names(held) if held else everything,
+                partial(self._blocks, partial(chunk_blocks, self._stream, chunk)),
             )
-        if walk is None:
-            return
-        for stretch in walk.stretches:
-            yield Piece(
+        for stretch in walk.stretches if walk else ():
+            read = partial(stretch_blocks, self._stream, stretch.start, stretch.end)
+            yield BagSegment(
                 stretch.first,
                 stretch.last,
                 stretch.end - stretch.start,
                 self._names(stretch.channels),
-                partial(self._stretch_blocks, stretch),
+                partial(self._blocks, read),
             )
-        if self.closed and not walk.whole:
-            everything = frozenset(self.topic_channels)
-            yield Piece(self.end_time, self.end_time, 0, everything, self._no_blocks)
+        if walk and self.closed and not walk.whole:
+            yield BagSegment(self.end_time, self.end_time, 0, everything, self._no_blocks)
 
     def _names(self, numbers: Iterable[int]) -> frozenset[str]:
         channels = self.channels
         return frozenset(channels[number].topic for number in numbers if number in channels)
 
-    def _wanted(self, topics: Collection[str] | None) -> dict[int, str]:
-        return {
+    def _blocks(
+        self,
+        read: Callable[[Mapping[int, str]], list[MessageBlock]],
+        topics: Collection[str] | None,
+    ) -> list[MessageBlock]:
+        names = {
             number: channel.topic
             for number, channel in self.channels.items()
             if topics is None or channel.topic in topics
         }
-
-    # NumPy is loaded here, because listing a bag does not need it.
-
-    def _chunk_blocks(
-        self, index: ChunkIndex, topics: Collection[str] | None
-    ) -> list[MessageBlock]:
-        from rpud_sim.bag.chunk_blocks import chunk_blocks
-
         with self._reading():
-            return chunk_blocks(self._stream, index, self._wanted(topics))
-
-    def _stretch_blocks(
-        self, stretch: Stretch, topics: Collection[str] | None
-    ) -> list[MessageBlock]:
-        from rpud_sim.bag.chunk_blocks import stretch_blocks
-
-        with self._reading():
-            return stretch_blocks(self._stream, stretch, self._wanted(topics))
+            return read(names)
 
     def _no_blocks(self, topics: Collection[str] | None) -> list[MessageBlock]:
         """Say why a file without chunks cannot be read to its end."""
@@ -228,22 +224,62 @@ class McapFile:
         return RecordWalk(self._stream, self.size)
 
     @cached_property
-    def _times(self) -> MessageTimes:
-        return MessageTimes(self._stream, self.size, self._index.chunk_indexes)
-
-    @cached_property
     def _definitions(self) -> dict[int, str]:
         texts = {}
-        for number, schema in self._index.schemas.items():
+        for number, schema in self.schemas.items():
             if schema.encoding == "ros2msg":
                 with suppress(UnicodeDecodeError):
                     texts[number] = schema.data.decode()
         return texts
 
     def _kind(self, channel: Channel) -> tuple[str, str, str]:
-        schema = self._index.schemas.get(channel.schema_id, _NO_SCHEMA)
+        schema = self.schemas.get(channel.schema_id, _NO_SCHEMA)
         text = self._definitions.get(schema.id, "")
         return channel.message_encoding, schema.name, _without_comments(text)
+
+    @cached_property
+    def _chunks_of(self) -> dict[int, list[ChunkIndex]]:
+        found: dict[int, list[ChunkIndex]] = {}
+        for index in self._index.chunk_indexes:
+            for channel in index.message_index_offsets:
+                found.setdefault(channel, []).append(index)
+        return found
+
+    def _span(self, channels: set[int]) -> tuple[int | None, int | None]:
+        """Return the first and last log time of channels [ns]; None without messages.
+
+        It reads as few message indexes as possible: files have thousands.
+        """
+        holding = {
+            index.chunk_start_offset: index
+            for channel in channels
+            for index in self._chunks_of.get(channel, ())
+        }
+        extremes = cache(lambda place: self._extremes(holding[place], channels))
+        earliest: list[int] = []
+        for index in sorted(holding.values(), key=lambda index: index.message_start_time):
+            if earliest and index.message_start_time >= min(earliest):
+                break
+            earliest += extremes(index.chunk_start_offset)[:1]
+        latest: list[int] = []
+        for index in sorted(holding.values(), key=lambda index: -index.message_end_time):
+            if latest and index.message_end_time <= max(latest):
+                break
+            latest += extremes(index.chunk_start_offset)[1:]
+        return min(earliest, default=None), max(latest, default=None)
+
+    def _extremes(self, index: ChunkIndex, channels: set[int]) -> list[int]:
+        """Return the first and the last log time of channels in a chunk; empty without messages."""
+        extremes: list[int] = []
+        offsets = index.message_index_offsets
+        for channel in channels:
+            if channel not in offsets:  # a set operation would visit all channels of the chunk
+                continue
+            _, times = message_index_times(read_record(self._stream, offsets[channel], self.size))
+            for time in times:
+                first, last = extremes or (time, time)
+                extremes = [min(time, first), max(time, last)]
+        return extremes
 
 
 # Thousands of channels share a few texts.
@@ -253,3 +289,71 @@ _offered_qos = lru_cache(maxsize=1024)(load_offered_qos)
 @lru_cache(maxsize=1024)
 def _without_comments(definition: str) -> str:
     return " ".join(_COMMENT.sub("", definition).split())
+
+
+def _check_ends(stream: BinaryIO, size: int, name: object) -> None:
+    """Check that a file begins and ends as a closed MCAP file; ``size`` is in bytes."""
+    stream.seek(0)
+    if stream.read(len(MAGIC)) != MAGIC:
+        raise BagFormatError(f"{name} is not an MCAP file")
+    stream.seek(max(0, size - len(MAGIC)))
+    if size < 2 * len(MAGIC) or stream.read() != MAGIC:
+        raise BagFormatError(f"{name} is cut off: it was not closed, or lost its end; {_REMEDY}")
+
+
+def _read_summary(stream: BinaryIO, size: int) -> Summary:
+    """Return the summary section of a file of ``size`` bytes that ends as it should."""
+    end = size - len(MAGIC) - _FOOTER_SIZE
+    footer = parse(read_record(stream, end, size - len(MAGIC)))
+    if not isinstance(footer, Footer) or not 0 < footer.summary_start <= end:
+        raise BagFormatError(f"it has no summary section; {_REMEDY}")
+    if end - footer.summary_start > SUMMARY_LIMIT:
+        raise BagFormatError(f"its summary section has more than {SUMMARY_LIMIT} bytes")
+    stream.seek(footer.summary_start)
+    # The checksum covers everything before itself; it is the footer's last field.
+    content = stream.read(size - len(MAGIC) - 4 - footer.summary_start)
+    if footer.summary_crc not in (0, zlib.crc32(content)):
+        raise BagFormatError("the checksum of its summary section is wrong")
+    summary = Summary()
+    offset = footer.summary_start
+    while offset < end:
+        found = read_record(stream, offset, end)
+        offset = found.end
+        if found.opcode == Opcode.CHUNK_INDEX:
+            summary.chunk_indexes.append(parse_chunk_index(found))
+            continue
+        record = parse(found)
+        if isinstance(record, Statistics):
+            summary.statistics = record
+        elif isinstance(record, Schema):
+            summary.schemas[record.id] = record
+        elif isinstance(record, Channel):
+            summary.channels[record.id] = record
+        elif isinstance(record, MetadataIndex):
+            summary.metadata_indexes.append(record)
+    place = 0
+    for index in sorted(summary.chunk_indexes, key=lambda index: index.chunk_start_offset):
+        if index.chunk_start_offset < place:
+            raise BagFormatError("its chunks overlap each other")
+        place = index.chunk_start_offset + index.chunk_length
+    if place > footer.summary_start:
+        raise BagFormatError("a chunk reaches beyond the file's data")
+    return summary
+
+
+def _checked_statistics(summary: Summary) -> Statistics:
+    """Return the statistics of a summary section that names everything they count.
+
+    The format makes each part of the section optional. Topics would be missing unnoticed if a part
+    were absent.
+    """
+    statistics = summary.statistics
+    if statistics is None:
+        raise BagFormatError(f"its summary section has no statistics; {_REMEDY}")
+    channels = summary.channels
+    counted = statistics.channel_message_counts.keys()
+    if statistics.channel_count > len(channels) or not counted <= channels.keys():
+        raise BagFormatError(f"its summary section lacks channels; {_REMEDY}")
+    if not {channel.schema_id for channel in channels.values()} <= {0, *summary.schemas}:
+        raise BagFormatError(f"its summary section lacks schemas; {_REMEDY}")
+    return statistics

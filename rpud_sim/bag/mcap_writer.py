@@ -1,4 +1,4 @@
-"""Writer of an MCAP file with chunks, for single messages and for many at once.
+"""MCAP file that is being written, and the room on the disk for its end.
 
 The library's writer packs every field of every message by itself, which takes longer than to
 compress them.
@@ -6,10 +6,14 @@ compress them.
 
 from __future__ import annotations
 
+import dataclasses
+import errno
+import io
+import os
 import struct
 import zlib
 from collections.abc import Mapping
-from typing import BinaryIO
+from pathlib import Path
 
 import numpy as np
 from mcap.data_stream import RecordBuilder
@@ -30,72 +34,137 @@ from mcap.records import (
     SummaryOffset,
 )
 
-from rpud_sim.bag.open_chunk import Compressor, OpenChunk, Records
+from rpud_sim.bag.chunks import COMPRESSIONS, HEAD_SIZE, OpenChunk, compressor, in_order
+from rpud_sim.bag.messages import LATEST, MessageBlock
+from rpud_sim.bag.metadata import FileInformation, stored_name
 from rpud_sim.bag.records import MAGIC
+
+RESERVE_NAME = "reserve.tmp"  # file that holds a bag's reserve until the bag is closed
+
+_RESERVE_STEP = 1 << 22  # bytes by which it grows
+_FULL = (errno.ENOSPC, errno.EDQUOT)
+_ENTRY_SIZE = 16  # bytes of a message in the index
+_END_SIZE = 16_384  # bytes at the end of a file without its lists, and of the index of times
 
 
 class McapWriter:
-    """Writer of a new MCAP file; options as of ``OutputFile``, but compressions by MCAP's names.
+    """New MCAP file: channels, messages in chunks, records.
 
-    A chunk is in the stream as soon as it is full. No thread compresses it: what threads of Python
-    wait for each other takes more processor time, and saves little of the other.
+    A chunk is in the file as soon as it has more than ``chunk_size`` uncompressed bytes. No thread
+    compresses it: what threads of Python wait for each other takes more processor time, and saves
+    little of the other. ``reserve`` is room for the file's end.
     """
 
-    def __init__(self, stream: BinaryIO, chunk_size: int, compression: str) -> None:
-        self._stream = stream
+    def __init__(
+        self, path: Path, compression: str, chunk_size: int, reserve: Reserve | None = None
+    ) -> None:
+        self.path = path
+        self._stream = io.BufferedWriter(ReservedFile(path, reserve))
         self._chunk_size = chunk_size
-        self._compressor = Compressor(compression)
+        self._compression = COMPRESSIONS[compression]
+        self._compress = compressor(self._compression)
         self._chunk = OpenChunk()
-        self._schemas: list[Schema] = []
+        self._schemas: dict[tuple[str, str, bytes], Schema] = {}
         self._channels: list[Channel] = []
-        self._counts: dict[int, int] = {}
-        self._first = self._last = 0
+        self._counts: dict[int, int] = {}  # messages of each channel
+        self._first, self._last = LATEST, 0
         self._chunk_indexes: list[ChunkIndex] = []
         self._attachments: list[AttachmentIndex] = []
         self._metadata: list[MetadataIndex] = []
-        self.chunk_count = 0  # chunks that were closed so far
+        self._declared_size = 0
+        self._part_count = 0  # chunks and other parts of the file, at least as many as chunks
+        self._pending = 0  # bytes in memory, at most
+        self._written = 0  # bytes of the file at the last count
+        self._unsafe = True  # whether something may not be on the disk yet
+        self._stream.write(MAGIC + _bytes_of(Header("ros2", "rpud_sim")))
+        self.flush()
 
     @property
-    def pending(self) -> int:
-        """Greatest size of the chunk in progress and its indexes [bytes]."""
-        return self._chunk.size + 16 * self._chunk.count
+    def information(self) -> FileInformation:
+        """Entry of the file in the bag's metadata."""
+        start = self._first if self._counts else 0
+        count = sum(self._counts.values())
+        return FileInformation(stored_name(self.path), start, self._last - start, count)
 
-    def start(self, profile: str, library: str) -> None:
-        self._stream.write(MAGIC + _bytes_of(Header(profile, library)))
+    @property
+    def unwritten(self) -> int:
+        """Greatest size that is still to be written, were the file closed now [bytes]."""
+        return self.closed_size - self._written
 
-    def register_schema(self, name: str, encoding: str, data: bytes) -> int:
-        schema = Schema(id=len(self._schemas) + 1, data=data, encoding=encoding, name=name)
-        self._schemas.append(schema)
-        self._declare(schema)
-        return schema.id
+    @property
+    def closed_size(self) -> int:
+        """Greatest size of the file, were it closed now [bytes]."""
+        size = self._written + self._pending
+        return size + self._part_count * (128 + 10 * len(self._channels)) + self.end_size
 
-    def register_channel(
-        self, topic: str, encoding: str, schema_id: int, metadata: Mapping[str, str]
+    @property
+    def end_size(self) -> int:
+        """Greatest size of declarations and the end, without the index of chunks [bytes]."""
+        return 2 * self._declared_size + _END_SIZE
+
+    def add_channel(
+        self, topic: str, encoding: str, schema: Schema | None, metadata: Mapping[str, str]
     ) -> int:
+        """Declare a channel and return its number; the number of ``schema`` does not matter."""
+        content = b""
+        if schema is not None:
+            key = (schema.name, schema.encoding, schema.data)
+            new = key not in self._schemas
+            schema = self._schemas.setdefault(
+                key, dataclasses.replace(schema, id=len(self._schemas) + 1)
+            )
+            content = _bytes_of(schema)
+            if new:
+                self._chunk.declare(content)
         number = len(self._channels) + 1
-        channel = Channel(number, topic, encoding, dict(metadata), schema_id)
+        channel = Channel(number, topic, encoding, dict(metadata), schema.id if schema else 0)
         self._channels.append(channel)
-        self._declare(channel)
-        self._close_full_chunk()
+        self._chunk.declare(_bytes_of(channel))
+        if self._chunk.size > self._chunk_size:
+            self._close_chunk()
+        # It is in one chunk only. If that were damaged, all other chunks would be unreadable. So
+        # the declaration is outside of the chunks as well.
+        content += _bytes_of(channel)
+        self._stream.write(content)
+        self._declared_size += 2 * len(content)  # the metadata has it too
+        self._pending += len(content)
+        self._note_part()
         return number
 
-    def add_message(
-        self, channel: int, log_time: int, data: bytes, publish_time: int, number: int
+    def write(
+        self, channel: int, data: bytes, log_time: int, publish_time: int, sequence: int
     ) -> None:
-        self._count(channel, 1, log_time, log_time)
-        self._chunk.add(channel, log_time, data, publish_time, number)
-        self._close_full_chunk()
+        self._chunk.add(channel, data, log_time, publish_time, sequence)
+        self._unsafe = True
+        self._counts[channel] = self._counts.get(channel, 0) + 1
+        if log_time < self._first:
+            self._first = log_time
+        if log_time > self._last:
+            self._last = log_time
+        self._pending += len(data) + HEAD_SIZE + _ENTRY_SIZE
+        if self._chunk.size > self._chunk_size:
+            self._close_chunk()
+            self._note_part()
+            self._pending = 0
 
-    def add_messages(self, records: Records) -> None:
-        """Add many messages; chunks end where they would if they came one by one."""
+    def write_blocks(self, parts: list[tuple[int, MessageBlock, np.ndarray]]) -> None:
+        """Add many messages: channel, messages, and the place of each among all of them.
+
+        Chunks end where they would if the messages came one by one.
+        """
+        records = in_order(parts)
         count = len(records.ends)
         if not count:
             return
-        first, last = int(records.log_times.min()), int(records.log_times.max())
+        self._unsafe = True
+        self._first = min(self._first, int(records.log_times.min()))
+        self._last = max(self._last, int(records.log_times.max()))
         numbers, firsts, counts = np.unique(records.channels, return_index=True, return_counts=True)
         for place in np.argsort(firsts).tolist():
-            self._count(int(numbers[place]), int(counts[place]), first, last)
-        done = 0
+            number = int(numbers[place])
+            self._counts[number] = self._counts.get(number, 0) + int(counts[place])
+        self._pending += len(records.data) + _ENTRY_SIZE * count
+        done, closed = 0, len(self._chunk_indexes)
         while done < count:
             start = int(records.ends[done - 1]) if done else 0
             room = start + self._chunk_size - self._chunk.size
@@ -103,7 +172,12 @@ class McapWriter:
             end = max(end, done + 1)
             self._chunk.extend(records, done, end)
             done = end
-            self._close_full_chunk()
+            if self._chunk.size > self._chunk_size:
+                self._close_chunk()
+        if len(self._chunk_indexes) > closed:
+            self._part_count += len(self._chunk_indexes) - closed
+            self._written = self._stream.tell()
+            self._pending = self._chunk.size + _ENTRY_SIZE * self._chunk.count
 
     def add_attachment(self, attachment: Attachment) -> None:
         content = _bytes_of(attachment)
@@ -118,25 +192,31 @@ class McapWriter:
         )
         self._attachments.append(index)
         self._stream.write(content)
+        self._note_part()
 
-    def add_metadata(self, name: str, content: dict[str, str]) -> None:
-        record = _bytes_of(Metadata(name=name, metadata=content))
+    def add_record(self, name: str, content: Mapping[str, str]) -> None:
+        record = _bytes_of(Metadata(name=name, metadata=dict(content)))
         self._metadata.append(MetadataIndex(self._stream.tell(), len(record), name))
         self._stream.write(record)
+        self._note_part()
 
     def flush(self) -> None:
-        """Close the chunk in progress, and pass everything on to the file."""
+        """Close the chunk in progress and wait until everything is on the disk."""
+        if not self._unsafe:
+            return
         self._close_chunk()
-        self._stream.flush()
+        self._sync()
+        self._pending = 0
+        self._unsafe = False
 
     def finish(self) -> None:
-        """Write what is left, and the summary section; the stream remains open."""
+        """Write the index and the statistics; the file remains open."""
         self._close_chunk()
         self._stream.write(_bytes_of(DataEnd(0)))
         start = self._stream.tell()
         summary = RecordBuilder()
         groups: list[tuple[Opcode, list[McapRecord]]] = [
-            (Opcode.SCHEMA, [*self._schemas]),
+            (Opcode.SCHEMA, [*self._schemas.values()]),
             (Opcode.CHANNEL, [*self._channels]),
             (Opcode.STATISTICS, [self._statistics()]),
             (Opcode.CHUNK_INDEX, [*self._chunk_indexes]),
@@ -153,40 +233,33 @@ class McapWriter:
         for offset in offsets:
             offset.write(summary)
         content = summary.end()
-        self._stream.write(content)
         # The checksum covers the section and the footer up to itself.
         head = struct.pack("<BQQQ", Opcode.FOOTER, 20, start, offset_start)
         footer = Footer(start, offset_start, zlib.crc32(content + head))
-        self._stream.write(_bytes_of(footer) + MAGIC)
+        self._stream.write(content + _bytes_of(footer) + MAGIC)
+        self._sync()
 
-    def _declare(self, record: McapRecord) -> None:
-        self._chunk.declare(_bytes_of(record))
-
-    def _count(self, channel: int, more: int, first: int, last: int) -> None:
-        self._first = min(self._first, first) if self._counts else first
-        self._last = max(self._last, last)
-        self._counts[channel] = self._counts.get(channel, 0) + more
-
-    def _close_full_chunk(self) -> None:
-        if self._chunk.size > self._chunk_size:
-            self._close_chunk()
+    def close(self) -> None:
+        """Close the file, complete or not."""
+        self._stream.close()
 
     def _close_chunk(self) -> None:
         if not self._chunk.count:
             return
-        chunk, self._chunk = self._chunk.close(), OpenChunk()
-        self.chunk_count += 1
-        head, data = self._compressor.record(chunk)
+        chunk, self._chunk = self._chunk, OpenChunk()
+        content = chunk.data
+        data = self._compress(content)
+        name = self._compression.encode()
+        head = struct.pack("<QQQI", chunk.first, chunk.last, len(content), zlib.crc32(content))
+        head += struct.pack(f"<I{len(name)}sQ", len(name), name, len(data))
         start = self._stream.tell()
-        self._stream.write(head)
+        self._stream.write(struct.pack("<BQ", Opcode.CHUNK, len(head) + len(data)) + head)
         self._stream.write(data)
-        end = start + len(head) + len(data)
-        indexes = chunk.indexes
-        offsets, place = {}, end
-        for channel, index in indexes.items():
+        end = place = self._stream.tell()
+        offsets = {}
+        for channel, index in chunk.indexes.items():
             offsets[channel] = place
-            place += len(index)
-        self._stream.write(b"".join(indexes.values()))
+            place += self._stream.write(index)
         self._chunk_indexes.append(
             ChunkIndex(
                 message_start_time=chunk.first,
@@ -195,9 +268,9 @@ class McapWriter:
                 chunk_length=end - start,
                 message_index_offsets=offsets,
                 message_index_length=place - end,
-                compression=self._compressor.name,
+                compression=self._compression,
                 compressed_size=len(data),
-                uncompressed_size=len(chunk.data),
+                uncompressed_size=len(content),
             )
         )
 
@@ -206,16 +279,84 @@ class McapWriter:
             attachment_count=len(self._attachments),
             channel_count=len(self._channels),
             channel_message_counts=self._counts,
-            chunk_count=self.chunk_count,
+            chunk_count=len(self._chunk_indexes),
             message_count=sum(self._counts.values()),
             message_end_time=self._last,
-            message_start_time=self._first,
+            message_start_time=self._first if self._counts else 0,
             metadata_count=len(self._metadata),
             schema_count=len(self._schemas),
         )
+
+    def _sync(self) -> None:
+        self._stream.flush()
+        os.fsync(self._stream.fileno())
+        self._note_part()
+
+    def _note_part(self) -> None:
+        self._unsafe = True
+        self._part_count += 1
+        self._written = self._stream.tell()
 
 
 def _bytes_of(record: McapRecord) -> bytes:
     builder = RecordBuilder()
     record.write(builder)
     return builder.end()
+
+
+class Reserve:
+    """File in ``folder`` that takes room on the disk until it is released.
+
+    So a bag can be closed although another program fills the disk.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._path = folder / RESERVE_NAME
+        self._size = 0
+        self._released = False
+
+    def hold(self, size: int) -> bool:
+        """Reserve at least ``size`` bytes and return whether they are reserved."""
+        if self._released:
+            return False
+        if size <= self._size:
+            return True
+        size = -(-size // _RESERVE_STEP) * _RESERVE_STEP
+        disk = os.statvfs(self._path.parent)
+        # A file system may fill itself before it says that it cannot hold so much.
+        if size - self._size > disk.f_bavail * disk.f_frsize:
+            return False
+        descriptor = os.open(self._path, os.O_WRONLY | os.O_CREAT, 0o600)
+        try:
+            os.posix_fallocate(descriptor, 0, size)
+        except OSError as error:
+            if error.errno in _FULL:
+                return False
+            # Some file systems cannot reserve room, or not as much; then there is no reserve.
+        finally:
+            os.close(descriptor)
+        self._size = size
+        return True
+
+    def release(self) -> bool:
+        """Release the room for good and return whether there was any."""
+        held, self._released = self._size > 0 and not self._released, True
+        self._path.unlink(missing_ok=True)
+        return held
+
+
+class ReservedFile(io.FileIO):
+    """New unbuffered file that uses the reserve when the disk is full."""
+
+    def __init__(self, path: Path, reserve: Reserve | None) -> None:
+        super().__init__(path, "xb")
+        self._reserve = reserve
+
+    def write(self, data: object, /) -> int:
+        """Write some of the bytes and return their number; the reserve serves a full disk."""
+        try:
+            return super().write(data)  # type: ignore[arg-type]
+        except OSError as error:
+            if error.errno not in _FULL or self._reserve is None or not self._reserve.release():
+                raise
+            return super().write(data)  # type: ignore[arg-type]

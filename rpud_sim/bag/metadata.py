@@ -17,16 +17,21 @@ from typing import Any
 import yaml
 
 from rpud_sim.bag.errors import MALFORMED, BagFormatError, parsing
-from rpud_sim.bag.qos import QosProfile, profiles_from_yaml
+from rpud_sim.bag.losses import Losses
+from rpud_sim.foundation.time import SECOND
 
 FILE_NAME = "metadata.yaml"
 RECORD_NAME = "rosbag2"
 RECORD_KEY = "serialized_metadata"
 VERSION = 9
-LATEST = 2**63 - 1  # greatest time in a bag of rosbag2 [ns since the epoch]
 
 # Greatest metadata: its characters, and _NODE_SIZE for each value; aliases count in full.
 SIZE_LIMIT = 8 * 2**20
+
+INFINITE = 2**63 - 1  # unlimited duration [ns]; in YAML ``sec: 9223372036``, ``nsec: 854775807``
+
+# Fewer messages have no rate: two that arrive together would have one of many kHz.
+RATE_MESSAGES = 10
 
 _NODE_SIZE = 32
 _DEPTH_LIMIT = 32
@@ -34,6 +39,76 @@ _LONG_NUMBER = re.compile(r"[-+0-9_.:]{65,}")  # sexagesimal ones, ``1:1:1``, ta
 _LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 _DUMPER = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
 _OUTER_KEY = "rosbag2_bagfile_information"
+
+# Policies of quality of service: rosbag2 wrote the index until version 8, and the word since.
+_POLICIES = {
+    "history": ("system_default", "keep_last", "keep_all", "unknown"),
+    "reliability": ("system_default", "reliable", "best_effort", "unknown", "best_available"),
+    "durability": ("system_default", "transient_local", "volatile", "unknown", "best_available"),
+    "liveliness": (
+        "system_default",
+        "automatic",
+        "manual_by_node",
+        "manual_by_topic",
+        "unknown",
+        "best_available",
+    ),
+}
+_DURATIONS = ("deadline", "lifespan", "liveliness_lease_duration")
+
+
+@dataclass(frozen=True)
+class QosProfile:
+    """Quality of service that one publisher offers, in rosbag2's words.
+
+    Discovery does not carry history and depth: recorded offers have ``unknown`` and 0.
+    """
+
+    history: str = "unknown"  # policy
+    depth: int = 0  # of the history
+    reliability: str = "reliable"  # policy
+    durability: str = "volatile"  # policy
+    deadline: int = INFINITE  # [ns]
+    lifespan: int = INFINITE  # [ns]
+    liveliness: str = "automatic"  # policy
+    liveliness_lease_duration: int = INFINITE  # [ns]
+    avoid_ros_namespace_conventions: bool = False  # whether the topic's name is used as it is
+
+    def to_mapping(self) -> dict[str, Any]:
+        """Return the fields as in rosbag2's YAML."""
+        return {
+            name: {"sec": value // SECOND, "nsec": value % SECOND} if name in _DURATIONS else value
+            for name, value in vars(self).items()
+        }
+
+
+def profiles_from_yaml(value: Any) -> tuple[QosProfile, ...]:
+    """Return the profiles of a parsed YAML list, with policies as words or as older numbers."""
+    if not value:
+        return ()
+    if not isinstance(value, Sequence) or isinstance(value, str):
+        raise BagFormatError(f"offered_qos_profiles is {value!r:.80}; it must be a list")
+    with parsing("a profile of offered_qos_profiles"):
+        return tuple(map(_profile, value))
+
+
+def _profile(item: Mapping[str, Any]) -> QosProfile:
+    values: dict[str, Any] = {name: _policy(item[name], words) for name, words in _POLICIES.items()}
+    values |= {name: _duration(item[name]) for name in _DURATIONS}
+    plain = bool(item["avoid_ros_namespace_conventions"])
+    return QosProfile(depth=int(item["depth"]), avoid_ros_namespace_conventions=plain, **values)
+
+
+def _policy(value: Any, words: Sequence[str]) -> str:
+    if isinstance(value, int):
+        return words[value] if 0 <= value < len(words) else "unknown"
+    return value if value in words else "unknown"
+
+
+def _duration(value: Mapping[str, Any]) -> int:
+    # Older middlewares wrote other values for "unlimited", all of them longer than 68 years.
+    nanoseconds = int(value["sec"]) * SECOND + int(value["nsec"])
+    return INFINITE if nanoseconds >= 0x7FFFFFFF * SECOND else nanoseconds
 
 
 @dataclass(frozen=True)
@@ -45,6 +120,34 @@ class Topic:
     type_hash: str = ""  # ``RIHS01_...`` hash of the type; empty if it is unknown
     offered_qos: tuple[QosProfile, ...] = ()  # quality of service of each publisher
     serialization_format: str = "cdr"  # of the messages
+
+
+@dataclass(frozen=True)
+class TopicSummary:
+    """Content of a bag, or of one file, for one topic."""
+
+    # name, type and offered quality of service; of the first channel if several differ
+    topic: Topic
+    message_count: int  # messages of the topic
+    # log time of the first message [ns]; None without messages or without an index
+    first_time: int | None
+    last_time: int | None  # log time of the last message [ns]; None as for ``first_time``
+    definition: str | None  # ``ros2msg`` text of the type; None if the file lacks it
+    losses: Losses | None = None  # messages that the recorder lost; None if they were not counted
+    # encoding, type and definition without comments, of all channels
+    kinds: frozenset[tuple[str, str, str]] = frozenset()
+
+    @property
+    def rate(self) -> float | None:
+        """Mean rate from the first to the last message [Hz].
+
+        None if there are fewer than ``RATE_MESSAGES``, or their times are unknown or equal.
+        """
+        if self.first_time is None or self.last_time is None:
+            return None
+        if self.message_count < RATE_MESSAGES or self.last_time <= self.first_time:
+            return None
+        return (self.message_count - 1) * 1e9 / (self.last_time - self.first_time)
 
 
 @dataclass(frozen=True)
@@ -68,7 +171,7 @@ class BagMetadata:
     start_time: int
     duration: int
     message_count: int
-    topics: tuple[tuple[Topic, int], ...]
+    topics: tuple[tuple[Topic, int], ...]  # with their message counts
     files: tuple[FileInformation, ...]
     custom_data: Mapping[str, str] = field(default_factory=dict)
     ros_distro: str = field(default_factory=lambda: os.environ.get("ROS_DISTRO") or "jazzy")
@@ -131,14 +234,8 @@ def metadata_of(
     filled = [file for file in files if file.message_count]
     start = min((file.start_time for file in filled), default=0)
     end = max((file.start_time + file.duration for file in filled), default=0)
-    return BagMetadata(
-        start_time=start,
-        duration=end - start,
-        message_count=sum(file.message_count for file in files),
-        topics=topics,
-        files=tuple(files),
-        custom_data=custom_data,
-    )
+    count = sum(file.message_count for file in files)
+    return BagMetadata(start, end - start, count, topics, tuple(files), custom_data)
 
 
 def metadata_from_document(text: str) -> BagMetadata:
@@ -151,6 +248,12 @@ def metadata_from_document(text: str) -> BagMetadata:
 
 def metadata_from_record(text: str) -> BagMetadata:
     return _from_mapping(_load(text))
+
+
+def read_document(path: Path) -> BagMetadata:
+    if path.stat().st_size > SIZE_LIMIT:
+        raise BagFormatError(f"it has more than {SIZE_LIMIT} bytes")
+    return metadata_from_document(path.read_text(encoding="utf-8"))
 
 
 def dump_offered_qos(profiles: tuple[QosProfile, ...]) -> str:
@@ -176,12 +279,6 @@ def local_name(name: str) -> str:
         return os.fsdecode(name.encode("utf-8"))
     except UnicodeEncodeError:
         raise BagFormatError(f"the name {name!r:.200} is not UTF-8, as a bag's must be") from None
-
-
-def read_document(path: Path) -> BagMetadata:
-    if path.stat().st_size > SIZE_LIMIT:
-        raise BagFormatError(f"it has more than {SIZE_LIMIT} bytes")
-    return metadata_from_document(path.read_text(encoding="utf-8"))
 
 
 def _from_mapping(value: Any) -> BagMetadata:
@@ -218,14 +315,13 @@ def _from_mapping(value: Any) -> BagMetadata:
 def _topic(value: Mapping[str, Any]) -> Topic:
     offered = value.get("offered_qos_profiles")
     # A list since version 9; before, the YAML text of a list.
-    profiles = (
-        load_offered_qos(offered) if isinstance(offered, str) else profiles_from_yaml(offered)
-    )
+    if isinstance(offered, str):
+        offered = _load(offered)
     return Topic(
         name=str(value["name"]),
         type=str(value["type"]),
         type_hash=str(value.get("type_description_hash") or ""),
-        offered_qos=profiles,
+        offered_qos=profiles_from_yaml(offered),
         serialization_format=str(value["serialization_format"]),
     )
 

@@ -2,32 +2,39 @@
 
 from __future__ import annotations
 
-import heapq
 import os
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import ExitStack
 from dataclasses import replace
 from functools import cached_property, partial
-from itertools import takewhile
-from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, overload
 
 from rpud_sim.bag.errors import BagFormatError
-from rpud_sim.bag.mcap_file import McapFile
-from rpud_sim.bag.messages import Message, Piece
-from rpud_sim.bag.rosbag2_compression import SUFFIX, uncompressed_messages
-from rpud_sim.bag.storage_files import open_storage_files, storage_files, summarize
-from rpud_sim.bag.topic_summary import TopicSummary
+from rpud_sim.bag.messages import (
+    BagSegment,
+    Message,
+    MessageBlock,
+    blocks_in_order,
+    blocks_of,
+    messages_in_order,
+    messages_of,
+)
+from rpud_sim.bag.metadata import TopicSummary
+from rpud_sim.bag.storage_files import (
+    SUFFIX,
+    open_storage_files,
+    storage_files,
+    summarize,
+    uncompressed_messages,
+)
 
 if TYPE_CHECKING:
     import numpy as np
     import pandas
 
     from rpud_sim.bag.columns import Column
-    from rpud_sim.bag.message_block import MessageBlock
-    from rpud_sim.bag.sqlite_file import SqliteFile
-    from rpud_sim.bag.tables import Batch, Table
+    from rpud_sim.bag.tables import Batch, Table, Tables
 
 
 class BagReader:
@@ -108,10 +115,10 @@ class BagReader:
         """Reasons why topics, or the record of losses, are damaged, by their names."""
         return {name: str(error) for name, error in self._declared[1].items()}
 
-    @cached_property
+    @property
     def left_out(self) -> dict[str, str]:
         """Reasons why topics cannot be tables, by their names."""
-        return self._tables(None)[1]
+        return self._tables.left_out
 
     def records(self, name: str) -> list[dict[str, str]]:
         """Return the metadata records of one name, in the order in which they were written."""
@@ -122,7 +129,7 @@ class BagReader:
 
         The time from the bag's beginning up to ``start`` [ns] is skipped.
         """
-        found = self._messages(topics, self.start_time + start)
+        found = messages_in_order(self._segments, topics, self.start_time + start)
         return uncompressed_messages(found, self.path) if self._compressed else found
 
     def blocks(
@@ -137,35 +144,28 @@ class BagReader:
         chunk is a view of it: who keeps blocks should keep ``packed`` ones. ``start`` counts from
         the bag's beginning, ``duration`` from there [ns].
         """
-        from rpud_sim.bag.block_order import PiecesInOrder, gathered_blocks
-
         start_time = self.start_time + start
         end = None if duration is None else start_time + duration
-        if self._compressed or self._streams:
-            found = self.messages(topics, start)
-            return gathered_blocks(takewhile(lambda m: end is None or m.log_time < end, found))
-        return PiecesInOrder(self._chunks, topics, start_time, end).blocks()
+        return self._uncompressed(blocks_in_order(self._segments, topics, start_time, end))
 
-    def pieces(self) -> list[Piece]:
+    def segments(self) -> list[BagSegment]:
         """Return the parts that can be read by themselves, sorted by their beginnings."""
-        found = [piece for file in self._filled for piece in file.pieces()]
-        if self._compressed:
-            blocks = self._uncompressed
-            found = [replace(piece, blocks=partial(blocks, piece)) for piece in found]
-        return sorted(found, key=lambda piece: piece.start_time)
 
-    def _messages(self, topics: Collection[str] | None, start_time: int) -> Iterator[Message]:
-        from rpud_sim.bag.block_order import PiecesInOrder
+        def blocks(found: BagSegment, topics: Collection[str] | None) -> Iterable[MessageBlock]:
+            return self._uncompressed(found.blocks(topics))
 
-        chunked = PiecesInOrder(self._chunks, topics, start_time).messages()
-        streams = [stream.messages(topics, start_time) for stream in self._streams]
-        return heapq.merge(chunked, *streams, key=attrgetter("log_time")) if streams else chunked
+        found = [replace(each, blocks=partial(blocks, each)) for each in self._segments]
+        return sorted(found, key=lambda segment: segment.start_time)
 
-    def _uncompressed(self, piece: Piece, topics: Collection[str] | None) -> Iterator[MessageBlock]:
-        from rpud_sim.bag.block_order import PiecesInOrder, gathered_blocks
+    @property
+    def _segments(self) -> Iterator[BagSegment]:
+        return (segment for file in self._filled for segment in file.segments())
 
-        messages = PiecesInOrder([piece], topics).messages()
-        return gathered_blocks(uncompressed_messages(messages, self.path))
+    def _uncompressed(self, blocks: Iterable[MessageBlock]) -> Iterator[MessageBlock]:
+        if not self._compressed:
+            return iter(blocks)
+        messages = (message for block in blocks for message in messages_of([block]))
+        return blocks_of(uncompressed_messages(messages, self.path))
 
     def columns(self, topic: str) -> tuple[Column, ...]:
         """Return the columns of a topic's table, with units; errors are those of ``batches``."""
@@ -189,7 +189,7 @@ class BagReader:
         """
         from rpud_sim.bag.tables import batches  # loads what listing a bag does not need
 
-        tables, _ = self._tables([topics] if isinstance(topics, str) else topics)
+        tables = self._tables.choose([topics] if isinstance(topics, str) else topics)
         return batches(self.path, self.blocks(tables, start, duration), tables, leave_out)
 
     @overload
@@ -210,10 +210,9 @@ class BagReader:
         Several topics are read in one pass. The result then has such columns for each topic.
         ``start`` and ``duration`` are as for ``batches``.
         """
-        from rpud_sim.bag.tables import batches
-        from rpud_sim.bag.whole_tables import PART_SIZE, filled
+        from rpud_sim.bag.tables import PART_SIZE, batches, filled
 
-        tables, _ = self._tables([topics] if isinstance(topics, str) else topics)
+        tables = self._tables.choose([topics] if isinstance(topics, str) else topics)
         counts = {topic.topic.name: topic.message_count for topic in self.readable_topics}
         blocks = self.blocks(tables, start, duration)
         found = filled(tables, counts, batches(self.path, blocks, tables, batch_size=PART_SIZE))
@@ -224,7 +223,7 @@ class BagReader:
 
         ``start`` and ``duration`` are as for ``batches``.
         """
-        from rpud_sim.bag.whole_tables import to_frame
+        from rpud_sim.bag.tables import to_frame
 
         return to_frame(self._table(topic), self.arrays(topic, start, duration))
 
@@ -238,24 +237,15 @@ class BagReader:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    @property
-    def _chunks(self) -> Iterator[Piece]:
-        return (
-            piece for file in self._filled if isinstance(file, McapFile) for piece in file.pieces()
-        )
-
-    @property
-    def _streams(self) -> list[SqliteFile]:
-        return [file for file in self._filled if not isinstance(file, McapFile)]
-
     @cached_property
     def _declared(self) -> tuple[tuple[TopicSummary, ...], dict[str, BagFormatError]]:
         return summarize(self._files)
 
     def _table(self, topic: str) -> Table:
-        return self._tables([topic])[0][topic]
+        return self._tables.choose([topic])[topic]
 
-    def _tables(self, topics: Collection[str] | None) -> tuple[dict[str, Table], dict[str, str]]:
-        from rpud_sim.bag.tables import open_tables
+    @cached_property
+    def _tables(self) -> Tables:
+        from rpud_sim.bag.tables import Tables
 
-        return open_tables(self.path, *self._declared, topics)
+        return Tables(self.path, *self._declared)

@@ -5,27 +5,130 @@ from __future__ import annotations
 import json
 import os
 import shutil
-from collections.abc import Callable
+from collections import Counter
+from collections.abc import Callable, Mapping
 from contextlib import suppress
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
-from rpud_sim.bag.bag_folder import BagFolder
+from mcap.records import Attachment, Channel, Message, Metadata, Schema
+
 from rpud_sim.bag.errors import BagError, BagFormatError, BagNotFoundError, reading
-from rpud_sim.bag.file_recovery import FileRecovery, add_custom_data
-from rpud_sim.bag.metadata import FILE_NAME, BagMetadata, read_document
+from rpud_sim.bag.losses import (
+    LOSSES_RECORD,
+    RECORDING_RECORD,
+    Losses,
+    SequenceGaps,
+    losses_from_record,
+    numbers_messages,
+    sequence_number,
+)
+from rpud_sim.bag.mcap_file import McapFile
+from rpud_sim.bag.messages import LATEST, REPEATED_KEY
+from rpud_sim.bag.metadata import (
+    FILE_NAME,
+    RECORD_KEY,
+    RECORD_NAME,
+    SIZE_LIMIT,
+    BagMetadata,
+    QosProfile,
+    Topic,
+    dump_offered_qos,
+    load_offered_qos,
+    metadata_from_record,
+    read_document,
+)
 from rpud_sim.bag.reader import BagReader
-from rpud_sim.bag.recovered_channels import RecoveredChannels
-from rpud_sim.bag.recovery_account import Recovery
-from rpud_sim.bag.scan import Damage, Scan
+from rpud_sim.bag.scan import Damage, Missing, Scan
 from rpud_sim.bag.storage_files import SUFFIXES, in_order, storage_files
+from rpud_sim.bag.writer import BagWriter
 
 # Metadata record of a recovered bag with the account of its recovery.
 RECOVERY_RECORD = "rpud_recovery"
 
+_SHOWN = 1000  # damages that are kept one by one
+_LISTED_LIMIT = SIZE_LIMIT * 3 // 4  # of metadata.yaml, for its topics [characters]
+_DECLARED_LIMIT = 64 * 2**20  # bytes of all channels and schemas of a file
+_KEPT_LIMIT = 64 * 2**20  # characters of all metadata records of a file
+_CUSTOM_DATA_LIMIT = 2**20  # characters
+_OFFERS = "offered_qos_profiles"
 _OTHERS = (
     "rpud recover makes whole bags of MCAP files that are compressed by chunks alone: "
     "ros2 bag convert makes such a bag of others"
 )
+
+
+@dataclass
+class TopicRecovery:
+    """Recovered and lost messages of one topic."""
+
+    name: str  # of the topic
+    type: str  # of its messages
+    recovered: int = 0  # messages in the new bag
+    unchecked: int = 0  # those of them without a checksum
+    lost: int = 0  # messages that are known to have been in the file
+    # messages missing by the numbers in the messages; None if they have no numbers
+    gaps: int | None = None
+    # messages that the recorder lost; None if they were not counted
+    recording_losses: Losses | None = None
+
+
+@dataclass
+class Recovery:
+    """Result of a recovery."""
+
+    path: Path  # of the new bag
+    topics: dict[str, TopicRecovery] = field(default_factory=dict)  # by their names
+    # whether every file has the end of a closed one. If not, the messages that its recorder
+    # had not written yet are missing.
+    closed: bool = True
+    max_loss: float | None = None  # greatest duration of those messages [s]; None if it is unknown
+    size_lost: int = 0  # unreadable bytes
+    damage_count: int = 0  # unreadable places, and parts that the new bag cannot hold
+    damages: list[str] = field(default_factory=list)  # reasons for the first of these
+
+    def note(self, reason: str) -> None:
+        """Count a lost or omitted part, and keep the reason if there are few."""
+        self.damage_count += 1
+        if len(self.damages) < _SHOWN:
+            self.damages.append(reason)
+
+    def topic(self, name: str, type_name: str = "") -> TopicRecovery:
+        """Return the account of a topic, new if it was not known; its first type remains."""
+        topic = self.topics.setdefault(name, TopicRecovery(name, type_name))
+        topic.type = topic.type or type_name
+        return topic
+
+    @property
+    def message_count(self) -> int:
+        """Messages in the new bag."""
+        return sum(topic.recovered for topic in self.topics.values())
+
+    @property
+    def complete(self) -> bool:
+        """Whether nothing that the files ever held is missing."""
+        lost = any(topic.lost for topic in self.topics.values())
+        return self.closed and not (self.damage_count or lost)
+
+    def to_mapping(self) -> dict[str, Any]:
+        """Return the account as plain values."""
+        topics = [
+            {**vars(topic), "recording_losses": losses.total if losses else None}
+            for _, topic in sorted(self.topics.items())
+            for losses in (topic.recording_losses,)
+        ]
+        return {
+            "path": str(self.path),
+            "complete": self.complete,
+            "closed": self.closed,
+            "max_loss": self.max_loss,
+            "message_count": self.message_count,
+            "size_lost": self.size_lost,
+            "damage_count": self.damage_count,
+            "damages": self.damages,
+            "topics": topics,
+        }
 
 
 def recover(
@@ -42,14 +145,14 @@ def recover(
     recovery = Recovery(Path(out))
     if not any(_holds_records(file) for file in files):
         raise BagFormatError(f"{torn} holds nothing of an MCAP file")
-    bag = BagFolder(out)
+    bag = BagWriter(out)
     try:
         document = _document(Path(torn))
-        add_custom_data(bag, recovery, document.custom_data if document else {})
-        channels = RecoveredChannels(bag, recovery)
+        recovered = _RecoveredBag(bag, recovery)
+        recovered.add_custom_data(document.custom_data if document else {})
         for file in files:
-            FileRecovery(file, bag, recovery, channels, file == files[0]).run(progress)
-        channels.count_gaps()
+            _FileRecovery(file, recovered, file == files[0]).run(progress)
+        recovered.count_gaps()
         bag.add_record(RECOVERY_RECORD, {"account": json.dumps(recovery.to_mapping())})
         bag.close()
         with BagReader(bag.path) as whole:
@@ -89,8 +192,7 @@ def files_to_recover(torn: str | os.PathLike[str]) -> list[Path]:
 
 def _holds_records(file: Path) -> bool:
     with reading(file), file.open("rb") as stream:
-        size = os.fstat(stream.fileno()).st_size
-        scan = Scan(stream, size)
+        scan = Scan(stream, os.fstat(stream.fileno()).st_size)
         return scan.begins or any(not isinstance(item, Damage) for item in scan)
 
 
@@ -100,3 +202,232 @@ def _document(torn: Path) -> BagMetadata | None:
         if torn.is_dir():
             return read_document(torn / FILE_NAME)
     return None
+
+
+class _RecoveredBag:
+    """New bag with its account; files of a torn bag have its channels under other numbers."""
+
+    def __init__(self, bag: BagWriter, recovery: Recovery) -> None:
+        self.bag, self.recovery = bag, recovery
+        self._listed = 0  # characters of metadata.yaml, at most
+        self._numbers: dict[tuple[Any, ...], int] = {}
+        self._gaps: dict[int, tuple[str, SequenceGaps]] = {}  # topic and gaps of each channel
+
+    def number(self, channel: Channel, schema: Schema | None) -> int:
+        """Return the number of a file's channel in the new bag, declared if it is new."""
+        kind = (schema.name, schema.encoding, schema.data) if schema else ()
+        metadata = tuple(sorted(channel.metadata.items()))
+        key = (channel.topic, channel.message_encoding, kind, metadata)
+        if key not in self._numbers:
+            self._numbers[key] = self._declare(channel, schema)
+        return self._numbers[key]
+
+    def add(self, number: int, topic: str, message: Message, checked: bool) -> None:
+        times = message.log_time, message.publish_time
+        self.bag.write_on(number, message.data, *times, message.sequence)
+        account = self.recovery.topics[topic]
+        account.recovered += 1
+        account.unchecked += not checked
+        if number in self._gaps and (sequence := sequence_number(message.data)) is not None:
+            self._gaps[number][1].note(sequence)
+
+    def count_gaps(self) -> None:
+        for name, gaps in self._gaps.values():
+            topic = self.recovery.topic(name)
+            topic.gaps = (topic.gaps or 0) + gaps.missing
+
+    def add_custom_data(self, content: Mapping[str, str]) -> None:
+        """Add custom data, or note in the account that it is too large."""
+        size = _characters(content)
+        if size <= _CUSTOM_DATA_LIMIT:
+            self.bag.custom_data.update(content)
+            return
+        self.recovery.note(
+            f"custom data of {size} characters is left out: at most {_CUSTOM_DATA_LIMIT}"
+        )
+
+    def _declare(self, channel: Channel, schema: Schema | None) -> int:
+        type_name = schema.name if schema else ""
+        schema, definition = self._readable(schema)
+        metadata, offers = self._offers(channel)
+        topic = Topic(
+            name=channel.topic,
+            type=type_name,
+            type_hash=channel.metadata.get("topic_type_hash", ""),
+            offered_qos=offers,
+            serialization_format=channel.message_encoding,
+        )
+        texts = (topic.name, topic.type, topic.type_hash, topic.serialization_format)
+        self._listed += 1024 + 1536 * len(offers) + 4 * sum(map(len, texts))
+        if self._listed > _LISTED_LIMIT:
+            raise BagFormatError("its topics are more than the metadata of a bag can list")
+        number = self.bag.add_channel(topic, schema, metadata)
+        if numbers_messages(definition):
+            self._gaps[number] = (channel.topic, SequenceGaps(lambda: max(1, len(offers))))
+        self.recovery.topic(channel.topic, type_name)
+        return number
+
+    def _readable(self, schema: Schema | None) -> tuple[Schema | None, str]:
+        """Return a schema without a definition that is not UTF-8, and its ``ros2msg`` text."""
+        if schema is None or schema.encoding != "ros2msg":
+            return schema, ""
+        try:
+            return schema, schema.data.decode()
+        except UnicodeDecodeError:
+            self.recovery.note(f"the definition of {schema.name:.80} is left out: it is not UTF-8")
+            return Schema(id=schema.id, name=schema.name, encoding="", data=b""), ""
+
+    def _offers(self, channel: Channel) -> tuple[dict[str, str], tuple[QosProfile, ...]]:
+        """Return a channel's metadata and its offers, both without offers that are unreadable."""
+        try:
+            offers = load_offered_qos(channel.metadata.get(_OFFERS, ""))
+            if load_offered_qos(dump_offered_qos(offers)) == offers:
+                return channel.metadata, offers
+            reason = "they cannot be written as they were read"
+        except BagFormatError as error:
+            reason = str(error)
+        self.recovery.note(f"the offers on {channel.topic:.200} are left out: {reason}")
+        return {key: text for key, text in channel.metadata.items() if key != _OFFERS}, ()
+
+
+class _FileRecovery:
+    """Recovery of one file into a new bag; ``repeats`` keeps messages that it repeats."""
+
+    def __init__(self, file: Path, out: _RecoveredBag, repeats: bool) -> None:
+        self._file, self._out, self._repeats = file, out, repeats
+        self._recovery = out.recovery
+        self._schemas: dict[int, Schema] = {}
+        self._channels: dict[int, Channel] = {}
+        self._sure: set[tuple[type, int]] = set()  # declarations with a checksum
+        self._declared = 0
+        self._numbers: dict[int, int] = {}  # of the file's channels in the new bag
+        self._found: Counter[int] = Counter()  # messages of each channel
+        self._missing: Counter[int] = Counter()  # messages of each channel in lost chunks
+        self._kept = 0  # characters of metadata records
+        self._unknown = 0  # messages of undeclared channels
+
+    def run(self, progress: Callable[[int], object]) -> None:
+        """Recover the file; call ``progress`` with the bytes read since the last call."""
+        expected = self._read_summary()
+        with reading(self._file), self._file.open("rb") as stream:
+            scan = Scan(stream, os.fstat(stream.fileno()).st_size)
+            before = 0
+            for item in scan:
+                if isinstance(item, Damage):
+                    self._recovery.size_lost += item.size
+                    end = item.offset + item.size
+                    self._note(f"byte {item.offset} to {end} {item.reason}")
+                elif isinstance(item, Missing):
+                    self._missing[item.channel] += item.count
+                elif isinstance(item.record, Message):
+                    self._add_message(item.record, item.checked)
+                else:
+                    self._add_record(item.record, item.checked)
+                progress(scan.position - before)
+                before = scan.position
+            progress(scan.position - before)
+        self._recovery.closed &= scan.closed
+        self._account(expected)
+
+    def _read_summary(self) -> Mapping[int, int]:
+        """Declare what a whole summary section declares; return its number of messages by channel.
+
+        Nothing is declared, and the result empty, if there is no such section.
+        """
+        try:
+            with McapFile(self._file) as file:
+                for schema in file.schemas.values():
+                    self._declare(schema, True)
+                for channel in file.channels.values():
+                    self._declare(channel, True)
+                return file.statistics.channel_message_counts
+        except BagError:
+            return {}
+
+    def _add_record(self, record: Any, checked: bool) -> None:
+        if isinstance(record, Schema | Channel):
+            self._declare(record, checked)
+        elif isinstance(record, Attachment):
+            self._out.bag.add_attachment(record)
+        elif isinstance(record, Metadata) and record.name == RECORD_NAME:
+            with suppress(BagFormatError):  # the new bag has its own; only custom data is kept
+                content = metadata_from_record(record.metadata.get(RECORD_KEY, ""))
+                self._out.add_custom_data(content.custom_data)
+        elif isinstance(record, Metadata):
+            try:
+                self._add_metadata(record)
+            except BagFormatError as error:
+                self._note(f"a record is left out: {error}")
+
+    def _add_metadata(self, record: Metadata) -> None:
+        """Copy a record. Raise BagFormatError if the new bag cannot hold it."""
+        size = _characters(record.metadata)
+        if self._kept + size > _KEPT_LIMIT:
+            raise BagFormatError(f"all together have more than {_KEPT_LIMIT} characters")
+        if record.name == LOSSES_RECORD:
+            for name, losses in losses_from_record(record.metadata).items():
+                self._recovery.topic(name).recording_losses = losses
+        if record.name == RECORDING_RECORD:
+            with suppress(ValueError):
+                self._recovery.max_loss = float(record.metadata.get("max_loss", ""))
+        self._kept += size
+        self._out.bag.add_record(record.name, record.metadata)
+
+    def _declare(self, record: Schema | Channel, checked: bool) -> None:
+        known: dict[int, Any] = self._schemas if isinstance(record, Schema) else self._channels
+        key = (type(record), record.id)
+        if key in self._sure and not checked:
+            return
+        if checked:
+            self._sure.add(key)
+        if known.get(record.id) == record:
+            return
+        self._declared += len(repr(record))
+        if self._declared > _DECLARED_LIMIT:
+            raise BagFormatError(f"{self._file} declares more than {_DECLARED_LIMIT} bytes")
+        known[record.id] = record
+        if isinstance(record, Schema):
+            self._numbers.clear()
+        else:
+            self._numbers.pop(record.id, None)
+
+    def _add_message(self, message: Message, checked: bool) -> None:
+        channel = self._channels.get(message.channel_id)
+        if channel is None or max(message.log_time, message.publish_time) > LATEST:
+            self._unknown += 1
+            return
+        self._found[channel.id] += 1
+        if self._is_kept(channel):
+            self._out.add(self._number(channel), channel.topic, message, checked)
+
+    def _is_kept(self, channel: Channel) -> bool:
+        return self._repeats or REPEATED_KEY not in channel.metadata
+
+    def _number(self, channel: Channel) -> int:
+        number = self._numbers.get(channel.id)
+        if number is None:
+            number = self._out.number(channel, self._schemas.get(channel.schema_id))
+            self._numbers[channel.id] = number
+        return number
+
+    def _account(self, expected: Mapping[int, int]) -> None:
+        for number, channel in self._channels.items():
+            if self._is_kept(channel):
+                self._number(channel)  # also without a message
+                missing = expected.get(number, 0) - self._found[number]
+                topic = self._recovery.topics[channel.topic]
+                topic.lost += max(0, missing, self._missing[number])
+        undeclared = self._missing.keys() - self._channels.keys()
+        unknown = self._unknown + sum(self._missing[number] for number in undeclared)
+        if unknown:
+            self._note(
+                f"{unknown} messages belong to no known topic, or have a time that rosbag2 "
+                "cannot have"
+            )
+
+    def _note(self, reason: str) -> None:
+        self._recovery.note(f"{self._file.name}: {reason}")
+
+
+def _characters(content: Mapping[str, str]) -> int:
+    return sum(len(text) for item in content.items() for text in item)

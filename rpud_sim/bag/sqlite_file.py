@@ -8,7 +8,6 @@ from contextlib import closing, contextmanager
 from functools import partial
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING
 from urllib.parse import quote
 
 import apsw
@@ -19,16 +18,19 @@ from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
 
 from rpud_sim.bag.definitions import find_definition
 from rpud_sim.bag.errors import BagError, BagFormatError, DefinitionNotFoundError, reading
-from rpud_sim.bag.messages import Message, Piece
-from rpud_sim.bag.metadata import LATEST, Topic
-from rpud_sim.bag.qos import profiles_from_yaml
+from rpud_sim.bag.messages import (
+    LATEST,
+    OVERLAP_LIMIT,
+    BagSegment,
+    Message,
+    MessageBlock,
+    blocks_of,
+)
+from rpud_sim.bag.metadata import Topic, TopicSummary, profiles_from_yaml
 from rpud_sim.bag.records import CONTENT_LIMIT
-from rpud_sim.bag.topic_summary import TopicSummary
 
-if TYPE_CHECKING:
-    from rpud_sim.bag.message_block import MessageBlock
-
-_PIECE = 1000  # messages that are read together, on average
+_LEAST_PART = 1000  # messages that are read together; more in a bag of more than _MOST_PARTS of it
+_MOST_PARTS = 256  # each is a query, which may read the whole table
 
 
 class SqliteFile:
@@ -87,7 +89,6 @@ class SqliteFile:
         spans = [self._spans[each.id] for each in connections if each.id in self._spans]
         first = connections[0]
         assert isinstance(first.ext, ConnectionExtRosbag2)
-        definition = self._definition(first)
         return TopicSummary(
             topic=Topic(
                 name=name,
@@ -99,7 +100,7 @@ class SqliteFile:
             message_count=sum(count for count, _, _ in spans),
             first_time=min((each for _, each, _ in spans), default=None),
             last_time=max((each for _, _, each in spans), default=None),
-            definition=definition,
+            definition=self._definition(first),
             kinds=frozenset(
                 (each.ext.serialization_format, each.msgtype, "")
                 for each in connections
@@ -107,52 +108,58 @@ class SqliteFile:
             ),
         )
 
-    def messages(self, topics: Collection[str] | None, start_time: int) -> Iterator[Message]:
-        """Yield the messages of ``topics`` from ``start_time`` [ns] on, in their order."""
-        return self._messages(self._wanted(topics), start_time)
+    def segments(self) -> Iterator[BagSegment]:
+        """Yield parts of about equal numbers of messages."""
+        parts = min(_MOST_PARTS, -(-self.message_count // _LEAST_PART)) or 1
+        size = self.size // parts
+        edges = self._edges(-(-self.message_count // parts))
+        for start, end in pairwise(sorted({*edges})):
+            if size * edges.count(start) > OVERLAP_LIMIT:
+                raise BagFormatError(f"{self._shown}: too many messages have the time {start}")
+            names = frozenset(self.topic_channels)
+            yield BagSegment(start, end - 1, size, names, partial(self._blocks, start, end))
 
-    def pieces(self) -> Iterator[Piece]:
-        """Yield parts of equal length in time, of about ``_PIECE`` messages each."""
-        parts = -(-self.message_count // _PIECE)
-        first, last = self.start_time, self.end_time
-        edges = [first + (last + 1 - first) * part // max(1, parts) for part in range(parts + 1)]
-        names = frozenset(self.topic_channels)
-        size = self.size // max(1, parts)
-        for start, end in pairwise(edges):
-            if start < end:
-                yield Piece(start, end - 1, size, names, partial(self._blocks, start, end))
+    def _edges(self, step: int) -> list[int]:
+        """Return the times of the first message and each ``step`` later, and the end [ns]."""
+        if not self.message_count:
+            return []
+        with self._reading():
+            rows = self._database.execute(
+                "SELECT timestamp FROM (SELECT timestamp, ROW_NUMBER() OVER (ORDER BY timestamp)"
+                f" AS number FROM messages) WHERE number % {step} = {1 % step}"
+            )
+            return [*(time for (time,) in rows), self.end_time + 1]
 
     def _blocks(
         self, start: int, end: int, topics: Collection[str] | None
     ) -> Iterator[MessageBlock]:
-        from rpud_sim.bag.block_order import gathered_blocks  # NumPy, which listing does not need
+        return blocks_of(self._messages(start, end if end <= LATEST else None, topics))
 
-        return gathered_blocks(self._messages(self._wanted(topics), start, end))
-
-    def _wanted(self, topics: Collection[str] | None) -> list[Connection]:
-        return [
+    def _messages(
+        self, start: int, end: int | None, topics: Collection[str] | None
+    ) -> Iterator[Message]:
+        wanted = [
             connection
             for name, connections in self.topic_channels.items()
             for connection in connections
             if topics is None or name in topics
         ]
-
-    def _messages(
-        self, wanted: list[Connection], start_time: int, end_time: int | None = None
-    ) -> Iterator[Message]:
         if not wanted:
             return
-        if self._reader.dbconn is None:
-            raise BagError(f"{self._shown} was closed; open the bag again")
         with self._reading():
-            for connection, time, data in self._reader.messages(wanted, start_time, end_time):
+            for connection, time, data in self._reader.messages(wanted, start, end):
                 if not isinstance(data, bytes):
                     raise BagFormatError(f"a message of {connection.topic:.200} has no data")
                 yield Message(connection.topic, time, time, data)
 
+    @property
+    def _database(self) -> apsw.Connection:
+        if self._reader.dbconn is None:
+            raise BagError(f"{self._shown} was closed; open the bag again")
+        return self._reader.dbconn
+
     def _read_topics(self) -> None:
-        database = self._reader.dbconn
-        assert database is not None
+        database = self._database
         database.limit(apsw.SQLITE_LIMIT_LENGTH, CONTENT_LIMIT)
         self.topic_channels: dict[str, list[Connection]] = {}
         for each in self._reader.connections:

@@ -1,24 +1,21 @@
-"""Storage files of a bag: their names, their order, how each is opened, and their topics."""
+"""Storage files of a bag: names, order, compression by rosbag2, how each is opened, topics."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import ExitStack
 from pathlib import Path, PurePosixPath
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, TypeAlias
 
+import zstandard
+
 from rpud_sim.bag.errors import BagFormatError, BagNotFoundError, reading
-from rpud_sim.bag.losses import RECORD_NAME, Losses, losses_from_record
+from rpud_sim.bag.losses import LOSSES_RECORD, Losses, losses_from_record
 from rpud_sim.bag.mcap_file import McapFile
-from rpud_sim.bag.metadata import FILE_NAME, local_name, read_document
-from rpud_sim.bag.rosbag2_compression import (
-    SUFFIX,
-    compresses_messages,
-    uncompress_file,
-    uncompressed_limit,
-)
-from rpud_sim.bag.topic_summary import TopicSummary
+from rpud_sim.bag.messages import Message
+from rpud_sim.bag.metadata import FILE_NAME, BagMetadata, TopicSummary, local_name, read_document
+from rpud_sim.bag.records import CONTENT_LIMIT
 
 if TYPE_CHECKING:
     from rpud_sim.bag.sqlite_file import SqliteFile
@@ -26,8 +23,13 @@ if TYPE_CHECKING:
 # Open file of either storage; a reader uses the members that both have.
 StorageFile: TypeAlias = "McapFile | SqliteFile"
 
+SUFFIX = ".zstd"  # suffix of a file that rosbag2 compressed
 SUFFIXES = (".mcap", ".db3", f".mcap{SUFFIX}", f".db3{SUFFIX}")  # suffixes of storage files
+
 _SQLITE = b"SQLite format 3\0"  # first bytes of rosbag2's storage sqlite3
+_LEAST_LIMIT = 2**30  # bytes that the uncompressed files of any bag may have together
+_MOST_GROWTH = 100  # uncompressed bytes for each compressed one, in larger bags
+_BLOCK = 1 << 20
 
 
 def storage_files(path: Path) -> tuple[list[Path], bool]:
@@ -44,16 +46,32 @@ def storage_files(path: Path) -> tuple[list[Path], bool]:
         return files, False
     with reading(document):
         metadata = read_document(document)
-        compressed = compresses_messages(metadata)
+        compressed = _compresses_messages(metadata)
     if metadata.storage_identifier not in ("mcap", "sqlite3"):
         raise BagFormatError(
             f"{document}: storage is {metadata.storage_identifier!r:.80}; only 'mcap' and "
             "'sqlite3' are read"
         )
-    names = [_inside(name, document) for name in metadata.relative_file_paths]
+    names = []
+    for name in metadata.relative_file_paths:
+        names.append(PurePosixPath(local_name(name)))
+        if names[-1].is_absolute() or ".." in names[-1].parts:
+            raise BagFormatError(f"{document}: the file {name!r:.200} is outside of the bag")
     if len(set(names)) < len(names):
         raise BagFormatError(f"{document}: a file is named twice")
     return [path / name for name in names], compressed
+
+
+def in_order(files: Iterable[Path]) -> list[Path]:
+    """Return files of a bag sorted by their numbers: ``run_10.mcap`` follows ``run_9.mcap``."""
+
+    def parts(file: Path) -> tuple[str, int, str]:
+        name = Path(file.name.removesuffix(SUFFIX)).stem
+        stem = name.rstrip("0123456789")
+        digits = name[len(stem) :]
+        return stem, len(digits), digits
+
+    return sorted(files, key=parts)
 
 
 def open_storage_files(
@@ -63,7 +81,9 @@ def open_storage_files(
 
     ``unclosed`` is as for ``rpud_sim.bag.open``.
     """
-    left = uncompressed_limit(files)
+    compressed = (file for file in files if file.name.endswith(SUFFIX) and file.is_file())
+    # Bytes that all compressed files may have when they are uncompressed.
+    left = max(_LEAST_LIMIT, _MOST_GROWTH * sum(file.stat().st_size for file in compressed))
     found: list[StorageFile] = []
     for file in files:
         found.append(_open(file, file == files[0], opened, unclosed, left))
@@ -79,7 +99,7 @@ def _open(file: Path, first: bool, opened: ExitStack, unclosed: bool, most: int)
             raise BagFormatError(f"{file} is not a file")
         if file.name.endswith(SUFFIX):
             folder = opened.enter_context(TemporaryDirectory(prefix="rpud-"))
-            path = uncompress_file(file, Path(folder), most)
+            path = _uncompressed_file(file, Path(folder), most)
         with path.open("rb") as stream:
             is_database = stream.read(len(_SQLITE)) == _SQLITE
     if is_database:
@@ -87,6 +107,68 @@ def _open(file: Path, first: bool, opened: ExitStack, unclosed: bool, most: int)
 
         return opened.enter_context(SqliteFile(path, file))
     return opened.enter_context(McapFile(path, repeats=first, shown=file, unclosed=unclosed))
+
+
+def _compresses_messages(metadata: BagMetadata) -> bool:
+    """Return whether each message is compressed; compressed files have the suffix ``SUFFIX``."""
+    mode = metadata.compression_mode.lower()
+    if mode in ("", "none"):
+        return False
+    if mode not in ("file", "message"):
+        raise BagFormatError(
+            f"compression_mode is {metadata.compression_mode!r:.80}; "
+            "only 'FILE' and 'MESSAGE' are read"
+        )
+    if metadata.compression_format.lower() != "zstd":
+        raise BagFormatError(
+            f"compression_format is {metadata.compression_format!r:.80}; only 'zstd' is read, "
+            "and ros2 bag convert makes another bag of it"
+        )
+    return mode == "message"
+
+
+def _uncompressed_file(file: Path, folder: Path, most: int) -> Path:
+    """Uncompress ``file`` into ``folder``, to ``most`` bytes, and return the new file's path."""
+    path = folder / file.name.removesuffix(SUFFIX)
+    size = 0
+    with file.open("rb") as compressed, path.open("xb") as plain:
+        reader = zstandard.ZstdDecompressor().stream_reader(compressed, read_across_frames=True)
+        try:
+            while block := reader.read(_BLOCK):
+                size += len(block)
+                if size > most:
+                    raise BagFormatError(
+                        "the bag's files are too large for their size when they are uncompressed: "
+                        f"this one has more than {most} bytes"
+                    )
+                plain.write(block)
+        except zstandard.ZstdError as error:
+            raise BagFormatError(f"it cannot be uncompressed: {error}") from error
+    if size == 0:
+        raise BagFormatError("it holds nothing that can be uncompressed")
+    return path
+
+
+def uncompressed_messages(messages: Iterable[Message], path: Path) -> Iterator[Message]:
+    """Yield the messages of the bag at ``path`` with uncompressed data."""
+    for message in messages:
+        try:
+            data = _uncompressed(message.data)
+        except BagFormatError as error:
+            raise BagFormatError(f"{path}: {message.topic}: {error}") from error
+        yield message._replace(data=data)
+
+
+def _uncompressed(data: bytes) -> bytes:
+    try:
+        size = zstandard.frame_content_size(data)
+        if not 0 <= size <= CONTENT_LIMIT:
+            raise BagFormatError(
+                f"a compressed message has {size} bytes; from 0 to {CONTENT_LIMIT} are read"
+            )
+        return zstandard.decompress(data, max_output_size=size) if size else b""
+    except (zstandard.ZstdError, MemoryError) as error:
+        raise BagFormatError(f"a message cannot be uncompressed: {error}") from error
 
 
 def summarize(
@@ -101,10 +183,10 @@ def summarize(
     losses: dict[str, Losses] = {}
     try:
         for file in files:
-            for record in file.records(RECORD_NAME):
+            for record in file.records(LOSSES_RECORD):
                 losses |= losses_from_record(record)
     except BagFormatError as error:
-        errors[f"record {RECORD_NAME}"] = error
+        errors[f"record {LOSSES_RECORD}"] = error
     for name in sorted({name for file in files for name in file.topic_channels}):
         try:
             parts = [file.topic(name) for file in files if name in file.topic_channels]
@@ -127,22 +209,3 @@ def _joined(parts: Sequence[TopicSummary], losses: Losses | None) -> TopicSummar
         losses=losses,
         kinds=frozenset().union(*(part.kinds for part in parts)),
     )
-
-
-def in_order(files: Iterable[Path]) -> list[Path]:
-    """Return files of a bag sorted by their numbers: ``run_10.mcap`` follows ``run_9.mcap``."""
-    return sorted(files, key=_name_parts)
-
-
-def _name_parts(file: Path) -> tuple[str, int, str]:
-    name = Path(file.name.removesuffix(SUFFIX)).stem
-    stem = name.rstrip("0123456789")
-    digits = name[len(stem) :]
-    return stem, len(digits), digits
-
-
-def _inside(name: str, document: Path) -> PurePosixPath:
-    pure = PurePosixPath(local_name(name))
-    if pure.is_absolute() or ".." in pure.parts:
-        raise BagFormatError(f"{document}: the file {name!r:.200} is outside of the bag")
-    return pure

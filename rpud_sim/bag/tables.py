@@ -1,23 +1,37 @@
-"""Tables of NumPy arrays from the messages of a topic, in pieces of bounded size or whole."""
+"""Tables of NumPy arrays from the messages of a topic, in batches of bounded size or whole."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from functools import lru_cache, partial
+from functools import cached_property, lru_cache, partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rpud_sim.bag.blocks import holds_rows, row_columns, to_rows
 from rpud_sim.bag.cdr import Codec, definition_size
-from rpud_sim.bag.columns import RECEIVED, Column, Kind, Sequences, columns_of
+from rpud_sim.bag.columns import (
+    RECEIVED,
+    Column,
+    Kind,
+    Sequences,
+    columns_of,
+    holds_rows,
+    objects,
+    row_columns,
+    to_rows,
+)
 from rpud_sim.bag.errors import BagError, BagFormatError
 from rpud_sim.bag.field_values import FieldReader
-from rpud_sim.bag.message_block import MessageBlock
-from rpud_sim.bag.message_block import joined as joined_blocks
-from rpud_sim.bag.topic_summary import TopicSummary
+from rpud_sim.bag.messages import LATEST, MessageBlock
+from rpud_sim.bag.messages import joined as joined_blocks
+from rpud_sim.bag.metadata import TopicSummary
 from rpud_sim.foundation.quantities import suggestion
+
+if TYPE_CHECKING:
+    import pandas
 
 BATCH_SIZE = 8 * 2**20  # size of a topic's messages that become one batch [bytes]
 TOTAL_SIZE = 64 * 2**20  # greatest size of all topics' messages that wait to become batches [bytes]
@@ -31,7 +45,6 @@ DEFINITIONS_LIMIT = 256 * 2**10
 _DEFINITION_OVERHEAD = 64  # characters that take as long to compile as the smallest type
 _OVERHEAD = 256  # bytes that a message takes in memory in addition to its data
 _NAMES_SHOWN = 30
-_LARGEST = 2**63 - 1
 
 _RECEIVED = tuple(Column(name, Kind.TIME, np.dtype(np.int64)) for name in RECEIVED)
 
@@ -78,7 +91,7 @@ class Table:
 
     def decoded_sizes(self, block: MessageBlock) -> np.ndarray:
         """Return the greatest memory of each decoded message [bytes]."""
-        return self._codec.decoded_sizes(block.sizes)
+        return self._codec.budget.sizes(block.sizes)
 
     def batch(self, block: MessageBlock, leave_out: Callable[[str], object] | None = None) -> Batch:
         """Return the rows of messages.
@@ -130,7 +143,7 @@ def late_messages(block: MessageBlock) -> dict[int, str]:
     late = np.zeros(len(block), bool)
     for times in (block.log_times, block.publish_times):
         if times.dtype == np.uint64:
-            late |= times > np.uint64(_LARGEST)
+            late |= times > np.uint64(LATEST)
     reason = "a message does not fit its columns: its times need more than 63 bits"
     return dict.fromkeys(np.flatnonzero(late).tolist(), reason)
 
@@ -142,42 +155,64 @@ def compiled(type_name: str, definition: str) -> tuple[Codec, tuple[Column, ...]
     return codec, columns_of(codec, definition)
 
 
-def open_tables(
-    path: Path,
-    summaries: Iterable[TopicSummary],
-    errors: Mapping[str, BagFormatError],
-    topics: Collection[str] | None,
-) -> tuple[dict[str, Table], dict[str, str]]:
-    """Return the tables of topics by their names, and the reasons why others have none.
+class Tables:
+    """Tables of the topics of the bag at ``path``; ``errors`` are those of damaged topics."""
 
-    ``errors`` are those of damaged topics. ``topics`` must have a table; None for all that can.
-    """
-    known = {summary.topic.name: summary for summary in summaries}
-    tables, left_out = {}, {}
-    compiled: set[tuple[str, str | None]] = set()
-    size = 0
-    for name in dict.fromkeys(known if topics is None else topics):
-        if name in errors:
-            raise errors[name]
-        if name not in known:
-            hint = suggestion(name, known)
-            raise BagError(f"{path} holds no topic {name!r:.80}; it holds {_listed(known)}{hint}")
-        kind = (known[name].topic.type, known[name].definition)
-        if kind not in compiled:
-            compiled.add(kind)
-            size += definition_size(kind[1] or "") + _DEFINITION_OVERHEAD
-        try:
-            if size > DEFINITIONS_LIMIT:
-                raise BagFormatError(
-                    f"the definitions of the bag's types have more than {DEFINITIONS_LIMIT} "
-                    "characters together, too many to compile"
-                )
-            tables[name] = Table(known[name])
-        except BagFormatError as error:
-            if topics is not None:
-                raise BagFormatError(f"{path}: {name} cannot be a table: {error}") from error
-            left_out[name] = str(error)
-    return tables, left_out
+    def __init__(
+        self,
+        path: Path,
+        summaries: Iterable[TopicSummary],
+        errors: Mapping[str, BagFormatError],
+    ) -> None:
+        self._path, self._errors = path, errors
+        self._known = {summary.topic.name: summary for summary in summaries}
+        self._opened: dict[str, Table] = {}
+
+    @cached_property
+    def left_out(self) -> dict[str, str]:
+        """Reasons why topics have no table, by their names."""
+        reasons: dict[str, str] = {}
+        self._open(self._known, lambda name, error: reasons.update({name: str(error)}))
+        return reasons
+
+    def choose(self, topics: Collection[str] | None) -> dict[str, Table]:
+        """Return the tables of topics by their names; None for all that have one."""
+
+        def refuse(name: str, error: BagFormatError) -> None:
+            raise BagFormatError(f"{self._path}: {name} cannot be a table: {error}") from error
+
+        if topics is None:
+            topics = [name for name in self._known if name not in self.left_out]
+        return self._open(topics, refuse)
+
+    def _open(
+        self, topics: Iterable[str], refuse: Callable[[str, BagFormatError], object]
+    ) -> dict[str, Table]:
+        tables = {}
+        kinds: set[tuple[str, str | None]] = set()
+        size = 0  # characters of the definitions of these
+        for name in dict.fromkeys(topics):
+            if name in self._errors:
+                raise self._errors[name]
+            if name not in self._known:
+                listed = _listed(self._known) + suggestion(name, self._known)
+                raise BagError(f"{self._path} holds no topic {name!r:.80}; it holds {listed}")
+            kind = (self._known[name].topic.type, self._known[name].definition)
+            if kind not in kinds:
+                kinds.add(kind)
+                size += definition_size(kind[1] or "") + _DEFINITION_OVERHEAD
+            try:
+                if size > DEFINITIONS_LIMIT:
+                    raise BagFormatError(
+                        f"the definitions of the bag's types have more than {DEFINITIONS_LIMIT} "
+                        "characters together, too many to compile"
+                    )
+                if name not in self._opened:
+                    self._opened[name] = Table(self._known[name])
+                tables[name] = self._opened[name]
+            except BagFormatError as error:
+                refuse(name, error)
+        return tables
 
 
 def batches(
@@ -262,3 +297,87 @@ def _listed(names: Iterable[str]) -> str:
     names = sorted(names)
     more = f" and {len(names) - _NAMES_SHOWN} more" if len(names) > _NAMES_SHOWN else ""
     return ", ".join(f"{name:.80}" for name in names[:_NAMES_SHOWN]) + more or "none"
+
+
+# Size of messages that are copied into the arrays together [bytes]: a processor's cache holds it. A
+# topic that fills half of a chunk is read from the chunk without a copy of its messages.
+PART_SIZE = 2**19
+
+# A damaged count of messages must not take all memory. The first step is smaller, since arrays that
+# are nearly whole would take long to copy.
+_FIRST_GROWTH = 32
+_GREATEST_GROWTH = 256
+
+
+def filled(
+    tables: Mapping[str, Table], counts: Mapping[str, int], pieces: Iterable[Batch]
+) -> dict[str, dict[str, np.ndarray]]:
+    """Return the columns of each topic, from batches that come in any order of topics.
+
+    Arrays are allocated for the counts of messages that the bag holds.
+    """
+    growing = {name: _Growing(table.columns, counts[name]) for name, table in tables.items()}
+    for piece in pieces:
+        growing[piece.topic].add(piece)
+    for name, table in tables.items():
+        if not growing[name].arrays:
+            growing[name].add(table.empty())
+    return {name: each.whole() for name, each in growing.items()}
+
+
+class _Growing:
+    """Columns of one table that grow in arrays allocated for the whole."""
+
+    def __init__(self, columns: Iterable[Column], count: int) -> None:
+        self._columns = tuple(columns)
+        self._count = count
+        self.arrays: dict[str, np.ndarray] = {}
+        self._room = self._rows = self._messages = 0
+
+    def add(self, batch: Batch) -> None:
+        end = self._rows + len(batch)
+        self._messages += batch.message_count
+        if end > self._room or not self.arrays:
+            # As many rows in each message that is still to come as in those so far.
+            expected = math.ceil(self._count * end / max(self._messages, 1))
+            growth = _GREATEST_GROWTH if self.arrays else _FIRST_GROWTH
+            self._resize(batch, max(end, min(expected, end * growth)))
+        for name, array in self.arrays.items():
+            array[self._rows : end] = batch.columns[name]
+        self._rows = end
+
+    def whole(self) -> dict[str, np.ndarray]:
+        for array in self.arrays.values():
+            array.resize((self._rows, *array.shape[1:]), refcheck=False)
+        return self.arrays
+
+    def _resize(self, batch: Batch, room: int) -> None:
+        # Pages that no row reaches take no memory.
+        for column in self._columns:
+            values = batch.columns[column.name]
+            array = np.empty((room, *values.shape[1:]), values.dtype)
+            if column.name in self.arrays:
+                array[: self._rows] = self.arrays[column.name][: self._rows]
+            self.arrays[column.name] = array
+        self._room = room
+
+
+def to_frame(table: Table, columns: Mapping[str, np.ndarray]) -> pandas.DataFrame:
+    """Return a pandas frame with the first column as index."""
+    try:
+        import pandas
+    except ModuleNotFoundError as error:
+        if error.name != "pandas":
+            raise
+        raise BagError("a frame needs the Python module pandas: pip install pandas") from error
+    index = table.columns[0].name
+    dtypes = {Kind.TIME: "datetime64[ns]", Kind.DURATION: "timedelta64[ns]"}
+    series = {
+        column.name: objects([*columns[column.name]])
+        if column.kind is Kind.ARRAY
+        else columns[column.name].astype(dtypes.get(column.kind), copy=False)
+        if column.kind in dtypes
+        else columns[column.name]
+        for column in table.columns
+    }
+    return pandas.DataFrame(series).set_index(index)

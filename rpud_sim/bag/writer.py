@@ -3,19 +3,33 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import numpy as np
-from mcap.records import Schema
+from mcap.records import Attachment, Schema
 
-from rpud_sim.bag.bag_folder import CHUNK_SIZE, BagFolder
-from rpud_sim.bag.errors import BagError
-from rpud_sim.bag.latched import LatchedMessages
-from rpud_sim.bag.message_block import MessageBlock
-from rpud_sim.bag.messages import Message
-from rpud_sim.bag.metadata import LATEST, Topic, dump_offered_qos
+from rpud_sim.bag.chunks import COMPRESSIONS
+from rpud_sim.bag.errors import BagError, BagExistsError
+from rpud_sim.bag.mcap_writer import McapWriter, Reserve
+from rpud_sim.bag.messages import LATEST, REPEATED_KEY, LatchedMessages, Message, MessageBlock
+from rpud_sim.bag.metadata import (
+    FILE_NAME,
+    RECORD_KEY,
+    RECORD_NAME,
+    BagMetadata,
+    FileInformation,
+    Topic,
+    dump_offered_qos,
+    metadata_of,
+    stored_name,
+)
 from rpud_sim.foundation.time import SECOND
+
+CHUNK_SIZE = 1 << 20  # uncompressed size after which a chunk is closed [bytes]
+_END = 1 << 20  # bytes of a reserve for records at the end of a bag, its metadata and its folder
+_MOST_CHANNELS = (2**16 - 1) // 2  # each may need another for repetitions
 
 
 class BagWriter:
@@ -46,42 +60,60 @@ class BagWriter:
         max_file_duration: float | None = None,
         reserved: bool = False,
     ) -> None:
-        self._folder = BagFolder(path, compression, chunk_size, custom_data, reserved)
+        if compression not in COMPRESSIONS:
+            allowed = ", ".join(COMPRESSIONS)
+            raise BagError(f"compression is {compression!r}; it must be one of {allowed}")
+        self.path = Path(os.path.abspath(path))  # directory of the bag
+        self.custom_data = dict(custom_data or {})  # texts for the metadata
+        self._compression, self._chunk_size = compression, chunk_size
         self._max_size = max_file_size
         self._max_duration = max_file_duration and round(max_file_duration * SECOND)
-        self._channels: dict[str, int] = {}
+        # By their numbers in the bag; ``_numbers`` are those in the open file.
+        self._channels: list[tuple[str, str, Schema | None, dict[str, str]]] = []
+        self._channel_of: dict[str, int] = {}  # last channel of each topic
+        self._topics: dict[str, Topic] = {}
+        self._counts: dict[str, int] = {}
+        self._repeated = 0
         self._latched = LatchedMessages()
         self._began: int | None = None  # log time of the file's first message that is not repeated
         self._last = 0  # log time of the last message
-
-    @property
-    def path(self) -> Path:
-        """Directory of the bag."""
-        return self._folder.path
+        self._closed_files: list[FileInformation] = []
+        self._closed_size = 0
+        self._listed_size = 0  # bytes that topics take in the metadata, at most
+        self._failed = False
+        self._file: McapWriter | None = None
+        stored_name(self.path)  # before anything is created
+        _create(self.path)
+        self._reserve = Reserve(self.path) if reserved else None
+        with self._writing():
+            self._file = self._open_file()
+            _sync(self.path.parent)
 
     @property
     def message_count(self) -> int:
         """Messages written so far, without repetitions in split files."""
-        return self._folder.message_count
+        return sum(self._counts.values()) - self._repeated
 
     @property
     def size(self) -> int:
         """Size of the files on the disk so far [bytes]."""
-        return self._folder.size
+        return self._closed_size + (self._file.path.stat().st_size if self._file else 0)
 
     @property
     def closed_size(self) -> int:
         """Greatest size of the bag, were it split and closed now [bytes]."""
-        return self._folder.closed_size + self._latched.size
+        open_size = self._file.closed_size + self._file.end_size if self._file else 0
+        listed = 2 * (self._listed_size + 512 * self.file_count)
+        return self._closed_size + open_size + listed + self._latched.size
 
     @property
     def file_count(self) -> int:
         """Files so far."""
-        return self._folder.file_count
+        return len(self._closed_files) + (self._file is not None)
 
     def add_topic(self, topic: Topic, definition: str | None = None) -> None:
         """Declare a topic, with its type's ``ros2msg`` text if known, before its first message."""
-        if topic.name in self._channels:
+        if topic.name in self._channel_of:
             raise BagError(f"topic {topic.name} was declared twice")
         schema = Schema(
             id=0,
@@ -93,24 +125,51 @@ class BagWriter:
             "offered_qos_profiles": dump_offered_qos(topic.offered_qos),
             "topic_type_hash": topic.type_hash,
         }
-        self._channels[topic.name] = self._folder.add_channel(topic, schema, metadata)
+        self.add_channel(topic, schema, metadata)
         self._latched.declare(topic)
+
+    def add_channel(self, topic: Topic, schema: Schema | None, metadata: Mapping[str, str]) -> int:
+        """Declare a channel of a topic and return its number; a topic may have several.
+
+        The number of ``schema`` does not matter.
+        """
+        if len(self._channels) >= _MOST_CHANNELS:
+            raise BagError(f"a bag has at most {_MOST_CHANNELS} channels")
+        channel = (topic.name, topic.serialization_format, schema, dict(metadata))
+        with self._writing():
+            self._numbers.append(self._opened.add_channel(*channel))
+        self._channels.append(channel)
+        self._listed_size += 1024 + len(topic.name) + 512 * len(topic.offered_qos)
+        self._topics.setdefault(topic.name, topic)
+        self._counts.setdefault(topic.name, 0)
+        self._channel_of[topic.name] = len(self._channels) - 1
+        return len(self._channels) - 1
 
     def write(self, topic: str, data: bytes, log_time: int, publish_time: int) -> None:
         """Add one serialized message, with times of receipt and sending [ns since the epoch]."""
-        channel = self._channels.get(topic)
+        channel = self._channel_of.get(topic)
         if channel is None:
-            raise BagError(f"topic {topic} was not declared before its first message")
+            raise _undeclared(topic)
         if not (0 <= log_time <= LATEST and 0 <= publish_time <= LATEST):
             raise _time_error(topic, log_time, publish_time)
         if self._is_full(len(data), log_time):
             self.split()
-        self._folder.write(channel, data, log_time, publish_time)
+        self.write_on(channel, data, log_time, publish_time)
         self._last = log_time
         if self._began is None:
             self._began = log_time
         if topic in self._latched:
             self._latched.note(Message(topic, log_time, publish_time, data))
+
+    def write_on(
+        self, channel: int, data: bytes, log_time: int, publish_time: int, sequence: int = 0
+    ) -> None:
+        """Add one message of a channel to the open file."""
+        try:  # faster than a context, and recorders write many messages
+            self._opened.write(self._numbers[channel], data, log_time, publish_time, sequence)
+        except OSError as error:
+            raise self._failure(error) from error
+        self._counts[self._channels[channel][0]] += 1
 
     def write_blocks(self, blocks: Sequence[tuple[MessageBlock, np.ndarray]]) -> None:
         """Add many serialized messages at once.
@@ -124,66 +183,93 @@ class BagWriter:
             self._check(block)
         latched = any(block.topic in self._latched for block, _ in blocks)
         if latched or self._max_size is not None or self._max_duration is not None:
-            self._write_one_by_one(blocks)
+            order = sorted(
+                (place, number, index)
+                for number, (_, places) in enumerate(blocks)
+                for index, place in enumerate(places.tolist())
+            )
+            for _, number, index in order:
+                block = blocks[number][0]
+                times = int(block.log_times[index]), int(block.publish_times[index])
+                self.write(block.topic, block.message(index), *times)
             return
-        self._folder.write_blocks(
-            [(self._channels[block.topic], block, places) for block, places in blocks]
-        )
+        channels = [self._numbers[self._channel_of[block.topic]] for block, _ in blocks]
+        with self._writing():
+            self._opened.write_blocks(
+                [(channel, *block) for channel, block in zip(channels, blocks, strict=True)]
+            )
+        last = max((int(places[-1]) for _, places in blocks), default=0)
         for block, places in blocks:
-            if places[-1] == max(int(others[-1]) for _, others in blocks):
+            self._counts[block.topic] += len(block)
+            if places[-1] == last:
                 self._last = int(block.log_times[-1])
-
-    def _write_one_by_one(self, blocks: Sequence[tuple[MessageBlock, np.ndarray]]) -> None:
-        order = sorted(
-            (place, number, index)
-            for number, (_, places) in enumerate(blocks)
-            for index, place in enumerate(places.tolist())
-        )
-        for _, number, index in order:
-            block = blocks[number][0]
-            times = int(block.log_times[index]), int(block.publish_times[index])
-            self.write(block.topic, block.message(index), *times)
-
-    def _check(self, block: MessageBlock) -> None:
-        if block.topic not in self._channels:
-            raise BagError(f"topic {block.topic} was not declared before its first message")
-        for times in (block.log_times, block.publish_times):
-            wrong = np.flatnonzero((times < 0) | (times > LATEST))
-            if len(wrong):
-                first = int(wrong[0])
-                raise _time_error(
-                    block.topic, int(block.log_times[first]), int(block.publish_times[first])
-                )
 
     def split(self) -> None:
         """Complete the file and go on in a new one that begins with the latched messages."""
-        self._folder.split(
-            (self._channels[message.topic], message.data, message.log_time, message.publish_time)
-            for message in self._latched.at(self._last)
-        )
+        with self._writing():
+            self._complete_file()
+            self._file = self._open_file()
+            marked: dict[int, int] = {}
+            for message in self._latched.at(self._last):
+                channel = self._channel_of[message.topic]
+                if channel not in marked:
+                    topic, encoding, schema, metadata = self._channels[channel]
+                    marked[channel] = self._file.add_channel(
+                        topic, encoding, schema, {**metadata, REPEATED_KEY: "true"}
+                    )
+                _, log_time, publish_time, data = message
+                self._file.write(marked[channel], data, log_time, publish_time, 0)
+                self._counts[message.topic] += 1
+                self._repeated += 1
         self._began = None
 
     def add_record(self, name: str, content: Mapping[str, str]) -> None:
         """Add a metadata record: named texts, such as how the bag was made."""
-        self._folder.add_record(name, content)
+        with self._writing():
+            self._opened.add_record(name, content)
+
+    def add_attachment(self, attachment: Attachment) -> None:
+        """Add a file that belongs to the bag, as MCAP has it."""
+        with self._writing():
+            self._opened.add_attachment(attachment)
 
     def reserve(self, size: int) -> bool:
         """Return whether a message of ``size`` bytes can be written and the bag then be closed.
 
         Other programs cannot use the room for it from now on.
         """
-        return self._folder.hold(self._latched.size + size)
+        if self._reserve is None:
+            return True
+        size += self._opened.unwritten + 2 * self._listed_size + self._latched.size + _END
+        with self._writing():
+            return self._reserve.hold(size)
 
     def flush(self) -> None:
         """Close the chunk in progress and wait until everything written is on the disk."""
-        self._folder.flush()
+        with self._writing():
+            self._opened.flush()
 
     def close(self) -> None:
         """Complete the bag with its index, its statistics and ``metadata.yaml``.
 
         A closed bag stays as it is. After a failed write this only releases the file.
         """
-        self._folder.close()
+        if self._file is None:
+            return
+        try:
+            if self._reserve is not None:
+                with self._writing():
+                    self._reserve.release()
+            if not self._failed:
+                with self._writing():
+                    self._complete_file()
+                    _write_document(self.path, self._metadata(self._closed_files))
+        finally:
+            if self._file is not None:
+                file, self._file = self._file, None
+                # After a failed write the rest of a buffer fails here again.
+                with suppress(OSError) if self._failed else self._writing():
+                    file.close()
 
     def __enter__(self) -> BagWriter:
         return self
@@ -191,12 +277,62 @@ class BagWriter:
     def __exit__(self, *_: object) -> None:
         self.close()  # also after an error: what was written makes a whole bag
 
+    def _check(self, block: MessageBlock) -> None:
+        if block.topic not in self._channel_of:
+            raise _undeclared(block.topic)
+        logs, sent = block.log_times, block.publish_times
+        wrong = (logs < 0) | (logs > LATEST) | (sent < 0) | (sent > LATEST)
+        for row in np.flatnonzero(wrong)[:1].tolist():
+            raise _time_error(block.topic, int(logs[row]), int(sent[row]))
+
     def _is_full(self, size: int, log_time: int) -> bool:
         if self._began is None:
             return False
         if self._max_duration is not None and log_time - self._began >= self._max_duration:
             return True
-        return self._max_size is not None and self._folder.open_size + size > self._max_size
+        return self._max_size is not None and self._opened.closed_size + size > self._max_size
+
+    def _open_file(self) -> McapWriter:
+        path = self.path / f"{self.path.name}_{len(self._closed_files)}.mcap"
+        file = McapWriter(path, self._compression, self._chunk_size, self._reserve)
+        self._numbers = [file.add_channel(*channel) for channel in self._channels]
+        _sync(self.path)
+        return file
+
+    def _complete_file(self) -> None:
+        file = self._opened
+        file.flush()
+        files = [*self._closed_files, file.information]
+        file.add_record(RECORD_NAME, {RECORD_KEY: self._metadata(files).to_record()})
+        file.finish()
+        self._file = None
+        file.close()
+        self._closed_files = files
+        self._closed_size += file.path.stat().st_size
+
+    def _metadata(self, files: Sequence[FileInformation]) -> BagMetadata:
+        topics = tuple((topic, self._counts[name]) for name, topic in self._topics.items())
+        return metadata_of(files, topics, self.custom_data)
+
+    @property
+    def _opened(self) -> McapWriter:
+        assert self._file is not None
+        return self._file
+
+    @contextmanager
+    def _writing(self) -> Iterator[None]:
+        try:
+            yield
+        except OSError as error:
+            raise self._failure(error) from error
+
+    def _failure(self, error: OSError) -> BagError:
+        self._failed = True
+        return BagError(f"cannot write the bag {self.path}: {error.strerror}")
+
+
+def _undeclared(topic: str) -> BagError:
+    return BagError(f"topic {topic} was not declared before its first message")
 
 
 def _time_error(topic: str, log_time: int, publish_time: int) -> BagError:
@@ -204,3 +340,32 @@ def _time_error(topic: str, log_time: int, publish_time: int) -> BagError:
         f"a message of {topic} has log_time {log_time} ns and publish_time "
         f"{publish_time} ns; both must be from 0 to {LATEST}"
     )
+
+
+def _create(folder: Path) -> None:
+    try:
+        os.makedirs(folder)
+    except OSError as error:
+        if os.path.lexists(folder):
+            raise BagExistsError(f"{folder} exists already; a bag is never overwritten") from error
+        raise BagError(f"cannot create the bag {folder}: {error.strerror}") from error
+
+
+def _write_document(folder: Path, metadata: BagMetadata) -> None:
+    # Renamed when it is whole, so that there is never half a metadata.yaml.
+    draft = folder / f"{FILE_NAME}.tmp"
+    with draft.open("x", encoding="utf-8") as document:
+        document.write(metadata.to_document())
+        document.flush()
+        os.fsync(document.fileno())
+    draft.rename(folder / FILE_NAME)
+    _sync(folder)
+
+
+def _sync(folder: Path) -> None:
+    """Wait until the names in a folder are on the disk: to sync files does not do that."""
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)

@@ -90,7 +90,7 @@ def _run(options: _Compare) -> int:
     from rpud_sim.inspection.compare.results import content
 
     if options.out:
-        from rpud_sim.inspection.compare.compare_page import write_page
+        from rpud_sim.inspection.compare.page import write_page
         from rpud_sim.inspection.output import check_new_file
 
         with failing(InspectionError):
@@ -203,8 +203,6 @@ def _figure_lines(found: Comparison) -> Iterator[str]:
 
 
 def _row(shown: ShownQuantity, letter: str, each: Difference) -> tuple[str, ...]:
-    from rpud_sim.inspection.compare.wording import difference_texts
-
     values = (shown.text(each.reference.value), shown.text(each.other.value))
-    texts = (*values, *difference_texts(shown, each))
+    texts = (*values, *each.texts(shown))
     return (shown.label, each.figure, letter, *texts, each.decision)

@@ -16,7 +16,7 @@ from rpud_sim.foundation.terminal import complain, printable
 from rpud_sim.foundation.whole_folder import whole_file
 
 if TYPE_CHECKING:
-    from rpud_sim.testing.campaign.results import CampaignResults
+    from rpud_sim.testing.campaign_results import CampaignResults
     from rpud_sim.verdicts import Record, Verdict
 
 SUFFIXES = (".yaml", ".yml")
@@ -79,9 +79,9 @@ def _test_campaign(options: _Test) -> int:
     import pytest
 
     # Where a package is missing, this fails in one line, and pytest would not.
-    import rpud_sim.testing.campaign.items  # noqa: F401
-    from rpud_sim.testing.campaign.campaign_file import read_campaign
-    from rpud_sim.testing.campaign.session import NAME
+    import rpud_sim.testing.campaign_runs  # noqa: F401
+    from rpud_sim.testing.campaign_file import read_campaign
+    from rpud_sim.testing.campaign_session import NAME
 
     class Listener:
         """Plugin that takes the results out of the session."""

@@ -31,8 +31,6 @@ LIVE = ("autostart", "publish_clock", "start_paused", "thread_priority")
 # A change of a run, at a time in nanoseconds; it yields messages.
 Event = tuple[int, Callable[[], Iterable[Entry]]]
 
-Repeat = Callable[[Run], Iterable[Entry]]
-
 
 @dataclasses.dataclass(frozen=True)
 class Fork:
@@ -237,16 +235,12 @@ class Continuation:
 
     def _events(self) -> Iterator[Event]:
         fork, run = self._fork, self._run
-        for entry, repeat in repeated(fork.recorded, fork.time, self.end, self._changes):
-            yield entry.time, partial(self._try, entry.time, partial(repeat, run))
+        for time, repeat in _repeated(fork, self.end, self._changes):
+            yield time, partial(self._try, time, repeat)
         for planned in self._changes.planned:
             if planned.delay:
                 time = fork.time + planned.delay
-                yield time, partial(self._try, time, partial(self._apply, planned.change))
-
-    def _apply(self, change: Change) -> Iterator[Entry]:
-        apply_change(self._run, change)
-        yield from self._run.changes()
+                yield time, partial(self._try, time, partial(_apply, planned.change, run))
 
     def _try(self, time: int, act: Callable[[], Iterable[Entry]]) -> Iterator[Entry]:
         """Act; a fork may refuse what the recorded run did not, as a node would."""
@@ -272,51 +266,47 @@ def _end(fork: Fork, duration: float | None) -> int:
     return end
 
 
-def repeated(
-    recorded: RecordedDrill, time: int, end: int, changes: Changes
-) -> Iterator[tuple[JournalEntry, Repeat]]:
-    """Yield the recorded entries between two times [ns], and how to repeat each on the forked run.
+def _repeated(fork: Fork, end: int, changes: Changes) -> Iterator[Event]:
+    """Yield the recorded changes between the instant and a time [ns], repeated on the forked run.
 
     What a fork sets by itself is not taken back: recorded changes of these parameters are left out,
     and recorded commands where it has its own.
     """
-    later = [entry for entry in recorded.later(time) if entry.time <= end]
+    recorded, run = fork.recorded, fork.resumed.run
+    later = [entry for entry in recorded.later(fork.time) if entry.time <= end]
+    kinds = (("weight_on_bit", "weight_on_bit"), ("drive", "drive_enabled"), ("feed", ""))
     dropped = {
-        kind
-        for kind, name in (
-            ("weight_on_bit", "weight_on_bit"),
-            ("drive", "drive_enabled"),
-            ("feed", ""),
-        )
-        if changes.replaces_commands or name in changes.parameters
+        kind for kind, name in kinds if changes.replaces_commands or name in changes.parameters
     }
     cleared = {}
     if changes.planned and any(entry.kind == "clear" for entry in later):
-        cleared = _cleared_faults(recorded.necessary(time), later)
+        cleared = _cleared_faults(recorded.necessary(fork.time), later)
     for entry in later:
         if entry.kind in dropped:
             continue
         if entry.kind == "configure" and changes.parameters:
-            yield entry, partial(_configure, entry, changes)
+            yield entry.time, partial(_configure, entry, changes, run)
         elif entry.kind == "clear" and entry.sequence in cleared:
-            yield entry, partial(_clear, cleared[entry.sequence])
+            yield entry.time, partial(_clear, cleared[entry.sequence], run)
         else:
-            yield entry, partial(_repeat, entry, strict=changes.empty)
+            yield entry.time, partial(_repeat, entry, run, strict=changes.empty)
+
+
+def _apply(change: Change, run: Run) -> Iterator[Entry]:
+    apply_change(run, change)
+    yield from run.changes()
 
 
 def _repeat(entry: JournalEntry, run: Run, *, strict: bool) -> Iterator[Entry]:
+    refused = f"journal entry {entry.sequence} cannot be done"
     try:
         yield from repeat_change(run, entry)
     except FaultError as error:
         if strict:
-            raise InspectionError(
-                f"journal entry {entry.sequence} cannot be done: {error}"
-            ) from error
+            raise InspectionError(f"{refused}: {error}") from error
         raise
     except (ArithmeticError, LookupError, TypeError, ValueError) as error:
-        raise InspectionError(
-            f"journal entry {entry.sequence} cannot be done: {error!r:.100}"
-        ) from error
+        raise InspectionError(f"{refused}: {error!r:.100}") from error
 
 
 def _configure(entry: JournalEntry, changes: Changes, run: Run) -> Iterator[Entry]:

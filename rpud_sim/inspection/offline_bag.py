@@ -15,10 +15,9 @@ import numpy as np
 from rpud_sim.bag import BagExistsError, BagWriter, QosProfile, Topic
 from rpud_sim.bag.definitions import find_definition, find_type_hash
 from rpud_sim.bag.encoder import Encoder
-from rpud_sim.bag.losses import RECORD_NAME, Losses, losses_to_record
-from rpud_sim.bag.manifest import RECORD_NAME as MANIFEST_RECORD
-from rpud_sim.bag.manifest import Manifest, installed_versions, machine_name
-from rpud_sim.bag.message_block import MessageBlock
+from rpud_sim.bag.losses import LOSSES_RECORD, Losses, losses_to_record
+from rpud_sim.bag.manifest import MANIFEST_RECORD, Manifest, installed_versions, machine_name
+from rpud_sim.bag.messages import MessageBlock
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.inspection.fork import Continuation, Fork, open_fork
 from rpud_sim.inspection.recorded_journal import installed_codec
@@ -129,7 +128,7 @@ def _new_bag(
             )
         yield bag
         losses = {f"{prefix}{name}": Losses() for name in topics}
-        bag.add_record(RECORD_NAME, losses_to_record(losses))
+        bag.add_record(LOSSES_RECORD, losses_to_record(losses))
 
 
 def _manifest(

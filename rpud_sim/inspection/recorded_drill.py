@@ -14,7 +14,7 @@ import numpy as np
 
 from rpud_sim.bag import BagFormatError, BagReader, TopicSummary
 from rpud_sim.bag.cdr import Codec
-from rpud_sim.bag.manifest import RECORD_NAME as MANIFEST
+from rpud_sim.bag.manifest import MANIFEST_RECORD as MANIFEST
 from rpud_sim.bag.manifest import Manifest, manifest_from_record
 from rpud_sim.foundation.quantities import suggestion
 from rpud_sim.foundation.time import SECOND

@@ -15,7 +15,7 @@ from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.columns import Kind, columns_of
 from rpud_sim.bag.definitions import find_definition, find_type_hash
 from rpud_sim.bag.field_values import FieldReader
-from rpud_sim.bag.message_block import MessageBlock
+from rpud_sim.bag.messages import MessageBlock
 from rpud_sim.foundation.time import NEVER, join_seconds
 from rpud_sim.inspection import InspectionError
 from rpud_sim.simulation.journal import STARTS, JournalEntry

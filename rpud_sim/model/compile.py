@@ -1,12 +1,14 @@
 """Compilation of the kernels: kept in files, without the GIL, in strict IEEE arithmetic."""
 
+import struct
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numba import typeof
 from numba.core import config, event
 
 from rpud_sim.kernels.dispatchers import kernel_compiler
@@ -59,3 +61,36 @@ def compilation_reported(report: Callable[[str], object]) -> Iterator[None]:
             yield
     finally:
         timer.cancel()
+
+
+# Of a field in a record's bytes. NumPy builds an object for the record and one for each field,
+# which takes many times as long.
+_CODES = {"f8": "d", "i8": "q"}
+
+
+def reader_of(dtype: np.dtype[Any], *names: str) -> Callable[[np.ndarray], tuple[Any, ...]]:
+    """Return a function that reads fields of 64 bits of the first record of an array.
+
+    ``names`` are in the order in which the dtype has them.
+    """
+    layout, end = "=", 0
+    fields: Mapping[str, Any] = dtype.fields or {}
+    for name in names:
+        kind, offset = fields[name][:2]
+        layout += f"{offset - end}x{_CODES[kind.str[1:]]}"
+        end = offset + kind.itemsize
+    read: Any = struct.Struct(layout).unpack_from  # takes arrays as buffers
+    return read
+
+
+def machine_code(kernel: Any, *examples: object) -> Callable[..., Any]:
+    """Return a kernel as it is compiled for the types of examples; other types must not follow.
+
+    A call of the kernel itself looks at the type of each argument, which takes several times as
+    long as the motion of a millisecond.
+    """
+    if not hasattr(kernel, "compile"):  # NUMBA_DISABLE_JIT
+        code: Callable[..., Any] = kernel
+    else:
+        code = kernel.compile(tuple(map(typeof, examples)))
+    return code

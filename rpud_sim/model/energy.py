@@ -27,10 +27,7 @@ from rpud_sim.model.segment import (
     EVENT_RELEASE,
     drill_tool_motion,
     load_of,
-    motion_at,
-    motion_of,
     nodal_plane_motion,
-    turns_at_end,
     vibration_turn,
 )
 from rpud_sim.model.tolerances import LEAST_DEFORMATION, LOWEST_BOUNCE, SAME_VELOCITY
@@ -346,20 +343,17 @@ def add_change(before, after, motion, begun, account):
 
 
 @compiled
-def add_rest(contact, tool_mass, tool_spring_rate, after, ended, account):
+def add_rest(segment, after, ended, account):
     """Add what the rock takes of a tool that comes to rest and is met at the same instant.
 
-    Args:
-        ended: ``motion_at`` the end of the first.
-
-    Returns:
-        The motion in which the tool rests.
+    ``ended`` is ``motion_at`` the end of the segment; returns the motion in which the tool rests.
     """
     u_np, v_np, u_ut, v_ut, u_fm, v_fm, u_dt, v_dt = ended
-    met = contact == 0 and after.contact & CONTACT_DRILL_TOOL
+    met = segment.contact == 0 and after.contact & CONTACT_DRILL_TOOL
     # Without a contact that could end, a release is that of the tool by the rock.
     if met and after.event & EVENT_RELEASE and abs(u_dt) <= LEAST_DEFORMATION:
-        account[RELEASE] += 0.5 * (tool_mass * v_dt * v_dt + tool_spring_rate * u_dt * u_dt)
+        motion = segment.drill_tool_mass * v_dt * v_dt
+        account[RELEASE] += 0.5 * (motion + segment.drill_tool_spring_rate * u_dt * u_dt)
         return u_np, v_np, u_ut, v_ut, u_fm, v_fm, 0.0, 0.0
     return ended
 
@@ -400,29 +394,6 @@ def add_event(rpud, before, after, segment, account):
     both = min(abs(from_tip), abs(on_tool)) > segment.free_mass * SAME_VELOCITY
     account[IMPACTS if both else ACTUATOR_COLLISIONS] += from_tip * (tip - fm)
     account[IMPACTS] += on_tool * (fm - 0.5 * (dt_before + dt_after))
-
-
-@compiled
-def add_ended_segment(rpud, segment, after, start, account):
-    """Add a segment from a time on, and the event that ends it.
-
-    Args:
-        start: time in the segment from which on it counts [s].
-
-    Returns:
-        ``motion_at`` the end of the segment, and at the start of the next one; and the ``Turns``
-        at that end.
-    """
-    turns = turns_at_end(segment, after.event & EVENT_RELEASE != 0)
-    ended = motion_of(segment, segment.duration, turns)
-    if segment.duration > start:
-        add_motion(rpud, segment, start, segment.duration, True, account)
-    motion = motion_at(after, 0.0)
-    changed = add_change(segment, after, ended, motion, account)
-    mass, spring_rate = segment.drill_tool_mass, segment.drill_tool_spring_rate
-    rested = add_rest(segment.contact, mass, spring_rate, after, changed, account)
-    add_event(rpud, rested, motion, after, account)
-    return ended, motion, turns
 
 
 @compiled

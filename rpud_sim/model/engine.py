@@ -4,102 +4,44 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from operator import itemgetter
 from sys import getrefcount
 
 import numpy as np
 
+from rpud_sim.model.compile import machine_code, reader_of
 from rpud_sim.model.drill import STATE, Drill, derive, seating
-from rpud_sim.model.events import (
-    DONE,
-    FULL,
-    OVERLOADED,
-    STALLED,
-    advance,
-    advance_through,
-    interrupt,
-    start,
-)
+from rpud_sim.model.events import DONE, FULL, OVERLOADED, STALLED, advance, interrupt, start
 from rpud_sim.model.parameters import QUANTITIES, Parameters
 from rpud_sim.model.resonator import Account, Resonance, account
 from rpud_sim.model.segment import IMPACT, SEGMENT, join_records, motion_at
 from rpud_sim.model.tolerances import EVENT_BUDGET, LONGEST_STANDSTILL
 
 # How many values a message names, and how far from the default a value is unusual [factor].
-_MOST = 4
+_MOST_VALUES = 4
 _USUAL = 30.0
 
-_ALWAYS = (
-    "rpud_mass",
-    "free_mass",
-    "load_spring_rate",
-    "gravity",
-    "weight_on_bit",
-    "vibration_amplitude",
-    "vibration_frequency",
-)
-_BEFORE_DRILLING = ("drill_tool_mass", "restoring_spring_rate")
+# Parameters that act on the motion, always and by what holds the drill tool.
+_ALWAYS = ("rpud_mass", "free_mass")
+_BEFORE_DRILLING = ("drill_tool_mass",)
 _GIVEN = ("effective_tool_mass", "effective_tool_spring_rate")
 _SECTIONS = (
-    "elastic_modulus",
-    "section_1_length",
-    "section_1_area",
-    "section_2_length",
-    "section_2_area",
-    "drill_tool_density",
+    *("elastic_modulus", "section_1_length", "section_1_area"),
+    *("section_2_length", "section_2_area", "drill_tool_density"),
 )
 
-
-def unusual_values(parameters: Parameters, drill: Drill, state: np.void) -> list[str]:
-    """Return the values in force that are furthest from the default, furthest first.
-
-    Returns:
-        At least one text such as ``free_mass = 1e-09 kg (default: 0.005)``.
-    """
-    usual = Parameters()
-    ranked = sorted(
-        (
-            (
-                max(value / getattr(usual, name), getattr(usual, name) / value),
-                f"{name} = {value:.4g} {QUANTITIES[name].unit} (default: {getattr(usual, name):g})",
-            )
-            for name, value in _acting(parameters, drill, state).items()
-            if value > 0.0  # zero is usual: a drill without gravity, weight or drive
-        ),
-        reverse=True,
-    )
-    far = [text for factor, text in ranked if factor > _USUAL]
-    return (far or [text for _, text in ranked[:1]])[:_MOST]
-
-
-def _acting(parameters: Parameters, drill: Drill, state: np.void) -> dict[str, float]:
-    """Return the values that act on the motion: those that may change from where they are."""
-    tool: tuple[str, ...] = _BEFORE_DRILLING
-    if drill.in_rock:
-        tool = _GIVEN if parameters.contact_model == "given" else _SECTIONS
-    values = {name: float(getattr(parameters, name)) for name in (*_ALWAYS, *tool)}
-    values["load_spring_rate"] = drill.load_spring_rate
-    values["gravity"] = drill.gravity
-    values["weight_on_bit"] = float(state["weight_on_bit"])
-    values["vibration_amplitude"] = float(state["amplitude"])
-    values["vibration_frequency"] = float(state["frequency"])
-    if not drill.in_rock:
-        values["restoring_spring_rate"] = drill.tool_spring_rate
-    return values
-
-
-# Records that one call of the kernel can return, at least and at most; it is called again when they
-# are full. There is room for as many as the last advance had, or as a drill usually has: a long one
-# comes in one piece.
-_CAPACITY = 256
-_MOST_CAPACITY = 65536
+# Segments that there is room for at first, and at most for those to come; the room grows when it is
+# too small. A long block comes in one piece.
+_LEAST_ROOM = 256
+_MOST_ROOM = 65536
 _USUAL_RATE = 1500.0  # segments in a simulated second
-_ROOMS = 3  # kept for the next advances: fresh memory from the system takes as long as the motion
+_ROOMS = 3  # kept for the next blocks: fresh memory from the system takes as long as the motion
 _FREE = 3  # references to a room that is not in use
+
 # What would be lost first if numbers overflowed: every other number of the state follows from them.
-_FINITE = ("u_np", "v_np", "u_fm", "v_fm", "u_dt", "v_dt", "amplitude", "frequency", "owed")
-# Of a state as a tuple: to look each one up by its name takes ten times as long.
-_finite_values = itemgetter(*map((STATE.names or ()).index, _FINITE))
+_FINITE = ("frequency", "amplitude", "u_np", "v_np", "u_fm", "v_fm", "u_dt", "v_dt", "owed")
+_finite_values = reader_of(STATE, *_FINITE)
+_time = reader_of(STATE, "seconds", "fraction")
+_amplitude = reader_of(STATE, "amplitude")
 
 
 class EngineError(RuntimeError):
@@ -130,11 +72,6 @@ def initial_state(
     return state
 
 
-def is_finite(state: np.ndarray) -> bool:
-    """Return whether the motion of one ``STATE`` is finite."""
-    return all(map(math.isfinite, _finite_values(state[0].item())))
-
-
 def failure(status: int, parameters: Parameters, drill: Drill, state: np.ndarray) -> EngineError:
     """Return the error of an advance that failed."""
     reason = {
@@ -142,12 +79,40 @@ def failure(status: int, parameters: Parameters, drill: Drill, state: np.ndarray
         OVERLOADED: f"events exceed their budget of {EVENT_BUDGET:g} in a simulated second",
     }.get(status, "the motion cannot be computed in double precision")
     time = float(state[0]["seconds"] + state[0]["fraction"])
-    unusual = ", ".join(unusual_values(parameters, drill, state[0]))
+    unusual = ", ".join(_unusual_values(parameters, drill, state[0]))
     return EngineError(f"{reason} at {time:.6g} s, with {unusual}")
+
+
+def _unusual_values(parameters: Parameters, drill: Drill, state: np.void) -> list[str]:
+    """Return the values in force that are furthest from the default, furthest first.
+
+    They are at least one text such as ``free_mass = 1e-09 kg (default: 0.005)``.
+    """
+    given = parameters.contact_model == "given"
+    tool = (_GIVEN if given else _SECTIONS) if drill.in_rock else _BEFORE_DRILLING
+    values = {name: float(getattr(parameters, name)) for name in (*_ALWAYS, *tool)}
+    values["load_spring_rate"] = drill.load_spring_rate
+    values["gravity"] = drill.gravity
+    values["weight_on_bit"] = float(state["weight_on_bit"])
+    values["vibration_amplitude"] = float(state["amplitude"])
+    values["vibration_frequency"] = float(state["frequency"])
+    if not drill.in_rock:
+        values["restoring_spring_rate"] = drill.tool_spring_rate
+    ranked = []
+    for name, value in values.items():
+        if value > 0.0:  # zero is usual: a drill without gravity, weight or drive
+            usual = getattr(Parameters, name)
+            text = f"{name} = {value:.4g} {QUANTITIES[name].unit} (default: {usual:g})"
+            ranked.append((max(value / usual, usual / value), text))
+    ranked.sort(reverse=True)
+    far = [text for factor, text in ranked if factor > _USUAL]
+    return (far or [text for _, text in ranked[:1]])[:_MOST_VALUES]
 
 
 class Engine:
     """Motion of the drill from time zero on, event by event.
+
+    All records since the last drain are written one after the other into the same room.
 
     Args:
         initial_phase: of the vibration [cycles].
@@ -162,21 +127,33 @@ class Engine:
         resonance: Resonance | None = None,
     ) -> None:
         self._parameters = parameters
-        self._drill = derive(parameters)
-        self._target = self._drill
+        self._drill = self._target = derive(parameters)
         # Times and constants of the steps to come.
         self._seating: deque[tuple[tuple[int, float], Drill]] = deque()
         self._state = initial_state(parameters, initial_phase, drive, resonance)
         self._open_segment = np.zeros(1, SEGMENT)
         self._open_impact = np.zeros(1, IMPACT)
-        self._capacity = _CAPACITY
-        self._room = np.empty(0, SEGMENT)  # of the last call of the kernel
         self._rooms: deque[np.ndarray] = deque(maxlen=_ROOMS)
-        self._segments: list[np.ndarray] = []
-        self._impacts: list[np.ndarray] = []
-        impacts = np.zeros(2, IMPACT)
-        count = start(self._drill, self._state, self._open_segment, self._open_impact, impacts)
-        self._impacts.append(impacts[:count])
+        self._segment_room, self._impact_room = np.zeros(0, SEGMENT), np.zeros(0, IMPACT)
+        self._written = self._struck = 0  # segments and impacts since the last drain
+        self._capacity = _LEAST_ROOM  # segments of the last block
+        self._make_room(_LEAST_ROOM)
+        # A time to advance to, and what is finished there
+        self._goal = (np.zeros(1, np.int64), np.zeros(1), np.zeros((1, 2), np.int64))
+        self._reached: tuple[int, float] | None = None  # time that an advance has reached
+        records = (self._drill, self._state, self._open_segment, self._open_impact)
+        rooms = (self._segment_room, self._impact_room)
+        seconds, fractions, counts = self._goal
+        self._advance_code = machine_code(
+            advance, *records, seconds, fractions, *rooms, counts, (0, 0, 0)
+        )
+        self._interrupt_code = machine_code(interrupt, *records, 0.0, *rooms, (0.0,) * 6)
+        self._struck = start(*records, self._impact_room)
+
+    @property
+    def open_segment(self) -> np.ndarray:
+        """The segment in progress, shape (1,); it changes with the next advance."""
+        return self._open_segment
 
     @property
     def impact_count(self) -> int:
@@ -186,7 +163,20 @@ class Engine:
     @property
     def amplitude(self) -> float:
         """Amplitude of the vibration at the last event [m]."""
-        return float(self._state["amplitude"][0])
+        amplitude: float = _amplitude(self._state)[0]
+        return amplitude
+
+    @property
+    def seats(self) -> bool:
+        """Whether the rock is taking hold of the drill tool."""
+        return bool(self._seating)
+
+    def impacts_from(self, number: int) -> np.ndarray:
+        """Return the impacts that finished since the last drain, from a number on.
+
+        They are valid until the next advance.
+        """
+        return self._impact_room[number : self._struck]
 
     def account(self, seconds: int, fraction: float) -> Account:
         """Return envelope and energies of the resonance at a time, not before the last event.
@@ -197,6 +187,11 @@ class Engine:
             return Account(0j, 0.0, 0.0, 0.0, 0.0, 0.0)
         return account(self._state[0], self._open_segment[0], self.ahead(seconds, fraction))
 
+    def ahead(self, seconds: int, fraction: float) -> float:
+        """Time from the start of the open segment to a time [s]."""
+        start_seconds, start_fraction = _time(self._state)
+        return float(seconds - start_seconds) + (fraction - start_fraction)
+
     def advance(self, seconds: int, fraction: float) -> None:
         """Advance to a time, whole seconds and a fraction from 0 to 1; not back.
 
@@ -204,59 +199,36 @@ class Engine:
             EngineError: if events follow each other without time passing or exceed their budget, or
                 if the motion is no longer finite.
         """
+        if self._reached == (seconds, fraction):
+            return
         while self._seating and self._seating[0][0] <= (seconds, fraction):
             time, drill = self._seating.popleft()
             self._advance(*time)
             self._interrupt(*time, drill, self._commands())
         self._advance(seconds, fraction)
+        self._reached = (seconds, fraction)
 
-    def advance_through(
-        self, seconds: np.ndarray, fractions: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray] | None:
+    def advance_through(self, seconds: np.ndarray, fractions: np.ndarray) -> np.ndarray | None:
         """Advance to times one after the other, in one call of a kernel.
 
         Returns:
             The numbers of segments and of impacts since the last ``drain`` that were finished at
-            each time. None if the engine cannot advance so: then it has not moved, and ``advance``
-            shows why.
+            each time, shape (times, 2). None if the engine cannot advance so: then it has not
+            moved, and ``advance`` shows why.
         """
         if self._seating and self._seating[0][0] <= (seconds[-1], fractions[-1]):
             return None
-        kept = [each.copy() for each in (self._state, self._open_segment, self._open_impact)]
-        drained = len(self._segments), len(self._impacts)
-        finished = np.empty(len(seconds), np.int64)
-        struck = np.empty(len(seconds), np.int64)
-        segments_before = sum(map(len, self._segments))
-        impacts_before = sum(map(len, self._impacts))
-        reached = 0
-        status = FULL
-        while status == FULL:
-            segments = np.empty(_MOST_CAPACITY, SEGMENT)
-            impacts = np.empty(2 * _MOST_CAPACITY + 2, IMPACT)
-            status, more, written, count = advance_through(
-                self._drill,
-                self._state,
-                self._open_segment,
-                self._open_impact,
-                seconds[reached:],
-                fractions[reached:],
-                segments,
-                impacts,
-                finished[reached:],
-                struck[reached:],
-            )
-            finished[reached : reached + more] += segments_before
-            struck[reached : reached + more] += impacts_before
-            reached += more
-            segments_before += written
-            impacts_before += count
-            self._segments.append(segments[:written])
-            self._impacts.append(impacts[:count])
-        if status != DONE or not is_finite(self._state):
-            self._state, self._open_segment, self._open_impact = kept
-            del self._segments[drained[0] :], self._impacts[drained[1] :]
+        records = [each.copy() for each in (self._state, self._open_segment, self._open_impact)]
+        written, struck = self._written, self._struck
+        counts = np.empty((len(seconds), 2), np.int64)
+        try:
+            self._fly(seconds, fractions, counts)
+        except EngineError:
+            self._state, self._open_segment, self._open_impact = records
+            self._written, self._struck = written, struck
             return None
-        return finished, struck
+        self._reached = None
+        return counts
 
     def change(
         self,
@@ -272,7 +244,7 @@ class Engine:
 
         Positions and velocities and the phase of the vibration stay continuous; the amplitude
         changes when the vibration next passes through zero. The rock takes hold of a free drill
-        tool step by step (see seating.py), unless it touches it.
+        tool step by step (``drill.seating``), unless it touches it.
 
         Args:
             commands: weight on bit [N], vibration amplitude [m] and vibration frequency [Hz]; of a
@@ -299,56 +271,94 @@ class Engine:
         new = (*commands, resonance_frequency, passed, float(grips))
         self._interrupt(seconds, fraction, self._drill, new)
 
-    @property
-    def seats(self) -> bool:
-        """Whether the rock is taking hold of the drill tool."""
-        return bool(self._seating)
+    def drain(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return the segments and the impacts finished since the last call, in order."""
+        covering, impacts = self.drain_covering()
+        return covering[:-1], impacts
+
+    def drain_covering(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return the same as ``drain``, with the open segment after the finished ones.
+
+        A block that uses most of its room is returned as it is, without a copy.
+        """
+        count, room = self._written, self._segment_room
+        impacts = join_records([self._impact_room[: self._struck]], IMPACT)
+        self._written = self._struck = 0
+        self._capacity = max(count + count // 8, _LEAST_ROOM)
+        if count < _LEAST_ROOM or 2 * count < len(room):
+            covering = join_records([room[:count], self._open_segment], SEGMENT)
+            if len(room) > 8 * self._capacity:
+                self._make_room(_LEAST_ROOM)
+            return covering, impacts
+        room[count] = self._open_segment[0]
+        room.flags.writeable = False
+        self._segment_room = np.zeros(0, SEGMENT)
+        return room[: count + 1], impacts
 
     def _commands(self) -> tuple[float, ...]:
+        """What is in force, as a change takes it."""
         state = self._state[0]
-        weight_on_bit = float(state["weight_on_bit"])
+        names: tuple[str, ...] = ("target_amplitude", "frequency")
         if state["resonant"]:
             names = ("voltage", "drive_frequency", "resonance_frequency")
-            voltage, drive_frequency, resonance_frequency = (float(state[name]) for name in names)
-            return weight_on_bit, voltage, drive_frequency, resonance_frequency, 0.0, 0.0
-        return (
-            weight_on_bit,
-            float(state["target_amplitude"]),
-            float(state["frequency"]),
-            0.0,
-            0.0,
-            0.0,
-        )
-
-    def ahead(self, seconds: int, fraction: float) -> float:
-        """Time from the start of the open segment to a time [s]."""
-        state = self._state[0]
-        return float(seconds - state["seconds"]) + (fraction - state["fraction"])
+        new = [float(state[name]) for name in ("weight_on_bit", *names)]
+        return (*new, *(0.0,) * (6 - len(new)))
 
     def _advance(self, seconds: int, fraction: float) -> None:
-        status = FULL
-        usual = int(_USUAL_RATE * self.ahead(seconds, fraction))
-        capacity = min(max(self._capacity, usual), _MOST_CAPACITY)
-        passed = 0
+        whole, rest, counts = self._goal
+        whole[0], rest[0] = seconds, fraction
+        self._fly(whole, rest, counts)
+
+    def _fly(self, seconds: np.ndarray, fractions: np.ndarray, counts: np.ndarray) -> None:
+        """Advance to times one after the other; counts get what is finished at each of them."""
+        usual = int(_USUAL_RATE * self.ahead(seconds[-1], fractions[-1]))
+        if self._written + usual >= len(self._segment_room):
+            self._make_room(self._written + min(max(usual, self._capacity), _MOST_ROOM) + 1)
+        status, reached = FULL, 0
         while status == FULL:
-            segments = self._room = self._free_room(capacity + 1)  # one for the open segment
-            impacts = np.empty(2 * capacity + 2, IMPACT)
-            status, written, count = advance(
+            status, reached, self._written, self._struck = self._advance_code(
                 self._drill,
                 self._state,
                 self._open_segment,
                 self._open_impact,
                 seconds,
-                fraction,
-                segments,
-                impacts,
+                fractions,
+                self._segment_room,
+                self._impact_room,
+                counts,
+                (reached, self._written, self._struck),
             )
-            self._segments.append(segments[:written])
-            self._impacts.append(impacts[:count])
-            passed += written
-        self._capacity = min(max(passed + passed // 8, _CAPACITY), _MOST_CAPACITY)
-        if status != DONE or not is_finite(self._state):
+            if status == FULL:
+                self._make_room(2 * len(self._segment_room))
+        if status != DONE or not all(map(math.isfinite, _finite_values(self._state))):
             raise failure(status, self._parameters, self._drill, self._state)
+
+    def _interrupt(
+        self, seconds: int, fraction: float, drill: Drill, commands: tuple[float, ...]
+    ) -> None:
+        self._drill = drill
+        self._reached = None
+        if self._written + 1 >= len(self._segment_room):
+            self._make_room(max(2 * len(self._segment_room), _LEAST_ROOM))
+        self._struck += self._interrupt_code(
+            drill,
+            self._state,
+            self._open_segment,
+            self._open_impact,
+            self.ahead(seconds, fraction),
+            self._segment_room[self._written : self._written + 1],
+            self._impact_room[self._struck :],
+            commands,
+        )
+        self._written += 1
+
+    def _make_room(self, count: int) -> None:
+        """Take a larger room, or a smaller one, for segments and impacts, with those there."""
+        segments, impacts = self._segment_room[: self._written], self._impact_room[: self._struck]
+        self._segment_room = self._free_room(count)
+        self._segment_room[: len(segments)] = segments
+        self._impact_room = np.zeros(2 * count + 4, IMPACT)  # an event ends two at most
+        self._impact_room[: len(impacts)] = impacts
 
     def _free_room(self, count: int) -> np.ndarray:
         """Return room for segments, used again where no result refers to it any more."""
@@ -357,56 +367,6 @@ class Engine:
             if count <= len(room) <= 2 * count and getrefcount(room) == _FREE:
                 room.flags.writeable = True
                 return room
-        room = np.empty(count, SEGMENT)
+        room = np.zeros(count, SEGMENT)
         self._rooms.append(room)
         return room
-
-    def _interrupt(
-        self,
-        seconds: int,
-        fraction: float,
-        drill: Drill,
-        commands: tuple[float, ...],
-    ) -> None:
-        self._drill = drill
-        segments = np.empty(1, SEGMENT)
-        impacts = np.empty(2, IMPACT)
-        count = interrupt(
-            drill,
-            self._state,
-            self._open_segment,
-            self._open_impact,
-            self.ahead(seconds, fraction),
-            segments,
-            impacts,
-            commands,
-        )
-        self._segments.append(segments)
-        self._impacts.append(impacts[:count])
-
-    def drain(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return the segments and the impacts finished since the last call, in order."""
-        covering, impacts = self.drain_covering()
-        return covering[:-1], impacts
-
-    def drain_covering(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return the same as ``drain``, with the open segment after the finished ones."""
-        covering = self._covering()
-        impacts = join_records(self._impacts, IMPACT)
-        self._segments.clear()
-        self._impacts.clear()
-        return covering, impacts
-
-    def _covering(self) -> np.ndarray:
-        """Return the segments since the last drain and the open one as one immutable array.
-
-        One piece that uses most of its room is returned as it is, without a copy.
-        """
-        parts = self._segments
-        room = self._room
-        if len(parts) != 1 or parts[0].base is not room or 2 * len(parts[0]) < len(room):
-            return join_records([*parts, self._open_segment], SEGMENT)
-        count = len(parts[0])
-        room.flags.writeable = False
-        self._room = np.empty(0, SEGMENT)
-        return room[: count + 1]

@@ -4,7 +4,7 @@
         the open segment ends at its event (search.py)
         close it, move the state there
         let the bodies collide and decide which contacts last (resets.py)
-        write the closed form that follows (motion.py), find its event
+        write the closed form that follows (segment.py), find its event
 
 The result does not depend on where a caller stops: a segment's event is computed once, from its
 start, however many calls it takes to reach it.
@@ -242,34 +242,48 @@ def status_before(state, segment, seconds, fraction, is_full):
 
 
 @compiled
-def advance(drill, states, open_segments, open_impacts, seconds, fraction, segments, impacts):
-    """Advance until the open segment reaches beyond a time, or the room for results is used up.
+def advance(
+    drill, states, open_segments, open_impacts, seconds, fractions, segments, impacts, counts, begun
+):
+    """Advance to times one after the other, as far as the room for results reaches.
 
     Args:
-        segments: room for finished segments and the open one, at least one.
+        seconds: whole seconds of the times, in ascending order; ``fractions`` are the rest.
+        segments: room for finished segments and the open one.
         impacts: room for finished impacts, at least two more than segments.
+        counts: gets the numbers of segments and impacts that are finished at each time.
+        begun: how many of the times, segments and impacts are there already.
 
     Returns:
-        DONE, FULL, STALLED or OVERLOADED, and the numbers of finished segments and impacts.
+        DONE, FULL, STALLED or OVERLOADED, and the numbers of times, segments and impacts.
     """
     state = states[0]
     impact = open_impacts[0]
     bodies = oscillators_of(drill)
     last = len(segments) - 1
-    written = 0
-    count = 0
-    segments[0] = open_segments[0]
-    while True:
+    reached, written, struck = begun
+    status = DONE
+    segments[written] = open_segments[0]
+    while reached < len(seconds):
         segment = segments[written]
-        status = status_before(state, segment, seconds, fraction, written == last)
-        if status != GOES_ON:
-            open_segments[0] = segment
-            return status, written, count
-        written += 1
-        segments[written] = segment
-        turns = turns_at_end(segment, state.next_event == END_DRILL_TOOL_RELEASE)
-        after = segments[written]
-        count, _ = pass_event(drill, bodies, state, segment, after, impact, impacts, count, turns)
+        status = status_before(
+            state, segment, seconds[reached], fractions[reached], written == last
+        )
+        if status == GOES_ON:
+            written += 1
+            segments[written] = segment
+            turns = turns_at_end(segment, state.next_event == END_DRILL_TOOL_RELEASE)
+            struck, _ = pass_event(
+                drill, bodies, state, segment, segments[written], impact, impacts, struck, turns
+            )
+            continue
+        if status != DONE:
+            break
+        counts[reached, 0] = written
+        counts[reached, 1] = struck
+        reached += 1
+    open_segments[0] = segments[written]
+    return status, reached, written, struck
 
 
 @compiled
@@ -322,50 +336,3 @@ def start(drill, states, open_segments, open_impacts, impacts):
     count, turn = settle(drill, state, open_impacts[0], impacts, 0, turn, 0, 0, 0)
     open_segment(drill, oscillators_of(drill), state, open_segments[0], turn)
     return count
-
-
-@compiled
-def advance_through(
-    drill,
-    states,
-    open_segments,
-    open_impacts,
-    seconds,
-    fractions,
-    segments,
-    impacts,
-    finished,
-    struck,
-):
-    """Advance to times one after the other, as far as the room for results reaches.
-
-    Args:
-        seconds: whole seconds of the times, in ascending order.
-        impacts: room for finished impacts, at least two more than segments.
-        finished: gets the number of segments that were finished at each time.
-        struck: gets the number of impacts that were finished at each time.
-
-    Returns:
-        The status of the last ``advance``, the number of times that were reached, and the numbers
-        of finished segments and impacts.
-    """
-    written = 0
-    count = 0
-    for k in range(len(seconds)):
-        status, more, hits = advance(
-            drill,
-            states,
-            open_segments,
-            open_impacts,
-            seconds[k],
-            fractions[k],
-            segments[written:],
-            impacts[count:],
-        )
-        written += more
-        count += hits
-        if status != DONE:
-            return status, k, written, count
-        finished[k] = written
-        struck[k] = count
-    return DONE, len(seconds), written, count

@@ -39,7 +39,10 @@ from rpud_sim.model.segment import (
     vibration_turn,
 )
 from rpud_sim.model.steps import (
+    GOES_ON,
     LEAST_BOUND,
+    MET,
+    after_step,
     bent_step,
     envelope_step,
     going_on,
@@ -56,13 +59,9 @@ from rpud_sim.model.tolerances import (
 )
 
 # What ends a segment: a guard that reaches zero, a change of amplitude, or its greatest length.
-END_ACTUATOR_IMPACT = 0
-END_DRILL_TOOL_IMPACT = 1
-END_ACTUATOR_RELEASE = 2
-END_DRILL_TOOL_RELEASE = 3
-END_DRILL_TOOL_REST = 4
-END_AMPLITUDE = 5
-END_LIMIT = 6
+END_ACTUATOR_IMPACT, END_DRILL_TOOL_IMPACT = 0, 1
+END_ACTUATOR_RELEASE, END_DRILL_TOOL_RELEASE, END_DRILL_TOOL_REST = 2, 3, 4
+END_AMPLITUDE, END_LIMIT = 5, 6
 
 # Stands for a slow part that is not known.
 NO_SLOW_PART = -math.inf
@@ -210,31 +209,36 @@ def bounds_of(motion):
 
 
 @compiled
+def positive_bounds(second, third, slow_second, vibration):
+    """Return ``Bounds`` that are fit to divide by."""
+    return Bounds(
+        max(second, LEAST_BOUND), max(third, LEAST_BOUND), max(slow_second, LEAST_BOUND), vibration
+    )
+
+
+@compiled
 def guard_bounds(segment, end):
     """Bounds on the derivatives of a guard, which hold for the whole segment."""
+    dt_rate, dt_second, dt_third = bounds_of(drill_tool_motion(segment))
     if end == END_DRILL_TOOL_REST:
-        _, second, _ = bounds_of(drill_tool_motion(segment))
-        return Bounds(second, math.inf, 0.0, 0.0)
+        return positive_bounds(dt_second, math.inf, 0.0, 0.0)
     if segment.contact == CONTACT_DRILL_TOOL:
-        dt_rate, _, dt_third = bounds_of(drill_tool_motion(segment))
-        return Bounds(segment.free_mass * dt_rate * dt_third, math.inf, 0.0, 0.0)
+        return positive_bounds(segment.free_mass * dt_rate * dt_third, math.inf, 0.0, 0.0)
     np_rate, np_second, np_third = bounds_of(nodal_plane_motion(segment))
     omega = TWO_PI * segment.vibration_frequency
     amplitude = tip_amplitude(segment)
     vibration_second = omega * omega * amplitude
-    vibration_third = omega * vibration_second
     if end == END_DRILL_TOOL_IMPACT:
-        _, dt_second, dt_third = bounds_of(drill_tool_motion(segment))
         slow = np_second + dt_second
-        third = np_third + dt_third + vibration_third
-        return Bounds(slow + vibration_second, third, slow, amplitude)
+        third = np_third + dt_third + omega * vibration_second
+        return positive_bounds(slow + vibration_second, third, slow, amplitude)
     mass, damping, spring_rate, _ = load_of(segment, end == END_ACTUATOR_RELEASE)
     slow = np_second * (mass * np_rate * np_rate + damping * np_rate + spring_rate)
     vibration = vibration_second * (mass * omega * omega + damping * omega + spring_rate)
     stiffness = spring_rate - mass * omega * omega
     resistance = damping * omega
     force = math.sqrt(stiffness * stiffness + resistance * resistance) * amplitude
-    return Bounds(slow + vibration, math.inf, slow, force)
+    return positive_bounds(slow + vibration, math.inf, slow, force)
 
 
 @compiled
@@ -247,36 +251,27 @@ def allowance_of(end):
     return WEAKEST_PULL
 
 
-@compiled
-def positive_bounds(segment, end):
-    """Return the ``Bounds`` of a guard, fit to divide by."""
-    bounds = guard_bounds(segment, end)
-    return Bounds(
-        max(bounds.second, LEAST_BOUND),
-        max(bounds.third, LEAST_BOUND),
-        max(bounds.slow_second, LEAST_BOUND),
-        bounds.vibration,
-    )
-
-
 # How far two forces are followed at first [s].
 FIRST_SPAN = 1e-5
 
 
 @compiled
-def first_root(segment, end, limit):
+def first_root(segment, end, limit, turn):
     """Time for which a guard stays positive, up to a limit [s].
 
     Args:
-        end: one of END_*, but not ``END_ACTUATOR_IMPACT``.
+        end: one of END_*.
+        turn: ``PhaseSinCos`` of the vibration at the segment's start.
 
     Returns:
         The time until which it is certain to be positive, whether it is zero there, and the number
         of steps.
     """
+    if end == END_ACTUATOR_IMPACT:
+        return first_strike(segment, limit, turn)
     if segment.contact == 0 and end == END_DRILL_TOOL_IMPACT:
         return first_landing(segment, limit)
-    bounds = positive_bounds(segment, end)
+    bounds = guard_bounds(segment, end)
     allowance = allowance_of(end)
     time = 0.0
     for number in range(LONGEST_SEARCH):
@@ -289,13 +284,9 @@ def first_root(segment, end, limit):
         longest = envelope_step(envelope, guard.slow_slope, bounds.slow_second)
         step = bent_step(value, slope, guard.curvature, bounds.second, bounds.third)
         step = going_on(step, slope, longest)
-        if is_root(value, slope, step):
-            return time, True, number + 1
-        time += step.time
-        if not time < limit:
-            return limit, False, number + 1
-        if step.ends:
-            return time, True, number + 1
+        time, outcome = after_step(time, step, is_root(value, slope, step), limit)
+        if outcome != GOES_ON:
+            return time, outcome == MET, number + 1
     return time, False, LONGEST_SEARCH
 
 
@@ -314,33 +305,20 @@ def fall_time(gap, velocity, gravity):
 
 
 @compiled
-def sooner(state, segment, end, duration, event):
+def sooner(state, segment, end, duration, event, turn):
     """Return the given duration and event, or those of a guard if they are sooner.
 
     The steps of the search add to the state's effort.
     """
-    time, is_root, steps = first_root(segment, end, duration)
+    time, met, steps = first_root(segment, end, duration, turn)
     state.effort += steps * STEP_EFFORT
     if time < duration:
-        return time, end if is_root else END_LIMIT
+        return time, end if met else END_LIMIT
     return duration, event
 
 
 @compiled
-def sooner_strike(state, segment, duration, event, turn):
-    """Return the given duration and event, or those of the actuator's strike if it is sooner.
-
-    ``turn`` is the ``Turn`` of the vibration at the segment's start.
-    """
-    time, is_struck, steps = first_strike(segment, duration, turn)
-    state.effort += steps * STEP_EFFORT
-    if time < duration:
-        return time, END_ACTUATOR_IMPACT if is_struck else END_LIMIT
-    return duration, event
-
-
-@compiled
-def sooner_release(state, segment, duration, event):
+def sooner_release(state, segment, duration, event, turn):
     """Return the given duration and event, or those of the three bodies' contact if sooner.
 
     Either force may vanish long before the other: the search follows both by turns, in growing
@@ -349,8 +327,8 @@ def sooner_release(state, segment, duration, event):
     span = FIRST_SPAN
     while True:
         span = min(span, duration)
-        time, end = sooner(state, segment, END_DRILL_TOOL_RELEASE, span, event)
-        time, end = sooner(state, segment, END_ACTUATOR_RELEASE, time, end)
+        time, end = sooner(state, segment, END_DRILL_TOOL_RELEASE, span, event, turn)
+        time, end = sooner(state, segment, END_ACTUATOR_RELEASE, time, end, turn)
         if time < span or span == duration:
             return time, end
         span *= 8.0
@@ -367,23 +345,23 @@ def next_event(drill, state, segment, turn):
     """
     duration = LONGEST_SEGMENT
     event = END_LIMIT
-    if state.resonant:
-        if not state.steady:
-            change = time_to_update(state)
-            if change < duration:
-                duration = change
-                event = END_AMPLITUDE
-    elif state.target_amplitude != state.amplitude:
+    change = math.inf
+    if state.resonant and not state.steady:
+        change = time_to_update(state)
+    elif not state.resonant and state.target_amplitude != state.amplitude:
         change = time_to_zero_displacement(state.phase, state.frequency)
-        if change < duration:
-            duration = change
-            event = END_AMPLITUDE
+    if change < duration:
+        duration = change
+        event = END_AMPLITUDE
     contact = state.contact
     if contact == CONTACT_BOTH:
         if drill.jammed:
-            return sooner(state, segment, END_ACTUATOR_RELEASE, duration, event)
-        return sooner_release(state, segment, duration, event)
-    wedged = drill.jammed and contact & CONTACT_DRILL_TOOL
+            return sooner(state, segment, END_ACTUATOR_RELEASE, duration, event, turn)
+        return sooner_release(state, segment, duration, event, turn)
+    on_tool = contact & CONTACT_DRILL_TOOL
+    wedged = drill.jammed and on_tool
+    end = END_DRILL_TOOL_RELEASE if on_tool else END_DRILL_TOOL_IMPACT
+    root = math.inf
     if contact == CONTACT_DRILL_TOOL and not wedged and segment.drill_tool_decay_rate == 0.0:
         root = release_time(
             segment.drill_tool_cosine,
@@ -391,21 +369,14 @@ def next_event(drill, state, segment, turn):
             segment.drill_tool_angular_frequency,
             drill.gravity,
         )
-        if root < duration:
-            duration = root
-            event = END_DRILL_TOOL_RELEASE
     elif contact == 0 and state.tool_at_rest:
         root = fall_time(-state.u_fm, state.v_fm, drill.gravity)
-        if root < duration:
-            duration = root
-            event = END_DRILL_TOOL_IMPACT
     elif not wedged:
-        end = END_DRILL_TOOL_IMPACT
-        if contact & CONTACT_DRILL_TOOL:
-            end = END_DRILL_TOOL_RELEASE
-        duration, event = sooner(state, segment, end, duration, event)
-    if drill.in_rock and not contact & CONTACT_DRILL_TOOL and not state.tool_at_rest:
-        duration, event = sooner(state, segment, END_DRILL_TOOL_REST, duration, event)
-    if contact & CONTACT_ACTUATOR:
-        return sooner(state, segment, END_ACTUATOR_RELEASE, duration, event)
-    return sooner_strike(state, segment, duration, event, turn)
+        duration, event = sooner(state, segment, end, duration, event, turn)
+    if root < duration:
+        duration = root
+        event = end
+    if drill.in_rock and not on_tool and not state.tool_at_rest:
+        duration, event = sooner(state, segment, END_DRILL_TOOL_REST, duration, event, turn)
+    last = END_ACTUATOR_RELEASE if contact & CONTACT_ACTUATOR else END_ACTUATOR_IMPACT
+    return sooner(state, segment, last, duration, event, turn)

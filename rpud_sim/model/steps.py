@@ -121,3 +121,18 @@ def going_on(step, slope, least):
 def is_root(value, slope, step):
     """Whether a guard ends here, as there is no step left."""
     return slope < 0.0 and (value <= 0.0 or step.time < TIME_RESOLUTION)
+
+
+# How a search is after a step: it goes on, the guard is zero, or it is positive up to the limit.
+GOES_ON, MET, CLEAR = 0, 1, 2
+
+
+@compiled
+def after_step(time, step, is_root, limit):
+    """Time after a step, and how the search is there; where the guard has its root it is over."""
+    if is_root:
+        return time, MET
+    time += step.time
+    if not time < limit:
+        return limit, CLEAR
+    return time, MET if step.ends else GOES_ON

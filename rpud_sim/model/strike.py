@@ -30,8 +30,11 @@ from rpud_sim.model.segment import (
     vibration_turn,
 )
 from rpud_sim.model.steps import (
+    GOES_ON,
     LEAST_BOUND,
+    MET,
     Step,
+    after_step,
     bent_step,
     ends_at_root,
     going_on,
@@ -167,6 +170,7 @@ def first_strike(segment, limit, turn):
         slow_slope = v_fm - velocity
         envelope = slow - amplitude
         left = limit - time
+        met = False
         if is_clear(envelope, slow_slope, slow_second, left):
             return limit, False, number + 1
         if is_clear(envelope, slow_slope, slow_second, long):
@@ -189,18 +193,15 @@ def first_strike(segment, limit, turn):
             cycles = segment.vibration_phase + frequency * time
             step = _vibrating_step(value, slope, turn.sine, cycles, period, peak, slow_second)
             step = going_on(step, slope, 0.0)
-            if is_root(value, slope, step):
-                return time, True, number + 1
+            met = is_root(value, slope, step)
             # Beyond the vibration's reach already, and up to the limit.
             ahead = envelope + step.time * (slow_slope - 0.5 * slow_second * step.time)
             slower = slow_slope - slow_second * step.time
-            if is_clear(ahead, slower, slow_second, left - step.time):
+            if not met and is_clear(ahead, slower, slow_second, left - step.time):
                 return limit, False, number + 1
-        time += step.time
-        if not time < limit:
-            return limit, False, number + 1
-        if step.ends:
-            return time, True, number + 1
+        time, outcome = after_step(time, step, met, limit)
+        if outcome != GOES_ON:
+            return time, outcome == MET, number + 1
         if in_flight and step.time < short:
             displacement, velocity = soon_after(square, damping, displacement, velocity, step.time)
         else:
@@ -250,13 +251,9 @@ def first_landing(segment, limit):
         value += allowance
         third = max(rate * second * decay, LEAST_BOUND)
         step = going_on(bent_step(value, slope, curvature, most, third), slope, 0.0)
-        if is_root(value, slope, step):
-            return time, True, number + 1
-        time += step.time
-        if not time < limit:
-            return limit, False, number + 1
-        if step.ends:
-            return time, True, number + 1
+        time, outcome = after_step(time, step, is_root(value, slope, step), limit)
+        if outcome != GOES_ON:
+            return time, outcome == MET, number + 1
         # Its fall takes the free mass no further than it is at either end.
         if tool.offset - amplitude * decay > max(u_fm, last):
             return limit, False, number + 1

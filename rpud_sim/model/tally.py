@@ -15,7 +15,7 @@ from rpud_sim.model.elementary import decimal_logarithm
 from rpud_sim.model.energy import (
     STORED,
     TERMS,
-    add_ended_segment,
+    add_change,
     add_event,
     add_motion,
     add_rest,
@@ -44,27 +44,20 @@ from rpud_sim.model.segment import (
     turns_at_end,
 )
 
-# Of each of the halves in progress: its number of values, the sum of its first half, and whether
-# that is known.
-_DEPTH = 64
-_HALVES = _DEPTH
-_KNOWN = 2 * _DEPTH
-# Numbers that a sum needs room for
-SUM_ROOM = 3 * _DEPTH
-
 
 @compiled
-def _sum_of_128(values, first, count):
+def _sum_of_128(values):
     """Sum of at most 128 values, as NumPy adds them."""
+    count = len(values)
     if count < 8:
         total = -0.0
-        for i in range(first, first + count):
+        for i in range(count):
             total += values[i]
         return total
-    a, b, c, d = values[first], values[first + 1], values[first + 2], values[first + 3]
-    e, f, g, h = values[first + 4], values[first + 5], values[first + 6], values[first + 7]
+    a, b, c, d = values[0], values[1], values[2], values[3]
+    e, f, g, h = values[4], values[5], values[6], values[7]
     whole = count - count % 8
-    for i in range(first + 8, first + whole, 8):
+    for i in range(8, whole, 8):
         a += values[i]
         b += values[i + 1]
         c += values[i + 2]
@@ -74,44 +67,23 @@ def _sum_of_128(values, first, count):
         g += values[i + 6]
         h += values[i + 7]
     total = ((a + b) + (c + d)) + ((e + f) + (g + h))
-    for i in range(first + whole, first + count):
+    for i in range(whole, count):
         total += values[i]
     return total
 
 
 @compiled
-def pairwise_sum(values, room):
+def pairwise_sum(values):
     """Sum of values in the order of ``numpy.sum``, which halves them until 128 are left.
 
     A plain sum would round differently, and a run's figures would no longer be those of its bag.
-
-    Args:
-        room: for what is in progress, shape (SUM_ROOM,).
     """
     count = len(values)
-    first = 0
-    depth = 0
-    while True:
-        while count > 128:
-            room[depth] = count
-            room[_KNOWN + depth] = 0.0
-            half = count // 2
-            count = half - half % 8
-            depth += 1
-        total = _sum_of_128(values, first, count)
-        first += count
-        depth -= 1
-        while depth >= 0 and room[_KNOWN + depth] != 0.0:
-            total = room[_HALVES + depth] + total
-            depth -= 1
-        if depth < 0:
-            return total + 0.0  # it begins with zero, so that no sum is -0.0
-        room[_HALVES + depth] = total
-        room[_KNOWN + depth] = 1.0
-        whole = int(room[depth])
-        half = whole // 2
-        count = whole - (half - half % 8)
-        depth += 1
+    if count <= 128:
+        return _sum_of_128(values) + 0.0  # it begins with zero, so that no sum is -0.0
+    half = count // 2
+    half -= half % 8
+    return pairwise_sum(values[:half]) + pairwise_sum(values[half:])
 
 
 # What happened in the parts of a run that were added, and the account of the part in progress.
@@ -146,9 +118,7 @@ QUANTILE = 0.99  # of the contact forces, that is one of the figures
 IMPULSE = len(TERMS)
 OFFSET = IMPULSE + 1
 POSITION = IMPULSE + 2
-# Behind them is the room of a pairwise sum.
-_SUMS = IMPULSE + 3
-PART_ROOM = _SUMS + SUM_ROOM
+PART_ROOM = IMPULSE + 3
 
 _HAPPENED = EVENT_ACTUATOR_IMPACT | EVENT_DRILL_TOOL_IMPACT | EVENT_RELEASE
 
@@ -193,11 +163,9 @@ def count_event(segment, tally):
 def begin_part(rpud, segment, seconds, fraction, counts, tally, part):
     """Begin a part of a run within its first segment.
 
-    Args:
-        counts: whether the segment begins with the part, so that its event counts.
-        part: sums of the part, shape (PART_ROOM,).
+    ``counts``: whether the segment begins with the part, so that its event counts.
     """
-    part[:_SUMS] = 0.0
+    part[:] = 0.0
     offset = time_in(segment, seconds, fraction)
     motion = motion_at(segment, offset)
     part[STORED] -= stored_energy(segment, motion, rpud.mass)
@@ -208,23 +176,30 @@ def begin_part(rpud, segment, seconds, fraction, counts, tally, part):
 
 
 @compiled
-def _add_ended(rpud, covering, last, tally, part):
-    """Add the segments before the last one of those that cover a part of a run."""
+def add_ended(rpud, segment, after, turn, turns, turn_after, whole, tally, part):
+    """Add a segment from the part's offset on, and the event that ends it.
+
+    Args:
+        after: the segment after it.
+        turn: ``PhaseSinCos`` at its start.
+        turns: ``Turns`` at its end.
+        turn_after: ``PhaseSinCos`` at the start of the segment after it.
+    """
     offset = part[OFFSET]
-    position = part[POSITION]
-    for i in range(last):
-        segment = covering[i]
-        after = covering[i + 1]
-        ended, motion, turns = add_ended_segment(rpud, segment, after, offset, part)
-        end = segment.duration
-        if end > offset:
-            turn = turn_at(segment.vibration_phase)
-            part[IMPULSE] += reacting_impulse(segment, offset, end, position, ended[0], turn, turns)
-        count_event(after, tally)
-        offset = 0.0
-        position = motion[0]
-    part[OFFSET] = offset
-    part[POSITION] = position
+    end = segment.duration
+    ended = motion_of(segment, end, turns)
+    if end > offset:
+        add_motion(rpud, segment, offset, end, whole, part)
+        part[IMPULSE] += reacting_impulse(
+            segment, offset, end, part[POSITION], ended[0], turn, turns
+        )
+    motion = motion_of(after, 0.0, Turns(turn_after, NO_SWING, NO_SWING))
+    changed = add_change(segment, after, ended, motion, part)
+    rested = add_rest(segment, after, changed, part)
+    add_event(rpud, rested, motion, after, part)
+    count_event(after, tally)
+    part[OFFSET] = 0.0
+    part[POSITION] = motion[0]
 
 
 @compiled
@@ -241,9 +216,8 @@ def finish_part(rpud, segment, seconds, fraction, whole, tally, part):
         )
     part[STORED] += stored_energy(segment, motion, rpud.mass)
     tally.reacting_impulse += part[IMPULSE]
-    account = tally.account
     for i in range(len(TERMS)):
-        account[i] += part[i]
+        tally.account[i] += part[i]
 
 
 @compiled
@@ -256,22 +230,19 @@ def class_of(force):
 
 
 @compiled
-def add_impacts(impacts, tally, classes, part):
+def add_impacts(impacts, tally, classes):
     """Add the impacts of a part of a run.
 
-    Args:
-        classes: of the contact forces: how many are in each, shape (CLASSES,).
-        part: room, shape (PART_ROOM,).
+    ``classes`` counts the contact forces in each class, shape (CLASSES,).
     """
     if not len(impacts):
         return
-    room = part[_SUMS:]
     tally.impacts += len(impacts)
-    tally.impact_velocity += pairwise_sum(impacts["impact_velocity"], room)
-    tally.contact_force += pairwise_sum(impacts["peak_force"], room)
-    tally.contact_duration += pairwise_sum(impacts["contact_duration"], room)
-    tally.energy += pairwise_sum(impacts["energy"], room)
-    tally.energy_transferred += pairwise_sum(impacts["energy_transferred"], room)
+    tally.impact_velocity += pairwise_sum(impacts["impact_velocity"])
+    tally.contact_force += pairwise_sum(impacts["peak_force"])
+    tally.contact_duration += pairwise_sum(impacts["contact_duration"])
+    tally.energy += pairwise_sum(impacts["energy"])
+    tally.energy_transferred += pairwise_sum(impacts["energy_transferred"])
     for i in range(len(impacts)):
         force = impacts[i].peak_force
         tally.contact_force_max = max(tally.contact_force_max, force)
@@ -284,20 +255,8 @@ def add_impacts(impacts, tally, classes, part):
 
 
 @compiled
-def add_block(
-    rpud,
-    covering,
-    impacts,
-    start_seconds,
-    start_fraction,
-    seconds,
-    fraction,
-    counts,
-    tallies,
-    classes,
-    part,
-):
-    """Add what happened between two times to a tally.
+def add_block(rpud, covering, impacts, begin, until, counts, tallies, classes, part):
+    """Add what happened between two times, whole seconds and fraction each, to a tally.
 
     Args:
         covering: ``SEGMENT`` records that cover these times; the last one is open.
@@ -307,10 +266,17 @@ def add_block(
     """
     tally = tallies[0]
     last = len(covering) - 1
-    begin_part(rpud, covering[0], start_seconds, start_fraction, counts, tally, part)
-    _add_ended(rpud, covering, last, tally, part)
-    finish_part(rpud, covering[last], seconds, fraction, True, tally, part)
-    add_impacts(impacts, tally, classes, part)
+    begin_part(rpud, covering[0], begin[0], begin[1], counts, tally, part)
+    turn = turn_at(covering[0].vibration_phase)
+    for i in range(last):
+        segment = covering[i]
+        after = covering[i + 1]
+        turn_after = turn_at(after.vibration_phase)
+        turns = turns_at_end(segment, after.event & EVENT_RELEASE != 0)
+        add_ended(rpud, segment, after, turn, turns, turn_after, True, tally, part)
+        turn = turn_after
+    finish_part(rpud, covering[last], until[0], until[1], True, tally, part)
+    add_impacts(impacts, tally, classes)
 
 
 @compiled
@@ -334,97 +300,67 @@ NOT_FINITE = 10
 
 @compiled
 def _advance_member(
-    drill,
-    rpud,
-    state,
-    segment,
-    impact,
-    seconds,
-    fraction,
-    added,
-    whole,
-    impacts,
-    count,
-    tally,
-    part,
+    drill, rpud, state, segments, impact, until, added, whole, impacts, count, tally, part
 ):
     """Advance a member until its open segment reaches beyond a time, or impacts lack room.
 
-    It does what ``events.advance`` and ``tally.add_block`` do, with the same bits, but keeps no
-    segments. So the functions that the engine computes at an event serve the sums as well.
+    It does what ``events.advance`` and ``add_block`` do, with the same bits, but keeps no segments.
+    So what the engine computes at an event serves the sums as well.
 
     Args:
+        segments: the open one, and room for the one after it.
         added: whether anything is added.
         whole: whether the account is whole.
-        part: sums of the part of the run in progress.
 
     Returns:
         DONE, FULL, STALLED or OVERLOADED, and the number of finished impacts.
     """
     bodies = oscillators_of(drill)
-    turn = turn_at(segment.vibration_phase)
+    turn = turn_at(segments[0].vibration_phase)
+    opened = 0
     while True:
+        segment = segments[opened]
         is_full = len(impacts) - count < _IMPACTS_OF_EVENT
-        status = status_before(state, segment, seconds, fraction, is_full)
+        status = status_before(state, segment, until[0], until[1], is_full)
         if status != GOES_ON:
+            segments[0] = segment
             return status, count
+        opened = 1 - opened
+        after = segments[opened]
         turns = turns_at_end(segment, state.next_event == END_DRILL_TOOL_RELEASE)
-        contact = segment.contact
-        end = segment.duration
-        ended = motion_of(segment, end, turns)
-        offset = part[OFFSET]
-        if added and end > offset:
-            add_motion(rpud, segment, offset, end, whole, part)
-            part[IMPULSE] += reacting_impulse(
-                segment, offset, end, part[POSITION], ended[0], turn, turns
-            )
         # Called in one place alone, so that it is compiled into the loop.
-        count, turn = pass_event(
-            drill, bodies, state, segment, segment, impact, impacts, count, turns
+        count, turn_after = pass_event(
+            drill, bodies, state, segment, after, impact, impacts, count, turns
         )
-        if not added:
-            continue
-        motion = motion_of(segment, 0.0, Turns(turn, NO_SWING, NO_SWING))
-        # Nothing changes the constants of a member.
-        mass, spring_rate = segment.drill_tool_mass, segment.drill_tool_spring_rate
-        rested = add_rest(contact, mass, spring_rate, segment, ended, part)
-        add_event(rpud, rested, motion, segment, part)
-        count_event(segment, tally)
-        part[OFFSET] = 0.0
-        part[POSITION] = motion[0]
+        if added:
+            add_ended(rpud, segment, after, turn, turns, turn_after, whole, tally, part)
+        turn = turn_after
 
 
 @compiled
 def _is_finite(state):
     """Whether the numbers are finite that all others of the state follow from."""
-    return (
-        math.isfinite(state.u_np)
-        and math.isfinite(state.v_np)
-        and math.isfinite(state.u_fm)
-        and math.isfinite(state.v_fm)
-        and math.isfinite(state.u_dt)
-        and math.isfinite(state.v_dt)
-        and math.isfinite(state.amplitude)
-        and math.isfinite(state.frequency)
-        and math.isfinite(state.owed)
-    )
+    zero = 0.0 * state.u_np + 0.0 * state.v_np + 0.0 * state.u_fm + 0.0 * state.v_fm
+    zero += 0.0 * state.u_dt + 0.0 * state.v_dt
+    zero += 0.0 * state.amplitude + 0.0 * state.frequency + 0.0 * state.owed
+    return zero == 0.0
 
 
 @compiled
-def advance_members(
-    drill, rpud, members, start_seconds, start_fraction, seconds, fraction, options, room, progress
-):
+def advance_members(drill, rpud, members, begin, until, options, room, progress):
     """Advance members of an ensemble one after another, and add what happens to their tallies.
 
     Args:
         members: ``STATE``, open ``SEGMENT``, open ``IMPACT``, ``TALLY``, status and class of the 99
             % quantile of each, arrays of shape (members,). The status is that of
             ``events.advance``, or NOT_FINITE.
+        begin: whole seconds and fraction of the time at which they are.
+        until: the same of the time to advance to.
         options: whether the members begin now, whether they end then, whether anything is added,
             whether the event of the first segment counts, and whether the account is whole. Several
             members must begin and end in one call, as they share the classes.
-        room: for impacts, for the classes of contact forces, and for the sums of the part in
-            progress.
+        room: for impacts, for two segments, for the classes of contact forces, and for the sums of
+            the part in progress.
         progress: member to go on with, how many impacts it has, -1 before it is its turn, and how
             many the last one had.
 
@@ -434,27 +370,25 @@ def advance_members(
     """
     states, open_segments, open_impacts, tallies, statuses, quantiles = members
     starts, ends, added, counts, whole = options
-    impacts, classes, part = room
+    impacts, segments, classes, part = room
     while progress[0] < len(states):
         i = progress[0]
-        one = states[i : i + 1]
-        segment = open_segments[i : i + 1]
-        impact = open_impacts[i : i + 1]
+        state, opened, impact = states[i : i + 1], open_segments[i : i + 1], open_impacts[i : i + 1]
         tally = tallies[i]
         if progress[1] < 0:
             progress[1] = 0
             if starts:
-                progress[1] = start(drill, one, segment, impact, impacts)
+                progress[1] = start(drill, state, opened, impact, impacts)
             if added:
-                begin_part(rpud, segment[0], start_seconds, start_fraction, counts, tally, part)
+                begin_part(rpud, opened[0], begin[0], begin[1], counts, tally, part)
+        segments[0] = opened[0]
         status, progress[1] = _advance_member(
             drill,
             rpud,
-            one[0],
-            segment[0],
+            state[0],
+            segments,
             impact[0],
-            seconds,
-            fraction,
+            until,
             added,
             whole,
             impacts,
@@ -462,14 +396,15 @@ def advance_members(
             tally,
             part,
         )
+        opened[0] = segments[0]
         if status == FULL:
             return False
-        if status == DONE and not _is_finite(one[0]):
+        if status == DONE and not _is_finite(state[0]):
             status = NOT_FINITE
         statuses[i] = status
         if added and status == DONE:
-            finish_part(rpud, segment[0], seconds, fraction, whole, tally, part)
-            add_impacts(impacts[: progress[1]], tally, classes, part)
+            finish_part(rpud, opened[0], until[0], until[1], whole, tally, part)
+            add_impacts(impacts[: progress[1]], tally, classes)
         if ends:
             quantiles[i] = class_at(tallies[i : i + 1], classes, QUANTILE)
             if tally.impacts:

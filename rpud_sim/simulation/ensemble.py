@@ -71,6 +71,7 @@ class _Room(threading.local):
 
     def __init__(self) -> None:
         self.impacts = np.empty(_FIRST_IMPACTS, IMPACT)
+        self.segments = np.zeros(2, SEGMENT)
         self.classes = np.zeros(CLASSES, np.int64)  # empty between two calls
         self.part = np.zeros(PART_ROOM)
 
@@ -155,12 +156,13 @@ class EnsembleRuns:
         """Advance all runs; return how many impacts the last one had."""
         runs = (self._states, self._segments, self._impacts)
         members = (*runs, tallies, self._statuses, self._quantiles)
-        times = (*split_fraction(self.time), *split_fraction(time))
+        times = (split_fraction(self.time), split_fraction(time))
         progress = np.array([0, -1, 0])
         drill = (self._drill, self._rpud)
-        while not advance_members(
-            *drill, members, *times, options, (_room.impacts, classes, _room.part), progress
-        ):
+        while True:
+            rooms = (_room.impacts, _room.segments, classes, _room.part)
+            if advance_members(*drill, members, *times, options, rooms, progress):
+                break
             _room.grow()
         self._begun = True
         self.time = time

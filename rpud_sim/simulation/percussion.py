@@ -8,11 +8,11 @@ import numpy as np
 
 from rpud_sim.drilling.inputs import Percussion
 from rpud_sim.drilling.mount import Advance, MountWork
+from rpud_sim.model.compile import reader_of
 from rpud_sim.model.drill import Drill
 from rpud_sim.model.elementary import exponential, sin_cos, sin_cos_cycles
 from rpud_sim.model.segment import SEGMENT
 from rpud_sim.simulation.energy_account import FeedAccount
-from rpud_sim.simulation.stepped_engine import reader_of
 
 # Time constant of the mean force on the rock [s]: most of a period of the RPUD on its load spring.
 FORCE_WINDOW = 0.1

@@ -21,7 +21,6 @@ from rpud_sim.simulation.configuration import Configuration
 from rpud_sim.simulation.energy_account import FeedAccount
 from rpud_sim.simulation.faults import FaultEffects, effects_of
 from rpud_sim.simulation.percussion import LoadSpring, PercussionMeter, nodal_plane_position
-from rpud_sim.simulation.stepped_engine import SteppedEngine
 
 
 def nominal_drive(configuration: Configuration) -> Drive:
@@ -74,16 +73,13 @@ class Plant:
         self._segments: list[np.ndarray] = []
         self._impacts: list[np.ndarray] = []
         self._counted = 0  # impacts in the engine that the meter has counted
-        self._stepped: SteppedEngine | None = None
         self._percussion: PercussionMeter | None = None
         self._load_spring: LoadSpring | None = None
         self._checked = (0.0, 0.0)  # coupling and energy of impacts at the last whole second [J]
         start = (parameters, initial_phase, self.actuator.level > 0.0, self.actuator.resonance)
-        if self.process.next_step == NEVER:
-            self.engine = Engine(*start)  # of the motion
-        else:
-            self.engine = self._stepped = SteppedEngine(*start)
-            position = nodal_plane_position(self._stepped.open_segment, *self._instant)
+        self.engine = Engine(*start)  # of the motion
+        if self.process.next_step != NEVER:
+            position = nodal_plane_position(self.engine.open_segment, *self._instant)
             nominal = parameters.vibration_amplitude
             self._percussion = PercussionMeter(nominal, position, parameters.weight_on_bit)
             mount, advance = self.process.state.mount, self.process.advance
@@ -121,8 +117,8 @@ class Plant:
             The numbers of segments and of impacts since the last ``drain`` that were finished at
             each time; None if it must be done one by one, and nothing has moved.
         """
-        if self.actuator.resonance is not None:
-            return None  # each reading needs the account at its time
+        if self.actuator.resonance is not None or self._percussion is not None:
+            return None  # each reading needs the account at its time, and each block its feed's
         self._push_to_engine()
         segments = sum(map(len, self._segments))
         impacts = sum(map(len, self._impacts))
@@ -132,7 +128,7 @@ class Plant:
             return None
         self.time = int(ends[-1])
         self._instant = split_fraction(self.time)
-        finished, struck = reached
+        finished, struck = reached.T
         return finished + segments, struck + impacts
 
     def change(self, effects: FaultEffects, hardness: float) -> None:
@@ -177,8 +173,7 @@ class Plant:
         return covering, impacts
 
     def _step_process(self) -> None:
-        engine = self._stepped
-        assert engine is not None
+        engine = self.engine
         assert self._percussion is not None
         struck = engine.impacts_from(self._counted)
         if len(struck):
@@ -216,11 +211,10 @@ class Plant:
 
     def _note_withdrawal(self) -> None:
         """Note that the origin of the bodies' displacements passes them by ``_passed``."""
-        assert self._stepped is not None
         assert self._load_spring is not None
         assert self._percussion is not None
-        segment = self._stepped.open_segment[0]
-        motion = motion_at(segment, self._stepped.ahead(*self._instant))
+        segment = self.engine.open_segment[0]
+        motion = motion_at(segment, self.engine.ahead(*self._instant))
         rate = self._drill.tool_spring_rate
         work = float(withdrawal_work(segment, rate, motion, self._passed))
         self._percussion.shift(self._passed)

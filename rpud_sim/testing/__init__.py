@@ -18,7 +18,7 @@ if TYPE_CHECKING:
         LostMessagesError,
         SystemUnderTestError,
     )
-    from rpud_sim.testing.pool import open_drill
+    from rpud_sim.testing.setup import open_drill
 
 __all__ = [
     "Drill",
@@ -36,7 +36,7 @@ _MODULES = {
     "ExpectationFailedError": "errors",
     "LostMessagesError": "errors",
     "SystemUnderTestError": "errors",
-    "open_drill": "pool",
+    "open_drill": "setup",
 }
 
 

@@ -2,43 +2,78 @@
 
 from __future__ import annotations
 
-import dataclasses
+import contextlib
+import html
 import json
 import os
 import re
 import shutil
+import subprocess
 import sys
 from collections.abc import Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 
 from rpud_sim.bag import BagError, BagWriter, QosProfile, Topic
 from rpud_sim.bag.definitions import find_definition, find_type_hash
-from rpud_sim.bag.losses import RECORD_NAME as LOSSES_RECORD
-from rpud_sim.bag.losses import Losses, losses_to_record
-from rpud_sim.bag.manifest import RECORD_NAME as MANIFEST_RECORD
-from rpud_sim.bag.manifest import Manifest, installed_versions, machine_name
-from rpud_sim.bag.tested import RECORD_NAME as TESTED_RECORD
-from rpud_sim.bag.tested import RunVerdict
+from rpud_sim.bag.losses import LOSSES_RECORD, Losses, losses_to_record
+from rpud_sim.bag.manifest import (
+    MANIFEST_RECORD,
+    Manifest,
+    RunVerdict,
+    installed_versions,
+    machine_name,
+)
+from rpud_sim.bag.manifest import VERDICT_RECORD as TESTED_RECORD
 from rpud_sim.testing.drill import Drill
-from rpud_sim.testing.report_pages import ReportPages
 
 _MARKER = "artefacts.json"  # only a folder with it is overwritten
 _LAST = 5  # commands in the failure's text
 _NAME = re.compile(r"[^\w.=+-]+")
 _LONGEST_NAME = 150
+_TIME = 300.0  # that a page may take [s]
 
 
-@dataclasses.dataclass(frozen=True)
-class Artefacts:
-    """What a test has left."""
+class ReportPages:
+    """Pages that are being written, one at a time."""
 
-    text: str  # for the failure
-    properties: tuple[tuple[str, str], ...]  # names and values for JUnit
+    def __init__(self) -> None:
+        self._pool = ThreadPoolExecutor(1, "rpud_report")
+        self._pages: list[Future[None]] = []
+
+    def begin(self, bag: Path, page: Path) -> None:
+        """Write the page of a bag soon; where that fails, the page's place has the reason."""
+        self._pages.append(self._pool.submit(_write, bag, page))
+
+    def finish(self) -> None:
+        for page in self._pages:
+            page.result()
+        self._pool.shutdown()
+
+
+def _write(bag: Path, page: Path) -> None:
+    command = (sys.executable, "-m", "rpud_sim.cli.main", "report", str(bag), "--out", str(page))
+    reason = ""
+    with contextlib.suppress(FileNotFoundError):  # of a bag that the test itself has removed
+        try:
+            done = subprocess.run(
+                command,
+                stdin=subprocess.DEVNULL,
+                capture_output=True,
+                timeout=_TIME,
+            )
+            reason = done.stderr.decode(errors="replace")
+        except (OSError, subprocess.TimeoutExpired) as error:
+            reason = str(error)
+        if not page.exists():
+            text = html.escape(f"The report could not be written: {reason}")
+            page.write_text(f"<pre>{text}</pre>")
 
 
 def leave_artefacts(
     folder: Path, test: str, drills: Sequence[Drill], reports: ReportPages, failure: str = ""
-) -> Artefacts:
+) -> tuple[str, list[tuple[str, str]]]:
+    """Write what a test leaves; return a text for its failure, and properties for JUnit."""
     place = _empty_folder(folder, test)
     lines = [f"artefacts: {place}"]
     properties = [("rpud_artefacts", str(place))]
@@ -60,7 +95,7 @@ def leave_artefacts(
         lines.append(f"commands: {own / 'commands.txt'}; the last ones:")
         lines += [f"    {command}" for command in commands[-_LAST:] or ["(none)"]]
     (place / _MARKER).write_text(json.dumps({"test": test, **dict(properties)}, indent=2) + "\n")
-    return Artefacts("\n".join(lines), tuple(properties))
+    return "\n".join(lines), properties
 
 
 def write_bag(path: Path, drill: Drill, tested: RunVerdict | None = None) -> None:

@@ -10,11 +10,11 @@ from rpud_sim.foundation.quantities import ParameterError, Quantity, did_you_mea
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.ros.client import DrillClient
 from rpud_sim.simulation.topics import TOPICS
-from rpud_sim.testing.drill_process import NO_FAULTS, DrillProcess
+from rpud_sim.testing.collector import HeardTopic
 from rpud_sim.testing.errors import LostMessagesError, is_verdict
 from rpud_sim.testing.expectations import Expectable, LiveVerdicts, verdict_line
-from rpud_sim.testing.heard_topic import HeardTopic
 from rpud_sim.testing.lockstep import Lockstep, described
+from rpud_sim.testing.processes import NO_FAULTS, DrillProcess
 from rpud_sim.testing.systems import SystemUnderTest
 from rpud_sim.verdicts import Formula, Verdict
 

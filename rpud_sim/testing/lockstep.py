@@ -5,19 +5,17 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import TypeVar
+from typing import NoReturn, TypeVar
 
 from rpud_msgs.msg import Status
 
+from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.ros.client import ClientError, DrillClient, NoAnswerError
-from rpud_sim.testing.answers import Answers
 from rpud_sim.testing.collector import Collector
-from rpud_sim.testing.domains import applied
-from rpud_sim.testing.drill_process import DrillProcess
 from rpud_sim.testing.errors import DrillError, LostMessagesError, is_verdict
-from rpud_sim.testing.introductions import Introductions
-from rpud_sim.testing.lockstep_client import LockstepClient
+from rpud_sim.testing.nodes import Answers, Introductions
+from rpud_sim.testing.processes import DrillProcess, applied
 from rpud_sim.testing.systems import Systems
 
 _START = 180.0  # that a drill may take to start, which compiles where nothing is compiled yet [s]
@@ -27,6 +25,32 @@ _LONGEST_ADVANCE = SECOND  # in one go: the middleware keeps some thousand messa
 
 Value = TypeVar("Value")
 __tracebackhide__ = is_verdict
+
+
+class LockstepClient(DrillClient):
+    """Client for what ``Drill`` has no method for; time and reset belong to the lockstep."""
+
+    def step(self, seconds: float) -> NoReturn:
+        """Refuse."""
+        _refuse("step", "step")
+
+    def run_to(self, stamp: float) -> NoReturn:
+        """Refuse."""
+        _refuse("run_to", "step")
+
+    def play(self) -> NoReturn:
+        """Refuse."""
+        _refuse("play", "step")
+
+    def reset(self, scope: str | int = "all", seed: int | None = None) -> NoReturn:
+        """Refuse."""
+        _refuse("reset", "reset")
+
+
+def _refuse(name: str, other: str) -> NoReturn:
+    raise ParameterError(
+        f"drill.client.{name} would go past the nodes under test: call drill.{other}"
+    )
 
 
 class Lockstep:

@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from rpud_sim.testing.campaign.session import NAME, CampaignSession
+from rpud_sim.testing.campaign_session import NAME, CampaignSession
 
 if TYPE_CHECKING:
     from rpud_sim.testing.drill import Drill
-    from rpud_sim.testing.recording import Recording
+    from rpud_sim.testing.processes import Recording
     from rpud_sim.testing.setup import DrillSetup
 
 _MARK = (
@@ -97,17 +97,16 @@ def pytest_runtest_makereport(
     if not name or not (report.failed or keep):
         item.user_properties += properties
         return
-    from rpud_sim.testing.artefacts import leave_artefacts
-    from rpud_sim.testing.report_pages import ReportPages
+    from rpud_sim.testing.artefacts import ReportPages, leave_artefacts
 
     reports = item.config.stash.setdefault(_Stash.reports, ReportPages())
     folder = Path(item.config.rootpath, name)
-    artefacts = leave_artefacts(folder, item.nodeid, drills, reports, report.longreprtext)
-    item.user_properties += [*properties, *artefacts.properties]
+    text, places = leave_artefacts(folder, item.nodeid, drills, reports, report.longreprtext)
+    item.user_properties += [*properties, *places]
     if hasattr(report.longrepr, "addsection"):
-        report.longrepr.addsection("rpud_sim", artefacts.text)
+        report.longrepr.addsection("rpud_sim", text)
     else:
-        report.sections.append(("rpud_sim", artefacts.text))
+        report.sections.append(("rpud_sim", text))
 
 
 @pytest.hookimpl(tryfirst=True)
@@ -129,9 +128,9 @@ def pytest_sessionfinish(session: pytest.Session) -> None:
 
 def take_drill(item: pytest.Item, setup: DrillSetup, folder: Path) -> Drill:
     """Return a drill at time zero for a test, which leaves its artefacts."""
-    from rpud_sim.testing.pool import DrillPool
+    from rpud_sim.testing.setup import DrillPool
 
-    pool = item.config.stash.setdefault(_Stash.pool, DrillPool())
+    pool: DrillPool = item.config.stash.setdefault(_Stash.pool, DrillPool())
     drill = pool.take(setup, folder)
     item.stash.setdefault(_Stash.drills, []).append(drill)
     return drill
@@ -171,7 +170,7 @@ def drill(drill_factory: Callable[..., Drill]) -> Drill:
 @pytest.fixture
 def recording(drill: Drill, tmp_path: Path) -> Iterator[Recording]:
     """Record the test with the recorder; ``recording.stop()`` returns the path of the bag."""
-    from rpud_sim.testing.recording import Recording
+    from rpud_sim.testing.processes import Recording
 
     record = Recording(drill, tmp_path / "recording")
     yield record

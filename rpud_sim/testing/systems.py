@@ -16,10 +16,9 @@ from rpud_sim.foundation.quantities import ParameterError, suggestion
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.ros.graph import node_name
 from rpud_sim.simulation.topics import TOPICS
-from rpud_sim.testing.answers import Answers
 from rpud_sim.testing.collector import COMMANDS, Collector
 from rpud_sim.testing.errors import LostMessagesError, SystemUnderTestError, is_verdict
-from rpud_sim.testing.introductions import Introductions
+from rpud_sim.testing.nodes import Answers, Introductions
 
 _START = 30.0  # that nodes may take to start which the test does not start itself [s]
 _CONNECTION = 10.0  # that the middleware may take to connect what is there [s]
@@ -229,7 +228,8 @@ class Systems:
 
         def counted() -> bool:
             latest = status.latest()
-            return latest.commands_accepted + latest.commands_rejected >= given()
+            counts = latest.commands_accepted, latest.commands_rejected
+            return sum(map(int, counts)) >= given()
 
         if not given():
             return False

@@ -10,9 +10,8 @@ from functools import cache
 import numpy as np
 
 from rpud_sim.bag import Column, Kind
-from rpud_sim.bag.blocks import holds_rows, row_columns
 from rpud_sim.bag.cdr import Codec
-from rpud_sim.bag.columns import RECEIVED, columns_of
+from rpud_sim.bag.columns import RECEIVED, columns_of, holds_rows, row_columns
 from rpud_sim.bag.definitions import find_definition
 from rpud_sim.foundation.quantities import did_you_mean, shown
 from rpud_sim.foundation.time import SECOND

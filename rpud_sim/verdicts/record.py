@@ -12,8 +12,7 @@ import numpy as np
 
 from rpud_sim.bag import Batch, Column, Kind, TopicSummary
 from rpud_sim.bag import open as open_bag
-from rpud_sim.bag.blocks import to_rows
-from rpud_sim.bag.columns import RECEIVED, Sequences, objects
+from rpud_sim.bag.columns import RECEIVED, Sequences, objects, to_rows
 from rpud_sim.foundation.quantities import suggestion
 from rpud_sim.verdicts.formulas import Compare, Quantile, Says, Signal
 from rpud_sim.verdicts.messages import Missing, Piece, TopicMessages, get, time_of

@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 
 import rpud_sim.bag
-from rpud_sim.bag import BagError, Message, Piece
-from rpud_sim.bag.message_block import MessageBlock, joined, messages_of
+from rpud_sim.bag import BagError, BagSegment, Message
+from rpud_sim.bag.messages import MessageBlock, joined, messages_of
 from rpud_sim.foundation.time import SECOND, join_seconds
 from rpud_sim.inspection.recorded_drill import Clock, Jump
 from rpud_sim.viewer.signals import (
@@ -55,7 +55,7 @@ class Recording:
             self.begin = self.bag.start_time  # log time of its beginning [ns]
             # By topic: readers, and reasons why there are no signals.
             self.readers, self.left_out = topic_readers(self.bag)
-            self.pieces: list[Piece] = self.bag.pieces()
+            self.pieces: list[BagSegment] = self.bag.segments()
         except BaseException:
             self.bag.close()
             raise
@@ -103,7 +103,8 @@ class Recording:
     def sample(self) -> list[int]:
         """Numbers of the parts that give a first picture."""
         places = np.linspace(0, len(self.pieces) - 1, SAMPLED) if self.pieces else np.empty(0)
-        return np.unique(places.astype(int)).tolist()
+        numbers: list[int] = np.unique(places.astype(int)).tolist()
+        return numbers
 
     def grow(self) -> bool:
         """Add the parts that were written since the bag was opened, or grew.
@@ -127,7 +128,7 @@ class Recording:
         except BagError as error:
             self.lost = f"it cannot be read any more: {error}"
             return True
-        pieces = {_key(piece): piece for piece in bag.pieces()}
+        pieces = {_key(piece): piece for piece in bag.segments()}
         known = [_key(piece) for piece in self.pieces]
         counted = {each.topic.name for each in bag.readable_topics if each.message_count}
         if not {*known} <= {*pieces} or not counted <= self.readers.keys() | self.left_out.keys():
@@ -271,7 +272,7 @@ class Recording:
         self._set_clock(drill, zero, find_jumps(stamps, logs))
 
 
-def _key(piece: Piece) -> tuple[int, int, int]:
+def _key(piece: BagSegment) -> tuple[int, int, int]:
     return piece.start_time, piece.end_time, piece.size
 
 

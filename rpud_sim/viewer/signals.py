@@ -11,7 +11,7 @@ import numpy as np
 from rpud_sim.bag import BagFormatError, BagReader, TopicSummary
 from rpud_sim.bag.columns import Column, Kind, usable
 from rpud_sim.bag.field_values import FieldReader
-from rpud_sim.bag.message_block import MessageBlock
+from rpud_sim.bag.messages import MessageBlock
 from rpud_sim.bag.tables import compiled, late_messages
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.inspection.recorded_drill import Jump

@@ -11,7 +11,7 @@ from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.columns import Kind, Sequences, columns_of
 from rpud_sim.bag.errors import BagFormatError
 from rpud_sim.bag.field_values import FieldReader
-from rpud_sim.bag.message_block import MessageBlock
+from rpud_sim.bag.messages import MessageBlock
 
 PARTS = f"""
 {SEPARATOR}
@@ -190,6 +190,6 @@ def test_a_message_with_too_many_parts_is_left_to_the_library():
 
 def test_the_largest_size_keeps_the_bound_on_memory():
     codec = Codec("std_msgs/msg/String", "string data\n")
-    largest = codec.largest_size(10_000)
-    memory = codec.decoded_sizes(np.array([largest, largest + 2]))
+    largest = codec.budget.largest(10_000)
+    memory = codec.budget.sizes(np.array([largest, largest + 2]))
     assert memory[0] <= 10_000 < memory[1]

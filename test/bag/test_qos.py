@@ -6,8 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rpud_sim.bag.errors import BagFormatError
-from rpud_sim.bag.metadata import dump_offered_qos, load_offered_qos
-from rpud_sim.bag.qos import INFINITE, QosProfile
+from rpud_sim.bag.metadata import INFINITE, QosProfile, dump_offered_qos, load_offered_qos
 
 durations = st.one_of(st.just(INFINITE), st.integers(0, 10**18))
 profiles = st.builds(

@@ -12,7 +12,7 @@ import rpud_sim.bag
 from rpud_sim.bag import BagFormatError, BagWriter
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.definitions import find_definition
-from rpud_sim.bag.losses import RECORD_NAME, RECORDING_RECORD, Losses, losses_to_record
+from rpud_sim.bag.losses import LOSSES_RECORD, RECORDING_RECORD, Losses, losses_to_record
 from rpud_sim.bag.metadata import BagMetadata
 from rpud_sim.bag.recovery import recover
 
@@ -60,7 +60,7 @@ def test_the_recorder_s_records_are_kept_and_shown(tmp_path):
         bag.add_record(RECORDING_RECORD, {"max_loss": "0.5"})
         bag.add_topic(TALK, STRING_DEFINITION)
         bag.write(TALK.name, serialized_string("kept"), START, START)
-        bag.add_record(RECORD_NAME, losses_to_record({TALK.name: Losses(3, 1)}))
+        bag.add_record(LOSSES_RECORD, losses_to_record({TALK.name: Losses(3, 1)}))
     file = tmp_path / "run" / "run_0.mcap"
     file.write_bytes(file.read_bytes()[:-9])
     recovery = recover(tmp_path / "run", tmp_path / "out")
@@ -150,13 +150,13 @@ def odd_bag(path, *, schema=b"string data\n", offers="", records=()):
 @pytest.mark.parametrize(
     ("odd", "reason"),
     [
-        ({"records": [(RECORD_NAME, {"count": "many"})]}, "the record rpud_losses is unreadable"),
-        ({"records": [(RECORD_NAME, {"/a": '{"transport": -1, "queue": 0}'})]}, "no number of"),
+        ({"records": [(LOSSES_RECORD, {"count": "many"})]}, "the record rpud_losses is unreadable"),
+        ({"records": [(LOSSES_RECORD, {"/a": '{"transport": -1, "queue": 0}'})]}, "no number of"),
         ({"offers": "[1]"}, "the offers on /talk are left out: a profile of offered_qos"),
         ({"offers": "- !!timestamp 1"}, "the offers on /talk are left out"),
         ({"schema": b"string data\xff\n"}, "the definition of std_msgs/msg/String is left out"),
         (
-            {"records": [("rosbag2", {"serialized_metadata": "{}"}), (RECORD_NAME, {"a": "[]"})]},
+            {"records": [("rosbag2", {"serialized_metadata": "{}"}), (LOSSES_RECORD, {"a": "[]"})]},
             "the record rpud_losses is unreadable",
         ),
     ],

@@ -8,8 +8,8 @@ import pytest
 from sample_bags import START, STRING_DEFINITION, TALK
 
 import rpud_sim.bag
-from rpud_sim.bag import BagError, BagWriter, output_file
-from rpud_sim.bag.reserve import FILE_NAME, Reserve, ReservedFile
+from rpud_sim.bag import BagError, BagWriter, mcap_writer
+from rpud_sim.bag.mcap_writer import RESERVE_NAME, Reserve, ReservedFile
 
 SIZE = 20_000  # bytes of a message
 
@@ -24,7 +24,7 @@ def fill(monkeypatch):
             if room[0] is None:
                 return super().write(data)
             folder = os.path.dirname(self.name)
-            free = room[0] - os.path.exists(os.path.join(folder, FILE_NAME)) * room[0]
+            free = room[0] - os.path.exists(os.path.join(folder, RESERVE_NAME)) * room[0]
             if free == 0:
                 raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
             written = super().write(memoryview(data)[:free])
@@ -34,10 +34,10 @@ def fill(monkeypatch):
     class File(ReservedFile, SmallDisk):
         pass
 
-    monkeypatch.setattr(output_file, "ReservedFile", File)
+    monkeypatch.setattr(mcap_writer, "ReservedFile", File)
 
     def act(folder):
-        reserve = folder / FILE_NAME
+        reserve = folder / RESERVE_NAME
         room[0] = reserve.stat().st_blocks * 512 if reserve.exists() else 0
 
     return act
@@ -64,7 +64,7 @@ def test_a_bag_is_whole_though_the_disk_is_full(tmp_path, fill, compression):
         bag.flush()
         assert not bag.reserve(1)
         bag.add_record("notes", {"weather": "x" * 500_000})
-    assert not (path / FILE_NAME).exists()
+    assert not (path / RESERVE_NAME).exists()
     with rpud_sim.bag.open(path) as whole:
         assert sum(1 for _ in whole.messages()) == count
         assert len(whole.records("notes")) == 1
@@ -88,12 +88,12 @@ def test_room_that_no_disk_has_is_not_held_and_not_even_tried(tmp_path, monkeypa
     )
     reserve = Reserve(tmp_path)
     assert reserve.hold(1)
-    size = (tmp_path / FILE_NAME).stat().st_blocks * 512
+    size = (tmp_path / RESERVE_NAME).stat().st_blocks * 512
     assert size >= 1 << 20
     disk = os.statvfs(tmp_path)
     assert not reserve.hold(2 * disk.f_blocks * disk.f_frsize)
     assert len(asked) == 1  # or no other program could write meanwhile
     assert reserve.release()
-    assert not (tmp_path / FILE_NAME).exists()
+    assert not (tmp_path / RESERVE_NAME).exists()
     assert not reserve.hold(1)
     assert not reserve.release()

@@ -154,7 +154,7 @@ def test_uncompressed_files_are_gone_with_the_reader(tmp_path, monkeypatch):
 
 
 def test_a_file_that_grows_beyond_measure_is_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr("rpud_sim.bag.rosbag2_compression._LEAST_LIMIT", 2**20)
+    monkeypatch.setattr("rpud_sim.bag.storage_files._LEAST_LIMIT", 2**20)
     file = tmp_path / "bomb.mcap.zstd"
     file.write_bytes(zstandard.compress(bytes(2**24)))
     with pytest.raises(BagFormatError, match=r"this one has more than 1048576 bytes"):
@@ -162,14 +162,14 @@ def test_a_file_that_grows_beyond_measure_is_refused(tmp_path, monkeypatch):
 
 
 def test_the_limit_is_that_of_all_files_together(tmp_path, monkeypatch):
-    monkeypatch.setattr("rpud_sim.bag.rosbag2_compression._LEAST_LIMIT", 2**20)
+    monkeypatch.setattr("rpud_sim.bag.storage_files._LEAST_LIMIT", 2**20)
     plain = write(tmp_path / "plain", StoragePlugin.MCAP, CompressionMode.NONE, count=10_000)
     [file] = plain.glob("*.mcap")
     size = file.stat().st_size
     assert 2**19 < size < 2**20
     for number in range(2):
         (tmp_path / f"run_{number}.mcap.zstd").write_bytes(zstandard.compress(file.read_bytes()))
-    monkeypatch.setattr("rpud_sim.bag.rosbag2_compression._MOST_GROWTH", 0)
+    monkeypatch.setattr("rpud_sim.bag.storage_files._MOST_GROWTH", 0)
     with pytest.raises(BagFormatError, match=f"run_1.*more than {2**20 - size} bytes"):
         rpud_sim.bag.open(tmp_path)
 

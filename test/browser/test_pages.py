@@ -14,8 +14,8 @@ from rpud_sim.simulation import preset
 from rpud_sim.simulation.scenario import read_scenario
 from rpud_sim.studies.fit import branches
 from rpud_sim.studies.fit import fit as rounds
-from rpud_sim.testing.campaign.campaign_file import read_campaign
-from rpud_sim.testing.campaign.page import campaign_page
+from rpud_sim.testing.campaign_file import read_campaign
+from rpud_sim.testing.campaign_results import campaign_page
 
 pytestmark = pytest.mark.extended
 

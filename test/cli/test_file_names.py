@@ -9,7 +9,7 @@ from sample_bags import write_bag
 from support import called
 
 import rpud_sim.bag
-from rpud_sim.bag.manifest import RECORD_NAME, manifest_from_record
+from rpud_sim.bag.manifest import MANIFEST_RECORD, manifest_from_record
 
 
 def rpud(folder, *words, **environment):
@@ -39,7 +39,7 @@ def test_the_locale_is_no_damage(tmp_path, words):
     for path in tmp_path.glob("ä/metadata.yaml"):
         with rpud_sim.bag.open(path.parent) as bag:
             assert bag.message_count > 0
-            manifests = [manifest_from_record(record) for record in bag.records(RECORD_NAME)]
+            manifests = [manifest_from_record(record) for record in bag.records(MANIFEST_RECORD)]
         assert "ä_0.mcap" in path.read_text(encoding="utf-8")
         assert all(manifest.command[-1] == "ä" for manifest in manifests)
 

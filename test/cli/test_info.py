@@ -7,7 +7,7 @@ from mcap.writer import Writer
 from sample_bags import CHAT, START, STRING, TALK, write_bag
 
 from rpud_sim.bag import BagWriter
-from rpud_sim.bag.losses import RECORD_NAME, Losses, losses_to_record
+from rpud_sim.bag.losses import LOSSES_RECORD, Losses, losses_to_record
 from rpud_sim.cli.main import execute
 
 
@@ -50,7 +50,7 @@ def test_losses_are_shown(tmp_path, capsys):
         bag.add_topic(TALK)
         bag.add_topic(CHAT)
         losses = {TALK.name: Losses(2, 1), CHAT.name: Losses(None, 1)}
-        bag.add_record(RECORD_NAME, losses_to_record(losses))
+        bag.add_record(LOSSES_RECORD, losses_to_record(losses))
     assert run(tmp_path / "run", "--json") == 0
     topics = json.loads(capsys.readouterr().out)["topics"]
     assert [topic["losses"] for topic in topics] == [None, 3]

@@ -14,7 +14,7 @@ from rosbags.highlevel import AnyReader
 from support import called
 
 import rpud_sim.bag
-from rpud_sim.bag.manifest import RECORD_NAME as MANIFEST
+from rpud_sim.bag.manifest import MANIFEST_RECORD as MANIFEST
 from rpud_sim.bag.manifest import manifest_from_record
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.simulation import preset

@@ -5,7 +5,7 @@ import re
 import pytest
 from support import called
 
-from rpud_sim.bag.output_file import COMPRESSIONS
+from rpud_sim.bag.chunks import COMPRESSIONS
 from rpud_sim.cli.options import Parser, add_options, options_from, split_ros_arguments
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.ros.record import record_options

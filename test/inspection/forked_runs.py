@@ -8,7 +8,7 @@ import numpy as np
 import rpud_sim.bag
 from rpud_sim.bag import BagWriter, Topic
 from rpud_sim.bag.definitions import find_definition, find_type_hash
-from rpud_sim.bag.manifest import RECORD_NAME, manifest_from_record
+from rpud_sim.bag.manifest import MANIFEST_RECORD, manifest_from_record
 from rpud_sim.inspection.recorded_journal import installed_codec
 from rpud_sim.simulation.commands import Drive, WeightOnBit
 from rpud_sim.simulation.configuration import to_settings
@@ -144,4 +144,4 @@ def entries_of(path):
 
 def manifest_of(path):
     with rpud_sim.bag.open(path) as bag:
-        return manifest_from_record(bag.records(RECORD_NAME)[0])
+        return manifest_from_record(bag.records(MANIFEST_RECORD)[0])

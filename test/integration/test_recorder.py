@@ -17,7 +17,7 @@ from rpud_msgs.msg import ContactForce
 from support import called
 
 import rpud_sim.bag
-from rpud_sim.bag.manifest import RECORD_NAME as MANIFEST
+from rpud_sim.bag.manifest import MANIFEST_RECORD as MANIFEST
 from rpud_sim.bag.manifest import manifest_from_record
 from rpud_sim.ros.record.recorder_services import service_type
 from rpud_sim.simulation.scenario import parse_scenario, read_scenario

@@ -43,7 +43,8 @@ EXACT = {
     *("llvm.fabs.f64", "llvm.copysign.f64", "llvm.is.fpclass.f64"),
 }
 # What computes nothing: Numba's and Python's own, memory and integers.
-SERVICES = ("numba_", "Py", "_Py", "llvm.mem", "llvm.lifetime", "llvm.smax", "llvm.smin", "_ZN")
+INTEGERS = ("llvm.smax", "llvm.smin", "llvm.umin")
+SERVICES = ("numba_", "Py", "_Py", "llvm.mem", "llvm.lifetime", *INTEGERS, "_ZN")
 
 
 @pytest.fixture(scope="module")

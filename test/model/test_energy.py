@@ -33,7 +33,7 @@ def account(segments, seconds, rpud=RPUD, start=0.0):
     tallies = tally.empty_tallies(1)
     room = np.zeros(tally.CLASSES, np.int64), np.zeros(tally.PART_ROOM)
     nothing = np.empty(0, IMPACT)
-    tally.add_block(rpud, segments, nothing, 0, start, 0, seconds, False, tallies, *room)
+    tally.add_block(rpud, segments, nothing, (0, start), (0, seconds), False, tallies, *room)
     return tallies[0]["account"]
 
 
@@ -192,10 +192,11 @@ def test_in_the_rock_all_that_is_transferred_is_absorbed():
 )
 def test_the_rock_takes_a_tool_that_is_met_as_it_comes_to_rest(contact, event, deflection, taken):
     first = 1 if event == 6 else 0
+    before = SimpleNamespace(contact=first, drill_tool_mass=2.0, drill_tool_spring_rate=1e7)
     after = SimpleNamespace(contact=contact, event=event)
     ended = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, deflection, -1.0)
     joules = np.zeros(len(energy.TERMS))
-    motion = energy.add_rest.py_func(first, 2.0, 1e7, after, ended, joules)
+    motion = energy.add_rest.py_func(before, after, ended, joules)
     assert motion == ((*ended[:6], 0.0, 0.0) if taken else ended)
     assert joules[energy.RELEASE] == pytest.approx(taken, abs=1e-12)
 

@@ -1,5 +1,6 @@
 """The engine in the whole parameter space: exact, associative, never stuck."""
 
+import copy
 import math
 from itertools import pairwise
 
@@ -10,12 +11,15 @@ from drill_configurations import tables
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rpud_sim.model.drill import derive
+from rpud_sim.model.compile import reader_of
+from rpud_sim.model.drill import STATE, derive
 from rpud_sim.model.engine import Engine, EngineError
 from rpud_sim.model.parameters import preset
 from rpud_sim.model.segment import (
     EVENT_ACTUATOR_IMPACT,
     EVENT_DRILL_TOOL_IMPACT,
+    IMPACT,
+    SEGMENT,
     motion_at,
 )
 
@@ -175,3 +179,35 @@ def test_room_is_used_again_when_nobody_looks_at_it():
             contents.append(covering.copy())
     for covering, content in zip(held, contents, strict=True):
         np.testing.assert_array_equal(covering, content)
+
+
+def test_impacts_are_seen_before_they_are_drained():
+    engine = Engine(preset("drilling"))
+    found = []
+    for k in range(1, 40):
+        engine.advance(0, k * 1e-3)
+        found += engine.impacts_from(len(found))["sequence"].tolist()
+    _, impacts = engine.drain()
+    assert found == impacts["sequence"].tolist()
+    assert len(engine.impacts_from(0)) == 0
+
+
+def test_a_copy_goes_on_by_itself():
+    engine = Engine(preset("drilling"))
+    engine.advance(0, 0.01)
+    other = copy.deepcopy(engine)
+    for each in (engine, other):
+        each.advance(0, 0.05)
+    one, two = ([part.tolist() for part in each.drain_covering()] for each in (engine, other))
+    assert one == two
+
+
+def test_fields_are_read_from_the_first_record():
+    generator = np.random.default_rng(3)
+    for dtype in (STATE, SEGMENT, IMPACT):
+        records = np.zeros(2, dtype)
+        wide = [name for name in dtype.names if dtype[name].str[1:] in ("f8", "i8")]
+        for name in wide:
+            records[name] = generator.integers(-1000, 1000, 2)
+        assert reader_of(dtype, *wide)(records) == tuple(records[name][0] for name in wide)
+        assert reader_of(dtype, wide[-1])(records) == (records[wide[-1]][0],)

@@ -11,8 +11,8 @@ from rclpy.qos import (
     qos_check_compatible,
 )
 
-from rpud_sim.bag.qos import INFINITE
-from rpud_sim.bag.qos import QosProfile as RecordedProfile
+from rpud_sim.bag.metadata import INFINITE
+from rpud_sim.bag.metadata import QosProfile as RecordedProfile
 from rpud_sim.ros.graph import request_for
 from rpud_sim.ros.record.recorded_topic import is_satisfied, recorded_profile
 from rpud_sim.ros.replay.replayer_node import replay_offer

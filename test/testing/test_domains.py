@@ -5,9 +5,9 @@ import sys
 
 import pytest
 
-from rpud_sim.testing.domains import DomainClaim, applied, find_profile, loopback_environment
+from rpud_sim.testing.processes import DomainClaim, applied, find_profile, loopback_environment
 
-CLAIM = "from rpud_sim.testing.domains import DomainClaim; print(DomainClaim().domain)"
+CLAIM = "from rpud_sim.testing.processes import DomainClaim; print(DomainClaim().domain)"
 
 
 @pytest.fixture

@@ -18,8 +18,7 @@ from rpud_sim.testing import (
     SystemUnderTestError,
 )
 from rpud_sim.testing.artefacts import write_bag
-from rpud_sim.testing.pool import DrillPool
-from rpud_sim.testing.setup import drill_setup
+from rpud_sim.testing.setup import DrillPool, drill_setup
 from rpud_sim.verdicts import Expectation, Record, always, evaluate
 from rpud_sim.verdicts import signal as field
 

@@ -8,8 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from rpud_sim.testing.pool import DrillPool
-from rpud_sim.testing.setup import drill_setup
+from rpud_sim.testing.setup import DrillPool, drill_setup
 
 STARTS = int(os.environ.get("RPUD_STARTS", "60"))
 

@@ -10,7 +10,7 @@ from sample_bags import SECOND, serialized
 
 from rpud_sim import bag as bags
 from rpud_sim.bag import Losses, Topic
-from rpud_sim.bag.losses import RECORD_NAME, losses_to_record
+from rpud_sim.bag.losses import LOSSES_RECORD, losses_to_record
 from rpud_sim.verdicts import (
     Expectation,
     ExpectationError,
@@ -153,7 +153,8 @@ def test_losses_that_a_bag_counts_make_undecided_where_they_matter(faulty_bag, t
             writer.add_topic(summary.topic, summary.definition)
         for message in reader.messages():
             writer.write(message.topic, message.data, message.log_time, message.publish_time)
-        writer.add_record(RECORD_NAME, losses_to_record({"/rpud/reacting_force": Losses(2, 1, 0)}))
+        losses = {"/rpud/reacting_force": Losses(2, 1, 0)}
+        writer.add_record(LOSSES_RECORD, losses_to_record(losses))
     formula = always(FORCE < "1 kN")
     topics = Expectation("it", formula).topics
     assert outcome(formula, Record.from_bag(path, topics)) == "passed"

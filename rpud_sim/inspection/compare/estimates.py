@@ -11,6 +11,7 @@ from scipy.special import stdtr, stdtrit
 
 from rpud_sim.inspection.compare.block_bootstrap import mean_error
 from rpud_sim.inspection.compare.values import MEAN, MEDIAN, P95, ComparedQuantity
+from rpud_sim.pages.quantities import NONE, Quantity
 
 LEVEL = 0.95  # confidence level of all intervals
 
@@ -18,6 +19,8 @@ _LARGEST_LOGARITHM = 700.0
 _ROUNDING = 1e-9  # relative; smaller differences come from the rounding of numbers
 _SHARES = {MEDIAN: 0.5, P95: 0.95}
 _CLEARLY_NOT_ZERO = 3.0  # standard errors from zero that a reference of a ratio needs
+
+_PERCENT = Quantity("relative", "relative difference", "%", 100.0, floor=1e-5)
 
 # Decisions on a difference.
 DIFFERS, SAME, EQUIVALENT, UNDECIDED, TOO_FEW = (
@@ -61,6 +64,16 @@ class Difference:
     # corrected for the number of comparisons. NaN where nothing is decided.
     chance: float
     decision: str
+
+    def texts(self, shown: Quantity) -> tuple[str, str]:
+        """Return value and interval as texts: relative, if known, or in the quantity's unit."""
+        value, low, high = self.value, self.low, self.high
+        if math.isfinite(self.relative):
+            value, low, high = self.relative, self.relative_low, self.relative_high
+            shown = _PERCENT
+        interval = f"{shown.text(low, unit=False, sign=True)} to {shown.text(high, sign=True)}"
+        known = math.isfinite(low) and math.isfinite(high)
+        return shown.text(value, sign=True), interval if known else NONE
 
 
 def estimate(values: np.ndarray, figure: str, resolution: float = 0.0) -> Estimate:

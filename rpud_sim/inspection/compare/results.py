@@ -16,7 +16,7 @@ from rpud_sim.inspection.compare.estimates import (
     Estimate,
 )
 from rpud_sim.inspection.compare.same_bits import DIFFERENT, EQUAL, TopicBits
-from rpud_sim.inspection.compare.values import RecordedValues
+from rpud_sim.inspection.compare.values import FIGURES, MEAN, RecordedValues
 from rpud_sim.inspection.recorded_drill import RecordedDrill
 from rpud_sim.pages.quantities import Quantity
 
@@ -129,6 +129,26 @@ class Comparison:
         if self.tolerance:
             return f"equivalent: all {count} figures are within {percent}"
         return f"no difference found in {count} figures"
+
+    @property
+    def sentence(self) -> str:
+        """The result, and the greatest of the differences."""
+        text = f"{self.verdict[0].upper()}{self.verdict[1:]}"
+        differing = [
+            (quantity.shown, each, window.window.name)
+            for window in self.windows
+            for quantity in window.quantities
+            for run in quantity.differences
+            for each in run
+            if each.decision == DIFFERS and math.isfinite(each.relative)
+        ]
+        if not differing:
+            return f"{text}."
+        shown, most, where = max(differing, key=lambda pair: abs(math.log1p(pair[1].relative)))
+        value, interval = most.texts(shown)
+        figure = "" if most.figure == MEAN else f" ({FIGURES[most.figure]})"
+        segment = f" {where}" if len(self.windows) > 1 else ""
+        return f"{text}, most of all {shown.label}{figure}{segment}: {value}, from {interval}."
 
 
 def all_differences(found: Sequence[WindowComparison]) -> Iterator[Difference]:

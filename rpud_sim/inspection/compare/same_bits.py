@@ -11,7 +11,7 @@ from typing import Any
 
 from rpud_sim.bag import BagFormatError, BagReader, TopicSummary
 from rpud_sim.bag.cdr import Codec
-from rpud_sim.bag.message_block import MessageBlock
+from rpud_sim.bag.messages import MessageBlock
 from rpud_sim.foundation.time import SECOND, join_seconds
 from rpud_sim.inspection.compare.values import RecordedValues, ValueReader
 from rpud_sim.inspection.output import Damages

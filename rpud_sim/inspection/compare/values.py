@@ -11,7 +11,7 @@ import numpy as np
 
 from rpud_sim.bag import BagReader
 from rpud_sim.bag.columns import Kind, usable
-from rpud_sim.bag.message_block import MessageBlock
+from rpud_sim.bag.messages import MessageBlock
 from rpud_sim.bag.tables import Batch, Table, batches
 from rpud_sim.foundation.time import SECOND, join_seconds
 from rpud_sim.inspection.output import Damages
@@ -21,6 +21,7 @@ from rpud_sim.pages.quantities import Quantity
 from rpud_sim.simulation.topics import TOPICS
 
 MEAN, MEDIAN, P95 = "mean", "median", "p95"  # figures of a distribution
+FIGURES = {MEAN: "mean", MEDIAN: "median", P95: "95 % quantile"}  # as people read them
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from collections.abc import Callable, Collection, Iterator
 import numpy as np
 
 from rpud_sim.bag import BagReader, Message
-from rpud_sim.bag.message_block import MessageBlock, gathered
+from rpud_sim.bag.messages import MessageBlock, gathered
 
 # Returns how many of some publishing times [ns], at least one, fit from the first on.
 FittingTimes = Callable[[np.ndarray], int]

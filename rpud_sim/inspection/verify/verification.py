@@ -8,6 +8,7 @@ from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import nullcontext, suppress
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import chain
 
 import rpud_sim.bag
@@ -106,22 +107,37 @@ def verify(
             raise UnverifiableError(
                 f"{path} holds no journal; record the topic journal, or all of the namespace"
             )
-        parts = [_Proof(bag, journal).run(report) for journal in held]
-    differences = [part.first_difference for part in parts if part.first_difference]
+        proofs = [_Proof(bag, journal, report) for journal in held]
+        for proof in proofs:
+            proof.run()
+    begins = [proof.begins[0] for proof in proofs if proof.begins]
+    differences = [each for proof in proofs for each in proof.differences]
     return Verification(
-        {name: counts for part in parts for name, counts in part.topics.items()},
-        {name: lost for part in parts for name, lost in part.lost.items()},
+        {name: counts for proof in proofs for name, counts in proof.topics.items()},
+        {name: lost for proof in proofs for name, lost in proof.lost.items()},
         min(differences, key=lambda difference: difference.log_time, default=None),
-        next((part.undecided for part in parts if part.undecided), ""),
-        sum(part.simulated for part in parts),
-        max((part.begins for part in parts if part.begins is not None), default=None),
-        tuple(dict.fromkeys(text for part in parts for text in part.warnings)),
+        next((proof.undecided for proof in proofs if proof.undecided), ""),
+        sum(proof.simulated for proof in proofs),
+        max(begins, default=None),
+        tuple(dict.fromkeys(text for proof in proofs for text in proof.warnings)),
     )
 
 
 class _Proof:
-    def __init__(self, bag: BagReader, journal: TopicSummary) -> None:
+    """Proof of what one journal of a bag determines."""
+
+    def __init__(
+        self, bag: BagReader, journal: TopicSummary, report: Callable[[float], object]
+    ) -> None:
+        # As of a ``Verification``, of this journal alone.
+        self.topics: dict[str, Counts] = {}
+        self.lost: dict[str, int | None] = {}
+        self.differences: list[Difference] = []
+        self.undecided = ""
+        self.simulated = 0
+        self.warnings: list[str] = []
         self._bag = bag
+        self._report = report
         self._journal = journal.topic.name
         self._codec = journal_codec(journal)
         self._stretches = Stretches(self._entries())  # first: it refuses another engine
@@ -139,67 +155,50 @@ class _Proof:
                     self._codecs[name] = proof_codec(summary)
         if not any(self._summaries[name].message_count for name in self._codecs):
             raise UnverifiableError(f"the bag holds nothing that {self._journal} could prove")
-        self._warnings: dict[str, None] = {}
-        self._simulated = 0
 
-    def run(self, report: Callable[[float], object]) -> Verification:
-        self._coverage = find_coverage(self._bag, self._coverage_codecs(), self._stretches)
-        # of entries of the journal, and of what they prove at once
-        self._journal_differences: list[Difference] = []
+    def run(self) -> None:
+        # A status of any version shows the progress of the drill.
+        codecs = {self._summaries[name].topic.name: codec for name, codec in self._codecs.items()}
+        self._status_codec: Codec | None = None
+        status = self._summaries.get("status")
+        if status and status.topic.type == TOPICS["status"].type and status.definition:
+            with suppress(BagFormatError):
+                self._status_codec = Codec(status.topic.type, status.definition)
+                codecs[status.topic.name] = self._status_codec
+        self._coverage = find_coverage(self._bag, codecs, self._stretches)
         self._first_faults: Fields = {}
-        self._check_headers()
-        comparisons = self._compare(report)
+        if wrong := wrong_header(self._entries(), self._codec):
+            self._add_difference(*wrong)
+        comparisons = self._compare()
         counts = {name: comparison.counts for name, comparison in comparisons.items()}
         suspects = {name: c.suspects for name, c in comparisons.items() if c.suspects}
         found = [suspect for group in suspects.values() for suspect in group]
-        undecided = ""
         if suspects and self._stretches.runs > 1:
-            found = self._decide(suspects, counts, report)
+            found = self._decide(suspects, counts)
             left = [name for name in suspects if counts[name].different + counts[name].unexpected]
             if left and not found:
-                undecided = (
+                self.undecided = (
                     f"the bag holds {self._stretches.runs} runs, and it cannot be decided which "
                     f"of them messages of {self._summaries[left[0]].topic.name} belong to"
                 )
         until = self._coverage.journal_until
         decided = [each for each in found if until is None or each.published <= until]
         if found and not decided:
-            undecided = self._early_end(len(found))
+            self.undecided = self._early_end(len(found))
         older = sum(counts[name].before for name in counts if not TOPICS[name].latched)
-        if not undecided and older:
-            undecided = f"{older} messages are of before the journal begins"
+        if not self.undecided and older:
+            self.undecided = f"{older} messages are of before the journal begins"
         self._check_older_faults(comparisons)
         self._check_commands()
-        differences = [*self._journal_differences, *(each.difference for each in decided)]
-        held = [
-            name
-            for name in self._codecs
-            if self._summaries[name].message_count or counts[name].tail
-        ]
-        losses = {name: self._summaries[name].losses for name in held}
-        return Verification(
-            {self._summaries[name].topic.name: counts[name] for name in held},
-            {
-                self._summaries[name].topic.name: None if lost is None else lost.total
-                for name, lost in losses.items()
-            },
-            min(differences, key=lambda difference: difference.log_time, default=None),
-            undecided,
-            self._simulated,
-            begins[0] if (begins := self._begins()) else None,
-            tuple(self._warnings),
-        )
+        self.differences += [each.difference for each in decided]
+        for name in self._codecs:
+            summary = self._summaries[name]
+            if summary.message_count or counts[name].tail:
+                self.topics[summary.topic.name] = counts[name]
+                losses = summary.losses
+                self.lost[summary.topic.name] = None if losses is None else losses.total
 
-    def _coverage_codecs(self) -> dict[str, Codec]:
-        codecs = {self._summaries[name].topic.name: codec for name, codec in self._codecs.items()}
-        status = self._summaries.get("status")
-        if status and status.topic.type == TOPICS["status"].type and status.definition:
-            with suppress(BagFormatError):
-                # A status of any version shows the progress of the drill.
-                codecs[status.topic.name] = Codec(TOPICS["status"].type, status.definition)
-        return codecs
-
-    def _compare(self, report: Callable[[float], object]) -> dict[str, TopicComparison]:
+    def _compare(self) -> dict[str, TopicComparison]:
         names = {name: self._summaries[name].topic.name for name in self._codecs}
         recorded = RecordedTopics(self._bag, set(names.values()))
         comparisons = {
@@ -210,11 +209,11 @@ class _Proof:
                 self._stretches,
                 self._coverage,
                 TOPICS[name].latched,
-                self._begins(),
+                self.begins,
             )
             for name, codec in self._codecs.items()
         }
-        for found, stretch, reached in self._computed(report):
+        for found, stretch, reached in self._computed():
             if isinstance(found, Together):
                 origin = reached - found.end
                 for name, block in computed_blocks(found, self._codecs, stretch, origin):
@@ -232,34 +231,34 @@ class _Proof:
         return comparisons
 
     def _decide(
-        self,
-        suspects: Mapping[str, Sequence[Suspect]],
-        counts: dict[str, Counts],
-        report: Callable[[float], object],
+        self, suspects: Mapping[str, Sequence[Suspect]], counts: dict[str, Counts]
     ) -> list[Suspect]:
         """Look for suspects in all runs; return those that no run gives.
 
         Times may mislead: other recorders do not keep publishing times, or the clock was set back.
         If the content of a topic's messages proves all of them, its counts are corrected.
         """
-        simulated = self._simulated
+        simulated = self.simulated
         contents = {
             name: ContentComparison(
-                group, self._codecs[name], self._messages(name), TOPICS[name].latched
+                group,
+                self._codecs[name],
+                self._bag.messages({self._summaries[name].topic.name}),
+                TOPICS[name].latched,
             )
             for name, group in suspects.items()
         }
-        for _, name, values in one_by_one(found for found, _, _ in self._computed(report)):
+        for _, name, values in one_by_one(found for found, _, _ in self._computed()):
             if name in contents:
                 contents[name].add(values)
-        self._simulated = simulated
+        self.simulated = simulated
         for name, content in contents.items():
             if content.in_order:
                 counts[name] = Counts(equal=content.equal)
-                self._warnings[
+                self.warnings.append(
                     "times in the bag do not show which run messages belong to: they are matched "
                     "by content, and missing ones are not counted"
-                ] = None
+                )
         return [
             suspect
             for content in contents.values()
@@ -267,9 +266,7 @@ class _Proof:
             for suspect in content.unmatched
         ]
 
-    def _computed(
-        self, report: Callable[[float], object]
-    ) -> Iterator[tuple[Entry | Together, int, int]]:
+    def _computed(self) -> Iterator[tuple[Entry | Together, int, int]]:
         """Yield the messages of the simulation, the stretch, and the stamp that it reached [ns]."""
         rerun = Rerun()
         stretch = -1
@@ -292,7 +289,7 @@ class _Proof:
                     self._first_faults = faults_fields(faults, rerun.time, rerun.origin)
                 # A restored checkpoint takes the time back.
                 reached = entry.time if entry.kind == "restore" else rerun.time
-                self._count(reached - before, report)
+                self._count(reached - before)
             if entry.kind == "end":
                 return
             # The recording ended before the drill did.
@@ -301,11 +298,12 @@ class _Proof:
                 before = rerun.time
                 for found in rerun.advance_to(min(before + SECOND, last)):
                     yield found, stretch, rerun.origin + rerun.time
-                self._count(rerun.time - before, report)
+                self._count(rerun.time - before)
         except (JournalError, EngineError) as error:
             raise UnverifiableError(f"{self._journal}: {error}") from error
 
-    def _begins(self) -> tuple[int, int] | None:
+    @cached_property
+    def begins(self) -> tuple[int, int] | None:
         """Return stamp and publishing time of the first entry; None if it is the drill's first."""
         assert self._stretches.first is not None
         message, entry = self._stretches.first
@@ -321,12 +319,6 @@ class _Proof:
             why = "its last entries may be missing"
         return f"the journal ends early: {why}. {count} messages after it are not as computed"
 
-    def _check_headers(self) -> None:
-        wrong = wrong_header(self._entries(), self._codec)
-        if wrong is not None:
-            message, entry, *values = wrong
-            self._add_journal_difference(message, entry, *values)
-
     def _compare_state(self, message: Message, entry: JournalEntry, run: Run) -> None:
         # As texts, for NaN is not itself. The faults are published before or after the entry.
         texts = []
@@ -334,7 +326,7 @@ class _Proof:
             told = state if isinstance(state, dict) else {}
             texts.append(json.dumps({**told, "faults_published": None}, sort_keys=True))
         if texts[0] != texts[1]:
-            self._add_journal_difference(message, entry, "state", "a state", "another one")
+            self._add_difference(message, entry, "state", "a state", "another one")
 
     def _check_older_faults(self, comparisons: Mapping[str, TopicComparison]) -> None:
         """Compare the faults that a late recorder got first with those of the first state."""
@@ -347,7 +339,7 @@ class _Proof:
         if without_padding(older, codec) != expected:
             found = first_difference(codec, older.data, expected)
             stamp = recorded_key(older, codec)[0]
-            self._journal_differences.append(Difference(older.topic, stamp, older.log_time, *found))
+            self.differences.append(Difference(older.topic, stamp, older.log_time, *found))
 
     def _check_commands(self) -> None:
         """Warn if the drill took more commands than a bag with all of their topics holds."""
@@ -355,7 +347,7 @@ class _Proof:
         held = [self._summaries.get(name) for name in (*_COMMANDS, "joint_commands")]
         if status is None or self._stretches.runs > 1 or None in held[: len(_COMMANDS)]:
             return  # the counters may have begun again, or the commands were not to be recorded
-        codec = self._coverage_codecs().get(status.topic.name)
+        codec = self._status_codec
         if codec is None or not status.message_count:
             return
         names = {status.topic.name}
@@ -367,15 +359,15 @@ class _Proof:
             taken = sum(getattr(after, each, 0) - getattr(before, each, 0) for each in _COUNTERS)
             count = sum(summary.message_count for summary in held if summary)
             if taken > count:
-                self._warnings[
+                self.warnings.append(
                     f"the drill took {taken} commands from the first to the last status, and the "
                     f"bag holds {count}"
-                ] = None
+                )
 
-    def _add_journal_difference(
+    def _add_difference(
         self, message: Message, entry: JournalEntry, field: str, value: str, computed: str
     ) -> None:
-        self._journal_differences.append(
+        self.differences.append(
             Difference(self._journal, entry.time, message.log_time, field, value, computed)
         )
 
@@ -388,9 +380,6 @@ class _Proof:
                     raise UnverifiableError(f"{self._journal}: {reason}")
             yield message, entry
 
-    def _messages(self, name: str) -> Iterator[Message]:
-        return self._bag.messages({self._summaries[name].topic.name})
-
-    def _count(self, simulated: int, report: Callable[[float], object]) -> None:
-        self._simulated += simulated
-        report(simulated / SECOND)
+    def _count(self, simulated: int) -> None:
+        self.simulated += simulated
+        self._report(simulated / SECOND)

@@ -22,7 +22,7 @@ from rpud_msgs.msg import (
     Waveform,
 )
 
-from rpud_sim.bag.sequence import SequenceGaps
+from rpud_sim.bag.losses import SequenceGaps
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.ros.client.listening_node import ListeningNode
 

@@ -17,7 +17,7 @@ from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 from rclpy.validate_topic_name import validate_topic_name
 
-from rpud_sim.bag.sequence import SequenceGaps
+from rpud_sim.bag.losses import SequenceGaps
 from rpud_sim.foundation.quantities import ParameterError, did_you_mean, shown
 from rpud_sim.ros.client.listening_node import ClientError, ListeningNode, NoAnswerError
 from rpud_sim.ros.graph import UnknownTypeError, message_class, request_for

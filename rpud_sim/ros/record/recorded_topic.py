@@ -19,9 +19,8 @@ from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from rpud_sim.bag import BagError, Message, Topic
 from rpud_sim.bag.definitions import find_definition, find_type_hash
-from rpud_sim.bag.losses import Losses
-from rpud_sim.bag.qos import QosProfile as RecordedProfile
-from rpud_sim.bag.sequence import SequenceGaps
+from rpud_sim.bag.losses import Losses, SequenceGaps
+from rpud_sim.bag.metadata import QosProfile as RecordedProfile
 from rpud_sim.ros.graph import message_class, request_for
 
 # Messages that may wait in the middleware for the recorder: ten seconds of a 1 kHz topic.

@@ -14,9 +14,8 @@ import rclpy
 from rclpy.exceptions import NameValidationException, ParameterException
 
 from rpud_sim.bag import BagWriter
-from rpud_sim.bag.losses import RECORD_NAME, RECORDING_RECORD, Losses, losses_to_record
-from rpud_sim.bag.manifest import RECORD_NAME as MANIFEST_RECORD
-from rpud_sim.bag.manifest import Manifest
+from rpud_sim.bag.losses import LOSSES_RECORD, RECORDING_RECORD, Losses, losses_to_record
+from rpud_sim.bag.manifest import MANIFEST_RECORD, Manifest
 from rpud_sim.foundation.quantities import suggestion
 from rpud_sim.foundation.terminal import printable
 from rpud_sim.ros.record.parameter_query import ParameterQuery
@@ -96,7 +95,7 @@ def _record(options: RecordOptions, stop: StopRequest, show: Callable[[str], Non
             intake.close()
             writing.join()
         if writing.error is None:
-            bag.add_record(RECORD_NAME, losses_to_record(node.losses))
+            bag.add_record(LOSSES_RECORD, losses_to_record(node.losses))
             if node.skipped:
                 bag.add_record(SKIPPED_RECORD, node.skipped)
     if writing.error is not None:
@@ -160,7 +159,7 @@ def _keep_losses(node: Recorder, before: dict[str, Losses]) -> dict[str, Losses]
     losses = node.losses
     if losses == before or not any(item.total != 0 for item in losses.values()):
         return before
-    node.intake.add_record(RECORD_NAME, losses_to_record(losses))
+    node.intake.add_record(LOSSES_RECORD, losses_to_record(losses))
     return losses
 
 

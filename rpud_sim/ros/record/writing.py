@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from rpud_sim.bag import BagError, BagWriter, Message, Topic
-from rpud_sim.bag.latched import LatchedMessages
+from rpud_sim.bag.messages import LatchedMessages
 from rpud_sim.ros.record.record_options import RecordOptions
 
 _RESERVE = 32 * 2**20  # bytes to leave free: also for data in memory at the time of a check

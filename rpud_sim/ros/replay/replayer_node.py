@@ -20,7 +20,7 @@ from rosgraph_msgs.msg import Clock
 from rpud_sim.bag import BagError, BagFormatError, Message, Topic, TopicSummary
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.definitions import find_type_hash
-from rpud_sim.bag.qos import QosProfile as RecordedProfile
+from rpud_sim.bag.metadata import QosProfile as RecordedProfile
 from rpud_sim.foundation.terminal import printable
 from rpud_sim.foundation.time import split_seconds
 from rpud_sim.ros.graph import UnknownTypeError, message_class

@@ -7,11 +7,11 @@ import re
 import pytest
 from sample_bags import write_offline_bag
 
-from rpud_sim.inspection.compare import compare, compare_page
-from rpud_sim.inspection.compare.compare_page import render
+from rpud_sim.inspection.compare import compare
+from rpud_sim.inspection.compare import page as pages
 from rpud_sim.inspection.compare.estimates import DIFFERS
-from rpud_sim.inspection.compare.page_plots import difference_plot, time_plots
-from rpud_sim.inspection.compare.wording import sentence
+from rpud_sim.inspection.compare.page import render
+from rpud_sim.inspection.compare.plots import difference_plot, time_plots
 from rpud_sim.pages.plot import Points, Zone, axis_ends
 from rpud_sim.simulation import preset, read_scenario
 
@@ -45,7 +45,7 @@ def plain(page):
 
 
 def test_the_first_that_is_seen_is_one_sentence(found):
-    text = sentence(found)
+    text = found.sentence
     page = render(found)
     assert page.index(text) < page.index("<svg")
     count = sum(each.decision == DIFFERS for each in found.differences)
@@ -126,7 +126,7 @@ def test_three_runs_have_a_colour_each(bags):
 
 
 def test_a_page_that_cannot_be_written_whole_is_not_there(tmp_path, monkeypatch):
-    monkeypatch.setattr(compare_page, "render", lambda found: "half \ud800")
+    monkeypatch.setattr(pages, "render", lambda found: "half \ud800")
     with pytest.raises(UnicodeEncodeError):
-        compare_page.write_page(None, tmp_path / "page.html")
+        pages.write_page(None, tmp_path / "page.html")
     assert os.listdir(tmp_path) == []

@@ -27,8 +27,8 @@ from sample_bags import (
 
 import rpud_sim.bag
 from rpud_sim.bag import BagError, BagWriter, Topic
-from rpud_sim.bag.losses import RECORD_NAME, Losses, losses_to_record
-from rpud_sim.bag.manifest import RECORD_NAME as MANIFEST
+from rpud_sim.bag.losses import LOSSES_RECORD, Losses, losses_to_record
+from rpud_sim.bag.manifest import MANIFEST_RECORD as MANIFEST
 from rpud_sim.bag.manifest import Manifest, manifest_from_record
 from rpud_sim.inspection import InspectionError
 from rpud_sim.inspection.export import ACCOUNT, FORMATS, export, file_stem
@@ -151,7 +151,7 @@ def test_manifest_and_losses_are_kept(tmp_path):
     manifest = Manifest(node="/rpud/drill_node", parameters={"seed": 3})
     with BagWriter(tmp_path / "bag") as bag:
         bag.add_topic(TALK, STRING_DEFINITION)
-        bag.add_record(RECORD_NAME, losses_to_record({TALK.name: Losses(2, 1)}))
+        bag.add_record(LOSSES_RECORD, losses_to_record({TALK.name: Losses(2, 1)}))
         bag.add_record(MANIFEST, manifest.to_record())
     export(tmp_path / "bag", tmp_path / "out")
     metadata = pq.read_schema(tmp_path / "out" / "rpud.talk.parquet").metadata

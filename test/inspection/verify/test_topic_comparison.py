@@ -8,7 +8,7 @@ from support import examples
 
 import rpud_sim.bag
 from rpud_sim.bag import BagWriter, Message, QosProfile, Topic
-from rpud_sim.bag.message_block import MessageBlock
+from rpud_sim.bag.messages import MessageBlock
 from rpud_sim.inspection.recorded_journal import installed_codec
 from rpud_sim.inspection.verify import recorded_topics
 from rpud_sim.inspection.verify.coverage import Coverage, Stretches

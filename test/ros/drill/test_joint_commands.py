@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from sensor_msgs.msg import JointState
 
 from rpud_sim.foundation.quantities import ParameterError
-from rpud_sim.ros.drill.joint_commands import to_feed
+from rpud_sim.ros.drill.gate import to_feed
 from rpud_sim.simulation.commands import Feed
 
 NAN = math.nan

@@ -11,9 +11,9 @@ from rclpy.time import Time
 from rpud_msgs.msg import CommandResult
 
 from rpud_sim.foundation.quantities import ParameterError
+from rpud_sim.ros.drill.duplicate_nodes import DuplicateNodes
 from rpud_sim.ros.drill.inbox import Inbox
 from rpud_sim.ros.drill.live_run import InterruptedStepError, LiveRun
-from rpud_sim.ros.drill.namesakes import DuplicateNodes
 from rpud_sim.ros.drill.pacing_loop import PacingLoop
 from rpud_sim.simulation.commands import WeightOnBit
 from rpud_sim.simulation.configuration import Settings

@@ -10,13 +10,13 @@ import pytest
 import rclpy
 
 from rpud_sim.ros.drill.drill_node import DrillNode
-from rpud_sim.ros.drill.namesakes import DuplicateNodes, NameHold, NamesakeSearch
+from rpud_sim.ros.drill.duplicate_nodes import DuplicateNodes, NameHold, NamesakeSearch
 
 NAME = "/a_namespace/a_node"
 DOMAIN = 7
 LONG_NAME = "/" + "/".join(["a_long_part_of_a_namespace"] * 8) + "/a_node"
 HOLDER = f"""
-from rpud_sim.ros.drill.namesakes import NameHold
+from rpud_sim.ros.drill.duplicate_nodes import NameHold
 hold = NameHold({NAME!r}, {DOMAIN})
 print(hold.taken, flush=True)
 input()
@@ -74,7 +74,7 @@ def test_a_frozen_process_keeps_its_name_and_a_killed_one_does_not(holder):
 
 
 def test_a_drill_is_found_although_discovery_has_no_time(ros, monkeypatch):
-    monkeypatch.setattr("rpud_sim.ros.drill.namesakes._DISCOVERY", 0.0)
+    monkeypatch.setattr("rpud_sim.ros.drill.duplicate_nodes._DISCOVERY", 0.0)
     drill = DrillNode(namespace="/twin")
     search = NamesakeSearch("drill_node", "twin")
     assert search.finish()

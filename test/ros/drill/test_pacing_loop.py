@@ -12,14 +12,14 @@ from manual_clock import SECOND, ManualClock
 from rpud_msgs.msg import CommandResult
 from support import until
 
-from rpud_sim.ros.drill import live_run, status_reporter
+from rpud_sim.ros.drill import live_run, report
+from rpud_sim.ros.drill.duplicate_nodes import DuplicateNodes
 from rpud_sim.ros.drill.inbox import Inbox
 from rpud_sim.ros.drill.live_run import InterruptedStepError, LiveRun
-from rpud_sim.ros.drill.namesakes import DuplicateNodes
 from rpud_sim.ros.drill.pacer import Pacer
 from rpud_sim.ros.drill.pacing_loop import PacingLoop
 from rpud_sim.ros.drill.publishers import DrillPublishers
-from rpud_sim.ros.drill.status_reporter import CHANGE_PERIOD
+from rpud_sim.ros.drill.report import CHANGE_PERIOD
 from rpud_sim.ros.threads import StoppedError
 from rpud_sim.simulation.commands import WeightOnBit
 from rpud_sim.simulation.configuration import Settings
@@ -223,8 +223,8 @@ def test_what_was_put_off_comes_before_the_end_and_with_the_stamps_of_its_time(d
 
 
 def test_the_diagnostics_of_changes_wait_for_time_and_come_once(drill, monkeypatch):
-    monkeypatch.setattr(status_reporter, "CHANGE_PERIOD", 0.0)  # each change is reported at once
-    monkeypatch.setattr(status_reporter, "REPORT_PERIOD", 3600.0)
+    monkeypatch.setattr(report, "CHANGE_PERIOD", 0.0)  # each change is reported at once
+    monkeypatch.setattr(report, "REPORT_PERIOD", 3600.0)
     drill = drill()
     drill.live.play()
     drill.advance()

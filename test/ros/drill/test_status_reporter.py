@@ -6,11 +6,11 @@ from rclpy.parameter import Parameter
 from rpud_msgs.msg import CommandResult
 from support import until
 
+from rpud_sim.ros.drill.duplicate_nodes import DuplicateNodes
 from rpud_sim.ros.drill.inbox import Inbox
-from rpud_sim.ros.drill.namesakes import DuplicateNodes
 from rpud_sim.ros.drill.pacer import Pacer
 from rpud_sim.ros.drill.publishers import DrillPublishers
-from rpud_sim.ros.drill.status_reporter import StatusReporter
+from rpud_sim.ros.drill.report import StatusReporter
 from rpud_sim.simulation.commands import WeightOnBit
 from rpud_sim.simulation.configuration import Settings
 from rpud_sim.simulation.run import Beginning, Run

@@ -7,7 +7,7 @@ import pytest
 import rclpy
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
-from rpud_sim.bag.sequence import SequenceGaps
+from rpud_sim.bag.losses import SequenceGaps
 from rpud_sim.ros.record.recorded_topic import RecordedTopic, is_damaged
 
 NOW = time.time_ns()

@@ -43,7 +43,7 @@ def peer(nodes):
 @pytest.fixture
 def record(nodes):
     def start(topics=(), namespace="/rpud", capacity=1 << 20, **options):
-        options = RecordOptions("bag", topics, namespace=namespace, **options)
+        options = RecordOptions(out="bag", topics=topics, namespace=namespace, **options)
         nodes.append(Recorder(Intake(capacity), options))
         return nodes[-1]
 
@@ -251,7 +251,7 @@ def test_of_a_topic_with_two_types_one_is_recorded_and_the_other_named(peer, rec
 
 def test_a_launch_file_s_namespace_is_recorded():
     rclpy.init(args=["--ros-args", "-r", "__ns:=/launched"])
-    recorder = Recorder(Intake(), RecordOptions("bag", ["a"], namespace="/rpud"))
+    recorder = Recorder(Intake(), RecordOptions(out="bag", topics=["a"], namespace="/rpud"))
     try:
         assert recorder.get_namespace() == "/launched"
         recorder.create_publisher(String, "/launched/a", RELIABLE)

@@ -6,8 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from rpud_sim.testing.campaign.campaign_file import read_campaign
-from rpud_sim.testing.campaign.specification import CampaignError
+from rpud_sim.testing.campaign_file import CampaignError, read_campaign
 
 ROOT = Path(__file__).resolve().parents[3]
 CAMPAIGN = """\

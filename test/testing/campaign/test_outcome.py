@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from rpud_sim.testing.campaign.campaign_file import read_campaign
-from rpud_sim.testing.campaign.outcome import fly
-from rpud_sim.testing.pool import DrillPool
+from rpud_sim.testing.campaign_file import read_campaign
+from rpud_sim.testing.campaign_runs import fly
+from rpud_sim.testing.setup import DrillPool
 from rpud_sim.verdicts.verdict import FAILED, PASSED, UNDECIDED
 
 SUPERVISORS = Path(__file__).resolve().parents[1]  # with the plugin's node under test

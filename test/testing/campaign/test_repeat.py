@@ -11,9 +11,9 @@ from pathlib import Path
 import pytest
 from rclpy.serialization import deserialize_message
 
-from rpud_sim.testing.campaign.campaign_file import read_campaign
-from rpud_sim.testing.campaign.outcome import fly
-from rpud_sim.testing.pool import DrillPool
+from rpud_sim.testing.campaign_file import read_campaign
+from rpud_sim.testing.campaign_runs import fly
+from rpud_sim.testing.setup import DrillPool
 
 CAMPAIGN = Path(__file__).resolve().parents[3] / "config" / "campaign.yaml"
 RUN = "jammed actuator_restitution=0.8 seed=1"

@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 from campaign_results import FAILURE, OPEN, flown, outcome
 
-from rpud_sim.testing.campaign.campaign_file import read_campaign
-from rpud_sim.testing.campaign.outcome import SYSTEM, outcome_from_json
-from rpud_sim.testing.campaign.page import campaign_page
+from rpud_sim.testing.campaign_file import read_campaign
+from rpud_sim.testing.campaign_results import campaign_page
+from rpud_sim.testing.campaign_runs import SYSTEM, outcome_from_json
 from rpud_sim.verdicts.verdict import FAILED, PASSED, UNDECIDED
 
 EXAMPLE = Path(__file__).resolve().parents[3] / "config" / "campaign.yaml"

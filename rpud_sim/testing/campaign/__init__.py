@@ -1,1 +1,0 @@
-"""Campaigns: scenarios, parameters and seeds against a system under test, collected by pytest."""

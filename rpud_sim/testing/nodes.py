@@ -1,0 +1,249 @@
+"""Nodes under test: proof that drill and test know them, and their answers to a step."""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+import warnings
+from collections.abc import Mapping
+from contextlib import suppress
+
+from rclpy.node import Node
+
+from rpud_sim.foundation.time import SECOND
+from rpud_sim.ros.graph import DiscoveryProbe, node_name
+from rpud_sim.testing.collector import COMMANDS, Collector, HeardTopic
+
+_PATIENCE = 5.0  # with a node that does not answer, or has no services of parameters [s]
+_EVENTS = "/parameter_events"  # a topic on which every node publishes
+
+
+class Introductions:
+    """Nodes that command the drill, call it or answer the test, by their publishers.
+
+    The graph of one process shows who has discovered that process, and not whom the others have
+    discovered. A node is introduced when it has answered a request of the drill and one of the
+    test, by clients that were made after everything that the node may reach there. ``own`` is the
+    node of the test's client.
+    """
+
+    def __init__(self, collector: Collector, own: Node) -> None:
+        self._collector = collector
+        self._own = own
+        self._strangers = {
+            own.get_fully_qualified_name(),
+            collector.node.get_fully_qualified_name(),
+            collector.resolve("drill_node"),
+        }
+        self._gone: set[bytes] = set()  # publishers of ended processes that are still remembered
+        self._introduced: set[bytes] = set()  # publishers whose nodes have answered
+        self._probes: dict[str, DiscoveryProbe] = {}  # of the test, by node
+        self._begun: dict[bytes, float] = {}  # when publishers were seen first [s]
+
+    def publishers(self, topic: str) -> dict[bytes, str]:
+        """Return the living publishers of a topic, by their identifiers, with their nodes' names.
+
+        The drill and the test are none of them. A name is empty where a publisher has been
+        discovered before its node.
+        """
+        infos = self._collector.node.get_publishers_info_by_topic(self._collector.resolve(topic))
+        found = {bytes(each.endpoint_gid): node_name(each) for each in infos}
+        return {
+            gid: name
+            for gid, name in found.items()
+            if gid not in self._gone and name not in self._strangers
+        }
+
+    def lacking(self, answering: Mapping[bytes, str]) -> list[str]:
+        """Ask the drill for its account, and return the nodes that are not introduced yet.
+
+        ``answering`` are endpoints of other nodes, such as publishers of answers. A node that never
+        answers is introduced after a while, with a warning.
+        """
+        found = {**answering, **self._callers()}
+        for topic in COMMANDS:
+            found.update(self.publishers(topic))
+        waiting = {gid: name for gid, name in found.items() if gid not in self._introduced}
+        names = {name for name in waiting.values() if name}
+        for name in self._probes.keys() - names:
+            self._probes.pop(name).close()
+        for name in names - self._probes.keys():
+            self._probes[name] = DiscoveryProbe(self._own, name)
+        # First all of them: each call sends a request.
+        unanswered = {name for name in names if not self._probes[name].answered()}
+        unanswered.update(self._collector.ask(sorted(names)).unanswered)
+        for gid, name in waiting.items():
+            patient = time.monotonic() - self._begun.setdefault(gid, time.monotonic()) < _PATIENCE
+            if name and name not in unanswered:
+                self._introduced.add(gid)
+            elif not patient:
+                self._introduced.add(gid)
+                warnings.warn(
+                    f"{name or 'a node without a name'} does not answer get_parameters: its first "
+                    "commands or answers may be lost",
+                    stacklevel=2,
+                )
+        return sorted({name for gid, name in waiting.items() if gid not in self._introduced})
+
+    @property
+    def unserved(self) -> list[str]:
+        """A line for each service that a node under test calls and no node serves."""
+        node = self._collector.node
+        return sorted(
+            f"{name} calls {service}, which no node serves"
+            for name, services in self._clients().items()
+            if name not in self._strangers
+            for service in services
+            if not node.count_services(service)
+        )
+
+    def renew(self) -> None:
+        """Have all nodes introduced again: the test subscribes to other topics."""
+        self._introduced.clear()
+        self._begun.clear()
+        for probe in self._probes.values():
+            probe.close()
+        self._probes.clear()
+
+    def part(self, answers: Mapping[bytes, str]) -> None:
+        """Forget the nodes that are there: others take their places.
+
+        The middleware remembers a killed process for up to 20 s.
+        """
+        self._gone.update(answers)
+        for topic in (*COMMANDS, _EVENTS):
+            self._gone.update(self.publishers(topic))
+        self.renew()
+
+    def _callers(self) -> dict[bytes, str]:
+        """Return publishers of the nodes that have a client of one of the drill's services."""
+        own = set(self._collector.delivery.services)
+        callers = {name for name, services in self._clients().items() if own & services}
+        return {gid: name for gid, name in self.publishers(_EVENTS).items() if name in callers}
+
+    def _clients(self) -> dict[str, set[str]]:
+        """Return the services that nodes have clients of, by the full names of the nodes."""
+        node, found = self._collector.node, {}
+        for name, namespace in node.get_node_names_and_namespaces():
+            with suppress(RuntimeError):  # it has just gone
+                clients = node.get_client_names_and_types_by_node(name, namespace)
+                found[f"{namespace.rstrip('/')}/{name}"] = {service for service, _ in clients}
+        return found
+
+
+@dataclasses.dataclass
+class _Answer:
+    name: str
+    kind: str
+    count: int
+    topic: HeardTopic | None = None
+    begun: int = 0  # messages before the step
+
+
+class Answers:
+    """Declared answers of the nodes under test.
+
+    An answer to a step has the stamp that the step has reached, or a later one. A message without a
+    stamp answers if it comes after the step has begun.
+    """
+
+    def __init__(self, collector: Collector, introductions: Introductions) -> None:
+        self._collector = collector
+        self._introductions = introductions
+        self._answers: list[_Answer] = []
+        self.introduced = False  # whether the nodes that answer know the test and the drill
+        self.period = 0  # simulation time between two answers [ns]; 0 without answers
+        self.timeout = 0.0  # longest real time for the answers to one step [s]
+
+    @property
+    def declared(self) -> bool:
+        return bool(self._answers)
+
+    @property
+    def names(self) -> list[str]:
+        return [answer.name for answer in self._answers]
+
+    def declare(
+        self, names: tuple[str, ...], kind: str = "", count: int = 1, period: int = 0
+    ) -> None:
+        """Declare topics with answers, in place of those before."""
+        self.period = period if names else 0
+        self.introduced = False
+        self._introductions.renew()
+        resolve = self._collector.resolve
+        self._answers = [_Answer(resolve(name), kind, count) for name in names]
+
+    def connect(self) -> bool:
+        """Subscribe as far as publishers are there; return whether each topic has one."""
+        for answer in self._answers:
+            if answer.topic is None:
+                answer.topic = self._collector.subscribe(answer.name, answer.kind)
+                if answer.topic is not None:  # what nodes knew before is not enough
+                    self._introductions.renew()
+        return all(self._publishers(answer) for answer in self._answers)
+
+    @property
+    def publishers(self) -> dict[bytes, str]:
+        """Living publishers of all answers, by their identifiers, with the names of their nodes."""
+        return {gid: name for each in self._answers for gid, name in self._publishers(each).items()}
+
+    def crowded(self) -> str:
+        """Return a phrase for a topic with more publishers than awaited messages; empty if none."""
+        for answer in self._answers:
+            if answer.topic and answer.topic.subscription.get_publisher_count() > answer.count:
+                names = sorted(name or "a node" for name in self._publishers(answer).values())
+                if len(names) > answer.count:
+                    return (
+                        f"{answer.name} has {len(names)} publishers, {' and '.join(names)}, and "
+                        f"count={answer.count} awaits as many messages: give count={len(names)}"
+                    )
+        return ""
+
+    def begin(self) -> None:
+        """Begin a step: what has come until now is no answer to it."""
+        for answer in self._answers:
+            answer.begun = len(answer.topic) if answer.topic else 0
+
+    def missing(self, stamp: int) -> list[str]:
+        """Return a phrase for each topic that has not answered for a stamp [ns]."""
+        return [
+            self._lack(answer, stamp) for answer in self._answers if not _answered(answer, stamp)
+        ]
+
+    @property
+    def never(self) -> bool:
+        """Whether a topic has had no message at all."""
+        return any(answer.topic is None or not len(answer.topic) for answer in self._answers)
+
+    def late(self, stamp: int) -> bool:
+        """Return whether what is missing has come at all since the step began."""
+        return any(
+            answer.topic is not None and len(answer.topic) > answer.begun
+            for answer in self._answers
+            if not _answered(answer, stamp)
+        )
+
+    def _publishers(self, answer: _Answer) -> dict[bytes, str]:
+        if answer.topic is None or not answer.topic.subscription.get_publisher_count():
+            return {}
+        return self._introductions.publishers(answer.name)
+
+    def _lack(self, answer: _Answer, stamp: int) -> str:
+        topic = answer.topic
+        if topic is None:
+            return f"{answer.name}, which has no publisher"
+        if not len(topic):
+            return f"{answer.name}, which has published nothing"
+        if not topic.stamped:
+            return f"{answer.name}: {len(topic) - answer.begun} of {answer.count} messages"
+        return f"{answer.name}, whose last answer is for {topic.stamps[-1] / SECOND:.3f} s"
+
+
+def _answered(answer: _Answer, stamp: int) -> bool:
+    topic = answer.topic
+    if topic is None:
+        return False
+    since = topic.stamps[answer.begun :]
+    if topic.stamped:
+        since = [each for each in since if each >= stamp]
+    return len(since) >= answer.count

@@ -1,0 +1,229 @@
+"""Processes of a test, the drill and the recorder, in a ROS domain that no one else uses."""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import os
+import shutil
+import signal
+import socket
+import sys
+import tempfile
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import yaml
+
+from rpud_sim.foundation.child_process import RPUD, ChildProcess
+from rpud_sim.ros.environment import PROFILE, loopback_variables
+from rpud_sim.simulation.topics import TOPICS
+from rpud_sim.testing.errors import DrillError, LostMessagesError
+
+if TYPE_CHECKING:
+    from rpud_sim.testing.drill import Drill
+
+# 101 is the last domain whose ports lie below those that Linux gives to outgoing connections.
+_LAST_DOMAIN = 101
+_DEFAULT_DOMAINS = (0, 42)  # of ROS, and of env.bash: people use them without a lock
+_PARTICIPANTS = 8  # of another program that are looked for in a domain
+_ELSEWHERE = ("ROS_LOCALHOST_ONLY", "ROS_STATIC_PEERS", "ROS_DISCOVERY_SERVER")
+# Parameters of every drill of a test: time stands still between steps, and begins at zero.
+LOCKSTEP: Mapping[str, bool] = {"start_paused": True, "publish_clock": True}
+
+NO_FAULTS = "faults: []\n"
+_PROGRAM = "from rpud_sim.cli.executables import drill_node; drill_node()"
+
+_START = 30.0  # that the recorder may take to start [s]
+_END = 30.0  # that it may take to complete the bag [s]
+
+
+class DomainError(RuntimeError):
+    """No ROS domain is free."""
+
+
+class DomainClaim:
+    """ROS domain that is this process's own until it is released, or the process ends.
+
+    A locked file keeps other test runs out. Domains in which a program without a lock runs are
+    passed over: its sockets are open. If all domains are in use, it raises a DomainError.
+    """
+
+    def __init__(self) -> None:
+        folder = Path(tempfile.gettempdir()) / f"rpud_sim_domains_{os.getuid()}"
+        folder.mkdir(exist_ok=True)
+        theirs = {*_DEFAULT_DOMAINS, *_environment_domain()}
+        for domain in range(_LAST_DOMAIN, 0, -1):
+            if domain in theirs:
+                continue
+            lock = (folder / str(domain)).open("w")
+            try:
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                lock.close()
+                continue
+            if _is_quiet(domain):
+                self.domain = domain
+                self._lock = lock
+                return
+            lock.close()
+        raise DomainError(f"all ROS domains are in use: see {folder}")
+
+    def release(self) -> None:
+        self._lock.close()
+
+
+def loopback_environment(domain: int, environ: Mapping[str, str] = os.environ) -> dict[str, str]:
+    """Return the environment of ``env.bash``: ROS stays on loopback, in a domain."""
+    environment = {name: value for name, value in environ.items() if name not in _ELSEWHERE}
+    environment["ROS_DOMAIN_ID"] = str(domain)
+    return environment | loopback_variables(environ, find_profile(environ))
+
+
+def find_profile(environ: Mapping[str, str] = os.environ) -> Path | None:
+    """Return the profile that keeps Fast DDS on loopback; None where it is not installed."""
+    prefixes = [*filter(None, environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)), sys.prefix]
+    places = [Path(prefix, "share", "rpud_sim") for prefix in prefixes]
+    places.append(Path(__file__).resolve().parents[2])  # a clone
+    return next((place / PROFILE for place in places if (place / PROFILE).is_file()), None)
+
+
+@contextlib.contextmanager
+def applied(environment: Mapping[str, str]) -> Iterator[None]:
+    """Give this process an environment for a while: ROS reads it when a context begins."""
+    before = dict(os.environ)
+    wanted = dict(environment)
+    if "rclpy" in sys.modules and "FASTRTPS_DEFAULT_PROFILES_FILE" not in before:
+        # Fast DDS reads a profile only once, and has perhaps done so.
+        wanted.pop("FASTRTPS_DEFAULT_PROFILES_FILE", None)
+        wanted["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+    try:
+        _replace_environment(wanted)
+        yield
+    finally:
+        _replace_environment(before)
+
+
+def _replace_environment(wanted: Mapping[str, str]) -> None:
+    for name in set(os.environ) - set(wanted):
+        del os.environ[name]
+    os.environ.update(wanted)
+
+
+def _environment_domain() -> tuple[int, ...]:
+    given = os.environ.get("ROS_DOMAIN_ID", "")
+    return (int(given),) if given.isdecimal() else ()
+
+
+def _is_quiet(domain: int) -> bool:
+    first = 7400 + 250 * domain
+    unicast = range(first + 10, first + 10 + 2 * _PARTICIPANTS)
+    return all(_is_free(port) for port in (first, *unicast))
+
+
+def _is_free(port: int) -> bool:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        try:
+            probe.bind(("", port))
+        except OSError:
+            return False
+    return True
+
+
+class DrillProcess:
+    """Drill node that has just been started, in a domain that it has claimed.
+
+    It reads its scenario again at each reset: a file that the owner may write before.
+    """
+
+    def __init__(self, parameters: Mapping[str, Any], namespace: str) -> None:
+        self.namespace = namespace
+        self.folder = Path(tempfile.mkdtemp(prefix="rpud_drill_"))
+        self._claim = DomainClaim()
+        self.scenario = self.folder / "scenario.yaml"
+        self.scenario.write_text(NO_FAULTS)
+        values = {**parameters, **LOCKSTEP, "scenario": str(self.scenario)}
+        file = self.folder / "parameters.yaml"
+        file.write_text(yaml.safe_dump({"/**": {"ros__parameters": _to_ros(values)}}))
+        self.environment = {
+            **loopback_environment(self._claim.domain),
+            "ROS_LOG_DIR": str(self.folder / "log"),
+            "PYTHONUNBUFFERED": "1",
+        }
+        self.process = ChildProcess(
+            (
+                *(sys.executable, "-c", _PROGRAM, "--ros-args"),
+                *("-r", f"__ns:={namespace}", "--params-file", str(file)),
+            ),
+            environment=self.environment,
+            folder=self.folder,
+        )
+
+    @property
+    def domain(self) -> int:
+        return self._claim.domain
+
+    def stop(self) -> None:
+        """End it, and leave the domain to others."""
+        self.process.end(signal.SIGINT)
+        self._claim.release()
+        shutil.rmtree(self.folder, ignore_errors=True)
+
+
+def _to_ros(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return parameters as the node declares them: every number is a floating-point number."""
+    return {
+        name: float(value) if isinstance(value, int) and not isinstance(value, bool) else value
+        for name, value in values.items()
+    }
+
+
+class Recording:
+    """Recording of everything in the drill's domain, from now until it is stopped."""
+
+    def __init__(self, drill: Drill, path: Path) -> None:
+        self.path = path  # folder of the bag, which is complete when the recording is stopped
+        self._stopped = False
+        self._process = ChildProcess(
+            (
+                *(*RPUD, "record", "--all", "--out", str(path), "--namespace", drill.namespace),
+                *("--until-eof", "--allow-empty", "--ready-fd", "1"),
+            ),
+            environment=drill.environment,
+            errors_apart=True,
+            until_eof=True,
+        )
+        if not self._process.first_line(_START) or not self._process.running:
+            self._process.kill()
+            raise DrillError(f"the recorder has not started; its last lines:\n{self._process.tail}")
+        drill.await_connections()
+        self._drill = drill
+        self._begun = drill.published
+
+    def __fspath__(self) -> str:
+        return str(self.path)
+
+    def stop(self) -> Path:
+        """Complete the bag and return its folder; it must have all messages of the drill."""
+        if not self._stopped:
+            self._stopped = True
+            self._drill.await_delivery()
+            self._process.end(signal.SIGTERM, seconds=_END)
+            if self._process.code:
+                raise DrillError(f"the recorder failed; its last lines:\n{self._process.tail}")
+            self._check()
+        return self.path
+
+    def _check(self) -> None:
+        import rpud_sim.bag
+
+        with rpud_sim.bag.open(self.path) as bag:
+            recorded = {item.topic.name: item.message_count for item in bag.topics}
+        for name, count in self._drill.published.items():
+            topic, published = TOPICS[name], count - self._begun[name]
+            found = recorded.get(f"{self._drill.namespace.rstrip('/')}/{name}", 0)
+            if topic.complete and found < published:
+                raise LostMessagesError(
+                    f"{published} messages of {name} were published, {found} are in {self.path}"
+                )

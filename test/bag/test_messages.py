@@ -1,0 +1,314 @@
+"""Messages by the block and one by one: those that were written, in the order of log times."""
+
+import tracemalloc
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from mcap.writer import CompressionType, IndexType, Writer
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
+from rosbags.rosbag2 import Writer as Rosbag2Writer
+from sample_bags import (
+    CHAT,
+    START,
+    STRING,
+    STRING_DEFINITION,
+    TALK,
+    serialized_string,
+    write_bag,
+)
+
+import rpud_sim.bag
+from rpud_sim.bag import BagError, BagFormatError, BagWriter, Message
+from rpud_sim.bag.messages import (
+    BagSegment,
+    MessageBlock,
+    blocks_in_order,
+    messages_in_order,
+    messages_of,
+)
+
+TOPICS = st.sampled_from(["/a", "/b", "/c"])
+ENTRIES = st.lists(
+    st.tuples(TOPICS, st.integers(0, 30), st.binary(max_size=12)), min_size=1, max_size=60
+)
+
+
+def one_by_one(bag, **chosen):
+    """Messages of each topic, and the error that ends them."""
+    duration = chosen.pop("duration", None)
+    found, error = {}, ""
+    end = None if duration is None else bag.start_time + chosen.get("start", 0) + duration
+    try:
+        for message in bag.messages(**chosen):
+            if end is not None and message.log_time >= end:
+                break
+            entry = (message.log_time, message.publish_time, message.data)
+            found.setdefault(message.topic, []).append(entry)
+    except BagError as caught:
+        error = str(caught)
+    return found, error
+
+
+def test_a_begin_beyond_int64_that_no_message_has_is_no_error():
+    times = np.array([1, 2])
+    starts = np.zeros(2, np.int64)
+    block = MessageBlock("/a", times, times, np.zeros(4, np.uint8), starts, starts)
+    segment = BagSegment(2**63, 2**63, 4, frozenset({"/a"}), lambda topics: [block])
+    assert [block.log_times.tolist() for block in blocks_in_order([segment])] == [[1, 2]]
+    assert [message.log_time for message in messages_in_order([segment])] == [1, 2]
+
+
+def test_what_cannot_be_tables_is_looked_for_once(tmp_path):
+    with rpud_sim.bag.open(write_bag(tmp_path / "run")) as bag:
+        assert bag.left_out is bag.left_out
+
+
+def by_block(bag, **chosen):
+    found, error = {}, ""
+    try:
+        for block in bag.blocks(**chosen):
+            assert len(block)
+            entries = zip(
+                block.log_times.tolist(),
+                block.publish_times.tolist(),
+                map(block.message, range(len(block))),
+                strict=True,
+            )
+            found.setdefault(block.topic, []).extend(entries)
+    except BagError as caught:
+        error = str(caught)
+    return found, error
+
+
+def assert_same(path, **chosen):
+    with rpud_sim.bag.open(path) as bag:
+        expected = one_by_one(bag, **chosen)
+        assert by_block(bag, **chosen) == expected
+    assert not expected[1]
+    return expected[0]
+
+
+def write_mcap(path, entries, **options):
+    with path.open("wb") as stream:
+        writer = Writer(stream, **options)
+        writer.start()
+        schema = writer.register_schema(STRING, "ros2msg", STRING_DEFINITION.encode())
+        # Two publishers of a topic have a channel each.
+        channels = {
+            (topic, number): writer.register_channel(topic, "cdr", schema)
+            for topic in ("/a", "/b", "/c")
+            for number in range(2)
+        }
+        for number, (topic, time, data) in enumerate(entries):
+            writer.add_message(channels[topic, number % 2], START + time, data, START + number)
+        writer.finish()
+
+
+@given(
+    ENTRIES,
+    st.sampled_from(CompressionType),
+    st.sampled_from([30, 200, 100_000]),
+    st.sampled_from([IndexType.ALL, IndexType.ALL ^ IndexType.MESSAGE]),
+    st.booleans(),
+    st.none() | st.sets(TOPICS),
+    st.integers(0, 20),
+    st.none() | st.integers(0, 20),
+)
+def test_they_are_the_same_whatever_wrote_the_file(
+    tmp_path_factory, entries, compression, chunk_size, index, chunked, topics, start, duration
+):
+    path = tmp_path_factory.mktemp("blocks") / "bag.mcap"
+    write_mcap(
+        path,
+        entries,
+        compression=compression,
+        chunk_size=chunk_size,
+        index_types=index,
+        use_chunking=chunked,
+    )
+    assert_same(path, topics=topics, start=start, duration=duration)
+    begin = START + min(time for _, time, _ in entries) + start
+    expected = [
+        Message(topic, START + time, START + number, data)
+        for number, (topic, time, data) in enumerate(entries)
+        if START + time >= begin and (topics is None or topic in topics)
+    ]
+    with rpud_sim.bag.open(path) as bag:
+        found = [*bag.messages(topics, start)]
+    assert sorted(found) == sorted(expected)
+    times = [message.log_time for message in found]
+    assert times == sorted(times)
+    if chunk_size > 10_000 or not chunked:  # in one part those of one time keep their order
+        assert found == sorted(expected, key=lambda each: each.log_time)
+
+
+@given(ENTRIES, st.sampled_from([60, 300, 1 << 20]), st.integers(0, 60))
+def test_of_a_split_bag_repeats_are_left_out(tmp_path_factory, entries, chunk_size, place):
+    path = tmp_path_factory.mktemp("split") / "bag"
+    with BagWriter(path, chunk_size=chunk_size) as bag:
+        bag.add_topic(TALK, STRING_DEFINITION)
+        bag.add_topic(CHAT, STRING_DEFINITION)  # latched, so that files repeat it
+        for number, (topic, time, data) in enumerate(entries):
+            if number == place:
+                bag.split()
+            name = TALK.name if topic == "/a" else CHAT.name
+            bag.write(name, data, START + time, START + number)
+    found = assert_same(path)
+    assert sum(map(len, found.values())) == len(entries)
+
+
+@pytest.mark.parametrize(
+    ("storage", "mode"),
+    [
+        (StoragePlugin.SQLITE3, CompressionMode.NONE),
+        (StoragePlugin.SQLITE3, CompressionMode.MESSAGE),
+        (StoragePlugin.SQLITE3, CompressionMode.FILE),
+        (StoragePlugin.MCAP, CompressionMode.MESSAGE),
+        (StoragePlugin.MCAP, CompressionMode.FILE),
+    ],
+)
+def test_they_are_the_same_in_every_storage(tmp_path, storage, mode):
+    writer = Rosbag2Writer(tmp_path / "bag", version=9, storage_plugin=storage)
+    writer.set_compression(mode, CompressionFormat.ZSTD)
+    with writer:
+        connections = [
+            writer.add_connection(topic, STRING, msgdef=STRING_DEFINITION, rihs01="RIHS01_0")
+            for topic in ("/a", "/b")
+        ]
+        for number in range(300):
+            data = serialized_string("x" * (number % 7))
+            writer.write(connections[number % 2], START + number // 3, data)
+    found = assert_same(tmp_path / "bag", start=20, duration=70)
+    assert sum(map(len, found.values())) == 210
+
+
+@pytest.fixture(scope="module")
+def whole_file(tmp_path_factory):
+    path = tmp_path_factory.mktemp("whole") / "bag.mcap"
+    entries = [("/a" if number % 3 else "/b", number, bytes(9)) for number in range(80)]
+    write_mcap(path, entries, chunk_size=600, compression=CompressionType.NONE, enable_crcs=False)
+    return path.read_bytes()
+
+
+@given(st.data())
+def test_a_damaged_file_gives_the_same_error(whole_file, tmp_path_factory, data):
+    content = bytearray(whole_file)
+    for _ in range(data.draw(st.integers(1, 3))):
+        content[data.draw(st.integers(0, len(content) - 1))] = data.draw(st.integers(0, 255))
+    path = tmp_path_factory.mktemp("damaged") / "bag.mcap"
+    path.write_bytes(content)
+    try:
+        bag = rpud_sim.bag.open(path)
+    except BagFormatError:
+        return
+    with bag:
+        expected, error = one_by_one(bag)
+        found, found_error = by_block(bag)
+    assert found_error == error
+    for topic, entries in expected.items():
+        # Those at the very time at which the damaged chunk begins may come before the error.
+        assert found[topic][: len(entries)] == entries
+        assert error or found[topic] == entries
+
+
+@pytest.mark.parametrize("change", ["missing", "moved", "in_a_message", "twice", "beyond"])
+def test_indexes_that_lie_are_not_believed(tmp_path, change):
+    path = write_bag(tmp_path / "bag", 40, compression="none")
+    file = next(path.glob("*.mcap"))
+    with rpud_sim.bag.open(path) as bag:
+        [index] = bag._files[0]._index.chunk_indexes
+    place = index.chunk_start_offset + index.chunk_length + 9 + 6
+    content = bytearray(file.read_bytes())
+    entries = np.frombuffer(content, "<u8", 80, place)[1::2]
+    if change == "missing":
+        content[place - 15 : place - 15 + index.message_index_length] = b"\x07".ljust(
+            index.message_index_length, b"\0"
+        )
+    elif change == "moved":
+        entries[3] += 1
+    elif change == "in_a_message":
+        entries[3] = entries[4] + 20
+    elif change == "twice":
+        entries[3] = entries[4]
+    else:
+        entries[3] = 2**63 + 5
+    file.write_bytes(content)
+    assert len(assert_same(path)[TALK.name]) == 40
+
+
+def test_times_that_no_int64_holds_stay_exact(tmp_path):
+    path = tmp_path / "bag.mcap"
+    entries = [("/a", 1, b"x"), ("/a", 2**64 - 1 - START, b"y")]
+    write_mcap(path, entries)
+    assert [time for time, _, _ in assert_same(path)["/a"]] == [START + 1, 2**64 - 1]
+
+
+def test_memory_stays_bounded_by_the_chunks(tmp_path):
+    with BagWriter(tmp_path / "run", compression="none", chunk_size=100_000) as bag:
+        bag.add_topic(TALK, STRING_DEFINITION)
+        for number in range(20_000):
+            bag.write(TALK.name, bytes(1000), START + number, START)
+    tracemalloc.start()
+    with rpud_sim.bag.open(tmp_path / "run") as bag:
+        assert sum(map(len, bag.blocks())) == 20_000
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert peak < 3_000_000
+
+
+def test_an_iteration_that_is_left_stops_reading(tmp_path):
+    path = write_bag(tmp_path / "bag", 500, chunk_size=2000)
+    with rpud_sim.bag.open(path) as bag:
+        blocks = bag.blocks()
+        first = next(blocks)
+        blocks.close()
+        assert first.message(0) == serialized_string("message 0")
+    with pytest.raises(BagError, match="was closed"):
+        next(bag.blocks())
+
+
+def everything(bag):
+    return [
+        message for segment in bag.segments() for message in messages_of([*segment.blocks(None)])
+    ]
+
+
+def test_all_parts_together_hold_every_message_once(tmp_path):
+    path = write_bag(tmp_path / "bag", 500, chunk_size=2000)
+    with rpud_sim.bag.open(path) as bag:
+        segments = bag.segments()
+        assert len(segments) > 5
+        assert everything(bag) == [*bag.messages()]
+        for segment in segments:
+            times = [time for block in segment.blocks({TALK.name}) for time in block.log_times]
+            assert (segment.start_time, segment.end_time) == (times[0], times[-1])
+            assert segment.topics == {TALK.name}
+            assert [*segment.blocks({"/other"})] == []
+
+
+@pytest.mark.parametrize("part", [0.3, 0.6, 0.95])
+def test_a_file_that_was_cut_off_is_read_up_to_there(tmp_path, part):
+    path = write_bag(tmp_path / "bag", 500, chunk_size=2000)
+    with rpud_sim.bag.open(path) as bag:
+        whole = [*bag.messages()]
+    file = next(path.glob("*.mcap"))
+    file.write_bytes(file.read_bytes()[: int(part * file.stat().st_size)])
+    with pytest.raises(BagFormatError, match="cut off"):
+        rpud_sim.bag.open(path)
+    with rpud_sim.bag.open(path, unclosed=True) as bag:
+        assert bag.unclosed == (file,)
+        found = everything(bag)
+        assert found == whole[: len(found)]
+        assert len(found) == bag.message_count > 0
+        assert [*bag.messages()] == found
+        (talk,) = [each for each in bag.topics if each.topic.name == TALK.name]
+        assert talk.message_count == len(found)
+        assert talk.first_time == found[0].log_time
+        assert talk.last_time <= found[-1].log_time  # the index of the last chunk may be missing
+
+
+def test_a_whole_file_is_none_that_was_cut_off(tmp_path):
+    with rpud_sim.bag.open(write_bag(tmp_path / "bag"), unclosed=True) as bag:
+        assert bag.unclosed == ()
