@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import wraps
+from functools import partial, wraps
 from typing import Any, TypeVar
 
 from lifecycle_msgs.srv import ChangeState
@@ -20,7 +20,6 @@ from rpud_sim.ros.threads import raised
 Node = TypeVar("Node", bound="ManagedNode")
 Transition = Callable[[Node, LifecycleState], TransitionCallbackReturn]
 Handler = Callable[[Any, Any], Any]
-Refused = Callable[[str], None]
 
 
 class ManagedNode(LifecycleNode):
@@ -34,10 +33,16 @@ class ManagedNode(LifecycleNode):
         A handler that raises an error answers with an empty response. Services that set parameters
         name the one that they refuse.
         """
-        guards = {SetParameters: _setting_each, SetParametersAtomically: _setting_all}
-        if srv_type in guards:
-            callback = _reporting_refusals(guards[srv_type](callback, self), self.refuse_request)
-        answer = _always_answering(callback, srv_type, self.refuse_request)
+        if srv_type in (SetParameters, SetParametersAtomically):
+            callback = partial(self._set_parameters, callback)
+
+        def answer(request: Any, response: Any) -> Any:
+            try:
+                return callback(request, response)
+            except Exception as error:  # out of the executor the client would have no answer
+                self.refuse_request(f"{srv_type.__name__}: {raised(error)}")
+                return srv_type.Response()
+
         return super().create_service(srv_type, srv_name, answer, **options)
 
     def destroy_node(self) -> None:
@@ -53,6 +58,30 @@ class ManagedNode(LifecycleNode):
     def refuse_request(self, reason: str) -> None:
         """Log why a client's request to set a parameter or to change the state is rejected."""
         self.get_logger().warning(f"request refused: {reason}")
+
+    def _set_parameters(self, callback: Handler, request: Any, response: Any) -> Any:
+        """Let rclpy set parameters, but for what it would not answer well; log refusals."""
+        results = [_result_without_rclpy(self, each) for each in request.parameters]
+        answered = list(zip(request.parameters, results, strict=True))
+        if isinstance(request, SetParameters.Request):
+            for parameter, result in answered:
+                if result is None:
+                    callback(SetParameters.Request(parameters=[parameter]), response)
+                else:
+                    response.results.append(result)
+            found = response.results
+        else:
+            refused = [result for result in results if result and not result.successful]
+            if refused:
+                response.result = refused[0]
+            else:
+                request.parameters = [parameter for parameter, result in answered if result is None]
+                response = callback(request, response)
+            found = [response.result]
+        for result in found:
+            if not result.successful:
+                self.refuse_request(result.reason)
+        return response
 
     # rclpy lets RCLError out of the executor when a client asks for a transition that the present
     # state does not have: the node would end, and the client wait for ever. This name is how Python
@@ -83,58 +112,6 @@ def log_exceptions(transition: Transition[Node]) -> Transition[Node]:
             return TransitionCallbackReturn.ERROR
 
     return logged
-
-
-def _always_answering(callback: Handler, srv_type: Any, refused: Refused) -> Handler:
-    def answer(request: Any, response: Any) -> Any:
-        try:
-            return callback(request, response)
-        except Exception as error:  # out of the executor it would leave the client without answer
-            refused(f"{srv_type.__name__}: {raised(error)}")
-            return srv_type.Response()
-
-    return answer
-
-
-def _setting_each(callback: Handler, node: ManagedNode) -> Handler:
-    def answer(request: SetParameters.Request, response: SetParameters.Response) -> Any:
-        for parameter in request.parameters:
-            result = _result_without_rclpy(node, parameter)
-            if result is None:
-                callback(SetParameters.Request(parameters=[parameter]), response)
-            else:
-                response.results.append(result)
-        return response
-
-    return answer
-
-
-def _setting_all(callback: Handler, node: ManagedNode) -> Handler:
-    def answer(
-        request: SetParametersAtomically.Request, response: SetParametersAtomically.Response
-    ) -> Any:
-        results = [_result_without_rclpy(node, parameter) for parameter in request.parameters]
-        refused = next((result for result in results if result and not result.successful), None)
-        if refused is None:
-            pairs = zip(request.parameters, results, strict=True)
-            request.parameters = [parameter for parameter, result in pairs if result is None]
-            return callback(request, response)
-        response.result = refused
-        return response
-
-    return answer
-
-
-def _reporting_refusals(callback: Handler, refused: Refused) -> Handler:
-    def answer(request: Any, response: Any) -> Any:
-        response = callback(request, response)
-        results = getattr(response, "results", None)
-        for result in [response.result] if results is None else results:
-            if not result.successful:
-                refused(result.reason)
-        return response
-
-    return answer
 
 
 def _result_without_rclpy(

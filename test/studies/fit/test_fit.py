@@ -11,15 +11,12 @@ from rpud_sim.cli.studies import fit_text
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.pages.plot import axis_ends
 from rpud_sim.simulation.configuration import read_parameter_file, to_settings
-from rpud_sim.studies.fit import branches
-from rpud_sim.studies.fit import fit as rounds
-from rpud_sim.studies.fit.branches import FitError
-from rpud_sim.studies.fit.design import Region
-from rpud_sim.studies.fit.fit import fit_in, run_fit
-from rpud_sim.studies.fit.fit_plots import corner_rows, target_plot, unknown_quantity
-from rpud_sim.studies.fit.fit_report import write_fit
-from rpud_sim.studies.fit.folder import FitFolder
-from rpud_sim.studies.fit.proof import prove
+from rpud_sim.studies.fit import fit as fits
+from rpud_sim.studies.fit import rounds
+from rpud_sim.studies.fit.fit import fit_in, prove, run_fit
+from rpud_sim.studies.fit.fit_report import corner_rows, target_plot, unknown_quantity, write_fit
+from rpud_sim.studies.fit.rounds import FitError, FitFolder
+from rpud_sim.studies.fit.surrogate import Region
 from rpud_sim.studies.fit.target_file import parse_targets, read_target_file
 
 EXAMPLE = Path(__file__).parents[3] / "config" / "fit_example.yaml"
@@ -48,9 +45,9 @@ FIT = {
 
 @pytest.fixture(autouse=True)
 def few_particles(monkeypatch):
-    monkeypatch.setattr(branches, "PARTICLES", 512)
-    monkeypatch.setattr(rounds, "CANDIDATES", 4)
-    monkeypatch.setattr(rounds, "CANDIDATE_RUNS", 4)
+    monkeypatch.setattr(rounds, "PARTICLES", 512)
+    monkeypatch.setattr(fits, "CANDIDATES", 4)
+    monkeypatch.setattr(fits, "CANDIDATE_RUNS", 4)
 
 
 def known_drill(specification, folder, **values):
@@ -213,7 +210,7 @@ def test_at_a_bound_the_interval_ends_there_and_says_so(weight, end, tmp_path):
 
 def test_a_posterior_that_the_last_region_cuts_off_has_no_interval(monkeypatch, tmp_path):
     monkeypatch.setattr(
-        branches, "next_region", lambda branch: Region(np.array([0.0, 0.0]), np.array([0.5, 1.0]))
+        rounds, "next_region", lambda branch: Region(np.array([0.0, 0.0]), np.array([0.5, 1.0]))
     )
     drill = ClosedForm()
     fit = fit_in(drill, drill.specification(TWO, weight=11.2, loss=0.5))

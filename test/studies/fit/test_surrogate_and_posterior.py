@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from rpud_sim.studies.fit.design import Region, sobol_points
-from rpud_sim.studies.fit.identifiability import identify
-from rpud_sim.studies.fit.posterior import Likelihood, sample
-from rpud_sim.studies.fit.surrogate import SurrogateError, fit_surrogate
+from rpud_sim.studies.fit.posterior import Likelihood, identify, sample
+from rpud_sim.studies.fit.rounds import sobol_points
+from rpud_sim.studies.fit.surrogate import Region, SurrogateError, fit_surrogate
 from rpud_sim.studies.fit.target_file import parse_targets
 from rpud_sim.studies.sweep.specification import Range
 

@@ -11,12 +11,17 @@ from rpud_sim.simulation import preset
 from rpud_sim.simulation.ensemble import run_ensemble
 from rpud_sim.simulation.simulation import initial_phases
 from rpud_sim.simulation.statistics import FIGURES
-from rpud_sim.studies.sweep.chunks import Chunk, chunk_count, chunk_size, make_chunks, simulate
-from rpud_sim.studies.sweep.design import design_points
-from rpud_sim.studies.sweep.plan import point_seed
+from rpud_sim.studies.sweep.chunks import (
+    SweepChunk,
+    chunk_count,
+    chunk_size,
+    design_points,
+    make_chunks,
+    simulate,
+)
 from rpud_sim.studies.sweep.specification_file import parse_specification
-from rpud_sim.studies.sweep.sweep_report import sweep_page
-from rpud_sim.studies.sweep.tables import PointTables, error_name, simulation_table
+from rpud_sim.studies.sweep.sweep import point_table, simulation_table
+from rpud_sim.studies.sweep.sweep_page import error_name, sweep_page
 
 
 def sweep(points=3, repeat=2, duration=0.02, **entries):
@@ -43,7 +48,7 @@ def pieces(specification, size):
         count = min(size, whole.count - first)
         begin, end = first // specification.repeat, -(-(first + count) // specification.repeat)
         points = {name: values[begin:end] for name, values in whole.points.items()}
-        yield Chunk(number, first, count, specification, points, whole.versions)
+        yield SweepChunk(number, first, count, specification, points, whole.versions)
 
 
 @given(points=st.integers(1, 300), repeat=st.integers(1, 20), duration=st.floats(1e-3, 1e4))
@@ -68,7 +73,7 @@ def test_a_point_is_the_ensemble_of_its_seed():
     (chunk,) = chunks_of(specification)
     outcome = simulate(chunk)
     for point, weight in enumerate(chunk.points["weight_on_bit"].tolist()):
-        phases = initial_phases(2, point_seed(specification, point, {}))
+        phases = initial_phases(2, specification.point_seed(point, {}))
         parameters = preset("drilling").replace(weight_on_bit=weight)
         expected = run_ensemble(parameters, 0.02, phases).members
         rows = slice(2 * point, 2 * point + 2)
@@ -85,19 +90,17 @@ def test_the_cut_into_chunks_changes_no_row_and_no_point(size):
     expected = simulation_table(whole, simulate(whole))
     tables = [simulation_table(chunk, simulate(chunk)) for chunk in pieces(specification, size)]
     assert [row for table in tables for row in table.to_pylist()] == expected.to_pylist()
-    one, many = PointTables(specification), PointTables(specification)
-    points = [row for table in tables for row in many.add(table).to_pylist()]
-    assert points == one.add(expected).to_pylist()
 
 
 def test_a_simulation_without_impacts_has_nulls_and_no_failure():
     specification = sweep(1, 2, 1e-6, fixed={"vibration_amplitude": 0.0, "gravity": 0.0})
     (chunk,) = chunks_of(specification)
-    rows = simulation_table(chunk, simulate(chunk)).to_pylist()
+    table = simulation_table(chunk, simulate(chunk))
+    rows = table.to_pylist()
     assert [row["contact_force_mean"] for row in rows] == [None, None]
     assert [row["failure"] for row in rows] == [None, None]
     assert [type(row["events"]) for row in rows] == [int, int]
-    (point,) = PointTables(specification).add(simulation_table(chunk, simulate(chunk))).to_pylist()
+    (point,) = point_table(specification, table).to_pylist()
     assert point["contact_force_mean"] is None
     assert point[error_name("contact_force_mean")] is None
 
@@ -115,7 +118,7 @@ def test_a_point_outside_the_ranges_is_a_failure_of_its_own_alone():
 
 def test_sweeps_of_two_seeds_share_no_simulation():
     specifications = [sweep(points=64, repeat=2, seed=seed) for seed in (0, 1)]
-    seeds = [{point_seed(each, n, {}) for n in range(64)} for each in specifications]
+    seeds = [{each.point_seed(n, {}) for n in range(64)} for each in specifications]
     assert [len(each) for each in seeds] == [64, 64]
     assert not seeds[0] & seeds[1]
     weights = [set(design_points(each)["weight_on_bit"].tolist()) for each in specifications]
@@ -126,7 +129,7 @@ def test_points_at_which_every_simulation_fails_have_no_figures():
     specification = sweep(points=2, repeat=2)
     (chunk,) = chunks_of(specification)
     outside = dataclasses.replace(chunk, points={"weight_on_bit": np.array([-1.0, -2.0])})
-    table = PointTables(specification).add(simulation_table(outside, simulate(outside)))
+    table = point_table(specification, simulation_table(outside, simulate(outside)))
     assert table["members"].to_pylist() == [0, 0]
     assert table["contact_force_mean"].to_pylist() == [None, None]
     columns = {name: table[name].to_numpy() for name in table.column_names}

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rpud_sim.studies.sweep.design import design_points
+from rpud_sim.studies.sweep.chunks import design_points
 from rpud_sim.studies.sweep.specification_file import parse_specification
 
 SWEPT = {

@@ -6,11 +6,10 @@ import pyarrow.parquet as pq
 import pytest
 
 from rpud_sim.simulation.statistics import FIGURES
-from rpud_sim.studies.sweep.chunks import make_chunks, simulate
-from rpud_sim.studies.sweep.design import design_points
-from rpud_sim.studies.sweep.folder import SweepFolder, make_manifest
+from rpud_sim.studies.sweep.chunks import design_points, make_chunks, simulate
 from rpud_sim.studies.sweep.specification import SweepError
 from rpud_sim.studies.sweep.specification_file import parse_specification
+from rpud_sim.studies.sweep.sweep import SweepFolder, make_manifest
 
 CONTENT = {
     "design": "grid",
@@ -59,7 +58,7 @@ def test_chunks_in_any_order_make_the_same_tables(folder, outcomes, tmp_path):
 
 @pytest.mark.parametrize("together", [1, 2, 3])
 def test_the_tables_are_what_any_reader_of_parquet_sees(folder, outcomes, monkeypatch, together):
-    monkeypatch.setattr("rpud_sim.studies.sweep.folder._TOGETHER", together)  # chunks written
+    monkeypatch.setattr("rpud_sim.studies.sweep.sweep._TOGETHER", together)  # chunks written
     for chunk, outcome in outcomes:
         folder.add(chunk, outcome)
     folder.complete_tables()
