@@ -11,10 +11,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from viewer.frame_reader import decode
+from viewer.recorded_bags import rewritten
 
 import rpud_sim.bag
 import rpud_sim.viewer
-from rpud_sim.bag import BagWriter
 from rpud_sim.bag.manifest import VERDICT_RECORD, RunVerdict
 from rpud_sim.inspection import InspectionError
 from rpud_sim.inspection.offline_bag import write_offline_bag
@@ -116,13 +116,8 @@ def test_the_account_of_energy_closes(frame):
 
 def test_the_verdict_of_a_test_is_in_the_report(bag, tmp_path):
     said = RunVerdict("test_mission.py::test_press", "failed", "7", ("[R1] calm: failed",))
-    with rpud_sim.bag.open(bag) as reader, BagWriter(tmp_path / "bag") as writer:
-        writer.add_record(VERDICT_RECORD, said.to_record())
-        kept = [each for each in reader.topics if each.topic.name == "/rpud/reacting_force"]
-        for summary in kept:
-            writer.add_topic(summary.topic, summary.definition)
-        for message in reader.messages({each.topic.name for each in kept}):
-            writer.write(message.topic, message.data, message.log_time, message.publish_time)
+    records = {VERDICT_RECORD: said.to_record()}
+    rewritten(bag, tmp_path / "bag", topics={"/rpud/reacting_force"}, records=records)
     write_report(tmp_path / "bag", tmp_path / "out.html")
     [data] = re.findall('class="frame">([^<]*)<', (tmp_path / "out.html").read_text())
     report = decode(base64.b64decode(data))["report"]
