@@ -225,7 +225,7 @@ class Codec:
                 raise ValueError(f"arrays have more than {_WRITTEN_OUT_LIMIT} elements together")
             self._store.register(types)
             # Code that decodes takes longer to make than all else; tables need none of it.
-            self._budget = Budget(self._store, type_name)
+            self.budget = Budget(self._store, type_name)
 
     @property
     def type_name(self) -> str:
@@ -254,7 +254,7 @@ class Codec:
 
     def decode(self, data: bytes) -> Any:
         """Return a message as an object with its fields, and with NumPy arrays for sequences."""
-        self._budget.check(data)
+        self.budget.check(data)
         with self._understanding("message"):
             if data[:2] not in (b"\0\0", b"\0\1"):
                 raise ValueError("its encapsulation is not plain CDR")
@@ -266,14 +266,6 @@ class Codec:
             if rest > _PADDING and rest > _PADDING + 8 * _empty_sequences(message):
                 raise ValueError(f"{rest} bytes follow its last field")
             return message
-
-    def decoded_sizes(self, sizes: np.ndarray) -> np.ndarray:
-        """Return the greatest memory of decoded messages of these sizes [bytes]."""
-        return self._budget.sizes(sizes)
-
-    def largest_size(self, memory: int) -> int:
-        """Return a size of messages up to which none takes more memory than this [bytes]."""
-        return self._budget.largest(memory)
 
     def without_padding(self, data: bytes) -> bytes:
         """Return the same message with zeros for the padding between fields, as ``encode`` does."""

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     import pandas
 
     from rpud_sim.bag.columns import Column
-    from rpud_sim.bag.tables import Batch, Table
+    from rpud_sim.bag.tables import Batch, Table, Tables
 
 
 class BagReader:
@@ -115,10 +115,10 @@ class BagReader:
         """Reasons why topics, or the record of losses, are damaged, by their names."""
         return {name: str(error) for name, error in self._declared[1].items()}
 
-    @cached_property
+    @property
     def left_out(self) -> dict[str, str]:
         """Reasons why topics cannot be tables, by their names."""
-        return self._tables(None)[1]
+        return self._tables.left_out
 
     def records(self, name: str) -> list[dict[str, str]]:
         """Return the metadata records of one name, in the order in which they were written."""
@@ -189,7 +189,7 @@ class BagReader:
         """
         from rpud_sim.bag.tables import batches  # loads what listing a bag does not need
 
-        tables, _ = self._tables([topics] if isinstance(topics, str) else topics)
+        tables = self._tables.choose([topics] if isinstance(topics, str) else topics)
         return batches(self.path, self.blocks(tables, start, duration), tables, leave_out)
 
     @overload
@@ -212,7 +212,7 @@ class BagReader:
         """
         from rpud_sim.bag.tables import PART_SIZE, batches, filled
 
-        tables, _ = self._tables([topics] if isinstance(topics, str) else topics)
+        tables = self._tables.choose([topics] if isinstance(topics, str) else topics)
         counts = {topic.topic.name: topic.message_count for topic in self.readable_topics}
         blocks = self.blocks(tables, start, duration)
         found = filled(tables, counts, batches(self.path, blocks, tables, batch_size=PART_SIZE))
@@ -242,9 +242,10 @@ class BagReader:
         return summarize(self._files)
 
     def _table(self, topic: str) -> Table:
-        return self._tables([topic])[0][topic]
+        return self._tables.choose([topic])[topic]
 
-    def _tables(self, topics: Collection[str] | None) -> tuple[dict[str, Table], dict[str, str]]:
-        from rpud_sim.bag.tables import open_tables
+    @cached_property
+    def _tables(self) -> Tables:
+        from rpud_sim.bag.tables import Tables
 
-        return open_tables(self.path, *self._declared, topics)
+        return Tables(self.path, *self._declared)

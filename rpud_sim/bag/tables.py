@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from functools import lru_cache, partial
+from functools import cached_property, lru_cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,7 +16,6 @@ from rpud_sim.bag.columns import (
     RECEIVED,
     Column,
     Kind,
-    Sequences,
     columns_of,
     holds_rows,
     objects,
@@ -29,6 +28,7 @@ from rpud_sim.bag.messages import LATEST, MessageBlock
 from rpud_sim.bag.messages import joined as joined_blocks
 from rpud_sim.bag.metadata import TopicSummary
 from rpud_sim.foundation.quantities import suggestion
+from rpud_sim.foundation.ragged import Ragged
 
 if TYPE_CHECKING:
     import pandas
@@ -91,7 +91,7 @@ class Table:
 
     def decoded_sizes(self, block: MessageBlock) -> np.ndarray:
         """Return the greatest memory of each decoded message [bytes]."""
-        return self._codec.decoded_sizes(block.sizes)
+        return self._codec.budget.sizes(block.sizes)
 
     def batch(self, block: MessageBlock, leave_out: Callable[[str], object] | None = None) -> Batch:
         """Return the rows of messages.
@@ -123,7 +123,7 @@ class Table:
         none, data = np.empty(0, np.int64), np.empty(0, np.uint8)
         return self.batch(MessageBlock(self._name, none, none, data, none, none))
 
-    def _batch(self, block: MessageBlock, columns: Mapping[str, np.ndarray | Sequences]) -> Batch:
+    def _batch(self, block: MessageBlock, columns: Mapping[str, np.ndarray | Ragged]) -> Batch:
         received = {
             "log_time": block.log_times.astype(np.int64, copy=False),
             "publish_time": block.publish_times.astype(np.int64, copy=False),
@@ -132,7 +132,7 @@ class Table:
             values = to_rows((*_RECEIVED, *self._fields), {**received, **columns})
         else:
             values = received | {
-                name: each.rows() if isinstance(each, Sequences) else each
+                name: objects(each.rows()) if isinstance(each, Ragged) else each
                 for name, each in columns.items()
             }
         return Batch(self._name, values, len(block))
@@ -155,42 +155,64 @@ def compiled(type_name: str, definition: str) -> tuple[Codec, tuple[Column, ...]
     return codec, columns_of(codec, definition)
 
 
-def open_tables(
-    path: Path,
-    summaries: Iterable[TopicSummary],
-    errors: Mapping[str, BagFormatError],
-    topics: Collection[str] | None,
-) -> tuple[dict[str, Table], dict[str, str]]:
-    """Return the tables of topics by their names, and the reasons why others have none.
+class Tables:
+    """Tables of the topics of the bag at ``path``; ``errors`` are those of damaged topics."""
 
-    ``errors`` are those of damaged topics. ``topics`` must have a table; None for all that can.
-    """
-    known = {summary.topic.name: summary for summary in summaries}
-    tables, left_out = {}, {}
-    compiled: set[tuple[str, str | None]] = set()
-    size = 0
-    for name in dict.fromkeys(known if topics is None else topics):
-        if name in errors:
-            raise errors[name]
-        if name not in known:
-            hint = suggestion(name, known)
-            raise BagError(f"{path} holds no topic {name!r:.80}; it holds {_listed(known)}{hint}")
-        kind = (known[name].topic.type, known[name].definition)
-        if kind not in compiled:
-            compiled.add(kind)
-            size += definition_size(kind[1] or "") + _DEFINITION_OVERHEAD
-        try:
-            if size > DEFINITIONS_LIMIT:
-                raise BagFormatError(
-                    f"the definitions of the bag's types have more than {DEFINITIONS_LIMIT} "
-                    "characters together, too many to compile"
-                )
-            tables[name] = Table(known[name])
-        except BagFormatError as error:
-            if topics is not None:
-                raise BagFormatError(f"{path}: {name} cannot be a table: {error}") from error
-            left_out[name] = str(error)
-    return tables, left_out
+    def __init__(
+        self,
+        path: Path,
+        summaries: Iterable[TopicSummary],
+        errors: Mapping[str, BagFormatError],
+    ) -> None:
+        self._path, self._errors = path, errors
+        self._known = {summary.topic.name: summary for summary in summaries}
+        self._opened: dict[str, Table] = {}
+
+    @cached_property
+    def left_out(self) -> dict[str, str]:
+        """Reasons why topics have no table, by their names."""
+        reasons: dict[str, str] = {}
+        self._open(self._known, lambda name, error: reasons.update({name: str(error)}))
+        return reasons
+
+    def choose(self, topics: Collection[str] | None) -> dict[str, Table]:
+        """Return the tables of topics by their names; None for all that have one."""
+
+        def refuse(name: str, error: BagFormatError) -> None:
+            raise BagFormatError(f"{self._path}: {name} cannot be a table: {error}") from error
+
+        if topics is None:
+            topics = [name for name in self._known if name not in self.left_out]
+        return self._open(topics, refuse)
+
+    def _open(
+        self, topics: Iterable[str], refuse: Callable[[str, BagFormatError], object]
+    ) -> dict[str, Table]:
+        tables = {}
+        kinds: set[tuple[str, str | None]] = set()
+        size = 0  # characters of the definitions of these
+        for name in dict.fromkeys(topics):
+            if name in self._errors:
+                raise self._errors[name]
+            if name not in self._known:
+                listed = _listed(self._known) + suggestion(name, self._known)
+                raise BagError(f"{self._path} holds no topic {name!r:.80}; it holds {listed}")
+            kind = (self._known[name].topic.type, self._known[name].definition)
+            if kind not in kinds:
+                kinds.add(kind)
+                size += definition_size(kind[1] or "") + _DEFINITION_OVERHEAD
+            try:
+                if size > DEFINITIONS_LIMIT:
+                    raise BagFormatError(
+                        f"the definitions of the bag's types have more than {DEFINITIONS_LIMIT} "
+                        "characters together, too many to compile"
+                    )
+                if name not in self._opened:
+                    self._opened[name] = Table(self._known[name])
+                tables[name] = self._opened[name]
+            except BagFormatError as error:
+                refuse(name, error)
+        return tables
 
 
 def batches(
@@ -298,7 +320,7 @@ def filled(
     for piece in pieces:
         growing[piece.topic].add(piece)
     for name, table in tables.items():
-        if not growing[name].begun:
+        if not growing[name].arrays:
             growing[name].add(table.empty())
     return {name: each.whole() for name, each in growing.items()}
 
@@ -309,38 +331,34 @@ class _Growing:
     def __init__(self, columns: Iterable[Column], count: int) -> None:
         self._columns = tuple(columns)
         self._count = count
-        self._arrays: dict[str, np.ndarray] = {}
+        self.arrays: dict[str, np.ndarray] = {}
         self._room = self._rows = self._messages = 0
-
-    @property
-    def begun(self) -> bool:
-        return bool(self._arrays)
 
     def add(self, batch: Batch) -> None:
         end = self._rows + len(batch)
         self._messages += batch.message_count
-        if end > self._room or not self.begun:
+        if end > self._room or not self.arrays:
             # As many rows in each message that is still to come as in those so far.
             expected = math.ceil(self._count * end / max(self._messages, 1))
-            growth = _GREATEST_GROWTH if self.begun else _FIRST_GROWTH
+            growth = _GREATEST_GROWTH if self.arrays else _FIRST_GROWTH
             self._resize(batch, max(end, min(expected, end * growth)))
-        for name, array in self._arrays.items():
+        for name, array in self.arrays.items():
             array[self._rows : end] = batch.columns[name]
         self._rows = end
 
     def whole(self) -> dict[str, np.ndarray]:
-        for array in self._arrays.values():
+        for array in self.arrays.values():
             array.resize((self._rows, *array.shape[1:]), refcheck=False)
-        return self._arrays
+        return self.arrays
 
     def _resize(self, batch: Batch, room: int) -> None:
         # Pages that no row reaches take no memory.
         for column in self._columns:
             values = batch.columns[column.name]
             array = np.empty((room, *values.shape[1:]), values.dtype)
-            if self.begun and column.name in self._arrays:
-                array[: self._rows] = self._arrays[column.name][: self._rows]
-            self._arrays[column.name] = array
+            if column.name in self.arrays:
+                array[: self._rows] = self.arrays[column.name][: self._rows]
+            self.arrays[column.name] = array
         self._room = room
 
 

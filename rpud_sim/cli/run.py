@@ -75,7 +75,7 @@ class _Run(ParameterOptions):
 def _run(options: _Run) -> int:
     """Drill until the duration is over or a signal stops it."""
     values = options.values()
-    from rpud_sim.ros.drill.session import NamesakeError, open_drill
+    from rpud_sim.ros.drill.drill_node import NamesakeError, open_drill
     from rpud_sim.ros.starting import StartError
     from rpud_sim.ros.stopping import StopRequest
 
@@ -121,7 +121,7 @@ def drill(
 def _drill_and_record(
     node: DrillNode, stop: StopRequest, program: str, record: str, max_loss: float, live: bool
 ) -> ExitCode:
-    from rpud_sim.ros.drill.session import await_recorder
+    from rpud_sim.ros.drill.drill_node import await_recorder
 
     with failing(RuntimeError):
         node.prepare()  # so that the recorder finds its topics, and has the first message

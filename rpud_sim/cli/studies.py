@@ -19,9 +19,8 @@ from rpud_sim.foundation.quantities import Quantity
 from rpud_sim.foundation.terminal import printable
 
 if TYPE_CHECKING:
-    from rpud_sim.studies.fit.fit import Fit
-    from rpud_sim.studies.fit.proof import Proof
-    from rpud_sim.studies.fit.specification import Specification
+    from rpud_sim.studies.fit.fit import Fit, Proof
+    from rpud_sim.studies.fit.target_file import FitSpecification
 
 _CAUSES = 3  # inputs of a figure in the table; the page and indices.json have all
 _PROCESSES = Quantity("", "processes", 1, 1024, whole=True)
@@ -51,9 +50,9 @@ class _Sweep(JsonOptions):
     _Sweep,
 )
 def _sweep(options: _Sweep) -> int:
-    from rpud_sim.studies.processes import WorkerError
     from rpud_sim.studies.sweep.specification import SweepError
     from rpud_sim.studies.sweep.specification_file import read_specification
+    from rpud_sim.studies.workers import WorkerError
 
     started = time.perf_counter()
     with failing(SweepError, code=ExitCode.USAGE), failing(WorkerError):
@@ -141,9 +140,9 @@ class _FitOptions(JsonOptions):
     "With --prove it fits synthetic drills instead, and counts how many intervals are right.",
 )
 def _run_fit(options: _FitOptions) -> int:
-    from rpud_sim.studies.fit.branches import FitError
+    from rpud_sim.studies.fit.rounds import FitError
     from rpud_sim.studies.fit.target_file import read_target_file
-    from rpud_sim.studies.processes import WorkerError
+    from rpud_sim.studies.workers import WorkerError
 
     with failing(FitError, WorkerError):
         specification = read_target_file(options.targets)
@@ -152,7 +151,7 @@ def _run_fit(options: _FitOptions) -> int:
         return _fit(options, specification)
 
 
-def _fit(options: _FitOptions, specification: Specification) -> int:
+def _fit(options: _FitOptions, specification: FitSpecification) -> int:
     from rpud_sim.studies.fit.fit import most_simulations, run_fit
     from rpud_sim.studies.fit.fit_report import fit_content, write_fit
 
@@ -171,9 +170,10 @@ def _fit(options: _FitOptions, specification: Specification) -> int:
     return ExitCode.INCOMPLETE if fit.refusal else ExitCode.DONE
 
 
-def _prove(options: _FitOptions, specification: Specification, drills: int) -> int:
-    from rpud_sim.studies.fit.folder import FitFolder
-    from rpud_sim.studies.fit.proof import proof_simulations, prove
+def _prove(options: _FitOptions, specification: FitSpecification, drills: int) -> int:
+    from rpud_sim.studies.fit.fit import proof_simulations, prove
+    from rpud_sim.studies.fit.rounds import FitFolder
+    from rpud_sim.studies.store import write_whole
 
     out = Path(options.out)
     with progress_bar(" runs", proof_simulations(specification, drills) + drills) as bar:
@@ -181,7 +181,7 @@ def _prove(options: _FitOptions, specification: Specification, drills: int) -> i
         with folder.held():
             proof = prove(folder, specification, drills, bar.update)
             content = json.dumps(proof.content(), indent=1)
-            folder.write("proof.json", f"{content}\n".encode())
+            write_whole(out / "proof.json", f"{content}\n")
     print_json(proof.content()) if options.json else print(_proof_text(proof))
     return ExitCode.DONE if proof.holds else ExitCode.FAILED
 
@@ -204,7 +204,7 @@ def fit_text(fit: Fit) -> str:
 
 
 def _unknown(fit: Fit, name: str) -> str:
-    from rpud_sim.studies.fit.specification import unit_of
+    from rpud_sim.studies.sweep.specification import unit_of
 
     if fit.found is None:
         return f"{name:28} {fit.best[name]:.4g} {unit_of(name)}".rstrip()

@@ -14,7 +14,7 @@ from rpud_sim.foundation.parameters import (
     quantities,
 )
 from rpud_sim.foundation.quantities import ParameterError, did_you_mean, shown_name
-from rpud_sim.model.contact import CONTACT_MODELS
+from rpud_sim.model.contact import CONTACT_MODELS, CONTACT_MODELS_TEXT
 
 REGIMES = ("free", "drilling")
 
@@ -40,12 +40,7 @@ class Parameters(ParameterGroup):
         0.5, "", "damping ratio of the RPUD, xi_ud", 0.0, 1.0, below=True, changeable=True
     )
     load_spring_rate: float = number(
-        2000.0,
-        "N/m",
-        "spring rate of the load spring, k_1",
-        1e-3,
-        1e7,
-        changeable=True,
+        2000.0, "N/m", "spring rate of the load spring, k_1", 1e-3, 1e7, changeable=True
     )
     free_mass: float = number(5e-3, "kg", "mass of the free mass, m_fm", 1e-12, 10.0)
     drill_tool_mass: float = number(
@@ -61,12 +56,7 @@ class Parameters(ParameterGroup):
         changeable=True,
     )
     restoring_spring_rate: float = number(
-        2000.0,
-        "N/m",
-        "spring rate of the restoring spring, k_2",
-        1e-3,
-        1e7,
-        changeable=True,
+        2000.0, "N/m", "spring rate of the restoring spring, k_2", 1e-3, 1e7, changeable=True
     )
     actuator_restitution: float = number(
         0.8,  # fitted; Table 2 prints 1
@@ -119,8 +109,7 @@ class Parameters(ParameterGroup):
     contact_model: str = choice(
         "given",  # Table 2 with (22) and (27) gives neither number of Fig. 12
         CONTACT_MODELS,
-        "effective mass and spring rate of the drill tool in the rock: (22) and (27) as printed, "
-        "two springs in series, the shape of (24) in both, or given",
+        f"effective mass and spring rate of the drill tool in the rock: {CONTACT_MODELS_TEXT}",
     )
     effective_tool_mass: float = number(
         1.72e-3,  # Fig. 12 implies it by (21), (30) and (36)

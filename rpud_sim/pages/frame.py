@@ -34,7 +34,9 @@ _LINE = 18  # height of a line of text [pixels]
 _GAP = 8  # pixels between a plot and its text
 _MOST_TITLES = 400  # points of a cloud have no texts under the pointer: they are one path
 _DASHES = {"dashed": "6 4", "dotted": "2 3"}
-_FIGURE = Markup('<figure class="plot"><figcaption>{}{}</figcaption>{}</figure>')
+_FIGURE = Markup(
+    '<figure class="plot"><figcaption><span class="plot-title">{}</span>{}</figcaption>{}</figure>'
+)
 _GRID = Markup('{}<div class="plots" style="--least:{}em">{}</div>')
 _LEGEND = Markup('<p class="keys">{}</p>')
 _KEY = Markup('<span class="key"><i style="background:var(--{})"></i>{}</span>')
@@ -53,7 +55,8 @@ def figure(plot: Plot) -> Markup:
 
 def _figure(plot: Plot, keys: str) -> Markup:
     columns = plot.y.columns
-    texts = [text for _, text in scale_of(plot, "y", plot.height, 0.0).ticks(_APART)]
+    upward = scale_of(plot, "y", plot.height, 0.0)
+    texts = [text for _, text in upward.ticks(_APART)]
     left = _GAP + min(max(map(_width, texts), default=0.0), 0.42 * plot.width)
     widths = [max(map(_width, (head, *cells))) + 14 for head, cells in columns]
     right = sum(widths) + 14
@@ -65,13 +68,11 @@ def _figure(plot: Plot, keys: str) -> Markup:
     for (head, cells), width in zip(columns, widths, strict=True):
         place += width
         parts.append(text_at(head, place, top - _GAP, "end", "head"))
-        rows = scale_of(plot, "y", plot.height, 0.0)(np.arange(len(cells)))
-        parts += [
-            text_at(cell, place, top + row + 4, "end")
-            for cell, row in zip(cells, rows, strict=True)
-        ]
+        rows = upward(np.arange(len(cells)))
+        for cell, row in zip(cells, rows, strict=True):
+            parts.append(text_at(cell, place, top + row + 4, "end"))
     picture = _picture(plot.heading, plot.alt, plot.width, top + plot.height + below, parts)
-    return _FIGURE.format(_title(plot.heading), keys, picture)
+    return _FIGURE.format(printable(plot.heading), keys, picture)
 
 
 def figures(plots: Sequence[Plot], least: float = 20.0) -> Markup:
@@ -109,7 +110,7 @@ def corner(title: str, rows: Sequence[Sequence[Plot]], alt: str, width: int = 10
     whole, height = math.ceil(left + count * size), math.ceil(2 * _GAP + count * size + 2 * _LINE)
     layers = {layer.name: layer for row in rows for plot in row for layer in plot.layers}
     picture = _picture(title, alt, whole, height, parts)
-    return _FIGURE.format(_title(title), _keys(tuple(layers.values())), picture)
+    return _FIGURE.format(printable(title), _keys([*layers.values()]), picture)
 
 
 def _picture(title: str, alt: str, width: float, height: float, parts: Sequence[Markup]) -> Markup:
@@ -118,10 +119,6 @@ def _picture(title: str, alt: str, width: float, height: float, parts: Sequence[
     least = round(min(0.7 * width, 720.0))
     body = Markup("").join(parts)
     return _PICTURE.format(scrolled, width, round(height), width, least, title, alt, body)
-
-
-def _title(heading: str) -> Markup:
-    return Markup('<span class="plot-title">{}</span>').format(printable(heading))
 
 
 def _keys(layers: Sequence[Layer]) -> Markup:
@@ -181,12 +178,11 @@ def _draw(layer: Layer, x: Scale, y: Scale, plot: Plot) -> Iterator[Markup]:
         yield line("rule", ends, layer.text, stroke=color, stroke_dasharray=dash)
     elif isinstance(layer, Zone):
         first, last = sorted((y if layer.across else x)([layer.low, layer.high]).tolist())
-        box = (0.0, first, width, last - first)
+        box = {"x": 0.0, "y": first, "width": width, "height": last - first}
         if not layer.across:
-            box = (first, 0.0, last - first, height)
-        sides = dict(zip(("x", "y", "width", "height"), box, strict=True))
-        yield element("rect", (titled(layer.text),), **sides, fill=color, opacity=0.16)
-    elif isinstance(layer, Points):
+            box = {"x": first, "y": 0.0, "width": last - first, "height": height}
+        yield element("rect", (titled(layer.text),), **box, fill=color, opacity=0.16)
+    else:
         yield from _points(layer, x, y, plot, color)
 
 
@@ -206,17 +202,17 @@ def _points(layer: Points, x: Scale, y: Scale, plot: Plot, color: str) -> Iterat
     for number in np.flatnonzero(shown).tolist():
         a, b, half = float(across[number]), float(upward[number]), 0.5 * layer.size
         text = layer.titles[number] if layer.titles else _values(layer, number, plot)
-        lines: tuple[tuple[float, float, float, float], ...] = ()
+        lines: list[tuple[float, float, float, float]] = []
         if ends and math.isfinite(ends[0][number] + ends[1][number]):
             low, high = (float(end[number]) for end in ends)
             if layer.across:
-                lines = ((low, b, high, b), (low, b - 3, low, b + 3), (high, b - 3, high, b + 3))
+                lines = [(low, b, high, b), *((at, b - 3, at, b + 3) for at in (low, high))]
             else:
-                lines = ((a, low, a, high), (a - 3, low, a + 3, low), (a - 3, high, a + 3, high))
+                lines = [(a, low, a, high), *((a - 3, at, a + 3, at) for at in (low, high))]
         if layer.marker == "x":
-            lines += ((a - half, b - half, a + half, b + half),)
-            lines += ((a - half, b + half, a + half, b - half),)
-        parts = [titled(text), *([segments(lines)] if lines else [])]
+            lines += [(a - half, b - d, a + half, b + d) for d in (half, -half)]
+        way = "".join(f"M{x1:.1f} {y1:.1f}L{x2:.1f} {y2:.1f}" for x1, y1, x2, y2 in lines)
+        parts = [titled(text), *([element("path", d=way)] if lines else [])]
         if layer.marker != "x":
             parts.append(element("circle", cx=round(a, 1), cy=round(b, 1), r=half))
         marks.append(element("g", parts))
@@ -282,11 +278,6 @@ def track(x: np.ndarray, y: np.ndarray, steps: bool = False) -> str:
         texts.append(f"M{points[0][0]:.1f} {points[0][1]:.1f}")
         texts += [f"H{a:.1f}V{b:.1f}" if steps else f"L{a:.1f} {b:.1f}" for a, b in points[1:]]
     return "".join(texts)
-
-
-def segments(lines: Sequence[tuple[float, float, float, float]]) -> Markup:
-    """Return straight lines in the colour around them."""
-    return element("path", d="".join(f"M{a:.1f} {b:.1f}L{c:.1f} {d:.1f}" for a, b, c, d in lines))
 
 
 def path(way: str, stroke: str, width: float = 0.0, **style: Any) -> Markup:

@@ -151,8 +151,8 @@ class Scale:
 
 def usable(values: np.ndarray, axis: Axis) -> np.ndarray:
     """Return which values can be drawn: numbers whose squares are numbers too."""
-    size = np.abs(values)
-    return (size < _GREATEST) & ((values > 1.0 / _GREATEST) | (not axis.log))
+    found: np.ndarray = np.abs(values) < _GREATEST
+    return found & (values > 1.0 / _GREATEST) if axis.log else found
 
 
 def scale_of(plot: Plot, side: str, begin: float, end: float) -> Scale:

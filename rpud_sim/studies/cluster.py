@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 import contextlib
-import itertools
 import logging
 import socket
 import time
 from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator
 from queue import Empty, SimpleQueue
-from typing import TYPE_CHECKING, Any, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 from urllib.parse import urlsplit
 
-from rpud_sim.studies.processes import Numbered, WorkerError
+from rpud_sim.studies.workers import Numbered, WorkerError
 
 if TYPE_CHECKING:
-    from distributed import Client, Future
+    from distributed import Future
 
 CONNECT_TIMEOUT = 10.0  # s
 # How long a study waits until a scheduler that it has lost is restarted [s].
@@ -27,33 +26,12 @@ _IN_FLIGHT = 2
 _LOOK_PERIOD = 1.0
 _RETRY_PERIOD = 0.2  # between two attempts to reach the scheduler [s]
 
-
 _Chunk = TypeVar("_Chunk", bound=Numbered)
 _Outcome = TypeVar("_Outcome")
 
 
 class _SchedulerLostError(Exception):
-    """The chunks in flight are lost."""
-
-
-class _Queue(Generic[_Chunk]):
-    """Chunks that are still to run: first those that came back, then further ones."""
-
-    def __init__(self, chunks: Iterable[_Chunk]) -> None:
-        self._further = iter(chunks)
-        self._returned: deque[_Chunk] = deque()
-
-    def take(self, count: int) -> Iterator[_Chunk]:
-        """Yield at most so many chunks."""
-        for _ in range(count):
-            if self._returned:
-                yield self._returned.popleft()
-                continue
-            yield from itertools.islice(self._further, 1)
-
-    def give_back(self, chunks: Iterable[_Chunk]) -> None:
-        """Put chunks back that were taken and have no outcome."""
-        self._returned.extend(chunks)
+    """The chunks in flight, its arguments, are lost."""
 
 
 def run_on_cluster(
@@ -78,13 +56,19 @@ def run_on_cluster(
             f"--scheduler needs {error.name}: pip install 'rpud_sim[cluster]'"
         ) from None
     _check_reachable(address)
-    queue = _Queue(chunks)
+    further = iter(chunks)
+    lost: deque[_Chunk] = deque()  # in flight when the scheduler was lost
+
+    def take() -> _Chunk | None:
+        return lost.popleft() if lost else next(further, None)
+
     with _quiet_log():
         while True:
             try:
-                yield from _run_on_scheduler(queue, address, work)
+                yield from _run_on_scheduler(take, address, work)
                 return
-            except _SchedulerLostError:
+            except _SchedulerLostError as error:
+                lost.extend(error.args)
                 _wait_for_scheduler(address)
 
 
@@ -103,12 +87,12 @@ def _quiet_log() -> Iterator[None]:
 
 
 def _run_on_scheduler(
-    queue: _Queue[_Chunk], address: str, work: Callable[[_Chunk], _Outcome]
+    take: Callable[[], _Chunk | None], address: str, work: Callable[[_Chunk], _Outcome]
 ) -> Generator[tuple[_Chunk, _Outcome], None, None]:
-    """Yield chunks with their outcomes until all are there.
+    """Yield chunks with their outcomes until there are no more to take.
 
     Raises:
-        _SchedulerLostError: if the scheduler has gone; the chunks in flight are in the queue again.
+        _SchedulerLostError: if the scheduler has gone.
         WorkerError: if the cluster cannot run a chunk.
     """
     from distributed import Client
@@ -118,11 +102,16 @@ def _run_on_scheduler(
     finished: SimpleQueue[Future] = SimpleQueue()
     try:
         with Client(address, timeout=CONNECT_TIMEOUT, set_as_default=False) as client:
-            cluster = _Cluster(client)
+            scheduler, threads, due = client.scheduler_info()["id"], 1, 0.0
 
             def fill() -> None:
-                wanted = _IN_FLIGHT * cluster.threads() - len(running)
-                for chunk in queue.take(max(wanted, 0)):
+                nonlocal threads, due
+                if time.monotonic() >= due:
+                    if client.scheduler_info()["id"] != scheduler:  # it knows of no chunk
+                        raise ConnectionResetError("another scheduler")
+                    threads = max(sum(client.nthreads().values()), 1)
+                    due = time.monotonic() + _LOOK_PERIOD
+                while len(running) < _IN_FLIGHT * threads and (chunk := take()) is not None:
                     future = client.submit(work, chunk, pure=False)
                     running[future] = chunk
                     future.add_done_callback(finished.put)
@@ -140,8 +129,7 @@ def _run_on_scheduler(
                 fill()
                 yield chunk, outcome
     except (FutureCancelledError, OSError, TimeoutError):
-        queue.give_back(running.values())
-        raise _SchedulerLostError from None
+        raise _SchedulerLostError(*running.values()) from None
 
 
 def _outcome(future: Future, chunk: Numbered, address: str) -> Any:
@@ -158,29 +146,6 @@ def _outcome(future: Future, chunk: Numbered, address: str) -> Any:
         if future.status != "error":
             raise  # the scheduler's end, not the chunk's
         raise WorkerError(f"chunk {chunk.number}: a worker of {address} failed: {error}") from None
-
-
-class _Cluster:
-    """Scheduler and its workers, who are looked after now and then."""
-
-    def __init__(self, client: Client) -> None:
-        self._client = client
-        self._scheduler = client.scheduler_info()["id"]
-        self._threads = 1
-        self._due = 0.0
-
-    def threads(self) -> int:
-        """Return the number of threads, at least one.
-
-        Raises:
-            OSError: if the scheduler does not answer, or is another one, which knows of no chunk.
-        """
-        if time.monotonic() >= self._due:
-            if self._client.scheduler_info()["id"] != self._scheduler:
-                raise ConnectionResetError("another scheduler")
-            self._threads = max(sum(self._client.nthreads().values()), 1)
-            self._due = time.monotonic() + _LOOK_PERIOD
-        return self._threads
 
 
 def _wait_for_scheduler(address: str) -> None:

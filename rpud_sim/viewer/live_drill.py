@@ -172,7 +172,7 @@ class LiveDrill:
         self._heard = Heard()
         self._lost_before: Counter[str] = Counter()  # by clients that are closed
         self._telemetry: Telemetry | None = None
-        self._status_at = 0.0
+        self._status_at = self._settled_at = 0.0
         # Here, so that the caller gets the error of a namespace that ROS does not allow.
         self._client: DrillClient | None = self._open(namespace)
         self.namespace = self._client.namespace
@@ -255,8 +255,11 @@ class LiveDrill:
         self._settle()  # a long step shows what happens
 
     def _settle(self) -> None:
-        with self._lock:
-            self._heard.settle()
+        # A block of the waveform is shown at the next time: its impacts need a while to arrive.
+        if (now := time.monotonic()) - self._settled_at >= 0.9 * _PERIOD:
+            self._settled_at = now
+            with self._lock:
+                self._heard.settle()
 
     def _search(self) -> None:
         """Wait for the drill; returns when it is found, or when this is to close."""

@@ -103,7 +103,8 @@ class Recording:
     def sample(self) -> list[int]:
         """Numbers of the parts that give a first picture."""
         places = np.linspace(0, len(self.pieces) - 1, SAMPLED) if self.pieces else np.empty(0)
-        return np.unique(places.astype(int)).tolist()
+        numbers: list[int] = np.unique(places.astype(int)).tolist()
+        return numbers
 
     def grow(self) -> bool:
         """Add the parts that were written since the bag was opened, or grew.

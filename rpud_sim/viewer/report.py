@@ -18,9 +18,14 @@ from typing import Any
 import numpy as np
 
 from rpud_sim.bag import BagFormatError
-from rpud_sim.bag.manifest import MANIFEST_RECORD as MANIFEST
-from rpud_sim.bag.manifest import VERDICT_RECORD as TESTED
-from rpud_sim.bag.manifest import Manifest, RunVerdict, manifest_from_record, tested_from_record
+from rpud_sim.bag.manifest import (
+    MANIFEST_RECORD,
+    VERDICT_RECORD,
+    Manifest,
+    RunVerdict,
+    manifest_from_record,
+    tested_from_record,
+)
 from rpud_sim.foundation.terminal import printable
 from rpud_sim.inspection import InspectionError
 from rpud_sim.inspection.output import Damages, check_new_file, write_new_file
@@ -151,7 +156,10 @@ def _report(
     if account := energy_table(means, now):
         tables.append(account)
     seen: dict[str, Any] = {}
-    for name, read in ((MANIFEST, manifest_from_record), (TESTED, tested_from_record)):
+    for name, read in (
+        (MANIFEST_RECORD, manifest_from_record),
+        (VERDICT_RECORD, tested_from_record),
+    ):
         for record in damages.records(content.recording.bag, name):
             try:
                 found = read(record)

@@ -17,6 +17,7 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass
+from http import HTTPStatus
 from pathlib import Path
 from typing import Any
 from urllib.parse import SplitResult, parse_qsl, urlencode, urlsplit
@@ -36,17 +37,17 @@ _SHARE = Path(__file__).parent / "share"
 _SERVED = (".css", ".html", ".js")
 _MOST_PAGES = 64
 _TOKEN_BYTES = 24
-_LOOPBACK_NAMES = ("127.0.0.1", "localhost", "::1")
-_FORBIDDEN, _NOT_FOUND = 403, 404
 _WRONG_REQUEST, _TOO_MANY, _FAILED = 1008, 1013, 1011  # codes with which a socket closes
 _TIDY_PERIOD = 10.0  # s
 _PING = 20.0  # a browser that does not answer for so long has gone [s]
 
-# No page of another site may show this one, and catch its clicks.
-_POLICY = (
-    "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; "
-    "img-src 'self' data:; frame-ancestors 'none'; base-uri 'none'; form-action 'none'"
-)
+_HEADERS = {  # of every answer; no page of another site may show this one, and catch its clicks
+    "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self'; "
+    "connect-src 'self'; img-src 'self' data:; frame-ancestors 'none'; base-uri 'none'; "
+    "form-action 'none'",
+    "X-Content-Type-Options": "nosniff",
+    "Referrer-Policy": "no-referrer",
+}
 
 
 class ServerError(RuntimeError):
@@ -64,8 +65,10 @@ class Place:
     @classmethod
     def of(cls, port: int = DEFAULT_PORT, address: str = LOOPBACK) -> Place:
         """Return a place, with a new token if other machines can reach it."""
-        token = "" if _is_loopback(address) else secrets.token_urlsafe(_TOKEN_BYTES)
-        return cls(port, address, token)
+        own = address == "localhost"
+        with suppress(ValueError):
+            own = ipaddress.ip_address(address).is_loopback
+        return cls(port, address, "" if own else secrets.token_urlsafe(_TOKEN_BYTES))
 
 
 class PageServer:
@@ -145,7 +148,7 @@ class PageServer:
             server=self,
             transforms=[_Headers, web.GZipContentEncoding],
             default_handler_class=web.ErrorHandler,
-            default_handler_args={"status_code": _NOT_FOUND},
+            default_handler_args={"status_code": HTTPStatus.NOT_FOUND},
             websocket_max_message_size=LONGEST_REQUEST,
             websocket_ping_interval=_PING,
         )
@@ -160,14 +163,10 @@ class PageServer:
 
 
 class _Headers(web.OutputTransform):
-    """Headers of every answer."""
-
     def transform_first_chunk(
         self, status_code: int, headers: HTTPHeaders, chunk: bytes, finishing: bool
     ) -> tuple[int, HTTPHeaders, bytes]:
-        headers["Content-Security-Policy"] = _POLICY
-        headers["X-Content-Type-Options"] = "nosniff"
-        headers["Referrer-Policy"] = "no-referrer"
+        headers.update(_HEADERS)
         return status_code, headers, chunk
 
 
@@ -193,13 +192,13 @@ class _Guarded(web.RequestHandler):
         token = self.server.place.token
         cookie = f"rpud_watch_{self.server.port}"  # tells several servers apart
         if not token:
-            if _parts(f"//{host}").hostname not in _LOOPBACK_NAMES:
+            if _parts(f"//{host}").hostname not in (LOOPBACK, "localhost", "::1"):
                 self._refuse(f"host {host!r:.200} is not this machine")
             return
-        if _is_equal(self.get_cookie(cookie), token):
+        known, given = self.get_cookie(cookie) or "", self.get_query_argument("token", "")
+        if hmac.compare_digest(known.encode(), token.encode()):
             return
-        given = self.get_query_argument("token", "")
-        if not _is_equal(given, token):
+        if not hmac.compare_digest(given.encode(), token.encode()):
             wrong = "this is not its token" if given else "the token is missing"
             self._refuse(f"{wrong}: open the address that `rpud watch` has printed")
         self.set_cookie(cookie, given, httponly=True, samesite="Strict", path="/")
@@ -209,7 +208,7 @@ class _Guarded(web.RequestHandler):
         raise web.Finish
 
     def _refuse(self, reason: str) -> None:
-        self.set_status(_FORBIDDEN)
+        self.set_status(HTTPStatus.FORBIDDEN)
         self.set_header("Content-Type", "text/plain; charset=utf-8")
         self.finish(f"{reason}\n")
         raise web.Finish
@@ -227,7 +226,7 @@ class _Shared(_Guarded, web.StaticFileHandler):
 
     def validate_absolute_path(self, root: str, absolute_path: str) -> str | None:
         if not absolute_path.endswith(_SERVED) or "\0" in absolute_path:
-            raise web.HTTPError(_NOT_FOUND)
+            raise web.HTTPError(HTTPStatus.NOT_FOUND)
         return super().validate_absolute_path(root, absolute_path)
 
     def set_extra_headers(self, path: str) -> None:
@@ -237,7 +236,7 @@ class _Shared(_Guarded, web.StaticFileHandler):
 class _Listing(_Guarded):
     async def get(self) -> None:
         if self.server.listing is None:
-            raise web.HTTPError(_NOT_FOUND)
+            raise web.HTTPError(HTTPStatus.NOT_FOUND)
         self.set_header("Cache-Control", "no-store")
         self.finish(await self.server.work(self.server.listing))
 
@@ -288,17 +287,6 @@ def _parts(url: str) -> SplitResult:
         return urlsplit(url)
     except ValueError:
         return urlsplit("")
-
-
-def _is_equal(given: str | None, token: str) -> bool:
-    return hmac.compare_digest((given or "").encode(), token.encode())
-
-
-def _is_loopback(address: str) -> bool:
-    try:
-        return ipaddress.ip_address(address).is_loopback
-    except ValueError:
-        return address == "localhost"
 
 
 def _why_not(place: Place, error: OSError) -> str:

@@ -3,11 +3,34 @@
 import json
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+from threading import Thread
 from urllib.parse import quote
 
 from support import Process
 
+import rpud_sim.viewer
+
+SHARE = Path(rpud_sim.viewer.__file__).parent / "share"
 SCREEN = "import('/share/screen.js').then(({ rpudScreen: screen }) => %s)"
+
+
+class Quiet(SimpleHTTPRequestHandler):
+    def log_message(self, *_):
+        pass
+
+
+@contextmanager
+def page_with_share(folder, text) -> Iterator[str]:
+    """Serve a page beside the screen's own files; the value is its address."""
+    (folder / "share").symlink_to(SHARE)
+    (folder / "index.html").write_text(text)
+    with ThreadingHTTPServer(("127.0.0.1", 0), partial(Quiet, directory=folder)) as server:
+        Thread(target=server.serve_forever).start()
+        yield f"http://127.0.0.1:{server.server_port}/index.html"
+        server.shutdown()
 
 
 @contextmanager

@@ -1,24 +1,18 @@
 """The screen as a report: it answers from the frame that the file holds, without a server."""
 
 import base64
-from functools import partial
-from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
-from pathlib import Path
-from threading import Thread
 
 import numpy as np
 import pytest
 from browser.pages import PHONE, SCHEMES, WIDE
-from browser.screens import of_screen, text_has, until_screen, view_of
+from browser.screens import SHARE, of_screen, page_with_share, text_has, until_screen, view_of
 
-import rpud_sim.viewer
 from rpud_sim.pages.quantities import QUANTITIES, for_browser
 from rpud_sim.viewer.picture import drill_plots
 from rpud_sim.viewer.session import encode
 
 pytestmark = pytest.mark.extended
 
-SHARE = Path(rpud_sim.viewer.__file__).parent / "share"
 END, BINS = 40.0, 4000
 RAMP = (np.arange(BINS) + 0.5) * END / BINS  # a value that is its own time
 
@@ -73,24 +67,13 @@ def frame():
     }  # fmt: skip
 
 
-class Quiet(SimpleHTTPRequestHandler):
-    def log_message(self, *_):
-        pass
-
-
 @pytest.fixture(scope="module")
 def address(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("frozen")
-    (folder / "share").symlink_to(SHARE)
     data = base64.b64encode(encode(frame())).decode()
     script = f'<script type="application/octet-stream;base64" class="frame">{data}</script></body>'
-    (folder / "index.html").write_text(
-        (SHARE / "screen.html").read_text().replace("</body>", script)
-    )
-    with ThreadingHTTPServer(("127.0.0.1", 0), partial(Quiet, directory=folder)) as server:
-        Thread(target=server.serve_forever).start()
-        yield f"http://127.0.0.1:{server.server_port}/index.html"
-        server.shutdown()
+    text = (SHARE / "screen.html").read_text().replace("</body>", script)
+    with page_with_share(tmp_path_factory.mktemp("frozen"), text) as found:
+        yield found
 
 
 @pytest.fixture

@@ -10,11 +10,9 @@ from browser.pages import PHONE, SCHEMES, WIDE
 from browser.screens import drag, of_screen, text_has, until_screen, view_of
 from sample_bags import write_offline_bag
 from support import Process
-from viewer.recorded_bags import FAULTS, FORCE
+from viewer.recorded_bags import FAULTS, rewritten, without_waveform
 
 import rpud_sim.bag
-from rpud_sim.bag import BagWriter, Topic
-from rpud_sim.bag.definitions import find_definition, find_type_hash
 from rpud_sim.simulation import preset
 from rpud_sim.simulation.scenario import read_scenario
 
@@ -40,19 +38,10 @@ def drilled(tmp_path_factory):
     (folder / "faults.yaml").write_text(FAULTS, encoding="utf-8")
     scenario = read_scenario(folder / "faults.yaml")
     write_offline_bag(folder / "whole", preset("drilling"), DURATION, scenario=scenario)
-    path = folder / "drilled"
-    with (
-        rpud_sim.bag.open(folder / "whole") as reader,
-        BagWriter(path, chunk_size=1 << 18) as writer,
-    ):
-        kept = [each for each in reader.topics if each.topic.name != "/rpud/waveform"]
-        for summary in kept:
-            writer.add_topic(summary.topic, summary.definition)
-        writer.add_topic(Topic(HOSTILE, FORCE, find_type_hash(FORCE)), find_definition(FORCE))
-        for message in reader.messages({each.topic.name for each in kept}):
-            writer.write(message.topic, message.data, message.log_time, message.publish_time)
-            if message.topic == "/rpud/reacting_force":
-                writer.write(HOSTILE, message.data, message.log_time, message.publish_time)
+    topics = without_waveform(folder / "whole")
+    copies = {"/rpud/reacting_force": HOSTILE}
+    path = rewritten(folder / "whole", folder / "drilled", 1 << 18, topics, copies)
+    with rpud_sim.bag.open(path) as reader:
         impacts = reader.arrays("/rpud/contact_force", 2 * 10**9, 10**8)
     with Process("rpud", "watch", path, "--port", "0") as server:
         yield Drilled(path, server.wait_for_line(r"bag .*: (http://\S+)")[1], impacts)

@@ -2,33 +2,22 @@
 
 import base64
 import json
-from functools import partial
-from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
-from pathlib import Path
-from threading import Thread
 
 import numpy as np
 import pytest
-from browser.pages import PHONE, SCHEMES
+from browser.pages import PHONE
+from browser.screens import page_with_share
 
-import rpud_sim.viewer
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.pages.quantities import for_browser
 from rpud_sim.simulation import Simulation, preset
 from rpud_sim.simulation.sampling import Times, sample
 from rpud_sim.viewer.session import encode
+from rpud_sim.viewer.waveforms import CHANNELS
 
 pytestmark = pytest.mark.extended
 
-SHARE = Path(rpud_sim.viewer.__file__).parent / "share"
 RATE, COUNT = 60_000, 1200
-CHANNELS = {
-    "nodal_plane": "nodal_plane_position",
-    "actuator": "actuator_position",
-    "free_mass": "free_mass_position",
-    "drill_tool": "drill_tool_displacement",
-    "contact_force": "contact_force",
-}
 PAGE = """<!DOCTYPE html>
 <html lang="en"><meta charset="utf-8"><meta name="viewport" content="width=device-width">
 <title>section</title><link rel="icon" href="data:,">
@@ -72,11 +61,6 @@ HOLE = {
 }
 
 
-class Quiet(SimpleHTTPRequestHandler):
-    def log_message(self, *_):
-        pass
-
-
 def section(regime, end):
     """Exact motion of the 20 ms before a time [s] of a drill."""
     block = Simulation(preset(regime), initial_phase=0.3).advance_to(round(end * SECOND))
@@ -95,8 +79,6 @@ def section(regime, end):
 @pytest.fixture(scope="module")
 def address(tmp_path_factory):
     """Address of a page with both, and with blocks of two drills."""
-    folder = tmp_path_factory.mktemp("section")
-    (folder / "share").symlink_to(SHARE)
     sections = {
         "first": section("drilling", 0.5),
         "second": section("drilling", 0.8),
@@ -104,12 +86,9 @@ def address(tmp_path_factory):
         "free": section("free", 0.7),
     }
     frame = encode({"sections": sections, "quantities": for_browser()})
-    (folder / "index.html").write_text(PAGE.replace("FRAME", base64.b64encode(frame).decode()))
-    handler = partial(Quiet, directory=folder)
-    with ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
-        Thread(target=server.serve_forever).start()
-        yield f"http://127.0.0.1:{server.server_port}/index.html"
-        server.shutdown()
+    text = PAGE.replace("FRAME", base64.b64encode(frame).decode())
+    with page_with_share(tmp_path_factory.mktemp("section"), text) as found:
+        yield found
 
 
 @pytest.fixture
@@ -137,16 +116,6 @@ def test_before_the_first_block_it_says_so(opened):
     assert page.tab.get_attribute("#motion .area", "aria-valuetext") == "no waveform yet"
     assert not page.tab.is_visible("#motion .cursor")
     page.check()
-
-
-@pytest.mark.parametrize("scheme", SCHEMES)
-@pytest.mark.parametrize("width", [1400, PHONE])
-def test_page_in_both_schemes_and_on_a_phone(opened, scheme, width):
-    page = opened(width=width, scheme=scheme)
-    hole(page)
-    run(page, "clock.jump(sections.first); clock.still(sections.first.impacts[1][0] + 3e-4)")
-    page.check()
-    page.keep("section")
 
 
 @pytest.mark.parametrize("width", [1400, PHONE])

@@ -10,10 +10,9 @@ import pytest
 
 from rpud_sim.studies import cluster
 from rpud_sim.studies.cluster import run_on_cluster
-from rpud_sim.studies.processes import WorkerError
-from rpud_sim.studies.sweep.chunks import make_chunks, simulate
-from rpud_sim.studies.sweep.design import design_points
+from rpud_sim.studies.sweep.chunks import design_points, make_chunks, simulate
 from rpud_sim.studies.sweep.specification_file import parse_specification
+from rpud_sim.studies.workers import WorkerError
 
 pytestmark = pytest.mark.extended
 

@@ -9,11 +9,9 @@ import weakref
 
 import pytest
 
-from rpud_sim.studies.processes import WorkerError, run_on_processes
-from rpud_sim.studies.sweep.chunks import Chunk, make_chunks, simulate
-from rpud_sim.studies.sweep.design import design_points
+from rpud_sim.studies.sweep.chunks import SweepChunk, design_points, make_chunks, simulate
 from rpud_sim.studies.sweep.specification_file import parse_specification
-from rpud_sim.studies.workers import run_on_workers
+from rpud_sim.studies.workers import WorkerError, run_on_processes, run_on_workers
 
 SPECIFICATION = parse_specification(
     {"design": "grid", "duration": 5.0, "swept": {"weight_on_bit": [5.0, 10.0, 15.0, 20.0, 25.0]}}
@@ -27,7 +25,7 @@ def chunks():
     return made
 
 
-class Deadly(Chunk):
+class Deadly(SweepChunk):
     """A chunk that ends the process that receives it."""
 
     def __reduce__(self):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 from sample_bags import write_offline_bag
@@ -23,32 +24,56 @@ faults:
 """
 
 
-def write_forces(
-    path: Path, rows, *, topic="/rpud/reacting_force", chunk_size=400, close=True
-) -> Path:
-    """Write messages of a force: rows are log time [ns], stamp [ns] and value [N]."""
-    codec = Codec(FORCE, find_definition(FORCE))
-    bag = BagWriter(path, chunk_size=chunk_size)
-    bag.add_topic(Topic(topic, FORCE, find_type_hash(FORCE)), find_definition(FORCE))
-    for log_time, stamp, value in rows:
-        header = {"stamp": {"sec": stamp // SECOND, "nanosec": stamp % SECOND}, "frame_id": "f"}
-        bag.write(topic, codec.encode({"header": header, "force": value}), log_time, log_time)
-    if close:
-        bag.close()
-    else:
-        bag.flush()
+class ForceRecorder:
+    """Recorder of forces, which writes when it is told to."""
+
+    def __init__(self, path: Path, chunk_size: int = 400) -> None:
+        self.path = path
+        self._codec = Codec(FORCE, find_definition(FORCE))
+        self._bag = BagWriter(path, chunk_size=chunk_size)
+        self._topics: set[str] = set()
+
+    def write(self, rows, topic="/rpud/reacting_force") -> None:
+        """Write messages: rows are log time [ns], stamp [ns] and value [N]."""
+        if topic not in self._topics:
+            self._topics.add(topic)
+            self._bag.add_topic(Topic(topic, FORCE, find_type_hash(FORCE)), find_definition(FORCE))
+        for log_time, stamp, value in rows:
+            header = {"stamp": {"sec": stamp // SECOND, "nanosec": stamp % SECOND}, "frame_id": "f"}
+            data = self._codec.encode({"header": header, "force": value})
+            self._bag.write(topic, data, log_time, log_time)
+        self._bag.flush()
+
+    def close(self) -> None:
+        self._bag.close()
+
+
+def write_forces(path: Path, rows, *, topic="/rpud/reacting_force", chunk_size=400) -> Path:
+    recorder = ForceRecorder(path, chunk_size)
+    recorder.write(rows, topic)
+    recorder.close()
     return path
 
 
-def rechunked(source: Path, out: Path, chunk_size: int, leave_out=()) -> Path:
-    """Copy a bag with chunks of another size."""
+def rewritten(source: Path, out: Path, chunk_size=1 << 20, topics=None, copies=(), records=()):
+    """Copy a bag, of some topics, with further topics of copies and with records."""
     with rpud_sim.bag.open(source) as reader, BagWriter(out, chunk_size=chunk_size) as writer:
-        kept = [each for each in reader.topics if each.topic.name not in leave_out]
+        for name, record in dict(records).items():
+            writer.add_record(name, record)
+        kept = [each for each in reader.topics if topics is None or each.topic.name in topics]
         for summary in kept:
             writer.add_topic(summary.topic, summary.definition)
+            if copy := dict(copies).get(summary.topic.name):
+                writer.add_topic(replace(summary.topic, name=copy), summary.definition)
         for message in reader.messages({each.topic.name for each in kept}):
-            writer.write(message.topic, message.data, message.log_time, message.publish_time)
+            for name in filter(None, (message.topic, dict(copies).get(message.topic))):
+                writer.write(name, message.data, message.log_time, message.publish_time)
     return out
+
+
+def without_waveform(bag: Path) -> set[str]:
+    with rpud_sim.bag.open(bag) as reader:
+        return {each.topic.name for each in reader.topics} - {"/rpud/waveform"}
 
 
 def write_drill(folder: Path) -> Path:
@@ -56,7 +81,8 @@ def write_drill(folder: Path) -> Path:
     (folder / "faults.yaml").write_text(FAULTS, encoding="utf-8")
     scenario = read_scenario(folder / "faults.yaml")
     write_offline_bag(folder / "whole", preset("drilling"), DURATION, scenario=scenario)
-    return rechunked(folder / "whole", folder / "bag", 20_000, {"/rpud/waveform"})
+    topics = without_waveform(folder / "whole")
+    return rewritten(folder / "whole", folder / "bag", 20_000, topics)
 
 
 def rows_of(count, stamp=0, first=0):

@@ -5,11 +5,8 @@ import shutil
 import numpy as np
 import pytest
 from support import until
-from viewer.recorded_bags import FORCE, rows_of
+from viewer.recorded_bags import ForceRecorder, rows_of
 
-from rpud_sim.bag import BagWriter, Topic
-from rpud_sim.bag.cdr import Codec
-from rpud_sim.bag.definitions import find_definition, find_type_hash
 from rpud_sim.viewer import recorded_store as stores
 from rpud_sim.viewer.recorded_store import RecordedStore
 from rpud_sim.viewer.recording import Recording
@@ -18,29 +15,14 @@ from rpud_sim.viewer.session import ClientState, View
 FIRST, SECOND = "/rpud/reacting_force", "/rpud/other"
 
 
-class Recorder:
-    """Recorder of a force, which writes when it is told to."""
+class Recorder(ForceRecorder):
+    """Recorder of a force that is the number of the message."""
 
-    def __init__(self, path):
-        self.path = path
-        self._codec = Codec(FORCE, find_definition(FORCE))
-        self._bag = BagWriter(path, chunk_size=400)
-        self._declared = set()
-        self._count = 0
+    count = 0
 
     def write(self, count, topic=FIRST):
-        if topic not in self._declared:
-            self._declared.add(topic)
-            self._bag.add_topic(Topic(topic, FORCE, find_type_hash(FORCE)), find_definition(FORCE))
-        for log_time, stamp, value in rows_of(count, first=self._count):
-            header = {"stamp": {"sec": stamp // 10**9, "nanosec": stamp % 10**9}, "frame_id": "f"}
-            data = self._codec.encode({"header": header, "force": value})
-            self._bag.write(topic, data, log_time, log_time)
-        self._count += count
-        self._bag.flush()
-
-    def close(self):
-        self._bag.close()
+        super().write(rows_of(count, first=self.count), topic)
+        self.count += count
 
 
 @pytest.fixture

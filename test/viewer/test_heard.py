@@ -1,4 +1,4 @@
-"""What has been heard of a drill, from messages as they come."""
+"""What has been heard of a drill, from messages as they come, and what is drawn of it."""
 
 import json
 import math
@@ -59,13 +59,6 @@ def texts(heard):
     return [line["text"] for line in heard.commands.frame(heard.faults)["log"]]
 
 
-def test_times_count_from_the_origin_that_the_journal_tells(heard):
-    heard.latched("status", status(2 * SECOND, state="running", weight_on_bit=12.0))
-    assert heard.time == 2.0
-    assert heard.status["weight_on_bit"] == 12.0
-    assert heard.status["weight_on_bit_applied"] == 0.0
-
-
 def test_status_and_faults_before_the_journal_are_shown_as_soon_as_it_comes():
     heard = Heard()
     heard.latched("status", status(SECOND, state="paused"))
@@ -75,7 +68,8 @@ def test_status_and_faults_before_the_journal_are_shown_as_soon_as_it_comes():
     heard.latched("faults", faults)
     assert not heard.status
     heard.latched("journal", entry(0, "begin", 0, parameters=PARAMETERS))
-    assert heard.status["state"] == "paused"
+    assert (heard.time, heard.status["state"]) == (1.0, "paused")
+    assert heard.status["weight_on_bit_applied"] == 0.0
     [shown] = heard.faults
     assert (shown["kind"], shown["onset"], shown["end"]) == ("bias", 0.5, None)
 
@@ -186,12 +180,6 @@ def test_the_first_seconds_are_shown_at_once(heard):
     assert np.isfinite(layer["mean"]).sum() == 20
 
 
-def test_the_status_of_a_new_run_may_come_before_its_journal(heard):
-    heard.latched("status", status(0, state="paused"))
-    heard.latched("journal", entry(1, "begin", 0, parameters=PARAMETERS))
-    assert heard.status["state"] == "paused"
-
-
 def test_a_drill_that_is_gone_stays_until_another_begins(heard):
     impact(heard, SECOND, 5.0)
     heard.restart()
@@ -210,3 +198,55 @@ def test_a_jump_in_the_journal_is_counted_as_lost(heard):
 def test_what_a_stranger_writes_into_the_journal_changes_nothing(heard, content):
     heard.latched("journal", JournalEntry(sequence=1, kind="begin", content=content))
     assert heard.run == 1
+
+
+RATE, SECONDS = 1000, 100
+
+
+@pytest.fixture(scope="module")
+def long_run():
+    """100 s, of which 1000 impacts a second from 10 s on; peaks from 0 to 999 N."""
+    heard = Heard()
+    heard.latched("journal", entry(0, "begin", 0, parameters=PARAMETERS))
+    add = heard.sinks()["contact_force"]
+    for number in range(10 * RATE, SECONDS * RATE):
+        stamp = ORIGIN + number * SECOND // RATE
+        add(stamp, (number, float(number % RATE), 1e-5, 2.0, 0.01, 1.0, 0.5, False))
+    heard.settle()
+    return heard
+
+
+def layer_of(heard, quantity, kind, start, end, parts):
+    view = heard.picture(start).view(start, end, 2 * parts, {quantity: kind})
+    return view["layers"][quantity]
+
+
+@pytest.mark.parametrize("start", [0.0, 50.0, 95.0])
+def test_the_rate_of_impacts_is_that_of_those_that_were_heard(long_run, start):
+    layer = layer_of(long_run, "impact_rate", "line", start, 100.0, 100)
+    assert layer["t"][0] >= max(start, 10.0) - 1.0
+    np.testing.assert_allclose(layer["mean"][1:-1], RATE, rtol=0.05)  # one may be on an edge
+
+
+def test_near_the_band_has_most_impacts_and_far_all_of_them(long_run):
+    near = layer_of(long_run, "peak_force", "band", 95.0, 100.0, 3)
+    assert near["band"] == "5-95 %"
+    assert near["low"][1] > 20.0
+    far = layer_of(long_run, "peak_force", "band", 0.0, 100.0, 100)
+    assert far["band"] == "least-greatest"
+    assert far["low"][1] == 0.0
+    assert far["high"][1] == 999.0
+    assert far["t"][0] == pytest.approx(10.0, abs=1.0)
+
+
+def test_parts_of_the_peak_force_are_as_long_where_little_was_heard(long_run):
+    layers = long_run.picture().view(-9990.0, 10.1, 10_000, {"peak_force": "band"})["layers"]
+    assert len(layers["peak_force"]["t"]) <= 4
+
+
+def test_a_number_that_a_status_says_is_that_of_the_latest_one(heard):
+    lacks = {"electrical_power": np.nan}
+    for second, power in ((1, 400.0), (2, 16.0)):
+        heard.latched("status", status(second * SECOND, actuator_power=power, **lacks))
+    power = heard.picture().numbers(2.3)["power"]
+    assert [power[name] for name in ("mean", "least", "greatest")] == [16.0] * 3

@@ -4,12 +4,20 @@ import shutil
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from sample_bags import write_bag
 from viewer.recorded_bags import SECOND, rows_of, write_forces
 
+import rpud_sim.bag
+from rpud_sim.bag.messages import blocks_of
+from rpud_sim.inspection.recorded_drill import Clock, Jump
+from rpud_sim.viewer import recording as recordings
+from rpud_sim.viewer.overview import Overview
 from rpud_sim.viewer.recorded_store import RecordedStore
 from rpud_sim.viewer.recording import Recording
 from rpud_sim.viewer.session import ClientState
+from rpud_sim.viewer.signals import find_jumps, topic_readers
 
 STEP = 10_000_000
 
@@ -98,3 +106,113 @@ def test_the_clock_of_each_drill_is_its_own(tmp_path):
     with Recording(path) as recording:
         assert recording.clocks["/b"].zero == 500 * SECOND
         assert times_of(recording).tolist() == [number / 100 for number in range(200)]
+
+
+def test_messages_whose_times_need_64_bits_are_counted_as_unreadable(tmp_path):
+    path = write_forces(tmp_path / "bag", [(SECOND, SECOND, 1.5), (2 * SECOND, 0, 2.5)])
+    with rpud_sim.bag.open(path) as bag:
+        [reader] = topic_readers(bag)[0].values()
+        first, second = bag.messages()
+    [block] = blocks_of([first, second._replace(log_time=2**63)])
+    rows = reader.read(block)
+    assert rows.values["force"].tolist() == [1.5]
+    assert reader.unreadable == 1
+
+
+STEPS = st.lists(
+    st.tuples(st.integers(0, 5 * SECOND), st.integers(-200 * SECOND, 200 * SECOND)), max_size=30
+)
+
+
+@given(STEPS, st.integers(0, 10**18))
+def test_time_passes_as_the_stamps_do_except_at_jumps(steps, first):
+    logs = first + np.cumsum([0, *(1 + passed for passed, _ in steps)])
+    stamps = first + np.cumsum([0, *(step for _, step in steps)])
+    jumps = find_jumps(stamps, logs)
+    elapsed = Clock(int(stamps[0]), int(logs[0]), tuple(jumps)).elapsed(stamps, logs)
+    at = {jump.time for jump in jumps}
+    for place, (passed, step) in enumerate(steps, 1):
+        expected = 1 + passed if int(logs[place]) in at else step
+        assert elapsed[place] - elapsed[place - 1] == pytest.approx(expected / SECOND, abs=1e-6)
+
+
+def test_a_topic_without_stamps_goes_by_the_log_times():
+    clock = Clock(None, 5 * SECOND)
+    assert clock.elapsed(np.array([0]), np.array([7 * SECOND])).tolist() == [2.0]
+
+
+@pytest.mark.parametrize("far", [2**63, -(2**63) - 1])
+def test_times_beyond_int64_are_no_error(far):
+    stamps = np.array([3 * SECOND])
+    for clock in (Clock(None, far), Clock(far, 0), Clock(far, 0, (Jump(1, 1),))):
+        assert clock.elapsed(stamps, stamps) == pytest.approx([-far / SECOND])
+
+
+def forces(values):
+    return [(number * STEP, number * STEP, value) for number, value in enumerate(values)]
+
+
+def read_all(overview):
+    while not overview.complete:
+        overview.read_next()
+    return overview
+
+
+def whole(overview, parts=1000):
+    """Return the envelope of the only signal."""
+    (signal,) = overview._recording.signals
+    return overview.bins.view(signal.name, 0.0, overview.end, parts)
+
+
+@pytest.mark.parametrize("sampled", [1, 5])
+def test_each_value_counts_once_whether_it_was_sampled_or_not(tmp_path, monkeypatch, sampled):
+    monkeypatch.setattr(recordings, "SAMPLED", sampled)
+    values = np.random.default_rng(1).normal(size=500)
+    with Recording(write_forces(tmp_path / "bag", forces(values))) as recording:
+        overview = Overview(recording)
+        overview.look(recording.sample)
+        read_all(overview)
+        (envelope,) = [whole(overview, 1)]
+        assert (envelope["low"].min(), envelope["high"].max()) == (values.min(), values.max())
+        times = np.arange(500) * 0.01
+        parts = np.searchsorted(times, envelope["t"])
+        assert envelope["mean"][0] == pytest.approx(values[: 2 * parts[0]].mean(), abs=0.05)
+
+
+def test_a_part_of_the_bag_is_never_called_the_whole(tmp_path, monkeypatch):
+    monkeypatch.setattr(recordings, "SAMPLED", 3)
+    with Recording(write_forces(tmp_path / "bag", forces(np.arange(150.0)))) as recording:
+        overview = Overview(recording)
+        overview.look(recording.sample)
+        while not overview.complete:
+            assert overview.share < 1.0
+            assert overview.gaps() == []
+            shown = whole(overview)
+            assert set(shown["low"][np.isfinite(shown["low"])]) <= set(np.arange(150.0))
+            overview.read_next()
+        assert overview.share == 1.0
+
+
+def test_gaps_are_where_messages_are_missing(tmp_path):
+    rows = [row for row in forces(np.ones(1000)) if not 3 * SECOND < row[0] < 5 * SECOND]
+    with Recording(write_forces(tmp_path / "bag", rows)) as recording:
+        overview = read_all(Overview(recording))
+        ((start, end),) = overview.gaps()
+        assert abs(start - 3.0) < 0.02
+        assert abs(end - 5.0) < 0.02
+
+
+def test_a_reset_between_the_sampled_parts_is_found_when_all_is_read(tmp_path, monkeypatch):
+    monkeypatch.setattr(recordings, "SAMPLED", 2)
+    # Twenty seconds from zero, a reset after twelve of them: stamps never step back in the sample.
+    rows = [
+        (number * STEP, (number if number < 1200 else number - 1200) * STEP, float(number))
+        for number in range(2000)
+    ]
+    with Recording(write_forces(tmp_path / "bag", rows, chunk_size=4000)) as recording:
+        overview = read_all(Overview(recording))
+        (clock,) = recording.clocks.values()
+        assert [jump.time for jump in clock.jumps] == [1200 * STEP]
+        shown = whole(overview)
+        valid = np.isfinite(shown["mean"])
+        assert np.abs(shown["mean"][valid] - 100.0 * shown["t"][valid]).max() < 10.0

@@ -1,17 +1,24 @@
 """Server of the screen: whom it answers, what it serves, and how a browser gets frames."""
 
+import hashlib
 import http.client
+import math
+import re
 from pathlib import Path
 from urllib.parse import quote
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from viewer.frame_reader import decode
 from viewer.screen_client import ClosedError, ScreenClient, serving
 
 import rpud_sim.viewer
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.viewer.server import PageServer, Place, ServerError
-from rpud_sim.viewer.session import StoreError, View
+from rpud_sim.viewer.session import StoreError, View, encode
 
 SHARE = Path(rpud_sim.viewer.__file__).parent / "share"
 
@@ -253,3 +260,42 @@ def test_a_browser_that_has_gone_is_forgotten(server, store):
         with ScreenClient(server.port) as goes:
             goes.frame()
         stays.until(lambda seen: len(store.clients) == 1)
+
+
+times = arrays(np.float64, st.integers(0, 20), elements=st.floats(allow_nan=False))
+values = arrays(np.float32, st.integers(0, 20), elements=st.floats(width=32, allow_nan=False))
+
+
+@given(first=times, second=values, text=st.text(st.characters(min_codepoint=32, max_codepoint=126)))
+def test_numbers_arrays_and_texts_come_back(first, second, text):
+    found = decode(encode({"a": {"t": first, "v": [second]}, "n": 1, "text": text}))
+    assert (found["n"], found["text"]) == (1, text)
+    np.testing.assert_array_equal(found["a"]["t"], first)
+    np.testing.assert_array_equal(found["a"]["v"][0], second)
+    assert (found["a"]["t"].dtype, found["a"]["v"][0].dtype) == (np.float64, np.float32)
+
+
+def test_arrays_begin_where_a_browser_can_view_them():
+    data = encode({"text": "x", "a": np.zeros(3, np.float32), "b": np.ones(2)})
+    begin = 4 + int.from_bytes(data[:4], "little")
+    assert (len(data) - (begin + -begin % 8)) % 8 == 0
+
+
+def test_numbers_that_json_has_no_form_for_are_null():
+    found = decode(encode({"a": math.nan, "b": [math.inf, np.float64(-math.inf), np.int32(3)]}))
+    assert found == {"a": None, "b": [None, None, 3]}
+
+
+def test_control_characters_of_a_stranger_are_shown_and_not_sent():
+    assert "\x1b" not in decode(encode({"kind": "a\x1b[31m"}))["kind"]
+
+
+VENDOR = Path(rpud_sim.viewer.__file__).parent / "share" / "vendor"
+
+
+def test_every_file_has_the_digest_that_is_noted():
+    noted = dict(re.findall(r"`(\S+)` \| `([0-9a-f]{64})`", (VENDOR / "README.md").read_text()))
+    files = {path.name: path for path in VENDOR.iterdir() if path.name != "README.md"}
+    assert files.keys() == noted.keys()
+    for name, path in files.items():
+        assert hashlib.sha256(path.read_bytes()).hexdigest() == noted[name], name

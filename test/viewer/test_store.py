@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from sample_bags import write_offline_bag
 from viewer.frame_reader import decode
-from viewer.recorded_bags import DURATION
+from viewer.recorded_bags import DURATION, rewritten
 
 import rpud_sim.bag
 from rpud_sim.bag import BagWriter, Topic
@@ -215,9 +215,8 @@ def test_a_lost_block_is_a_gap_in_the_waveform(drill_bag, tmp_path):
 
 
 def test_without_a_trajectory_messages_are_drawn(drill_bag, tmp_path):
-    path = altered(
-        drill_bag, tmp_path / "bag", lambda m: [m.data], {"/rpud/contact_force", "/rpud/status"}
-    )
+    topics = {"/rpud/contact_force", "/rpud/status"}
+    path = rewritten(drill_bag, tmp_path / "bag", topics=topics)
     with RecordedStore(path) as store:
         assert store.drills == [DRILL]
         frame = asked(store, view=View(None, 0.5, 0.51), playhead=0.5)
@@ -226,10 +225,17 @@ def test_without_a_trajectory_messages_are_drawn(drill_bag, tmp_path):
         assert "section" not in frame
 
 
-def test_without_a_trajectory_recorded_samples_are_drawn(tmp_path):
-    write_offline_bag(tmp_path / "whole", preset("drilling"), 0.5)
-    wanted = {"/rpud/waveform", "/rpud/contact_force"}
-    path = altered(tmp_path / "whole", tmp_path / "bag", lambda m: [m.data], wanted)
+@pytest.fixture(scope="module")
+def sampled(tmp_path_factory):
+    """Return a short bag, and one that has its waveform and impacts alone."""
+    folder = tmp_path_factory.mktemp("sampled")
+    write_offline_bag(folder / "whole", preset("drilling"), 0.5)
+    topics = {"/rpud/waveform", "/rpud/contact_force"}
+    return folder / "whole", rewritten(folder / "whole", folder / "bag", topics=topics)
+
+
+def test_without_a_trajectory_recorded_samples_are_drawn(sampled):
+    _, path = sampled
     with rpud_sim.bag.open(path) as reader:
         recorded = reader.arrays("/rpud/waveform")
     period = recorded["sample_period"][0]
@@ -286,18 +292,12 @@ def test_no_bag_is_one_line(capsys, tmp_path):
     assert last == f"rpud watch: there is no bag at {tmp_path / 'none'}"
 
 
-def test_without_a_trajectory_the_section_is_that_of_the_waveform(tmp_path):
-    write_offline_bag(tmp_path / "whole", preset("drilling"), 0.5)
-    with RecordedStore(tmp_path / "whole") as store:
-        exact = store.read_all().waveforms.section(DRILL, 0.33)
-    path = altered(
-        tmp_path / "whole",
-        tmp_path / "bag",
-        lambda m: [m.data],
-        {"/rpud/contact_force", "/rpud/waveform"},
-    )
-    with RecordedStore(path) as store:
-        section = store.read_all().waveforms.section(DRILL, 0.33)
+def test_without_a_trajectory_the_section_is_that_of_the_waveform(sampled):
+    found = []
+    for path in sampled:
+        with RecordedStore(path) as store:
+            found.append(store.read_all().waveforms.section(DRILL, 0.33))
+    exact, section = found
     assert (exact["exact"], section["exact"]) == (True, False)
     for name in ("free_mass", "nodal_plane", "actuator", "drill_tool"):
         times = section["time"] + section["period"] * np.arange(len(section[name]))

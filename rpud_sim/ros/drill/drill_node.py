@@ -5,35 +5,36 @@ from __future__ import annotations
 import contextlib
 import gc
 import sys
+import time
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, closing, contextmanager
 from typing import Any
 
 import rclpy
 from rclpy.clock import Clock, ClockType
-from rclpy.exceptions import ParameterException
+from rclpy.exceptions import InvalidNamespaceException, ParameterException
 from rclpy.executors import MultiThreadedExecutor
 from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
+from rclpy.logging import get_logger
+from rclpy.parameter import Parameter
+from rclpy.validate_namespace import validate_namespace
 
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.ros.drill import standard_services
-from rpud_sim.ros.drill.declaration import DrillParameters
-from rpud_sim.ros.drill.delivery_service import DeliveryServer
-from rpud_sim.ros.drill.fault_services import FaultServer
+from rpud_sim.ros.drill.duplicate_nodes import DuplicateNodes, NamesakeSearch
 from rpud_sim.ros.drill.gate import Gate
 from rpud_sim.ros.drill.inbox import Inbox
 from rpud_sim.ros.drill.live_run import LiveRun
-from rpud_sim.ros.drill.managed_node import ManagedNode, log_exceptions
-from rpud_sim.ros.drill.namesakes import DuplicateNodes
+from rpud_sim.ros.drill.managed_node import DrillParameters, ManagedNode, log_exceptions
 from rpud_sim.ros.drill.pacing_loop import PacingLoop
-from rpud_sim.ros.drill.report import Report
-from rpud_sim.ros.drill.simulation_services import SimulationServer
+from rpud_sim.ros.drill.report import REPORT_PERIOD, Report
+from rpud_sim.ros.drill.services import DeliveryServer, FaultServer, SimulationServer
 from rpud_sim.ros.drill.standard_services import StandardServer
-from rpud_sim.ros.drill.status_reporter import REPORT_PERIOD
-from rpud_sim.ros.starting import StartError, start_ros
+from rpud_sim.ros.starting import StartError, name_error, start_ros
 from rpud_sim.ros.stopping import StopRequest, limit_end, limited_end
 from rpud_sim.ros.threads import StoppedError, quick_switches, serve
-from rpud_sim.simulation.configuration import Settings
+from rpud_sim.simulation.configuration import Settings, to_settings
 from rpud_sim.simulation.ensemble import compile_kernels
 from rpud_sim.simulation.ledger import FaultRecord
 from rpud_sim.simulation.rerun import Start
@@ -43,6 +44,8 @@ from rpud_sim.simulation.topics import TOPICS
 NAME = "drill_node"
 _THREADS = 3  # a step, a short request, and whatever else comes
 _LAST_ANSWERS = 10.0  # time for answers that are under way when the drill ends [s]
+
+_DISCOVERY_TIME = 5.0  # that the middleware may take to connect a recorder's subscriptions [s]
 
 
 class DrillNode(ManagedNode):
@@ -260,3 +263,60 @@ def spin(
             executor.shutdown(timeout_sec=_LAST_ANSWERS)
     if (failure := node.loop.failure) is not None:
         raise RuntimeError(str(failure)) from failure
+
+
+class NamesakeError(RuntimeError):
+    """Drill of the same name that runs already; the message is one line."""
+
+
+@contextmanager
+def open_drill(
+    values: Mapping[str, Any],
+    namespace: str,
+    duration: float | None = None,
+    *,
+    allow_duplicate: bool = False,
+    start: Start | None = None,
+) -> Iterator[DrillNode]:
+    """Start ROS and a drill node in this process, neither configured nor active; shut both down.
+
+    ``values`` are parameters by name. After ``duration`` in simulation time [s] it has finished;
+    None for never. With ``allow_duplicate`` it drills beside a drill of the same name, which is a
+    NamesakeError otherwise. ``start`` is a state to begin in, whose settings are ``values``; None
+    for time zero.
+    """
+    settings = to_settings(values)
+    try:
+        validate_namespace(f"/{namespace.removeprefix('/')}")
+    except InvalidNamespaceException as error:
+        raise name_error(error) from error
+    start_ros()
+    with ExitStack() as stack:
+        stack.callback(rclpy.try_shutdown)
+        if not allow_duplicate:
+            search = stack.enter_context(closing(NamesakeSearch(NAME, namespace)))
+            # Meanwhile, so that the search costs no time.
+            compile_kernels(settings.configuration.parameters, get_logger(NAME).info)
+            if search.finish():
+                raise NamesakeError(
+                    f"a drill named {search.name} runs already: choose another --namespace, "
+                    "or give --allow-duplicate"
+                )
+        overrides = [
+            Parameter(name, value=float(value) if _is_whole(value) else value)
+            for name, value in values.items()
+        ]
+        yield DrillNode(duration, start, namespace=namespace, parameter_overrides=overrides)
+
+
+def await_recorder(node: DrillNode, stop: StopRequest) -> None:
+    """Wait until every topic of the drill has a subscriber; log the topics that have none."""
+    end = time.monotonic() + _DISCOVERY_TIME
+    while node.unheard and time.monotonic() < end and not stop.wait(0.01):
+        pass
+    if node.unheard and not stop.requested:
+        node.get_logger().warning(f"not heard by the recorder: {', '.join(node.unheard)}")
+
+
+def _is_whole(value: Any) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool)

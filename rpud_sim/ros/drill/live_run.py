@@ -14,12 +14,11 @@ from rclpy.node import Node
 
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.foundation.time import NEVER, SECOND
+from rpud_sim.ros.drill.duplicate_nodes import DuplicateNodes
 from rpud_sim.ros.drill.inbox import Inbox
-from rpud_sim.ros.drill.namesakes import DuplicateNodes
-from rpud_sim.ros.drill.pacer import Pacer
+from rpud_sim.ros.drill.pacer import Pacer, TimeSource
 from rpud_sim.ros.drill.publishers import DrillPublishers
-from rpud_sim.ros.drill.status_reporter import StatusReporter
-from rpud_sim.ros.drill.time_source import TimeSource
+from rpud_sim.ros.drill.report import StatusReporter
 from rpud_sim.ros.threads import schedule_thread
 from rpud_sim.simulation.changes import apply_change
 from rpud_sim.simulation.configuration import Configuration, Settings

@@ -2,21 +2,30 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Iterable, Mapping
-from typing import Any
+from typing import Any, TypeVar
 
+from builtin_interfaces.msg import Time
 from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import serialize_message
+from rpud_msgs.msg import Fault as FaultMessage
 
 from rpud_sim.bag.encoder import Encoder
 from rpud_sim.ros.graph import members_of, message_class
+from rpud_sim.simulation import fields
+from rpud_sim.simulation.fault_kinds import KINDS
+from rpud_sim.simulation.faults import Fault
 from rpud_sim.simulation.fields import Fields, time_fields
+from rpud_sim.simulation.ledger import FaultRecord
 from rpud_sim.simulation.telemetry import Stream
 from rpud_sim.simulation.topics import TOPICS, Topic
+
+Message = TypeVar("Message")
 
 RESULTS = "command_results"
 """Topic of what became of the commands: of a running drill alone, no part of a simulation."""
@@ -27,15 +36,42 @@ OF_NODE = {
 # A node that joins a drill at a standstill has the time at once.
 CLOCK = Topic("rosgraph_msgs/msg/Clock", 1, latched=True, frame="", complete=False)
 COMMAND_QOS = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
-
 # A simulation that nothing paces waits for its subscribers when a depth is used up, but not longer
 # than this for one that does not answer [s].
 _LONGEST_WAIT = 1.0
 _STATUS_WAIT = 0.5  # for those that lack the last status [s]
-
 _AT_ONCE = Duration(nanoseconds=0)
-
 Encoded = tuple[str, bytes]  # topic and serialized message
+
+
+def filled(message: Message, values: fields.Fields) -> Message:
+    """Set the message's fields, and those of the messages in it, and return it."""
+    for name, value in values.items():
+        if isinstance(value, dict):
+            filled(getattr(message, name), value)
+        else:
+            setattr(message, name, value)
+    return message
+
+
+def nanoseconds_to_time(nanoseconds: int) -> Time:
+    """Convert integer nanoseconds to a ``builtin_interfaces/Time``."""
+    return filled(Time(), fields.time_fields(nanoseconds))
+
+
+def message_to_fault(message: FaultMessage) -> Fault:
+    """Convert a fault to inject.
+
+    A magnitude of zero, which an unfilled message holds, stands for the kind's default unless the
+    kind permits zero.
+    """
+    kind = KINDS.get(message.kind)
+    unfilled = message.magnitude == 0.0 and kind is not None and not kind.takes_zero
+    return Fault(message.kind, message.channel, math.nan if unfilled else message.magnitude)
+
+
+def record_to_fault(record: FaultRecord, origin: int) -> FaultMessage:
+    return filled(FaultMessage(), fields.fault_fields(record, origin))
 
 
 class DrillPublishers:

@@ -12,7 +12,7 @@ from rpud_sim.simulation.block import boundaries_until, boundary
 
 if TYPE_CHECKING:
     from rpud_sim.ros.drill.live_run import LiveRun
-    from rpud_sim.ros.drill.simulation_services import SimulationServer
+    from rpud_sim.ros.drill.services import SimulationServer
 
 try:
     from simulation_interfaces.action import SimulateSteps

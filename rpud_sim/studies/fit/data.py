@@ -8,22 +8,17 @@ from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from rpud_sim.foundation.quantities import Flag, ParameterError, Quantity, did_you_mean, shown_name
+from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.studies.fit.measures import IMPACT_VALUES, SIGNED, Measure, impact_statistic
-from rpud_sim.studies.fit.specification import Target
 
 PARTS = 10  # of the data, for the sampling error
 LONGEST = 5.0  # of a run that is compared with the data [s]
-_LEAST_ERROR = 1e-3  # of the value: instruments are not better
 _FEWEST_IMPACTS, _FEWEST_SAMPLES = 100, 20
-_ENTRIES = ("bag", "csv", "skip", "parameters", "hold_out")
 _FIELDS = {field: name for name, (field, _) in IMPACT_VALUES.items()}
 _QUANTILES = (0.05, 0.5, 0.95)
 _TIMES = ("time", "header.stamp")
@@ -49,30 +44,14 @@ Series = dict[str, tuple[np.ndarray, np.ndarray]]  # times [s] and values, by fi
 
 
 def read_data(
-    entry: str, content: Mapping[str, Any], own: Mapping[str, Any], folder: Path
-) -> list[Target]:
-    """Return the targets of an entry of ``data``.
+    path: Path, is_bag: bool, skip: float
+) -> tuple[list[tuple[Measure, float, float]], int]:
+    """Return figures of a file with their sampling errors, and how many runs it is long.
 
     Args:
-        entry: its name, for messages.
-        content: of the entry: ``bag`` or ``csv``, ``skip``, ``hold_out``.
-        own: parameters that the drill had.
-        folder: at which paths begin.
+        skip: time that is left out at the start [s].
     """
-    for name in content:
-        if name not in _ENTRIES:
-            raise ParameterError(
-                f"{entry}.{shown_name(name)} is not an entry; {did_you_mean(name, _ENTRIES)}"
-            )
-    if ("bag" in content) == ("csv" in content):
-        raise ParameterError(f"{entry}: needs either bag or csv, the path of a file")
-    kind = "bag" if "bag" in content else "csv"
-    if not isinstance(content[kind], str):
-        raise ParameterError(f"{entry}.{kind}: is no path")
-    skip = Quantity("s", "", 0.0, 50.0).check(f"{entry}.skip", content.get("skip", 0.5))
-    hold_out = Flag("").check(f"{entry}.hold_out", content.get("hold_out", False))
-    path = folder / content[kind]
-    series = (_read_bag if kind == "bag" else _read_csv)(path)
+    series = (_read_bag if is_bag else _read_csv)(path)
     if not series:
         raise ParameterError(f"{path}: has none of a drill's topics {', '.join(_TOPICS)}")
     found, runs = _measured(series, skip)
@@ -86,19 +65,7 @@ def read_data(
             raise ParameterError(
                 f"{path}: {item} is {value:g} {item.unit}, and the model's is never negative"
             )
-    return [
-        Target(
-            item,
-            value,
-            max(_LEAST_ERROR * abs(value), 1e-300),
-            runs,
-            tuple(own.items()),
-            hold_out,
-            content[kind],
-            sampling,
-        )
-        for item, value, sampling in found
-    ]
+    return found, runs
 
 
 def _measured(series: Series, skip: float) -> tuple[list[tuple[Measure, float, float]], int]:

@@ -1,29 +1,35 @@
-"""Fit: the best point, the targets beside it, and intervals if the model reaches the targets."""
+"""Fit: the best point, the targets beside it, and intervals if the model reaches the targets.
+
+The intervals are proved by fits to synthetic drills with known parameters.
+"""
 
 from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy import stats
 
-from rpud_sim.studies.fit.branches import (
+from rpud_sim.studies.fit.posterior import LEVEL, Identifiability, identify, interval_shares
+from rpud_sim.studies.fit.rounds import (
     CANDIDATE,
     FINAL,
     SAMPLING,
     Branch,
+    FitError,
+    FitFolder,
+    Report,
     explore,
     named_points,
     pool,
     unfinished,
 )
-from rpud_sim.studies.fit.design import Region, values_at
-from rpud_sim.studies.fit.folder import FitFolder, Report
-from rpud_sim.studies.fit.identifiability import Identifiability, identify, interval_shares
-from rpud_sim.studies.fit.specification import Specification, Target
+from rpud_sim.studies.fit.surrogate import Region
+from rpud_sim.studies.fit.target_file import FitSpecification, Target
 
 CANDIDATES = 16  # for the best point
 CANDIDATE_RUNS = 32
@@ -31,9 +37,14 @@ BEST_RUNS = 64
 _FAR = 3.0  # deviation from which on the model does not reach a target
 _DIGITS = 4  # of the best point, unless its interval is narrower
 
+# Of the proof.
+_MOST_RUNS = 8  # whose mean a synthetic target is
+_CONFIDENCE = 0.99  # of the interval of a covered share, which shall hold ``LEVEL``
+_DRAWN = 7  # second number of the seeds here; those of a fit are smaller
+
 
 @dataclasses.dataclass(frozen=True)
-class Comparison:
+class TargetComparison:
     """Target beside the model at the best point."""
 
     target: Target  # of the fit
@@ -76,9 +87,9 @@ class Comparison:
 class Fit:
     """Result of a fit."""
 
-    specification: Specification  # of the fit
+    specification: FitSpecification  # of the fit
     best: Mapping[str, Any]  # values of all unknowns at the best point, by name
-    comparisons: tuple[Comparison, ...]  # by target
+    comparisons: tuple[TargetComparison, ...]  # by target
     refusal: str  # why there are no intervals; empty if there are
     shares: np.ndarray  # equally probable points of the posterior over all choices
     found: Identifiability | None  # what the targets determine; None without intervals
@@ -89,10 +100,10 @@ class Fit:
     @property
     def samples(self) -> Mapping[str, np.ndarray]:
         """The points of the posterior in SI units, by unknown."""
-        return values_at(self.specification, self.shares)
+        return self.specification.values_at(self.shares)
 
     @property
-    def missed(self) -> tuple[Comparison, ...]:
+    def missed(self) -> tuple[TargetComparison, ...]:
         """Targets that the fit used and the model does not reach."""
         used = (item for item in self.comparisons if not item.target.hold_out)
         return tuple(item for item in used if not item.reached)
@@ -124,7 +135,7 @@ class Fit:
         return f"{self.misfit(False):.2f} standard deviations{more}"
 
 
-def most_simulations(specification: Specification) -> int:
+def most_simulations(specification: FitSpecification) -> int:
     """Return the greatest number of runs of a fit."""
     rounds = len(specification.combinations) * specification.rounds
     designs = rounds * specification.points * specification.repeat
@@ -132,7 +143,7 @@ def most_simulations(specification: Specification) -> int:
 
 
 def run_fit(
-    specification: Specification, out: Path, workers: int, report: Report = lambda runs: None
+    specification: FitSpecification, out: Path, workers: int, report: Report = lambda runs: None
 ) -> Fit:
     """Fit the drill, with the simulations that are in the folder already.
 
@@ -145,7 +156,7 @@ def run_fit(
         return fit_in(folder, specification)
 
 
-def fit_in(folder: FitFolder, specification: Specification) -> Fit:
+def fit_in(folder: FitFolder, specification: FitSpecification) -> Fit:
     """Fit the drill in a folder that is held; see ``run_fit``."""
     branches = explore(folder, specification)
     shares = pool(branches, np.random.default_rng([specification.seed, SAMPLING, 1 << 20]))
@@ -155,7 +166,7 @@ def fit_in(folder: FitFolder, specification: Specification) -> Fit:
     outside = not box.holds(branch.posterior.shares).any()
     best, runs = _best(folder, specification, branch, branch.region if outside else box)
     comparisons = tuple(
-        Comparison(
+        TargetComparison(
             target,
             float(runs[:, i].mean()),
             float(runs[:, i].std(ddof=1) / math.sqrt(len(runs))),
@@ -189,7 +200,7 @@ def fit_in(folder: FitFolder, specification: Specification) -> Fit:
 
 
 def _best(
-    folder: FitFolder, specification: Specification, branch: Branch, box: Region
+    folder: FitFolder, specification: FitSpecification, branch: Branch, box: Region
 ) -> tuple[dict[str, Any], np.ndarray]:
     """Return the best point of a box, chosen among candidates by simulation, and its runs."""
     assert branch.posterior is not None
@@ -198,7 +209,7 @@ def _best(
     # The most probable one, and others down to the middle of all, ever further apart.
     places = np.geomspace(1, max(len(probable) // 2, 1), CANDIDATES).astype(int) - 1
     shares = probable[np.unique(places)]
-    low, high = (values_at(specification, side[None]) for side in (box.low, box.high))
+    low, high = (specification.values_at(side[None]) for side in (box.low, box.high))
     points = [
         {
             name: _rounded(value, low[name].item(), high[name].item()) if name in low else value
@@ -221,7 +232,7 @@ def _rounded(value: float, low: float, high: float) -> float:
     return min(max(value, low), high)
 
 
-def _loss(specification: Specification, figures: np.ndarray) -> float:
+def _loss(specification: FitSpecification, figures: np.ndarray) -> float:
     """Return the sum of squared deviations of the targets, from runs at one point."""
     total = 0.0
     for i, target in enumerate(specification.targets):
@@ -233,3 +244,120 @@ def _loss(specification: Specification, figures: np.ndarray) -> float:
             error = math.hypot(target.error(spread), spread / math.sqrt(len(runs)))
             total += ((runs.mean() - target.value) / error) ** 2
     return float(total)
+
+
+@dataclasses.dataclass(frozen=True)
+class Proof:
+    """Result of fits to synthetic drills."""
+
+    drills: int  # number of synthetic drills with intervals
+    refused: int  # number of those that have none
+    covered: Mapping[str, int]  # drills whose interval holds the true value, by unknown
+    chosen: float  # mean posterior probability of the true combination of choices
+
+    def ends(self, name: str) -> tuple[float, float]:
+        """Return the interval of an unknown's covered share, after Clopper and Pearson."""
+        test = stats.binomtest(self.covered[name], self.drills)
+        low, high = test.proportion_ci(_CONFIDENCE)
+        return float(low), float(high)
+
+    @property
+    def holds(self) -> bool:
+        """Whether each unknown is covered as often as its interval says, up to chance."""
+        ends = [self.ends(name) for name in self.covered]
+        return all(low <= LEVEL <= high for low, high in ends)
+
+    def content(self) -> dict[str, Any]:
+        """Return the result as plain values."""
+        return {
+            "drills": self.drills,
+            "refused": self.refused,
+            "level": LEVEL,
+            "covered": {
+                name: {"count": count, "share": count / self.drills, "interval": self.ends(name)}
+                for name, count in self.covered.items()
+            },
+            "confidence": _CONFIDENCE,
+            "holds": self.holds,
+            "true_choice_probability": self.chosen,
+        }
+
+
+def proof_simulations(specification: FitSpecification, drills: int) -> int:
+    """Return the number of runs of a proof; each drill reads those of the first round again."""
+    design = len(specification.combinations) * specification.points * specification.repeat
+    return design * drills * specification.rounds + drills * _runs(specification)
+
+
+def prove(
+    folder: FitFolder,
+    specification: FitSpecification,
+    drills: int,
+    report: Callable[[int], None] = lambda drills: None,
+) -> Proof:
+    """Fit synthetic drills, drawn evenly between the bounds, in a folder that is held.
+
+    All fits share the first round. The targets' values are those of the synthetic drill, with an
+    error drawn from the tolerances.
+
+    Args:
+        specification: of the fit; the values of its targets give only the tolerances.
+        report: called with the number of drills that were fitted since its last call.
+    """
+    runs = _runs(specification)
+    random = np.random.default_rng([specification.seed, _DRAWN])
+    shares = random.random((drills, len(specification.unknowns)))
+    chosen = random.integers(len(specification.combinations), size=drills)
+    points = [
+        point
+        for number, share in zip(chosen, shares, strict=True)
+        for point in named_points(specification, share[None], specification.combinations[number])
+    ]
+    figures = folder.simulate(f"proof_{drills}", points, runs, (specification.seed, _DRAWN, 1))
+    inside, probabilities, refused = [], [], 0
+    for i, number in enumerate(chosen):
+        report(1)
+        if not np.isfinite(figures[i]).all():
+            continue
+        targets = _with_error(specification.targets, figures[i], random)
+        own = dataclasses.replace(specification, targets=targets)
+        try:
+            branches = explore(folder, own, f"drill_{i:05}_")
+        except FitError:
+            refused += 1
+            continue
+        if unfinished(own, branches):
+            refused += 1
+            continue
+        low, high = interval_shares(pool(branches, random))
+        inside.append((shares[i] >= low) & (shares[i] <= high))
+        probabilities.append(sum(b.probability for b in branches if b.number == number))
+    if not inside:
+        raise FitError("no synthetic drill has intervals")
+    counts = np.sum(inside, axis=0).tolist()
+    covered = dict(zip(specification.unknowns, counts, strict=True))
+    return Proof(len(inside), refused, covered, float(np.mean(probabilities)))
+
+
+def _with_error(
+    targets: tuple[Target, ...], runs: np.ndarray, random: np.random.Generator
+) -> tuple[Target, ...]:
+    """Return the targets of a synthetic drill, with errors drawn from the tolerances.
+
+    Data has its chance from the drill's runs. Tolerances keep their share of the value.
+    """
+    found = []
+    for target, column in zip(targets, runs.T, strict=True):
+        count = min(target.runs, len(runs))
+        mean = float(column[:count].mean())
+        scale = abs(mean / target.value) if target.value and mean else 1.0
+        own: dict[str, Any] = {"tolerance": scale * target.tolerance, "runs": count}
+        if target.sampling is not None:
+            own["sampling"] = scale * target.sampling
+        value = float(random.normal(mean, own["tolerance"]))
+        found.append(dataclasses.replace(target, value=value, **own))
+    return tuple(found)
+
+
+def _runs(specification: FitSpecification) -> int:
+    return min(_MOST_RUNS, max(target.runs for target in specification.targets))

@@ -1,4 +1,4 @@
-"""Files of a fit: numbers, posterior, parameter file and an HTML page."""
+"""Files of a fit: numbers, posterior, parameter file, and a page with plots."""
 
 from __future__ import annotations
 
@@ -11,19 +11,25 @@ from typing import Any
 
 import numpy as np
 
-from rpud_sim.foundation.whole_folder import whole_file
+from rpud_sim.foundation.quantities import Flag, Quantity
 from rpud_sim.pages.frame import corner, render_page
-from rpud_sim.studies.fit.fit import BEST_RUNS, Comparison, Fit
-from rpud_sim.studies.fit.fit_plots import corner_rows, corner_text, target_plot, unknown_quantity
-from rpud_sim.studies.fit.folder import fit_versions
-from rpud_sim.studies.fit.identifiability import LEVEL, PERCENT, Interval
-from rpud_sim.studies.fit.parameter_file import parameter_file
-from rpud_sim.studies.fit.specification import unit_of
+from rpud_sim.pages.plot import Axis, Layer, Line, Plot, Points, Rule, Zone
+from rpud_sim.pages.quantities import Quantity as ShownQuantity
+from rpud_sim.pages.quantities import quantity_in
+from rpud_sim.simulation.configuration import PARAMETERS, to_values
+from rpud_sim.studies.fit.fit import BEST_RUNS, Fit, TargetComparison
+from rpud_sim.studies.fit.posterior import LEVEL, PERCENT, Identifiability, Interval
+from rpud_sim.studies.fit.rounds import fit_versions
+from rpud_sim.studies.store import write_whole
+from rpud_sim.studies.sweep.specification import unit_of
 
-NUMBERS = "fit.json"
-PARAMETERS = "parameters.yaml"
-POSTERIOR = "posterior.csv"
-REPORT = "report.html"
+_MOST_DOTS = 1500
+_BINS = 40
+_TAIL = 0.002  # share of the posterior beyond each end of what is shown
+_MARGIN = 0.15  # of what is shown, on each side
+_ROW = 26  # height of a target [pixels]
+_COLUMN = 43  # of the parameter file, where comments begin
+_IMPACT_DYNAMICS_END = "regime"  # last of the parameters that are always written
 
 _BODY = """\
 <p class="verdict">{{ verdict }} Root mean square of the deviations: {{ misfit }}.</p>
@@ -57,18 +63,15 @@ about the parameter.
 
 
 def write_fit(fit: Fit, folder: Path, command: str) -> None:
-    """Write all files of a fit.
-
-    Args:
-        folder: of the files; it exists.
-        command: that makes them again.
-    """
-    numbers = json.dumps(fit_content(fit), indent=1, allow_nan=False)
-    _write(folder / NUMBERS, f"{numbers}\n".encode())
-    _write(folder / PARAMETERS, parameter_file(fit, command).encode())
+    """Write all files of a fit to a folder; the command makes them again."""
+    write_whole(folder / "fit.json", json.dumps(fit_content(fit), indent=1, allow_nan=False) + "\n")
+    write_whole(folder / "parameters.yaml", _parameter_file(fit, command))
     if not fit.refusal:
-        _write(folder / POSTERIOR, _posterior(fit))
-    _write(folder / REPORT, _page(fit, command).encode())
+        text = io.StringIO()
+        columns, heading = np.column_stack(list(fit.samples.values())), ",".join(fit.samples)
+        np.savetxt(text, columns, fmt="%.9g", delimiter=",", header=heading, comments="")
+        write_whole(folder / "posterior.csv", text.getvalue())
+    write_whole(folder / "report.html", _page(fit, command))
 
 
 def fit_content(fit: Fit) -> dict[str, Any]:
@@ -82,7 +85,14 @@ def fit_content(fit: Fit) -> dict[str, Any]:
         "level": LEVEL,
         "unknowns": {
             name: {"best": fit.best[name], "unit": unit_of(name)}
-            | ({} if found is None else _interval(found.intervals[name]))
+            | (
+                {}
+                if found is None
+                else {
+                    **dataclasses.asdict(found.intervals[name]),
+                    "identified": found.intervals[name].identified,
+                }
+            )
             for name in fit.specification.unknowns
         },
         "choices": [
@@ -102,11 +112,7 @@ def fit_content(fit: Fit) -> dict[str, Any]:
     }
 
 
-def _interval(interval: Interval) -> dict[str, Any]:
-    return dataclasses.asdict(interval) | {"identified": interval.identified}
-
-
-def _comparison(item: Comparison) -> dict[str, Any]:
+def _comparison(item: TargetComparison) -> dict[str, Any]:
     return {
         "target": item.target.title,
         "source": item.target.source,
@@ -127,15 +133,6 @@ def _finite(value: float | None) -> float | None:
     return value if value is not None and math.isfinite(value) else None
 
 
-def _posterior(fit: Fit) -> bytes:
-    """Return equally probable points of the posterior as CSV."""
-    text = io.StringIO()
-    columns = np.column_stack(list(fit.samples.values()))
-    heading = ",".join(fit.samples)
-    np.savetxt(text, columns, fmt="%.9g", delimiter=",", header=heading, comments="")
-    return text.getvalue().encode()
-
-
 def _page(fit: Fit, command: str) -> str:
     found = fit.found
     return render_page(
@@ -154,18 +151,17 @@ def _page(fit: Fit, command: str) -> str:
         unknowns=[_unknown(fit, name) for name in fit.specification.unknowns],
         choices=[(choices, f"{share:.3f}") for choices, share in fit.choices],
         ridges=[str(ridge) for ridge in found.ridges] if found else [],
-        corner=_corner(fit),
+        corner=corner(
+            "Posterior of the unknown parameters",
+            corner_rows(fit, found),
+            _posterior_text(fit, found),
+        )
+        if found
+        else "",
         target_plot=target_plot(fit),
         best_runs=BEST_RUNS,
         misfit=fit.misfit_text,
     )
-
-
-def _corner(fit: Fit) -> str:
-    if fit.found is None:
-        return ""
-    rows, text = corner_rows(fit, fit.found), corner_text(fit, fit.found)
-    return corner("Posterior of the unknown parameters", rows, text)
 
 
 def _verdict(fit: Fit) -> str:
@@ -177,6 +173,7 @@ def _verdict(fit: Fit) -> str:
 
 
 def _unknown(fit: Fit, name: str) -> tuple[str, ...]:
+    """Return name, best point, interval, width and remarks of an unknown."""
     shown = unknown_quantity(fit, name)
     best = (name, shown.text(fit.best[name]))
     if fit.found is None:
@@ -186,6 +183,167 @@ def _unknown(fit: Fit, name: str) -> tuple[str, ...]:
     return (*best, ends, f"{interval.width:.2f}", "; ".join(interval.remarks))
 
 
-def _write(path: Path, content: bytes) -> None:
-    with whole_file(path) as unfinished:
-        unfinished.write_bytes(content)
+def _posterior_text(fit: Fit, found: Identifiability) -> str:
+    """Return the intervals and the correlations of the unknowns in words."""
+    rows = [_unknown(fit, name) for name in found.intervals]
+    texts = [f"{row[0]}: best point {row[1]}, {PERCENT} interval {row[2]}." for row in rows]
+    return " ".join([*texts, *(f"{ridge}." for ridge in found.ridges)])
+
+
+def unknown_quantity(fit: Fit, name: str) -> ShownQuantity:
+    """Return how an unknown is shown."""
+    greatest = abs(fit.specification.unknowns[name].maximum)
+    digits = fit.found.intervals[name].digits if fit.found else 4
+    return dataclasses.replace(quantity_in(unit_of(name), greatest, name), digits=digits)
+
+
+def corner_rows(fit: Fit, found: Identifiability) -> list[list[Plot]]:
+    """Return the posterior of every unknown and pair of them, as the rows of a triangle.
+
+    Each is shown where the posterior and the best point are, not from bound to bound.
+    """
+    every = -(-len(fit.shares) // _MOST_DOTS)
+    axes = {name: _axis(fit, name) for name in fit.specification.unknowns}
+    rows = []
+    for number, y in enumerate(axes):
+        row = [_pair(fit, x, y, axes, every) for x in list(axes)[:number]]
+        rows.append([*row, _single(fit, y, axes[y], found.intervals[y])])
+    return rows
+
+
+def _single(fit: Fit, name: str, axis: Axis, interval: Interval) -> Plot:
+    shown = unknown_quantity(fit, name)
+    low, high = axis.low or 0.0, axis.high or 0.0
+    edges = np.geomspace(low, high, _BINS + 1) if axis.log else np.linspace(low, high, _BINS + 1)
+    counts, _ = np.histogram(shown.scale * fit.samples[name], edges)
+    layers: tuple[Layer, ...] = (
+        Zone(f"{PERCENT} interval", shown.scale * interval.low, shown.scale * interval.high, False),
+        Line("posterior", edges, np.append(counts, 0) / max(len(fit.samples[name]), 1), steps=True),
+        Rule("best point", shown.scale * fit.best[name], False, "series1", "solid"),
+    )
+    return Plot(name, layers, y=Axis(low=0.0), x=axis)
+
+
+def _pair(fit: Fit, x: str, y: str, axes: dict[str, Axis], every: int) -> Plot:
+    scale_x, scale_y = (unknown_quantity(fit, name).scale for name in (x, y))
+    dots = scale_x * fit.samples[x][::every], scale_y * fit.samples[y][::every]
+    best = np.array([scale_x * fit.best[x]]), np.array([scale_y * fit.best[y]])
+    layers = (
+        Points("posterior", *dots, size=2.5),
+        Points("best point", *best, marker="x", size=10.0, color="series1"),
+    )
+    return Plot(y, layers, y=axes[y], x=axes[x])
+
+
+def _axis(fit: Fit, name: str) -> Axis:
+    """Return the axis of an unknown: where its posterior is, within the bounds."""
+    spread, shown = fit.specification.unknowns[name], unknown_quantity(fit, name)
+    low, high = np.quantile(fit.samples[name], [_TAIL, 1.0 - _TAIL]).tolist()
+    low, high = min(low, fit.best[name]), max(high, fit.best[name])
+    log = spread.scale == "log"
+    # A posterior of one point has no width.
+    if log:
+        factor = max((high / low) ** _MARGIN, 1.001)
+        low, high = low / factor, high * factor
+    else:
+        more = max(_MARGIN * (high - low), 1e-3 * (spread.maximum - spread.minimum))
+        low, high = low - more, high + more
+    low, high = max(low, spread.minimum), min(high, spread.maximum)
+    return Axis(name, shown.unit, log, shown.scale * low, shown.scale * high)
+
+
+def target_plot(fit: Fit) -> Plot:
+    """Return the model over each target, with the target's tolerance."""
+    shown = [item for item in fit.comparisons if item.target.value]
+    places = np.arange(len(shown), dtype=float)
+    tolerance = np.array([abs(item.target.error(0.0) / item.target.value) for item in shown])
+    layers: list[Layer] = [
+        Rule("", 1.0, False, dash="solid"),
+        Points(
+            "tolerance of the target", np.ones(len(shown)), places + 0.25,
+            1.0 - tolerance, 1.0 + tolerance, across=True, size=3.0, color="muted",
+        ),
+    ]  # fmt: skip
+    for held, name, color in (
+        (False, "model at the best point", "series0"),
+        (True, "held out", "series2"),
+    ):
+        chosen = [i for i, item in enumerate(shown) if item.target.hold_out == held]
+        if chosen:
+            ratio = np.array([shown[i].ratio for i in chosen])
+            titles = tuple(str(shown[i]) for i in chosen)
+            layers.append(Points(name, ratio, places[chosen], size=8.0, color=color, titles=titles))
+    texts = [_texts(item) for item in shown]
+    columns = (
+        tuple(zip(("target", "model"), zip(*texts, strict=True), strict=True)) if texts else ()
+    )
+    titles = tuple(
+        f"{item.target.source} {item.target.title}{' (held out)' * item.target.hold_out}".strip()
+        for item in shown
+    )
+    far = max(shown, key=lambda item: abs(item.deviation), default=None)
+    alt = "" if far is None else f"Furthest: {far}."
+    up = Axis(categories=titles, flipped=True, columns=columns)
+    return Plot("Targets", tuple(layers), alt, up, Axis("model / target"), _ROW * len(shown), 1068)
+
+
+def _texts(item: TargetComparison) -> tuple[str, str]:
+    shown = quantity_in(item.target.measure.unit, abs(item.target.value))
+    return shown.text(item.target.value), shown.text(item.mean)
+
+
+def _parameter_file(fit: Fit, command: str) -> str:
+    """Return a ROS parameter file with the fit's best point; every fitted value is marked."""
+    specification = fit.specification
+    conditions = specification.conditions
+    # The own parameters that all targets have.
+    shared = conditions[0] if len(conditions) == 1 else ()
+    values = to_values(specification.configuration(fit.best, shared))
+    lines = [
+        "# Best point of a fit. Values marked as fitted are not measured: the fit chose them so",
+        "# that the model gives the targets. Made by",
+        f"#   {command}",
+        *([f"# No intervals: {fit.refusal}."] if fit.refusal else []),
+    ]
+    for item in fit.comparisons:
+        source = f"{item.target.source}: " if item.target.source else ""
+        lines.append(f"# {source}{item}")
+    lines += ["/**:", "  ros__parameters:"]
+    names = list(PARAMETERS)
+    always = names[: names.index(_IMPACT_DYNAMICS_END) + 1]
+    ordered = ["regime", *(name for name in names if name != "regime")]
+    for name in ordered:
+        if name not in values:
+            continue
+        if name not in always and values[name] == PARAMETERS[name].default:
+            continue
+        value = _written(name, values[name])
+        lines.append(f"{f'    {name}: {value}':{_COLUMN}} {_comment(fit, name)}")
+    return "\n".join(line.rstrip() for line in lines) + "\n"
+
+
+def _written(name: str, value: object) -> str:
+    """Return a value as YAML that ROS reads with the right type."""
+    if isinstance(PARAMETERS[name].allowed, Flag):
+        return str(value).lower()
+    if isinstance(value, float):
+        text = f"{value:.6g}" if float(f"{value:.6g}") == value else repr(value)
+        mantissa, e, exponent = text.partition("e")
+        return (mantissa if "." in mantissa else f"{mantissa}.0") + e + exponent
+    return str(value)
+
+
+def _comment(fit: Fit, name: str) -> str:
+    unit = f" [{unit_of(name)}]" if unit_of(name) else ""
+    if name in fit.specification.unknowns:
+        if fit.found is None:
+            return f"# fitted: no interval{unit}"
+        interval = fit.found.intervals[name]
+        return f"# fitted: {', '.join((f'{PERCENT} interval {interval}{unit}', *interval.remarks))}"
+    if name in fit.specification.choices:
+        share = sum(p for choices, p in fit.probabilities if choices[name] == fit.best[name])
+        allowed = ", ".join(str(value) for value in fit.specification.choices[name])
+        return f"# fitted: probability {share:.2g} among {allowed}{unit}"
+    if not isinstance(PARAMETERS[name].allowed, Quantity):
+        return ""
+    return f"#{unit}" if unit else ""

@@ -15,12 +15,35 @@ from numpy.polynomial import legendre
 from scipy.spatial import KDTree
 from scipy.special import digamma
 
-from rpud_sim.studies.fit.design import Region
-
 _MOST_DEGREE = 8
 _MOST_TERMS = 0.4  # of the number of points
 _SPREAD_DEGREE = 2  # of the polynomials for the spread of single runs
 _LEAST_SPREAD = 1e-9  # of a figure without chance, relative
+
+
+@dataclasses.dataclass(frozen=True)
+class Region:
+    """Box in the space of the unknowns, as shares of the way from low to high bounds."""
+
+    low: np.ndarray  # shape (unknowns,)
+    high: np.ndarray  # shape (unknowns,)
+
+    @staticmethod
+    def whole(count: int) -> Region:
+        """Return the region between all bounds."""
+        return Region(np.zeros(count), np.ones(count))
+
+    def holds(self, shares: np.ndarray) -> np.ndarray:
+        """Return which points are inside, shape (n,)."""
+        return np.all((shares >= self.low) & (shares <= self.high), axis=1)
+
+    def from_unit(self, unit: np.ndarray) -> np.ndarray:
+        """Return points of the unit cube, stretched to the region."""
+        return self.low + unit * (self.high - self.low)
+
+    def to_unit(self, shares: np.ndarray) -> np.ndarray:
+        """Return points of the region, stretched to the unit cube."""
+        return (shares - self.low) / (self.high - self.low)
 
 
 class SurrogateError(ValueError):

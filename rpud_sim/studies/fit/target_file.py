@@ -1,24 +1,24 @@
-"""Reading of a fit's specification; each mistake is one line with file, entry and reason."""
+"""Specification of a fit, read from YAML: fixed parameters, unknowns, targets and effort."""
 
 from __future__ import annotations
 
 import dataclasses
+import itertools
+import math
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from rpud_sim.foundation.quantities import (
-    Choice,
-    Flag,
-    ParameterError,
-    Quantity,
-    Text,
-    did_you_mean,
-    shown,
-    shown_name,
+import numpy as np
+
+from rpud_sim.foundation.quantities import Choice, Flag, Quantity, Text, shown_name
+from rpud_sim.foundation.yaml_files import Cursor, Source, open_yaml
+from rpud_sim.simulation.configuration import (
+    NODE_NAMES,
+    PARAMETERS,
+    Configuration,
+    to_configuration,
 )
-from rpud_sim.foundation.yaml_files import read_yaml
-from rpud_sim.simulation.configuration import NODE_NAMES, PARAMETERS, to_configuration
 from rpud_sim.studies.fit.data import read_data
 from rpud_sim.studies.fit.measures import (
     CONTACT_FIGURES,
@@ -28,12 +28,18 @@ from rpud_sim.studies.fit.measures import (
     Measure,
     missing_model,
 )
-from rpud_sim.studies.fit.specification import Specification, Target
 from rpud_sim.studies.sweep.specification import SCALES, Range
 
 _LONGEST = 100.0  # end of a window [s]
 _GREATEST = 1e300  # value of a target
+_LEAST_ERROR = 1e-3  # of the value: instruments are not better
+_MOST_COMBINATIONS = 64
 _ENTRIES = ("parameters", "unknowns", "targets", "data")
+_DATA = ("bag", "csv", "skip", "parameters", "hold_out")
+_TARGET = (
+    *("figure", "statistic", "window", "value", "tolerance", "runs"),
+    *("parameters", "hold_out", "source"),
+)
 _EFFORT = {
     "seed": Quantity("", "seed of everything that is drawn", 0, 2**32 - 1, whole=True),
     "points": Quantity("", "points of a round", 16, 2**16, whole=True),
@@ -41,251 +47,329 @@ _EFFORT = {
     "repeat": Quantity("", "runs at a point", 2, 1000, whole=True),
     "phase_spread": Quantity("cycles", "greatest initial phase", 0.0, 0.5),
 }
-_TARGET = (
-    *("figure", "statistic", "window", "value", "tolerance", "runs"),
-    *("parameters", "hold_out", "source"),
-)
-_MOST_COMBINATIONS = 64
 # Parameters of the drill; those of the node change no figure.
 _NAMES = tuple(name for name in PARAMETERS if name not in NODE_NAMES)
 
 
-def read_target_file(path: str | Path) -> Specification:
+@dataclasses.dataclass(frozen=True)
+class Target:
+    """Figure of the drill that the fit shall reach."""
+
+    measure: Measure  # its counterpart in a run
+    value: float  # of the drill, in SI units
+    tolerance: float  # one standard deviation of the value's error [unit of the figure]
+    runs: int = 1  # number of runs whose mean the value is; 1 if it is from one run
+    # that the drill had for this target alone, by name
+    parameters: tuple[tuple[str, Any], ...] = ()
+    hold_out: bool = False  # whether the fit does not see it, and only reports it
+    source: str = ""  # where the value comes from; may be empty
+    # standard error by chance, from the parts of the data that the value is from; else None
+    sampling: float | None = None
+
+    def error(self, spread: float) -> float:
+        """Return the standard deviation of tolerance and chance, from that of single runs."""
+        chance = max(spread / math.sqrt(self.runs), self.sampling or 0.0)
+        return math.hypot(chance, self.tolerance)
+
+    @property
+    def title(self) -> str:
+        """Figure, window and own parameters."""
+        own = (
+            f", {name} {f'{value:g}' if isinstance(value, float) else value}"
+            for name, value in self.parameters
+        )
+        return f"{self.measure}{''.join(own)}"
+
+
+@dataclasses.dataclass(frozen=True)
+class FitSpecification:
+    """Fit of the drill's parameters."""
+
+    parameters: Mapping[str, Any]  # fixed values, by name
+    unknowns: Mapping[str, Range]  # bounds of the unknown numbers, by name
+    choices: Mapping[str, tuple[Any, ...]]  # possible values of the unknown choices, by name
+    targets: tuple[Target, ...]  # at least one that is not held out
+    seed: int = 0  # of the design, the initial phases and the posterior
+    points: int = 256  # simulated in each round, for each combination of choices; a power of two
+    rounds: int = 3  # number of rounds; each has a smaller region
+    repeat: int = 4  # runs at each point
+    phase_spread: float = 0.5  # greatest initial phase of the vibration, either way [cycles]
+
+    @property
+    def conditions(self) -> tuple[tuple[tuple[str, Any], ...], ...]:
+        """Sets of own parameters that the targets have, without repetition."""
+        return tuple(dict.fromkeys(target.parameters for target in self.targets))
+
+    @property
+    def condition_numbers(self) -> np.ndarray:
+        """Number of each target's condition."""
+        conditions = self.conditions
+        return np.array([conditions.index(target.parameters) for target in self.targets])
+
+    @property
+    def combinations(self) -> tuple[dict[str, Any], ...]:
+        """Combinations of the unknown choices; one empty one if there is no choice."""
+        products = itertools.product(*self.choices.values())
+        return tuple(dict(zip(self.choices, values, strict=True)) for values in products)
+
+    def values_at(self, shares: np.ndarray) -> dict[str, np.ndarray]:
+        """Return the values of the unknown numbers at points, by name, each of shape (n,)."""
+        return {name: item.at(shares[:, i]) for i, (name, item) in enumerate(self.unknowns.items())}
+
+    def configuration(
+        self, unknown: Mapping[str, Any], condition: tuple[tuple[str, Any], ...] = ()
+    ) -> Configuration:
+        """Return the drill for values of the unknowns and a target's own parameters."""
+        return to_configuration({**self.parameters, **unknown, **dict(condition)})
+
+    def content(self) -> dict[str, Any]:
+        """Return the specification as plain values; equal fits give equal values."""
+        return dataclasses.asdict(self) | {
+            "choices": {name: list(values) for name, values in self.choices.items()}
+        }
+
+
+def read_target_file(path: str | Path) -> FitSpecification:
     """Return the specification of a YAML file; the paths in it begin at its folder."""
-    content = read_yaml(path)
-    try:
-        return parse_targets(content, Path(path).parent)
-    except ParameterError as error:
-        raise ParameterError(f"{path}: {error}") from None
+    return _specification(open_yaml(path, dotted=True), Path(path).parent)
 
 
-def parse_targets(content: Any, folder: Path = Path()) -> Specification:
-    """Return the specification that plain values from YAML describe.
+def parse_targets(content: Any, folder: Path = Path()) -> FitSpecification:
+    """Return the specification of plain values from YAML; the paths in it begin at a folder."""
+    return _specification(Cursor(content, Source("", where="", dotted=True)), folder)
 
-    Args:
-        folder: at which paths begin.
-    """
-    if content is None:
-        raise ParameterError("is empty")
-    entries = _mapping("the file", content)
-    _known("", entries, [*_ENTRIES, *_EFFORT], "an entry")
-    fixed = dict(_mapping("parameters", entries.get("parameters", {})))
-    _check_parameters("parameters", fixed)
-    unknowns, choices = _unknowns(entries.get("unknowns"), fixed)
-    targets = [
-        _target(f"targets[{number}]", item, fixed)
-        for number, item in enumerate(_list("targets", entries.get("targets", [])))
-    ]
-    for number, item in enumerate(_list("data", entries.get("data", []))):
-        entry = f"data[{number}]"
-        own = _own_parameters(entry, _mapping(entry, item), fixed)
-        targets += read_data(entry, item, own, folder)
-    effort = {
-        name: allowed.check(name, entries[name])
-        for name, allowed in _EFFORT.items()
-        if name in entries
-    }
-    specification = Specification(fixed, unknowns, choices, tuple(targets), **effort)
+
+def _specification(top: Cursor, folder: Path) -> FitSpecification:
+    if top.value is None:
+        raise top.refusal("is empty")
+    entries = _entries(top, (*_ENTRIES, *_EFFORT))
+    parameters = top.get("parameters", {})
+    fixed = _parameters(parameters, parameters, {})
+    unknowns, choices = _unknowns(top.get("unknowns"), fixed)
+    targets = [_target(item, fixed) for item in _items(top.get("targets", []))]
+    for item in _items(top.get("data", [])):
+        targets += _data_targets(item, fixed, folder)
+    effort = {name: entries[name].check(_EFFORT[name]) for name in _EFFORT if name in entries}
+    specification = FitSpecification(fixed, unknowns, choices, tuple(targets), **effort)
     if specification.points & (specification.points - 1):
-        raise ParameterError(f"points = {specification.points} is no power of two")
+        raise top.refusal(f"points = {specification.points} is no power of two")
     if len(specification.combinations) > _MOST_COMBINATIONS:
-        raise ParameterError(f"unknowns: have more than {_MOST_COMBINATIONS} combinations")
-    missing = _missing_models(specification)
-    for number, target in enumerate(targets):
-        if missing[number] and target.sampling is None:
-            raise ParameterError(
-                f"targets[{number}].figure: {target.measure.figure} [{target.measure.unit}] needs "
-                f"the parameter {missing[number]}"
-            )
+        raise top.refusal(f"unknowns: have more than {_MOST_COMBINATIONS} combinations")
+    with top.errors():
+        missing = _missing_models(specification)
+    for number, (target, parameter) in enumerate(zip(targets, missing, strict=True)):
+        if parameter and target.sampling is None:
+            figure = f"{target.measure.figure} [{target.measure.unit}]"
+            raise top.refusal(f"targets[{number}].figure: {figure} needs the parameter {parameter}")
     # A recording may have more than the drill of the fit is asked to model.
     kept = tuple(t for t, parameter in zip(targets, missing, strict=True) if not parameter)
     if all(target.hold_out for target in kept):
-        raise ParameterError("targets: holds no target that the fit may use")
+        raise top.refusal("targets: holds no target that the fit may use")
     return dataclasses.replace(specification, targets=kept)
 
 
+def _entries(
+    cursor: Cursor, known: Iterable[str], kind: str = "an entry", needed: Iterable[str] = ()
+) -> dict[Any, Cursor]:
+    other = "is missing" if cursor.value is None else "holds no mapping"
+    found = cursor.mapping(other=other if cursor.name else f"the file: {other}")
+    for key, each in found.items():
+        _check_known(each, key, known, kind)
+    return cursor.mapping(needed=needed, missing="is missing")
+
+
+def _check_known(cursor: Cursor, name: Any, known: Iterable[str], kind: str) -> None:
+    known = tuple(known)
+    if not (isinstance(name, str) and name in known):
+        bare = dataclasses.replace(cursor, value=name, label="")
+        raise bare.refusal(f"{{name}} is not {kind}; {{hint}}", known)
+
+
+def _items(cursor: Cursor) -> list[Cursor]:
+    return cursor.sequence(other="holds no list")
+
+
+def _parameters(cursor: Cursor, entry: Cursor, fixed: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the parameters of an entry; with those that are fixed they make a drill."""
+    other = "is missing" if cursor.value is None else "holds no mapping"
+    own = {name: each.value for name, each in cursor.mapping(other=other).items()}
+    for name in {**fixed, **own}:
+        _check_known(entry.get(name), name, _NAMES, "a parameter")
+    with entry.errors():
+        to_configuration({**fixed, **own})
+    return own
+
+
 def _unknowns(
-    content: Any, fixed: Mapping[str, Any]
+    cursor: Cursor, fixed: Mapping[str, Any]
 ) -> tuple[dict[str, Range], dict[str, tuple[Any, ...]]]:
     ranges: dict[str, Range] = {}
     choices: dict[str, tuple[Any, ...]] = {}
-    for name, item in _mapping("unknowns", content).items():
-        entry = f"unknowns.{name}"
-        _known("unknowns.", [name], _NAMES, "a parameter")
+    other = "is missing" if cursor.value is None else "holds no mapping"
+    for name, item in cursor.mapping(other=other).items():
+        _check_known(item, name, _NAMES, "a parameter")
         if name in fixed:
-            raise ParameterError(f"{entry}: is among the parameters as well")
+            raise item.refusal("is among the parameters as well")
         allowed = PARAMETERS[name].allowed
-        if isinstance(item, Mapping) and "values" in item:
-            _known(f"{entry}.", item, ["values"], "an entry beside values")
-            choices[name] = _choices(entry, name, item["values"])
+        if isinstance(item.value, Mapping) and "values" in item.value:
+            _entries(item, ["values"], "an entry beside values")
+            choices[name] = _choices(dataclasses.replace(item, value=item.value["values"]), name)
         elif isinstance(allowed, Quantity):
-            ranges[name] = _range(entry, name, item)
+            ranges[name] = _range(item, name)
         elif isinstance(allowed, Choice | Flag):
-            choices[name] = _choices(entry, name, item)
+            choices[name] = _choices(item, name)
         else:
-            raise ParameterError(f"{entry}: is a text, which cannot be fitted")
+            raise item.refusal("is a text, which cannot be fitted")
     if not ranges:
-        raise ParameterError("unknowns: holds no parameter with bounds")
+        raise cursor.refusal("holds no parameter with bounds")
     return ranges, choices
 
 
-def _range(entry: str, name: str, content: Any) -> Range:
-    scale = "linear"
+def _range(cursor: Cursor, name: str) -> Range:
+    content, scale = cursor.value, "linear"
     if isinstance(content, Mapping):
-        _known(f"{entry}.", content, ["low", "high", "scale"], "an entry")
+        entries = _entries(cursor, ["low", "high", "scale"])
+        if "scale" in entries and entries["scale"].value not in SCALES:
+            scale_cursor = dataclasses.replace(entries["scale"], label="")
+            raise scale_cursor.refusal("{name} = {shown} is not one of linear, log")
         scale = content.get("scale", "linear")
-        if scale not in SCALES:
-            raise ParameterError(f"{entry}.scale = {shown(scale)} is not one of linear, log")
         content = [content.get("low"), content.get("high")]
     if not (isinstance(content, list) and len(content) == 2):
-        raise ParameterError(f"{entry}: {shown(content)} is not of the form [low, high]")
-    allowed = PARAMETERS[name].allowed
-    low, high = (float(allowed.check(f"{entry}: {name}", value)) for value in content)
+        raise cursor.refusal("{shown} is not of the form [low, high]")
+    with cursor.errors():
+        low, high = (float(PARAMETERS[name].allowed.check(name, value)) for value in content)
     if not low < high:
-        raise ParameterError(f"{entry}: low {low:g} is not below high {high:g}")
+        raise cursor.refusal(f"low {low:g} is not below high {high:g}")
     if scale == "log" and not low > 0.0:
-        raise ParameterError(f"{entry}: low {low:g} has no logarithm; it must be above 0")
+        raise cursor.refusal(f"low {low:g} has no logarithm; it must be above 0")
     return Range(low, high, scale)
 
 
-def _choices(entry: str, name: str, content: Any) -> tuple[Any, ...]:
-    values = tuple(
-        PARAMETERS[name].allowed.check(f"{entry}: {name}", v) for v in _list(entry, content)
-    )
+def _choices(cursor: Cursor, name: str) -> tuple[Any, ...]:
+    items = _items(cursor)
+    with cursor.errors():
+        values = tuple(PARAMETERS[name].allowed.check(name, item.value) for item in items)
     if not values:
-        raise ParameterError(f"{entry}: holds no value")
+        raise cursor.refusal("holds no value")
     if len(set(values)) < len(values):
-        raise ParameterError(f"{entry}: holds a value twice")
+        raise cursor.refusal("holds a value twice")
     return values
 
 
-def _target(entry: str, content: Any, fixed: Mapping[str, Any]) -> Target:
-    entries = _mapping(entry, content)
-    _known(f"{entry}.", entries, _TARGET, "an entry of a target")
-    for name in ("figure", "value", "tolerance"):
-        if name not in entries:
-            raise ParameterError(f"{entry}.{name}: is missing")
-    measure = _measure(entry, entries)
+def _target(item: Cursor, fixed: Mapping[str, Any]) -> Target:
+    entries = _entries(item, _TARGET, "an entry of a target", ("figure", "value", "tolerance"))
+    measure = _measure(item, entries)
     least = -_GREATEST if measure.figure in SIGNED else 0.0
-    allowed = Quantity(measure.unit, "", least, _GREATEST)
-    value = float(allowed.check(f"{entry}.value", entries["value"]))
-    own = _own_parameters(entry, entries, fixed)
+    value = float(entries["value"].check(Quantity(measure.unit, "", least, _GREATEST)))
+    own = _parameters(item.get("parameters", {}), item, fixed)
     return Target(
         measure,
         value,
-        _tolerance(f"{entry}.tolerance", entries["tolerance"], value, measure.unit),
-        Quantity("", "", 1, 1e9, whole=True).check(f"{entry}.runs", entries.get("runs", 1)),
+        _tolerance(entries["tolerance"], value, measure.unit),
+        item.get("runs", 1).check(Quantity("", "", 1, 1e9, whole=True)),
         tuple(own.items()),
-        Flag("").check(f"{entry}.hold_out", entries.get("hold_out", False)),
-        Text("", "").check(f"{entry}.source", entries.get("source", "")),
+        item.get("hold_out", False).check(Flag("")),
+        item.get("source", "").check(Text("", "")),
     )
 
 
-def _measure(entry: str, entries: Mapping[str, Any]) -> Measure:
-    figure = entries["figure"]
-    _known(f"{entry}.figure: ", [figure], UNITS, "a figure")
+def _measure(item: Cursor, entries: Mapping[str, Cursor]) -> Measure:
+    figure = entries["figure"].value
+    if not (isinstance(figure, str) and figure in UNITS):
+        named = dataclasses.replace(entries["figure"], name=shown_name(figure))
+        raise named.refusal("{name} is not a figure; {hint}", UNITS)
     if figure in CONTACT_FIGURES:
         return Measure(figure, 0.0, 0.0)
-    start, end = _window(f"{entry}.window", entries.get("window", 5.0))
-    return Measure(figure, start, end, _quantile(f"{entry}.statistic", figure, entries))
-
-
-def _quantile(entry: str, figure: str, entries: Mapping[str, Any]) -> float | None:
-    """Return the quantile of ``statistic``; None for the mean."""
-    if "statistic" not in entries:
-        return None
-    if figure not in IMPACT_VALUES:
-        raise ParameterError(
-            f"{entry}: {figure} has none; those of {', '.join(IMPACT_VALUES)} have"
-        )
-    content = entries["statistic"]
-    if content == "mean":
-        return None
-    word, _, share = str(content).partition(" ")
-    try:
-        if word == "quantile":
-            return float(Quantity("", "", 0, 1).check(f"{entry}: quantile", float(share)))
-    except ValueError as error:
-        if isinstance(error, ParameterError):
-            raise
-    raise ParameterError(f"{entry} = {shown(content)} is neither mean nor quantile Q")
-
-
-def _window(entry: str, content: Any) -> tuple[float, float]:
-    if not isinstance(content, list):
-        content = [0.0, content]
+    window = item.get("window", 5.0)
+    content = window.value if isinstance(window.value, list) else [0.0, window.value]
     if len(content) != 2:
-        raise ParameterError(f"{entry}: {shown(content)} is neither seconds nor [from, to]")
+        raise window.refusal("{shown} is neither seconds nor [from, to]")
     allowed = Quantity("s", "", 0.0, _LONGEST)
-    start, end = (allowed.check(entry, value) for value in content)
+    start, end = (dataclasses.replace(window, value=each).check(allowed) for each in content)
     if not start < end:
-        raise ParameterError(f"{entry}: begins at {start:g} s and ends at {end:g} s")
-    return start, end
+        raise window.refusal(f"begins at {start:g} s and ends at {end:g} s")
+    quantile = _quantile(entries["statistic"], figure) if "statistic" in entries else None
+    return Measure(figure, start, end, quantile)
 
 
-def _tolerance(entry: str, content: Any, value: float, unit: str) -> float:
+def _quantile(cursor: Cursor, figure: str) -> float | None:
+    """Return the quantile of ``statistic``; None for the mean."""
+    if figure not in IMPACT_VALUES:
+        raise cursor.refusal(f"{figure} has none; those of {', '.join(IMPACT_VALUES)} have")
+    if cursor.value == "mean":
+        return None
+    word, _, share = str(cursor.value).partition(" ")
+    try:
+        number = float(share) if word == "quantile" else None
+    except ValueError:
+        number = None
+    if number is None:
+        bare = dataclasses.replace(cursor, label="")
+        raise bare.refusal("{name} = {shown} is neither mean nor quantile Q")
+    with cursor.errors():
+        return float(Quantity("", "", 0, 1).check("quantile", number))
+
+
+def _tolerance(cursor: Cursor, value: float, unit: str) -> float:
+    content = cursor.value
     if isinstance(content, str) and content.strip().endswith("%"):
         try:
             share: Any = float(content.strip()[:-1])
         except ValueError:
             share = content
         percent = Quantity("%", "", 0.0, 1e3, exclusive=True)
-        tolerance = 0.01 * percent.check(entry, share) * abs(value)
+        tolerance = 0.01 * dataclasses.replace(cursor, value=share).check(percent) * abs(value)
     else:
-        tolerance = Quantity(unit, "", 0.0, _GREATEST, exclusive=True).check(entry, content)
+        tolerance = cursor.check(Quantity(unit, "", 0.0, _GREATEST, exclusive=True))
     if not tolerance > 0.0:
-        raise ParameterError(f"{entry}: {shown(content)} of {value:g} is no tolerance above 0")
+        raise cursor.refusal(f"{{shown}} of {value:g} is no tolerance above 0")
     return float(tolerance)
 
 
-def _own_parameters(
-    entry: str, entries: Mapping[str, Any], fixed: Mapping[str, Any]
-) -> dict[str, Any]:
-    own = dict(_mapping(f"{entry}.parameters", entries.get("parameters", {})))
-    _check_parameters(entry, {**fixed, **own})
-    return own
+def _data_targets(item: Cursor, fixed: Mapping[str, Any], folder: Path) -> list[Target]:
+    """Return the targets of an entry of ``data``: the figures of a bag or a CSV file."""
+    if not isinstance(item.value, Mapping):
+        raise item.refusal("is missing" if item.value is None else "holds no mapping")
+    own = _parameters(item.get("parameters", {}), item, fixed)
+    entries = _entries(item, _DATA)
+    if ("bag" in entries) == ("csv" in entries):
+        raise item.refusal("needs either bag or csv, the path of a file")
+    file = entries["bag" if "bag" in entries else "csv"]
+    if not isinstance(file.value, str):
+        raise file.refusal("is no path")
+    skip = item.get("skip", 0.5).check(Quantity("s", "", 0.0, 50.0))
+    hold_out = item.get("hold_out", False).check(Flag(""))
+    with dataclasses.replace(item, label="").errors():
+        found, runs = read_data(folder / file.value, "bag" in entries, skip)
+    return [
+        Target(
+            measure,
+            value,
+            max(_LEAST_ERROR * abs(value), 1e-300),
+            runs,
+            tuple(own.items()),
+            hold_out,
+            file.value,
+            sampling,
+        )
+        for measure, value, sampling in found
+    ]
 
 
-def _missing_models(specification: Specification) -> list[str]:
+def _missing_models(specification: FitSpecification) -> list[str]:
     """Return the parameter that each target needs and a drill of the fit lacks, or nothing.
 
     Every condition of the targets is checked at the corners that bounds and choices have.
     """
     found = [""] * len(specification.targets)
+    numbers = specification.condition_numbers.tolist()
     for combination in specification.combinations:
         for end in ("minimum", "maximum"):
             values = {name: getattr(item, end) for name, item in specification.unknowns.items()}
-            for condition in specification.conditions:
-                drill = specification.configuration({**values, **combination}, condition)
-                for number, target in enumerate(specification.targets):
-                    if target.parameters == condition:
-                        found[number] = found[number] or missing_model(drill, target.measure.figure)
+            drills = [
+                specification.configuration({**values, **combination}, condition)
+                for condition in specification.conditions
+            ]
+            for i, target in enumerate(specification.targets):
+                found[i] = found[i] or missing_model(drills[numbers[i]], target.measure.figure)
     return found
-
-
-def _check_parameters(entry: str, values: Mapping[str, Any]) -> None:
-    _known(f"{entry}.", values, _NAMES, "a parameter")
-    try:
-        to_configuration(values)
-    except ParameterError as error:
-        raise ParameterError(f"{entry}: {error}") from None
-
-
-def _mapping(entry: str, content: Any) -> Mapping[Any, Any]:
-    if not isinstance(content, Mapping):
-        raise ParameterError(f"{entry}: {'is missing' if content is None else 'holds no mapping'}")
-    return content
-
-
-def _list(entry: str, content: Any) -> list[Any]:
-    if not isinstance(content, list):
-        raise ParameterError(f"{entry}: holds no list")
-    return content
-
-
-def _known(prefix: str, names: Iterable[Any], known: Iterable[str], kind: str) -> None:
-    for name in names:
-        if not isinstance(name, str) or name not in known:
-            raise ParameterError(
-                f"{prefix}{shown_name(name)} is not {kind}; {did_you_mean(name, known)}"
-            )

@@ -7,19 +7,27 @@ Simulations are numbered point by point. The ensemble at a point is that of ``rp
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Generator, Iterator, Mapping, Sequence
+import json
+import platform
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.stats import qmc
 
+from rpud_sim.bag.manifest import Manifest, installed_versions
 from rpud_sim.foundation.quantities import ParameterError
+from rpud_sim.foundation.time import SECOND
+from rpud_sim.inspection.offline_bag import write_offline_bag
 from rpud_sim.simulation.ensemble import run_members
+from rpud_sim.simulation.run import Beginning
 from rpud_sim.simulation.simulation import initial_phases
 from rpud_sim.simulation.versions import engine_versions
-from rpud_sim.studies.processes import check_versions
-from rpud_sim.studies.sweep.plan import PlannedRun, plan_run, point_seed
-from rpud_sim.studies.sweep.recording import record_bag
-from rpud_sim.studies.sweep.specification import SweepSpecification
+from rpud_sim.studies.sweep.indices import saltelli_shares
+from rpud_sim.studies.sweep.specification import PlannedRun, SweepSpecification
+from rpud_sim.studies.workers import check_versions
 
 # A chunk takes about a quarter of a second: much longer than sending and writing it, and short
 # enough to lose. Small sweeps are cut finer, so that several workers have work. The size depends on
@@ -28,11 +36,9 @@ _LONGEST, _SHORTEST = 600.0, 10.0  # simulated [s]
 _MOST = 3072  # simulations
 _WANTED = 32  # chunks of a small sweep
 
-Failure = str | None
-
 
 @dataclasses.dataclass(frozen=True)
-class Chunk:
+class SweepChunk:
     """Consecutive simulations of a sweep."""
 
     number: int  # of the chunk
@@ -59,17 +65,13 @@ class Chunk:
 
 
 @dataclasses.dataclass(frozen=True)
-class Outcome:
+class SweepOutcome:
     """Results of the simulations of a chunk."""
 
     phases: np.ndarray  # initial phase of each [cycles], shape (count,)
     figures: np.ndarray  # those of the specification, shape (count, figures); NaN if missing
-    failures: tuple[Failure, ...]  # why a simulation has no figures, None if it has
+    failures: tuple[str | None, ...]  # why a simulation has no figures, None if it has
     bags: tuple[Mapping[str, bytes], ...]  # files of each bag by name; empty without a bag
-
-
-# Chunks with their outcomes, as they finish.
-Outcomes = Generator[tuple[Chunk, Outcome], None, None]
 
 
 def chunk_size(specification: SweepSpecification) -> int:
@@ -86,11 +88,47 @@ def chunk_count(specification: SweepSpecification) -> int:
     return -(-specification.simulations // chunk_size(specification))
 
 
+def design_points(specification: SweepSpecification) -> dict[str, np.ndarray]:
+    """Return the points of a sweep: by axis its values, shape (points,), SI units.
+
+    Cases change slowest, then faults; each has the whole design. In a grid the last parameter
+    changes fastest. Latin hypercubes and (scrambled) Sobol sequences are SciPy's, with the seed of
+    the specification.
+    """
+    design = _swept_points(specification)
+    axes = specification.axes
+    outer = {name: item.levels() for name, item in axes.items() if name not in design}
+    shape = [*map(len, outer.values()), specification.design_count]
+    *levels, inner = np.unravel_index(np.arange(specification.point_count), shape)
+    return {
+        **{name: outer[name][level] for name, level in zip(outer, levels, strict=True)},
+        **{name: values[inner] for name, values in design.items()},
+    }
+
+
+def _swept_points(specification: SweepSpecification) -> dict[str, np.ndarray]:
+    swept, count = specification.swept, specification.design_count
+    points, seed = specification.points or 0, specification.seed
+    if specification.design == "grid":
+        levels = [item.levels() for item in swept.values()]
+        places = np.unravel_index(np.arange(count), [*map(len, levels)]) if levels else ()
+        return {name: values[at] for name, values, at in zip(swept, levels, places, strict=True)}
+    if specification.design == "saltelli":
+        shares = saltelli_shares(len(swept), points, seed).reshape(count, len(swept))
+    elif specification.design == "sobol":
+        # Every version of SciPy accepts a generator by this name.
+        sequence = qmc.Sobol(len(swept), seed=np.random.default_rng(seed))
+        shares = sequence.random_base2(points.bit_length() - 1)
+    else:
+        shares = qmc.LatinHypercube(len(swept), seed=np.random.default_rng(seed)).random(count)
+    return {name: item.at(shares[:, i]) for i, (name, item) in enumerate(swept.items())}
+
+
 def make_chunks(
     specification: SweepSpecification,
     points: Mapping[str, np.ndarray],
     finished: frozenset[int] = frozenset(),
-) -> Iterator[Chunk]:
+) -> Iterator[SweepChunk]:
     """Yield the unfinished chunks of a sweep, in order."""
     size = chunk_size(specification)
     versions = engine_versions()
@@ -102,10 +140,10 @@ def make_chunks(
         begin = first // specification.repeat
         end = -(-(first + count) // specification.repeat)
         own = {name: values[begin:end] for name, values in points.items()}
-        yield Chunk(number, first, count, specification, own, versions)
+        yield SweepChunk(number, first, count, specification, own, versions)
 
 
-def simulate(chunk: Chunk) -> Outcome:
+def simulate(chunk: SweepChunk) -> SweepOutcome:
     """Run the simulations of a chunk.
 
     Raises:
@@ -116,26 +154,17 @@ def simulate(chunk: Chunk) -> Outcome:
     phases: list[float] = []
     results: list[_Result] = []
     for number, point, members in chunk.ensembles():
-        seed = point_seed(specification, number, point)
+        seed = specification.point_seed(number, point)
         chosen = initial_phases(specification.repeat, seed)[members.start : members.stop]
         phases.extend(chosen)
-        runs = [plan_run(specification, number, point, member) for member in members]
+        runs = [specification.plan_run(number, point, member) for member in members]
         results.extend(_ensemble(specification, point, runs, chosen))
-    return Outcome(
-        np.array(phases),
-        np.array([result.figures for result in results]),
-        tuple(result.failure for result in results),
-        tuple(result.bag for result in results),
-    )
+    figures, failures, bags = zip(*results, strict=True)
+    return SweepOutcome(np.array(phases), np.array(figures), failures, bags)
 
 
-@dataclasses.dataclass(frozen=True)
-class _Result:
-    """Result of one simulation."""
-
-    figures: list[float]  # those of the specification, NaN if missing
-    failure: Failure = None  # why it has no figures
-    bag: Mapping[str, bytes] = dataclasses.field(default_factory=dict)  # files by name
+# Figures, why there are none, and files of the bag by name.
+_Result = tuple[list[float], str | None, Mapping[str, bytes]]
 
 
 def _ensemble(
@@ -146,29 +175,65 @@ def _ensemble(
 ) -> Iterator[_Result]:
     """Yield the result of each member; a failed one does not affect the others."""
     nothing = [np.nan] * len(specification.figures)
+    # Members without a fault go together, which is faster. Each fault has its own times.
+    alone = runs[0].scenario is not None
+    groups = [slice(i, i + 1) for i in range(len(runs))] if alone else [slice(None)]
     try:
         drill, planned = specification.configuration(point), specification.planned(point)
-        # Members without a fault go together, which is faster. Each fault has its own times.
-        groups = (
-            [(runs, phases)]
-            if runs[0].scenario is None
-            else [([run], [phase]) for run, phase in zip(runs, phases, strict=True)]
-        )
         found = [
             member
-            for group, own in groups
+            for group in groups
             for member in run_members(
-                drill, specification.duration, own, scenario=group[0].scenario, planned=planned
+                drill,
+                specification.duration,
+                phases[group],
+                scenario=runs[group][0].scenario,
+                planned=planned,
             )
         ]
     except ParameterError as error:
-        yield from (_Result(nothing, str(error)) for _ in phases)
+        yield from ((nothing, str(error), {}) for _ in phases)
         return
     for run, phase, member in zip(runs, phases, found, strict=True):
         if member.failure is not None:
-            yield _Result(nothing, " ".join(str(member.failure).split()))
+            yield nothing, " ".join(str(member.failure).split()), {}
             continue
         values = [member.figures.get(name) for name in specification.figures]
         figures = [np.nan if value is None else float(value) for value in values]
-        bag = record_bag(specification, point, run, phase) if specification.bags else {}
-        yield _Result(figures, None, bag)
+        bag = _record_bag(specification, point, run, phase) if specification.bags else {}
+        yield figures, None, bag
+
+
+def _record_bag(
+    specification: SweepSpecification, point: Mapping[str, Any], run: PlannedRun, phase: float
+) -> dict[str, bytes]:
+    """Simulate a run; return the files of its bag by name."""
+    beginning = Beginning(specification.settings(point), phase, run.seed, run.scenario)
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / run.name
+        write_offline_bag(
+            path,
+            beginning,
+            specification.duration,
+            planned=specification.planned(point),
+            topics=specification.bag_topics,
+            manifest=Manifest(
+                parameters={**beginning.settings.values(), "seed": run.seed},
+                scenario=_scenario_text(run),
+                # Nothing of the worker: any worker makes the same bytes.
+                command=("rpud", "sweep"),
+                versions=installed_versions(),
+                machine=platform.machine(),
+            ),
+        )
+        return {file.name: file.read_bytes() for file in sorted(path.iterdir())}
+
+
+def _scenario_text(run: PlannedRun) -> str:
+    """Return the scenario of a run, which is JSON and so YAML as well; empty without a fault."""
+    if run.fault is None or run.onset is None:
+        return ""
+    entry = {**dataclasses.asdict(run.fault), "onset": run.onset / SECOND}
+    if run.clear is not None:
+        entry["duration"] = (run.clear - run.onset) / SECOND
+    return json.dumps({"seed": run.seed, "faults": [entry]}) + "\n"

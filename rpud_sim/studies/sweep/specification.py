@@ -1,8 +1,9 @@
-"""Specification of a sweep: its design, its parameters, its faults, and what it keeps."""
+"""Specification of a sweep: its design, parameters and faults, and the plan of each simulation."""
 
 from __future__ import annotations
 
 import dataclasses
+import hashlib
 import json
 import math
 from collections.abc import Mapping
@@ -11,10 +12,20 @@ from typing import Any
 
 import numpy as np
 
+from rpud_sim.foundation.quantities import Quantity
+from rpud_sim.foundation.time import SECOND
 from rpud_sim.model.elementary import power
 from rpud_sim.simulation.changes import Planned
-from rpud_sim.simulation.configuration import Configuration, Settings, to_configuration, to_settings
+from rpud_sim.simulation.configuration import (
+    PARAMETERS,
+    Configuration,
+    Settings,
+    to_configuration,
+    to_settings,
+)
+from rpud_sim.simulation.fault_kinds import KINDS
 from rpud_sim.simulation.faults import Fault
+from rpud_sim.simulation.scenario import Scenario, ScheduledFault
 from rpud_sim.simulation.statistics import FIGURES
 from rpud_sim.simulation.topics import TOPICS
 
@@ -25,6 +36,12 @@ HEALTHY = "healthy"  # name of the drill without a fault
 SWEEP_FIGURES = MappingProxyType({**FIGURES, "depth": "m", "penetration_rate": "m/s"})
 # Without them a bag can be neither proved nor read by people.
 _ALWAYS_IN_BAGS = ("faults", "journal", "status")
+
+
+def unit_of(name: str) -> str:
+    """Return the SI unit of a parameter; empty for choices and other names."""
+    allowed = PARAMETERS[name].allowed if name in PARAMETERS else None
+    return allowed.unit if isinstance(allowed, Quantity) else ""
 
 
 class SweepError(ValueError):
@@ -52,9 +69,14 @@ class Range:
         values = np.where(shares == 1.0, self.maximum, values)
         return np.clip(values, self.minimum, self.maximum)
 
+    @property
+    def count(self) -> int:
+        """Number of values in a grid."""
+        return self.points or 0
+
     def levels(self) -> np.ndarray:
         """Return the values in a grid, shape (points,)."""
-        return self.at(np.linspace(0.0, 1.0, self.points or 0))
+        return self.at(np.linspace(0.0, 1.0, self.count))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -67,13 +89,18 @@ class Values:
         """Return the value at each share in [0, 1); all values have equal parts of it."""
         return self.levels()[(shares * len(self.values)).astype(int)]
 
+    @property
+    def count(self) -> int:
+        """Number of values in a grid."""
+        return len(self.values)
+
     def levels(self) -> np.ndarray:
         """Return the values in a grid."""
         return np.array(self.values)
 
 
 @dataclasses.dataclass(frozen=True)
-class Interval:
+class TimeInterval:
     """Interval from which a time is drawn evenly."""
 
     minimum: float  # [s]
@@ -93,6 +120,38 @@ class Case:
 
 
 @dataclasses.dataclass(frozen=True)
+class PlannedRun:
+    """Simulation of a point, with its ground truth."""
+
+    name: str  # of its bag, unique in the sweep
+    seed: int  # of the signals' random numbers
+    fault: Fault | None = None  # that begins, None without one
+    onset: int | None = None  # simulation time at which it begins [ns]
+    clear: int | None = None  # at which it ends [ns]; None for not before the end
+
+    @property
+    def scenario(self) -> Scenario | None:
+        """Scenario of the fault."""
+        if self.fault is None or self.onset is None:
+            return None
+        return Scenario(self.seed, (ScheduledFault(self.onset, self.clear, self.fault),))
+
+    def labels(self) -> dict[str, Any]:
+        """Return the ground truth by the names of the table's columns; None without a fault."""
+        if self.fault is None or self.onset is None:
+            return dict.fromkeys(("kind", "channel", "magnitude", "unit", "onset", "clear"))
+        quantity = KINDS[self.fault.kind].quantity_on(self.fault.channel)
+        return {
+            "kind": self.fault.kind,
+            "channel": self.fault.channel,
+            "magnitude": self.fault.magnitude,
+            "unit": quantity.unit if quantity else "",
+            "onset": self.onset / SECOND,
+            "clear": None if self.clear is None else self.clear / SECOND,
+        }
+
+
+@dataclasses.dataclass(frozen=True)
 class SweepSpecification:
     """Sweep over the drill's parameters, and over cases and faults."""
 
@@ -109,8 +168,8 @@ class SweepSpecification:
     cases: Mapping[str, Case] = dataclasses.field(default_factory=dict)
     # by name; the design is repeated with each, and without any
     faults: Mapping[str, Fault] = dataclasses.field(default_factory=dict)
-    onset: Interval | None = None  # of the faults; None without faults
-    lasting: Interval | None = None  # of the faults; None for to the end of the simulation
+    onset: TimeInterval | None = None  # of the faults; None without faults
+    lasting: TimeInterval | None = None  # of the faults; None for to the end of the simulation
     commands: tuple[Planned, ...] = ()  # in every simulation, in the order of their times
     bags: tuple[str, ...] = ()  # topics of the bag of each simulation; none for no bags
 
@@ -131,7 +190,7 @@ class SweepSpecification:
             return (self.points or 0) * (len(self.swept) + 3)
         if self.points is not None:
             return self.points
-        return math.prod(_level_count(item) for item in self.swept.values())
+        return math.prod(item.count for item in self.swept.values())
 
     @property
     def point_count(self) -> int:
@@ -149,11 +208,7 @@ class SweepSpecification:
         return tuple(name for name in TOPICS if name in (*self.bags, *_ALWAYS_IN_BAGS))
 
     def configuration(self, point: Mapping[str, Any]) -> Configuration:
-        """Return the drill at a point, given by the values of the axes.
-
-        Raises:
-            ParameterError: if a value is outside its range.
-        """
+        """Return the drill at a point, given by the values of the axes."""
         return to_configuration(self._values(point))
 
     def settings(self, point: Mapping[str, Any]) -> Settings:
@@ -166,16 +221,45 @@ class SweepSpecification:
         commands = (*self.commands, *(case.commands if case else ()))
         return tuple(sorted(commands, key=lambda each: each.delay))
 
+    def point_seed(self, number: int, point: Mapping[str, Any]) -> int:
+        """Return the seed of the initial phases at a point, from its number in the sweep."""
+        return self._seed(self._point_name(number, point))
+
+    def plan_run(self, number: int, point: Mapping[str, Any], member: int) -> PlannedRun:
+        """Return a member of the ensemble at a point, from its number in the sweep."""
+        name = f"{self._point_name(number, point)}-{member}"
+        seed = self._seed(name)
+        label = point.get("fault", HEALTHY)
+        if label == HEALTHY or self.onset is None:
+            return PlannedRun(name, seed)
+        onset = round(self.onset.at(self._draw(f"{name}/onset")) * SECOND)
+        clear = None
+        if self.lasting:
+            clear = onset + round(self.lasting.at(self._draw(f"{name}/lasting")) * SECOND)
+        return PlannedRun(name, seed, self.faults[label], onset, clear)
+
     def content(self) -> dict[str, Any]:
         """Return the specification as JSON reads it back; equal sweeps give equal values."""
         content: dict[str, Any] = json.loads(json.dumps(dataclasses.asdict(self)))
         return content
 
+    def _point_name(self, number: int, point: Mapping[str, Any]) -> str:
+        """Return the name of a point: case, fault, and number in the design."""
+        words = [str(point[axis]) for axis in ("case", "fault") if axis in point]
+        return "-".join([*words, str(number % self.design_count)])
+
+    def _seed(self, name: str) -> int:
+        return int(self._draw(f"{name}/seed") * 2**32)
+
+    def _draw(self, name: str) -> float:
+        """Return a random number in [0, 1).
+
+        Each name has its own: another case or fault changes no other number.
+        """
+        digest = hashlib.sha256(f"{self.seed}/{name}".encode()).digest()
+        return float((int.from_bytes(digest[:8], "little") >> 11) / 2**53)
+
     def _values(self, point: Mapping[str, Any]) -> dict[str, Any]:
         case = self.cases.get(point.get("case", ""))
         swept = {name: value for name, value in point.items() if name in self.swept}
         return {**self.fixed, **(case.parameters if case else {}), **swept}
-
-
-def _level_count(item: Range | Values) -> int:
-    return len(item.values) if isinstance(item, Values) else item.points or 0

@@ -4,23 +4,16 @@ from __future__ import annotations
 
 import dataclasses
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from rpud_sim.foundation.quantities import (
-    Flag,
-    ParameterError,
-    Quantity,
-    did_you_mean,
-    shown,
-    shown_name,
-)
+from rpud_sim.foundation.quantities import Flag, Quantity, shown_name
 from rpud_sim.foundation.time import SECOND
-from rpud_sim.foundation.yaml_files import cursor_at, read_yaml
+from rpud_sim.foundation.yaml_files import Cursor, Source, open_yaml
 from rpud_sim.simulation.changes import Planned, check_commands, parse_commands
 from rpud_sim.simulation.configuration import NODE_NAMES, PARAMETERS
-from rpud_sim.simulation.faults import Fault, FaultError, check_supported
+from rpud_sim.simulation.faults import Fault, check_supported
 from rpud_sim.simulation.statistics import FIGURES
 from rpud_sim.simulation.topics import TOPICS
 from rpud_sim.studies.sweep.specification import (
@@ -28,10 +21,10 @@ from rpud_sim.studies.sweep.specification import (
     SCALES,
     SWEEP_FIGURES,
     Case,
-    Interval,
     Range,
     SweepError,
     SweepSpecification,
+    TimeInterval,
     Values,
 )
 
@@ -42,6 +35,7 @@ _MOST_VALUES = 10_000  # in a list
 _DURATION = Quantity("s", "", 1e-9, 1e6)
 _TIME = Quantity("s", "", 0.0, 1e6)
 _NAME = re.compile(r"[a-z][a-z0-9_]{0,39}")
+_ENDS = ("minimum", "maximum")
 # The sweep itself gives scenario and seed; the rates of telemetry may be chosen.
 _NAMES = tuple(
     name
@@ -56,93 +50,90 @@ def read_specification(path: str | Path) -> SweepSpecification:
     Raises:
         SweepError: if the file is not valid; the text names the file, the entry and the reason.
     """
-    try:
-        # Without truth values: off is a kind of fault.
-        content = read_yaml(path, truth_values=False)
-    except ParameterError as error:
-        raise SweepError(str(error)) from None
-    try:
-        return parse_specification(content)
-    except SweepError as error:
-        raise SweepError(f"{path}: {error}") from None
+    # Without truth values: off is a kind of fault.
+    return _specification(open_yaml(path, truth_values=False, error=SweepError, dotted=True))
 
 
 def parse_specification(content: Any) -> SweepSpecification:
-    """Return the sweep that plain values from YAML describe.
+    """Return the sweep that plain values from YAML describe."""
+    return _specification(Cursor(content, Source("", error=SweepError, where="", dotted=True)))
 
-    Raises:
-        SweepError: if they are not valid; the text names the entry and the reason.
-    """
-    entries = _mapping("the file", content)
-    _refuse_unknown("", entries, [field.name for field in dataclasses.fields(SweepSpecification)])
-    for name in ("design", "duration"):
-        if name not in entries:
-            raise SweepError(f"{name}: is missing")
-    design = _choice("design", entries["design"], DESIGNS)
+
+def _specification(top: Cursor) -> SweepSpecification:
+    names = [field.name for field in dataclasses.fields(SweepSpecification)]
+    top_errors = dataclasses.replace(top, label="the file")
+    if not isinstance(top.value, Mapping):
+        raise top_errors.refusal("holds no mapping")
+    entries = _mapping(top, names, ("design", "duration"))
+    design = _choice(entries["design"], DESIGNS)
     points = _points(entries, design)
-    fixed = _parameters("fixed", entries.get("fixed", {}))
-    swept = _swept(entries.get("swept", {}), fixed, design)
+    fixed = _parameters(top.get("fixed", {}))
+    swept = _mapping(top.get("swept", {}), _NAMES)
+    for name, item in swept.items():
+        if name in fixed:
+            raise item.refusal("is fixed as well")
+    ranges = {name: _range_or_values(item, name, design) for name, item in swept.items()}
     specification = SweepSpecification(
         design,
         points,
-        _whole("seed", entries.get("seed", 0), 0, _MOST_SEED),
-        _whole("repeat", entries.get("repeat", 1), 1, 1_000_000),
-        _number("duration", entries["duration"], _DURATION),
+        _whole(top.get("seed", 0), 0, _MOST_SEED),
+        _whole(top.get("repeat", 1), 1, 1_000_000),
+        float(entries["duration"].check(_DURATION)),
         fixed,
-        swept,
-        _names("figures", entries.get("figures", list(FIGURES)), SWEEP_FIGURES) or tuple(FIGURES),
-        _cases(entries.get("cases", {}), {*fixed, *swept}),
-        _faults(entries.get("faults", [])),
-        _interval("onset", entries["onset"]) if "onset" in entries else None,
-        _interval("lasting", entries["lasting"]) if "lasting" in entries else None,
-        _commands("commands", entries.get("commands", [])),
-        _names("bags", entries.get("bags", []), TOPICS),
+        ranges,
+        _names(top.get("figures", []), SWEEP_FIGURES) or tuple(FIGURES),
+        _cases(top.get("cases", {}), {*fixed, *swept}),
+        _faults(top.get("faults", [])),
+        _interval(entries["onset"]) if "onset" in entries else None,
+        _interval(entries["lasting"]) if "lasting" in entries else None,
+        _commands(top.get("commands", [])),
+        _names(top.get("bags", []), TOPICS),
     )
-    _check_design(specification)
-    _check_times(specification)
-    _check_drills(specification)
+    _check_design(top, specification)
+    _check_times(top, specification)
+    _check_drills(top, specification)
     return specification
 
 
-def _check_design(specification: SweepSpecification) -> None:
+def _check_design(top: Cursor, specification: SweepSpecification) -> None:
+    design = specification.design
     if not specification.axes:
-        raise SweepError("swept: names no parameter, and there are neither cases nor faults")
-    if specification.design != "grid" and not specification.swept:
-        raise SweepError(f"swept: names no parameter, as a {specification.design} design needs")
-    if specification.design == "saltelli" and (specification.cases or specification.faults):
-        raise SweepError("design: a saltelli design takes neither cases nor faults")
+        raise top.refusal("swept: names no parameter, and there are neither cases nor faults")
+    if design != "grid" and not specification.swept:
+        raise top.refusal(f"swept: names no parameter, as a {design} design needs")
+    if design == "saltelli" and (specification.cases or specification.faults):
+        raise top.refusal("design: a saltelli design takes neither cases nor faults")
     most = _MOST_BAGS if specification.bags else MOST_SIMULATIONS
     if specification.simulations > most:
-        raise SweepError(
+        raise top.refusal(
             f"swept: {specification.point_count} points of {specification.repeat} simulations "
             f"are more than {most}"
         )
 
 
-def _check_times(specification: SweepSpecification) -> None:
+def _check_times(top: Cursor, specification: SweepSpecification) -> None:
     duration, onset, lasting = (
         specification.duration,
         specification.onset,
         specification.lasting,
     )
-    commands = [*specification.commands]
-    for case in specification.cases.values():
-        commands += case.commands
+    cases = specification.cases.values()
+    commands = [*specification.commands, *(each for case in cases for each in case.commands)]
     last = max((each.delay / SECOND for each in commands), default=0.0)
     if not last < duration:
-        raise SweepError(f"commands: time = {last:g} s is not below duration = {duration:g} s")
+        raise top.refusal(f"commands: time = {last:g} s is not below duration = {duration:g} s")
     if specification.faults and onset is None:
-        raise SweepError("onset: is missing, the time at which a fault begins")
+        raise top.refusal("onset: is missing, the time at which a fault begins")
     if not specification.faults and (onset or lasting):
-        raise SweepError("onset and lasting are of faults, and there are none")
+        raise top.refusal("onset and lasting are of faults, and there are none")
     if onset and not onset.maximum + (lasting.maximum if lasting else 0.0) < duration:
         names = "onset.maximum + lasting.maximum" if lasting else "onset.maximum"
-        raise SweepError(f"{names}: is not below duration = {duration:g} s")
+        raise top.refusal(f"{names}: is not below duration = {duration:g} s")
     if lasting and not lasting.minimum >= 1e-9:
-        raise SweepError(f"lasting.minimum: {lasting.minimum:g} s is below 1e-09 s")
+        raise top.refusal(f"lasting.minimum: {lasting.minimum:g} s is below 1e-09 s")
 
 
-def _check_drills(specification: SweepSpecification) -> None:
+def _check_drills(top: Cursor, specification: SweepSpecification) -> None:
     """Check cases, words, faults and commands together, at the first value of all else."""
     first = {
         name: item.minimum if isinstance(item, Range) else item.values[0]
@@ -155,207 +146,180 @@ def _check_drills(specification: SweepSpecification) -> None:
         for value in item.values
     ]
     for case in specification.cases or ("",):
-        place = f"cases.{case}: " if case else ""
+        place = dataclasses.replace(top, label=f"cases.{case}" if case else "")
         for other in words or [{}]:
             point = {"case": case, **first, **other}
-            try:
+            with place.errors():
                 drill = specification.configuration(point)
                 check_commands(specification.planned(point), drill)
-            except ParameterError as error:
-                raise SweepError(f"{place}{error}") from None
             for name, fault in specification.faults.items():
-                try:
+                outer = f"{place.label}: " if case else ""
+                with dataclasses.replace(top, label=f"{outer}faults: {name}").errors():
                     check_supported(fault, drill)
-                except FaultError as error:
-                    raise SweepError(f"{place}faults: {name}: {error}") from None
 
 
-def _points(entries: Mapping[Any, Any], design: str) -> int | None:
+def _points(entries: Mapping[Any, Cursor], design: str) -> int | None:
+    given = entries.get("points")
     if design == "grid":
-        if "points" in entries:
-            raise SweepError("points: a grid has its points at each range of swept")
+        if given is not None:
+            raise given.refusal("a grid has its points at each range of swept")
         return None
-    if "points" not in entries:
-        raise SweepError(f"points: is missing, the number of points of the {design} design")
-    points = _whole("points", entries["points"], 1, MOST_SIMULATIONS)
+    if given is None:
+        missing = dataclasses.replace(entries["design"], label="points")
+        raise missing.refusal(f"is missing, the number of points of the {design} design")
+    points = _whole(given, 1, MOST_SIMULATIONS)
     if design in ("sobol", "saltelli") and points & (points - 1):
-        raise SweepError(f"points: {points} is no power of two, as a {design} design needs")
+        raise given.refusal(f"{points} is no power of two, as a {design} design needs")
     if design == "saltelli" and points < 2:
-        raise SweepError("points: a saltelli design needs at least 2")
+        raise given.refusal("a saltelli design needs at least 2")
     return points
 
 
-def _parameters(entry: str, content: Any, taken: Iterable[str] = ()) -> dict[str, Any]:
-    values = _mapping(entry, content)
-    _refuse_unknown(f"{entry}.", values, _NAMES)
-    for name in values:
+def _parameters(cursor: Cursor, taken: Collection[str] = ()) -> dict[str, Any]:
+    values = _mapping(cursor, _NAMES)
+    for name, item in values.items():
         if name in taken:
-            raise SweepError(f"{entry}.{name}: is given elsewhere as well")
-    return {name: _checked(entry, name, value) for name, value in values.items()}
+            raise item.refusal("is given elsewhere as well")
+    return {name: _checked(cursor, name, item.value) for name, item in values.items()}
 
 
-def _cases(content: Any, taken: Iterable[str]) -> dict[str, Case]:
+def _cases(cursor: Cursor, taken: Collection[str]) -> dict[str, Case]:
     cases: dict[str, Case] = {}
-    for name, entry in _mapping("cases", content).items():
-        place = f"cases.{shown_name(name)}"
+    for name, item in _mapping(cursor).items():
         if not (isinstance(name, str) and _NAME.fullmatch(name)):
-            raise SweepError(
-                f"{place}: is not a name: lower-case letters, digits and underscores, at most 40"
+            raise item.refusal(
+                "is not a name: lower-case letters, digits and underscores, at most 40"
             )
-        values = dict(_mapping(place, entry))
-        commands = _commands(f"{place}.commands", values.pop("commands", []))
-        cases[name] = Case(_parameters(place, values, taken), commands)
+        values = {key: each.value for key, each in _mapping(item).items()}
+        commands = _commands(item.get("commands", []))
+        values.pop("commands", None)
+        own = dataclasses.replace(item, value=values)
+        cases[name] = Case(_parameters(own, taken), commands)
     return cases
 
 
-def _commands(entry: str, content: Any) -> tuple[Planned, ...]:
-    cursor = cursor_at(content, entry, SweepError)
-    return parse_commands(cursor.sequence("command {number}", other="{shown} is not a list"))
+def _commands(cursor: Cursor) -> tuple[Planned, ...]:
+    return parse_commands(_numbered(cursor, "command {number}"))
 
 
-def _faults(content: Any) -> dict[str, Fault]:
+def _numbered(cursor: Cursor, label: str) -> list[Cursor]:
+    """Return the entries of a list, which have numbers from 1 on in errors instead of paths."""
+    plain = dataclasses.replace(cursor, source=dataclasses.replace(cursor.source, dotted=False))
+    return plain.sequence(label, other="{shown} is not a list")
+
+
+def _faults(cursor: Cursor) -> dict[str, Fault]:
     """Return the faults by name: kind, channel, and the number of the severity."""
-    if not isinstance(content, list):
-        raise SweepError(f"faults: {shown(content)} is not a list")
     faults: dict[str, Fault] = {}
-    for number, item in enumerate(content, 1):
-        place = f"faults: entry {number}"
-        values = _mapping(place, item)
-        _refuse_unknown(f"{place}: ", values, ("kind", "channel", "severities"))
-        if "kind" not in values:
-            raise SweepError(f"{place}: kind is missing")
-        kind, channel = values["kind"], values.get("channel", "")
-        try:
-            severities = values.get("severities", [Fault(kind, channel).magnitude])
-            if not (isinstance(severities, list) and severities):
-                raise SweepError(
-                    f"{place}: severities: {shown(severities)} is not a list of magnitudes"
-                )
-            series = [Fault(kind, channel, magnitude) for magnitude in severities]
-        except FaultError as error:
-            raise SweepError(f"{place}: {error}") from None
+    for item in _numbered(cursor, "entry {number}"):
+        values = item.mapping(
+            ("kind", "channel", "severities"),
+            ("kind",),
+            other="holds no mapping",
+            unknown="{name}: is unknown; {hint}",
+        )
+        kind, channel = values["kind"].value, item.get("channel", "").value
+        with item.errors():
+            severities = item.get("severities", None)
+            magnitudes = severities.value
+            if "severities" not in values:
+                magnitudes = [Fault(kind, channel).magnitude]
+            if not (isinstance(magnitudes, list) and magnitudes):
+                raise severities.refusal("severities: {shown} is not a list of magnitudes")
+            series = [Fault(kind, channel, magnitude) for magnitude in magnitudes]
         for severity, fault in enumerate(series, 1):
             if fault in faults.values():
-                raise SweepError(f"{place}: {fault} stands twice with magnitude {fault.magnitude}")
-            known = sum((each.kind, each.channel) == (kind, channel) for each in faults.values())
+                raise item.refusal(f"{fault} stands twice with magnitude {fault.magnitude}")
+            known = any((each.kind, each.channel) == (kind, channel) for each in faults.values())
             if severity == 1 and known:
-                raise SweepError(f"{place}: {fault} stands twice; give all severities in one entry")
+                raise item.refusal(f"{fault} stands twice; give all severities in one entry")
             faults["-".join(filter(None, (kind, channel, str(severity))))] = fault
     return faults
 
 
-def _interval(entry: str, content: Any) -> Interval:
-    values = _mapping(entry, content)
-    _refuse_unknown(f"{entry}.", values, ("minimum", "maximum"))
-    for key in ("minimum", "maximum"):
-        if key not in values:
-            raise SweepError(f"{entry}.{key}: is missing")
-    low, high = (_number(f"{entry}.{key}", values[key], _TIME) for key in ("minimum", "maximum"))
+def _interval(cursor: Cursor) -> TimeInterval:
+    values = _mapping(cursor, _ENDS, _ENDS)
+    low, high = (float(values[end].check(_TIME)) for end in _ENDS)
     if not low <= high:
-        raise SweepError(f"{entry}: minimum {low:g} is above maximum {high:g}")
-    return Interval(low, high)
+        raise cursor.refusal(f"minimum {low:g} is above maximum {high:g}")
+    return TimeInterval(low, high)
 
 
-def _swept(content: Any, fixed: Mapping[str, Any], design: str) -> dict[str, Range | Values]:
-    swept = _mapping("swept", content)
-    _refuse_unknown("swept.", swept, _NAMES)
-    for name in swept:
-        if name in fixed:
-            raise SweepError(f"swept.{name}: is fixed as well")
-    return {name: _range_or_values(name, item, design) for name, item in swept.items()}
-
-
-def _range_or_values(name: str, content: Any, design: str) -> Range | Values:
-    entry = f"swept.{name}"
-    if isinstance(content, list):
-        return _values(entry, name, content)
-    if not isinstance(content, Mapping):
-        raise SweepError(f"{entry}: {shown(content)} is neither a list nor minimum and maximum")
+def _range_or_values(cursor: Cursor, name: str, design: str) -> Range | Values:
+    if isinstance(cursor.value, list):
+        return _values(cursor, name)
+    if not isinstance(cursor.value, Mapping):
+        raise cursor.refusal("{shown} is neither a list nor minimum and maximum")
     allowed = PARAMETERS[name].allowed
     if not isinstance(allowed, Quantity) or allowed.whole:
-        raise SweepError(f"{entry}: has no range; give a list of its choices")
-    needed = ["minimum", "maximum", *(["points"] if design == "grid" else [])]
-    _refuse_unknown(f"{entry}.", content, [*needed, "scale", "source"])
-    for key in needed:
-        if key not in content:
-            raise SweepError(f"{entry}.{key}: is missing")
-    low, high = (
-        float(_checked(f"{entry}.{key}", name, content[key])) for key in ("minimum", "maximum")
-    )
+        raise cursor.refusal("has no range; give a list of its choices")
+    needed = (*_ENDS, *(["points"] if design == "grid" else []))
+    entries = _mapping(cursor, (*needed, "scale", "source"), needed)
+    low, high = (float(_checked(entries[end], name, entries[end].value)) for end in _ENDS)
     if not low < high:
-        raise SweepError(f"{entry}: minimum {low:g} is not below maximum {high:g}")
-    scale = _choice(f"{entry}.scale", content.get("scale", "linear"), SCALES)
+        raise cursor.refusal(f"minimum {low:g} is not below maximum {high:g}")
+    scale = _choice(cursor.get("scale", "linear"), SCALES)
     if scale == "log" and not low > 0.0:
-        raise SweepError(f"{entry}.minimum: {low:g} has no logarithm; it must be above 0")
-    points = content.get("points")
-    if points is not None:
-        points = _whole(f"{entry}.points", points, 2, MOST_SIMULATIONS)
-    source = content.get("source", "")
-    if not isinstance(source, str):
-        raise SweepError(f"{entry}.source: {shown(source)} is not a text")
-    return Range(low, high, scale, points, source)
+        raise entries["minimum"].refusal(f"{low:g} has no logarithm; it must be above 0")
+    points = cursor.get("points")
+    count = None if points.value is None else _whole(points, 2, MOST_SIMULATIONS)
+    source = cursor.get("source", "")
+    if not isinstance(source.value, str):
+        raise source.refusal("{shown} is not a text")
+    return Range(low, high, scale, count, source.value)
 
 
-def _values(entry: str, name: str, content: list[Any]) -> Values:
-    if not content:
-        raise SweepError(f"{entry}: holds no value")
-    if len(content) > _MOST_VALUES:
-        raise SweepError(f"{entry}: holds {len(content)} values, more than {_MOST_VALUES}")
-    values = tuple(_checked(f"{entry}[{i}]", name, value) for i, value in enumerate(content))
+def _values(cursor: Cursor, name: str) -> Values:
+    items = cursor.sequence()
+    if not items:
+        raise cursor.refusal("holds no value")
+    if len(items) > _MOST_VALUES:
+        raise cursor.refusal(f"holds {len(items)} values, more than {_MOST_VALUES}")
+    values = tuple(_checked(item, name, item.value) for item in items)
     if len(set(values)) < len(values):
-        raise SweepError(f"{entry}: holds a value twice")
+        raise cursor.refusal("holds a value twice")
     return Values(values)
 
 
-def _checked(entry: str, name: str, value: Any) -> Any:
+def _checked(place: Cursor, name: str, value: Any) -> Any:
     """Return the value of a parameter; a word stands for a truth value."""
     allowed = PARAMETERS[name].allowed
     if isinstance(allowed, Flag) and isinstance(value, str):
         value = {"true": True, "false": False}.get(value, value)
-    try:
+    with place.errors():
         return allowed.check(name, value)
-    except ParameterError as error:
-        raise SweepError(f"{entry}: {error}") from None
 
 
-def _number(entry: str, value: Any, quantity: Quantity) -> float:
-    try:
-        return float(quantity.check(entry, value))
-    except ParameterError as error:
-        raise SweepError(str(error)) from None
-
-
-def _names(entry: str, content: Any, known: Iterable[str]) -> tuple[str, ...]:
+def _names(cursor: Cursor, known: Iterable[str]) -> tuple[str, ...]:
     """Return names of a list, in the order in which they are known."""
     known = tuple(known)
-    if not isinstance(content, list):
-        raise SweepError(f"{entry}: {shown(content)} is not a list of names")
-    for name in content:
-        if not (isinstance(name, str) and name in known):
-            raise SweepError(f"{entry}: {shown_name(name)} is unknown; {did_you_mean(name, known)}")
-    return tuple(name for name in known if name in content)
+    for item in cursor.sequence(other="{shown} is not a list of names"):
+        if not (isinstance(item.value, str) and item.value in known):
+            wrong = dataclasses.replace(item, name=shown_name(item.value), label=cursor.label)
+            raise wrong.refusal("{name} is unknown; {hint}", known)
+    return tuple(name for name in known if name in cursor.value)
 
 
-def _mapping(entry: str, content: Any) -> Mapping[Any, Any]:
-    if not isinstance(content, Mapping):
-        raise SweepError(f"{entry}: holds no mapping")
-    return content
+def _mapping(
+    cursor: Cursor, known: Iterable[str] | None = None, needed: Iterable[str] = ()
+) -> dict[Any, Cursor]:
+    return cursor.mapping(
+        known,
+        needed,
+        other="holds no mapping",
+        unknown="is unknown; {hint}",
+        missing="is missing",
+    )
 
 
-def _refuse_unknown(prefix: str, content: Mapping[Any, Any], names: Iterable[str]) -> None:
-    names = tuple(names)
-    for name in content:
-        if not (isinstance(name, str) and name in names):
-            raise SweepError(f"{prefix}{shown_name(name)}: is unknown; {did_you_mean(name, names)}")
+def _choice(cursor: Cursor, choices: tuple[str, ...]) -> str:
+    if not (isinstance(cursor.value, str) and cursor.value in choices):
+        raise cursor.refusal("{shown} is not one of {names}", choices)
+    return str(cursor.value)
 
 
-def _choice(entry: str, value: Any, choices: tuple[str, ...]) -> str:
-    if not (isinstance(value, str) and value in choices):
-        raise SweepError(f"{entry}: {shown(value)} is not one of {', '.join(choices)}")
-    return value
-
-
-def _whole(entry: str, value: Any, least: int, most: int) -> int:
+def _whole(cursor: Cursor, least: int, most: int) -> int:
+    value = cursor.value
     if not isinstance(value, int) or isinstance(value, bool) or not least <= value <= most:
-        raise SweepError(f"{entry}: {shown(value)} is no whole number from {least} to {most}")
+        raise cursor.refusal(f"{{shown}} is no whole number from {least} to {most}")
     return value

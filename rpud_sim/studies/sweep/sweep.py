@@ -1,26 +1,51 @@
-"""Run of a sweep, from its specification to its tables and its page."""
+"""Run of a sweep in its folder: finished chunks, the tables of all results, and the page."""
 
 from __future__ import annotations
 
 import contextlib
 import dataclasses
+import hashlib
 import json
-from collections.abc import Callable
+import shutil
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from rpud_sim.foundation.whole_folder import whole_file
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from rpud_sim.foundation.whole_folder import whole_file, whole_folder
 from rpud_sim.simulation.ensemble import compile_kernels, compile_members
-from rpud_sim.studies.sweep.chunks import chunk_size, make_chunks, simulate
-from rpud_sim.studies.sweep.design import design_points
-from rpud_sim.studies.sweep.folder import SweepFolder
+from rpud_sim.simulation.versions import engine_versions, version_of
+from rpud_sim.studies.store import Store, write_whole
+from rpud_sim.studies.sweep.chunks import (
+    SweepChunk,
+    SweepOutcome,
+    chunk_count,
+    chunk_size,
+    design_points,
+    make_chunks,
+    simulate,
+)
 from rpud_sim.studies.sweep.indices import figure_indices
-from rpud_sim.studies.sweep.specification import SweepSpecification
-from rpud_sim.studies.sweep.sweep_report import sweep_page
+from rpud_sim.studies.sweep.specification import SweepError, SweepSpecification
+from rpud_sim.studies.sweep.sweep_page import error_name, sweep_page
 from rpud_sim.studies.workers import run_on_workers
 
-REPORT = "report.html"
-INDICES = "indices.json"
+_CHUNKS = "chunks"
+_BAGS = "bags"
+_TABLES = ("simulations.parquet", "points.parquet")
+_TOGETHER = 8  # chunks in one group of rows of a table: each group takes its time
+_COUNTS = ("events",)  # figures that are whole numbers
+_LABELS = {
+    "kind": pa.string(),
+    "channel": pa.string(),
+    "magnitude": pa.float64(),
+    "unit": pa.string(),
+    "onset": pa.float64(),
+    "clear": pa.float64(),
+}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -58,11 +83,11 @@ def run_sweep(
     folder = SweepFolder(out, specification)
     with folder.held():
         finished = folder.finished()
-        kept = _kept(specification, finished)
+        size = chunk_size(specification)
+        kept = sum(min(size, specification.simulations - number * size) for number in finished)
         report(kept)
-        if len(finished) < folder.manifest["chunks"]:
+        if len(finished) < chunk_count(specification):
             points = design_points(specification)
-            chunks = make_chunks(specification, points, finished)
 
             def compile_first() -> None:
                 first = {name: values[0].item() for name, values in points.items()}
@@ -71,31 +96,209 @@ def run_sweep(
                 if specification.faults or specification.bags:
                     compile_kernels(drill, messages=bool(specification.bags))
 
+            chunks = make_chunks(specification, points, finished)
             outcomes = run_on_workers(simulate, chunks, workers, scheduler, compile_first)
             with contextlib.closing(outcomes):
                 for chunk, outcome in outcomes:
                     folder.add(chunk, outcome)
                     report(chunk.count)
         folder.complete_tables()
+        table, failures = folder.points(), folder.failures()
         indices = {}
         if specification.design == "saltelli":
-            indices = figure_indices(specification, folder.points())
-            with whole_file(out / INDICES) as unfinished:
-                unfinished.write_text(json.dumps(indices, indent=2) + "\n", encoding="utf-8")
-        page = sweep_page(specification, folder.points(), folder.failures(), indices)
-        with whole_file(out / REPORT) as unfinished:
-            unfinished.write_text(page, encoding="utf-8")
-        return SweepResult(
-            out,
-            folder.manifest,
-            specification.simulations - kept,
-            kept,
-            folder.failures(),
-            out / REPORT,
-            indices,
-        )
+            indices = figure_indices(specification, table)
+            write_whole(out / "indices.json", json.dumps(indices, indent=2) + "\n")
+        page = out / "report.html"
+        write_whole(page, sweep_page(specification, table, failures, indices))
+        run = specification.simulations - kept
+        return SweepResult(out, folder.manifest, run, kept, failures, page, indices)
 
 
-def _kept(specification: SweepSpecification, finished: frozenset[int]) -> int:
-    size = chunk_size(specification)
-    return sum(min(size, specification.simulations - number * size) for number in finished)
+def make_manifest(specification: SweepSpecification) -> dict[str, Any]:
+    """Return the specification, versions and sizes of a sweep, with a digest; no host is in it."""
+    # What draws the design and writes the files.
+    writers = ("scipy", "pyarrow", *(("mcap", "zstandard") if specification.bags else ()))
+    depends = {
+        "specification": specification.content(),
+        "versions": engine_versions() | {name: version_of(name) for name in writers},
+    }
+    text = json.dumps(depends, sort_keys=True)
+    return depends | {
+        "points": specification.point_count,
+        "simulations": specification.simulations,
+        "chunks": chunk_count(specification),
+        "sha256": hashlib.sha256(text.encode()).hexdigest(),
+    }
+
+
+class SweepFolder(Store):
+    """Folder of a sweep: its finished chunks, and the tables of their results."""
+
+    def __init__(self, path: Path, specification: SweepSpecification) -> None:
+        super().__init__(path, make_manifest(specification), "sweep", SweepError)
+        self._specification = specification
+        self._simulations, self._points = (path / name for name in _TABLES)
+
+    @property
+    def complete(self) -> bool:
+        """Whether both tables exist."""
+        return self._simulations.exists() and self._points.exists()
+
+    def finished(self) -> frozenset[int]:
+        """Return the numbers of the finished chunks."""
+        numbers = range(chunk_count(self._specification))
+        return frozenset(number for number in numbers if self.complete or self._is_whole(number))
+
+    def add(self, chunk: SweepChunk, outcome: SweepOutcome) -> None:
+        """Write the bags of a chunk, then its file.
+
+        The file is in Arrow's own format: Parquet would take most of the time that a sweep spends
+        on a chunk of a worker, and the file lasts no longer than the sweep.
+        """
+        table = simulation_table(chunk, outcome)
+        for files, name in zip(outcome.bags, _bags(table), strict=True):
+            if name is None:
+                continue
+            bag = self.path / name
+            for left in (bag, bag.with_name(f"{bag.name}.part")):  # by a killed call
+                shutil.rmtree(left, ignore_errors=True)
+            with whole_folder(bag) as folder:
+                for file, content in files.items():
+                    write_whole(folder / file, content)
+        path = self._chunk_path(chunk.number)
+        path.parent.mkdir(exist_ok=True)
+        with whole_file(path) as unfinished, pa.ipc.new_file(unfinished, table.schema) as file:
+            file.write_table(table)
+
+    def complete_tables(self) -> None:
+        """Write both tables from the chunks, a few at a time in their order, and remove them."""
+        if not self.complete:
+            held = None  # rows of a point that is not complete yet
+            repeat, count = self._specification.repeat, chunk_count(self._specification)
+            with (
+                whole_file(self._simulations) as simulations,
+                whole_file(self._points) as points,
+                contextlib.ExitStack() as stack,
+            ):
+                writers: list[pq.ParquetWriter] = []
+                for first in range(0, count, _TOGETHER):
+                    numbers = range(first, min(first + _TOGETHER, count))
+                    table = pa.concat_tables([_rows(self._chunk_path(each)) for each in numbers])
+                    rows = table if held is None else pa.concat_tables([held, table])
+                    whole = rows.num_rows // repeat * repeat
+                    # A copy: a slice would keep the rows before it in memory.
+                    held = rows.take(pa.array(range(whole, rows.num_rows), pa.int64()))
+                    tables = table, point_table(self._specification, rows.slice(0, whole))
+                    if not writers:
+                        paths = zip((simulations, points), tables, strict=True)
+                        writers = [
+                            stack.enter_context(pq.ParquetWriter(path, each.schema))
+                            for path, each in paths
+                        ]
+                    for writer, each in zip(writers, tables, strict=True):
+                        if each.num_rows:
+                            writer.write_table(each)
+        shutil.rmtree(self.path / _CHUNKS, ignore_errors=True)
+
+    def failures(self) -> int:
+        """Return how many simulations gave no figures."""
+        batches = pq.ParquetFile(self._simulations).iter_batches(columns=["failure"])
+        return sum(len(batch) - batch.column(0).null_count for batch in batches)
+
+    def points(self) -> Mapping[str, Any]:
+        """Return the table of points, by column."""
+        with pq.ParquetFile(self._points) as file:  # read_table imports pandas
+            table = file.read()
+        return {name: table[name].to_numpy() for name in table.column_names}
+
+    def _chunk_path(self, number: int) -> Path:
+        return self.path / _CHUNKS / f"{number:08}.arrow"
+
+    def _is_whole(self, number: int) -> bool:
+        """Whether a chunk's file has all rows, and its bags are there.
+
+        The machine may have lost power while writing them.
+        """
+        size = chunk_size(self._specification)
+        rows = min(size, self._specification.simulations - number * size)
+        try:
+            table = _rows(self._chunk_path(number))
+        except (OSError, pa.ArrowInvalid):
+            return False
+        bags = (self.path / name for name in _bags(table) if name is not None)
+        return len(table) == rows and all(bag.is_dir() for bag in bags)
+
+
+def _rows(path: Path) -> pa.Table:
+    """Return all rows of a chunk's file."""
+    with pa.memory_map(str(path)) as mapped, pa.ipc.open_file(mapped) as file:
+        return file.read_all()
+
+
+def _bags(table: pa.Table) -> list[str | None]:
+    """Return the path of each simulation's bag in the folder; None without one."""
+    found: list[str | None] = [None] * len(table)
+    return table["bag"].to_pylist() if "bag" in table.column_names else found
+
+
+def simulation_table(chunk: SweepChunk, outcome: SweepOutcome) -> pa.Table:
+    """Return the rows of a chunk's simulations; missing figures and labels are null."""
+    specification = chunk.specification
+    seeds, runs = [], []
+    for number, point, members in chunk.ensembles():
+        seeds += [specification.point_seed(number, point)] * len(members)
+        if specification.faults or specification.bags:
+            runs += [specification.plan_run(number, point, member) for member in members]
+    repeat = specification.repeat
+    numbers = chunk.first + np.arange(chunk.count)
+    points = numbers // repeat
+    columns: dict[str, pa.Array] = {
+        "point": pa.array(points),
+        "member": pa.array(numbers % repeat),
+        "seed": pa.array(seeds, pa.int64()),
+        "phase": pa.array(outcome.phases),
+        **{
+            name: pa.array(values[points - chunk.first_point])
+            for name, values in chunk.points.items()
+        },
+    }
+    if specification.faults:
+        labels = [run.labels() for run in runs]
+        for name, kind in _LABELS.items():
+            columns[name] = pa.array([label[name] for label in labels], kind)
+    for i, name in enumerate(specification.figures):
+        values = outcome.figures[:, i]
+        missing = np.isnan(values)
+        if name in _COUNTS:
+            values = np.where(missing, 0.0, values).astype(np.int64)
+        columns[name] = pa.array(values, mask=missing)
+    columns["failure"] = pa.array(outcome.failures, pa.string())
+    if specification.bags:
+        pairs = zip(runs, outcome.bags, strict=True)
+        paths = [f"{_BAGS}/{run.name}" if bag else None for run, bag in pairs]
+        columns["bag"] = pa.array(paths, pa.string())
+    return pa.table(columns)
+
+
+def point_table(specification: SweepSpecification, table: pa.Table) -> pa.Table:
+    """Return the rows of points from those of all their simulations."""
+    repeat, names = specification.repeat, specification.figures
+    firsts = np.arange(0, table.num_rows, repeat)
+    columns: dict[str, pa.Array | pa.ChunkedArray] = {
+        name: table[name].take(pa.array(firsts)) for name in ("point", "seed", *specification.axes)
+    }
+    figures = np.column_stack(
+        [table[name].to_numpy().astype(np.float64) for name in names]
+    ).reshape(len(firsts), repeat, len(names))
+    valid = ~np.isnan(figures)
+    count = valid.sum(axis=1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        mean = np.where(valid, figures, 0.0).sum(axis=1) / count
+        squares = np.where(valid, (figures - mean[:, None]) ** 2, 0.0).sum(axis=1)
+        error = np.sqrt(squares / (count - 1) / count)
+    failed = table["failure"].is_valid().to_numpy().reshape(-1, repeat)
+    columns["members"] = pa.array(repeat - failed.sum(axis=1))
+    for i, name in enumerate(names):
+        columns[name] = pa.array(mean[:, i], mask=count[:, i] == 0)
+        columns[error_name(name)] = pa.array(error[:, i], mask=count[:, i] < 2)
+    return pa.table(columns)

@@ -2,10 +2,13 @@
 
 import math
 import time
+from contextlib import suppress
 
 import pytest
 import rclpy
 from builtin_interfaces.msg import Time
+from hypothesis import given
+from hypothesis import strategies as st
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.serialization import serialize_message
 from rpud_msgs.msg import Drive as DriveMessage
@@ -14,7 +17,8 @@ from rpud_msgs.msg import WeightOnBit as WeightOnBitMessage
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 
-from rpud_sim.ros.drill.gate import Gate, arrival
+from rpud_sim.foundation.quantities import ParameterError
+from rpud_sim.ros.drill.gate import Gate, arrival, to_feed
 from rpud_sim.ros.drill.inbox import Inbox
 from rpud_sim.simulation.commands import Drive, Feed, WeightOnBit
 from rpud_sim.simulation.configuration import Settings
@@ -113,22 +117,68 @@ def test_commands_that_can_be_used_are_taken(commander):
     assert commander.give(DriveMessage()) == Drive(False, 0.0, 0.0)
 
 
+ARM = {"feed_model": "arm"}
+
+
 @pytest.mark.parametrize(
-    ("message", "reason"),
+    ("values", "message", "reason"),
     [
-        (WeightOnBitMessage(force=-1.0), "weight_on_bit = -1 N is outside its range [0, 1000] N"),
-        (WeightOnBitMessage(force=math.nan), "weight_on_bit = nan N is outside its range"),
+        ({}, WeightOnBitMessage(force=-1.0), "weight_on_bit = -1 N is outside its range [0, 1000]"),
+        ({}, WeightOnBitMessage(force=math.nan), "weight_on_bit = nan N is outside its range"),
         (
+            {},
             DriveMessage(enabled=True, voltage=math.inf, frequency=16e3),
             "drive voltage = inf V is outside its range [0, 1000] V",
         ),
         (
+            {},
             DriveMessage(enabled=True, voltage=100.0),
             "drive frequency = 0 Hz is outside its range [100, 200000] Hz",
         ),
+        (
+            {"nominal_voltage": 10.0, "vibration_amplitude": 35e-6},  # it would break the stack
+            DriveMessage(enabled=True, voltage=500.0, frequency=16e3),
+            "vibration_amplitude at drive voltage 500 V = 0.00175 m is outside its range [0,",
+        ),
+        ({}, FeedMessage(value=1e-3), "a feed cannot be commanded with feed_model = none"),
+        (
+            {},
+            JointState(name=["rpud_feed"], velocity=[1e-3]),
+            "a feed cannot be commanded with feed_model = none",
+        ),
+        (
+            ARM,
+            WeightOnBitMessage(force=20.0),
+            "weight_on_bit cannot be commanded with feed_model = arm: it follows from the feed",
+        ),
+        (ARM, FeedMessage(mode=2), "feed mode = 2 is not 0 (rate) or 1 (position)"),
+        (ARM, FeedMessage(value=math.nan), "feed rate = nan m/s is outside its range"),
+        (
+            ARM,
+            FeedMessage(value=6e-3),
+            "feed rate = 0.006 m/s is outside its range [-0.005, 0.005]",
+        ),
+        (
+            ARM,
+            FeedMessage(mode=1, value=0.4),
+            "feed position = 0.4 m is outside its range [-0.1, 0.3]",
+        ),
+        (
+            ARM,
+            JointState(name=["rpud_feed"], velocity=[math.inf]),
+            "feed rate = inf m/s is outside its range",
+        ),
+        (
+            ARM | {"command_timeout": 0.5},
+            JointState(header=stamped(-0.6), name=["rpud_feed"], velocity=[0.0]),
+            "joint_commands is stale: its stamp is 0.600 s old",
+        ),
     ],
 )
-def test_what_cannot_be_used_is_refused_with_the_reason_and_counted(commander, message, reason):
+def test_what_cannot_be_used_is_refused_with_the_reason_and_counted(
+    commander, values, message, reason
+):
+    commander.settings = Settings().replace(values)
     before = commander.inbox.rejected
     assert commander.give(message).startswith(reason)
     assert commander.inbox.rejected == before + 1
@@ -188,56 +238,17 @@ def test_all_commands_that_wait_are_taken_in_one_turn(shared):
         commander.close()
 
 
-def test_a_drive_that_would_break_the_stack_is_refused(commander):
-    changes = {"nominal_voltage": 10.0, "vibration_amplitude": 35e-6}
-    commander.settings = Settings().replace(changes)
-    drive = DriveMessage(enabled=True, voltage=500.0, frequency=16e3)
-    assert commander.give(drive) == (
-        "vibration_amplitude at drive voltage 500 V = 0.00175 m is outside its range [0, 0.001] m"
-    )
-
-
 @pytest.fixture
 def on_an_arm(commander):
-    commander.settings = Settings().replace({"feed_model": "arm"})
+    commander.settings = Settings().replace(ARM)
     return commander
 
 
-def test_a_feed_is_taken_and_a_weight_on_bit_is_not_on_an_arm(on_an_arm):
+def test_a_feed_is_taken_on_an_arm(on_an_arm):
     message = FeedMessage(mode=FeedMessage.MODE_RATE, value=-1e-3)
     assert on_an_arm.give(message) == Feed("rate", -1e-3)
     message = FeedMessage(mode=FeedMessage.MODE_POSITION, value=0.05)
     assert on_an_arm.give(message) == Feed("position", 0.05)
-    assert on_an_arm.give(WeightOnBitMessage(force=20.0)) == (
-        "weight_on_bit cannot be commanded with feed_model = arm: it follows from the feed"
-    )
-
-
-def test_a_weight_on_bit_is_taken_and_a_feed_is_not_without_an_arm(commander):
-    reason = "a feed cannot be commanded with feed_model = none"
-    assert commander.give(FeedMessage(value=1e-3)) == reason
-    joints = JointState(name=["rpud_feed"], velocity=[1e-3])
-    assert commander.give(joints) == reason
-    assert commander.give(WeightOnBitMessage(force=20.0)) == WeightOnBit(20.0)
-
-
-@pytest.mark.parametrize(
-    ("message", "reason"),
-    [
-        (FeedMessage(mode=2), "feed mode = 2 is not 0 (rate) or 1 (position)"),
-        (FeedMessage(value=math.nan), "feed rate = nan m/s is outside its range"),
-        (FeedMessage(value=6e-3), "feed rate = 0.006 m/s is outside its range [-0.005, 0.005]"),
-        (FeedMessage(mode=1, value=0.4), "feed position = 0.4 m is outside its range [-0.1, 0.3]"),
-        (
-            JointState(name=["rpud_feed"], velocity=[math.inf]),
-            "feed rate = inf m/s is outside its range",
-        ),
-    ],
-)
-def test_a_feed_that_cannot_be_used_is_refused_with_the_reason(on_an_arm, message, reason):
-    before = on_an_arm.inbox.rejected
-    assert on_an_arm.give(message).startswith(reason)
-    assert on_an_arm.inbox.rejected == before + 1
 
 
 def test_a_command_interface_that_no_controller_has_claimed_is_no_command(on_an_arm):
@@ -248,13 +259,6 @@ def test_a_command_interface_that_no_controller_has_claimed_is_no_command(on_an_
     next_one = JointState(name=["rpud_feed"], velocity=[0.0])
     assert on_an_arm.give(next_one) == Feed("rate", 0.0)
     assert on_an_arm.inbox.rejected == before
-
-
-def test_a_stale_joint_command_is_refused_where_there_is_a_timeout(on_an_arm):
-    values = {"feed_model": "arm", "command_timeout": 0.5}
-    on_an_arm.settings = Settings().replace(values)
-    message = JointState(header=stamped(-0.6), name=["rpud_feed"], velocity=[0.0])
-    assert on_an_arm.give(message).startswith("joint_commands is stale: its stamp is 0.600 s old")
 
 
 @pytest.mark.parametrize("message", [WeightOnBitMessage(force=20.0), DriveMessage()])
@@ -302,3 +306,65 @@ def test_the_time_of_day_may_be_set_while_a_command_waits():
     for jump in (-100 * SECOND, 100 * SECOND):
         arrived = arrival({"received_timestamp": time.time_ns() + jump})
         assert time.monotonic_ns() - SECOND - SECOND // 2 <= arrived <= time.monotonic_ns()
+
+
+NAN = math.nan
+FEED, ROTATION = "rpud_feed", "rpud_rotation"
+
+
+@pytest.mark.parametrize(
+    ("message", "feed"),
+    [
+        # As the hardware interface sends it: all joints, and a value for one of them.
+        (JointState(name=[FEED, ROTATION], velocity=[1e-3]), Feed("rate", 1e-3)),
+        (JointState(name=[FEED, ROTATION], position=[0.02]), Feed("position", 0.02)),
+        (JointState(name=[FEED], position=[NAN], velocity=[1e-3]), Feed("rate", 1e-3)),
+        (JointState(name=["elbow", FEED], velocity=[7.0, 1e-3]), Feed("rate", 1e-3)),
+        (JointState(name=[FEED], velocity=[NAN]), None),
+        (JointState(name=[FEED, ROTATION]), None),
+        (JointState(name=["elbow"], position=[1.0]), None),
+        (JointState(), None),
+    ],
+)
+def test_a_command_feeds_or_is_none(message, feed):
+    assert to_feed(message) == feed
+
+
+@pytest.mark.parametrize(
+    ("message", "reason"),
+    [
+        (
+            JointState(name=[ROTATION, FEED], velocity=[1e-3]),
+            "joint_commands: velocity has length 1 for 2 joints, of which rpud_feed is number 2: "
+            "name it first",
+        ),
+        (JointState(name=[FEED], position=[0.0, 1.0]), "position has length 2 for 1 joints"),
+        (JointState(name=[FEED, FEED], velocity=[0.0, 0.0]), "rpud_feed is named twice"),
+        (
+            JointState(name=[FEED], position=[0.02], velocity=[1e-3]),
+            "takes a position or a velocity, given 0.02 m and 0.001 m/s",
+        ),
+        (JointState(name=[FEED], effort=[5.0]), "takes no effort, given 5"),
+        (JointState(name=[ROTATION], velocity=[5.0]), "rpud_rotation cannot be commanded"),
+        (JointState(name=["rpud_tool_tip_joint"], effort=[5.0]), "cannot be commanded"),
+        (JointState(name=[FEED], velocity=[math.inf]), "feed rate = inf m/s is outside its range"),
+        (JointState(name=[FEED], position=[2.0]), "feed position = 2 m is outside its range"),
+    ],
+)
+def test_a_command_is_refused_with_its_reason_in_one_line(message, reason):
+    with pytest.raises(ParameterError) as refused:
+        to_feed(message)
+    assert reason in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
+NAMES = st.lists(st.sampled_from([FEED, ROTATION, "elbow", "rpud_nodal_plane_joint"]), max_size=4)
+VALUES = st.lists(st.floats(), max_size=5)
+
+
+@given(NAMES, VALUES, VALUES, VALUES)
+def test_any_message_feeds_is_none_or_is_refused(names, position, velocity, effort):
+    message = JointState(name=names, position=position, velocity=velocity, effort=effort)
+    with suppress(ParameterError):
+        feed = to_feed(message)
+        assert feed is None or feed.value in [*position, *velocity]

@@ -10,7 +10,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
 from rosgraph_msgs.msg import Clock
 
-from rpud_sim.ros.drill.time_source import TimeSource
+from rpud_sim.ros.drill.pacer import TimeSource
 
 SECOND = 1_000_000_000
 

@@ -2,7 +2,6 @@
 
 import dataclasses
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,18 +10,14 @@ from rpud_sim.cli.studies import fit_text
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.pages.plot import axis_ends
 from rpud_sim.simulation.configuration import read_parameter_file, to_settings
-from rpud_sim.studies.fit import branches
-from rpud_sim.studies.fit import fit as rounds
-from rpud_sim.studies.fit.branches import FitError
-from rpud_sim.studies.fit.design import Region
+from rpud_sim.studies.fit import fit as fits
+from rpud_sim.studies.fit import rounds
 from rpud_sim.studies.fit.fit import fit_in, run_fit
-from rpud_sim.studies.fit.fit_plots import corner_rows, target_plot, unknown_quantity
-from rpud_sim.studies.fit.fit_report import write_fit
-from rpud_sim.studies.fit.folder import FitFolder
-from rpud_sim.studies.fit.proof import prove
-from rpud_sim.studies.fit.target_file import parse_targets, read_target_file
+from rpud_sim.studies.fit.fit_report import corner_rows, target_plot, unknown_quantity, write_fit
+from rpud_sim.studies.fit.rounds import FitError, FitFolder
+from rpud_sim.studies.fit.surrogate import Region
+from rpud_sim.studies.fit.target_file import parse_targets
 
-EXAMPLE = Path(__file__).parents[3] / "config" / "fit_example.yaml"
 FIT = {
     "parameters": {"regime": "drilling"},
     "unknowns": {
@@ -48,9 +43,9 @@ FIT = {
 
 @pytest.fixture(autouse=True)
 def few_particles(monkeypatch):
-    monkeypatch.setattr(branches, "PARTICLES", 512)
-    monkeypatch.setattr(rounds, "CANDIDATES", 4)
-    monkeypatch.setattr(rounds, "CANDIDATE_RUNS", 4)
+    monkeypatch.setattr(rounds, "PARTICLES", 512)
+    monkeypatch.setattr(fits, "CANDIDATES", 4)
+    monkeypatch.setattr(fits, "CANDIDATE_RUNS", 4)
 
 
 def known_drill(specification, folder, **values):
@@ -140,23 +135,6 @@ def test_figures_out_of_reach_are_said_to_be(specification, tmp_path):
         run_fit(dataclasses.replace(silent, targets=(no_impact,)), tmp_path / "still", 1)
 
 
-@pytest.mark.extended
-def test_intervals_hold_synthetic_drills_as_often_as_they_say(tmp_path):
-    specification = read_target_file(EXAMPLE)
-    short = tuple(
-        dataclasses.replace(t, measure=dataclasses.replace(t.measure, end=0.5))
-        for t in specification.targets
-    )
-    specification = dataclasses.replace(specification, points=128, rounds=2, targets=short)
-    folder = FitFolder(tmp_path, specification, 2, lambda runs: None)
-    with folder.held():
-        proof = prove(folder, specification, 20)
-    assert proof.drills + proof.refused == 20
-    assert proof.refused <= 2
-    assert proof.holds
-    assert proof.chosen == pytest.approx(1.0)
-
-
 class ClosedForm:
     """Folder whose simulations are closed forms with chance."""
 
@@ -213,7 +191,7 @@ def test_at_a_bound_the_interval_ends_there_and_says_so(weight, end, tmp_path):
 
 def test_a_posterior_that_the_last_region_cuts_off_has_no_interval(monkeypatch, tmp_path):
     monkeypatch.setattr(
-        branches, "next_region", lambda branch: Region(np.array([0.0, 0.0]), np.array([0.5, 1.0]))
+        rounds, "next_region", lambda branch: Region(np.array([0.0, 0.0]), np.array([0.5, 1.0]))
     )
     drill = ClosedForm()
     fit = fit_in(drill, drill.specification(TWO, weight=11.2, loss=0.5))

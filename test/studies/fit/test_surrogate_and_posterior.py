@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from rpud_sim.studies.fit.design import Region, sobol_points
-from rpud_sim.studies.fit.identifiability import identify
-from rpud_sim.studies.fit.posterior import Likelihood, sample
-from rpud_sim.studies.fit.surrogate import SurrogateError, fit_surrogate
+from rpud_sim.studies.fit.posterior import Likelihood, identify, sample
+from rpud_sim.studies.fit.rounds import sobol_points
+from rpud_sim.studies.fit.surrogate import Region, SurrogateError, fit_surrogate
 from rpud_sim.studies.fit.target_file import parse_targets
 from rpud_sim.studies.sweep.specification import Range
 
@@ -83,16 +82,6 @@ def test_the_posterior_is_that_of_the_closed_form(surrogate):
     assert total.mean() == pytest.approx(mean, abs=0.3 * deviation)
     assert total.std() == pytest.approx(deviation, rel=0.2)
     assert posterior.log_evidence == pytest.approx(math.log(np.exp(logs).mean()), abs=0.3)
-
-
-def test_a_ridge_is_found_and_named(surrogate):
-    random = np.random.default_rng(4)
-    likelihood = Likelihood(surrogate, targets(tolerance="1 %", runs=100))
-    posterior = sample(likelihood, 2048, random)
-    found = identify(posterior.shares, UNKNOWNS)
-    assert [ridge.names for ridge in found.ridges] == [("weight_on_bit", "gravity")]
-    assert found.ridges[0].correlation < -0.8
-    assert "weight_on_bit falls as gravity rises" in str(found.ridges[0])
 
 
 def test_nothing_is_known_without_a_target_that_depends_on_it(surrogate):

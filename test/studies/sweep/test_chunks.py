@@ -1,22 +1,31 @@
-"""Chunks: every simulation once, and each the one that `rpud simulate` would run."""
+"""Designs and chunks: points as each kind promises, and every simulation once, as alone."""
 
 import dataclasses
+import itertools
+from collections import Counter
+from pathlib import Path
 
 import numpy as np
 import pytest
+from fault_signatures import ROWS
 from hypothesis import given
 from hypothesis import strategies as st
 
+from rpud_sim.foundation.yaml_files import read_yaml
 from rpud_sim.simulation import preset
 from rpud_sim.simulation.ensemble import run_ensemble
 from rpud_sim.simulation.simulation import initial_phases
 from rpud_sim.simulation.statistics import FIGURES
-from rpud_sim.studies.sweep.chunks import Chunk, chunk_count, chunk_size, make_chunks, simulate
-from rpud_sim.studies.sweep.design import design_points
-from rpud_sim.studies.sweep.plan import point_seed
-from rpud_sim.studies.sweep.specification_file import parse_specification
-from rpud_sim.studies.sweep.sweep_report import sweep_page
-from rpud_sim.studies.sweep.tables import PointTables, error_name, simulation_table
+from rpud_sim.studies.sweep.chunks import (
+    chunk_count,
+    chunk_size,
+    design_points,
+    make_chunks,
+    simulate,
+)
+from rpud_sim.studies.sweep.specification_file import parse_specification, read_specification
+from rpud_sim.studies.sweep.sweep import point_table, run_sweep, simulation_table
+from rpud_sim.studies.sweep.sweep_page import error_name, sweep_page
 
 
 def sweep(points=3, repeat=2, duration=0.02, **entries):
@@ -34,16 +43,6 @@ def sweep(points=3, repeat=2, duration=0.02, **entries):
 
 def chunks_of(specification, **options):
     return list(make_chunks(specification, design_points(specification), **options))
-
-
-def pieces(specification, size):
-    """Cut the sweep into chunks of another size than it would have."""
-    (whole,) = chunks_of(specification)
-    for number, first in enumerate(range(0, whole.count, size)):
-        count = min(size, whole.count - first)
-        begin, end = first // specification.repeat, -(-(first + count) // specification.repeat)
-        points = {name: values[begin:end] for name, values in whole.points.items()}
-        yield Chunk(number, first, count, specification, points, whole.versions)
 
 
 @given(points=st.integers(1, 300), repeat=st.integers(1, 20), duration=st.floats(1e-3, 1e4))
@@ -68,7 +67,7 @@ def test_a_point_is_the_ensemble_of_its_seed():
     (chunk,) = chunks_of(specification)
     outcome = simulate(chunk)
     for point, weight in enumerate(chunk.points["weight_on_bit"].tolist()):
-        phases = initial_phases(2, point_seed(specification, point, {}))
+        phases = initial_phases(2, specification.point_seed(point, {}))
         parameters = preset("drilling").replace(weight_on_bit=weight)
         expected = run_ensemble(parameters, 0.02, phases).members
         rows = slice(2 * point, 2 * point + 2)
@@ -78,26 +77,15 @@ def test_a_point_is_the_ensemble_of_its_seed():
     assert outcome.failures == (None,) * 6
 
 
-@pytest.mark.parametrize("size", [1, 3, 4, 5])
-def test_the_cut_into_chunks_changes_no_row_and_no_point(size):
-    specification = sweep(points=4, repeat=3)
-    (whole,) = chunks_of(specification)
-    expected = simulation_table(whole, simulate(whole))
-    tables = [simulation_table(chunk, simulate(chunk)) for chunk in pieces(specification, size)]
-    assert [row for table in tables for row in table.to_pylist()] == expected.to_pylist()
-    one, many = PointTables(specification), PointTables(specification)
-    points = [row for table in tables for row in many.add(table).to_pylist()]
-    assert points == one.add(expected).to_pylist()
-
-
 def test_a_simulation_without_impacts_has_nulls_and_no_failure():
     specification = sweep(1, 2, 1e-6, fixed={"vibration_amplitude": 0.0, "gravity": 0.0})
     (chunk,) = chunks_of(specification)
-    rows = simulation_table(chunk, simulate(chunk)).to_pylist()
+    table = simulation_table(chunk, simulate(chunk))
+    rows = table.to_pylist()
     assert [row["contact_force_mean"] for row in rows] == [None, None]
     assert [row["failure"] for row in rows] == [None, None]
     assert [type(row["events"]) for row in rows] == [int, int]
-    (point,) = PointTables(specification).add(simulation_table(chunk, simulate(chunk))).to_pylist()
+    (point,) = point_table(specification, table).to_pylist()
     assert point["contact_force_mean"] is None
     assert point[error_name("contact_force_mean")] is None
 
@@ -115,7 +103,7 @@ def test_a_point_outside_the_ranges_is_a_failure_of_its_own_alone():
 
 def test_sweeps_of_two_seeds_share_no_simulation():
     specifications = [sweep(points=64, repeat=2, seed=seed) for seed in (0, 1)]
-    seeds = [{point_seed(each, n, {}) for n in range(64)} for each in specifications]
+    seeds = [{each.point_seed(n, {}) for n in range(64)} for each in specifications]
     assert [len(each) for each in seeds] == [64, 64]
     assert not seeds[0] & seeds[1]
     weights = [set(design_points(each)["weight_on_bit"].tolist()) for each in specifications]
@@ -126,8 +114,105 @@ def test_points_at_which_every_simulation_fails_have_no_figures():
     specification = sweep(points=2, repeat=2)
     (chunk,) = chunks_of(specification)
     outside = dataclasses.replace(chunk, points={"weight_on_bit": np.array([-1.0, -2.0])})
-    table = PointTables(specification).add(simulation_table(outside, simulate(outside)))
+    table = point_table(specification, simulation_table(outside, simulate(outside)))
     assert table["members"].to_pylist() == [0, 0]
     assert table["contact_force_mean"].to_pylist() == [None, None]
     columns = {name: table[name].to_numpy() for name in table.column_names}
     assert "4 simulations have no figures" in sweep_page(specification, columns, 4)
+
+
+SWEPT = {
+    "weight_on_bit": {"minimum": 0.0, "maximum": 32.0},
+    "free_mass": {"minimum": 1e-3, "maximum": 1e-2, "scale": "log"},
+    "contact_model": ["printed", "rayleigh"],
+}
+
+
+def points(design, number, seed=0):
+    return design_points(
+        parse_specification(
+            {"design": design, "points": number, "seed": seed, "duration": 1, "swept": SWEPT}
+        )
+    )
+
+
+def test_a_grid_has_every_combination_once():
+    found = design_points(
+        parse_specification(
+            {
+                "design": "grid",
+                "duration": 1,
+                "swept": {
+                    "weight_on_bit": {"minimum": 0, "maximum": 40, "points": 3},
+                    "regime": ["free", "drilling"],
+                    "gravity": [9.81, 1.62],
+                },
+            }
+        )
+    )
+    expected = itertools.product([0.0, 20.0, 40.0], ["free", "drilling"], [9.81, 1.62])
+    assert list(zip(*(column.tolist() for column in found.values()), strict=True)) == list(expected)
+
+
+@given(exponent=st.integers(1, 8), seed=st.integers(0, 2**32), latin=st.booleans())
+def test_every_stratum_of_every_parameter_has_one_point(exponent, seed, latin):
+    number = 2**exponent
+    found = points("latin_hypercube" if latin else "sobol", number, seed)
+    shares = {
+        "weight_on_bit": found["weight_on_bit"] / 32.0,
+        "free_mass": np.log10(found["free_mass"] / 1e-3),
+    }
+    for name, share in shares.items():
+        strata = np.floor(share * number + 1e-9).astype(int)
+        assert sorted(strata) == list(range(number)), name
+    assert Counter(found["contact_model"].tolist()) == {
+        "printed": number // 2,
+        "rayleigh": number // 2,
+    }
+
+
+@pytest.mark.parametrize("design", ["latin_hypercube", "sobol"])
+def test_a_design_is_that_of_its_seed(design):
+    one, same, other = (points(design, 32, seed) for seed in (1, 1, 2))
+    for name in SWEPT:
+        assert one[name].tolist() == same[name].tolist()
+    assert one["weight_on_bit"].tolist() != other["weight_on_bit"].tolist()
+
+
+CONFIG = Path(__file__).parents[3] / "config"
+
+
+@pytest.mark.extended
+@pytest.mark.parametrize(
+    ("name", "simulations"),
+    [
+        ("sweep", 256),
+        ("sweep_faults", 4 * (1 + 18) * 2),
+        ("sweep_faults_on_an_arm", 5 * (1 + 13)),
+        ("sweep_sensitivity", 256 * (14 + 3)),
+    ],
+)
+def test_an_example_has_its_size_and_runs_at_small_size(name, simulations, tmp_path):
+    path = CONFIG / f"{name}.yaml"
+    assert read_specification(path).simulations == simulations
+    content = read_yaml(path, truth_values=False)
+    small = {"points": 2, "duration": 0.4}
+    if "faults" in content:
+        small |= {
+            "onset": {"minimum": 0.1, "maximum": 0.2},
+            "lasting": {"minimum": 0.1, "maximum": 0.1},
+            "faults": content["faults"][:3],
+            "cases": dict(itertools.islice(content["cases"].items(), 2)),
+        }
+    result = run_sweep(parse_specification(content | small), tmp_path / "out", 1)
+    assert (result.simulations > 0, result.failures) == (True, 0)
+
+
+def test_the_example_on_an_arm_has_every_fault_of_a_drill_on_an_arm():
+    example = read_specification(CONFIG / "sweep_faults_on_an_arm.yaml")
+    assert {fault.kind for fault in example.faults.values()} == {*ROWS}
+
+
+def test_the_study_of_sensitivity_names_a_source_of_every_interval():
+    example = read_specification(CONFIG / "sweep_sensitivity.yaml")
+    assert all(interval.source for interval in example.swept.values())

@@ -8,13 +8,10 @@ from hypothesis import strategies as st
 import rpud_sim.bag
 from rpud_sim.inspection.verify.verification import verify
 from rpud_sim.simulation.commands import Feed
-from rpud_sim.studies.sweep.chunks import make_chunks, simulate
-from rpud_sim.studies.sweep.design import design_points
-from rpud_sim.studies.sweep.folder import SweepFolder
-from rpud_sim.studies.sweep.plan import plan_run, point_seed
+from rpud_sim.studies.sweep.chunks import design_points, make_chunks, simulate
 from rpud_sim.studies.sweep.specification import SweepError
 from rpud_sim.studies.sweep.specification_file import parse_specification, read_specification
-from rpud_sim.studies.sweep.sweep import run_sweep
+from rpud_sim.studies.sweep.sweep import SweepFolder, run_sweep
 
 SECOND = 1_000_000_000
 CONTENT = {
@@ -52,8 +49,8 @@ def by_name(specification):
     for number in range(specification.point_count):
         point = {name: values[number].item() for name, values in points.items()}
         for member in range(specification.repeat):
-            run = plan_run(specification, number, point, member)
-            found[run.name] = run, point_seed(specification, number, point)
+            run = specification.plan_run(number, point, member)
+            found[run.name] = run, specification.point_seed(number, point)
     assert len(found) == specification.simulations
     return found
 

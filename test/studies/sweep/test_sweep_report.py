@@ -10,16 +10,16 @@ from scipy import stats
 from rpud_sim.pages.plot import axis_ends
 from rpud_sim.pages.quantities import number_text
 from rpud_sim.simulation.statistics import FIGURES
-from rpud_sim.studies.sweep import sweep_report
-from rpud_sim.studies.sweep.point_plots import (
+from rpud_sim.studies.sweep import sweep_page as pages
+from rpud_sim.studies.sweep.specification_file import parse_specification
+from rpud_sim.studies.sweep.sweep_page import (
+    error_name,
     headline_figures,
     marginal_means,
     point_plot,
     share_plot,
+    sweep_page,
 )
-from rpud_sim.studies.sweep.specification_file import parse_specification
-from rpud_sim.studies.sweep.sweep_report import sweep_page
-from rpud_sim.studies.sweep.tables import error_name
 
 GRID = parse_specification(
     {
@@ -121,7 +121,7 @@ def test_shares_of_the_variance_keep_their_whole_intervals():
 
 
 def test_a_long_table_ends_and_says_so(monkeypatch):
-    monkeypatch.setattr(sweep_report, "_MOST_ROWS", 4)
+    monkeypatch.setattr(pages, "_MOST_ROWS", 4)
     page = sweep_page(GRID, table_of(GRID), 0)
     assert "The first 4 of 6 points" in re.sub(r"\s+", " ", page)
     assert len(re.findall("<tr><td>", page.partition("standard errors after")[2])) == 4

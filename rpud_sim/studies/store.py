@@ -1,0 +1,102 @@
+"""Store of a study that can be resumed: its folder, locked while it runs and never mixed up.
+
+A file appears when it is complete, so that a study can be killed at any time.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import json
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from rpud_sim.foundation.whole_folder import UNFINISHED, whole_file
+
+MANIFEST = "manifest.json"
+_LONGEST_VALUE = 100  # characters in a message
+
+
+def write_whole(path: Path, content: str | bytes) -> None:
+    """Write a file that appears when it is complete."""
+    with whole_file(path) as unfinished:
+        unfinished.write_bytes(content.encode() if isinstance(content, str) else content)
+
+
+class Store:
+    """Folder of a study.
+
+    Args:
+        manifest: everything that the study's results depend on, as JSON reads it back.
+        study: name of the study and of its command.
+        refuse: error for a folder that is locked or holds anything but this study.
+    """
+
+    def __init__(
+        self, path: Path, manifest: dict[str, Any], study: str, refuse: type[Exception]
+    ) -> None:
+        self.path = path
+        self.manifest = manifest
+        self._study = study
+        self._refuse = refuse
+
+    @contextlib.contextmanager
+    def held(self) -> Iterator[None]:
+        """Create or open the folder, and lock it against other processes.
+
+        If the folder is refused, nothing in it changes.
+        """
+        self.path.mkdir(parents=True, exist_ok=True)
+        handle = os.open(self.path, os.O_RDONLY)
+        try:
+            try:
+                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                reason = f"{self.path}: another rpud {self._study} is at work there"
+                raise self._refuse(reason) from None
+            self._check_or_write()
+            yield
+        finally:
+            os.close(handle)
+
+    def _check_or_write(self) -> None:
+        path, study = self.path / MANIFEST, self._study
+        if path.exists():
+            try:
+                found = json.loads(path.read_text(encoding="utf-8"))
+            except ValueError:
+                raise self._refuse(f"{path}: is no manifest of a {study}") from None
+            if difference := _difference(found, self.manifest):
+                reason = f"is of another {study}: {difference}; choose another --out"
+                raise self._refuse(f"{path}: {reason}")
+            return
+        if any(not name.name.endswith(UNFINISHED) for name in self.path.iterdir()):
+            reason = f"is not empty and holds no {study}; choose another --out"
+            raise self._refuse(f"{self.path}: {reason}")
+        write_whole(path, json.dumps(self.manifest, indent=2) + "\n")
+
+
+def _difference(found: Any, wanted: Any, entry: str = "") -> str:
+    """Return the first entry in which two manifests differ, empty if they are equal."""
+    if isinstance(found, dict) and isinstance(wanted, dict):
+        for name in {**wanted, **found}:
+            inner = f"{entry}.{name}" if entry else name
+            if difference := _difference(found.get(name), wanted.get(name), inner):
+                return difference
+        return ""
+    if type(found) is type(wanted) and found == wanted:
+        return ""
+    if isinstance(found, list) and isinstance(wanted, list):
+        if len(found) != len(wanted):
+            return f"{entry} has {len(found)} entries there and {len(wanted)} here"
+        pairs = enumerate(zip(found, wanted, strict=True))
+        return next(d for i, (a, b) in pairs if (d := _difference(a, b, f"{entry}[{i}]")))
+    return f"{entry} is {_short(found)} there and {_short(wanted)} here"
+
+
+def _short(value: Any) -> str:
+    """Return a value as JSON, cut off where a line would get too long."""
+    text = json.dumps(value)
+    return text if len(text) <= _LONGEST_VALUE else f"{text[:_LONGEST_VALUE]}..."

@@ -1,0 +1,191 @@
+"""A report holds what the bag says: overview, motion, segments, energy, origin and verdict."""
+
+import base64
+import math
+import re
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from viewer.frame_reader import decode
+from viewer.recorded_bags import rewritten
+
+import rpud_sim.bag
+import rpud_sim.viewer
+from rpud_sim.bag.manifest import VERDICT_RECORD, RunVerdict
+from rpud_sim.inspection import InspectionError
+from rpud_sim.inspection.offline_bag import write_offline_bag
+from rpud_sim.simulation import WeightOnBit
+from rpud_sim.simulation.changes import Planned
+from rpud_sim.simulation.configuration import Settings
+from rpud_sim.simulation.run import Beginning
+from rpud_sim.simulation.scenario import read_scenario
+from rpud_sim.viewer.report import (
+    FEED_POWERS,
+    INFLOWS,
+    MOUNT,
+    OUTFLOWS,
+    energy_table,
+    terms,
+    write_report,
+)
+
+SECOND = 1_000_000_000
+DURATION = 2.0
+SCENARIO = "faults:\n  - {kind: free_mass_jammed, onset: 1.0, duration: 0.5}\n"
+SHARE = Path(rpud_sim.viewer.__file__).parent / "share"
+
+
+@pytest.fixture(scope="module")
+def bag(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("report")
+    (folder / "scenario.yaml").write_text(SCENARIO)
+    scenario = read_scenario(folder / "scenario.yaml")
+    planned = (Planned(SECOND // 2, WeightOnBit(20.0)),)
+    beginning = Beginning(Settings(), scenario=scenario)
+    write_offline_bag(folder / "bag", beginning, DURATION, planned=planned)
+    return folder / "bag"
+
+
+@pytest.fixture(scope="module")
+def page(bag):
+    write_report(bag, bag.parent / "report.html")
+    return (bag.parent / "report.html").read_text(encoding="utf-8")
+
+
+@pytest.fixture(scope="module")
+def frame(page):
+    [frame] = re.findall('class="frame">([^<]*)<', page)
+    return decode(base64.b64decode(frame))
+
+
+def table(frame, title):
+    [found] = [each for each in frame["report"]["tables"] if each["title"].startswith(title)]
+    return [dict(zip(found["columns"], row, strict=False)) for row in found["rows"]]
+
+
+def test_segments_lie_between_commands_and_faults(frame, bag):
+    segments = table(frame, "segments")
+    assert [each["begin [s]"] for each in segments] == ["0.000", "0.500", "1.000", "1.500"]
+    assert ["20 N" in each["commands in force"] for each in segments] == [False, True, True, True]
+    assert [each["active faults"] for each in segments] == [
+        *("none", "none", "free mass jammed", "none")
+    ]
+    with rpud_sim.bag.open(bag) as read:
+        arrays = read.arrays("/rpud/contact_force")
+        begin = read.start_time
+    times = (arrays["header.stamp"] - begin) / SECOND
+    counts, _ = np.histogram(times, [0.0, 0.5, 1.0, 1.5, 10.0])
+    assert [int(each["impacts"]) for each in segments] == counts.tolist()
+    first = arrays["peak_force"][times < 0.5]
+    assert float(segments[0]["peak force: mean [kN]"]) == pytest.approx(
+        first.mean() * 1e-3, rel=5e-3
+    )
+
+
+def test_motion_is_kept_over_the_whole_run_and_after_a_fault(frame):
+    ends = [each["time"] + len(each["free_mass"]) * each["period"] for each in frame["sections"]]
+    assert len(ends) == 12
+    assert max(ends) == pytest.approx(frame["now"], abs=0.02)
+    assert any(1.0 < end < 1.2 for end in ends)
+    assert all(each["exact"] for each in frame["sections"])
+
+
+def test_the_overview_has_every_quantity_that_a_plot_may_show(frame):
+    shown = {
+        layer["quantity"]
+        for plot in frame["plots"]
+        for choice in plot["choices"]
+        for layer in choice["layers"]
+        if layer["kind"] != "steps" and plot["id"] != "motion"
+    }
+    assert shown - {"contact_force"} <= frame["view"]["layers"].keys()
+    force = frame["view"]["layers"]["reacting_force"]
+    assert len(force["t"]) == len(force["mean"])
+    assert (np.diff(force["t"]) > 0.0).all()
+
+
+def test_the_account_of_energy_closes(frame):
+    account = {row["term"]: row for row in table(frame, "energy account")}
+    came = sum(float(row["energy [J]"]) for term, row in account.items() if term[:3] == "in:")
+    assert abs(float(account["residual: in − out"]["energy [J]"])) < 1e-3 * came
+
+
+def test_the_verdict_of_a_test_is_in_the_report(bag, tmp_path):
+    said = RunVerdict("test_mission.py::test_press", "failed", "7", ("[R1] calm: failed",))
+    records = {VERDICT_RECORD: said.to_record()}
+    rewritten(bag, tmp_path / "bag", topics={"/rpud/reacting_force"}, records=records)
+    write_report(tmp_path / "bag", tmp_path / "out.html")
+    [data] = re.findall('class="frame">([^<]*)<', (tmp_path / "out.html").read_text())
+    report = decode(base64.b64decode(data))["report"]
+    assert (report["test"], report["verdict"], report["seed"]) == (said.test, "failed", "7")
+    assert report["requirements"] == ["[R1] calm: failed"]
+
+
+def test_one_file_asks_nothing_of_others_and_runs_its_own_scripts_alone(page):
+    [policy] = re.findall('http-equiv="Content-Security-Policy" content="([^"]*)"', page)
+    assert "default-src 'none'" in policy
+    assert "unsafe" not in policy
+    assert policy.count("sha256-") == 3
+    assert not re.search(r"""(?:src|href)="(?!data:)""", page)
+
+
+def test_modules_can_be_joined_for_their_names_are_unique():
+    names = Counter()
+    for module in SHARE.glob("*.js"):
+        text = module.read_text(encoding="utf-8")
+        assert len(re.findall(r"^import\b", text, re.MULTILINE)) == len(
+            re.findall(r'^import .* from "\./[\w.]+";$', text, re.MULTILINE)
+        )
+        names.update(
+            re.findall(r"^(?:export )?(?:class|function|const|let) (\w+)", text, re.MULTILINE)
+        )
+    assert len(names) > 50
+    assert [name for name, count in names.items() if count > 1] == []
+
+
+def test_a_file_that_exists_is_kept(bag, tmp_path):
+    (tmp_path / "out.html").write_text("mine")
+    with pytest.raises(InspectionError, match="exists"):
+        write_report(bag, tmp_path / "out.html")
+    assert (tmp_path / "out.html").read_text() == "mine"
+
+
+powers = st.lists(st.floats(-100.0, 100.0), min_size=6, max_size=6)
+
+
+def balanced(values):
+    """Give powers by name; the last one closes the balance."""
+    names = [*INFLOWS, *OUTFLOWS]
+    given_powers = dict(zip(names, values, strict=False))
+    inflow = sum(given_powers[name] for name in INFLOWS)
+    outflow = sum(given_powers.get(name, 0.0) for name in OUTFLOWS)
+    return {**given_powers, names[-1]: inflow - outflow}
+
+
+@given(powers)
+def test_what_flows_in_flows_out(values):
+    into, out = terms(balanced(values))
+    assert sum(into.values()) == pytest.approx(sum(out.values()), abs=1e-9)
+
+
+@given(powers)
+def test_the_account_closes(values):
+    table = energy_table(balanced(values), 2.0)
+    [residual] = [row for row in table["rows"] if row[0].startswith("residual")]
+    assert float(residual[1]) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_with_a_feed_its_work_takes_the_place_of_the_weight_on_bit():
+    found = balanced([5.0, 3.0, 0.0, 4.0, 1.0, 1.0])
+    feed = dict(zip(FEED_POWERS, (2.0, 2.5, 0.5), strict=True))
+    into, out = terms(found | feed)
+    assert out[MOUNT] == 0.5
+    assert sum(into.values()) == pytest.approx(sum(out.values()))
+
+
+def test_powers_that_are_not_known_make_no_account():
+    assert energy_table(balanced([1.0] * 6) | {"absorbed_power": math.nan}, 2.0) is None
