@@ -11,11 +11,12 @@ import re
 import subprocess
 import sys
 import tempfile
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from playwright.sync_api import Browser
+from playwright.sync_api import Browser, Page
 from playwright.sync_api import Error as BrowserError
 
 from rpud_sim.foundation.terminal import complain
@@ -25,22 +26,46 @@ from toolchain.pictures.screenshots import SCHEMES, chromium, film, open_in_both
 STRATA = Path(__file__).resolve().parents[2] / "config" / "strata_example.yaml"
 WIDE = (1400, 900)
 NARROW = {"width": 560, "height": 900}
-SECONDS, RATE = 6, 10  # of the film: s, pictures a second
+SECONDS, RATE = 6, 10  # of the film of the motion: s, pictures a second
+SCREEN_SECONDS, SCREEN_RATE, SCREEN_WIDTH = 14, 4, 960  # of that of the screen; its width [px]
+MOTION_WIDTH = 400  # px
 FILMED = ("figure#section svg", "figure#motion")  # one above the other
 SCREEN = "import('/share/screen.js').then(({ rpudScreen: screen }) => %s)"
 
 
+def act(pages: list[Page], seconds: float) -> None:
+    """Do what a reader does at that moment of the film; the first page commands the drill."""
+    for page in pages:
+        if seconds == 2.0:
+            page.get_by_role("spinbutton", name="weight on bit").fill("14")
+        elif seconds == 6.0:
+            page.get_by_role("button", name="Fault").click()
+            page.get_by_label("kind").select_option("free_mass_jammed")
+            page.get_by_label("duration [s]").fill("2")
+        elif seconds == 7.5:
+            page.keyboard.press("Enter" if page is pages[0] else "Escape")
+    if seconds == 3.0:
+        pages[0].get_by_role("button", name="Press").click()
+
+
 def screen(browser: Browser, out: Path, folder: Path) -> None:
-    """Take the screen of a drill in layers of rock, pressed harder and jammed for a while."""
+    """Film the screen of a drill in layers of rock, pressed harder and jammed; keep the end."""
     words = ("run", "--duration", "600", "--quiet", "--watch", "0", "--set", f"strata={STRATA}")
     with background(*words, folder=folder) as drill:
-        pages = open_in_both(browser, printed_url(drill), WIDE)
+        pages = open_in_both(browser, printed_url(drill), WIDE, reduced_motion="no-preference")
+        for page in pages:  # slow enough for the eye, at so few pictures a second
+            page.get_by_label("motion that a second shows").select_option("1")
         pages[0].wait_for_timeout(8_000)
-        pages[0].get_by_role("spinbutton", name="weight on bit").fill("14")
-        pages[0].get_by_role("button", name="Press").click()
-        pages[0].wait_for_timeout(5_000)
-        rpud("inject", "free_mass_jammed", "--for", "1.5")
-        pages[0].wait_for_timeout(7_000)
+        pictures: list[list[list[bytes]]] = [[] for _ in pages]
+        begin = time.monotonic()
+        for number in range(SCREEN_SECONDS * SCREEN_RATE):
+            act(pages, number / SCREEN_RATE)
+            for page, taken in zip(pages, pictures, strict=True):
+                taken.append([page.screenshot()])
+            late = begin + (number + 1) / SCREEN_RATE - time.monotonic()
+            pages[0].wait_for_timeout(max(0.0, 1e3 * late))
+        for taken, ending in zip(pictures, SCHEMES.values(), strict=True):
+            film(taken, out.with_name(f"{out.stem}{ending}.webp"), SCREEN_RATE, SCREEN_WIDTH)
         save(pages, out)
 
 
@@ -61,7 +86,7 @@ def motion(browser: Browser, out: Path, folder: Path) -> None:
                 place = length * number / (SECONDS * RATE)
                 page.evaluate(SCREEN % f"(screen.clock.still({place}), 0)")
                 pictures.append([page.locator(part).screenshot() for part in FILMED])
-            film(pictures, out.with_name(f"{out.stem}{ending}.webp"), RATE)
+            film(pictures, out.with_name(f"{out.stem}{ending}.webp"), RATE, MOTION_WIDTH)
             page.close()
 
 
@@ -71,10 +96,10 @@ DRAWINGS: dict[str, Callable[[], str]] = {
     "events": draw_events,
 }
 PAGES: dict[str, Callable[[Browser, Path, Path], None]] = {"screen": screen, "motion": motion}
-KINDS = {"screen": "png", "motion": "webp"}
+KINDS = {"screen": ("png", "webp"), "motion": ("webp",)}
 FILES = [
     *(f"{name}.svg" for name in DRAWINGS),
-    *(f"{name}{ending}.{KINDS[name]}" for name in PAGES for ending in SCHEMES.values()),
+    *(f"{name}{end}.{kind}" for name in PAGES for end in SCHEMES.values() for kind in KINDS[name]),
 ]
 """Names of all pictures."""
 

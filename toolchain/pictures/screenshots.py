@@ -6,6 +6,7 @@ import io
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Literal
 
 from PIL import Image
 from playwright.sync_api import Browser, Page, sync_playwright
@@ -16,7 +17,6 @@ SCHEMES = {"light": "", "dark": "_dark"}
 """Endings of the names of files, by colour scheme."""
 
 _COLORS = 256
-_FILM_WIDTH = 400  # pixels
 _DRAWN = "() => document.readyState === 'complete'"
 
 
@@ -36,20 +36,19 @@ def chromium() -> Iterator[Browser]:
         browser.close()
 
 
-def open_in_both(browser: Browser, url: str, size: tuple[int, int]) -> list[Page]:
-    """Return a page in each colour scheme.
-
-    Args:
-        browser: that opens them.
-        url: of the page.
-        size: width and height of the window [px].
-    """
+def open_in_both(
+    browser: Browser,
+    url: str,
+    size: tuple[int, int],
+    reduced_motion: Literal["reduce", "no-preference"] = "reduce",
+) -> list[Page]:
+    """Return a page in each colour scheme, in a window of so many pixels."""
     pages = []
     for scheme in SCHEMES:
         page = browser.new_page(
             viewport={"width": size[0], "height": size[1]},
             color_scheme=scheme,
-            reduced_motion="reduce",
+            reduced_motion=reduced_motion,
         )
         page.goto(url)
         page.wait_for_function(_DRAWN)
@@ -74,8 +73,11 @@ def save(pages: list[Page], out: Path) -> list[Path]:
     return files
 
 
-def film(pictures: list[list[bytes]], out: Path, rate: int) -> None:
-    """Write pictures as an animated WebP, so many a second; each has parts, one above the other."""
+def film(pictures: list[list[bytes]], out: Path, rate: int, width: int) -> None:
+    """Write pictures as an animated WebP, so many a second and so wide [px].
+
+    Each has parts, one above the other.
+    """
     frames = []
     for parts in pictures:
         images = [Image.open(io.BytesIO(part)).convert("RGB") for part in parts]
@@ -85,7 +87,7 @@ def film(pictures: list[list[bytes]], out: Path, rate: int) -> None:
         for image in images:
             frames[-1].paste(image, ((size[0] - image.width) // 2, top))
             top += image.height
-        frames[-1] = frames[-1].resize((_FILM_WIDTH, round(_FILM_WIDTH * size[1] / size[0])))
+        frames[-1] = frames[-1].resize((width, round(width * size[1] / size[0])))
     first, *others = frames
     first.save(
         out,
