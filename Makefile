@@ -86,6 +86,10 @@ docs: install/.package .venv/.docs ## Publish docs/ as pages in build/docs; a wa
 	  python -m sphinx --builder html --jobs auto --fresh-env --fail-on-warning --keep-going --quiet docs build/docs
 	@echo "Pages: build/docs/index.html"
 
+.PHONY: reference
+reference: install/.package ## Write the tables of docs/reference that follow from the code and the messages
+	@$(WITH_ENV) python -m toolchain.reference
+
 .PHONY: dist
 dist: install/.package ## Build wheels of both packages into dist/, for each CPython found or for PYTHONS
 	@$(WITH_ENV) python -m toolchain.dist $(PYTHONS:%=--python %)
@@ -129,7 +133,7 @@ fuzz: install/.package ## Send N hostile inputs (100000) to every way into the d
 
 .PHONY: signatures
 signatures: PHASES = 8
-signatures: install/.package ## Print the tables of fault signatures, from PHASES initial phases (8)
+signatures: install/.package ## Print the table of fault signatures and write signatures.csv, from PHASES initial phases (8)
 	@$(WITH_ENV) python test/fault_signatures.py --phases $(PHASES)
 
 .PHONY: random-sets

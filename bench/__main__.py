@@ -15,7 +15,7 @@ from collections.abc import Iterable
 from datetime import datetime, timezone
 
 from bench.machine import describe_machine, processor_time
-from bench.page import KEPT, ROOT, write_pages
+from bench.page import KEPT, ROOT, write_page
 from bench.table import Part, Row, heading, rows_of, table, write_parts
 
 MEASUREMENTS = ("engine", "bags", "replay", "recorder", "telemetry", "drills")
@@ -76,7 +76,7 @@ def main() -> int:
         names = ", ".join(MEASUREMENTS)
         parser.error(f"nothing is called {', '.join(sorted(unknown))}; there is {names}")
     if arguments.page:
-        write_pages()
+        write_page()
         return 0
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # what it has started ends with it
     parts = []

@@ -1,4 +1,4 @@
-"""Figures in the pages: written between markers from the results that are kept beside them."""
+"""Figures in the page: written between markers from the results that are kept beside them."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ ROOT = Path(__file__).resolve().parents[1]
 KEPT = ROOT / "build/bench"
 """Folder of the newest result of each measurement, outside of git."""
 SHOWN = ROOT / "docs/explanation/performance.json"
-"""Results that the pages show."""
-PAGES = (ROOT / "docs/explanation/performance.md", ROOT / "README.md")
+"""Results that the page shows."""
+PAGE = ROOT / "docs/explanation/performance.md"
 
 _SPEED = re.compile(
     r"engine, (?P<regime>\w+): "
@@ -59,8 +59,8 @@ def filled(text: str, parts: Sequence[Part]) -> str:
     return _MARKED.sub(fill, text)
 
 
-def write_pages() -> None:
-    """Keep the newest result of each measurement beside the pages, and write their figures."""
+def write_page() -> None:
+    """Keep the newest result of each measurement beside the page, and write its figures."""
     newest = {part.measurement: part for part in read_parts(SHOWN)}
     for file in sorted(KEPT.glob("*.json")):
         for part in read_parts(file):
@@ -69,5 +69,4 @@ def write_pages() -> None:
                 newest[part.measurement] = part
     parts = [newest[name] for name in sorted(newest)]
     write_parts(SHOWN, parts)
-    for page in PAGES:
-        page.write_text(filled(page.read_text(encoding="utf-8"), parts), encoding="utf-8")
+    PAGE.write_text(filled(PAGE.read_text(encoding="utf-8"), parts), encoding="utf-8")

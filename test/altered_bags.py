@@ -1,7 +1,11 @@
 """Bags that are like another one, except for what a test changes."""
 
+import dataclasses
+import json
+
 from rpud_sim import bag as bags
 from rpud_sim.bag.losses import LOSSES_RECORD
+from rpud_sim.inspection.recorded_journal import installed_codec
 
 
 def altered(source, out, change, topics=None):
@@ -46,3 +50,20 @@ def messages_of(path, topics=None):
     """Return the messages of a bag."""
     with bags.open(path) as opened:
         return list(opened.messages(topics))
+
+
+def edited(edit):
+    """Return a change of the journal's entries: `edit` gets the fields of each, and its content."""
+    codec = installed_codec("rpud_msgs/msg/JournalEntry")
+
+    def apply(message):
+        if message.topic != "/rpud/journal":
+            return [message.data]
+        fields = dataclasses.asdict(codec.decode(message.data))
+        content = json.loads(fields["content"])
+        edit(fields, content)
+        if content != json.loads(fields["content"]):
+            fields["content"] = json.dumps(content)
+        return [codec.encode(fields)]
+
+    return apply

@@ -1,12 +1,14 @@
 """Signatures of the faults of a drill on an arm: how they are measured, and the table of the page.
 
-`make signatures` prints both tables of docs/reference/faults.md.
+`make signatures` prints the table of docs/reference/faults.md and writes signatures.csv beside it.
 """
 
 import argparse
 import copy
+import csv
 import dataclasses
 import functools
+import itertools
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +17,9 @@ from scipy.stats import t
 from rpud_sim.simulation import Fault, Feed, Simulation, to_configuration
 from rpud_sim.simulation.fault_kinds import KINDS
 
-DOCUMENTATION = Path(__file__).parents[1] / "docs" / "reference" / "faults.md"
+REFERENCE = Path(__file__).parents[1] / "docs" / "reference"
+DOCUMENTATION = REFERENCE / "faults.md"
+CHANGES = REFERENCE / "signatures.csv"
 SECOND = 1_000_000_000
 PERIOD = SECOND // 20  # of the telemetry
 DRILL = to_configuration(
@@ -163,22 +167,32 @@ def effects(healthy, faulty):
     }
 
 
-def documented(head, text=None):
-    """Return a table of the page by kind and column, found by the head of its first column."""
-    lines = (text or DOCUMENTATION.read_text()).splitlines()
+def documented():
+    """Return the table of signatures of the page, by kind and column."""
+    lines = DOCUMENTATION.read_text().splitlines()
     rows = [[cell.strip(" `") for cell in line.split("|")[1:-1]] for line in lines]
-    first = next(number for number, row in enumerate(rows) if row and row[0] == head)
+    first = next(number for number, row in enumerate(rows) if row and row[0] == "signature of")
     assert tuple(rows[first][1:]) == COLUMNS
-    found = {}
-    for row in rows[first + 2 :]:
-        if len(row) != 1 + len(COLUMNS):
-            break
-        found[row[0]] = dict(zip(COLUMNS, row[1:], strict=True))
-    return found
+    table = itertools.takewhile(len, rows[first + 2 :])
+    return {kind: dict(zip(COLUMNS, cells, strict=True)) for kind, *cells in table}
+
+
+def documented_changes():
+    """Return the changes behind the signatures and their errors, by kind and column."""
+    with CHANGES.open(newline="") as file:
+        head, *rows = csv.reader(file)
+    assert tuple(head[1:]) == COLUMNS
+    return {
+        kind: {
+            column: [float(word) / 100.0 for word in cell.removesuffix(" %").split(" ± ")]
+            for column, cell in zip(COLUMNS, cells, strict=True)
+        }
+        for kind, *cells in rows
+    }
 
 
 def main():
-    """Print both tables, from as many phases as wanted."""
+    """Print the signatures and write the changes, from as many phases as wanted."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--phases", type=int, default=8, help="initial phases, evenly spaced")
     count = parser.parse_args().phases
@@ -186,15 +200,15 @@ def main():
     healthy = np.array([healthy_means(phase) for phase in phases])
     faulty = {kind: np.array([faulty_means(phase, kind)[0] for phase in phases]) for kind in ROWS}
     found = effects(healthy, faulty)
-    for head, text in (
-        ("signature of", lambda effect: effect.cell or "?"),
-        ("change by", lambda effect: f"{100 * effect.change:+.0f} ± {100 * effect.error:.0f} %"),
-    ):
-        print(f"| {' | '.join((head, *COLUMNS))} |")
-        print(f"|{'---|' * (1 + len(COLUMNS))}")
+    print(f"| {' | '.join(('signature of', *COLUMNS))} |\n|{'---|' * (1 + len(COLUMNS))}")
+    for kind, row in found.items():
+        print(f"| `{kind}` | {' | '.join(row[column].cell or '?' for column in COLUMNS)} |")
+    with CHANGES.open("w", newline="") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(("change by", *COLUMNS))
         for kind, row in found.items():
-            print(f"| `{kind}` | {' | '.join(text(row[column]) for column in COLUMNS)} |")
-        print()
+            shown = (f"{100 * row[c].change:+.0f} ± {100 * row[c].error:.0f} %" for c in COLUMNS)
+            writer.writerow((kind, *shown))
     least = min((row[c].margin, kind, c) for kind, row in found.items() for c in COLUMNS)
     print(f"least margin: {100 * least[0]:.1f} % ({least[1]}, {least[2]})")
 

@@ -15,19 +15,8 @@ import rclpy
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 
-from rpud_sim.cli.main import COMMANDS, GROUPS
-from rpud_sim.model import tolerances
-from rpud_sim.ros import client
-from rpud_sim.ros.client import DrillClient
 from rpud_sim.ros.drill.drill_node import DrillNode
-from rpud_sim.simulation import preset
-from rpud_sim.simulation.configuration import (
-    CHANGEABLE,
-    PARAMETERS,
-    Configuration,
-    Settings,
-)
-from rpud_sim.simulation.energy_account import EnergyAccount
+from toolchain import reference
 
 ROOT = Path(__file__).resolve().parent.parent
 DOCS = ROOT / "docs"
@@ -143,27 +132,10 @@ def rows(page, heading):
     return [cells(line) for line in section.splitlines() if line.startswith("| `")]
 
 
-def test_the_tables_of_parameters_are_those_of_the_code():
-    def shown(name, settings):
-        value = settings.value(name)
-        if isinstance(value, bool):
-            return str(value).lower()
-        return value or "none" if isinstance(value, str) else f"{value:g}"
-
-    drilling = Settings()
-    free = Settings(Configuration(preset("free")))
-    expected = []
-    for name in PARAMETERS:
-        default = shown(name, drilling)
-        if name != "regime" and shown(name, free) != default:
-            default += f" (free: {shown(name, free)})"
-        allowed = PARAMETERS[name].allowed
-        meaning = allowed.description
-        changes = "yes" if name in CHANGEABLE else ""
-        expected.append([name, default, allowed.range, changes, meaning])
-    text = (DOCS / "reference" / "parameters.md").read_text()
-    found = [cells(line) for line in text.splitlines() if line.startswith("| `")]
-    assert found == expected
+@pytest.mark.parametrize("name", reference.FILES)
+def test_the_files_of_the_reference_are_those_of_the_code(name):
+    written = (DOCS / "reference" / name).read_text(encoding="utf-8")
+    assert written == reference.FILES[name](), "make reference"
 
 
 @pytest.fixture
@@ -212,20 +184,6 @@ def test_the_table_of_services_is_that_of_the_node(node):
     assert {row[0]: row[1] for row in rows("reference/services.md", "Drill")} == found
 
 
-def test_the_table_of_commands_is_that_of_the_program():
-    for group in GROUPS:
-        table = rows("reference/commands.md", group.capitalize())
-        expected = [name for name, (own, _) in COMMANDS.items() if own == group]
-        assert [row[0].split()[1] for row in table] == expected
-
-
-def test_the_table_of_the_client_is_that_of_the_code():
-    table = rows("reference/python.md", "Client of a running drill")
-    found = {name for row in table for name in re.findall(r"\w+", re.sub(r"\([^)]*", "", row[0]))}
-    public = {name for name in dir(DrillClient) if not name.startswith("_")}
-    assert found == public | set(client.__all__) - {"DrillClient"}
-
-
 @pytest.mark.parametrize("page", PAGES, ids=name_of)
 def test_links_lead_somewhere(page):
     for target in re.findall(r"\]\((?!https?:)([^)#]+)", page.read_text()):
@@ -236,17 +194,3 @@ def test_every_page_is_in_the_index():
     index = (DOCS / "index.md").read_text()
     pages = {str(page.relative_to(DOCS).with_suffix("")) for page in DOCS.rglob("*.md")}
     assert pages - {"index"} == set(re.findall(r"^([a-z/_-]+)$", index, re.MULTILINE))
-
-
-def test_the_table_of_tolerances_is_that_of_the_code():
-    def value(text):
-        return float(text.split()[0])
-
-    code = {name: getattr(tolerances, name) for name in dir(tolerances) if name.isupper()}
-    table = rows("explanation/engine.md", "How exact it is")
-    assert {row[0]: value(row[1]) for row in table} == code
-
-
-def test_the_table_of_the_energy_account_is_that_of_the_code():
-    table = [row[0] for row in rows("explanation/energy.md", "The energy account")]
-    assert table[: table.index("residual") + 1] == list(EnergyAccount().to_dict())

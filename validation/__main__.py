@@ -1,4 +1,4 @@
-"""``python -m validation``: write docs/explanation/validation.md."""
+"""``python -m validation``: write docs/explanation/validation.md and its tables."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from rpud_sim.cli.output import progress_bar
 from rpud_sim.foundation.whole_folder import whole_file
 from validation.page import page
 from validation.results import Effort, run_validation
+from validation.tables import FILES
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "explanation" / "validation.md"
 
@@ -22,9 +23,13 @@ def main() -> None:
     parser.add_argument("file", nargs="?", type=Path, default=PAGE, help="default: %(default)s")
     file = parser.parse_args().file
     started = time.perf_counter()
-    text = page(run_validation(Effort(), _track))
-    with whole_file(file) as unfinished:
-        unfinished.write_text(text, encoding="utf-8")
+    results = run_validation(Effort(), _track)
+    tables = file.with_suffix("")
+    tables.mkdir(exist_ok=True)
+    texts = {tables / f"{name}.csv": make(results).csv() for name, (_, make) in FILES.items()}
+    for path, text in {**texts, file: page(results)}.items():
+        with whole_file(path) as unfinished:
+            unfinished.write_text(text, encoding="utf-8")
     print(f"{file} written in {time.perf_counter() - started:.0f} s")
 
 

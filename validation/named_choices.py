@@ -15,8 +15,7 @@ ONE_AMPLITUDE_IN_SERIES = "one A and e_1, springs in series"
 _HALF_AMPLITUDE = 17.5e-6  # 35 um read as peak to peak [m]
 _BEFORE = Before(drill_tool_mass=SHAPE_MASS)
 
-# The reasons for ``_BEFORE``, which four of the sets share.
-BEFORE_REASONS = (
+_BEFORE_REASONS = (
     "Table 1 as printed: A = 35 µm, both restitutions are one, and neither gravity nor weight on "
     "bit, because the table has none.",
     "m_dt is 2.124 g in place of 13.5 g: the mass that the shape (24) gives the tool. That the "
@@ -53,6 +52,7 @@ NAMED = (
         _BEFORE,
         Rock(_HALF_AMPLITUDE, 1.0, 9.81, tool=SHAPE_ON_SERIES, energy="common"),
         (
+            *_BEFORE_REASONS,
             "No number is fitted. The tool has the mass of the shape (24) on two springs in series "
             "with steel.",
             _HALF,
@@ -65,6 +65,7 @@ NAMED = (
         _BEFORE,
         Rock(_HALF_AMPLITUDE, 0.9, 8.0, tool=IMPLIED),
         (
+            *_BEFORE_REASONS,
             "Mass and spring rate give both numbers of Fig. 12 by (21), (30) and (36).",
             _HALF,
             "W = 8 N and e_1 = 0.9 are fitted. Table 2 prints e_1 = 1 and no W.",
@@ -75,6 +76,7 @@ NAMED = (
         _BEFORE,
         Rock(actuator_restitution=0.4, weight_on_bit=6.0, tool=IMPLIED),
         (
+            *_BEFORE_REASONS,
             "The tool of Fig. 12, and A = 35 µm as printed.",
             "W = 6 N and e_1 = 0.4 are fitted. A lower e_1 does much the same as a lower A, so "
             "these numbers hardly tell them apart.",
@@ -85,6 +87,7 @@ NAMED = (
         _BEFORE,
         Rock(20e-6, 0.8, 8.0, tool=IMPLIED),
         (
+            *_BEFORE_REASONS,
             "The default of each regime, config/free.yaml and config/drilling.yaml.",
             "The tool of Fig. 12. A = 20 µm, W = 8 N and e_1 = 0.8 are fitted round numbers; "
             "nothing in the paper names them.",

@@ -1,11 +1,15 @@
-"""Tables of the page, as Markdown."""
+"""Tables of the validation: headings and rows of texts."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+import csv
+import io
+from collections.abc import Callable, Mapping, Sequence
+from typing import NamedTuple
 
 from rpud_sim.model.contact import CONTACT_MODELS, single_contact
 from validation.choices import TOOLS, figure_12_implies, with_tool
+from validation.contradictions import contradiction_rows
 from validation.named_choices import AS_FIGURE_12, FITTED, REASONED, TABLES
 from validation.paper_numbers import CONTACT_SPEED, FIGURE_12, MEASURED, NUMBERS, SIMULATED, Number
 from validation.parameter_studies import CLAIMS, OUTPUTS
@@ -14,13 +18,23 @@ from validation.scores import Fit, Value
 from validation.wording import plain, show
 
 
-def table(heading: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """Return a Markdown table."""
-    lines = [heading, ["---"] * len(heading), *rows]
-    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+class Table(NamedTuple):
+    """Heading and rows of a table."""
+
+    heading: Sequence[str]
+    rows: Sequence[Sequence[str]]
+
+    def markdown(self) -> str:
+        lines = [self.heading, ["---"] * len(self.heading), *self.rows]
+        return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+
+    def csv(self) -> str:
+        text = io.StringIO()
+        csv.writer(text, lineterminator="\n").writerows([self.heading, *self.rows])
+        return text.getvalue()
 
 
-def score_table(results: Results) -> str:
+def score_table(results: Results) -> Table:
     """Return model over paper for each set of choices and each simulated number."""
     heading = [*(number.label for number in SIMULATED), "within 10 %", "misfit"]
     rows = [
@@ -32,7 +46,7 @@ def score_table(results: Results) -> str:
         ]
         for fit in results.fits
     ]
-    return table(["choices", *heading], rows)
+    return Table(["choices", *heading], rows)
 
 
 def _ratio(fit: Fit, number: Number) -> str:
@@ -42,15 +56,21 @@ def _ratio(fit: Fit, number: Number) -> str:
     return f"**{text}**" if value.near(number) else text
 
 
-def choice_table(results: Results) -> str:
-    """Return the values of each set of choices."""
+def choice_table(results: Results) -> Table:
+    """Return the values of each set of choices, and their reasons."""
     rows = [
-        [fit.choices.name, str(fit.choices.before), str(fit.choices.rock)] for fit in results.fits
+        [choices.name, str(choices.before), str(choices.rock), " ".join(choices.reasons)]
+        for choices in (fit.choices for fit in results.fits)
     ]
-    return table(["choices", "before drilling", "in the rock"], rows)
+    return Table(["choices", "before drilling", "in the rock", "reasons"], rows)
 
 
-def number_table(results: Results) -> str:
+def contradiction_table(results: Results) -> Table:
+    """Return where the paper contradicts itself, and what the model gives."""
+    return Table(["where", "one statement", "another", "the model"], contradiction_rows(results))
+
+
+def number_table(results: Results) -> Table:
     """Return the paper's numbers beside the model's, with intervals."""
     names = (TABLES, REASONED, AS_FIGURE_12, FITTED)
     rows = [
@@ -62,7 +82,7 @@ def number_table(results: Results) -> str:
         ]
         for number in NUMBERS
     ]
-    return table(["figure", "what it is", "paper", *names], rows)
+    return Table(["figure", "what it is", "paper", *names], rows)
 
 
 def _interval(value: Value, unit: str) -> str:
@@ -77,7 +97,7 @@ def _interval(value: Value, unit: str) -> str:
     return f"{mean} ± {half} ({low} to {high})"
 
 
-def measured_table(results: Results) -> str:
+def measured_table(results: Results) -> Table:
     """Return model over paper for the measured numbers, each drill once."""
     rows = {
         str(fit.choices.before): [
@@ -86,10 +106,10 @@ def measured_table(results: Results) -> str:
         ]
         for fit in results.fits
     }
-    return table(["before drilling", *(number.label for number in MEASURED)], rows.values())
+    return Table(["before drilling", *(number.label for number in MEASURED)], list(rows.values()))
 
 
-def tool_table() -> str:
+def tool_table() -> Table:
     """Return each tool in the rock, and the tool that Fig. 12 implies."""
     rows = []
     for name, tool in TOOLS.items():
@@ -112,14 +132,14 @@ def tool_table() -> str:
         ]
     )
     heading = ["tool", "meaning", "effective mass", "effective spring rate"]
-    return table([*heading, "force at 5 m/s", "displacement at 5 m/s"], rows)
+    return Table([*heading, "force at 5 m/s", "displacement at 5 m/s"], rows)
 
 
 def _tool(mass: float, spring_rate: float) -> tuple[str, str]:
     return f"{1e3 * mass:.3f} g", f"{spring_rate:.4g} N/m"
 
 
-def trend_table(results: Results) -> str:
+def trend_table(results: Results) -> Table:
     """Return the verdicts on Figs. 15 to 18 beside the paper's three statements."""
     sources = ("section", "abstract", "conclusion")
     rows = []
@@ -132,21 +152,25 @@ def trend_table(results: Results) -> str:
         ]
         rows.append([tables.parameter, tables.output, *verdicts, *claims])
     heading = ["parameter", "output", TABLES, FITTED, "Section IV", "abstract", "conclusion"]
-    return table(heading, rows)
+    return Table(heading, rows)
 
 
-def bar_table(results: Results, name: str, unit: str) -> str:
-    """Return a quantity of the bar and of the energy balance, by free mass."""
+def bar_table(results: Results) -> Table:
+    """Return displacement and contact time of the bar and of the energy balance, by free mass."""
     rows = []
-    for item in results.bar:
-        bar = getattr(item.bar, name)
-        values = [getattr(item.contacts[model], name) for model in CONTACT_MODELS]
-        ratios = [f"{show(value, unit)} (×{plain(value / bar, 2)})" for value in values]
-        rows.append([show(1e3 * item.free_mass, "g"), show(bar, unit), *ratios])
-    return table(["free mass", "bar", *CONTACT_MODELS], rows)
+    for quantity, name, unit in (
+        ("displacement", "peak_displacement", "m"),
+        ("contact time", "duration", "s"),
+    ):
+        for item in results.bar:
+            bar = getattr(item.bar, name)
+            values = [getattr(item.contacts[model], name) for model in CONTACT_MODELS]
+            ratios = [f"{show(value, unit)} (×{plain(value / bar, 2)})" for value in values]
+            rows.append([quantity, show(1e3 * item.free_mass, "g"), show(bar, unit), *ratios])
+    return Table(["quantity", "free mass", "bar", *CONTACT_MODELS], rows)
 
 
-def mesh_table(results: Results) -> str:
+def mesh_table(results: Results) -> Table:
     """Return the convergence of the bar."""
     rows = [
         [
@@ -157,4 +181,20 @@ def mesh_table(results: Results) -> str:
         ]
         for elements, bar in results.meshes.items()
     ]
-    return table(["elements in part I", "displacement", "contact time", "energy error"], rows)
+    return Table(["elements in part I", "displacement", "contact time", "energy error"], rows)
+
+
+# Files beside the page, by name, with what they hold.
+FILES: Mapping[str, tuple[str, Callable[[Results], Table]]] = {
+    "numbers": ("the model's values with 95 % intervals and the range of runs", number_table),
+    "choices": ("each set of choices and its reasons", choice_table),
+    "measured": ("the paper's measured numbers, model over paper", measured_table),
+    "tools": (
+        "effective mass and spring rate of the drill tool, and one blow",
+        lambda _: tool_table(),
+    ),
+    "contradictions": ("where the paper contradicts itself", contradiction_table),
+    "trends": ("Figs. 15 to 18: model, Section IV, abstract and conclusion", trend_table),
+    "bar": ("the energy balance (21) compared with an elastic bar", bar_table),
+    "mesh": ("convergence of the bar with its mesh", mesh_table),
+}

@@ -178,12 +178,7 @@ class Cuttings:
         return self._bit.flute_torque * depth * self.filling(depth, clogged)
 
     def step(
-        self,
-        produced: float,
-        turned: float,
-        impacts: float,
-        depth: float,
-        clearing: float,
+        self, produced: float, turned: float, impacts: float, depth: float, clearing: float
     ) -> None:
         """Let cuttings come in and leave during an impact or a part of a turn.
 

@@ -20,16 +20,10 @@ from rpud_sim.foundation.parameters import (
     quantities,
     text,
 )
-from rpud_sim.foundation.quantities import (
-    ParameterError,
-    Quantity,
-    did_you_mean,
-    shown,
-    shown_name,
-)
+from rpud_sim.foundation.quantities import ParameterError, Quantity, did_you_mean, shown, shown_name
 from rpud_sim.foundation.shared import Shared
 from rpud_sim.foundation.time import SECOND
-from rpud_sim.foundation.yaml_files import parse_yaml, read_yaml_text, yaml_lines
+from rpud_sim.foundation.yaml_files import Cursor, cursor_at, open_yaml, parse_yaml
 
 
 def _rock(
@@ -92,7 +86,6 @@ class Layer(ParameterGroup):
 LAYER_QUANTITIES: Mapping[str, Quantity] = quantities(Layer)
 STRENGTH = LAYER_QUANTITIES["strength"]
 _LAYER_KEYS = (*LAYER_QUANTITIES, "name", "rock")
-_STRATA_KEYS = ("layers", "bottom")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -106,22 +99,22 @@ class Strata(Shared):
     def __post_init__(self) -> None:
         if not self.layers:
             raise ParameterError("layers = [] has no layer; at least one is needed")
-        above = None
+        above = -math.inf
         for number_, layer in enumerate(self.layers, 1):
             place = f"layer {number_} ({layer.name}): depth_from = {layer.depth_from:g} m"
-            if above is None and layer.depth_from != 0.0:
+            if number_ == 1 and layer.depth_from != 0.0:
                 raise ParameterError(f"{place} is not 0 m, where the first layer begins")
-            if above is not None and layer.depth_from <= above:
+            if layer.depth_from <= above:
                 raise ParameterError(
                     f"{place} is not below {above:g} m, where the one above begins"
                 )
             above = layer.depth_from
         if not math.isinf(self.bottom):
             BOTTOM.check("bottom", self.bottom)
-            if self.bottom <= self.layers[-1].depth_from:
+            if self.bottom <= above:
                 raise ParameterError(
-                    f"bottom = {self.bottom:g} m is not below {self.layers[-1].depth_from:g} m, "
-                    "where the last layer begins"
+                    f"bottom = {self.bottom:g} m is not below {above:g} m, where the last layer "
+                    "begins"
                 )
 
     def end_of(self, number_: int) -> float:
@@ -185,11 +178,10 @@ def find_strata(choice: str) -> Strata:
         return Strata((preset_layer(choice),))
     if choice.lstrip().startswith("{"):
         try:
-            return parse_strata(parse_yaml(choice), "strata")
+            content = parse_yaml(choice)
         except ParameterError as error:
-            message = str(error)
-            prefix = "" if message.startswith("strata") else "strata "
-            raise ParameterError(prefix + message) from None
+            raise ParameterError(f"strata {error}") from None
+        return _strata_at(cursor_at(content, "strata"))
     if not Path(choice).is_file() and "/" not in choice and "." not in choice:
         raise ParameterError(
             f"strata = {shown(choice)} is neither a file nor a rock; {did_you_mean(choice, ROCKS)}"
@@ -198,49 +190,21 @@ def find_strata(choice: str) -> Strata:
 
 
 def read_strata(path: str | Path) -> Strata:
-    """Return the strata of a file in YAML."""
-    content, written = read_yaml_text(path)
-    return parse_strata(content, str(path), yaml_lines(written))
+    """Return the strata of a file in YAML; an error has its name, the line and the layer."""
+    return _strata_at(open_yaml(path, where="{file}: line {line}: "))
 
 
-def parse_strata(
-    content: Any, name: str, lines: Mapping[tuple[str | int, ...], int] | None = None
-) -> Strata:
-    """Return the strata of a file's content.
-
-    Args:
-        lines: of each place in the file, as ``yaml_lines`` gives them.
-
-    Raises:
-        ParameterError: if the content is no strata; one line with name, line, layer and value.
-    """
-    lines = lines or {}
-
-    def place(*path: str | int) -> str:
-        return f"{name}: line {lines[path]}: " if path in lines else f"{name}: "
-
-    if not isinstance(content, Mapping):
-        raise ParameterError(f"{name} is not a file of strata: it holds no mapping")
-    for key in content:
-        if key not in _STRATA_KEYS:
-            raise ParameterError(f"{place(key)}{shown(key)} is not one of layers, bottom")
-    entries = content.get("layers")
-    if not isinstance(entries, list):
-        raise ParameterError(f"{place('layers')}layers = {shown(entries)} is not a list")
+def _strata_at(content: Cursor) -> Strata:
+    whole = cursor_at(content.value, content.source.file)  # errors without a line
+    content.file_mapping("a file of strata")
+    given = content.mapping(("layers", "bottom"))
     layers = []
-    for index, entry in enumerate(entries):
-        where = f"{place('layers', index)}layer {index + 1}: "
-        try:
-            layers.append(_layer(entry))
-        except ParameterError as error:
-            raise ParameterError(f"{where}{error}") from None
-    try:
-        bottom = math.inf
-        if "bottom" in content:
-            bottom = BOTTOM.check("bottom", content["bottom"])
+    for entry in given.get("layers", whole.get("layers")).sequence("layer {number}"):
+        with entry.errors():
+            layers.append(_layer(entry.value))
+    with whole.errors():
+        bottom = BOTTOM.check("bottom", given["bottom"].value) if "bottom" in given else math.inf
         return Strata(tuple(layers), bottom)
-    except ParameterError as error:
-        raise ParameterError(f"{name}: {error}") from None
 
 
 def _layer(entry: Any) -> Layer:
@@ -306,9 +270,7 @@ class RockParameters(ParameterGroup):
     """
 
     rock_model: str = choice(
-        "none",
-        ("none", "specific_energy"),
-        "whether the hole gets deeper by the impacts' energy",
+        "none", ("none", "specific_energy"), "whether the hole gets deeper by the impacts' energy"
     )
     rock_specific_energy: float = number(
         75e6,

@@ -19,7 +19,7 @@ from rpud_sim.model.elementary import exponential, sin_cos, sin_cos_cycles
 TWO_PI = 2.0 * math.pi
 
 
-class Turn(NamedTuple):
+class PhaseSinCos(NamedTuple):
     """Sine and cosine of the phase angle: computed once for all that is wanted at one instant."""
 
     sine: float
@@ -28,14 +28,14 @@ class Turn(NamedTuple):
 
 @compiled
 def turn_at(phase):
-    """Return the ``Turn`` of a phase [cycles]."""
+    """Return the ``PhaseSinCos`` of a phase [cycles]."""
     sine, cosine = sin_cos_cycles(phase)
-    return Turn(sine, cosine)
+    return PhaseSinCos(sine, cosine)
 
 
 @compiled
 def vibration_of(amplitude, frequency, turn):
-    """Displacement and velocity of the harmonic vibration, eq. (1), given its ``Turn``."""
+    """Displacement and velocity of the harmonic vibration, eq. (1), given its ``PhaseSinCos``."""
     return amplitude * turn.sine, TWO_PI * frequency * amplitude * turn.cosine
 
 
@@ -126,16 +126,7 @@ def free_vibration(body, force, position, velocity):
 
 
 @compiled
-def driven_vibration(
-    body,
-    force,
-    force_sine,
-    force_cosine,
-    frequency,
-    turn,
-    position,
-    velocity,
-):
+def driven_vibration(body, force, force_sine, force_cosine, frequency, turn, position, velocity):
     """Closed form of an ``Oscillator`` that also feels the harmonic vibration.
 
     Args:
@@ -162,7 +153,7 @@ def driven_vibration(
     )
 
 
-class Swing(NamedTuple):
+class DecayingSinCos(NamedTuple):
     """Decaying cosine and sine of an ``Oscillation`` at one time: exp(-a s) cos(w s), .. sin."""
 
     cosine: float
@@ -170,21 +161,21 @@ class Swing(NamedTuple):
 
 
 # That of every oscillation at its start, and of one that rests.
-NO_SWING = Swing(1.0, 0.0)
+NO_SWING = DecayingSinCos(1.0, 0.0)
 
 
 @compiled
 def swing_at(decay_rate, angular_frequency, time):
-    """Return the ``Swing`` at a time; functions whose value is known are not called."""
+    """Return the ``DecayingSinCos`` at a time; functions whose value is known are not called."""
     if time == 0.0:
         return NO_SWING
     decay = 1.0
     if decay_rate != 0.0:
         decay = exponential(-decay_rate * time)
     if angular_frequency == 0.0:
-        return Swing(decay, 0.0)
+        return DecayingSinCos(decay, 0.0)
     sine, cosine = sin_cos(angular_frequency * time)
-    return Swing(decay * cosine, decay * sine)
+    return DecayingSinCos(decay * cosine, decay * sine)
 
 
 @compiled
@@ -195,7 +186,7 @@ def decaying_part(motion, time):
 
 @compiled
 def swinging_part(motion, swing):
-    """Return the same as ``decaying_part``, given the ``Swing`` at the time."""
+    """Return the same as ``decaying_part``, given the ``DecayingSinCos`` at the time."""
     a = motion.decay_rate
     w = motion.angular_frequency
     cosine = swing.cosine
@@ -209,7 +200,7 @@ def swinging_part(motion, swing):
 
 @compiled
 def swung_integral(motion, swing):
-    """Integral of the decaying part from its start to a time [m s], given the ``Swing`` there."""
+    """Integral of the decaying part from its start to a time [m s], given the swing there."""
     a = motion.decay_rate
     w = motion.angular_frequency
     displacement, velocity = swinging_part(motion, swing)

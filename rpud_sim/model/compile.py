@@ -1,13 +1,15 @@
 """Compilation of the kernels: kept in files, without the GIL, in strict IEEE arithmetic."""
 
 import struct
-from collections.abc import Callable, Mapping
+import threading
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numba import typeof
-from numba.core import config
+from numba.core import config, event
 
 from rpud_sim.kernels.dispatchers import kernel_compiler
 from rpud_sim.kernels.processor import notice, this_target
@@ -30,6 +32,35 @@ def record_type(fields: list[Any]) -> np.dtype[Any]:
 def compilation_notice() -> str:
     """Return the line that says why the model is compiled, and where the kernels are kept."""
     return notice(this_target(), STORE)
+
+
+_LONG = 1.0  # time of compiling after which it is reported [s]
+
+
+class _CompilationListener(event.Listener):
+    """Listener of Numba that starts a timer when the first kernel is compiled, not loaded."""
+
+    def __init__(self, notice: threading.Timer) -> None:
+        self._notice = notice
+
+    def on_start(self, event: event.Event) -> None:
+        """Numba begins to compile."""
+        if self._notice.ident is None:
+            self._notice.start()
+
+    def on_end(self, event: event.Event) -> None:
+        """Numba has compiled."""
+
+
+@contextmanager
+def compilation_reported(report: Callable[[str], object]) -> Iterator[None]:
+    """Context that reports, from another thread, that kernels are compiled and it takes long."""
+    timer = threading.Timer(_LONG, lambda: report(compilation_notice()))
+    try:
+        with event.install_listener("numba:compile", _CompilationListener(timer)):
+            yield
+    finally:
+        timer.cancel()
 
 
 # Of a field in a record's bytes. NumPy builds an object for the record and one for each field,

@@ -12,7 +12,7 @@ from rpud_sim.model.contact import effective_tool
 from rpud_sim.model.elementary import power
 from rpud_sim.model.parameters import Parameters
 
-# Damping ratio of a tool that rock or cuttings hold: while it is seated (seating.py) and with a
+# Damping ratio of a tool that rock or cuttings hold: while it is seated (``seating``) and with a
 # jammed free mass. Assumed: the tables' value for the drill tool before drilling.
 ROCK_DAMPING_RATIO = 0.5
 
@@ -102,7 +102,7 @@ STATE = record_type(
         ("v_fm", np.float64),
         ("u_dt", np.float64),
         ("v_dt", np.float64),
-        ("next_event", np.uint8),  # what ends the open segment, an END_* of guards.py
+        ("next_event", np.uint8),  # what ends the open segment, an END_* of search.py
         ("impacts", np.uint64),  # on the drill tool, so far
         ("impact_open", np.uint8),  # whether the last of them is still in contact
         ("standstill", np.int64),  # events in a row without time passing

@@ -60,33 +60,29 @@ _NEAR_POWERS = np.array([math.ldexp(1.0, n) for n in range(64)])
 
 
 @compiled
+def _pair(z, a, b):
+    return a + z * b
+
+
+@compiled
+def _pairs(z, w, a, b, c, d, e, f):
+    """Return a polynomial of z with six coefficients, given w = z^2."""
+    return _pair(z, a, b) + w * (_pair(z, c, d) + w * _pair(z, e, f))
+
+
+@compiled
 def _sine_and_cosine(r):
     """Return both for an angle from -pi/4 to pi/4 [rad]."""
     z = r * r
     w = z * z
-    sine = r + r * z * (
-        (-0.1666666666666663 + z * 0.008333333333322118)
-        + w
-        * (
-            (-0.000198412698295898 + z * 2.7557313621453654e-06)
-            + w * (-2.5050747770751343e-08 + z * 1.5896230488619227e-10)
-        )
-    )
+    a, b, c = -0.1666666666666663, 0.008333333333322118, -0.000198412698295898
+    d, e, f = 2.7557313621453654e-06, -2.5050747770751343e-08, 1.5896230488619227e-10
+    sine = r + r * z * _pairs(z, w, a, b, c, d, e, f)
     half = 0.5 * z
     rest = 1.0 - half
-    cosine = rest + (
-        ((1.0 - rest) - half)
-        + w
-        * (
-            (0.0416666666666666 + z * -0.0013888888888874138)
-            + w
-            * (
-                (2.480158728949149e-05 + z * -2.755731435515062e-07)
-                + w * (2.087572367270663e-09 + z * -1.1359669288081694e-11)
-            )
-        )
-    )
-    return sine, cosine
+    a, b, c = 0.0416666666666666, -0.0013888888888874138, 2.480158728949149e-05
+    d, e, f = -2.755731435515062e-07, 2.087572367270663e-09, -1.1359669288081694e-11
+    return sine, rest + (((1.0 - rest) - half) + w * _pairs(z, w, a, b, c, d, e, f))
 
 
 @compiled

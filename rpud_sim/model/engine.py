@@ -12,7 +12,7 @@ from rpud_sim.model.compile import machine_code, reader_of
 from rpud_sim.model.drill import STATE, Drill, derive, seating
 from rpud_sim.model.events import DONE, FULL, OVERLOADED, STALLED, advance, interrupt, start
 from rpud_sim.model.parameters import QUANTITIES, Parameters
-from rpud_sim.model.resonator import Account, Resonance, account
+from rpud_sim.model.resonator import Resonance, ResonatorEnergy, account
 from rpud_sim.model.segment import IMPACT, SEGMENT, join_records, motion_at
 from rpud_sim.model.tolerances import EVENT_BUDGET, LONGEST_STANDSTILL
 
@@ -178,13 +178,13 @@ class Engine:
         """
         return self._impact_room[number : self._struck]
 
-    def account(self, seconds: int, fraction: float) -> Account:
+    def account(self, seconds: int, fraction: float) -> ResonatorEnergy:
         """Return envelope and energies of the resonance at a time, not before the last event.
 
         They are zero if the vibration is prescribed.
         """
         if not self._state["resonant"][0]:
-            return Account(0j, 0.0, 0.0, 0.0, 0.0, 0.0)
+            return ResonatorEnergy(0j, 0.0, 0.0, 0.0, 0.0, 0.0)
         return account(self._state[0], self._open_segment[0], self.ahead(seconds, fraction))
 
     def ahead(self, seconds: int, fraction: float) -> float:

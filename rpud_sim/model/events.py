@@ -110,13 +110,13 @@ def settle(drill, state, impact, impacts, count, turn, met, opened, event):
     """Resolve what happens at the state's instant.
 
     Args:
-        turn: ``Turn`` of the vibration.
+        turn: ``PhaseSinCos`` of the vibration.
         met: CONTACT_* bits of pairs whose approach ends here.
         opened: CONTACT_* bits of contacts that end here for want of force.
         event: EVENT_* bits of what is already known to happen.
 
     Returns:
-        The number of finished impacts, and the ``Turn`` of the vibration.
+        The number of finished impacts, and the ``PhaseSinCos`` of the vibration.
     """
     v_np = state.v_np
     closed = close_gaps(state, met, turn)
@@ -181,7 +181,7 @@ def pass_event(drill, bodies, state, segment, after, impact, impacts, count, tur
         turns: ``Turns`` at the segment's end.
 
     Returns:
-        The number of finished impacts, and the ``Turn`` of the vibration at the start of the
+        The number of finished impacts, and the ``PhaseSinCos`` of the vibration at the start of the
         segment after it.
     """
     end = state.next_event

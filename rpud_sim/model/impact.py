@@ -28,12 +28,12 @@ FORCE_SAMPLES = 64
 
 
 @compiled
-def tip_integral(segment, time):
-    """Integral of u_ut over the first part of a segment [m s]."""
+def tip_integral(segment, time, turns):
+    """Integral of u_ut over the first part of a segment, given the ``Turns`` at its end [m s]."""
     start = vibration_turn(segment, 0.0)
-    end = vibration_turn(segment, time)
-    vibration = segment.vibration_amplitude * (start.cosine - end.cosine)
-    return nodal_plane_integral(segment, time) + vibration / (TWO_PI * segment.vibration_frequency)
+    vibration = segment.vibration_amplitude * (start.cosine - turns.vibration.cosine)
+    omega = TWO_PI * segment.vibration_frequency
+    return nodal_plane_integral(segment, time, start, turns) + vibration / omega
 
 
 @compiled
@@ -50,7 +50,7 @@ def drill_tool_of(segment, turns):
 
 
 @compiled
-def contact_impulse(segment, time, start, end):
+def contact_impulse(segment, time, start, end, turns):
     """Momentum that the drill tool receives in the first part of a segment in contact [N s].
 
     Args:
@@ -62,7 +62,7 @@ def contact_impulse(segment, time, start, end):
         return (
             segment.drill_tool_mass * (v_end - v_start)
             + segment.drill_tool_damping * (u_end - u_start)
-            + segment.drill_tool_spring_rate * tip_integral(segment, time)
+            + segment.drill_tool_spring_rate * tip_integral(segment, time, turns)
         )
     return segment.free_mass * (segment.gravity * time - (v_end - v_start))
 
@@ -159,7 +159,7 @@ def follow_impact(segment, impact, time, turns):
         turn = vibration_turn(segment, 0.0)
     start = drill_tool_of(segment, Turns(turn, NO_SWING, NO_SWING))
     end = drill_tool_of(segment, turns)
-    impact.impulse += contact_impulse(segment, time, start, end)
+    impact.impulse += contact_impulse(segment, time, start, end, turns)
     impact.energy_transferred += energy_into_drill_tool(segment, time, start, end)
     if segment.contact == CONTACT_BOTH and time > 0.0:
         impact.squeezed = True

@@ -40,12 +40,7 @@ class Parameters(ParameterGroup):
         0.5, "", "damping ratio of the RPUD, xi_ud", 0.0, 1.0, below=True, changeable=True
     )
     load_spring_rate: float = number(
-        2000.0,
-        "N/m",
-        "spring rate of the load spring, k_1",
-        1e-3,
-        1e7,
-        changeable=True,
+        2000.0, "N/m", "spring rate of the load spring, k_1", 1e-3, 1e7, changeable=True
     )
     free_mass: float = number(5e-3, "kg", "mass of the free mass, m_fm", 1e-12, 10.0)
     drill_tool_mass: float = number(
@@ -61,12 +56,7 @@ class Parameters(ParameterGroup):
         changeable=True,
     )
     restoring_spring_rate: float = number(
-        2000.0,
-        "N/m",
-        "spring rate of the restoring spring, k_2",
-        1e-3,
-        1e7,
-        changeable=True,
+        2000.0, "N/m", "spring rate of the restoring spring, k_2", 1e-3, 1e7, changeable=True
     )
     actuator_restitution: float = number(
         0.8,  # fitted; Table 2 prints 1

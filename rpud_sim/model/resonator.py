@@ -36,12 +36,7 @@ from rpud_sim.model.elementary import (
 )
 from rpud_sim.model.energy import exponential_integral, force_parts, held_parts
 from rpud_sim.model.segment import CONTACT_ACTUATOR
-from rpud_sim.model.tolerances import (
-    LOWEST_BOUNCE,
-    SAME_PHASE,
-    STEADY,
-    UPDATES_PER_DECAY,
-)
+from rpud_sim.model.tolerances import LOWEST_BOUNCE, SAME_PHASE, STEADY, UPDATES_PER_DECAY
 
 
 class Resonance(NamedTuple):
@@ -61,7 +56,7 @@ class Resonance(NamedTuple):
         return 2.0 * self.resistance * scale * scale / self.decay_time
 
 
-class Account(NamedTuple):
+class ResonatorEnergy(NamedTuple):
     """Envelope of the resonance at a time, and its energies since time zero."""
 
     envelope: complex  # z [V]
@@ -129,13 +124,13 @@ def envelope_after(state, time):
 
 @compiled
 def account(state, segment, time):
-    """``Account`` at a time since the start of the open segment [s]; changes nothing."""
+    """``ResonatorEnergy`` at a time since the start of the open segment [s]; changes nothing."""
     envelope, drawn, heat = envelope_after(state, time)
     _, work = contact_load(segment, time)
     drawn += state.drawn
     work += state.work
     advanced = max(work - drawn, 0.0)
-    return Account(
+    return ResonatorEnergy(
         envelope,
         drawn + advanced,
         state.heat + heat,
@@ -215,7 +210,7 @@ def blow(drill, state, impulse):
 
 @compiled
 def hold(drill, state, v_np, blow_impulse):
-    """Account for bodies that were given one velocity.
+    """ResonatorEnergy for bodies that were given one velocity.
 
     The vibration keeps its velocity, and gives the work of an impulse that joins the blow.
 

@@ -129,11 +129,7 @@ def gap_to_drill_tool(segment, time):
     position, velocity, tip_acceleration = held_tip_motion(segment, tip, turn)
     _, _, u_fm, v_fm = tip
     return Guard(
-        u_dt - u_fm,
-        v_dt - v_fm,
-        acceleration - tip_acceleration,
-        u_dt - position,
-        v_dt - velocity,
+        u_dt - u_fm, v_dt - v_fm, acceleration - tip_acceleration, u_dt - position, v_dt - velocity
     )
 
 
@@ -175,7 +171,7 @@ def force_on_drill_tool(segment, time):
 
 @compiled
 def force_of_swing(segment, swing):
-    """Return the same off the actuator, given the ``Swing`` of the drill tool at the time."""
+    """Return the same off the actuator, given the swing of the drill tool."""
     motion = drill_tool_motion(segment)
     displacement, velocity = swinging_part(motion, swing)
     acceleration, jerk = decaying_derivatives(motion, displacement, velocity)
@@ -338,7 +334,7 @@ def sooner_release(state, segment, duration, event, turn):
 def next_event(drill, state, segment, turn):
     """Find the end of the segment, and its duration [s].
 
-    ``turn`` is the ``Turn`` of the vibration at the segment's start.
+    ``turn`` is the ``PhaseSinCos`` of the vibration at the segment's start.
 
     Returns:
         The duration, and one of END_*.

@@ -12,10 +12,10 @@ import numpy as np
 
 from rpud_sim.model.closed_form import (
     TWO_PI,
+    DecayingSinCos,
     Oscillation,
     Oscillator,
-    Swing,
-    Turn,
+    PhaseSinCos,
     driven_vibration,
     free_vibration,
     oscillator,
@@ -135,28 +135,6 @@ def drill_tool_motion(segment):
 
 
 @compiled
-def set_nodal_plane_motion(segment, motion):
-    """Write the ``Oscillation`` of the nodal plane into a segment."""
-    segment.nodal_plane_offset = motion.offset
-    segment.nodal_plane_decay_rate = motion.decay_rate
-    segment.nodal_plane_angular_frequency = motion.angular_frequency
-    segment.nodal_plane_cosine = motion.cosine
-    segment.nodal_plane_sine = motion.sine
-    segment.nodal_plane_vibration_sine = motion.vibration_sine
-    segment.nodal_plane_vibration_cosine = motion.vibration_cosine
-
-
-@compiled
-def set_drill_tool_motion(segment, motion):
-    """Write the ``Oscillation`` of the drill tool into a segment."""
-    segment.drill_tool_offset = motion.offset
-    segment.drill_tool_decay_rate = motion.decay_rate
-    segment.drill_tool_angular_frequency = motion.angular_frequency
-    segment.drill_tool_cosine = motion.cosine
-    segment.drill_tool_sine = motion.sine
-
-
-@compiled
 def fall(position, velocity, gravity, time):
     """Position [m] and velocity [m/s] of the free mass in flight, eqs. (10), (17) and (19)."""
     u_fm = position + velocity * time + 0.5 * gravity * time * time
@@ -167,26 +145,26 @@ def fall(position, velocity, gravity, time):
 class Turns(NamedTuple):
     """Trigonometric functions that the motions of a segment need at one time."""
 
-    vibration: Turn
-    nodal_plane: Swing
-    drill_tool: Swing
+    vibration: PhaseSinCos
+    nodal_plane: DecayingSinCos
+    drill_tool: DecayingSinCos
 
 
 @compiled
 def vibration_turn(segment, time):
-    """Return the ``Turn`` of the vibration at a time after a segment's start."""
+    """Return the ``PhaseSinCos`` of the vibration at a time after a segment's start."""
     return turn_at(segment.vibration_phase + segment.vibration_frequency * time)
 
 
 @compiled
 def nodal_plane_swing(segment, time):
-    """Return the ``Swing`` of the nodal plane at a time after a segment's start."""
+    """Return the ``DecayingSinCos`` of the nodal plane at a time after a segment's start."""
     return swing_at(segment.nodal_plane_decay_rate, segment.nodal_plane_angular_frequency, time)
 
 
 @compiled
 def drill_tool_swing(segment, time):
-    """Return the ``Swing`` of the drill tool at a time after a segment's start."""
+    """Return the ``DecayingSinCos`` of the drill tool at a time after a segment's start."""
     return swing_at(segment.drill_tool_decay_rate, segment.drill_tool_angular_frequency, time)
 
 
@@ -216,7 +194,7 @@ def turns_at_end(segment, is_released):
             segment.drill_tool_angular_frequency,
             segment.gravity,
         )
-        tool = Swing(cosine, sine)
+        tool = DecayingSinCos(cosine, sine)
     else:
         tool = drill_tool_swing(segment, time)
     return Turns(vibration_turn(segment, time), nodal_plane_swing(segment, time), tool)
@@ -260,29 +238,16 @@ def motion_of(segment, time, turns):
     if segment.contact == CONTACT_DRILL_TOOL:
         return u_np, v_np, u_ut, v_ut, u_dt, v_dt, u_dt, v_dt
     u_fm, v_fm = fall(
-        segment.free_mass_position,
-        segment.free_mass_velocity,
-        segment.free_mass_acceleration,
-        time,
+        segment.free_mass_position, segment.free_mass_velocity, segment.free_mass_acceleration, time
     )
     return u_np, v_np, u_ut, v_ut, u_fm, v_fm, u_dt, v_dt
 
 
 @compiled
-def nodal_plane_integral(segment, time):
-    """Integral of u_np over the first part of a segment [m s]."""
-    return nodal_plane_integral_of(
-        segment, time, turn_at(segment.vibration_phase), turns_at(segment, time)
-    )
+def nodal_plane_integral(segment, time, start, turns):
+    """Integral of u_np over the first part of a segment [m s].
 
-
-@compiled
-def nodal_plane_integral_of(segment, time, start, turns):
-    """Return the same as ``nodal_plane_integral``, given what it needs at both of its ends.
-
-    Args:
-        start: ``Turn`` of the vibration at its start.
-        turns: ``Turns`` at the time.
+    ``start`` is the ``PhaseSinCos`` at its start, ``turns`` the ``Turns`` at its end.
     """
     motion = nodal_plane_motion(segment)
     omega = TWO_PI * segment.vibration_frequency
@@ -365,7 +330,7 @@ def drill_tool_closed_form(drill, bodies, state):
 def begin_segment(drill, bodies, state, segment, turn):
     """Write the closed form that follows from the state into a segment, all but its duration.
 
-    ``turn`` is the ``Turn`` of the state's phase.
+    ``turn`` is the ``PhaseSinCos`` of the state's phase.
     """
     segment.start_seconds = state.seconds
     segment.start_fraction = state.fraction
@@ -375,8 +340,20 @@ def begin_segment(drill, bodies, state, segment, turn):
     segment.vibration_frequency = state.frequency
     segment.vibration_amplitude = state.amplitude
     segment.weight_on_bit = state.weight_on_bit
-    set_nodal_plane_motion(segment, nodal_plane_closed_form(drill, bodies, state, turn))
-    set_drill_tool_motion(segment, drill_tool_closed_form(drill, bodies, state))
+    motion = nodal_plane_closed_form(drill, bodies, state, turn)
+    segment.nodal_plane_offset = motion.offset
+    segment.nodal_plane_decay_rate = motion.decay_rate
+    segment.nodal_plane_angular_frequency = motion.angular_frequency
+    segment.nodal_plane_cosine = motion.cosine
+    segment.nodal_plane_sine = motion.sine
+    segment.nodal_plane_vibration_sine = motion.vibration_sine
+    segment.nodal_plane_vibration_cosine = motion.vibration_cosine
+    motion = drill_tool_closed_form(drill, bodies, state)
+    segment.drill_tool_offset = motion.offset
+    segment.drill_tool_decay_rate = motion.decay_rate
+    segment.drill_tool_angular_frequency = motion.angular_frequency
+    segment.drill_tool_cosine = motion.cosine
+    segment.drill_tool_sine = motion.sine
     segment.free_mass_position = state.u_fm
     segment.free_mass_velocity = state.v_fm
     segment.free_mass_acceleration = drill.gravity

@@ -13,8 +13,8 @@ import math
 from rpud_sim.model.closed_form import (
     NO_SWING,
     TWO_PI,
-    Swing,
-    Turn,
+    DecayingSinCos,
+    PhaseSinCos,
     decaying_amplitude,
     swinging_part,
     undamped_frequency,
@@ -112,14 +112,14 @@ def soon_after(square, damping, displacement, velocity, time):
 
 @compiled
 def turned_by(turn, angle):
-    """``Turn`` after an angle of at most _NEAR, by the series of its sine and cosine [rad]."""
+    """``PhaseSinCos`` after an angle of at most _NEAR [rad], by the series of sine and cosine."""
     z = angle * angle
     w = z * z
     sine = angle + angle * z * (
         (-1.0 / 6.0 + z * (1.0 / 120.0)) + w * (-1.0 / 5040.0 + z * (1.0 / 362880.0))
     )
     less = z * ((0.5 - z * (1.0 / 24.0)) + w * (1.0 / 720.0 - z * (1.0 / 40320.0)))
-    return Turn(
+    return PhaseSinCos(
         turn.sine + (turn.cosine * sine - turn.sine * less),
         turn.cosine - (turn.sine * sine + turn.cosine * less),
     )
@@ -130,7 +130,7 @@ def first_strike(segment, limit, turn):
     """Find when the actuator strikes the free mass, which does not touch it, up to a limit [s].
 
     Args:
-        turn: ``Turn`` of the vibration at the segment's start.
+        turn: ``PhaseSinCos`` of the vibration at the segment's start.
 
     Returns:
         The time until which the gap is certain to be open, whether it closes there, and the number
@@ -208,12 +208,7 @@ def first_strike(segment, limit, turn):
             swing = nodal_plane_swing(segment, time)
             displacement, velocity = swinging_part(nodal_plane, swing)
         if in_flight:
-            u_fm, v_fm = fall(
-                segment.free_mass_position,
-                segment.free_mass_velocity,
-                gravity,
-                time,
-            )
+            u_fm, v_fm = fall(segment.free_mass_position, segment.free_mass_velocity, gravity, time)
         else:
             u_dt, v_fm = swinging_part(tool, drill_tool_swing(segment, time))
             u_fm = tool.offset + u_dt
@@ -262,6 +257,8 @@ def first_landing(segment, limit):
         else:
             decay = exponential(-tool.decay_rate * time)
             sine, cosine = sin_cos(tool.angular_frequency * time)
-            displacement, velocity = swinging_part(tool, Swing(decay * cosine, decay * sine))
+            displacement, velocity = swinging_part(
+                tool, DecayingSinCos(decay * cosine, decay * sine)
+            )
         u_fm, v_fm = fall(segment.free_mass_position, segment.free_mass_velocity, gravity, time)
     return time, False, LONGEST_SEARCH

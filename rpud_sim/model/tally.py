@@ -22,14 +22,7 @@ from rpud_sim.model.energy import (
     stored_energy,
     time_in,
 )
-from rpud_sim.model.events import (
-    DONE,
-    FULL,
-    GOES_ON,
-    pass_event,
-    start,
-    status_before,
-)
+from rpud_sim.model.events import DONE, FULL, GOES_ON, pass_event, start, status_before
 from rpud_sim.model.search import END_DRILL_TOOL_RELEASE
 from rpud_sim.model.segment import (
     EVENT_ACTUATOR_IMPACT,
@@ -38,7 +31,7 @@ from rpud_sim.model.segment import (
     Turns,
     motion_at,
     motion_of,
-    nodal_plane_integral_of,
+    nodal_plane_integral,
     oscillators_of,
     turns_at,
     turns_at_end,
@@ -140,9 +133,9 @@ def reacting_impulse(segment, start, end, u_start, u_end, turn, turns):
         start: of the part, since the segment's start [s].
         end: of the part [s].
     """
-    position = nodal_plane_integral_of(segment, end, turn, turns)
+    position = nodal_plane_integral(segment, end, turn, turns)
     if start > 0.0:
-        position -= nodal_plane_integral_of(segment, start, turn, turns_at(segment, start))
+        position -= nodal_plane_integral(segment, start, turn, turns_at(segment, start))
     return (
         segment.weight_on_bit * (end - start)
         - segment.load_spring_rate * position

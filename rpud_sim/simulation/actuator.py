@@ -9,7 +9,7 @@ from rpud_sim.foundation.parameters import ParameterGroup, choice, flag, number,
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.foundation.time import NEVER, SECOND
 from rpud_sim.model.elementary import complex_phase, complex_size, exponential_minus_one
-from rpud_sim.model.resonator import Account, Resonance
+from rpud_sim.model.resonator import Resonance, ResonatorEnergy
 from rpud_sim.simulation.commands import Drive
 
 # The temperature is computed, and a tracking generator sets its frequency, at whole multiples of
@@ -207,7 +207,7 @@ class Actuator:
         return _limited(frequency + self._offset)
 
     def read(
-        self, amplitude: float, account: Account, rotor: tuple[float, float] = (0.0, 0.0)
+        self, amplitude: float, account: ResonatorEnergy, rotor: tuple[float, float] = (0.0, 0.0)
     ) -> ActuatorReading:
         """Return the state that belongs to the engine's amplitude [m] and its account.
 
@@ -238,7 +238,7 @@ class Actuator:
             owed=account.owed,
         )
 
-    def step(self, time: int, account: Account) -> None:
+    def step(self, time: int, account: ResonatorEnergy) -> None:
         """Take the steps that are due at a time [ns], not beyond ``next_step``."""
         if time == self._heating:
             self._warm(account.heat)

@@ -10,7 +10,7 @@ from typing import Any
 from rpud_sim.foundation.quantities import ParameterError, did_you_mean, shown, shown_name
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.foundation.yaml_files import Cursor, open_yaml, parse_yaml
-from rpud_sim.simulation.commands import Drive, Feed, WeightOnBit
+from rpud_sim.simulation.commands import Command, Drive, Feed, WeightOnBit
 from rpud_sim.simulation.configuration import CHANGEABLE, PARAMETERS, Configuration, Settings
 from rpud_sim.simulation.faults import Fault
 from rpud_sim.simulation.plant import nominal_drive
@@ -154,34 +154,22 @@ def parse_commands(entries: Iterable[Cursor]) -> tuple[Planned, ...]:
 
 
 def check_commands(planned: Sequence[Planned], configuration: Configuration) -> None:
-    """Check that a drill can take commands, one after the other.
-
-    Args:
-        planned: in the order of their times.
-    """
+    """Check that a drill can take commands, one after the other, in the order of their times."""
     drive = nominal_drive(configuration)
     for each in planned:
+        if isinstance(each.change, Injection):
+            continue
         try:
-            if isinstance(each.change, DriveChange):
-                drive = each.change.on(drive)
-                configuration.check_drive(drive)
-            elif isinstance(each.change, Feed):
-                configuration.check_feed(each.change)
-            elif isinstance(each.change, WeightOnBit):
-                configuration.check_weight_on_bit()
+            command = _command(each.change, drive)
+            drive = command if isinstance(command, Drive) else drive
+            configuration.check(command)
         except ParameterError as error:
             raise ParameterError(f"command at {each.delay / SECOND:g} s: {error}") from None
 
 
 def _injections(content: Mapping[Any, Any], name: str) -> tuple[Planned, ...]:
     return tuple(
-        Planned(
-            scheduled.onset,
-            Injection(
-                scheduled.fault,
-                0 if scheduled.clear is None else scheduled.clear - scheduled.onset,
-            ),
-        )
+        Planned(scheduled.onset, Injection(scheduled.fault, scheduled.duration))
         for scheduled in parse_scenario(content, name).faults
     )
 
@@ -237,32 +225,16 @@ def apply_parameters(run: Run, settings: Settings, values: Mapping[str, Any]) ->
     return lasting
 
 
-def apply_change(run: Run, change: Change) -> None:
-    """Put a change into force on a run that takes commands."""
-    if isinstance(change, Injection):
-        run.simulation.inject(change.fault, change.duration)
-    else:
-        run.control.apply(_command(run.simulation, change))
-
-
-def apply_to_simulation(simulation: Simulation, change: Change) -> None:
-    """Put a change into force on a simulation."""
+def apply_change(target: Run | Simulation, change: Change) -> None:
+    """Put a change into force on a simulation, or on a run that takes commands."""
+    simulation = target.simulation if isinstance(target, Run) else target
     if isinstance(change, Injection):
         simulation.inject(change.fault, change.duration)
-    else:
-        simulation.apply(_command(simulation, change))
+        return
+    command = _command(change, simulation.applied.drive)
+    simulation.configuration.check(command)  # also where commands do not act now
+    (target.control if isinstance(target, Run) else target).apply(command)
 
 
-def _command(
-    simulation: Simulation, change: WeightOnBit | DriveChange | Feed
-) -> WeightOnBit | Drive | Feed:
-    configuration = simulation.configuration
-    if isinstance(change, DriveChange):
-        drive = change.on(simulation.applied.drive)
-        configuration.check_drive(drive)
-        return drive
-    if isinstance(change, Feed):
-        configuration.check_feed(change)
-    else:
-        configuration.check_weight_on_bit()
-    return change
+def _command(change: WeightOnBit | DriveChange | Feed, present: Drive) -> Command:
+    return change.on(present) if isinstance(change, DriveChange) else change

@@ -51,6 +51,10 @@ class Drive:
         return Drive(self.enabled, voltage, self.frequency or before.frequency)
 
 
+Command = WeightOnBit | Drive | Feed
+COMMAND_NAMES = {WeightOnBit: "weight_on_bit", Drive: "drive", Feed: "feed"}  # as in ``Applied``
+
+
 @dataclasses.dataclass(frozen=True)
 class Applied:
     """Commands in force, and since when.

@@ -24,7 +24,7 @@ from rpud_sim.foundation.quantities import ParameterError, did_you_mean, shown, 
 from rpud_sim.foundation.yaml_files import open_yaml, parse_yaml
 from rpud_sim.model.parameters import QUANTITIES, Parameters, preset
 from rpud_sim.simulation.actuator import ActuatorParameters
-from rpud_sim.simulation.commands import Drive, Feed
+from rpud_sim.simulation.commands import Command, Drive, Feed
 from rpud_sim.simulation.scenario import Scenario, read_scenario
 
 _LEAST_REAL_TIME_FACTOR = 0.01
@@ -88,6 +88,15 @@ class Configuration(ParameterGroup):
                 f"actuator's modal mass {modal_mass:g} kg, which vibration_amplitude, "
                 "nominal_voltage, resonance_frequency, quality_factor and motional_resistance give"
             )
+
+    def check(self, command: Command) -> None:
+        """Check that the drill can take a command; of a drive, one that leaves nothing open."""
+        if isinstance(command, Drive):
+            self.check_drive(command)
+        elif isinstance(command, Feed):
+            self.check_feed(command)
+        else:
+            self.check_weight_on_bit()
 
     def check_drive(self, drive: Drive) -> None:
         """Check that the greatest amplitude of a drive, that on resonance, is allowed.
@@ -203,16 +212,12 @@ class Settings(ParameterGroup):
             )
 
     def value(self, name: str) -> Any:
-        """Return the value of a parameter.
-
-        Raises:
-            KeyError: if there is none of this name.
-        """
+        """Return the value of a parameter."""
         return self.values()[name]
 
     def values(self) -> dict[str, Any]:
         """Return the values of all parameters by name."""
-        own = {name: getattr(self, name) for name in declarations(Settings)}
+        own = {name: getattr(self, name) for name in NODE_NAMES}
         return {**to_values(self.configuration), **own}
 
     def replace(self, changes: Mapping[str, Any]) -> Settings:
@@ -230,8 +235,11 @@ class Settings(ParameterGroup):
         return read_scenario(self.scenario, seed or self.seed or None)
 
 
-# Groups of the slow processes, by their field in ``Configuration``.
-_DRILLING_GROUPS: Mapping[str, type] = {
+# Groups of parameters by their field in ``Configuration``.
+_GROUPS: Mapping[str, Any] = {
+    "parameters": Parameters,
+    "actuator": ActuatorParameters,
+    "rock": RockParameters,
     "rotation": RotationParameters,
     "mount": MountParameters,
     "strata": StrataParameters,
@@ -239,15 +247,9 @@ _DRILLING_GROUPS: Mapping[str, type] = {
 }
 # Every parameter by its name, in the order in which the documentation lists them.
 PARAMETERS: Mapping[str, Declaration] = {
-    **declarations(Parameters),
-    **declarations(ActuatorParameters),
-    **declarations(RockParameters),
-    **declarations(RotationParameters),
-    **declarations(MountParameters),
-    **declarations(StrataParameters),
-    **declarations(BitParameters),
-    **declarations(Configuration),
-    **declarations(Settings),
+    name: declaration
+    for group in (*_GROUPS.values(), Configuration, Settings)
+    for name, declaration in declarations(group).items()
 }
 CHANGEABLE = tuple(name for name, declaration in PARAMETERS.items() if declaration.changeable)
 # Parameters of the run, not of the drill.
@@ -266,14 +268,12 @@ def to_configuration(values: Mapping[str, Any]) -> Configuration:
             raise ParameterError(
                 f"{shown_name(name)} is not a parameter; {did_you_mean(name, PARAMETERS)}"
             )
-    drill = _those_of(Parameters, values)
-    return Configuration(
-        preset(drill.pop("regime", "drilling")).replace(**drill),
-        ActuatorParameters(**_those_of(ActuatorParameters, values)),
-        RockParameters(**_those_of(RockParameters, values)),
-        **{name: group(**_those_of(group, values)) for name, group in _DRILLING_GROUPS.items()},
-        **_those_of(Configuration, values),
-    )
+    regime = preset(values.get("regime", "drilling"))
+    given = {name: _those_of(group, values) for name, group in _GROUPS.items()}
+    given["parameters"].pop("regime", None)
+    others = {name: group(**given[name]) for name, group in _GROUPS.items() if name != "parameters"}
+    drill = regime.replace(**given["parameters"])
+    return Configuration(drill, **others, **_those_of(Configuration, values))
 
 
 def to_settings(values: Mapping[str, Any]) -> Settings:
@@ -283,17 +283,12 @@ def to_settings(values: Mapping[str, Any]) -> Settings:
 
 def to_values(configuration: Configuration) -> dict[str, Any]:
     """Return the values of all parameters by name, the inverse of ``to_configuration``."""
-    return {
-        **dataclasses.asdict(configuration.parameters),
-        **dataclasses.asdict(configuration.actuator),
-        **dataclasses.asdict(configuration.rock),
-        **{
-            name: value
-            for group in _DRILLING_GROUPS
-            for name, value in dataclasses.asdict(getattr(configuration, group)).items()
-        },
-        "drive_enabled": configuration.drive_enabled,
+    found = {
+        name: getattr(getattr(configuration, field), name)
+        for field, group in _GROUPS.items()
+        for name in declarations(group)
     }
+    return {**found, "drive_enabled": configuration.drive_enabled}
 
 
 def _those_of(group: type, values: Mapping[str, Any]) -> dict[str, Any]:

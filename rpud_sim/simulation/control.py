@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import dataclasses
+from typing import Any
+
 from rpud_sim.drilling.mount import STOPPED
 from rpud_sim.foundation.time import SECOND
-from rpud_sim.simulation.commands import Drive, Feed, WeightOnBit
+from rpud_sim.simulation.commands import COMMAND_NAMES, Command, Drive, WeightOnBit
 from rpud_sim.simulation.simulation import Simulation
 
 
@@ -61,23 +64,11 @@ class Control:
         self, simulation: Simulation, timeout: float, ramp: float, active: bool = True
     ) -> None:
         self._simulation = simulation
-        self._initial = simulation.applied
-        self._weight_on_bit = self._initial.weight_on_bit
-        self._drive = self._initial.drive
-        self._feed = self._initial.feed
+        self._initial = self._given = simulation.applied
         self._watchdog = CommandWatchdog(timeout, ramp, simulation.time)
-        self._active = active
-        self._lost = False
-
-    @property
-    def active(self) -> bool:
-        """Whether commands act."""
-        return self._active
-
-    @property
-    def commands_lost(self) -> bool:
-        """Whether commands stopped arriving, so that the watchdog makes the drill safe."""
-        return self._lost
+        self.active = active  # whether commands act; read-only
+        # whether commands stopped arriving, so that the watchdog makes the drill safe; read-only
+        self.commands_lost = False
 
     def set(self, timeout: float, ramp: float) -> None:
         """Set another timeout and ramp [s]."""
@@ -85,65 +76,47 @@ class Control:
 
     def activate(self, active: bool) -> None:
         """Let commands act from now on, starting with the initial ones, or let none act."""
-        if active and not self._active:
-            self._weight_on_bit = self._initial.weight_on_bit
-            self._drive = self._initial.drive
-            self._feed = self._initial.feed
+        if active and not self.active:
+            self._given = self._initial
             self._watchdog.reset(self._simulation.time)
-        self._active = active
+        self.active = active
         self.act()
 
     def adopt(self) -> None:
         """Take the commands in force as given now, and let commands act from now on."""
-        applied = self._simulation.applied
-        self._weight_on_bit = applied.weight_on_bit
-        self._drive = applied.drive
-        self._feed = applied.feed
+        self._given = self._simulation.applied
         self._watchdog.reset(self._simulation.time)
-        self._active = True
-        self._lost = False
+        self.active = True
+        self.commands_lost = False
 
-    def apply(self, command: WeightOnBit | Drive | Feed) -> None:
+    def apply(self, command: Command) -> None:
         """Put a command into force now, if commands act.
 
         Raises:
             ParameterError: if the drill cannot take it; nothing changes then.
         """
-        if not self._active:
+        if not self.active:
             return
-        if isinstance(command, Feed):
-            self._simulation.configuration.check_feed(command)
-        elif isinstance(command, WeightOnBit):
-            self._simulation.configuration.check_weight_on_bit()
+        if isinstance(command, Drive):
+            command = command.after(self._given.drive)
+        self._simulation.configuration.check(command)
         self._watchdog.reset(self._simulation.time)
-        if isinstance(command, WeightOnBit):
-            self._weight_on_bit = command
-        elif isinstance(command, Feed):
-            self._feed = command
-        else:
-            command = self._drive = command.after(self._drive)
+        given: dict[str, Any] = {COMMAND_NAMES[type(command)]: command}
+        self._given = dataclasses.replace(self._given, **given)
         self._simulation.apply(command)
 
     def act(self) -> bool:
         """Put the present share into force; return whether commands were lost or came back."""
-        simulation = self._simulation
-        time = simulation.time
-        share = self._watchdog.share(time) if self._active else 0.0
+        simulation, given = self._simulation, self._given
+        share = self._watchdog.share(simulation.time) if self.active else 0.0
         if simulation.configuration.has_feed:
-            feed = self._feed.reduced(share) if share else STOPPED
-            if feed != simulation.applied.feed:
-                simulation.apply(feed)
+            simulation.apply(given.feed.reduced(share) if share else STOPPED)
         else:
-            weight_on_bit = WeightOnBit(self._weight_on_bit.force * share)
-            if weight_on_bit != simulation.applied.weight_on_bit:
-                simulation.apply(weight_on_bit)
-        drive = self._drive
-        if share == 0.0 or not drive.enabled:
-            if simulation.applied.drive.enabled:
-                simulation.apply(Drive(False, 0.0, 0.0))
-        else:
-            drive = Drive(True, drive.voltage * share, drive.frequency)
-            if drive != simulation.applied.drive:
-                simulation.apply(drive)
-        before, self._lost = self._lost, self._active and self._watchdog.lost(time)
-        return self._lost is not before
+            simulation.apply(WeightOnBit(given.weight_on_bit.force * share))
+        if share and given.drive.enabled:
+            simulation.apply(Drive(True, given.drive.voltage * share, given.drive.frequency))
+        elif simulation.applied.drive.enabled:
+            simulation.apply(Drive(False, 0.0, 0.0))
+        before = self.commands_lost
+        self.commands_lost = self.active and self._watchdog.lost(simulation.time)
+        return self.commands_lost is not before

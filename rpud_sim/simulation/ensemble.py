@@ -8,17 +8,16 @@ import math
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from queue import Empty, SimpleQueue
 
 import numpy as np
-from numba.core import event
 
 from rpud_sim.drilling.rock import Progress
 from rpud_sim.drilling.rotor import RotorWork
 from rpud_sim.foundation.time import SECOND, split_fraction
-from rpud_sim.model.compile import compilation_notice
+from rpud_sim.model.compile import compilation_reported
 from rpud_sim.model.drill import Drill, derive
 from rpud_sim.model.elementary import CALLED_BY_PYTHON
 from rpud_sim.model.energy import RpudConstants
@@ -29,7 +28,7 @@ from rpud_sim.model.resonator import account
 from rpud_sim.model.segment import IMPACT, SEGMENT
 from rpud_sim.model.tally import CLASSES, PART_ROOM, advance_members, empty_tallies
 from rpud_sim.simulation.actuator import Actuator
-from rpud_sim.simulation.changes import Planned, apply_to_simulation
+from rpud_sim.simulation.changes import Planned, apply_change
 from rpud_sim.simulation.commands import WeightOnBit
 from rpud_sim.simulation.configuration import Configuration, whole_configuration
 from rpud_sim.simulation.energy_account import EnergyAccount, FeedAccount, RecentEnergy
@@ -108,12 +107,7 @@ class EnsembleRuns:
         self._drawn = [0.0] * len(phases)
         self._progress = Progress(configuration.rock, parameters.tool_length)
         self._begun = False
-        self._time = 0
-
-    @property
-    def time(self) -> int:
-        """Simulation time [ns]."""
-        return self._time
+        self.time = 0  # simulation time [ns], read-only
 
     @property
     def depth(self) -> float:
@@ -130,33 +124,23 @@ class EnsembleRuns:
         self._advance(end, tallies, _room.classes, (True, True, True, True, whole))
         return [self._result(tallies, number, whole) for number in range(len(tallies))]
 
-    def advance_to(
-        self, time: int, statistics: Statistics | None = None, whole: bool = True
-    ) -> np.ndarray:
+    def advance_to(self, time: int, statistics: Statistics, whole: bool = True) -> np.ndarray:
         """Advance a single run to a time [ns], and return its impacts since the last call.
 
         Args:
-            statistics: to add to what happens; None for none.
+            statistics: to add to what happens.
             whole: whether the energy account is wanted; the figures need only a part of it.
 
         Returns:
             ``IMPACT`` records, which the next call of any run in this thread overwrites.
         """
         [_] = self._states
-        begin = self._time
-        counts = begin == 0
-        if statistics is None:
-            tallies, classes = empty_tallies(1), _room.classes
-        else:
-            tallies, classes = statistics.sums
-            counts = counts and not statistics.begun
-        options = (not self._begun, False, statistics is not None, counts, whole)
-        count = self._advance(time, tallies, classes, options)
+        begin = self.time
+        counts = begin == 0 and not statistics.begun
+        count = self._advance(time, *statistics.sums, (not self._begun, False, True, counts, whole))
         if (error := self._error(0)) is not None:
             raise error
-        electrical = self._electrical(0)
-        if statistics is not None:
-            statistics.note_part(begin, time, electrical)
+        statistics.note_part(begin, time, self._electrical(0))
         found = _room.impacts[:count]
         if self._drill.in_rock:
             self._progress.add(found)
@@ -170,36 +154,25 @@ class EnsembleRuns:
         options: tuple[bool, bool, bool, bool, bool],
     ) -> int:
         """Advance all runs; return how many impacts the last one had."""
-        members = (
-            self._states,
-            self._segments,
-            self._impacts,
-            tallies,
-            self._statuses,
-            self._quantiles,
-        )
-        begin, end = split_fraction(self._time), split_fraction(time)
+        runs = (self._states, self._segments, self._impacts)
+        members = (*runs, tallies, self._statuses, self._quantiles)
+        times = (split_fraction(self.time), split_fraction(time))
         progress = np.array([0, -1, 0])
-        while not advance_members(
-            self._drill,
-            self._rpud,
-            members,
-            begin,
-            end,
-            options,
-            (_room.impacts, _room.segments, classes, _room.part),
-            progress,
-        ):
+        drill = (self._drill, self._rpud)
+        while True:
+            rooms = (_room.impacts, _room.segments, classes, _room.part)
+            if advance_members(*drill, members, *times, options, rooms, progress):
+                break
             _room.grow()
         self._begun = True
-        self._time = time
+        self.time = time
         return int(progress[2])
 
     def _result(self, tallies: np.ndarray, number: int, whole: bool) -> Member:
         if (error := self._error(number)) is not None:
             return Member({}, failure=error)
         quantile = int(self._quantiles[number])
-        figures = figures_of(tallies[number], self._time / SECOND, quantile)
+        figures = figures_of(tallies[number], self.time / SECOND, quantile)
         if not whole:
             return Member(figures)
         return Member(figures, EnergyAccount.from_tally(tallies[number], self._electrical(number)))
@@ -215,7 +188,7 @@ class EnsembleRuns:
         if not self._resonant:
             return math.nan
         state = self._states[number]
-        seconds, fraction = split_fraction(self._time)
+        seconds, fraction = split_fraction(self.time)
         ahead = float(seconds - state["seconds"]) + (fraction - state["fraction"])
         drawn = float(account(state, self._segments[number], ahead).drawn)
         before, self._drawn[number] = self._drawn[number], drawn
@@ -227,8 +200,6 @@ _STRETCH = 10 * SECOND
 
 # Longest wait for a report of another thread [s].
 _PATIENCE = 0.1
-
-_LONG = 1.0  # time of compiling after which it is reported [s]
 
 
 class _StoppedError(Exception):
@@ -284,7 +255,7 @@ def compile_kernels(
         report: called in another thread with a line that says so, if compiling takes long.
         messages: also those that make a run's messages many at once.
     """
-    with _notice(report):
+    with compilation_reported(report):
         for function, arguments in CALLED_BY_PYTHON:
             function(*arguments)
         simulation = Simulation(configuration)
@@ -303,31 +274,6 @@ def compile_kernels(
             energy.powers()
 
 
-class _CompilationListener(event.Listener):
-    """Listener of Numba that starts a timer when the first kernel is compiled, not loaded."""
-
-    def __init__(self, notice: threading.Timer) -> None:
-        self._notice = notice
-
-    def on_start(self, event: event.Event) -> None:
-        """Numba begins to compile."""
-        if self._notice.ident is None:
-            self._notice.start()
-
-    def on_end(self, event: event.Event) -> None:
-        """Numba has compiled."""
-
-
-@contextlib.contextmanager
-def _notice(report: Callable[[str], object]) -> Iterator[None]:
-    notice = threading.Timer(_LONG, lambda: report(compilation_notice()))
-    try:
-        with event.install_listener("numba:compile", _CompilationListener(notice)):
-            yield
-    finally:
-        notice.cancel()
-
-
 def compile_members(
     configuration: Configuration | Parameters, report: Callable[[str], object] = lambda text: None
 ) -> None:
@@ -336,7 +282,7 @@ def compile_members(
     if not runs_by_itself(configuration):
         compile_kernels(configuration, report)
         return
-    with _notice(report):
+    with compilation_reported(report):
         EnsembleRuns(configuration, (0.0,)).advance_to(1000, Statistics())
 
 
@@ -449,7 +395,7 @@ def _advance(
     while pending and pending[0].delay < time:
         if pending[0].delay > simulation.time:
             statistics.add(simulation.advance_to(pending[0].delay))
-        apply_to_simulation(simulation, pending.popleft().change)
+        apply_change(simulation, pending.popleft().change)
     statistics.add(simulation.advance_to(time))
 
 

@@ -37,15 +37,10 @@ class Journal:
     """Journal: a queue of entries, in order; ``states`` says whether states become due."""
 
     def __init__(self, states: bool = True) -> None:
+        self.count = 0  # entries so far, read-only
         self._states = states
-        self._sequence = 0
         self._since_start = 0
         self._entries: list[JournalEntry] = []
-
-    @property
-    def count(self) -> int:
-        """Number of entries so far."""
-        return self._sequence
 
     @property
     def state_due(self) -> bool:
@@ -57,14 +52,14 @@ class Journal:
         last = self._entries[-1] if self._entries else None
         if kind == "origin" and last and (last.kind, last.time) == (kind, time):
             self._entries.pop()  # nothing was published under it
-            self._sequence -= 1
-        self._entries.append(JournalEntry(self._sequence, time, kind, content))
-        self._sequence += 1
+            self.count -= 1
+        self._entries.append(JournalEntry(self.count, time, kind, content))
+        self.count += 1
         self._since_start = 0 if kind in STARTS else self._since_start + 1
 
     def restart(self, sequence: int) -> None:
         """Discard the entries since the last ``drain``, and give the next one this number."""
-        self._sequence = sequence
+        self.count = sequence
         self._entries.clear()
 
     def drain(self) -> list[JournalEntry]:

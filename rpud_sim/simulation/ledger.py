@@ -39,57 +39,48 @@ class FaultLedger:
 
     def __init__(self) -> None:
         self._number = 0
-        self._active: tuple[FaultRecord, ...] = ()
+        # that last, in order of injection; the same object until one begins or ends; read-only
+        self.active: tuple[FaultRecord, ...] = ()
         self._cleared: deque[FaultRecord] = deque(maxlen=MOST_CLEARED)
-        self._forgotten = 0
-
-    @property
-    def active(self) -> tuple[FaultRecord, ...]:
-        """Faults that last, in order of injection; the same object until one begins or ends."""
-        return self._active
+        self.forgotten = 0  # cleared faults that ``records`` no longer contains; read-only
 
     @property
     def records(self) -> tuple[FaultRecord, ...]:
         """Faults in order of injection; of cleared ones, the latest ``MOST_CLEARED``."""
-        return tuple(sorted((*self._cleared, *self._active), key=lambda record: record.number))
-
-    @property
-    def forgotten(self) -> int:
-        """Number of cleared faults that ``records`` no longer contains."""
-        return self._forgotten
+        return tuple(sorted((*self._cleared, *self.active), key=lambda record: record.number))
 
     def since(self, time: int) -> tuple[FaultRecord, ...]:
         """Return faults that last or ended after a time, in order of injection."""
         ended = tuple(record for record in self._cleared if (record.clear or 0) > time)
         if not ended:
-            return self._active
-        return tuple(sorted((*ended, *self._active), key=lambda record: record.number))
+            return self.active
+        return tuple(sorted((*ended, *self.active), key=lambda record: record.number))
 
     def inject(self, time: int, fault: Fault) -> int:
         """Let a fault begin and return its number."""
-        for record in self._active:
+        for record in self.active:
             if (record.fault.kind, record.fault.channel) == (fault.kind, fault.channel):
                 raise FaultError(f"{fault} is already there as fault {record.number}")
         self._number += 1
-        self._active = (*self._active, FaultRecord(self._number, fault, time))
+        self.active = (*self.active, FaultRecord(self._number, fault, time))
         return self._number
 
     def clear(self, time: int, number: int) -> FaultRecord:
         """Let a fault end and return its record."""
-        for record in self._active:
+        for record in self.active:
             if record.number == number:
                 break
         else:
             raise FaultError(f"there is no fault {shown(number)} to clear")
         ended = dataclasses.replace(record, clear=time)
-        self._active = tuple(other for other in self._active if other is not record)
-        self._forgotten += len(self._cleared) == MOST_CLEARED
+        self.active = tuple(other for other in self.active if other is not record)
+        self.forgotten += len(self._cleared) == MOST_CLEARED
         self._cleared.append(ended)
         return ended
 
     def clear_all(self, time: int) -> None:
         """Let every fault end."""
-        for record in self._active:
+        for record in self.active:
             self.clear(time, record.number)
 
 

@@ -92,25 +92,20 @@ class Rerun:
     ) -> None:
         self._journal = journal
         self._wanted = wanted
-        self._run: Run | None = None
+        self.run: Run | None = None  # the present one; None before the first; read-only
         self._checkpoints = Checkpoints()
         # Whether checkpoints may be unknown that the drill had: it began at a state.
         self._late = False
 
     @property
-    def run(self) -> Run | None:
-        """The present run; None before the first."""
-        return self._run
-
-    @property
     def time(self) -> int:
         """Simulation time [ns]."""
-        return self._run.time if self._run else 0
+        return self.run.time if self.run else 0
 
     @property
     def origin(self) -> int:
         """Stamp of simulation time zero [ns]."""
-        return self._run.origin if self._run else 0
+        return self.run.origin if self.run else 0
 
     def repeat(self, entry: JournalEntry) -> Iterator[Entry | Together]:
         """Advance to the time of an entry, repeat its change, and yield the messages.
@@ -122,28 +117,28 @@ class Rerun:
                 if entry.sequence == 0:  # another start of the node, which forgot its checkpoints
                     self._checkpoints = Checkpoints()
                     self._late = False
-                self._late |= entry.sequence > 0 and self._run is None
-                self._run = Run(Beginning.from_journal(entry.content), self._journal, self._wanted)
+                self._late |= entry.sequence > 0 and self.run is None
+                self.run = Run(Beginning.from_journal(entry.content), self._journal, self._wanted)
                 return
-            if self._run is None:
+            if self.run is None:
                 if entry.kind == "state":
                     self._late = True
-                    self._run = self._run_in_state(entry)
+                    self.run = self._run_in_state(entry)
                 elif not self._late:
                     raise JournalError("nothing has begun")
                 return
-            if entry.time < self._run.time:
+            if entry.time < self.run.time:
                 raise JournalError(f"its time {entry.time} ns is before that of the one before it")
-            yield from self._run.advance_together(entry.time)
+            yield from self.run.advance_together(entry.time)
             if entry.kind == "restore":
                 name = entry.content["name"]
                 unknown = self._late and name not in self._checkpoints.names
                 # The state of the restored run follows.
-                self._run = None if unknown else self._checkpoints.find(name)
+                self.run = None if unknown else self._checkpoints.find(name)
                 return
             if entry.kind == "save":
-                self._checkpoints.save(entry.content["name"], self._run)
-            yield from repeat_change(self._run, entry)
+                self._checkpoints.save(entry.content["name"], self.run)
+            yield from repeat_change(self.run, entry)
         except Exception as error:
             expected = isinstance(error, (ArithmeticError, LookupError, TypeError, ValueError))
             # A state of a stranger may hold what no drill has, which shows anywhere.
@@ -161,7 +156,7 @@ class Rerun:
 
     def advance_to(self, time: int) -> Iterator[Entry | Together]:
         """Advance to a simulation time [ns] and yield the messages, as ``repeat`` does."""
-        return self._run.advance_together(time) if self._run else iter(())
+        return self.run.advance_together(time) if self.run else iter(())
 
 
 def repeat_change(run: Run, entry: JournalEntry) -> Iterator[Entry]:

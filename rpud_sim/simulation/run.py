@@ -104,7 +104,7 @@ class Run:
         on_block: Callable[[Block], object] = lambda block: None,
     ) -> None:
         settings = beginning.settings
-        self._beginning = beginning
+        self.beginning = beginning  # read-only
         self._journal = journal
         self._wanted = wanted
         self._on_block = on_block
@@ -112,34 +112,20 @@ class Run:
         self._telemetry = Telemetry(
             self._rate, settings.sample_rate, settings.block_duration, wanted, beginning.seed
         )
-        self._simulation = Simulation(
+        self.simulation = Simulation(
             settings.configuration, beginning.initial_phase, beginning.scenario, journal
         )
-        self._control = Control(
-            self._simulation, settings.command_timeout, settings.command_loss_ramp, active
+        # the commands, and the share of them that acts
+        self.control = Control(
+            self.simulation, settings.command_timeout, settings.command_loss_ramp, active
         )
         self._recent_energy = RecentEnergy(settings.configuration.has_feed)
-        self._published_faults: object = self._simulation.faults.active
-
-    @property
-    def beginning(self) -> Beginning:
-        """Beginning of the run."""
-        return self._beginning
-
-    @property
-    def simulation(self) -> Simulation:
-        """The simulation."""
-        return self._simulation
-
-    @property
-    def control(self) -> Control:
-        """The commands, and the share of them that acts."""
-        return self._control
+        self._published_faults: object = self.simulation.faults.active
 
     @property
     def time(self) -> int:
         """Simulation time [ns]."""
-        return self._simulation.time
+        return self.simulation.time
 
     @property
     def origin(self) -> int:
@@ -153,8 +139,8 @@ class Run:
 
     def begin(self, origin: int) -> None:
         """Start the journal, let commands act, and give simulation time zero its stamp [ns]."""
-        self.note("begin", **self._beginning.to_journal())
-        self._control.act()
+        self.note("begin", **self.beginning.to_journal())
+        self.control.act()
         self.place(origin)
 
     def copy(
@@ -171,7 +157,7 @@ class Run:
             on_block: as of ``Run``; None for the same.
         """
         shared: list[tuple[Any, Any]] = [
-            (self._beginning, None),
+            (self.beginning, None),
             (self._journal, journal),
             (self._wanted, wanted),
             (self._on_block, on_block),
@@ -186,16 +172,16 @@ class Run:
         Nothing may be under way: the entries before it have acted, and those after it have not.
         """
         if self._journal is not None and (self._journal.state_due or not due):
-            self.note("state", beginning=self._beginning.to_journal(), state=state_of(self))
+            self.note("state", beginning=self.beginning.to_journal(), state=state_of(self))
 
     @property
     def faults_published(self) -> bool:
         """Whether the present faults are published."""
-        return self._published_faults is self._simulation.faults.active
+        return self._published_faults is self.simulation.faults.active
 
     @faults_published.setter
     def faults_published(self, published: bool) -> None:
-        self._published_faults = self._simulation.faults.active if published else None
+        self._published_faults = self.simulation.faults.active if published else None
 
     def begin_streams(self) -> None:
         """Let waveform and trajectory begin here; what is pending of them is not published."""
@@ -204,7 +190,7 @@ class Run:
     def resume(self, origin: int, active: bool) -> None:
         """Go on from a copied state."""
         self.place(origin)
-        self._control.activate(active)
+        self.control.activate(active)
 
     def place(self, origin: int) -> None:
         """Give simulation time zero a stamp [ns]; motion and commands go on."""
@@ -214,8 +200,8 @@ class Run:
 
     def configure(self, settings: Settings) -> None:
         """Put settings into force that differ only in changeable parameters."""
-        self._control.set(settings.command_timeout, settings.command_loss_ramp)
-        self._simulation.configure(settings.configuration)
+        self.control.set(settings.command_timeout, settings.command_loss_ramp)
+        self.simulation.configure(settings.configuration)
 
     def advance_to(
         self, time: int, defer: Callable[[Stream], object] | None = None
@@ -229,7 +215,7 @@ class Run:
                 the caller makes and publishes it when it has time. None to have it yielded.
         """
         yield from self.changes()
-        simulation = self._simulation
+        simulation = self.simulation
         while simulation.time < time:
             end = self.next_boundary
             block = simulation.advance_to(min(end, time))
@@ -252,7 +238,7 @@ class Run:
         Where nothing changes from outside, those of about a second come together.
         """
         yield from self.changes()
-        simulation = self._simulation
+        simulation = self.simulation
         while simulation.time < time:
             if not (blocks := self._undisturbed_blocks(time)):
                 yield from self.advance_to(min(self.next_boundary, time))
@@ -265,8 +251,8 @@ class Run:
     def _undisturbed_blocks(self, time: int) -> int:
         """Return the number of blocks that can be done together, up to a time [ns]."""
         now = self.time
-        until = min(time, self._simulation.next_scheduled - 1)
-        faults = self._simulation.faults
+        until = min(time, self.simulation.next_scheduled - 1)
+        faults = self.simulation.faults
         if faults.active is not self._published_faults or any(
             record.fault.channel for record in faults.since(now)
         ):
@@ -296,7 +282,7 @@ class Run:
             self.time,
             "status",
             {
-                **status_fields(self._simulation, self.origin, state, bookkeeping),
+                **status_fields(self.simulation, self.origin, state, bookkeeping),
                 **self._recent_energy.powers(),
                 "journal_entries": self._journal.count if self._journal is not None else 0,
             },
@@ -318,7 +304,7 @@ class Run:
             yield entry.time, "journal", journal_fields(entry, self.origin)
 
     def _changed_faults(self) -> Iterator[Entry]:
-        faults = self._simulation.faults
+        faults = self.simulation.faults
         if faults.active is not self._published_faults:
             self._published_faults = faults.active
             yield self.time, "faults", faults_fields(faults, self.time, self.origin)

@@ -36,6 +36,11 @@ class ScheduledFault:
     # file and entry, with a colon; an error message begins with it
     place: str = dataclasses.field(default="", compare=False)
 
+    @property
+    def duration(self) -> int:
+        """Time for which it lasts [ns]; 0 if it does not end by itself."""
+        return 0 if self.clear is None else self.clear - self.onset
+
 
 @dataclasses.dataclass(frozen=True)
 class Scenario:

@@ -13,7 +13,7 @@ from rpud_sim.drilling.process import ProcessState
 from rpud_sim.model.parameters import Parameters
 from rpud_sim.simulation.actuator import ActuatorReading
 from rpud_sim.simulation.block import Block, join_blocks
-from rpud_sim.simulation.commands import Applied, Drive, Feed, WeightOnBit
+from rpud_sim.simulation.commands import COMMAND_NAMES, Applied, Command, Drive, Feed, WeightOnBit
 from rpud_sim.simulation.configuration import Configuration, to_values, whole_configuration
 from rpud_sim.simulation.energy_account import FeedAccount
 from rpud_sim.simulation.faults import (
@@ -63,15 +63,16 @@ class Simulation:
         configuration = whole_configuration(configuration)
         parameters = configuration.parameters
         drive = nominal_drive(configuration)
-        self._configuration = configuration
+        self.configuration = configuration  # in force, without faults; read-only
         self._journal = journal
         self._first_specific_energy = configuration.rock.rock_specific_energy
-        self._applied = Applied(WeightOnBit(parameters.weight_on_bit), 0, drive, 0)
+        # commands in force, read-only
+        self.applied = Applied(WeightOnBit(parameters.weight_on_bit), 0, drive, 0)
         self._plant = Plant(configuration, initial_phase, drive)
         self._rpud = rpud_constants(parameters, self._plant.actuator.resonance)
         self._drawn = 0.0  # electrical energy up to the last block [J]
         self._fed = FeedAccount() if configuration.has_feed else None  # up to the last block
-        self._faults = FaultLedger()
+        self.faults = FaultLedger()  # read-only
         self._schedule = FaultSchedule()
         self._refusals: deque[str] = deque(maxlen=_MOST_REFUSALS)
         for scheduled in scenario.faults if scenario else ():
@@ -82,24 +83,14 @@ class Simulation:
             self._schedule.plan_beginning(scheduled)
 
     @property
-    def configuration(self) -> Configuration:
-        """The configuration in force, without faults."""
-        return self._configuration
-
-    @property
     def parameters(self) -> Parameters:
         """The parameters in force, without faults."""
-        return self._configuration.parameters
+        return self.configuration.parameters
 
     @property
     def time(self) -> int:
         """Simulation time [ns]."""
         return self._plant.time
-
-    @property
-    def applied(self) -> Applied:
-        """The commands in force."""
-        return self._applied
 
     @property
     def impact_count(self) -> int:
@@ -115,11 +106,6 @@ class Simulation:
     def unloaded_amplitude(self) -> float:
         """Amplitude of a resonant vibration without load, on resonance [m]; 0 without one."""
         return self._plant.actuator.unloaded_amplitude
-
-    @property
-    def faults(self) -> FaultLedger:
-        """The ledger of faults, read-only."""
-        return self._faults
 
     @property
     def depth(self) -> float:
@@ -148,7 +134,7 @@ class Simulation:
     def weight_on_bit(self) -> float:
         """Force of the load spring: commanded, or as it follows from the feed [N]."""
         weight = self._plant.process.weight_on_bit
-        return self._applied.weight_on_bit.force if weight is None else weight
+        return self.applied.weight_on_bit.force if weight is None else weight
 
     @property
     def next_scheduled(self) -> int:
@@ -217,7 +203,7 @@ class Simulation:
                 )
         return join_blocks([self.advance_to(end) for end in ends.tolist()])
 
-    def apply(self, command: WeightOnBit | Drive | Feed) -> None:
+    def apply(self, command: Command) -> None:
         """Put a command into force at the present time.
 
         The nodal plane's position and velocity and the phase of the vibration stay continuous; a
@@ -226,35 +212,22 @@ class Simulation:
         time stays.
 
         Raises:
-            ParameterError: if the drive would give an amplitude outside its range, if a feed is
-                commanded that the drill has not, or outside its limits, or if a weight on bit is
-                commanded that follows from the feed; nothing changes then.
+            ParameterError: if the drill cannot take the command; nothing changes then.
         """
-        before = self._applied
-        if isinstance(command, WeightOnBit):
-            self._configuration.check_weight_on_bit()
-            if command == before.weight_on_bit:
-                return  # a controller may repeat it 100 times a second
-            self._plant.weight_on_bit = command.force
-            self._applied = dataclasses.replace(
-                before, weight_on_bit=command, weight_on_bit_time=self.time
-            )
-            kind = "weight_on_bit"
-        elif isinstance(command, Feed):
-            self._configuration.check_feed(command)
-            if command == before.feed:
-                return
-            self._plant.process.feed(command)
-            self._applied = dataclasses.replace(before, feed=command, feed_time=self.time)
-            kind = "feed"
+        before = self.applied
+        acting = command.after(before.drive) if isinstance(command, Drive) else command
+        self.configuration.check(acting)
+        kind = COMMAND_NAMES[type(acting)]
+        if acting == getattr(before, kind):
+            return  # a controller may repeat it 100 times a second
+        if isinstance(acting, WeightOnBit):
+            self._plant.weight_on_bit = acting.force
+        elif isinstance(acting, Feed):
+            self._plant.process.feed(acting)
         else:
-            drive = command.after(before.drive)
-            self._configuration.check_drive(drive)
-            if drive == before.drive:
-                return
-            self._plant.actuator.drive(drive)
-            self._applied = dataclasses.replace(before, drive=drive, drive_time=self.time)
-            kind = "drive"
+            self._plant.actuator.drive(acting)
+        changed: dict[str, Any] = {kind: acting, f"{kind}_time": self.time}
+        self.applied = dataclasses.replace(before, **changed)
         self._note(kind, **dataclasses.asdict(command))
 
     def configure(self, configuration: Configuration) -> None:
@@ -264,7 +237,7 @@ class Simulation:
             configuration: with the same actuator, and the same rock but for its specific energy.
                 Weight on bit and nominal vibration change by command alone.
         """
-        self._configuration = configuration
+        self.configuration = configuration
         self._change_effects()
         self._note("configure", parameters=to_values(configuration))
 
@@ -280,54 +253,47 @@ class Simulation:
 
     def clear(self, number: int) -> FaultRecord:
         """Let a fault end at the present time and return its record."""
-        record = self._clear(number)
+        record = self.faults.clear(self.time, number)
+        self._change_effects()
         self._note("clear", number=number)
         return record
 
     def clear_all(self) -> None:
         """Let all faults end at the present time."""
-        self._faults.clear_all(self.time)
+        self.faults.clear_all(self.time)
         self._change_effects()
         self._note("clear_all")
 
     def supported_kinds(self) -> tuple[str, ...]:
         """Return the kinds of faults that this drill supports, as it is configured."""
-        return supported_kinds(self._configuration)
+        return supported_kinds(self.configuration)
 
     def _note(self, kind: str, **content: Any) -> None:
         if self._journal is not None:
             self._journal.note(self.time, kind, **content)
 
     def _inject(self, fault: Fault, duration: int) -> int:
-        check_supported(fault, self._configuration)
-        number = self._faults.inject(self.time, fault)
+        check_supported(fault, self.configuration)
+        number = self.faults.inject(self.time, fault)
         if duration:
             self._schedule.plan_end(self.time + duration, number)
         self._change_effects()
         return number
 
-    def _clear(self, number: int) -> FaultRecord:
-        record = self._faults.clear(self.time, number)
-        self._change_effects()
-        return record
-
     def _apply_due_faults(self) -> None:
         for due in self._schedule.pop_due(self.time):
             if isinstance(due, ScheduledFault):
-                self._begin(due)
-            elif any(record.number == due for record in self._faults.active):
-                self._clear(due)
-
-    def _begin(self, scheduled: ScheduledFault) -> None:
-        duration = 0 if scheduled.clear is None else scheduled.clear - scheduled.onset
-        try:
-            self._inject(scheduled.fault, duration)
-        except FaultError as error:
-            self._refusals.append(f"scheduled fault refused: {scheduled.place}{error}")
+                try:
+                    self._inject(due.fault, due.duration)
+                except FaultError as error:
+                    self._refusals.append(f"scheduled fault refused: {due.place}{error}")
+            elif any(record.number == due for record in self.faults.active):
+                self.faults.clear(self.time, due)
+                self._change_effects()
 
     def _change_effects(self) -> None:
-        configuration = self._configuration
-        active = [record.fault for record in self._faults.active]
+        configuration = self.configuration
+        active = [record.fault for record in self.faults.active]
         self._plant.change(
             effects_of(active, configuration.parameters),
             configuration.rock.rock_specific_energy / self._first_specific_energy,

@@ -55,7 +55,7 @@ _STAGES = {
 # so that it need not be calculated again. What commands do is in the simulation.
 _LEFT_OUT = frozenset(
     (
-        *("_beginning", "_control", "_journal", "_wanted", "_on_block", "_recent_energy"),
+        *("beginning", "control", "_journal", "_wanted", "_on_block", "_recent_energy"),
         *("_published_faults", "_refusals", "_parameters"),
         *("_capacity", "_goal", "_rooms", "_segment_room", "_impact_room", "_written"),
         *("_struck", "_advance_code", "_interrupt_code"),
@@ -216,8 +216,8 @@ class _Reader:
                 before.extend(value)
             elif value is not before:
                 setattr(old, attribute, value)
-        if "_configuration" in held:
-            old._configuration = self._configuration
+        if "configuration" in held:
+            old.configuration = self._configuration
         return old
 
 

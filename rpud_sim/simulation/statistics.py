@@ -120,11 +120,13 @@ class Statistics:
     """
 
     def __init__(self) -> None:
-        self._begun = False
+        self.begun = False  # whether anything was added, read-only
         self._duration = 0
         self._electrical = 0.0
-        self._feed: FeedAccount | None = None
-        self._rotation: RotorWork | None = None
+        # of the blocks so far, read-only; None without a feed
+        self.feed: FeedAccount | None = None
+        # of the rotor from time zero to the last block, read-only; None without rotation
+        self.rotation: RotorWork | None = None
         self._tally = empty_tallies(1)
         self._classes = np.zeros(CLASSES, np.int64)
         self._part = np.zeros(PART_ROOM)
@@ -139,24 +141,14 @@ class Statistics:
         """The energy account of the blocks so far."""
         return EnergyAccount.from_tally(self._tally[0], self._electrical)
 
-    @property
-    def feed(self) -> FeedAccount | None:
-        """The account of feed and mount of the blocks so far; None without a feed."""
-        return self._feed
-
-    @property
-    def rotation(self) -> RotorWork | None:
-        """Energies of the rotor from time zero to the last block; None without rotation."""
-        return self._rotation
-
     def add(self, block: Block) -> None:
         """Add what happened in a block."""
         # The first segment began before this block, except at time zero.
-        counts = block.start == 0 and not self._begun
+        counts = block.start == 0 and not self.begun
         self.note_part(block.start, block.end, block.electrical_energy)
-        self._feed = sum_accounts((self._feed, block.feed))
+        self.feed = sum_accounts((self.feed, block.feed))
         rotor = block.process.rotation
-        self._rotation = rotor.work if rotor else None
+        self.rotation = rotor.work if rotor else None
         add_block(
             block.rpud,
             block.covering,
@@ -170,11 +162,6 @@ class Statistics:
         )
 
     @property
-    def begun(self) -> bool:
-        """Whether anything was added."""
-        return self._begun
-
-    @property
     def sums(self) -> tuple[np.ndarray, np.ndarray]:
         """One ``TALLY`` and the classes of contact forces, for a kernel to add to."""
         return self._tally, self._classes
@@ -184,16 +171,16 @@ class Statistics:
 
         electrical_energy: that the actuator drew in it [J]; NaN where its model has no power.
         """
-        self._begun = True
+        self.begun = True
         self._duration += end - start
         self._electrical += electrical_energy
 
     def merge(self, other: Statistics) -> None:
         """Add the sums of other statistics."""
-        self._begun = self._begun or other._begun
+        self.begun = self.begun or other.begun
         self._duration += other._duration
         self._electrical += other._electrical
-        self._feed = sum_accounts((self._feed, other._feed))
+        self.feed = sum_accounts((self.feed, other.feed))
         one, another = self._tally, other._tally
         least, most = int(another["lowest_class"][0]), int(another["highest_class"][0])
         for name in TALLY.names or ():

@@ -3,10 +3,8 @@
 import sys
 from types import SimpleNamespace
 
-import pytest
-
 from bench import __main__ as program
-from bench.page import PAGES, SHOWN, filled
+from bench.page import PAGE, SHOWN, filled
 from bench.table import Goal, Part, heading, read_parts, row, table, write_parts
 
 PART = Part(
@@ -59,15 +57,14 @@ def test_a_measurement_that_fails_keeps_its_rows(tmp_path, monkeypatch):
     assert [each.name for each in part.rows] == ["first"]
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
-def test_the_figures_of_a_page_are_those_of_the_kept_results(page):
-    text = page.read_text(encoding="utf-8")
+def test_the_figures_of_the_page_are_those_of_the_kept_results():
+    text = PAGE.read_text(encoding="utf-8")
 
     assert text == filled(text, read_parts(SHOWN))
 
 
 def test_every_missed_goal_is_explained():
-    explained = PAGES[0].read_text(encoding="utf-8").partition("What misses its goal")[2]
+    explained = PAGE.read_text(encoding="utf-8").partition("What misses its goal")[2]
 
     for part in read_parts(SHOWN):
         if any(each.missed for each in part.rows):

@@ -4,7 +4,7 @@ import json
 
 import pytest
 from altered_bags import altered
-from sample_bags import write_offline_bag
+from sample_bags import write_bag, write_offline_bag
 
 from rpud_sim.simulation import preset
 
@@ -17,6 +17,7 @@ def made(tmp_path_factory):
     write_offline_bag(folder / "a", DRILLING, 1.0, 0.1)
     write_offline_bag(folder / "other", DRILLING, 1.0, 0.85)
     write_offline_bag(folder / "heavier", DRILLING.replace(weight_on_bit=40.0), 1.0, 0.6)
+    write_bag(folder / "talk")
     return folder
 
 
@@ -82,26 +83,25 @@ def test_damage_is_reported_and_ends_with_3(made, tmp_path, rpud):
 
 
 @pytest.mark.parametrize(
-    ("words", "text"),
+    ("words", "code", "text"),
     [
-        (("--from", "nan"), "--from = nan s is outside its range [0, 1e+09] s"),
-        (("--tolerance", "0"), "--tolerance = 0 % is outside its range (0, 100) %"),
-        (("--run", "1.5"), "--run = 1.5"),
-        (("--quantity", "force"), "force is not a quantity; "),
-        (("--from", "2", "--to", "1"), "end = 1 s is not after begin = 2 s"),
+        (("other", "--from", "nan"), 2, "--from = nan s is outside its range [0, 1e+09] s"),
+        (("other", "--tolerance", "0"), 2, "--tolerance = 0 % is outside its range (0, 100) %"),
+        (("other", "--run", "1.5"), 2, "--run = 1.5"),
+        (("other", "--quantity", "peakforce"), 2, "peakforce is not a quantity; did you mean peak"),
+        (("other", "--from", "2", "--to", "1"), 2, "end = 1 s is not after begin = 2 s"),
+        (("other", *(3 * ("--run", "1"))), 2, "3 choices of a run for 2 bags: give 1 or 2"),
+        ((*(6 * ["other"]),), 2, "7 bags are outside the range [2, 6]"),
+        (("other", "--from", "50"), 1, "the runs have no time in common from 50 s to the end, "),
+        (("none",), 1, "there is no bag at {made}/none\n"),
+        (("talk",), 1, "{made}/talk holds no topic of a drill\n"),
+        (("other", "--out", "no/x.html"), 1, "cannot write no/x.html: there is no folder no\n"),
     ],
 )
-def test_a_wrong_call_is_one_line(made, rpud, words, text):
-    code, out, err = rpud("compare", made / "a", made / "other", *words)
-    assert (code, out) == (2, "")
-    assert err.startswith(f"rpud compare: {text}")
+def test_what_cannot_be_compared_is_one_line(made, rpud, monkeypatch, words, code, text):
+    monkeypatch.chdir(made)
+    others = [made / word if word in ("other", "none", "talk") else word for word in words]
+    found, out, err = rpud("compare", made / "a", *others)
+    assert (found, out) == (code, "")
+    assert err.startswith(f"rpud compare: {text.format(made=made)}")
     assert err.count("\n") == 1
-
-
-def test_what_cannot_be_compared_is_one_line(made, rpud):
-    code, out, err = rpud("compare", made / "a", made / "none")
-    assert (code, out) == (1, "")
-    assert err == f"rpud compare: there is no bag at {made / 'none'}\n"
-    code, _, err = rpud("compare", made / "a", made / "other", "--out", made / "no" / "x.html")
-    assert code == 1
-    assert err == f"rpud compare: cannot write {made}/no/x.html: there is no folder {made}/no\n"

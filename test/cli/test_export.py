@@ -32,31 +32,28 @@ def test_it_says_what_it_made(bag, tmp_path, rpud):
     assert (tmp_path / "new" / "out" / "rpud.talk.csv").is_file()
 
 
-def test_json_is_one_object(bag, tmp_path, rpud):
-    code, out, err = rpud("export", bag, "--out", tmp_path / "out", "--json")
-    assert (code, err) == (0, "")
-    content = json.loads(out)
-    assert (content["format"], content["left_out"]) == ("parquet", {})
-    size = (tmp_path / "out" / "rpud.talk.parquet").stat().st_size
-    assert content["topics"][1] == {
-        "name": "/rpud/talk",
-        "type": "std_msgs/msg/String",
-        "messages": 10,
-        "rows": 10,
-        "path": "rpud.talk.parquet",
-        "size": size,
-    }
-
-
-def test_what_is_left_out_is_named(tmp_path, rpud):
+def test_json_is_one_object_and_names_what_is_left_out(tmp_path, rpud):
     with BagWriter(tmp_path / "bag") as bag:
         bag.add_topic(TALK, STRING_DEFINITION)
         bag.add_topic(Topic("/untold", "pkg/msg/Untold"))
-    code, _, err = rpud("export", tmp_path / "bag", "--out", tmp_path / "out")
-    assert code == 0
-    assert err == (
-        "rpud export: left out /untold: the bag does not hold the definition of its type\n"
-    )
+    code, out, err = rpud("export", tmp_path / "bag", "--out", tmp_path / "out", "--json")
+    reason = "the bag does not hold the definition of its type"
+    assert (code, err) == (0, f"rpud export: left out /untold: {reason}\n")
+    content = json.loads(out)
+    assert (content["format"], content["left_out"]) == ("parquet", {"/untold": reason})
+    size = (tmp_path / "out" / "rpud.talk.parquet").stat().st_size
+    assert content["topics"] == [
+        {
+            "name": "/rpud/talk",
+            "type": "std_msgs/msg/String",
+            "messages": 0,
+            "rows": 0,
+            "path": "rpud.talk.parquet",
+            "size": size,
+        }
+    ]
+    account = json.loads((tmp_path / "out" / "export.json").read_text())
+    assert account.items() >= content.items()
 
 
 @pytest.mark.parametrize("file_format", ["csv", "parquet", "numpy"])
@@ -101,13 +98,14 @@ def test_a_wrong_call_is_one_line(bag, tmp_path, rpud, words, code, reason):
     assert not (tmp_path / "out").exists()
 
 
-def test_an_error_is_one_line(bag, tmp_path, rpud):
-    found, out, err = rpud("export", bag, "--out", bag)
-    assert (found, out) == (1, "")
-    assert err == f"rpud export: {bag} exists already; nothing is overwritten\n"
-    found, out, err = rpud("export", tmp_path / "none", "--out", tmp_path / "out")
-    assert (found, out) == (1, "")
-    assert err == f"rpud export: there is no bag at {tmp_path / 'none'}\n"
+def test_nothing_is_overwritten_and_no_bag_is_one_line(bag, tmp_path, rpud):
+    for name in ("out", "out.part"):
+        (tmp_path / name).mkdir()
+        reason = f"{tmp_path / name} exists already; nothing is overwritten\n"
+        assert rpud("export", bag, "--out", tmp_path / "out") == (1, "", f"rpud export: {reason}")
+        (tmp_path / name).rmdir()
+    found = rpud("export", tmp_path / "none", "--out", tmp_path / "out")
+    assert found == (1, "", f"rpud export: there is no bag at {tmp_path / 'none'}\n")
 
 
 @pytest.fixture(scope="module")
@@ -132,11 +130,15 @@ def test_a_rebuilt_waveform_and_its_size(drill_bag, tmp_path, rpud):
         (["--rate", 0], 2, "--rate = 0 Hz is outside its range [1, 1e+09] Hz"),
         (["--rate", "nan"], 2, "--rate = nan Hz is outside its range [1, 1e+09] Hz"),
         (["--rate", 1.5], 2, "--rate = 1.5 Hz is not a whole number"),
-        (["--rate", 10, "--run", 2], 1, "--run = 2 is outside its range [1, 1]"),
+        (["--rate", 10, "--run", 2], 1, "--run = 2 is outside its range [1, 1]: resets begin"),
+        (["--rate", 10, "--start", 5], 1, "--start = 5 s is not in the 0."),
+        (["--rate", 10, "--topics", "/other"], 1, "{bag} holds no trajectory named /other; "),
+        (["--run", 2], 2, "--run goes with --rate"),
     ],
 )
 def test_a_rate_or_run_that_cannot_be_is_one_line(drill_bag, tmp_path, rpud, words, code, reason):
     found, out, err = rpud("export", drill_bag, "--out", tmp_path / "out", *words)
     assert (found, out) == (code, "")
-    assert err.startswith(f"rpud export: {reason}")
+    assert err.startswith(f"rpud export: {reason.format(bag=drill_bag)}")
     assert err.count("\n") == 1
+    assert not (tmp_path / "out").exists()

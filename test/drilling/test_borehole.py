@@ -164,11 +164,7 @@ def test_percussion_whose_energy_all_breaks_rock_takes_the_least_specific_energy
 
 
 THREE = Strata(
-    (
-        Layer("soft", 0.0, 1e6, 1e6),
-        Layer("middle", 1e-3, 1e7, 1e7),
-        Layer("hard", 2e-3, 1e8, 1e8),
-    ),
+    (Layer("soft", 0.0, 1e6, 1e6), Layer("middle", 1e-3, 1e7, 1e7), Layer("hard", 2e-3, 1e8, 1e8)),
     bottom=2.5e-3,
 )
 

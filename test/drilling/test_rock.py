@@ -7,10 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rpud_sim.drilling.rock import (
-    Progress,
-    RockParameters,
-)
+from rpud_sim.drilling.rock import Progress, RockParameters
 from rpud_sim.model.segment import IMPACT
 
 SANDSTONE = RockParameters(rock_model="specific_energy")

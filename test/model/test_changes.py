@@ -54,10 +54,7 @@ commands = st.tuples(
     st.sampled_from([1000.0, 16000.0, 40000.0]),
 )
 changes = st.dictionaries(
-    st.floats(0.0, 0.3),
-    st.tuples(constants, st.booleans(), commands),
-    min_size=1,
-    max_size=6,
+    st.floats(0.0, 0.3), st.tuples(constants, st.booleans(), commands), min_size=1, max_size=6
 )
 
 

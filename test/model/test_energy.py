@@ -117,11 +117,7 @@ def test_the_actuator_s_work_is_the_integral_of_its_force_and_the_vibration(cont
     assert work == pytest.approx(expected, abs=1e-4 * size)
 
 
-@given(
-    real=st.floats(-1e4, 0.0),
-    imaginary=st.floats(-1e6, 1e6),
-    duration=st.floats(1e-9, 1e-2),
-)
+@given(real=st.floats(-1e4, 0.0), imaginary=st.floats(-1e6, 1e6), duration=st.floats(1e-9, 1e-2))
 def test_the_integral_of_an_exponential_is_exact_near_zero_too(real, imaginary, duration):
     rate = complex(real, imaginary)
     assume(abs(rate) * duration < 50.0)

@@ -47,10 +47,7 @@ def test_the_end_does_not_depend_on_where_a_caller_stops():
     [
         ({"regime": "free", "drill_tool_mass": 1e-12}, "drill_tool_mass"),
         ({"contact_model": "printed", "drill_tool_density": 1e-9}, "drill_tool_density"),
-        (
-            {"contact_model": "given", "effective_tool_mass": 1e-12},
-            "effective_tool_mass",
-        ),
+        ({"contact_model": "given", "effective_tool_mass": 1e-12}, "effective_tool_mass"),
     ],
 )
 def test_the_tool_is_named_by_the_parameters_that_make_it(changes, name):

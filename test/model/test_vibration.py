@@ -6,11 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rpud_sim.model.closed_form import (
-    advance_phase,
-    harmonic_vibration,
-    time_to_zero_displacement,
-)
+from rpud_sim.model.closed_form import advance_phase, harmonic_vibration, time_to_zero_displacement
 
 PHASES = st.floats(0.0, 1.0, exclude_max=True)
 FREQUENCIES = st.floats(100.0, 2e5)

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.foundation.time import NEVER
 from rpud_sim.model.parameters import preset
-from rpud_sim.model.resonator import Account
+from rpud_sim.model.resonator import ResonatorEnergy
 from rpud_sim.simulation.actuator import (
     HEATING_INTERVAL,
     TRACKING_INTERVAL,
@@ -30,7 +30,7 @@ from rpud_sim.simulation.simulation import Simulation
 SECOND = 1_000_000_000
 MILLISECOND = 1_000_000
 AMPLITUDE = 35e-6
-NOTHING = Account(0j, 0.0, 0.0, 0.0, 0.0, 0.0)
+NOTHING = ResonatorEnergy(0j, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 GAIN = ActuatorParameters()
 RESONANCE = ActuatorParameters(actuator_model="resonance")

@@ -9,6 +9,7 @@ import numba
 import pytest
 
 from rpud_sim.drilling.rock import RockParameters
+from rpud_sim.model import compile
 from rpud_sim.model.compile import compilation_notice
 from rpud_sim.simulation import ensemble, preset
 from rpud_sim.simulation.configuration import Configuration
@@ -165,7 +166,7 @@ def test_a_compilation_that_takes_long_is_reported(monkeypatch, long):
     if not long:
         told.set()
     monkeypatch.setattr(ensemble, "Statistics", Compiling)
-    monkeypatch.setattr(ensemble, "_LONG", 0.01 if long else 3600.0)
+    monkeypatch.setattr(compile, "_LONG", 0.01 if long else 3600.0)
     compile_kernels(PARAMETERS, tell)
     assert lines == [compilation_notice()] * long
 
@@ -179,6 +180,6 @@ def test_cached_kernels_are_not_reported_however_busy_the_machine_is(monkeypatch
 
     compile_kernels(PARAMETERS)
     monkeypatch.setattr(ensemble, "Statistics", Slow)
-    monkeypatch.setattr(ensemble, "_LONG", 0.0)
+    monkeypatch.setattr(compile, "_LONG", 0.0)
     compile_kernels(PARAMETERS, lambda line: told.set())
     assert not told.is_set()

@@ -15,6 +15,7 @@ from fault_signatures import (
     SECOND,
     Effect,
     documented,
+    documented_changes,
     effects,
     faulty_means,
     healthy_means,
@@ -29,7 +30,7 @@ from rpud_sim.simulation.faults import Fault
 LEFT_BEHIND = ("choking",)
 # Kinds of the feed: the force that they took comes back slowly.
 FED = ("feed_stall", "arm_slip")
-SIGNATURES = documented("signature of")
+SIGNATURES = documented()
 
 
 @functools.cache
@@ -65,8 +66,7 @@ def test_a_fault_has_its_signature(kind):
 @pytest.mark.parametrize("kind", ROWS)
 def test_the_changes_of_the_page_are_those_of_other_phases(kind):
     """They are of eight phases, none of them one of the test's."""
-    for column, cell in documented("change by")[kind].items():
-        change, error = (float(word) / 100.0 for word in cell.removesuffix(" %").split(" ± "))
+    for column, (change, error) in documented_changes()[kind].items():
         effect = found()[kind][column]
         assert abs(change - effect.change) < error + effect.error + 0.01, (column, effect)
         assert Effect(change, error, BANDS[column]).cell == SIGNATURES[kind][column]

@@ -79,7 +79,7 @@ def test_a_run_in_parts_is_that_of_a_simulation(configuration, phase, times):
     times = sorted(times)
     run, statistics = EnsembleRuns(configuration, [phase]), Statistics()
     for time in times[:-1]:
-        run.advance_to(time)
+        run.advance_to(time, Statistics())
     impacts = run.advance_to(times[-1], statistics)
     expected, expected_impacts = statistics_of(configuration, phase, times)
     assert run.time == times[-1]

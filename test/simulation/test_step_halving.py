@@ -10,7 +10,7 @@ from rpud_sim.drilling.inputs import UNDISTURBED, Disturbances, Percussion
 from rpud_sim.drilling.mount import Feed, Mount, MountParameters
 from rpud_sim.drilling.process import Process
 from rpud_sim.drilling.rock import RockParameters, preset_layer
-from rpud_sim.model.resonator import Account
+from rpud_sim.model.resonator import ResonatorEnergy
 from rpud_sim.simulation import Simulation, actuator, to_configuration
 from rpud_sim.simulation.commands import Drive
 
@@ -122,6 +122,8 @@ def test_the_temperature(monkeypatch):
         while (time := heated.next_step) <= SECOND:
             now = time / SECOND
             heat = 50.0 * now + 4.0 * (1.0 - math.cos(9.0 * now))
-            heated.step(time, Account(0j, 0.0, heat, 0.0, 0.0, 0.0))
-        found.append([heated.read(0.0, Account(0j, 0.0, 0.0, 0.0, 0.0, 0.0)).temperature - 293.15])
+            heated.step(time, ResonatorEnergy(0j, 0.0, heat, 0.0, 0.0, 0.0))
+        found.append(
+            [heated.read(0.0, ResonatorEnergy(0j, 0.0, 0.0, 0.0, 0.0, 0.0)).temperature - 293.15]
+        )
     assert_converges(found, 5e-3)

@@ -1,5 +1,6 @@
 """A fast validation agrees with the page of the documents, and both with what we say of them."""
 
+import csv
 import re
 from pathlib import Path
 
@@ -13,7 +14,7 @@ from validation.named_choices import AS_FIGURE_12, FITTED, NAMED, REASONED, TABL
 from validation.page import page
 from validation.paper_numbers import MEASURED, SIMULATED
 from validation.results import Effort, named, run_validation
-from validation.tables import tool_table
+from validation.tables import FILES, tool_table
 
 ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "docs" / "explanation" / "validation.md"
@@ -28,9 +29,15 @@ def results():
     return run_validation(Effort(12, 4, 6.0, 20, seed=7))
 
 
-def table(text, heading):
-    """Return the rows of the first table below a heading, by their first cell."""
-    below = text.partition(f"\n## {heading}\n")[2]
+def table_of(name):
+    """Return the rows of a table beside the page."""
+    with (PAGE.with_suffix("") / f"{name}.csv").open(newline="", encoding="utf-8") as file:
+        return list(csv.reader(file))
+
+
+def scores():
+    """Return the heading and the rows of the page's table, by their first cell."""
+    below = TEXT.partition("\n## The paper's ten simulated numbers\n")[2]
     lines = re.search(r"(?:^\|.*\n)+", below, re.MULTILINE).group().splitlines()
     rows = [[cell.strip(" *") for cell in line.strip("|").split("|")] for line in lines]
     return rows[0], {row[0]: row for row in rows[2:]}
@@ -38,55 +45,60 @@ def table(text, heading):
 
 def test_the_page_has_the_sections_and_tables_that_are_made(results):
     def shape(text):
-        return [line for line in text.splitlines() if line.startswith(("#", "| ---"))]
+        return [line for line in text.splitlines() if line.startswith(("#", "| ---", "| [num"))]
 
     assert shape(TEXT) == shape(page(results))
+    for name, (_, make) in FILES.items():
+        made = make(results)
+        assert table_of(name)[0] == list(made.heading)
+        assert len(table_of(name)) == 1 + len(made.rows)
+
+
+def near(cell, value, number):
+    allowed = 3.0 * value.half_interval / number.paper + 0.006
+    return float(cell.strip("*")) == pytest.approx(value.over(number), abs=allowed)
 
 
 def test_the_ten_numbers_on_the_page_are_those_of_the_model(results):
-    heading, rows = table(TEXT, "The paper's ten simulated numbers")
+    heading, rows = scores()
 
     assert heading[1:11] == [number.label for number in SIMULATED]
     assert set(rows) == {choices.name for choices in NAMED}
     for fit in results.fits:
         cells = rows[fit.choices.name]
         for number, cell in zip(SIMULATED, cells[1:11], strict=True):
-            value = fit.values[number]
-            allowed = 3.0 * value.half_interval / number.paper + 0.006
-            assert float(cell) == pytest.approx(value.over(number), abs=allowed), number.label
+            assert near(cell, fit.values[number], number), number.label
         within = sum(abs(float(cell) - 1.0) <= 0.1 for cell in cells[1:11])
         assert cells[11] == f"{within} of 10"
 
 
-def test_the_measured_numbers_on_the_page_are_those_of_the_model(results):
-    heading, rows = table(TEXT, "What no choice reaches")
+def test_the_measured_numbers_are_those_of_the_model(results):
+    heading, *rows = table_of("measured")
+    cells = {row[0]: row[1:] for row in rows}
 
     assert heading[1:] == [number.label for number in MEASURED]
     for fit in results.fits:
-        for number, cell in zip(MEASURED, rows[str(fit.choices.before)][1:], strict=True):
-            value = fit.values[number]
-            allowed = 3.0 * value.half_interval / number.paper + 0.006
-            assert float(cell) == pytest.approx(value.over(number), abs=allowed)
+        for number, cell in zip(MEASURED, cells[str(fit.choices.before)], strict=True):
+            assert near(cell, fit.values[number], number), number.label
 
 
-def test_the_verdicts_on_trends_are_those_of_the_page(results):
+def test_the_verdicts_on_trends_are_those_of_the_model(results):
+    rows = table_of("trends")[1:]
+    assert len(rows) == 16
     for number, name in ((2, TABLES), (3, FITTED)):
-        below = TEXT.partition("## Trends of Figs. 15 to 18")[2].partition("\n## ")[0]
-        rows = [line.strip("| ").split(" | ") for line in below.splitlines() if line[:1] == "|"][2:]
         stated = {(row[0], row[1]): row[number].partition(",")[0] for row in rows}
-        assert len(stated) == 16
         found = {(trend.parameter, trend.output): trend.verdict for trend in results.trends[name]}
         assert found == stated
 
 
-def test_what_needs_no_runs_is_on_the_page_to_the_letter(results):
-    assert tool_table() in TEXT
-    for row in contradiction_rows(results):
-        assert f"| {' | '.join(row[:3])} |" in TEXT
-    for choices in NAMED:
-        assert choices.reasons
-        assert f"| {choices.name} | {choices.before} | {choices.rock} |" in TEXT
-        assert f"- {choices.name}: {' '.join(choices.reasons)}" in TEXT
+def test_what_needs_no_runs_is_there_to_the_letter(results):
+    assert table_of("tools") == [list(row) for row in (tool_table().heading, *tool_table().rows)]
+    stated = [row[:3] for row in table_of("contradictions")[1:]]
+    assert stated == [list(row[:3]) for row in contradiction_rows(results)]
+    assert {row[0]: row[1:] for row in table_of("choices")[1:]} == {
+        choices.name: [str(choices.before), str(choices.rock), " ".join(choices.reasons)]
+        for choices in NAMED
+    }
 
 
 def outside(fit):

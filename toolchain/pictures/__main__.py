@@ -25,12 +25,7 @@ from toolchain.pictures.screenshots import SCHEMES, chromium, film, open_in_both
 
 STRATA = Path(__file__).resolve().parents[2] / "config" / "strata_example.yaml"
 WIDE = (1400, 900)
-NARROW = {"width": 560, "height": 900}
-SECONDS, RATE = 6, 10  # of the film of the motion: s, pictures a second
-SCREEN_SECONDS, SCREEN_RATE, SCREEN_WIDTH = 14, 4, 960  # of that of the screen; its width [px]
-MOTION_WIDTH = 400  # px
-FILMED = ("figure#section svg", "figure#motion")  # one above the other
-SCREEN = "import('/share/screen.js').then(({ rpudScreen: screen }) => %s)"
+SECONDS, RATE = 14, 4  # of the film: s, pictures a second
 
 
 def act(pages: list[Page], seconds: float) -> None:
@@ -56,38 +51,17 @@ def screen(browser: Browser, out: Path, folder: Path) -> None:
         for page in pages:  # slow enough for the eye, at so few pictures a second
             page.get_by_label("motion that a second shows").select_option("1")
         pages[0].wait_for_timeout(8_000)
-        pictures: list[list[list[bytes]]] = [[] for _ in pages]
+        pictures: list[list[bytes]] = [[] for _ in pages]
         begin = time.monotonic()
-        for number in range(SCREEN_SECONDS * SCREEN_RATE):
-            act(pages, number / SCREEN_RATE)
+        for number in range(SECONDS * RATE):
+            act(pages, number / RATE)
             for page, taken in zip(pages, pictures, strict=True):
-                taken.append([page.screenshot()])
-            late = begin + (number + 1) / SCREEN_RATE - time.monotonic()
+                taken.append(page.screenshot())
+            late = begin + (number + 1) / RATE - time.monotonic()
             pages[0].wait_for_timeout(max(0.0, 1e3 * late))
         for taken, ending in zip(pictures, SCHEMES.values(), strict=True):
-            film(taken, out.with_name(f"{out.stem}{ending}.webp"), SCREEN_RATE, SCREEN_WIDTH)
+            film(taken, out.with_name(f"{out.stem}{ending}.webp"), RATE)
         save(pages, out)
-
-
-def motion(browser: Browser, out: Path, folder: Path) -> None:
-    """Film section and zigzag of a recorded run: one picture a place of the clock."""
-    rpud("simulate", "--duration", "12", "--set", f"strata={STRATA}", "--bag", folder / "drilled")
-    with background("watch", "drilled", "--port", "0", folder=folder) as watch:
-        url = printed_url(watch)
-        for scheme, ending in SCHEMES.items():
-            page = browser.new_page(viewport=NARROW, color_scheme=scheme)
-            page.goto(url)
-            page.wait_for_timeout(4_000)
-            page.evaluate(SCREEN % "(screen.playhead.seek(11), 0)")
-            page.wait_for_timeout(3_000)
-            [length] = page.evaluate(SCREEN % "[screen.clock.end]")
-            pictures = []
-            for number in range(SECONDS * RATE):
-                place = length * number / (SECONDS * RATE)
-                page.evaluate(SCREEN % f"(screen.clock.still({place}), 0)")
-                pictures.append([page.locator(part).screenshot() for part in FILMED])
-            film(pictures, out.with_name(f"{out.stem}{ending}.webp"), RATE, MOTION_WIDTH)
-            page.close()
 
 
 DRAWINGS: dict[str, Callable[[], str]] = {
@@ -95,11 +69,11 @@ DRAWINGS: dict[str, Callable[[], str]] = {
     "blocks": draw_blocks,
     "events": draw_events,
 }
-PAGES: dict[str, Callable[[Browser, Path, Path], None]] = {"screen": screen, "motion": motion}
-KINDS = {"screen": ("png", "webp"), "motion": ("webp",)}
+PAGES: dict[str, Callable[[Browser, Path, Path], None]] = {"screen": screen}
+KINDS = ("png", "webp")
 FILES = [
     *(f"{name}.svg" for name in DRAWINGS),
-    *(f"{name}{end}.{kind}" for name in PAGES for end in SCHEMES.values() for kind in KINDS[name]),
+    *(f"{name}{end}.{kind}" for name in PAGES for end in SCHEMES.values() for kind in KINDS),
 ]
 """Names of all pictures."""
 
@@ -126,13 +100,6 @@ def printed_url(process: subprocess.Popen[str]) -> str:
         if found := re.search(r"http://\S+", line):
             return found[0]
     raise OSError(f"{' '.join(process.args[3:])} printed no address")
-
-
-def rpud(*words: object) -> None:
-    """Run a command of `rpud`; what it prints goes to the terminal."""
-    subprocess.run(
-        [sys.executable, "-m", "rpud_sim.cli.main", *map(str, words)], check=True, stdout=sys.stderr
-    )
 
 
 def main() -> int:

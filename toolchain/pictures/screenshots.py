@@ -17,6 +17,7 @@ SCHEMES = {"light": "", "dark": "_dark"}
 """Endings of the names of files, by colour scheme."""
 
 _COLORS = 256
+_FILM_WIDTH = 960  # pixels
 _DRAWN = "() => document.readyState === 'complete'"
 
 
@@ -73,21 +74,11 @@ def save(pages: list[Page], out: Path) -> list[Path]:
     return files
 
 
-def film(pictures: list[list[bytes]], out: Path, rate: int, width: int) -> None:
-    """Write pictures as an animated WebP, so many a second and so wide [px].
-
-    Each has parts, one above the other.
-    """
-    frames = []
-    for parts in pictures:
-        images = [Image.open(io.BytesIO(part)).convert("RGB") for part in parts]
-        size = max(image.width for image in images), sum(image.height for image in images)
-        frames.append(Image.new("RGB", size, images[-1].getpixel((0, 0))))
-        top = 0
-        for image in images:
-            frames[-1].paste(image, ((size[0] - image.width) // 2, top))
-            top += image.height
-        frames[-1] = frames[-1].resize((width, round(width * size[1] / size[0])))
+def film(pictures: list[bytes], out: Path, rate: int) -> None:
+    """Write pictures as an animated WebP, so many a second."""
+    images = [Image.open(io.BytesIO(picture)).convert("RGB") for picture in pictures]
+    height = round(_FILM_WIDTH * images[0].height / images[0].width)
+    frames = [image.resize((_FILM_WIDTH, height)) for image in images]
     first, *others = frames
     first.save(
         out,

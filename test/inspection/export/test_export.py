@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 import pyarrow.parquet as pq
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from long_waveform import long_waveform
 from sample_bags import (
@@ -30,7 +30,6 @@ from rpud_sim.bag import BagError, BagWriter, Topic
 from rpud_sim.bag.losses import LOSSES_RECORD, Losses, losses_to_record
 from rpud_sim.bag.manifest import MANIFEST_RECORD as MANIFEST
 from rpud_sim.bag.manifest import Manifest, manifest_from_record
-from rpud_sim.inspection import InspectionError
 from rpud_sim.inspection.export import ACCOUNT, FORMATS, export, file_stem
 from rpud_sim.simulation import preset
 
@@ -45,10 +44,6 @@ def drilled(tmp_path_factory):
 @pytest.fixture
 def everything(tmp_path):
     return write_everything(tmp_path / "bag")
-
-
-def nested_texts(column):
-    return [json.loads(text) for text in column]
 
 
 def test_parquet_holds_what_the_bag_holds(drilled, tmp_path):
@@ -99,9 +94,9 @@ def test_csv_holds_every_digit(everything, drilled, tmp_path):
     assert frame["large"].tolist() == [2**64 - 1] * 3
     assert frame["age"].tolist() == [-SECOND + 5] * 3
     assert frame["part.turn"].isna().all()
-    assert nested_texts(frame["ranges"])[0] == [0.5, "Infinity"]
-    assert nested_texts(frame["matrix"])[0] == [1.0, 2.0, 3.0, 4.0]
-    assert nested_texts(frame["names"])[0] == ["a", "b"]
+    assert json.loads(frame["ranges"][0]) == [0.5, "Infinity"]
+    assert json.loads(frame["matrix"][0]) == [1.0, 2.0, 3.0, 4.0]
+    assert json.loads(frame["names"][0]) == ["a", "b"]
     assert frame["note"].tolist() == ["größer"] * 3
     assert len(pd.read_csv(tmp_path / "all" / "none.csv")) == 0
 
@@ -161,33 +156,6 @@ def test_manifest_and_losses_are_kept(tmp_path):
         assert about["losses"] == {"transport": 2, "queue": 1, "damaged": 0}
     for about in (in_file, account):
         assert manifest_from_record(about["manifests"][0]) == manifest
-
-
-def test_an_unknown_topic_leaves_nothing_behind(drilled, tmp_path):
-    with pytest.raises(BagError, match=r"no topic '/rpud/w'; it holds /rpud/actuator_state, "):
-        export(drilled, tmp_path / "out", topics=["/rpud/wrench", "/rpud/w"])
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_nothing_is_overwritten(everything, tmp_path):
-    for name in ("out", "out.part"):
-        (tmp_path / name).mkdir()
-        with pytest.raises(
-            InspectionError, match=rf"{name} exists already; nothing is overwritten"
-        ):
-            export(everything, tmp_path / "out")
-        (tmp_path / name).rmdir()
-
-
-def test_topics_that_cannot_be_tables_are_named(tmp_path):
-    with BagWriter(tmp_path / "bag") as bag:
-        bag.add_topic(TALK, STRING_DEFINITION)
-        bag.add_topic(Topic("/untold", "pkg/msg/Untold"))
-    exported = export(tmp_path / "bag", tmp_path / "out")
-    assert [topic.name for topic in exported.topics] == [TALK.name]
-    reason = "the bag does not hold the definition of its type"
-    assert exported.left_out == {"/untold": reason}
-    assert json.loads((tmp_path / "out" / ACCOUNT).read_text())["left_out"] == exported.left_out
 
 
 def test_a_damaged_file_leaves_nothing_behind(tmp_path):
@@ -281,10 +249,9 @@ def test_hostile_names_are_one_plain_name(topic):
 
 
 @given(st.text(), st.text())
+@example("/a/b", "/a.b")
+@example("/a/b", "a.b")
+@example("/a//b", "/a/b/")
+@example("a/b", "a%2Fb")
 def test_no_two_topics_have_the_same(one, other):
     assert (file_stem(one) == file_stem(other)) == (one == other)
-
-
-def test_names_that_only_look_alike_differ():
-    names = ["/a/b", "a/b", "/a.b", "a.b", "/a//b", "/a/b/", "/A/b", "a%2Fb", "topic-a"]
-    assert len({file_stem(name) for name in names}) == len(names)

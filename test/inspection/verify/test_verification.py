@@ -26,36 +26,21 @@ ARM = {
     "rotation_model": "friction_drive",
     "strata": "sandstone",
 }
-# Where a field of each type lies from the end of the message, or from its beginning [bytes].
-PLACES = {
-    "actuator_state": -8,
-    "borehole": -8,
-    "contact_force": -9,
-    "drill_tool": -1,
-    "faults": -8,
-    "joint_states": -8,
-    "mount": -8,
-    "nodal_plane": -8,
-    "reacting_force": -8,
-    "rotation": -1,
-    "trajectory": -8,
-    "waveform": -8,
-    "wrench": -32,
-}
+# Field of each type, and where it lies from the end of the message, or from its beginning [bytes].
 FIELDS = {
-    "actuator_state": "temperature",
-    "borehole": "side_offset",
-    "contact_force": "energy_transferred",
-    "drill_tool": "in_contact",
-    "faults": "forgotten",
-    "joint_states": "effort[2]",
-    "mount": "slip",
-    "nodal_plane": "velocity",
-    "reacting_force": "force",
-    "rotation": "stalled",
-    "trajectory": "drill_tool_sine[",
-    "waveform": "reacting_force[",
-    "wrench": "wrench.force.z",
+    "actuator_state": ("temperature", -8),
+    "borehole": ("side_offset", -8),
+    "contact_force": ("energy_transferred", -9),
+    "drill_tool": ("in_contact", -1),
+    "faults": ("forgotten", -8),
+    "joint_states": ("effort[2]", -8),
+    "mount": ("slip", -8),
+    "nodal_plane": ("velocity", -8),
+    "reacting_force": ("force", -8),
+    "rotation": ("stalled", -1),
+    "trajectory": ("drill_tool_sine[", -8),
+    "waveform": ("reacting_force[", -8),
+    "wrench": ("wrench.force.z", -32),
 }
 
 
@@ -91,7 +76,7 @@ def test_one_flipped_bit_is_named(request, tmp_path, topic):
     bag = request.getfixturevalue("arm_bag" if topic in ON_ARM else "bag")
     number = 2
     original = messages_of(bag, {f"/rpud/{topic}"})[number]
-    change = numbered(topic, number, lambda m: [flipped(m.data, PLACES[topic])])
+    change = numbered(topic, number, lambda m: [flipped(m.data, FIELDS[topic][1])])
     verification = verify(altered(bag, tmp_path / "bag", change))
     difference = verification.first_difference
     assert totals(verification)[1:] == (1, 0, 0)
@@ -101,22 +86,35 @@ def test_one_flipped_bit_is_named(request, tmp_path, topic):
         seconds * 1_000_000_000 + rest,
         original.log_time,
     )
-    assert difference.field.startswith(FIELDS[topic])
+    assert difference.field.startswith(FIELDS[topic][0])
     assert difference.recorded != difference.computed
 
 
-def test_another_stamp_is_named(bag, tmp_path):
-    change = numbered("nodal_plane", 7, lambda m: [flipped(m.data, 8, 3)])
-    verification = verify(altered(bag, tmp_path / "bag", change))
-    assert totals(verification)[1:] == (1, 0, 0)
-    assert verification.first_difference.field == "header.stamp.nanosec"
+def put_in(message):
+    other = bytearray(message.data)
+    struct.pack_into("<I", other, 8, struct.unpack_from("<I", other, 8)[0] + 1)
+    return [message.data, bytes(other)]
 
 
-def test_bytes_that_are_no_message_are_named(bag, tmp_path):
-    change = numbered("wrench", 7, lambda m: [m.data[:20]])
-    verification = verify(altered(bag, tmp_path / "bag", change))
-    assert totals(verification)[1:] == (1, 0, 0)
-    assert "cannot be understood" in verification.first_difference.recorded
+@pytest.mark.parametrize(
+    ("topic", "change", "unexpected", "field", "recorded"),
+    [
+        ("nodal_plane", lambda m: [flipped(m.data, 8, 3)], 0, "header.stamp.nanosec", ""),
+        ("wrench", lambda m: [m.data[:20]], 0, "", "cannot be understood"),
+        ("nodal_plane", put_in, 1, "", "a message"),
+        ("wrench", lambda m: [m.data, m.data], 1, "", "a message"),
+    ],
+    ids=["stamp", "bytes", "put in", "duplicate"],
+)
+def test_what_is_altered_or_added_is_named(
+    bag, tmp_path, topic, change, unexpected, field, recorded
+):
+    verification = verify(altered(bag, tmp_path / "bag", numbered(topic, 7, change)))
+    assert totals(verification)[1:] == (1 - unexpected, 0, unexpected)
+    difference = verification.first_difference
+    assert (difference.topic, difference.field) == (f"/rpud/{topic}", field)
+    assert recorded in difference.recorded
+    assert (difference.computed is None) == bool(unexpected)
 
 
 def test_padding_between_fields_is_ignored(bag, tmp_path):
@@ -126,24 +124,6 @@ def test_padding_between_fields_is_ignored(bag, tmp_path):
     assert codec.without_padding(flipped(original, place)) == original
     change = numbered("reacting_force", 3, lambda m: [flipped(m.data, place)])
     assert verify(altered(bag, tmp_path / "bag", change)).proved
-
-
-def test_a_message_that_was_put_in_is_unexpected(bag, tmp_path):
-    def twice(message):
-        other = bytearray(message.data)
-        struct.pack_into("<I", other, 8, struct.unpack_from("<I", other, 8)[0] + 1)
-        return [message.data, bytes(other)]
-
-    verification = verify(altered(bag, tmp_path / "bag", numbered("nodal_plane", 7, twice)))
-    assert totals(verification)[1:] == (0, 0, 1)
-    assert verification.first_difference.computed is None
-
-
-def test_an_exact_duplicate_is_counted_and_a_difference(bag, tmp_path):
-    duplicate = numbered("wrench", 12, lambda message: [message.data, message.data])
-    verification = verify(altered(bag, tmp_path / "bag", duplicate))
-    assert totals(verification)[1:] == (0, 0, 1)
-    assert verification.first_difference.topic == "/rpud/wrench"
 
 
 def test_a_repeated_message_of_a_latched_topic_is_none_of_its_own(bag, tmp_path):
@@ -194,7 +174,7 @@ def test_messages_that_only_another_run_gives_are_not_called_different(bag, tmp_
 
 
 def test_a_message_that_no_run_gives_differs_in_any_order(bag, tmp_path):
-    change = numbered("wrench", 12, lambda m: [flipped(m.data, PLACES["wrench"])])
+    change = numbered("wrench", 12, lambda m: [flipped(m.data, FIELDS["wrench"][1])])
     path = in_wrong_order(bag, tmp_path, lambda message: change(message)[0])
     verification = verify(path)
     assert verification.first_difference.topic == "/rpud/wrench"
