@@ -6,29 +6,7 @@ from rpud_sim import bag as bags
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.verdicts import Record
-from rpud_sim.verdicts.formulas import (
-    WHOLE,
-    Active,
-    After,
-    Always,
-    And,
-    Becomes,
-    Cleared,
-    Compare,
-    Count,
-    Eventually,
-    Implies,
-    Message,
-    Not,
-    Number,
-    Onset,
-    Or,
-    Quantile,
-    Says,
-    Signal,
-    Until,
-    Window,
-)
+from rpud_sim.verdicts import formulas as f
 
 # Signals with units and thresholds that a drill of Table 2 crosses.
 NUMBERS = {
@@ -96,71 +74,71 @@ class RandomFormulas:
         one = self.formula(depth - 1)
         kind = self.random.randrange(9)
         if kind in (0, 1):
-            return (Always, Eventually)[kind](one, self.window())
+            return (f.Always, f.Eventually)[kind](one, self.window())
         if kind == 2:
-            return Not(one)
+            return f.Not(one)
         other = self.formula(depth - 1)
         if kind in (3, 4):
-            return (And, Or)[kind - 3]((one, other))
+            return (f.And, f.Or)[kind - 3]((one, other))
         if kind == 5:
-            return Implies(one, other)
+            return f.Implies(one, other)
         if kind == 6:
-            return Until(one, other, self.window())
+            return f.Until(one, other, self.window())
         if kind == 7:
-            return Until(one, other, WHOLE, True)
-        return After(self.event() if self.random.random() < 0.7 else one, other)
+            return f.Until(one, other, f.WHOLE, True)
+        return f.After(self.event() if self.random.random() < 0.7 else one, other)
 
     def compare(self):
         """Return a comparison."""
         name = self.random.choice(sorted(NUMBERS))
         value, unit = self.random.choice(NUMBERS[name])
         operator = self.random.choice(OPERATORS)
-        tolerance = Number(0.0)
+        tolerance = f.Number(0.0)
         if operator in ("==", "!=") and value and self.random.random() < 0.5:
-            tolerance = Number(abs(value) / 4, unit)
-        return Compare(self.signal(name), operator, Number(value, unit), tolerance)
+            tolerance = f.Number(abs(value) / 4, unit)
+        return f.Compare(self.signal(name), operator, f.Number(value, unit), tolerance)
 
     def says(self):
         """Return a word."""
         name, word = self.random.choice(WORDS)
-        return Says(self.signal(name), word)
+        return f.Says(self.signal(name), word)
 
     def active(self):
         """Return a fault."""
-        return Active(self.random.choice(FAULTS))
+        return f.Active(self.random.choice(FAULTS))
 
     def event(self):
         """Return an event."""
         kind = self.random.randrange(5)
         if kind < 2:
-            return (Onset, Cleared)[kind](self.random.choice(FAULTS))
+            return (f.Onset, f.Cleared)[kind](self.random.choice(FAULTS))
         if kind == 2:
-            return Message(self.random.choice(["contact_force", "journal", "status"]))
+            return f.Message(self.random.choice(["contact_force", "journal", "status"]))
         where = self.random.choice([self.compare, self.says])()
         if kind == 3:
-            return Becomes(where)
-        return Message(where.signal.topic, where)
+            return f.Becomes(where)
+        return f.Message(where.signal.topic, where)
 
     def count(self):
         """Return a comparison of a count."""
         number = float(self.random.choice([0, 1, 2, 40, 500]))
-        return Count(self.event(), self.random.choice(OPERATORS), number, self.window())
+        return f.Count(self.event(), self.random.choice(OPERATORS), number, self.window())
 
     def quantile(self):
         """Return a comparison of a quantile."""
         each, share = self.compare(), self.random.choice([0.01, 0.5, 0.9, 0.99, 1.0])
-        signal = Signal(each.signal.topic, each.signal.field)
-        return Quantile(share, signal, each.operator, each.number, self.window())
+        signal = f.Signal(each.signal.topic, each.signal.field)
+        return f.Quantile(share, signal, each.operator, each.number, self.window())
 
     def signal(self, name):
         """Return a signal of a name."""
         hold = self.random.choice([None, None, None, SECOND // 50])
-        return Signal(*name.split(".", 1), hold)
+        return f.Signal(*name.split(".", 1), hold)
 
     def window(self):
         """Return a window."""
         first, second = sorted(self.random.randrange(1200) * SECOND // 1000 for _ in range(2))
-        return self.random.choice([WHOLE, Window(0, second), Window(first, second)])
+        return self.random.choice([f.WHOLE, f.Window(0, second), f.Window(first, second)])
 
 
 def formulas():

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 from functools import partial
@@ -17,6 +17,7 @@ from rosbags.interfaces import Nodetype
 
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.errors import BagFormatError
+from rpud_sim.foundation.ragged import Ragged
 from rpud_sim.foundation.time import SECOND
 
 _GREATEST = 1e150  # squares of values beyond would overflow
@@ -62,10 +63,10 @@ class Column:
     description: str = ""  # the comment; empty without one
     attribute: str = ""  # of the field in decoded messages, with dots; empty if there is no field
 
-    def values(self, messages: Sequence[Any]) -> np.ndarray | Sequences:
+    def values(self, messages: Sequence[Any]) -> np.ndarray | Ragged:
         """Return the values of decoded messages, one for each, in the form of ``kind``.
 
-        Those of a sequence of numbers are ``Sequences``. Values that do not fit raise a ValueError
+        Those of a sequence of numbers are ``Ragged``. Values that do not fit raise a ValueError
         or an OverflowError.
         """
         found = [*map(attrgetter(self.attribute), messages)]
@@ -80,30 +81,10 @@ class Column:
             numbers = np.array(found).reshape(len(found), self.length)
             return numbers.astype(self.dtype, copy=False)
         if self.kind is Kind.SEQUENCE:
-            return Sequences.of(found, self.dtype)
+            return Ragged.of(found, self.dtype)
         if self.kind is Kind.NESTED:
             return objects([to_plain(value) for value in found])
         return objects(found)
-
-
-@dataclass(frozen=True)
-class Sequences:
-    """Sequences of numbers, one for each message."""
-
-    values: np.ndarray  # of all of them, one behind the other
-    counts: np.ndarray  # numbers in each, int64, shape (n,)
-
-    @classmethod
-    def of(cls, rows: Iterable[np.ndarray], dtype: np.dtype) -> Sequences:
-        parts = [part.astype(dtype, copy=False) for part in rows]
-        counts = np.array([len(part) for part in parts], np.int64)
-        return cls(np.concatenate([np.empty(0, dtype), *parts]), counts)
-
-    def rows(self) -> np.ndarray:
-        """Return an array of arrays, views of ``values``."""
-        ends = np.cumsum(self.counts).tolist()
-        starts = [0, *ends[:-1]]
-        return objects([self.values[i:j] for i, j in zip(starts, ends, strict=False)])
 
 
 def columns_of(codec: Codec, definition: str) -> tuple[Column, ...]:
@@ -187,19 +168,17 @@ def _dtype(base: tuple[str, int]) -> np.dtype | None:
 
 
 def _comments(type_name: str, definition: str) -> dict[tuple[str, str], str]:
-    names = [type_name]
+    """Return the comments behind fields, by the long name of their type and their own."""
     texts = _TYPE_LINE.split(definition)
-    names += [_long_name(name) for name in texts[1::2]]
+    names = [type_name]
+    for name in texts[1::2]:
+        package, _, short = name.rpartition("/")
+        names.append(f"{package.removesuffix('/msg')}/msg/{short}")
     return {
         (name, field): comment
         for name, text in zip(names, texts[::2], strict=True)
         for field, comment in _FIELD_LINE.findall(text)
     }
-
-
-def _long_name(name: str) -> str:
-    package, _, short = name.rpartition("/")
-    return f"{package.removesuffix('/msg')}/msg/{short}"
 
 
 def usable(values: np.ndarray) -> np.ndarray:
@@ -237,14 +216,14 @@ def row_columns(columns: tuple[Column, ...]) -> tuple[Column, ...]:
 
 
 def to_rows(
-    columns: tuple[Column, ...], blocks: Mapping[str, np.ndarray | Sequences]
+    columns: tuple[Column, ...], blocks: Mapping[str, np.ndarray | Ragged]
 ) -> dict[str, np.ndarray]:
     """Return the values of ``row_columns``, one for each row, from those of each block.
 
     Each row has the values that its block has once. ``sequence`` is the number of the row.
     """
-    sequences = {name: each for name, each in blocks.items() if isinstance(each, Sequences)}
-    single = {name: each for name, each in blocks.items() if not isinstance(each, Sequences)}
+    sequences = {name: each for name, each in blocks.items() if isinstance(each, Ragged)}
+    single = {name: each for name, each in blocks.items() if not isinstance(each, Ragged)}
     first = next(iter(sequences))
     counts = sequences[first].counts
     for name, each in sequences.items():

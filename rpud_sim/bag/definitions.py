@@ -23,13 +23,9 @@ _FIELD_TYPE = re.compile(r"\s*([A-Za-z][\w/]*)")
 
 
 def find_definition(type_name: str) -> str:
-    """Return the complete ``ros2msg`` definition of a message type, with all types that it needs.
+    """Return the complete ``ros2msg`` definition of a type such as ``std_msgs/msg/Header``.
 
-    Args:
-        type_name: such as ``std_msgs/msg/Header``.
-
-    Raises:
-        DefinitionNotFoundError: if the definition of a type is missing.
+    It has all types that this one needs.
     """
     places = _places()
     parts = [_read(type_name, places, ".msg")]
@@ -50,12 +46,6 @@ def find_type_hash(type_name: str) -> str:
     """Return the ``RIHS01_...`` hash of a message type.
 
     It comes from the installed description, or is calculated from the definition without one.
-
-    Args:
-        type_name: such as ``std_msgs/msg/Header``.
-
-    Raises:
-        DefinitionNotFoundError: if the definition of a type is missing.
     """
     package, name = _split(type_name)
     places = _places()

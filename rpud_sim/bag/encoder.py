@@ -47,7 +47,6 @@ _SIZES = {code: struct.calcsize(f"={code}") for code in CODES.values() if code !
 _MOST_LAYOUTS = 256
 _DTYPES = {code: np.dtype(code) for code in _SIZES}
 _COUNT = ("I", 4, 4)  # before each text and sequence
-_PAD = "pad"  # first word of the names of what is between numbers
 _RAGGED = -1  # in place of the length of a sequence that differs from message to message
 
 
@@ -116,10 +115,8 @@ class Encoder:
         if dtype is None:
             dtype = _record(self._members, lengths)
             _keep(self._records, key, dtype)
-        rows = np.empty(count, dtype)
-        values = iter((_ENCAPSULATION, *flat))
-        for name in dtype.names or ():
-            value = b"" if name.startswith(_PAD) else next(values)
+        rows = np.zeros(count, dtype)
+        for name, value in zip(dtype.names or (), (_ENCAPSULATION, *flat), strict=True):
             rows[name] = value
             _check_fits(value, rows[name])
         return rows.view(np.uint8), np.full(count, dtype.itemsize, np.int64)
@@ -282,18 +279,20 @@ def _keep(known: dict[tuple[int, ...], Any], key: tuple[int, ...], value: Any) -
 
 
 def _record(kind: Members, lengths: list[int]) -> np.dtype:
-    members = [("head", f"S{len(_ENCAPSULATION)}")]
-    end = 0
-    for number, (code, size, alignment) in enumerate(_parts(kind, iter(lengths))):
-        if pad := -end % alignment:
-            members.append((f"{_PAD} {number}", f"S{pad}"))
-        members.append((f"part {number}", f"S{size}" if code.endswith("s") else code))
-        end += pad + size
-    return np.dtype(members)
+    """Return the dtype of a message in which every number is aligned to its own size."""
+    head = len(_ENCAPSULATION)
+    formats, offsets, end = [f"S{head}"], [0], head
+    for code, size, alignment in _parts(kind, iter(lengths)):
+        end += (head - end) % alignment
+        formats.append(f"S{size}" if code.endswith("s") else code)
+        offsets.append(end)
+        end += size
+    names = [str(number) for number in range(len(formats))]
+    return np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": end})
 
 
 def _layout(kind: Members, lengths: list[int]) -> str:
-    """Return the format of a struct in which every number is aligned to its own size."""
+    """Return the format of a struct, as ``_record`` does."""
     layout, offset = f"={len(_ENCAPSULATION)}s", 0
     for code, size, alignment in _parts(kind, iter(lengths)):
         pad = -offset % alignment

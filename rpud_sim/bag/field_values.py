@@ -11,9 +11,10 @@ import numpy as np
 from rosbags.interfaces import Nodetype
 
 from rpud_sim.bag.cdr import DECODED_LIMIT, Codec
-from rpud_sim.bag.columns import Column, Kind, Sequences, objects
+from rpud_sim.bag.columns import Column, Kind, objects
 from rpud_sim.bag.errors import BagFormatError
 from rpud_sim.bag.messages import MessageBlock, gathered, items
+from rpud_sim.foundation.ragged import Ragged
 from rpud_sim.foundation.time import SECOND
 
 ELEMENTS_LIMIT = 10_000  # greatest number of messages within one message that are passed one by one
@@ -35,15 +36,15 @@ class FieldValues:
     """Values of fields."""
 
     rows: np.ndarray  # places of the readable messages in the block, in their order, shape (n,)
-    # values of each column, by its name, in the form of ``Kind``; ``Sequences`` for sequences
+    # values of each column, by its name, in the form of ``Kind``; ``Ragged`` for sequences
     # of numbers
-    columns: dict[str, np.ndarray | Sequences]
+    columns: dict[str, np.ndarray | Ragged]
     errors: tuple[tuple[int, str], ...]  # place of each other message, and the reason
 
     def array(self, name: str) -> np.ndarray:
         """Return the values of a column that holds no sequences."""
         values = self.columns[name]
-        assert not isinstance(values, Sequences)
+        assert not isinstance(values, Ragged)
         return values
 
 
@@ -86,7 +87,7 @@ class FieldReader:
         joined = {name: _together(values[name], decoded[name], order) for name in values}
         return FieldValues(np.concatenate([rows, others])[order], joined, errors)
 
-    def _walked(self, block: MessageBlock) -> tuple[np.ndarray, dict[str, np.ndarray | Sequences]]:
+    def _walked(self, block: MessageBlock) -> tuple[np.ndarray, dict[str, np.ndarray | Ragged]]:
         readable = (block.sizes >= _HEAD) & (block.sizes <= self._largest)
         order = ""
         if readable.any():
@@ -108,7 +109,7 @@ class FieldReader:
 
     def _decoded(
         self, block: MessageBlock, rows: np.ndarray
-    ) -> tuple[dict[str, np.ndarray | Sequences], tuple[tuple[int, str], ...]]:
+    ) -> tuple[dict[str, np.ndarray | Ragged], tuple[tuple[int, str], ...]]:
         messages, errors = [], []
         for row in rows.tolist():
             try:
@@ -162,7 +163,7 @@ class _FieldWalk:
         # Serializers may align the end of a message.
         self.bad |= (end > self._sizes) | (end + 3 < self._sizes)
 
-    def values(self, column: Column) -> np.ndarray | Sequences:
+    def values(self, column: Column) -> np.ndarray | Ragged:
         """Return the values of a column of messages that are all of the type."""
         if column.kind in (Kind.TIME, Kind.DURATION):
             seconds = self._numbers(f"{column.attribute}.sec").astype(np.int64)
@@ -180,7 +181,7 @@ class _FieldWalk:
         numbers = _native(found.view(field.dtype), column.dtype)
         if column.kind is Kind.ARRAY:
             return numbers.reshape(len(self._starts), column.length)
-        return Sequences(numbers, counts)
+        return Ragged.of_counts(numbers, counts)
 
     def _numbers(self, attribute: str) -> np.ndarray:
         field = self._fields[attribute]
@@ -406,9 +407,9 @@ def _native(values: np.ndarray, dtype: np.dtype) -> np.ndarray:
 
 
 def _together(
-    first: np.ndarray | Sequences, second: np.ndarray | Sequences, order: np.ndarray
-) -> np.ndarray | Sequences:
-    if isinstance(first, Sequences) and isinstance(second, Sequences):
+    first: np.ndarray | Ragged, second: np.ndarray | Ragged, order: np.ndarray
+) -> np.ndarray | Ragged:
+    if isinstance(first, Ragged) and isinstance(second, Ragged):
         rows = objects([*first.rows(), *second.rows()])[order]
-        return Sequences.of(rows, first.values.dtype)
+        return Ragged.of(rows, first.values.dtype)
     return np.concatenate([first, second])[order]

@@ -16,7 +16,6 @@ from rpud_sim.bag.columns import (
     RECEIVED,
     Column,
     Kind,
-    Sequences,
     columns_of,
     holds_rows,
     objects,
@@ -29,6 +28,7 @@ from rpud_sim.bag.messages import LATEST, MessageBlock
 from rpud_sim.bag.messages import joined as joined_blocks
 from rpud_sim.bag.metadata import TopicSummary
 from rpud_sim.foundation.quantities import suggestion
+from rpud_sim.foundation.ragged import Ragged
 
 if TYPE_CHECKING:
     import pandas
@@ -123,7 +123,7 @@ class Table:
         none, data = np.empty(0, np.int64), np.empty(0, np.uint8)
         return self.batch(MessageBlock(self._name, none, none, data, none, none))
 
-    def _batch(self, block: MessageBlock, columns: Mapping[str, np.ndarray | Sequences]) -> Batch:
+    def _batch(self, block: MessageBlock, columns: Mapping[str, np.ndarray | Ragged]) -> Batch:
         received = {
             "log_time": block.log_times.astype(np.int64, copy=False),
             "publish_time": block.publish_times.astype(np.int64, copy=False),
@@ -132,7 +132,7 @@ class Table:
             values = to_rows((*_RECEIVED, *self._fields), {**received, **columns})
         else:
             values = received | {
-                name: each.rows() if isinstance(each, Sequences) else each
+                name: objects(each.rows()) if isinstance(each, Ragged) else each
                 for name, each in columns.items()
             }
         return Batch(self._name, values, len(block))

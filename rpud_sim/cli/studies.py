@@ -204,7 +204,7 @@ def fit_text(fit: Fit) -> str:
 
 
 def _unknown(fit: Fit, name: str) -> str:
-    from rpud_sim.studies.fit.target_file import unit_of
+    from rpud_sim.studies.sweep.specification import unit_of
 
     if fit.found is None:
         return f"{name:28} {fit.best[name]:.4g} {unit_of(name)}".rstrip()

@@ -17,6 +17,9 @@ from rclpy.executors import Executor
 
 _POLL_PERIOD = 0.5  # between checks that the thread is still alive [s]
 
+_LONGEST_WAIT = 0.1  # for a callback that is ready [s]
+_SWITCH_INTERVAL = 1e-4  # after which Python lets another thread go on, 5 ms by default [s]
+
 
 class StoppedError(RuntimeError):
     """A request that cannot be served: the thread has ended, or has not begun."""
@@ -85,10 +88,6 @@ def schedule_thread(priority: int) -> str:
     except OSError as error:
         return f"time-sharing: real-time priority {priority}: {error.strerror}"
     return f"real-time priority {priority}" if priority else "time-sharing"
-
-
-_LONGEST_WAIT = 0.1  # for a callback that is ready [s]
-_SWITCH_INTERVAL = 1e-4  # after which Python lets another thread go on, 5 ms by default [s]
 
 
 @contextmanager

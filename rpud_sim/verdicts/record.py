@@ -12,8 +12,9 @@ import numpy as np
 
 from rpud_sim.bag import Batch, Column, Kind, TopicSummary
 from rpud_sim.bag import open as open_bag
-from rpud_sim.bag.columns import RECEIVED, Sequences, objects, to_rows
+from rpud_sim.bag.columns import RECEIVED, objects, to_rows
 from rpud_sim.foundation.quantities import suggestion
+from rpud_sim.foundation.ragged import Ragged
 from rpud_sim.verdicts.formulas import Compare, Quantile, Says, Signal
 from rpud_sim.verdicts.messages import Missing, Piece, TopicMessages, get, time_of
 from rpud_sim.verdicts.names import (
@@ -296,13 +297,13 @@ class Record:
 
     def _add_block(self, topic: str, message: Any) -> None:
         columns = drill_columns(topic, blocks=True)
-        values: dict[str, np.ndarray | Sequences] = {}
+        values: dict[str, np.ndarray | Ragged] = {}
         for column in columns:
             value = message
             for name in column.name.split("."):
                 value = self._count if name in RECEIVED else get(value, name)
             if column.kind is Kind.SEQUENCE:
-                values[column.name] = Sequences.of([np.array(value, column.dtype)], column.dtype)
+                values[column.name] = Ragged.of([np.array(value, column.dtype)], column.dtype)
             elif column.kind is Kind.TIME:
                 values[column.name] = np.array([time_of(value)], np.int64)
             else:

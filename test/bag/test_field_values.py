@@ -8,10 +8,11 @@ from sample_bags import SEPARATOR, serialized
 from support import examples
 
 from rpud_sim.bag.cdr import Codec
-from rpud_sim.bag.columns import Kind, Sequences, columns_of
+from rpud_sim.bag.columns import Kind, columns_of
 from rpud_sim.bag.errors import BagFormatError
 from rpud_sim.bag.field_values import FieldReader
 from rpud_sim.bag.messages import MessageBlock
+from rpud_sim.foundation.ragged import Ragged
 
 PARTS = f"""
 {SEPARATOR}
@@ -111,7 +112,7 @@ def decoded(codec, columns, messages):
 
 def plain(values):
     """Comparable values; NaN is itself."""
-    if isinstance(values, Sequences):
+    if isinstance(values, Ragged):
         return [plain(part) for part in values.rows()]
     if values.dtype == bool:
         values = values.view(np.uint8) != 0  # the library keeps the byte 2 in sequences
@@ -130,8 +131,8 @@ def assert_columns(codec, columns, messages, gap=b""):
     for place, column in enumerate(columns):
         values = found.columns[column.name]
         each = (
-            [plain(Sequences(part, np.array([len(part)]))) for part in values.rows()]
-            if isinstance(values, Sequences)
+            [plain(Ragged.of([part], part.dtype)) for part in values.rows()]
+            if isinstance(values, Ragged)
             else [plain(values[row : row + 1]) for row in range(len(values))]
         )
         assert each == [row[place] for _, row in rows], column.name

@@ -1,13 +1,19 @@
-"""Metadata has every field that rosbag2 reads; earlier versions are read."""
+"""Metadata and offers have every field that rosbag2 reads; earlier versions are read."""
 
 import pytest
 import yaml
+from hypothesis import given
+from hypothesis import strategies as st
 from sample_bags import CHAT, START, TALK
 
 from rpud_sim.bag.errors import BagFormatError
 from rpud_sim.bag.metadata import (
+    INFINITE,
     BagMetadata,
     FileInformation,
+    QosProfile,
+    dump_offered_qos,
+    load_offered_qos,
     metadata_from_document,
     metadata_from_record,
 )
@@ -28,41 +34,31 @@ def test_every_field_of_version_9_is_there():
     document = yaml.safe_load(METADATA.to_document())
     assert list(document) == ["rosbag2_bagfile_information"]
     content = document["rosbag2_bagfile_information"]
-    assert content.keys() == {
-        "version",
-        "storage_identifier",
-        "duration",
-        "starting_time",
-        "message_count",
-        "topics_with_message_count",
-        "compression_format",
-        "compression_mode",
-        "relative_file_paths",
-        "files",
-        "custom_data",
-        "ros_distro",
+    times = {
+        "starting_time": {"nanoseconds_since_epoch": START},
+        "duration": {"nanoseconds": 3_000},
+        "message_count": 7,
     }
-    assert content["version"] == 9
-    assert content["duration"] == {"nanoseconds": 3_000}
-    assert content["starting_time"] == {"nanoseconds_since_epoch": START}
-    assert content["files"] == [
-        {
-            "path": "bag_0.mcap",
-            "starting_time": {"nanoseconds_since_epoch": START},
-            "duration": {"nanoseconds": 3_000},
-            "message_count": 7,
-        }
-    ]
-    topic = content["topics_with_message_count"][0]
-    assert topic.keys() == {"topic_metadata", "message_count"}
-    assert topic["topic_metadata"].keys() == {
-        "name",
-        "type",
-        "serialization_format",
-        "offered_qos_profiles",
-        "type_description_hash",
+    [(talk, _), _] = [each.values() for each in content.pop("topics_with_message_count")]
+    assert content == {
+        "version": 9,
+        "storage_identifier": "mcap",
+        **times,
+        "compression_format": "",
+        "compression_mode": "",
+        "relative_file_paths": ["bag_0.mcap"],
+        "files": [{"path": "bag_0.mcap", **times}],
+        "custom_data": {"operator": "yes", "number": "1"},
+        "ros_distro": "jazzy",
     }
-    assert isinstance(topic["topic_metadata"]["offered_qos_profiles"], list)
+    offers = yaml.safe_load(dump_offered_qos(TALK.offered_qos))
+    assert talk == {
+        "name": TALK.name,
+        "type": TALK.type,
+        "serialization_format": "cdr",
+        "offered_qos_profiles": offers,
+        "type_description_hash": TALK.type_hash,
+    }
 
 
 def test_the_text_has_no_yaml_aliases():
@@ -133,3 +129,87 @@ def test_what_is_no_metadata_is_refused_in_one_line(text):
     with pytest.raises(BagFormatError) as caught:
         metadata_from_document(text)
     assert len(str(caught.value).splitlines()) == 1
+
+
+durations = st.one_of(st.just(INFINITE), st.integers(0, 10**18))
+profiles = st.builds(
+    QosProfile,
+    history=st.sampled_from(["keep_last", "keep_all", "unknown"]),
+    depth=st.integers(0, 10_000),
+    reliability=st.sampled_from(["reliable", "best_effort", "best_available"]),
+    durability=st.sampled_from(["volatile", "transient_local"]),
+    deadline=durations,
+    lifespan=durations,
+    liveliness=st.sampled_from(["automatic", "manual_by_topic"]),
+    liveliness_lease_duration=durations,
+    avoid_ros_namespace_conventions=st.booleans(),
+)
+
+
+@given(st.lists(profiles, max_size=3).map(tuple))
+def test_profiles_survive_the_round_trip(offered):
+    assert load_offered_qos(dump_offered_qos(offered)) == offered
+
+
+def test_policies_are_words_and_infinity_is_rmw_s():
+    [profile] = yaml.safe_load(dump_offered_qos((QosProfile(),)))
+    assert profile == {
+        "history": "unknown",
+        "depth": 0,
+        "reliability": "reliable",
+        "durability": "volatile",
+        "deadline": {"sec": 9223372036, "nsec": 854775807},
+        "lifespan": {"sec": 9223372036, "nsec": 854775807},
+        "liveliness": "automatic",
+        "liveliness_lease_duration": {"sec": 9223372036, "nsec": 854775807},
+        "avoid_ros_namespace_conventions": False,
+    }
+
+
+def test_numbers_of_versions_before_9_are_understood():
+    text = """
+- history: 3
+  depth: 0
+  reliability: 2
+  durability: 1
+  deadline: {sec: 2147483647, nsec: 4294967295}
+  lifespan: {sec: 0, nsec: 0}
+  liveliness: 1
+  liveliness_lease_duration: {sec: 1, nsec: 5}
+  avoid_ros_namespace_conventions: true
+"""
+    assert load_offered_qos(text) == (
+        QosProfile(
+            history="unknown",
+            depth=0,
+            reliability="best_effort",
+            durability="transient_local",
+            deadline=INFINITE,
+            lifespan=0,
+            liveliness="automatic",
+            liveliness_lease_duration=1_000_000_005,
+            avoid_ros_namespace_conventions=True,
+        ),
+    )
+
+
+@pytest.mark.parametrize(
+    ("text", "offered"),
+    [
+        ("", ()),
+        ("[]", ()),
+        ("~", ()),
+        (
+            dump_offered_qos((QosProfile(),)).replace("volatile", "eternal"),
+            (QosProfile(durability="unknown"),),  # a policy of the future
+        ),
+    ],
+)
+def test_offers_that_are_none_or_unknown(text, offered):
+    assert load_offered_qos(text) == offered
+
+
+@pytest.mark.parametrize("text", ["reliable", "- {depth: 1}", "- 3", "{", "3"])
+def test_what_is_no_list_of_profiles_is_refused(text):
+    with pytest.raises(BagFormatError):
+        load_offered_qos(text)

@@ -1,13 +1,9 @@
 """Reading is in order, in bounded memory, and damage is one clear error."""
 
-import contextlib
 import os
 import time
-import tracemalloc
 
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from mcap.writer import CompressionType, IndexType, Writer
 from sample_bags import (
     CHAT,
@@ -18,7 +14,6 @@ from sample_bags import (
     serialized_string,
     write_bag,
 )
-from support import examples
 
 import rpud_sim.bag
 import rpud_sim.bag.tables
@@ -110,14 +105,16 @@ def test_files_of_other_writers_are_read(tmp_path, chunked):
         # Two publishers of a topic may have a channel each; the metadata may be missing.
         channels = [writer.register_channel("/a", "cdr", schema) for _ in range(2)]
         for number in range(10):
-            time = START + number
             data = serialized_string(str(number))
-            writer.add_message(channels[number % 2], time, data, time)
+            writer.add_message(channels[number % 2], START + number, data, START + number)
+        writer.add_message(writer.register_channel("/b", "json", schema_id=0), START, b"{}", START)
         writer.finish()
     with rpud_sim.bag.open(tmp_path / "other.mcap") as bag:
-        assert texts(bag.messages()) == [*"0123456789"]
+        assert texts(bag.messages(["/a"])) == [*"0123456789"]
         assert texts(bag.messages(start=8)) == ["8", "9"]
-        [topic] = bag.topics
+        assert [message.data for message in bag.messages(["/b"])] == [b"{}"]
+        topic, other = bag.topics
+        assert (other.topic.type, other.topic.serialization_format) == ("", "json")
         assert topic.message_count == 10
         assert topic.topic.offered_qos == ()
         assert bag.compression == ("lz4" if chunked else "none")
@@ -158,19 +155,6 @@ def test_no_topic_is_missing_unnoticed_where_a_summary_lacks_it(tmp_path, left_o
         assert texts(bag.messages(["/a"])) == ["0"]
 
 
-def test_a_channel_without_a_schema_has_no_type(tmp_path):
-    with (tmp_path / "other.mcap").open("wb") as stream:
-        writer = Writer(stream)
-        writer.start()
-        channel = writer.register_channel("/a", "json", schema_id=0)
-        writer.add_message(channel, START, b"{}", START)
-        writer.finish()
-    with rpud_sim.bag.open(tmp_path / "other.mcap") as bag:
-        [topic] = bag.topics
-        assert (topic.topic.type, topic.topic.serialization_format) == ("", "json")
-        assert [message.data for message in bag.messages()] == [b"{}"]
-
-
 def test_a_closed_bag_is_no_damaged_one(tmp_path):
     bag = rpud_sim.bag.open(write_bag(tmp_path / "run"))
     bag.close()
@@ -178,19 +162,6 @@ def test_a_closed_bag_is_no_damaged_one(tmp_path):
         with pytest.raises(BagError, match="was closed; open the bag again") as refused:
             read()
         assert not isinstance(refused.value, BagFormatError)
-
-
-def test_memory_stays_bounded_by_the_chunks(tmp_path):
-    with BagWriter(tmp_path / "run", compression="none", chunk_size=100_000) as bag:
-        bag.add_topic(TALK, STRING_DEFINITION)
-        for number in range(20_000):
-            bag.write(TALK.name, bytes(1000), START + number, START)
-    tracemalloc.start()
-    with rpud_sim.bag.open(tmp_path / "run") as bag:
-        assert sum(1 for _ in bag.messages()) == 20_000
-    _, peak = tracemalloc.get_traced_memory()
-    tracemalloc.stop()
-    assert peak < 2_000_000
 
 
 def test_what_is_not_there_is_named(tmp_path):
@@ -204,12 +175,10 @@ def test_what_is_not_there_is_named(tmp_path):
         rpud_sim.bag.open(tmp_path / "run")
 
 
-def test_what_is_no_bag_is_named(tmp_path):
+@pytest.mark.parametrize("content", [b"these are just some notes of a student", b""])
+def test_what_is_no_bag_is_named(tmp_path, content):
     file = tmp_path / "notes.mcap"
-    file.write_text("these are just some notes of a student")
-    with pytest.raises(BagFormatError, match=r"notes.mcap is not an MCAP file"):
-        rpud_sim.bag.open(file)
-    file.write_bytes(b"")
+    file.write_bytes(content)
     with pytest.raises(BagFormatError, match=r"notes.mcap is not an MCAP file"):
         rpud_sim.bag.open(file)
 
@@ -246,25 +215,6 @@ def test_a_damaged_chunk_is_found_by_its_checksum(tmp_path):
         rpud_sim.bag.open(tmp_path / "run") as bag,
         pytest.raises(BagFormatError, match=r"run_0.mcap: the checksum of a chunk is wrong"),
     ):
-        list(bag.messages())
-
-
-@pytest.fixture(scope="module")
-def whole_file(tmp_path_factory):
-    return write_bag(tmp_path_factory.mktemp("whole") / "run", 20, chunk_size=300) / "run_0.mcap"
-
-
-@settings(max_examples=examples(300), deadline=None)
-@given(data=st.data())
-def test_changed_bytes_never_cause_anything_but_a_bag_error(whole_file, tmp_path_factory, data):
-    content = bytearray(whole_file.read_bytes())
-    for _ in range(data.draw(st.integers(1, 4))):
-        content[data.draw(st.integers(0, len(content) - 1))] = data.draw(st.integers(0, 255))
-    file = tmp_path_factory.mktemp("damaged") / "run_0.mcap"
-    file.write_bytes(content)
-    with contextlib.suppress(BagError), rpud_sim.bag.open(file) as bag:
-        assert bag.compression
-        assert len(bag.topics) <= 2
         list(bag.messages())
 
 

@@ -65,16 +65,6 @@ def test_by_duration_every_file_begins_with_what_is_latched(tmp_path):
     assert [int(text[:4]) for text in texts] == list(range(100))
 
 
-def test_writer_and_reader_count_the_same(tmp_path):
-    with BagWriter(tmp_path / "run") as bag:
-        bag.add_topic(LATCHED, STRING_DEFINITION)
-        bag.write(LATCHED.name, serialized_string("latched"), START, START)
-        bag.split()
-        assert bag.message_count == 1
-    with rpud_sim.bag.open(tmp_path / "run") as whole:
-        assert whole.message_count == 1
-
-
 @pytest.mark.parametrize("compression", ["none", "lz4", "zstd"])
 def test_by_size_no_file_is_larger(tmp_path, compression):
     path = write(

@@ -123,16 +123,11 @@ def test_nothing_is_overwritten(tmp_path):
         BagWriter(tmp_path / "empty")
 
 
-def test_the_folders_above_are_made(tmp_path):
-    path = write_bag(tmp_path / "runs" / "today" / "first")
-    with rpud_sim.bag.open(path) as bag:
-        assert bag.message_count == 10
-
-
-def test_a_bag_can_be_written_in_the_current_folder(tmp_path, monkeypatch):
+def test_folders_above_are_made_from_the_current_one_on(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    write_bag(Path("run"))
-    assert (tmp_path / "run" / "run_0.mcap").is_file()
+    for path in ("run", "runs/today/run"):
+        write_bag(Path(path))
+        assert (tmp_path / path / "run_0.mcap").is_file()
 
 
 def test_where_no_folder_can_be_made_it_says_so(tmp_path):

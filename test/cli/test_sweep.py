@@ -77,22 +77,6 @@ def test_one_object_says_what_was_made(made):
     assert {path.name for path in folder.iterdir()} == {*FILES, "report.html"}
 
 
-def test_any_point_can_be_simulated_again(made):
-    import pyarrow.parquet as pq
-
-    folder, _ = made
-    point = pq.read_table(folder / "points.parquet").to_pylist()[5]
-    weight, seed = point["weight_on_bit"], point["seed"]
-    done = rpud(
-        *("simulate", "--set", f"weight_on_bit={weight!r}", "--repeat", 4, "--seed", seed),
-        *("--duration", 10, "--json"),
-    )
-    figures = json.loads(done.stdout)
-    for name, error in figures["standard_error"].items():
-        assert point[name] == pytest.approx(figures[name], rel=1e-12), name
-        assert point[f"{name}_standard_error"] == pytest.approx(error, rel=1e-9), name
-
-
 @pytest.mark.extended
 def test_a_killed_worker_costs_its_own_chunk_alone(spec, made, tmp_path, process):
     out = tmp_path / "out"

@@ -17,7 +17,7 @@ from rpud_msgs.msg import Drive, Fault, Result, SimulationState, WeightOnBit
 from fuzz import hostile
 from fuzz.drill import Drill
 from rpud_sim.foundation.quantities import ParameterError, Quantity
-from rpud_sim.ros.drill.declaration import declare_settings
+from rpud_sim.ros.drill.managed_node import declare_settings
 from rpud_sim.simulation.changes import read_commands
 from rpud_sim.simulation.configuration import (
     CHANGEABLE,

@@ -19,7 +19,7 @@ from support import called
 import rpud_sim.bag
 from rpud_sim.bag.manifest import MANIFEST_RECORD as MANIFEST
 from rpud_sim.bag.manifest import manifest_from_record
-from rpud_sim.ros.record.recorder_services import service_type
+from rpud_sim.ros.record.recorder_node import service_type
 from rpud_sim.simulation.scenario import parse_scenario, read_scenario
 
 HERE = Path(__file__).parent

@@ -17,7 +17,7 @@ from support import called, until
 
 from rpud_sim.bag import BagWriter, Topic
 from rpud_sim.bag import QosProfile as RecordedProfile
-from rpud_sim.ros.replay.playback_thread import service_types
+from rpud_sim.ros.replay.replayer import service_types
 
 TYPES = service_types()
 REPLAYED = "/rpud/talk"

@@ -1,33 +1,24 @@
-"""Laws of expectations: negation, duality, margins and files."""
+"""Laws of expectations: negation, margins, files; and the same verdict live and over a bag."""
 
 import math
+import random
+from collections import Counter
 
 import pytest
 import yaml
 from hypothesis import example, given, settings
-from random_expectations import TOPICS, formulas
+from random_expectations import TOPICS, RandomFormulas, formulas, messages_of
 from support import examples
 
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.verdicts import Expectation, Record, evaluate, read_expectations
-from rpud_sim.verdicts.formulas import (
-    WHOLE,
-    After,
-    Count,
-    Formula,
-    Message,
-    Not,
-    Number,
-    Quantile,
-    Signal,
-    Until,
-    Window,
-)
+from rpud_sim.verdicts import formulas as f
+from rpud_sim.verdicts.names import TYPES
 from rpud_sim.verdicts.notation import to_plain
-from rpud_sim.verdicts.verdict import FAILED, PASSED, UNDECIDED
+from rpud_sim.verdicts.verdict import FAILED, OUTCOMES, PASSED, UNDECIDED
 
 OPPOSITE = {PASSED: FAILED, FAILED: PASSED, UNDECIDED: UNDECIDED}
-PEAK = Signal("contact_force", "peak_force")
+PEAK = f.Signal("contact_force", "peak_force")
 
 
 @pytest.fixture(scope="module")
@@ -35,13 +26,13 @@ def record(faulty_bag):
     return Record.from_bag(faulty_bag, TOPICS)
 
 
-def verdict(formula: Formula, record):
+def verdict(formula: f.Formula, record):
     return evaluate(Expectation("any", formula), record)
 
 
 @given(formulas())
 def test_negation_turns_the_verdict_and_the_sign_of_the_margin(record, formula):
-    plain, negated = verdict(formula, record), verdict(Not(formula), record)
+    plain, negated = verdict(formula, record), verdict(f.Not(formula), record)
     assert negated.outcome == OPPOSITE[plain.outcome]
     assert negated.margin == (None if plain.margin is None else -plain.margin)
 
@@ -67,14 +58,18 @@ def test_a_file_gives_the_same_expectations_back(tmp_path_factory, formula):
 
 @settings(max_examples=examples(30))
 @given(formulas())
-@example(Quantile(0.01, PEAK, "<", Number(1.0, "kN"), Window(0, 0)))  # impacts are missing later
-@example(Count(Message("contact_force"), "<=", 1, Window(0, SECOND // 1000)))
-@example(Not(Count(Message("contact_force", PEAK > "1 kN"), ">=", 1000, Window(0, SECOND // 2))))
+@example(
+    f.Quantile(0.01, PEAK, "<", f.Number(1.0, "kN"), f.Window(0, 0))
+)  # impacts are missing later
+@example(f.Count(f.Message("contact_force"), "<=", 1, f.Window(0, SECOND // 1000)))
+@example(
+    f.Not(f.Count(f.Message("contact_force", PEAK > "1 kN"), ">=", 1000, f.Window(0, SECOND // 2)))
+)
 def test_a_verdict_that_is_decided_early_stays(record, faulty_messages, formula):
     """What is decided in a bounded window stays so, however long the recording goes on."""
-    if any(isinstance(part, (After, Until)) for part in formula.walk()):
+    if any(isinstance(part, (f.After, f.Until)) for part in formula.walk()):
         return
-    if any(getattr(part, "window", None) == WHOLE for part in formula.walk()):
+    if any(getattr(part, "window", None) == f.WHOLE for part in formula.walk()):
         return
     short = Record()
     for message in faulty_messages:
@@ -83,3 +78,47 @@ def test_a_verdict_that_is_decided_early_stays(record, faulty_messages, formula)
     early = verdict(formula, short)
     if early.outcome != UNDECIDED:
         assert early.outcome == verdict(formula, record).outcome
+
+
+@pytest.fixture(scope="module")
+def live(faulty_messages):
+    """Record messages in any order, and some of them twice; of ``status`` in theirs."""
+    record = Record()
+    source = random.Random(1)
+    numbers = [*range(len(faulty_messages))]
+    numbers += source.sample(numbers, 200)
+    source.shuffle(numbers)
+    reports = iter(sorted(n for n in numbers if faulty_messages[n][0] == "status"))
+    for number in numbers:
+        is_report = faulty_messages[number][0] == "status"
+        record.add(*faulty_messages[next(reports) if is_report else number])
+    return record
+
+
+def test_random_expectations_have_the_same_verdict_live_and_over_the_bag(record, live):
+    source = RandomFormulas(random.Random(13))
+    outcomes = Counter()
+    for number in range(300):
+        expectation = Expectation(f"number {number}", source.formula())
+        verdict = evaluate(expectation, record)
+        assert evaluate(expectation, live) == verdict, expectation
+        outcomes[verdict.outcome] += 1
+    assert all(outcomes[outcome] > 15 for outcome in OUTCOMES), outcomes
+
+
+def test_a_verdict_depends_on_no_topic_but_those_of_its_expectation(faulty_bag, live):
+    source = RandomFormulas(random.Random(14))
+    for number in range(20):
+        expectation = Expectation(f"number {number}", source.formula())
+        record = Record.from_bag(faulty_bag, expectation.topics)
+        assert evaluate(expectation, record) == evaluate(expectation, live), expectation
+
+
+@pytest.mark.parametrize("topic", ["waveform", "trajectory"])
+def test_blocks_are_samples_live_as_in_the_bag(faulty_bag, topic):
+    recorded, live = Record.from_bag(faulty_bag, [topic]), Record()
+    for message in messages_of(faulty_bag, [topic]):
+        live.add(*message)
+    assert len(live.messages(topic)) == len(recorded.messages(topic)) > 1000
+    assert (live.messages(topic).stamps == recorded.messages(topic).stamps).all()
+    assert topic in TYPES

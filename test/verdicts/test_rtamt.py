@@ -9,28 +9,15 @@ from random_expectations import record_of
 from support import examples
 
 from rpud_sim.foundation.time import SECOND
+from rpud_sim.verdicts import formulas as f
 from rpud_sim.verdicts.evaluation import Evaluation
-from rpud_sim.verdicts.formulas import (
-    WHOLE,
-    Always,
-    And,
-    Compare,
-    Eventually,
-    Implies,
-    Not,
-    Number,
-    Or,
-    Signal,
-    Until,
-    Window,
-)
 from rpud_sim.verdicts.steps import LEAST_MARGIN, LEAST_TRUTH, MOST_MARGIN, MOST_TRUTH
 
 rtamt = pytest.importorskip("rtamt")
 
 pytestmark = pytest.mark.extended
 
-NAMES = {"x": Signal("reacting_force", "force"), "y": Signal("nodal_plane", "velocity")}
+NAMES = {"x": f.Signal("reacting_force", "force"), "y": f.Signal("nodal_plane", "velocity")}
 UNITS = {"x": "N", "y": "m/s"}
 
 
@@ -42,28 +29,32 @@ def formulas(draw, depth=4):
     if kind == "compare":
         name, operator = draw(st.sampled_from("xy")), draw(st.sampled_from(["<=", ">=", "=="]))
         number = draw(st.integers(-4, 4))
-        compare = Compare(NAMES[name], operator, Number(float(number), UNITS[name]))
+        compare = f.Compare(NAMES[name], operator, f.Number(float(number), UNITS[name]))
         return compare, f"({name} {operator} {number}.0)"
     one, text = draw(formulas(depth - 1))
     if kind == "not":
-        return Not(one), f"(not {text})"
+        return f.Not(one), f"(not {text})"
     if kind in ("and", "or", "implies"):
         other, second = draw(formulas(depth - 1))
-        built = {"and": And((one, other)), "or": Or((one, other)), "implies": Implies(one, other)}
+        built = {
+            "and": f.And((one, other)),
+            "or": f.Or((one, other)),
+            "implies": f.Implies(one, other),
+        }
         return built[kind], f"({text} {kind} {second})"
     start, length = draw(st.integers(0, 3)), draw(st.integers(0, 4))
     if kind == "until":
         # At instants between samples, a window that begins later has another meaning than theirs.
-        window, bounds = Window(0, length * SECOND), f"[0:{length}]"
+        window, bounds = f.Window(0, length * SECOND), f"[0:{length}]"
         other, second = draw(formulas(depth - 1))
-        return Until(one, other, window), f"({text} until{bounds} {second})"
+        return f.Until(one, other, window), f"({text} until{bounds} {second})"
     window, bounds = (
-        Window(start * SECOND, (start + length) * SECOND),
+        f.Window(start * SECOND, (start + length) * SECOND),
         f"[{start}:{start + length}]",
     )
     if draw(st.booleans()):
-        window, bounds = WHOLE, ""
-    kinds = {"always": Always, "eventually": Eventually}
+        window, bounds = f.WHOLE, ""
+    kinds = {"always": f.Always, "eventually": f.Eventually}
     return kinds[kind](one, window), f"({kind}{bounds}{text})"
 
 
@@ -111,7 +102,7 @@ def test_the_margins_are_exactly_those_of_rtamt_where_all_windows_end_in_time(fo
         velocity={number * SECOND: value for number, value in enumerate(y)},
     )
     whole = [part.window for part in formula.walk() if hasattr(part, "window")]
-    if WHOLE in whole and whole != [WHOLE]:
+    if f.WHOLE in whole and whole != [f.WHOLE]:
         return
     steps = Evaluation(record, 0, (len(pairs) - 1) * SECOND, 0).steps(formula)
     margin = margins_of_rtamt(text, [*x], [*y])[0]

@@ -8,35 +8,16 @@ from hypothesis import strategies as st
 from random_expectations import record_of
 from support import examples
 
+from rpud_sim.verdicts import formulas as f
 from rpud_sim.verdicts.evaluation import Evaluation
-from rpud_sim.verdicts.formulas import (
-    WHOLE,
-    After,
-    Always,
-    And,
-    Becomes,
-    Compare,
-    Count,
-    Event,
-    Eventually,
-    Implies,
-    Message,
-    Not,
-    Number,
-    Or,
-    Quantile,
-    Signal,
-    Until,
-    Window,
-)
 
 UNKNOWN = (-math.inf, math.inf, -1.0, 1.0)
-FORCE, WEIGHT = Signal("reacting_force", "force"), Signal("status", "weight_on_bit")
-SHORT = Signal("reacting_force", "force", 2)
+FORCE, WEIGHT = f.Signal("reacting_force", "force"), f.Signal("status", "weight_on_bit")
+SHORT = f.Signal("reacting_force", "force", 2)
 
 
 def compared(signal, operator, number):
-    return Compare(signal, operator, Number(number, "N" if number else ""))
+    return f.Compare(signal, operator, f.Number(number, "N" if number else ""))
 
 
 def comparisons():
@@ -50,14 +31,14 @@ def comparisons():
 
 def windows():
     pairs = st.tuples(st.integers(0, 8), st.integers(0, 8)).map(sorted)
-    return st.just(WHOLE) | pairs.map(lambda pair: Window(*pair)) | st.just(Window(2, None))
+    return st.just(f.WHOLE) | pairs.map(lambda pair: f.Window(*pair)) | st.just(f.Window(2, None))
 
 
 def events():
     where = comparisons().filter(lambda each: each.signal is not SHORT)
-    messages = where.map(lambda each: Message(each.signal.topic, each))
-    messages |= st.sampled_from(["reacting_force", "status"]).map(Message)
-    return messages | st.builds(Becomes, comparisons())
+    messages = where.map(lambda each: f.Message(each.signal.topic, each))
+    messages |= st.sampled_from(["reacting_force", "status"]).map(f.Message)
+    return messages | st.builds(f.Becomes, comparisons())
 
 
 @st.composite
@@ -72,24 +53,24 @@ def formulas(draw, depth=3):
     if kind == "count":
         operator, number = draw(st.sampled_from(["<", ">=", "=="])), draw(st.sampled_from([0, 2]))
         goal = draw(st.none() | comparisons() | events())
-        return Count(draw(events()), operator, float(number), WHOLE if goal else window, goal)
+        return f.Count(draw(events()), operator, float(number), f.WHOLE if goal else window, goal)
     if kind == "quantile":
         share = draw(st.sampled_from([0.3, 0.5, 1.0]))
-        signal = Signal(each.signal.topic, each.signal.field)
-        return Quantile(share, signal, each.operator, each.number, window)
+        signal = f.Signal(each.signal.topic, each.signal.field)
+        return f.Quantile(share, signal, each.operator, each.number, window)
     return each
 
 
 COMPOSED = {
-    "not": lambda inner: st.builds(Not, inner),
-    "and": lambda inner: st.tuples(inner, inner).map(And),
-    "or": lambda inner: st.tuples(inner, inner).map(Or),
-    "implies": lambda inner: st.builds(Implies, inner, inner),
-    "always": lambda inner: st.builds(Always, inner, windows()),
-    "eventually": lambda inner: st.builds(Eventually, inner, windows()),
-    "until": lambda inner: st.builds(Until, inner, inner, windows()),
-    "unless": lambda inner: st.builds(Until, inner, inner, st.just(WHOLE), st.just(True)),
-    "after": lambda inner: st.builds(After, st.one_of(events(), inner), inner),
+    "not": lambda inner: st.builds(f.Not, inner),
+    "and": lambda inner: st.tuples(inner, inner).map(f.And),
+    "or": lambda inner: st.tuples(inner, inner).map(f.Or),
+    "implies": lambda inner: st.builds(f.Implies, inner, inner),
+    "always": lambda inner: st.builds(f.Always, inner, windows()),
+    "eventually": lambda inner: st.builds(f.Eventually, inner, windows()),
+    "until": lambda inner: st.builds(f.Until, inner, inner, windows()),
+    "unless": lambda inner: st.builds(f.Until, inner, inner, st.just(f.WHOLE), st.just(True)),
+    "after": lambda inner: st.builds(f.After, st.one_of(events(), inner), inner),
 }
 
 
@@ -199,7 +180,7 @@ class Oracle:
 
     def implies(self, formula, time):
         return self.together(
-            [self.not_(Not(formula.condition), time), self.at(formula.formula, time)], max
+            [self.not_(f.Not(formula.condition), time), self.at(formula.formula, time)], max
         )
 
     def window(self, window, time):
@@ -235,11 +216,11 @@ class Oracle:
         came = (UNKNOWN, True) if absent and bounds[2] < bounds[3] else (bounds, False)
         if not formula.weak:
             return came
-        return self.together([came, self.always(Always(formula.formula), time)], max)
+        return self.together([came, self.always(f.Always(formula.formula), time)], max)
 
     def after(self, formula, time):
         trigger = formula.trigger
-        trigger = trigger if isinstance(trigger, Event) else Becomes(trigger)
+        trigger = trigger if isinstance(trigger, f.Event) else f.Becomes(trigger)
         found, came = [], False
         for each in range(time, self.end + 1):
             happens, unheard = self.at(trigger, each)
@@ -276,7 +257,7 @@ class Oracle:
         high = math.inf if beyond else sum(bounds[3] > 0.0 for bounds in found)
         unsure = [not absent and bounds[2] < bounds[3] for bounds, absent in every]
         for first in range(self.begin, self.end):  # any number of events in two such instants
-            if isinstance(formula.event, Message):
+            if isinstance(formula.event, f.Message):
                 break
             if all(unsure[first - self.begin :][:2]) and {first, first + 1} & {*times}:
                 high = math.inf
@@ -317,10 +298,10 @@ for _name in ("not", "and", "or"):
 @settings(max_examples=examples(150), deadline=None)
 @given(formulas(), samples(1), samples(1))
 @example(  # whether the weight held before its first message is not known
-    Until(
-        compared(Signal("status", "weight_on_bit"), "<", 1.0),
-        compared(Signal("reacting_force", "force"), "<", 1.0),
-        Window(2, None),
+    f.Until(
+        compared(f.Signal("status", "weight_on_bit"), "<", 1.0),
+        compared(f.Signal("reacting_force", "force"), "<", 1.0),
+        f.Window(2, None),
     ),
     {0: 0.0},
     {1: 0.0, 2: 0.0},

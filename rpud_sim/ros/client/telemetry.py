@@ -52,19 +52,11 @@ _FIXED = 16  # bytes of a waveform's fields before its arrays
 class Telemetry:
     """Subscriptions to fast topics of a drill, and counts of what they lost.
 
-    A message costs its listener a few microseconds: rclpy converts nothing. Values by topic, in the
-    order of the message's fields without the header:
-
-    - ``nodal_plane``: position, velocity
-    - ``drill_tool``: displacement, velocity, in_contact
-    - ``reacting_force``: force
-    - ``contact_force``: sequence and the six numbers, squeezed
-    - ``actuator_state``: all twelve numbers
-    - ``rotation``, ``mount``, ``borehole``: all values
-    - ``waveform``: sequence, sample_period, and a tuple of six NumPy arrays
+    A message costs its listener a few microseconds: rclpy converts nothing. ``sinks`` has, by
+    topic, a function of the stamp [ns] and the values: those of ``FIELDS`` in this order, and for
+    ``waveform`` its sequence, its sample_period and a tuple of six NumPy arrays.
 
     A message of another length or encapsulation is ignored: a stranger may publish there too.
-    ``sinks`` has, by topic, a function of the stamp [ns] and the values.
     """
 
     def __init__(

@@ -22,12 +22,11 @@ from rclpy.validate_namespace import validate_namespace
 
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.ros.drill import standard_services
-from rpud_sim.ros.drill.declaration import DrillParameters
 from rpud_sim.ros.drill.duplicate_nodes import DuplicateNodes, NamesakeSearch
 from rpud_sim.ros.drill.gate import Gate
 from rpud_sim.ros.drill.inbox import Inbox
 from rpud_sim.ros.drill.live_run import LiveRun
-from rpud_sim.ros.drill.managed_node import ManagedNode, log_exceptions
+from rpud_sim.ros.drill.managed_node import DrillParameters, ManagedNode, log_exceptions
 from rpud_sim.ros.drill.pacing_loop import PacingLoop
 from rpud_sim.ros.drill.report import REPORT_PERIOD, Report
 from rpud_sim.ros.drill.services import DeliveryServer, FaultServer, SimulationServer
@@ -45,6 +44,8 @@ from rpud_sim.simulation.topics import TOPICS
 NAME = "drill_node"
 _THREADS = 3  # a step, a short request, and whatever else comes
 _LAST_ANSWERS = 10.0  # time for answers that are under way when the drill ends [s]
+
+_DISCOVERY_TIME = 5.0  # that the middleware may take to connect a recorder's subscriptions [s]
 
 
 class DrillNode(ManagedNode):
@@ -262,9 +263,6 @@ def spin(
             executor.shutdown(timeout_sec=_LAST_ANSWERS)
     if (failure := node.loop.failure) is not None:
         raise RuntimeError(str(failure)) from failure
-
-
-_DISCOVERY_TIME = 5.0  # that the middleware may take to connect a recorder's subscriptions [s]
 
 
 class NamesakeError(RuntimeError):

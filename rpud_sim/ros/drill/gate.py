@@ -30,6 +30,8 @@ from rpud_sim.simulation.fields import FEED_JOINT, JOINTS, ROTATION_JOINT
 
 _PASSIVE = (*JOINTS, ROTATION_JOINT)
 
+_FEED_MODES = {FeedMessage.MODE_RATE: RATE, FeedMessage.MODE_POSITION: POSITION}
+
 
 def to_feed(message: JointState) -> Feed | None:
     """Return the feed that a command to joints has; None if it has none.
@@ -82,9 +84,6 @@ def _check_passive(message: JointState, names: list[str]) -> None:
                 f"joint_commands: {name} cannot be commanded; of the drill's joints only "
                 f"{FEED_JOINT} can"
             )
-
-
-_FEED_MODES = {FeedMessage.MODE_RATE: RATE, FeedMessage.MODE_POSITION: POSITION}
 
 
 class Gate:

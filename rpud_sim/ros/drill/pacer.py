@@ -15,6 +15,10 @@ from rclpy.node import Node
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.ros.delay_histogram import DelayHistogram
 
+# A block is computed this long before its deadline, or right after the block before [s]. Requests
+# and parameters wait for its end from then on: with a longer lead services would answer late.
+LEAD = 0.01
+
 
 class TimeSource:
     """Clock that gives simulation time zero its stamp, and what comes after it a schedule.
@@ -83,11 +87,6 @@ class TimeSource:
         if jump.delta.nanoseconds < 0:
             self._went_back.set()
         self._notify()
-
-
-# A block is computed this long before its deadline, or right after the block before [s]. Requests
-# and parameters wait for its end from then on: with a longer lead services would answer late.
-LEAD = 0.01
 
 
 @dataclasses.dataclass(frozen=True)

@@ -27,6 +27,22 @@ from rpud_sim.simulation.topics import TOPICS, Topic
 
 Message = TypeVar("Message")
 
+RESULTS = "command_results"
+"""Topic of what became of the commands: of a running drill alone, no part of a simulation."""
+OF_NODE = {
+    "/diagnostics": Topic("diagnostic_msgs/msg/DiagnosticArray", 10, complete=False),
+    RESULTS: Topic("rpud_msgs/msg/CommandResults", 100, latched=True, complete=False),
+}
+# A node that joins a drill at a standstill has the time at once.
+CLOCK = Topic("rosgraph_msgs/msg/Clock", 1, latched=True, frame="", complete=False)
+COMMAND_QOS = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
+# A simulation that nothing paces waits for its subscribers when a depth is used up, but not longer
+# than this for one that does not answer [s].
+_LONGEST_WAIT = 1.0
+_STATUS_WAIT = 0.5  # for those that lack the last status [s]
+_AT_ONCE = Duration(nanoseconds=0)
+Encoded = tuple[str, bytes]  # topic and serialized message
+
 
 def filled(message: Message, values: fields.Fields) -> Message:
     """Set the message's fields, and those of the messages in it, and return it."""
@@ -56,26 +72,6 @@ def message_to_fault(message: FaultMessage) -> Fault:
 
 def record_to_fault(record: FaultRecord, origin: int) -> FaultMessage:
     return filled(FaultMessage(), fields.fault_fields(record, origin))
-
-
-RESULTS = "command_results"
-"""Topic of what became of the commands: of a running drill alone, no part of a simulation."""
-OF_NODE = {
-    "/diagnostics": Topic("diagnostic_msgs/msg/DiagnosticArray", 10, complete=False),
-    RESULTS: Topic("rpud_msgs/msg/CommandResults", 100, latched=True, complete=False),
-}
-# A node that joins a drill at a standstill has the time at once.
-CLOCK = Topic("rosgraph_msgs/msg/Clock", 1, latched=True, frame="", complete=False)
-COMMAND_QOS = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
-
-# A simulation that nothing paces waits for its subscribers when a depth is used up, but not longer
-# than this for one that does not answer [s].
-_LONGEST_WAIT = 1.0
-_STATUS_WAIT = 0.5  # for those that lack the last status [s]
-
-_AT_ONCE = Duration(nanoseconds=0)
-
-Encoded = tuple[str, bytes]  # topic and serialized message
 
 
 class DrillPublishers:

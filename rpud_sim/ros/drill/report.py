@@ -36,6 +36,16 @@ LEAST_POWER = 0.1  # of both, so that a drill at rest is none [W]
 STALLED_SHARE = 0.05
 LAG_ERROR = 1.0  # simulation time this far behind its schedule is an error [s]
 
+REPORT_PERIOD = 1.0  # of status and diagnostics [s]
+CHANGE_PERIOD = 0.05  # of reports that commands cause while time goes on, at least [s]
+_BATCH_SIZE = 20  # blocks that are counted at once: one by one would take most of the time
+# Topics that command the same: two publishers on one line are a mistake.
+_COMMAND_TOPICS = (
+    ("command/weight_on_bit",),
+    ("command/drive",),
+    ("command/feed", "joint_commands"),
+)
+
 
 @dataclasses.dataclass(frozen=True)
 class Report:
@@ -232,17 +242,6 @@ def _diagnostic(name: str, level: bytes, text: str, values: dict[str, object]) -
         hardware_id="rpud_sim",
         values=[KeyValue(key=key, value=str(value)) for key, value in values.items()],
     )
-
-
-REPORT_PERIOD = 1.0  # of status and diagnostics [s]
-CHANGE_PERIOD = 0.05  # of reports that commands cause while time goes on, at least [s]
-_BATCH_SIZE = 20  # blocks that are counted at once: one by one would take most of the time
-# Topics that command the same: two publishers on one line are a mistake.
-_COMMAND_TOPICS = (
-    ("command/weight_on_bit",),
-    ("command/drive",),
-    ("command/feed", "joint_commands"),
-)
 
 
 class StatusReporter:

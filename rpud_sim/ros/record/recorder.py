@@ -20,8 +20,7 @@ from rpud_sim.foundation.quantities import suggestion
 from rpud_sim.foundation.terminal import printable
 from rpud_sim.ros.record.parameter_query import ParameterQuery
 from rpud_sim.ros.record.record_options import RecordOptions
-from rpud_sim.ros.record.recorder_node import Recorder
-from rpud_sim.ros.record.recorder_services import RecorderServices
+from rpud_sim.ros.record.recorder_node import Recorder, RecorderServices
 from rpud_sim.ros.record.writing import Intake, WritingThread
 from rpud_sim.ros.starting import StartError, name_error, start_ros
 from rpud_sim.ros.stopping import StopRequest

@@ -20,8 +20,8 @@ from rpud_sim.simulation.configuration import PARAMETERS, to_values
 from rpud_sim.studies.fit.fit import BEST_RUNS, Fit, TargetComparison
 from rpud_sim.studies.fit.posterior import LEVEL, PERCENT, Identifiability, Interval
 from rpud_sim.studies.fit.rounds import fit_versions
-from rpud_sim.studies.fit.target_file import unit_of
 from rpud_sim.studies.store import write_whole
+from rpud_sim.studies.sweep.specification import unit_of
 
 _MOST_DOTS = 1500
 _BINS = 40

@@ -6,8 +6,7 @@ import dataclasses
 import itertools
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from functools import cached_property
-from types import MappingProxyType
+from typing import NamedTuple
 
 import numpy as np
 
@@ -25,58 +24,40 @@ SAMPLE_RATE = 5000  # for the greatest displacements; these motions are slower t
 _TORQUE_INTERVAL = SECOND // 100  # between samples of the torque [ns]
 
 # Values of single impacts, with the field of their record and unit, for a statistic over them.
-IMPACT_VALUES = MappingProxyType(
-    {
-        "contact_force": ("peak_force", "N"),
-        "contact_duration": ("contact_duration", "s"),
-        "impact_velocity": ("impact_velocity", "m/s"),
-        "impact_energy": ("energy", "J"),
-        "impulse": ("impulse", "N s"),
-    }
-)
-
-# Figures of a whole window, in addition to those of ``rpud simulate``, with their units.
-WINDOW_FIGURES = MappingProxyType(
-    {
-        "kinetic_energy": "J",
-        "nodal_plane_displacement": "m",
-        "drill_tool_displacement": "m",
-    }
-)
-# Figures of rock, rotor and actuator, as topics name them: means over a window.
-DRILLING_FIGURES = MappingProxyType(
-    {
-        "penetration_rate": "m/s",
-        "torque": "N m",  # of rock and cuttings against the rotation
-        "electrical_power": "W",
-        "actuator_power": "W",  # work of the vibration on the free mass
-    }
-)
-# Those that are sampled, with their channels.
-_CHANNELS = MappingProxyType(
-    {
-        "nodal_plane_displacement": "nodal_plane_position",
-        "drill_tool_displacement": "drill_tool_displacement",
-    }
-)
+IMPACT_VALUES = {
+    "contact_force": ("peak_force", "N"),
+    "contact_duration": ("contact_duration", "s"),
+    "impact_velocity": ("impact_velocity", "m/s"),
+    "impact_energy": ("energy", "J"),
+    "impulse": ("impulse", "N s"),
+}
 # Figures of one collision in the rock, for which nothing is simulated.
-CONTACT_FIGURES = MappingProxyType(
-    {
-        "contact_peak_force": ("peak_force", "N"),
-        "contact_peak_displacement": ("peak_displacement", "m"),
-    }
-)
+CONTACT_FIGURES = {
+    "contact_peak_force": ("peak_force", "N"),
+    "contact_peak_displacement": ("peak_displacement", "m"),
+}
+# Greatest displacements in a window, which are sampled, with their channels.
+_CHANNELS = {
+    "nodal_plane_displacement": "nodal_plane_position",
+    "drill_tool_displacement": "drill_tool_displacement",
+}
+# Figures of rock, rotor and actuator, as topics name them: means over a window.
+DRILLING_FIGURES = {
+    "penetration_rate": "m/s",
+    "torque": "N m",  # of rock and cuttings against the rotation
+    "electrical_power": "W",
+    "actuator_power": "W",  # work of the vibration on the free mass
+}
 # Figures that may be negative.
 SIGNED = ("energy_transferred_rate", "energy_absorbed_rate", "reacting_force_mean")
-UNITS: Mapping[str, str] = MappingProxyType(
-    {
-        **FIGURES,
-        **WINDOW_FIGURES,
-        **DRILLING_FIGURES,
-        **{name: unit for name, (_, unit) in IMPACT_VALUES.items()},
-        **{name: unit for name, (_, unit) in CONTACT_FIGURES.items()},
-    }
-)
+# Those of ``rpud simulate`` over a window, and all others.
+UNITS: Mapping[str, str] = {
+    **FIGURES,
+    "kinetic_energy": "J",
+    **dict.fromkeys(_CHANNELS, "m"),
+    **DRILLING_FIGURES,
+    **{name: unit for name, (_, unit) in (IMPACT_VALUES | CONTACT_FIGURES).items()},
+}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -130,16 +111,16 @@ def measure(configuration: Configuration, phase: float, measures: Sequence[Measu
         phase: initial phase of the vibration [cycles].
         measures: which figures.
     """
-    windows: dict[tuple[int, int], _Window] = {}
     wanted = {_window(item) for item in measures if item.simulated}
-    edges = sorted({0, *(edge for window in wanted for edge in window)})
+    edges = sorted({0, *itertools.chain(*wanted)})
     figures = {item.figure for item in measures}
-    for part in _parts(configuration, phase, edges, figures) if wanted else ():
-        for window in wanted:
-            if window[0] <= part.start and part.end <= window[1]:
-                windows.setdefault(window, _Window()).add(part)
+    parts = [*_parts(configuration, phase, edges, figures)] if wanted else []
+    windows = {
+        (start, end): _joined([part for part in parts if start <= part.start and part.end <= end])
+        for start, end in wanted
+    }
     return [
-        windows[_window(item)].figure(item) if item.simulated else _contact(configuration, item)
+        _figure(windows[_window(item)], item) if item.simulated else _contact(configuration, item)
         for item in measures
     ]
 
@@ -153,8 +134,7 @@ def _contact(configuration: Configuration, item: Measure) -> float:
     return float(getattr(contact, CONTACT_FIGURES[item.figure][0]))
 
 
-@dataclasses.dataclass(frozen=True)
-class _Part:
+class _Part(NamedTuple):
     """Part of a run between two edges of windows."""
 
     start: int  # [ns]
@@ -162,88 +142,72 @@ class _Part:
     statistics: Statistics
     impacts: np.ndarray
     deeper: float  # by which the hole gets deeper [m]; NaN without rock
-    torques: tuple[float, ...] = ()  # at even times, if they are wanted [N m]
-    blocks: tuple[Block, ...] = ()  # if the motion is sampled
+    blocks: tuple[Block, ...] = ()  # of the motion; none if nothing of it is sampled
+
+
+def _joined(parts: list[_Part]) -> _Part:
+    """Return consecutive parts as one."""
+    if len(parts) == 1:
+        return parts[0]
+    statistics = Statistics()
+    for part in parts:
+        statistics.merge(part.statistics)
+    return _Part(
+        parts[0].start,
+        parts[-1].end,
+        statistics,
+        join_records([part.impacts for part in parts], IMPACT),
+        math.fsum(part.deeper for part in parts),
+        tuple(block for part in parts for block in part.blocks),
+    )
 
 
 def _parts(
     configuration: Configuration, phase: float, edges: Sequence[int], figures: set[str]
 ) -> Iterator[_Part]:
     """Yield a run part by part, from one edge to the next."""
-    if runs_by_itself(configuration) and figures.isdisjoint(_CHANNELS):
-        yield from _quiet_parts(configuration, phase, edges, "actuator_power" in figures)
-        return
-    simulation = Simulation(configuration, phase)
+    run: Simulation | EnsembleRuns
+    quiet = runs_by_itself(configuration) and figures.isdisjoint(_CHANNELS)
+    run = EnsembleRuns(configuration, (phase,)) if quiet else Simulation(configuration, phase)
     turns = "torque" in figures and configuration.rotation.rotation_model != "none"
     for start, end in itertools.pairwise(edges):
-        depth, statistics = simulation.depth, Statistics()
-        between = range(start + _TORQUE_INTERVAL, end, _TORQUE_INTERVAL) if turns else ()
-        blocks = tuple(simulation.advance_to(time) for time in (*between, end))
-        for block in blocks:
-            statistics.add(block)
-        rotors = [block.process.rotation for block in blocks] if turns else []
-        torques = tuple(rotor.torque for rotor in rotors if rotor)
-        impacts = join_records([block.impacts for block in blocks], IMPACT)
-        yield _Part(start, end, statistics, impacts, simulation.depth - depth, torques, blocks)
-
-
-def _quiet_parts(
-    configuration: Configuration, phase: float, edges: Sequence[int], whole: bool
-) -> Iterator[_Part]:
-    """Yield a run that needs no records, because nothing in it is sampled."""
-    run = EnsembleRuns(configuration, (phase,))
-    for start, end in itertools.pairwise(edges):
         depth, statistics = run.depth, Statistics()
+        blocks: tuple[Block, ...] = ()
+        if isinstance(run, EnsembleRuns):  # it keeps no blocks, because nothing in it is sampled
+            records = [run.advance_to(end, statistics, "actuator_power" in figures)]
+        else:
+            between = range(start + _TORQUE_INTERVAL, end, _TORQUE_INTERVAL) if turns else ()
+            blocks = tuple(run.advance_to(time) for time in (*between, end))
+            for block in blocks:
+                statistics.add(block)
+            records = [block.impacts for block in blocks]
         # A copy by bytes: NumPy copies structures field by field.
-        impacts = join_records([run.advance_to(end, statistics, whole)], IMPACT)
-        yield _Part(start, end, statistics, impacts, run.depth - depth)
+        impacts = join_records(records, IMPACT)
+        yield _Part(start, end, statistics, impacts, run.depth - depth, blocks)
 
 
-class _Window:
-    """Figures of consecutive parts of a run."""
-
-    def __init__(self) -> None:
-        self._parts: list[_Part] = []
-
-    def add(self, part: _Part) -> None:
-        self._parts.append(part)
-
-    def figure(self, item: Measure) -> float:
-        duration = (self._parts[-1].end - self._parts[0].start) / SECOND
-        if item.figure in IMPACT_VALUES:
-            return impact_statistic(self._impacts[IMPACT_VALUES[item.figure][0]], item)
-        if item.figure == "kinetic_energy":
-            return float(self._impacts["energy"].sum())
-        if item.figure in _CHANNELS:
-            blocks = [block for part in self._parts for block in part.blocks]
-            return max(_greatest(block, _CHANNELS[item.figure]) for block in blocks)
-        if item.figure == "penetration_rate":
-            return math.fsum(part.deeper for part in self._parts) / duration
-        if item.figure == "torque":
-            torques = [torque for part in self._parts for torque in part.torques]
+def _figure(part: _Part, item: Measure) -> float:
+    """Return a figure of a window."""
+    duration = (part.end - part.start) / SECOND
+    if item.figure in IMPACT_VALUES:
+        return impact_statistic(part.impacts[IMPACT_VALUES[item.figure][0]], item)
+    if item.figure in _CHANNELS:
+        return max(_greatest(block, _CHANNELS[item.figure]) for block in part.blocks)
+    match item.figure:
+        case "kinetic_energy":
+            return float(part.impacts["energy"].sum())
+        case "penetration_rate":
+            return part.deeper / duration
+        case "torque":
+            rotors = [block.process.rotation for block in part.blocks]
+            torques = [rotor.torque for rotor in rotors if rotor]
             return math.fsum(torques) / len(torques) if torques else math.nan
-        if item.figure == "electrical_power":
-            return self._statistics.account.electrical / duration
-        if item.figure == "actuator_power":
-            return self._statistics.account.actuator_work / duration
-        value = self._statistics.figures()[item.figure]
-        return math.nan if value is None else float(value)
-
-    @cached_property
-    def _statistics(self) -> Statistics:
-        """Statistics of all parts; one part needs no merging."""
-        if len(self._parts) == 1:
-            return self._parts[0].statistics
-        statistics = Statistics()
-        for part in self._parts:
-            statistics.merge(part.statistics)
-        return statistics
-
-    @cached_property
-    def _impacts(self) -> np.ndarray:
-        if len(self._parts) == 1:
-            return self._parts[0].impacts
-        return join_records([part.impacts for part in self._parts], IMPACT)
+        case "electrical_power":
+            return part.statistics.account.electrical / duration
+        case "actuator_power":
+            return part.statistics.account.actuator_work / duration
+    value = part.statistics.figures()[item.figure]
+    return math.nan if value is None else float(value)
 
 
 def impact_statistic(values: np.ndarray, item: Measure) -> float:

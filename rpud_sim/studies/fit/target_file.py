@@ -129,12 +129,6 @@ class FitSpecification:
         }
 
 
-def unit_of(name: str) -> str:
-    """Return the SI unit of a parameter; empty for choices."""
-    allowed = PARAMETERS[name].allowed
-    return allowed.unit if isinstance(allowed, Quantity) else ""
-
-
 def read_target_file(path: str | Path) -> FitSpecification:
     """Return the specification of a YAML file; the paths in it begin at its folder."""
     return _specification(open_yaml(path, dotted=True), Path(path).parent)

@@ -6,7 +6,6 @@ the motion is chaotic, and the total index of this change of nothing is the shar
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Mapping
 from typing import Any
 
@@ -17,16 +16,6 @@ from rpud_sim.studies.sweep.specification import SWEEP_FIGURES, SweepSpecificati
 
 _CONFIDENCE = 0.95
 _RESAMPLES = 400
-
-
-@dataclasses.dataclass(frozen=True)
-class Indices:
-    """Sobol indices of several figures; each array has the shape (figures, inputs)."""
-
-    first: np.ndarray  # share of the variance that an input explains alone
-    first_interval: np.ndarray  # lower and upper end of its confidence interval, shape (2, ...)
-    total: np.ndarray  # share in which an input takes part, alone or with others
-    total_interval: np.ndarray  # of the total
 
 
 def saltelli_shares(inputs: int, samples: int, seed: int) -> np.ndarray:
@@ -49,11 +38,16 @@ def saltelli_shares(inputs: int, samples: int, seed: int) -> np.ndarray:
     return np.array([a, b, *mixed])
 
 
-def find_indices(values: np.ndarray, seed: int) -> Indices:
+def find_indices(values: np.ndarray, seed: int) -> np.ndarray:
     """Return the indices from the figures at the points of a design.
 
     Args:
         values: shape (matrices, samples, figures), finite, in the order of ``saltelli_shares``.
+
+    Returns:
+        Value, lower and upper end of its confidence interval, of the first index (the share of the
+        variance that an input explains alone) and of the total one (the share in which it takes
+        part); shape (3, 2, figures, inputs).
     """
     a, b, mixed = values[0].T, values[1].T, np.swapaxes(values[2:], 1, 2)
     samples = a.shape[1]
@@ -69,13 +63,13 @@ def find_indices(values: np.ndarray, seed: int) -> Indices:
         # SciPy drops the axis of the figures if there is only one.
         return np.array([found.first_order, found.total_order]).reshape(2, len(a), -1)
 
-    first, total = estimate(np.arange(samples))
+    found = estimate(np.arange(samples))
     resampled = np.array(
         [estimate(random.integers(0, samples, samples)) for _ in range(_RESAMPLES)]
     )
     tail = 0.5 * (1.0 - _CONFIDENCE)
     ends = np.nanquantile(resampled, [tail, 1.0 - tail], axis=0)
-    return Indices(first, ends[:, 0], total, ends[:, 1])
+    return np.concatenate([found[None], ends])
 
 
 def figure_indices(
@@ -87,15 +81,17 @@ def figure_indices(
     """
     reasons = {name: _missing(points, name) for name in specification.figures}
     names = [name for name, reason in reasons.items() if not reason]
-    shape = (len(specification.swept) + 3, specification.points or 0, len(names))
-    found: dict[str, dict[str, Any]] = {}
+    plain: dict[str, dict[str, Any]] = {}
     if names:
+        shape = (len(specification.swept) + 3, specification.points or 0, len(names))
         values = np.column_stack([points[name] for name in names]).reshape(shape)
-        indices = find_indices(values, specification.seed)
+        found = find_indices(values, specification.seed)
         for i, name in enumerate(names):
-            found[name] = _plain(specification, values[:2, :, i].ravel(), indices, i)
+            plain[name] = _plain(
+                list(specification.swept), values[:2, :, i].ravel(), found[:, :, i]
+            )
     return {
-        name: {"unit": SWEEP_FIGURES[name], **found.get(name, {"missing": reason})}
+        name: {"unit": SWEEP_FIGURES[name], **plain.get(name, {"missing": reason})}
         for name, reason in reasons.items()
     }
 
@@ -123,23 +119,24 @@ def _missing(points: Mapping[str, np.ndarray], name: str) -> str:
     return ""
 
 
-def _plain(
-    specification: SweepSpecification, values: np.ndarray, indices: Indices, figure: int
-) -> dict[str, Any]:
-    low, high = np.quantile(values, [0.05, 0.95]).tolist()
+def _plain(names: list[str], values: np.ndarray, indices: np.ndarray) -> dict[str, Any]:
+    """Return distribution and indices, shape (3, 2, inputs), of one figure."""
+    value, *ends = indices
+    first, total = value.tolist()
+    first_ends, total_ends = np.array(ends).transpose(1, 2, 0).tolist()
     return {
         "mean": float(values.mean()),
         "standard_deviation": float(values.std(ddof=1)),
-        "interval_90": [low, high],
-        "noise_share": float(indices.total[figure, -1]),
-        "noise_share_interval": indices.total_interval[:, figure, -1].tolist(),
+        "interval_90": np.quantile(values, [0.05, 0.95]).tolist(),
+        "noise_share": total[-1],
+        "noise_share_interval": total_ends[-1],
         "inputs": {
             name: {
-                "first": float(indices.first[figure, i]),
-                "first_interval": indices.first_interval[:, figure, i].tolist(),
-                "total": float(indices.total[figure, i]),
-                "total_interval": indices.total_interval[:, figure, i].tolist(),
+                "first": first[i],
+                "first_interval": first_ends[i],
+                "total": total[i],
+                "total_interval": total_ends[i],
             }
-            for i, name in enumerate(specification.swept)
+            for i, name in enumerate(names)
         },
     }

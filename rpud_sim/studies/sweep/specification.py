@@ -12,10 +12,17 @@ from typing import Any
 
 import numpy as np
 
+from rpud_sim.foundation.quantities import Quantity
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.model.elementary import power
 from rpud_sim.simulation.changes import Planned
-from rpud_sim.simulation.configuration import Configuration, Settings, to_configuration, to_settings
+from rpud_sim.simulation.configuration import (
+    PARAMETERS,
+    Configuration,
+    Settings,
+    to_configuration,
+    to_settings,
+)
 from rpud_sim.simulation.fault_kinds import KINDS
 from rpud_sim.simulation.faults import Fault
 from rpud_sim.simulation.scenario import Scenario, ScheduledFault
@@ -29,6 +36,12 @@ HEALTHY = "healthy"  # name of the drill without a fault
 SWEEP_FIGURES = MappingProxyType({**FIGURES, "depth": "m", "penetration_rate": "m/s"})
 # Without them a bag can be neither proved nor read by people.
 _ALWAYS_IN_BAGS = ("faults", "journal", "status")
+
+
+def unit_of(name: str) -> str:
+    """Return the SI unit of a parameter; empty for choices and other names."""
+    allowed = PARAMETERS[name].allowed if name in PARAMETERS else None
+    return allowed.unit if isinstance(allowed, Quantity) else ""
 
 
 class SweepError(ValueError):

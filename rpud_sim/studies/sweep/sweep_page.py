@@ -17,14 +17,12 @@ from typing import Any
 import numpy as np
 from scipy import stats
 
-from rpud_sim.foundation.quantities import Quantity as ParameterQuantity
 from rpud_sim.pages.frame import render_page
 from rpud_sim.pages.plot import Axis, Layer, Plot, Points
 from rpud_sim.pages.quantities import NONE, Quantity, figure_quantity, number_text, quantity_in
-from rpud_sim.simulation.configuration import PARAMETERS
 from rpud_sim.simulation.statistics import FIGURES
 from rpud_sim.studies.sweep.indices import independent
-from rpud_sim.studies.sweep.specification import Range, SweepSpecification, Values
+from rpud_sim.studies.sweep.specification import Range, SweepSpecification, Values, unit_of
 
 _MOST_CLASSES = 12
 _CONFIDENCE = 0.95
@@ -263,7 +261,7 @@ def point_plot(
         layers.append(Points(label, *marks, *ends, across=choices, joined=not choices))
     words = tuple(str(value) for value in spread.levels()) if choices else ()
     alt = _trend(found, shown, along, words)
-    if choices:  # their words stand below each other
+    if choices:
         axes = Axis(categories=words, flipped=True), Axis(figure, shown.unit)
         height = max(_HEIGHT, _ROW * len(words))
         return Plot(f"{figure} by {name}", tuple(layers), alt, *axes, height, _WIDTH)
@@ -273,6 +271,7 @@ def point_plot(
 
 
 def _turned(pair: tuple[np.ndarray, np.ndarray], turned: bool) -> tuple[np.ndarray, np.ndarray]:
+    """Return the places on both axes: words stand below each other."""
     return pair[::-1] if turned else pair
 
 
@@ -317,12 +316,6 @@ def share_plot(figure: str, item: Mapping[str, Any]) -> Plot:
 
 def _is_choice(spread: Range | Values) -> bool:
     return isinstance(spread, Values) and isinstance(spread.values[0], str | bool)
-
-
-def unit_of(name: str) -> str:
-    """Return the unit of an axis; empty without one."""
-    allowed = PARAMETERS[name].allowed if name in PARAMETERS else None
-    return allowed.unit if isinstance(allowed, ParameterQuantity) else ""
 
 
 def axis_quantity(specification: SweepSpecification, name: str) -> Quantity:

@@ -9,7 +9,7 @@ from rcl_interfaces.msg import ParameterType
 from rclpy.parameter import Parameter
 
 from rpud_sim.foundation.quantities import ParameterError, Quantity
-from rpud_sim.ros.drill.declaration import DrillParameters, declare_settings
+from rpud_sim.ros.drill.managed_node import DrillParameters, declare_settings
 from rpud_sim.simulation import preset
 from rpud_sim.simulation.configuration import (
     CHANGEABLE,

@@ -7,7 +7,7 @@ from support import real_time_permitted
 
 from rpud_sim.bag import Message
 from rpud_sim.ros.replay.playback import Plan, Playback, ReadAhead
-from rpud_sim.ros.replay.playback_thread import PlaybackThread
+from rpud_sim.ros.replay.replayer import PlaybackThread
 
 
 def scheduled():

@@ -7,7 +7,7 @@ from std_srvs.srv import Trigger
 
 import rpud_sim.bag
 from rpud_sim.ros.replay.playback import Plan, Playback, ReadAhead
-from rpud_sim.ros.replay.playback_thread import PlaybackThread, offer_services, service_types
+from rpud_sim.ros.replay.replayer import PlaybackThread, offer_services, service_types
 from rpud_sim.ros.replay.replayer_node import Replayer
 
 

@@ -2,7 +2,6 @@
 
 import dataclasses
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,13 +12,12 @@ from rpud_sim.pages.plot import axis_ends
 from rpud_sim.simulation.configuration import read_parameter_file, to_settings
 from rpud_sim.studies.fit import fit as fits
 from rpud_sim.studies.fit import rounds
-from rpud_sim.studies.fit.fit import fit_in, prove, run_fit
+from rpud_sim.studies.fit.fit import fit_in, run_fit
 from rpud_sim.studies.fit.fit_report import corner_rows, target_plot, unknown_quantity, write_fit
 from rpud_sim.studies.fit.rounds import FitError, FitFolder
 from rpud_sim.studies.fit.surrogate import Region
-from rpud_sim.studies.fit.target_file import parse_targets, read_target_file
+from rpud_sim.studies.fit.target_file import parse_targets
 
-EXAMPLE = Path(__file__).parents[3] / "config" / "fit_example.yaml"
 FIT = {
     "parameters": {"regime": "drilling"},
     "unknowns": {
@@ -135,23 +133,6 @@ def test_figures_out_of_reach_are_said_to_be(specification, tmp_path):
     no_impact = dataclasses.replace(specification.targets[1])
     with pytest.raises(FitError, match="of 32 points have all figures"):
         run_fit(dataclasses.replace(silent, targets=(no_impact,)), tmp_path / "still", 1)
-
-
-@pytest.mark.extended
-def test_intervals_hold_synthetic_drills_as_often_as_they_say(tmp_path):
-    specification = read_target_file(EXAMPLE)
-    short = tuple(
-        dataclasses.replace(t, measure=dataclasses.replace(t.measure, end=0.5))
-        for t in specification.targets
-    )
-    specification = dataclasses.replace(specification, points=128, rounds=2, targets=short)
-    folder = FitFolder(tmp_path, specification, 2, lambda runs: None)
-    with folder.held():
-        proof = prove(folder, specification, 20)
-    assert proof.drills + proof.refused == 20
-    assert proof.refused <= 2
-    assert proof.holds
-    assert proof.chosen == pytest.approx(1.0)
 
 
 class ClosedForm:

@@ -84,16 +84,6 @@ def test_the_posterior_is_that_of_the_closed_form(surrogate):
     assert posterior.log_evidence == pytest.approx(math.log(np.exp(logs).mean()), abs=0.3)
 
 
-def test_a_ridge_is_found_and_named(surrogate):
-    random = np.random.default_rng(4)
-    likelihood = Likelihood(surrogate, targets(tolerance="1 %", runs=100))
-    posterior = sample(likelihood, 2048, random)
-    found = identify(posterior.shares, UNKNOWNS)
-    assert [ridge.names for ridge in found.ridges] == [("weight_on_bit", "gravity")]
-    assert found.ridges[0].correlation < -0.8
-    assert "weight_on_bit falls as gravity rises" in str(found.ridges[0])
-
-
 def test_nothing_is_known_without_a_target_that_depends_on_it(surrogate):
     loose = targets(tolerance=1e6)
     posterior = sample(Likelihood(surrogate, loose), 2048, np.random.default_rng(4))

@@ -1,26 +1,30 @@
-"""Chunks: every simulation once, and each the one that `rpud simulate` would run."""
+"""Designs and chunks: points as each kind promises, and every simulation once, as alone."""
 
 import dataclasses
+import itertools
+from collections import Counter
+from pathlib import Path
 
 import numpy as np
 import pytest
+from fault_signatures import ROWS
 from hypothesis import given
 from hypothesis import strategies as st
 
+from rpud_sim.foundation.yaml_files import read_yaml
 from rpud_sim.simulation import preset
 from rpud_sim.simulation.ensemble import run_ensemble
 from rpud_sim.simulation.simulation import initial_phases
 from rpud_sim.simulation.statistics import FIGURES
 from rpud_sim.studies.sweep.chunks import (
-    SweepChunk,
     chunk_count,
     chunk_size,
     design_points,
     make_chunks,
     simulate,
 )
-from rpud_sim.studies.sweep.specification_file import parse_specification
-from rpud_sim.studies.sweep.sweep import point_table, simulation_table
+from rpud_sim.studies.sweep.specification_file import parse_specification, read_specification
+from rpud_sim.studies.sweep.sweep import point_table, run_sweep, simulation_table
 from rpud_sim.studies.sweep.sweep_page import error_name, sweep_page
 
 
@@ -39,16 +43,6 @@ def sweep(points=3, repeat=2, duration=0.02, **entries):
 
 def chunks_of(specification, **options):
     return list(make_chunks(specification, design_points(specification), **options))
-
-
-def pieces(specification, size):
-    """Cut the sweep into chunks of another size than it would have."""
-    (whole,) = chunks_of(specification)
-    for number, first in enumerate(range(0, whole.count, size)):
-        count = min(size, whole.count - first)
-        begin, end = first // specification.repeat, -(-(first + count) // specification.repeat)
-        points = {name: values[begin:end] for name, values in whole.points.items()}
-        yield SweepChunk(number, first, count, specification, points, whole.versions)
 
 
 @given(points=st.integers(1, 300), repeat=st.integers(1, 20), duration=st.floats(1e-3, 1e4))
@@ -81,15 +75,6 @@ def test_a_point_is_the_ensemble_of_its_seed():
         for row, member in zip(outcome.figures[rows].tolist(), expected, strict=True):
             assert row == pytest.approx([member[name] for name in FIGURES], rel=0, nan_ok=True)
     assert outcome.failures == (None,) * 6
-
-
-@pytest.mark.parametrize("size", [1, 3, 4, 5])
-def test_the_cut_into_chunks_changes_no_row_and_no_point(size):
-    specification = sweep(points=4, repeat=3)
-    (whole,) = chunks_of(specification)
-    expected = simulation_table(whole, simulate(whole))
-    tables = [simulation_table(chunk, simulate(chunk)) for chunk in pieces(specification, size)]
-    assert [row for table in tables for row in table.to_pylist()] == expected.to_pylist()
 
 
 def test_a_simulation_without_impacts_has_nulls_and_no_failure():
@@ -134,3 +119,100 @@ def test_points_at_which_every_simulation_fails_have_no_figures():
     assert table["contact_force_mean"].to_pylist() == [None, None]
     columns = {name: table[name].to_numpy() for name in table.column_names}
     assert "4 simulations have no figures" in sweep_page(specification, columns, 4)
+
+
+SWEPT = {
+    "weight_on_bit": {"minimum": 0.0, "maximum": 32.0},
+    "free_mass": {"minimum": 1e-3, "maximum": 1e-2, "scale": "log"},
+    "contact_model": ["printed", "rayleigh"],
+}
+
+
+def points(design, number, seed=0):
+    return design_points(
+        parse_specification(
+            {"design": design, "points": number, "seed": seed, "duration": 1, "swept": SWEPT}
+        )
+    )
+
+
+def test_a_grid_has_every_combination_once():
+    found = design_points(
+        parse_specification(
+            {
+                "design": "grid",
+                "duration": 1,
+                "swept": {
+                    "weight_on_bit": {"minimum": 0, "maximum": 40, "points": 3},
+                    "regime": ["free", "drilling"],
+                    "gravity": [9.81, 1.62],
+                },
+            }
+        )
+    )
+    expected = itertools.product([0.0, 20.0, 40.0], ["free", "drilling"], [9.81, 1.62])
+    assert list(zip(*(column.tolist() for column in found.values()), strict=True)) == list(expected)
+
+
+@given(exponent=st.integers(1, 8), seed=st.integers(0, 2**32), latin=st.booleans())
+def test_every_stratum_of_every_parameter_has_one_point(exponent, seed, latin):
+    number = 2**exponent
+    found = points("latin_hypercube" if latin else "sobol", number, seed)
+    shares = {
+        "weight_on_bit": found["weight_on_bit"] / 32.0,
+        "free_mass": np.log10(found["free_mass"] / 1e-3),
+    }
+    for name, share in shares.items():
+        strata = np.floor(share * number + 1e-9).astype(int)
+        assert sorted(strata) == list(range(number)), name
+    assert Counter(found["contact_model"].tolist()) == {
+        "printed": number // 2,
+        "rayleigh": number // 2,
+    }
+
+
+@pytest.mark.parametrize("design", ["latin_hypercube", "sobol"])
+def test_a_design_is_that_of_its_seed(design):
+    one, same, other = (points(design, 32, seed) for seed in (1, 1, 2))
+    for name in SWEPT:
+        assert one[name].tolist() == same[name].tolist()
+    assert one["weight_on_bit"].tolist() != other["weight_on_bit"].tolist()
+
+
+CONFIG = Path(__file__).parents[3] / "config"
+
+
+@pytest.mark.extended
+@pytest.mark.parametrize(
+    ("name", "simulations"),
+    [
+        ("sweep", 256),
+        ("sweep_faults", 4 * (1 + 18) * 2),
+        ("sweep_faults_on_an_arm", 5 * (1 + 13)),
+        ("sweep_sensitivity", 256 * (14 + 3)),
+    ],
+)
+def test_an_example_has_its_size_and_runs_at_small_size(name, simulations, tmp_path):
+    path = CONFIG / f"{name}.yaml"
+    assert read_specification(path).simulations == simulations
+    content = read_yaml(path, truth_values=False)
+    small = {"points": 2, "duration": 0.4}
+    if "faults" in content:
+        small |= {
+            "onset": {"minimum": 0.1, "maximum": 0.2},
+            "lasting": {"minimum": 0.1, "maximum": 0.1},
+            "faults": content["faults"][:3],
+            "cases": dict(itertools.islice(content["cases"].items(), 2)),
+        }
+    result = run_sweep(parse_specification(content | small), tmp_path / "out", 1)
+    assert (result.simulations > 0, result.failures) == (True, 0)
+
+
+def test_the_example_on_an_arm_has_every_fault_of_a_drill_on_an_arm():
+    example = read_specification(CONFIG / "sweep_faults_on_an_arm.yaml")
+    assert {fault.kind for fault in example.faults.values()} == {*ROWS}
+
+
+def test_the_study_of_sensitivity_names_a_source_of_every_interval():
+    example = read_specification(CONFIG / "sweep_sensitivity.yaml")
+    assert all(interval.source for interval in example.swept.values())

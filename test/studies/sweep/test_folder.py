@@ -1,10 +1,9 @@
 """The folder of a sweep: kept, completed, and never mixed up with another."""
 
-import json
-
 import pyarrow.parquet as pq
 import pytest
 
+from rpud_sim.simulation.simulation import initial_phases
 from rpud_sim.simulation.statistics import FIGURES
 from rpud_sim.studies.sweep.chunks import design_points, make_chunks, simulate
 from rpud_sim.studies.sweep.specification import SweepError
@@ -69,6 +68,9 @@ def test_the_tables_are_what_any_reader_of_parquet_sees(folder, outcomes, monkey
     assert [row["contact_model"] for row in rows[::3]] == ["printed", "rayleigh"] * 2
     assert [row["weight_on_bit"] for row in rows[::3]] == [5.0, 5.0, 10.0, 10.0]
     assert set(FIGURES) < rows[0].keys()
+    for first in range(0, 12, 3):  # chunks begin in the middle of points
+        phases = initial_phases(3, rows[first]["seed"])
+        assert [row["phase"] for row in rows[first : first + 3]] == [*phases]
     points = pq.read_table(folder.path / "points.parquet").to_pylist()
     assert [row["point"] for row in points] == [0, 1, 2, 3]
     assert folder.failures() == 0
@@ -85,6 +87,7 @@ def test_finished_chunks_are_kept_and_torn_ones_are_not(folder, outcomes):
 
 def test_the_manifest_is_the_same_on_every_host_and_for_every_way_to_write_a_sweep():
     assert make_manifest(sweep()) == make_manifest(sweep(seed=0, fixed={}))
+    assert {"numba", "scipy", "pyarrow", "sources"} < make_manifest(sweep())["versions"].keys()
     assert make_manifest(sweep())["sha256"] != make_manifest(sweep(seed=1))["sha256"]
 
 
@@ -103,17 +106,6 @@ def test_another_sweep_is_refused_with_what_differs(tmp_path, entries, complaint
     assert complaint in str(caught.value)
     assert "\n" not in str(caught.value)
     assert (tmp_path / "manifest.json").read_bytes() == before
-
-
-def test_results_of_other_versions_are_refused(tmp_path):
-    folder = SweepFolder(tmp_path, sweep())
-    with folder.held():
-        pass
-    manifest = json.loads((tmp_path / "manifest.json").read_text())
-    manifest["versions"]["numba"] = "0.1"
-    (tmp_path / "manifest.json").write_text(json.dumps(manifest))
-    with pytest.raises(SweepError, match=r'versions\.numba is "0\.1" there'), folder.held():
-        pass
 
 
 def test_a_folder_in_use_is_refused(folder):
@@ -136,18 +128,3 @@ def test_a_folder_with_anything_else_is_left_alone(tmp_path, name, text, complai
     with pytest.raises(SweepError, match=complaint), SweepFolder(tmp_path, sweep()).held():
         pass
     assert [(path.name, path.read_text()) for path in tmp_path.iterdir()] == [(name, text)]
-
-
-def test_nothing_is_written_through_a_link(outcomes, tmp_path):
-    mine = tmp_path / "mine"
-    mine.write_text("mine")
-    (tmp_path / "sweep").mkdir()
-    for name in ("manifest.json", "simulations.parquet", "points.parquet"):
-        (tmp_path / "sweep" / f"{name}.unfinished").symlink_to(mine)
-    folder = SweepFolder(tmp_path / "sweep", sweep())
-    with folder.held():
-        for chunk, outcome in outcomes:
-            folder.add(chunk, outcome)
-        folder.complete_tables()
-    assert folder.complete
-    assert mine.read_text() == "mine"
