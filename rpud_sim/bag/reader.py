@@ -187,10 +187,8 @@ class BagReader:
             leave_out: called with the topic and the reason for each message that does not fit its
                 type, which is then skipped; None for an error.
         """
-        from rpud_sim.bag.tables import batches  # loads what listing a bag does not need
-
         tables = self._tables.choose([topics] if isinstance(topics, str) else topics)
-        return batches(self.path, self.blocks(tables, start, duration), tables, leave_out)
+        return self._tables.batches(tables, self.blocks(tables, start, duration), leave_out)
 
     @overload
     def arrays(  # type: ignore[overload-overlap]  # a text is a collection of texts, too
@@ -210,12 +208,8 @@ class BagReader:
         Several topics are read in one pass. The result then has such columns for each topic.
         ``start`` and ``duration`` are as for ``batches``.
         """
-        from rpud_sim.bag.tables import PART_SIZE, batches, filled
-
         tables = self._tables.choose([topics] if isinstance(topics, str) else topics)
-        counts = {topic.topic.name: topic.message_count for topic in self.readable_topics}
-        blocks = self.blocks(tables, start, duration)
-        found = filled(tables, counts, batches(self.path, blocks, tables, batch_size=PART_SIZE))
+        found = self._tables.arrays(tables, self.blocks(tables, start, duration))
         return found[topics] if isinstance(topics, str) else found
 
     def frame(self, topic: str, start: int = 0, duration: int | None = None) -> pandas.DataFrame:
@@ -246,6 +240,6 @@ class BagReader:
 
     @cached_property
     def _tables(self) -> Tables:
-        from rpud_sim.bag.tables import Tables
+        from rpud_sim.bag.tables import Tables  # loads what listing a bag does not need
 
         return Tables(self.path, *self._declared)
