@@ -10,7 +10,7 @@ import pytest
 import rclpy
 
 from rpud_sim.ros.drill.drill_node import DrillNode
-from rpud_sim.ros.drill.duplicate_nodes import DuplicateNodes, NameHold, DuplicateSearch
+from rpud_sim.ros.drill.duplicate_nodes import DuplicateNodes, DuplicateSearch, NameHold
 
 NAME = "/a_namespace/a_node"
 DOMAIN = 7
