@@ -18,7 +18,7 @@ import pyarrow.parquet as pq
 from rpud_sim.foundation.whole_folder import whole_file, whole_folder
 from rpud_sim.simulation.ensemble import compile_kernels, compile_members
 from rpud_sim.simulation.versions import engine_versions, version_of
-from rpud_sim.studies.store import Store, write_whole
+from rpud_sim.studies.store import StudyStore, write_whole
 from rpud_sim.studies.sweep.chunks import (
     SweepChunk,
     SweepOutcome,
@@ -131,7 +131,7 @@ def make_manifest(specification: SweepSpecification) -> dict[str, Any]:
     }
 
 
-class SweepFolder(Store):
+class SweepFolder(StudyStore):
     """Folder of a sweep: its finished chunks, and the tables of their results."""
 
     def __init__(self, path: Path, specification: SweepSpecification) -> None:
