@@ -7,6 +7,7 @@ import hashlib
 import socket
 import sys
 import time
+import weakref
 
 import rclpy
 from lifecycle_msgs.srv import GetState
@@ -33,6 +34,7 @@ class NameHold:
             return
         digest = hashlib.sha256(f"{domain} {name}".encode()).hexdigest()  # names may be too long
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+        weakref.finalize(self, self._socket.close)
         try:
             self._socket.bind(f"\0rpud_sim/{digest}")
         except OSError as error:  # where a sandbox forbids it, discovery has to do
