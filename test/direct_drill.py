@@ -19,10 +19,33 @@ def _cosine(cycles):
 
 @njit
 def _follow_joined(m_fm, m_dt, k_dt, g, dt, u, v):
-    """Move free mass and drill tool as one; return whether their contact still pushes."""
+    """Move free mass and drill tool as one until their contact pulls: then the rock has the tool.
+
+    Return position and velocity of both, and whether they are still joined.
+    """
     a = (m_fm * g - k_dt * u) / (m_fm + m_dt)
     v += dt * a
-    return u + dt * v, v, g - a > 0.0
+    u += dt * v
+    if g - a > 0.0:
+        return u, v, u, v, True
+    return u, v, 0.0, 0.0, False
+
+
+@njit
+def _meet_tool(m_fm, m_dt, e_2, in_rock, z, vz, t, vt):
+    """Let a free mass that has reached the drill tool strike it.
+
+    Return its position, both velocities, and whether they are joined: in the rock.
+    """
+    if z < t:
+        return z, vz, vt, False
+    if vz > vt and in_rock:
+        v = (m_fm * vz + m_dt * vt) / (m_fm + m_dt)
+        return t, v, v, True
+    if vz > vt:
+        impulse = (1.0 + e_2) * (vz - vt) / (1.0 / m_fm + 1.0 / m_dt)
+        return t, vz - impulse / m_fm, vt + impulse / m_dt, False
+    return t, vz, vt, False
 
 
 @njit
@@ -49,10 +72,7 @@ def _integrate_arm(bodies, tool, arm, vibration, duration, dt, sample):
         elif not in_rock and (x > 0.0 or y > 0.0):
             in_rock, t, vt, z = True, 0.0, 0.0, min(z, 0.0)
         if joined:
-            t, vt, joined = _follow_joined(m_fm, m_eff, k_eff, g, dt, t, vt)
-            z, vz = t, vt
-            if not joined:
-                t, vt = 0.0, 0.0
+            z, vz, t, vt, joined = _follow_joined(m_fm, m_eff, k_eff, g, dt, t, vt)
         else:
             vz += dt * g
             z += dt * vz
@@ -69,15 +89,9 @@ def _integrate_arm(bodies, tool, arm, vibration, duration, dt, sample):
                 vy -= impulse / m
                 vz += impulse / m_fm
                 joined = False
-        if z >= t and not joined:
-            z = t
-            if vz > vt and in_rock:
-                vz = vt = (m_fm * vz + m_eff * vt) / (m_fm + m_eff)
-                joined = True
-            elif vz > vt:
-                impulse = (1.0 + e_2) * (vz - vt) / (1.0 / m_fm + 1.0 / m_dt)
-                vz -= impulse / m_fm
-                vt += impulse / m_dt
+        if not joined:
+            mass = m_eff if in_rock else m_dt
+            z, vz, vt, joined = _meet_tool(m_fm, mass, e_2, in_rock, z, vz, t, vt)
     return forces
 
 
@@ -98,10 +112,7 @@ def _integrate_resonance(bodies, tool, resonance, weight, duration, skipped, dt)
         vy += dt * (weight - k_1 * y - c_1 * vy) / m
         y += dt * vy
         if joined:
-            t, vt, joined = _follow_joined(m_fm, m_eff, k_eff, g, dt, t, vt)
-            z, vz = t, vt
-            if not joined:
-                t, vt = 0.0, 0.0
+            z, vz, t, vt, joined = _follow_joined(m_fm, m_eff, k_eff, g, dt, t, vt)
         else:
             vz += dt * g
             z += dt * vz
@@ -118,11 +129,8 @@ def _integrate_resonance(bodies, tool, resonance, weight, duration, skipped, dt)
                     vz = vt = (m_fm * vz + m_eff * vt) / (m_fm + m_eff)
             if joined:
                 t = max(t, z)
-        if z >= t and not joined:
-            z = t
-            if vz > vt:
-                vz = vt = (m_fm * vz + m_eff * vt) / (m_fm + m_eff)
-                joined = True
+        if not joined:
+            z, vz, vt, joined = _meet_tool(m_fm, m_eff, 0.0, True, z, vz, t, vt)
         if i >= first:
             square += q * q
     return math.sqrt(2.0 * square / (last - first))

@@ -406,9 +406,9 @@ def _listen(listener: TopicListener, show: Callable[[Any], None], options: _Echo
 
 
 def _json_text(plain: Any) -> str:
-    from rpud_sim.ros.client.topic_listener import to_json_value
+    from rpud_sim.foundation.json_values import finite_values
 
-    return json.dumps(to_json_value(plain)) + "\n"
+    return json.dumps(finite_values(plain)) + "\n"
 
 
 def _yaml_text() -> Callable[[Any], str]:

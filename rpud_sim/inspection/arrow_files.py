@@ -12,7 +12,7 @@ import pyarrow as pa
 from pyarrow import csv, parquet
 
 from rpud_sim.bag.columns import Column, Kind
-from rpud_sim.inspection.numpy_files import to_json
+from rpud_sim.foundation.json_values import to_json
 
 _LARGEST_TEXTS = 2**31 - 1  # bytes, for offsets of 32 bits
 

@@ -6,6 +6,7 @@ import hashlib
 import json
 import os
 import re
+from collections import Counter
 from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import asdict, dataclass
@@ -15,7 +16,7 @@ from typing import Any
 from urllib.parse import quote
 
 import rpud_sim.bag
-from rpud_sim.bag import BagReader, Batch, TopicSummary
+from rpud_sim.bag import TopicSummary
 from rpud_sim.bag.columns import Column
 from rpud_sim.bag.manifest import MANIFEST_RECORD as MANIFEST
 from rpud_sim.foundation.time import SECOND
@@ -93,17 +94,54 @@ def export(
             length,
             damages.add,
         )
+        columns = {summary.topic.name: bag.columns(summary.topic.name) for summary in chosen}
+        tables = {each.topic.name: _description(each, columns[each.topic.name]) for each in chosen}
+        about = {
+            "bag": str(bag.path),
+            "bag_start_time": bag.start_time,
+            "manifests": damages.records(bag, MANIFEST),
+        }
+        messages, rows = Counter[str](), Counter[str]()
         with new_folder(out) as folder:
-            files = _Files(bag, folder, file_format, chosen, damages)
-            with files:
+            files: dict[str, Any] = {}
+            with ExitStack() as opened:
+                for name, table in tables.items():
+                    metadata = {"rpud_sim": {**about, **table}}
+                    stem = folder / file_stem(name)
+                    files[name] = make_table(file_format, stem, columns[name], metadata)
+                    opened.callback(files[name].close)
                 for batch in batches:
-                    files.write(batch)
+                    files[batch.topic].write(batch.columns)
+                    messages[batch.topic] += batch.message_count
+                    rows[batch.topic] += len(batch)
                     report(batch.message_count)
-            exported = Exported(
-                os.fspath(out), file_format, files.exported(), left_out, damages.texts
+            topics_made = (
+                ExportedTopic(
+                    name,
+                    tables[name]["type"],
+                    messages[name],
+                    rows[name],
+                    file.paths[0].relative_to(folder).parts[0],
+                    sum(path.stat().st_size for path in file.paths),
+                )
+                for name, file in files.items()
             )
-            write_account(folder, {**asdict(exported), **files.account})
+            exported = Exported(
+                os.fspath(out), file_format, tuple(topics_made), left_out, damages.texts
+            )
+            write_account(folder, {**asdict(exported), **about, "tables": tables})
     return exported
+
+
+def _description(summary: TopicSummary, columns: Sequence[Column]) -> dict[str, Any]:
+    """Return what ``export.json`` says of a table."""
+    return {
+        "topic": summary.topic.name,
+        "type": summary.topic.type,
+        "type_hash": summary.topic.type_hash,
+        "losses": asdict(summary.losses) if summary.losses else None,
+        "columns": {column.name: describe_column(column) for column in columns},
+    }
 
 
 def write_account(folder: Path, account: Mapping[str, Any]) -> None:
@@ -137,75 +175,6 @@ def make_table(
     module, name = FORMATS[file_format]
     kind = getattr(import_module(f"rpud_sim.inspection.{module}"), name)
     return kind(path, columns, metadata)
-
-
-class _Files:
-    def __init__(
-        self,
-        bag: BagReader,
-        folder: Path,
-        file_format: str,
-        topics: Collection[TopicSummary],
-        damages: Damages,
-    ) -> None:
-        self._format = file_format
-        self._folder = folder
-        self._topics = {summary.topic.name: summary for summary in topics}
-        self._columns = {name: bag.columns(name) for name in self._topics}
-        self._counts = {name: [0, 0] for name in self._topics}
-        self._files: dict[str, Any] = {}
-        self._open = ExitStack()
-        self._about = {
-            "bag": str(bag.path),
-            "bag_start_time": bag.start_time,
-            "manifests": damages.records(bag, MANIFEST),
-        }
-
-    def __enter__(self) -> _Files:
-        with self._open:
-            for name, columns in self._columns.items():
-                metadata = {"rpud_sim": {**self._about, **self._describe(name)}}
-                stem = self._folder / file_stem(name)
-                file = make_table(self._format, stem, columns, metadata)
-                self._files[name] = file
-                self._open.callback(file.close)
-            self._open = self._open.pop_all()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._open.close()
-
-    def write(self, batch: Batch) -> None:
-        self._files[batch.topic].write(batch.columns)
-        self._counts[batch.topic][0] += batch.message_count
-        self._counts[batch.topic][1] += len(batch)
-
-    def exported(self) -> tuple[ExportedTopic, ...]:
-        return tuple(
-            ExportedTopic(
-                name,
-                summary.topic.type,
-                self._counts[name][0],
-                self._counts[name][1],
-                self._files[name].paths[0].relative_to(self._folder).parts[0],
-                sum(path.stat().st_size for path in self._files[name].paths),
-            )
-            for name, summary in self._topics.items()
-        )
-
-    @property
-    def account(self) -> dict[str, Any]:
-        return {**self._about, "tables": {name: self._describe(name) for name in self._topics}}
-
-    def _describe(self, topic: str) -> dict[str, Any]:
-        summary = self._topics[topic]
-        return {
-            "topic": topic,
-            "type": summary.topic.type,
-            "type_hash": summary.topic.type_hash,
-            "losses": asdict(summary.losses) if summary.losses else None,
-            "columns": {column.name: describe_column(column) for column in self._columns[topic]},
-        }
 
 
 def describe_column(column: Column) -> dict[str, Any]:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -12,9 +10,9 @@ import numpy as np
 from numpy.lib.format import dtype_to_descr, write_array_header_1_0
 
 from rpud_sim.bag.columns import Column, Kind
+from rpud_sim.foundation.json_values import to_json
 
 _VARYING = (Kind.SEQUENCE, Kind.TEXT, Kind.NESTED)
-_PIECE = 65_536  # elements
 
 
 class NumpyFolder:
@@ -96,26 +94,3 @@ class _GrowingFile:
         shape = (self.length, *self._shape)
         descr = dtype_to_descr(self.dtype)
         write_array_header_1_0(stream, {"descr": descr, "fortran_order": False, "shape": shape})
-
-
-def to_json(value: Any) -> str:
-    """Return a value as one line of JSON; NaN and infinity, which JSON lacks, are texts."""
-    if isinstance(value, np.ndarray) and value.size > _PIECE:
-        # One list of everything would take many times the memory of the array.
-        pieces = (to_json(value[at : at + _PIECE])[1:-1] for at in range(0, len(value), _PIECE))
-        return f"[{', '.join(pieces)}]"
-    plain = value.tolist() if isinstance(value, np.ndarray) else value
-    try:
-        return json.dumps(plain, ensure_ascii=False, allow_nan=False)
-    except ValueError:
-        return json.dumps(_name_infinities(plain), ensure_ascii=False)
-
-
-def _name_infinities(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {name: _name_infinities(item) for name, item in value.items()}
-    if isinstance(value, list):
-        return [_name_infinities(item) for item in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return "NaN" if math.isnan(value) else "Infinity" if value > 0 else "-Infinity"
-    return value

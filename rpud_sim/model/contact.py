@@ -63,14 +63,15 @@ def _mass_of_shape(shape: float, m_1: float, m_2: float) -> float:
     return ((1.0 + shape + shape * shape) * m_1 + shape * shape * m_2) / 3.0
 
 
-# Laws of the contact in the rock, by their name: functions of spring rate [N/m] and mass [kg] of
-# parts I and II. ``given`` takes the tool from the parameters.
-_LAWS: Mapping[str, Callable[[float, float, float, float], EffectiveTool]] = {
-    "printed": printed_tool,
-    "rayleigh": rayleigh_tool,
-    "mode_shape": mode_shape_tool,
+# Laws of the contact in the rock, by their name: what they are, and functions of spring rate [N/m]
+# and mass [kg] of parts I and II. ``given`` takes the tool from the parameters.
+_LAWS: Mapping[str, tuple[str, Callable[[float, float, float, float], EffectiveTool]]] = {
+    "printed": ("(22) and (27) as printed", printed_tool),
+    "rayleigh": ("two springs in series", rayleigh_tool),
+    "mode_shape": ("the shape of (24) in both", mode_shape_tool),
 }
 CONTACT_MODELS = (*_LAWS, "given")
+CONTACT_MODELS_TEXT = ", ".join(said for said, _ in _LAWS.values()) + ", or given"
 
 
 def effective_tool(parameters: Parameters) -> EffectiveTool:
@@ -83,7 +84,8 @@ def effective_tool(parameters: Parameters) -> EffectiveTool:
     )
     rates = (parameters.elastic_modulus * area / length for area, length in sections)  # eq. (20)
     masses = (parameters.drill_tool_density * area * length for area, length in sections)
-    return _LAWS[parameters.contact_model](*rates, *masses)
+    _, law = _LAWS[parameters.contact_model]
+    return law(*rates, *masses)
 
 
 @compiled

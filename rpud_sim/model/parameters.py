@@ -14,7 +14,7 @@ from rpud_sim.foundation.parameters import (
     quantities,
 )
 from rpud_sim.foundation.quantities import ParameterError, did_you_mean, shown_name
-from rpud_sim.model.contact import CONTACT_MODELS
+from rpud_sim.model.contact import CONTACT_MODELS, CONTACT_MODELS_TEXT
 
 REGIMES = ("free", "drilling")
 
@@ -109,8 +109,7 @@ class Parameters(ParameterGroup):
     contact_model: str = choice(
         "given",  # Table 2 with (22) and (27) gives neither number of Fig. 12
         CONTACT_MODELS,
-        "effective mass and spring rate of the drill tool in the rock: (22) and (27) as printed, "
-        "two springs in series, the shape of (24) in both, or given",
+        f"effective mass and spring rate of the drill tool in the rock: {CONTACT_MODELS_TEXT}",
     )
     effective_tool_mass: float = number(
         1.72e-3,  # Fig. 12 implies it by (21), (30) and (36)

@@ -1,8 +1,8 @@
 """Bags of drills on a feed are proved, and forked in the middle of a motion."""
 
 import pytest
+from inspection.forked_runs import held
 
-import rpud_sim.bag
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.inspection.offline_bag import write_fork, write_offline_bag
 from rpud_sim.inspection.verify.verification import verify
@@ -43,33 +43,24 @@ def test_a_bag_of_a_feed_is_proved(bag):
 
 
 def test_the_figures_are_those_of_the_run_in_the_bag():
-    beginning = BEGINNING
-    run = Run(beginning)
+    run = Run(BEGINNING)
     run.begin(0)
     for planned in PLANNED:
         list(run.advance_to(planned.delay))
         apply_change(run, planned.change)
     list(run.advance_to(400 * MILLISECOND))
-    ensemble = run_ensemble(beginning.settings.configuration, 0.4, [0.3], planned=PLANNED)
+    ensemble = run_ensemble(BEGINNING.settings.configuration, 0.4, [0.3], planned=PLANNED)
     assert ensemble.members[0]["depth"] == run.simulation.depth
     [feed], [energy] = ensemble.feed_accounts, ensemble.accounts
     assert abs(feed.residual(energy.weight_on_bit_work)) < 1e-12
-
-
-def held(path, since):
-    with rpud_sim.bag.open(path) as bag:
-        return [
-            (message.log_time, message.topic, message.data)
-            for message in bag.messages()
-            if message.log_time > since
-        ]
 
 
 @pytest.mark.parametrize("at", [0.0567, 0.15, 0.3])
 def test_a_fork_goes_on_with_the_same_bits(bag, tmp_path, at):
     write_fork(bag, tmp_path / "fork", at)
     since = round(at * 1000 * MILLISECOND)
-    assert held(tmp_path / "fork", since) == held(bag, since)
+    rest = [[each for each in held(path) if each[0] > since] for path in (tmp_path / "fork", bag)]
+    assert rest[0] == rest[1]
     assert proved(tmp_path / "fork")
 
 

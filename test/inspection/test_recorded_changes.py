@@ -40,7 +40,6 @@ def commanded(entries, after):
 
 
 def test_own_commands_replace_the_recorded_ones(used, tmp_path):
-    path = used.path
     (tmp_path / "commands.yaml").write_text(
         "commands:\n"
         "  - {time: 0.0055, weight_on_bit: 12}\n"
@@ -50,7 +49,7 @@ def test_own_commands_replace_the_recorded_ones(used, tmp_path):
         "  - {kind: hard_rock, onset: 0.01, duration: 0.01}\n"
     )
     changes = read_commands(tmp_path / "commands.yaml")
-    forked = write_fork(path, tmp_path / "fork", 0.02, 0.07, changes)
+    forked = write_fork(used.path, tmp_path / "fork", 0.02, 0.07, changes)
     found = commanded(entries_of(tmp_path / "fork"), 20 * MILLISECOND)
     assert found == [(25_500_000, "weight_on_bit"), (40_000_000, "drive"), (50_000_000, "drive")]
     with_rock = "rock_model" in manifest_of(tmp_path / "fork").parameters
@@ -62,10 +61,9 @@ def test_own_commands_replace_the_recorded_ones(used, tmp_path):
 
 def test_the_watchdog_watches_over_own_commands(used, tmp_path):
     """40 ms after the last command of the file they are lost, and go down within 20 ms."""
-    path = used.path
     (tmp_path / "commands.yaml").write_text("commands: [{time: 0.01, weight_on_bit: 12}]")
     changes = read_commands(tmp_path / "commands.yaml")
-    write_fork(path, tmp_path / "fork", 0.01, 0.1, changes)
+    write_fork(used.path, tmp_path / "fork", 0.01, 0.1, changes)
     entries = entries_of(tmp_path / "fork")
     times = [time for time, kind in commanded(entries, 20 * MILLISECOND) if kind == "drive"]
     assert times[0] >= 60 * MILLISECOND
@@ -77,9 +75,8 @@ def test_the_watchdog_watches_over_own_commands(used, tmp_path):
 
 
 def test_a_value_that_is_set_stays_when_the_recorded_run_changes_others(used, tmp_path):
-    path = used.path
     changes = parameter_changes({"actuator_restitution": 0.55})
-    write_fork(path, tmp_path / "fork", 0.05, None, changes)
+    write_fork(used.path, tmp_path / "fork", 0.05, None, changes)
     recorded = [e for e in entries_of(tmp_path / "fork") if e.kind == "configure"]
     values = [json.loads(e.content)["parameters"] for e in recorded]
     assert [v["actuator_restitution"] for v in values] == [0.55, 0.55]
@@ -87,8 +84,9 @@ def test_a_value_that_is_set_stays_when_the_recorded_run_changes_others(used, tm
 
 
 def test_a_recorded_clear_finds_its_fault_under_another_number(used, tmp_path):
-    path = used.path
-    forked = write_fork(path, tmp_path / "fork", 0.0001, 0.07, parse_injections(["lost_preload"]))
+    forked = write_fork(
+        used.path, tmp_path / "fork", 0.0001, 0.07, parse_injections(["lost_preload"])
+    )
     # The scenario begins the same fault later, which a node would refuse as well.
     assert not any("clear" in warning for warning in forked.warnings)
     last = decoded(tmp_path / "fork", "faults")[-1]

@@ -144,15 +144,6 @@ def test_a_parameter_file_may_have_sections_of_other_nodes(process, tmp_path):
     started.wait_for_line("weight on bit 7 N")
 
 
-def test_what_is_no_parameter_or_has_another_type_is_refused_and_ends_nothing(client, drill):
-    for values in ({"no_such": 1.0}, {"gravity": "much"}, {"regime": 1.0}, {"gravity": True}):
-        [result] = set_each(client, **values)
-        assert not result.successful
-        assert result.reason
-    assert get(client, "gravity", "regime") == [9.81, "drilling"]
-    assert drill.running
-
-
 CHANGED = {
     "gravity": 3.7,
     "drill_tool_restitution": 0.5,

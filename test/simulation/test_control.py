@@ -1,17 +1,25 @@
-"""What is commanded acts, unless the drill is inactive or its commanders are gone."""
+"""Commands are checked when they are made, and act unless lost or while the drill is inactive."""
 
+import math
+
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from support import examples
 
+from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.simulation import Parameters
 from rpud_sim.simulation.commands import Drive, WeightOnBit
 from rpud_sim.simulation.configuration import Configuration
-from rpud_sim.simulation.control import Control
+from rpud_sim.simulation.control import CommandWatchdog, Control
 from rpud_sim.simulation.simulation import Simulation
 
 SECOND = 1_000_000_000
+
+
 MILLISECOND = 1_000_000
+
+
 NOMINAL = Drive(True, 100.0, 16000.0)
 
 
@@ -134,3 +142,52 @@ def test_it_never_acts_more_than_commanded_and_not_at_all_while_inactive(events)
             assert force == weight_on_bit.force
             assert simulation.applied.drive.enabled == drive.enabled
             assert voltage == (drive.voltage if drive.enabled else 0.0)
+
+
+def test_the_share_goes_down_linearly_after_the_timeout():
+    watchdog = CommandWatchdog(0.5, 2.0, 3 * SECOND)
+    shares = [watchdog.share(3 * SECOND + half * SECOND // 2) for half in range(8)]
+    assert shares == [1.0, 1.0, 0.75, 0.5, 0.25, 0.0, 0.0, 0.0]
+    assert not watchdog.lost(3 * SECOND + SECOND // 2)
+    assert watchdog.lost(3 * SECOND + SECOND // 2 + 1)
+
+
+def test_the_shortest_timeout_is_one():
+    assert CommandWatchdog(1e-15, 0.0).lost(2)
+
+
+NO_NUMBERS = [math.nan, math.inf, -math.inf, True, "30", None, [30.0], 10**400]
+
+
+def test_a_refusal_names_value_unit_and_range():
+    with pytest.raises(ParameterError) as caught:
+        WeightOnBit(-1.5)
+    assert str(caught.value) == "weight_on_bit = -1.5 N is outside its range [0, 1000] N"
+    with pytest.raises(ParameterError) as caught:
+        Drive(True, 2000.0, 16000.0)
+    assert str(caught.value) == "drive voltage = 2000 V is outside its range [0, 1000] V"
+    with pytest.raises(ParameterError) as caught:
+        Drive(True, 100.0, 0.0)
+    assert str(caught.value) == "drive frequency = 0 Hz is outside its range [100, 200000] Hz"
+
+
+@pytest.mark.parametrize("enabled", [True, False])
+@pytest.mark.parametrize("value", [*NO_NUMBERS, -1.0, 1e9])
+def test_a_voltage_or_frequency_outside_its_range_is_refused_even_when_off(enabled, value):
+    with pytest.raises(ParameterError, match=r"^drive voltage = .* V is outside its range"):
+        Drive(enabled, value, 16000.0)
+    with pytest.raises(ParameterError, match=r"^drive frequency = .* Hz is outside its range"):
+        Drive(enabled, 100.0, value)
+
+
+@pytest.mark.parametrize("enabled", [1, 0, "true", None, math.nan])
+def test_enabled_is_true_or_false(enabled):
+    with pytest.raises(ParameterError, match=r"drive enabled = .* is not true or false"):
+        Drive(enabled, 100.0, 16000.0)
+
+
+@pytest.mark.parametrize("frequency", [0, 0.0, -0.0])
+def test_a_drive_that_is_off_needs_no_voltage_and_no_frequency(frequency):
+    drive = Drive(False, 0, frequency)
+    assert (drive.voltage, drive.frequency) == (0.0, 0.0)
+    assert type(drive.frequency) is float

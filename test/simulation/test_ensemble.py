@@ -1,45 +1,54 @@
 """Runs over initial vibration phases: reproducible, with a standard error."""
 
+import dataclasses
 import math
 import subprocess
 import sys
 import threading
 
 import numba
+import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.lib.recfunctions import repack_fields
+from support import examples
 
 from rpud_sim.drilling.rock import RockParameters
-from rpud_sim.model import compile
+from rpud_sim.model import compile, engine
 from rpud_sim.model.compile import compilation_notice
+from rpud_sim.model.engine import EngineError, initial_state
+from rpud_sim.model.tolerances import GREATEST_EFFORT
 from rpud_sim.simulation import ensemble, preset
+from rpud_sim.simulation.actuator import ActuatorParameters
 from rpud_sim.simulation.configuration import Configuration
-from rpud_sim.simulation.ensemble import Ensemble, compile_kernels, run_ensemble
+from rpud_sim.simulation.ensemble import (
+    Ensemble,
+    EnsembleRuns,
+    compile_kernels,
+    run_ensemble,
+    run_members,
+    runs_by_itself,
+)
 from rpud_sim.simulation.faults import Fault
 from rpud_sim.simulation.scenario import Scenario, ScheduledFault
 from rpud_sim.simulation.simulation import Simulation, initial_phases
 from rpud_sim.simulation.statistics import FIGURES, Statistics
 
 SANDSTONE = RockParameters(rock_model="specific_energy")
+
+
 PARAMETERS = preset("drilling")
 
 
-def test_a_single_run_without_a_seed_begins_at_phase_zero():
+def test_phases_are_those_of_the_seed_and_one_run_without_it_begins_at_zero():
     assert initial_phases(1, None) == (0.0,)
-
-
-def test_phases_are_those_of_the_seed():
     assert initial_phases(5, 7) == initial_phases(5, 7)
     assert initial_phases(5, 7) != initial_phases(5, 8)
     assert initial_phases(5, None) == initial_phases(5, 0)
     assert initial_phases(5, 7)[:3] == initial_phases(3, 7)
     assert initial_phases(1, 7) != (0.0,)
     assert all(0.0 <= phase < 1.0 for phase in initial_phases(1000, 1))
-
-
-def test_a_member_is_the_run_of_its_phase():
-    simulation, statistics = Simulation(PARAMETERS, 0.25), Statistics()
-    statistics.add(simulation.advance_to(500_000_000))
-    assert run_ensemble(PARAMETERS, 0.5, [0.25]).members == (statistics.figures(),)
 
 
 def test_a_long_run_is_made_in_strides_and_reported():
@@ -183,3 +192,165 @@ def test_cached_kernels_are_not_reported_however_busy_the_machine_is(monkeypatch
     monkeypatch.setattr(compile, "_LONG", 0.0)
     compile_kernels(PARAMETERS, lambda line: told.set())
     assert not told.is_set()
+
+
+MILLISECOND = 1_000_000
+
+
+RESONANCE = ActuatorParameters(actuator_model="resonance")
+
+
+TRACKING = ActuatorParameters(actuator_model="resonance", generator="tracking", heating=True)
+
+
+DRILLS = st.builds(
+    lambda regime, weight, amplitude, restitution, resonant: Configuration(
+        preset(regime).replace(
+            weight_on_bit=weight,
+            vibration_amplitude=amplitude,
+            actuator_restitution=restitution,
+            drill_tool_restitution=restitution,
+        ),
+        RESONANCE if resonant else ActuatorParameters(),
+    ),
+    st.sampled_from(["free", "drilling"]),
+    st.floats(0.0, 100.0),
+    st.floats(1e-6, 50e-6),
+    st.floats(0.3, 1.0),
+    st.booleans(),
+)
+
+
+PHASES = st.floats(-2.0, 2.0)
+
+
+def exact(values):
+    """Return values so that NaN equals NaN and -0.0 differs from 0.0."""
+    return repr(values)
+
+
+def statistics_of(configuration, phase, times):
+    """Statistics of a run from the last but one of ascending times to the last."""
+    simulation, statistics = Simulation(configuration, phase), Statistics()
+    for time in times[:-1]:
+        simulation.advance_to(time)
+    block = simulation.advance_to(times[-1])
+    statistics.add(block)
+    return statistics, block.impacts
+
+
+@settings(max_examples=examples(30), deadline=None)
+@given(DRILLS, st.lists(PHASES, min_size=1, max_size=4), st.integers(1, 60 * MILLISECOND))
+def test_members_are_runs_of_a_simulation(configuration, phases, end):
+    found = EnsembleRuns(configuration, phases).run(end, True)
+    assert len(found) == len(phases)
+    for phase, member in zip(phases, found, strict=True):
+        expected, _ = statistics_of(configuration, phase, [end])
+        assert member.failure is None
+        assert exact(member.figures) == exact(expected.figures())
+        assert exact(member.account) == exact(expected.account)
+    without = EnsembleRuns(configuration, phases).run(end, False)
+    assert exact([m.figures for m in without]) == exact([m.figures for m in found])
+
+
+@settings(max_examples=examples(30), deadline=None)
+@given(DRILLS, PHASES, st.lists(st.integers(0, 60 * MILLISECOND), min_size=1, max_size=4))
+def test_a_run_in_parts_is_that_of_a_simulation(configuration, phase, times):
+    times = sorted(times)
+    run, statistics = EnsembleRuns(configuration, [phase]), Statistics()
+    for time in times[:-1]:
+        run.advance_to(time, Statistics())
+    impacts = run.advance_to(times[-1], statistics)
+    expected, expected_impacts = statistics_of(configuration, phase, times)
+    assert run.time == times[-1]
+    # The bytes between the fields have no value.
+    assert repack_fields(impacts).tobytes() == repack_fields(expected_impacts).tobytes()
+    assert exact(statistics.figures()) == exact(expected.figures())
+    assert exact(statistics.account) == exact(expected.account)
+
+
+def test_more_impacts_than_there_is_room_for_are_all_counted(monkeypatch):
+    configuration = Configuration(preset("drilling").replace(weight_on_bit=80.0))
+    expected, impacts = statistics_of(configuration, 0.25, [2_000 * MILLISECOND])
+    monkeypatch.setattr(ensemble, "_FIRST_IMPACTS", 70)
+    monkeypatch.setattr(ensemble, "_room", ensemble._Room())
+    assert len(impacts) > 1000
+    [member] = EnsembleRuns(configuration, [0.25]).run(2_000 * MILLISECOND, True)
+    assert exact(member.figures) == exact(expected.figures())
+
+
+@pytest.fixture
+def tired(monkeypatch):
+    """Let all runs begin beyond their budget of events."""
+
+    def begin(*arguments):
+        state = initial_state(*arguments)
+        state["effort"] = 2.0 * GREATEST_EFFORT
+        return state
+
+    monkeypatch.setattr(ensemble, "initial_state", begin)
+    monkeypatch.setattr(engine, "initial_state", begin)
+
+
+def test_a_member_that_fails_leaves_the_others_as_they_are():
+    end, phases = 50 * MILLISECOND, [0.25, 0.5, 0.75]
+    configuration = Configuration(preset("drilling"))
+    runs = EnsembleRuns(configuration, phases)
+    runs._states["effort"][1] = 2.0 * GREATEST_EFFORT
+    found = runs.run(end, True)
+    assert found[1].figures == {}
+    assert found[1].account is None
+    assert str(found[1].failure).startswith("events exceed their budget of 500000 in a simulated")
+    for number in (0, 2):
+        expected, _ = statistics_of(configuration, phases[number], [end])
+        assert exact(found[number].figures) == exact(expected.figures())
+        assert exact(found[number].account) == exact(expected.account)
+
+
+@pytest.mark.parametrize("duration", [0.01, 11.0])
+@pytest.mark.parametrize("threads", [1, 2])
+def test_a_failure_has_the_words_of_a_simulation(tired, duration, threads):
+    drill = preset("drilling").replace(free_mass=1e-6)
+    with pytest.raises(EngineError) as expected:
+        Simulation(drill, 0.25).advance_to(MILLISECOND)
+    with pytest.raises(EngineError) as caught:
+        run_ensemble(drill, duration, [0.25, 0.5, 0.75], threads=threads)
+    assert str(caught.value) == str(expected.value)
+    assert "free_mass = 1e-06 kg" in str(caught.value)
+    failed = [str(member.failure) for member in run_members(drill, duration, [0.25, 0.5])]
+    assert failed[0] == str(expected.value)
+    assert len(failed) == 2
+
+
+@pytest.mark.parametrize("threads", [1, 3])
+@pytest.mark.parametrize(
+    ("configuration", "duration"),
+    [
+        (Configuration(preset("free")), 0.4),
+        (Configuration(preset("drilling")), 10.5),
+        (Configuration(preset("drilling"), rock=RockParameters("specific_energy")), 0.3),
+        (Configuration(preset("drilling"), TRACKING), 0.1),
+    ],
+)
+def test_threads_change_nothing(configuration, duration, threads):
+    phases = np.linspace(0.0, 0.9, 30 if duration < 1.0 else 3).tolist()
+    reported = []
+    found = run_ensemble(configuration, duration, phases, reported.append, threads=threads)
+    assert sum(reported) == pytest.approx(duration * len(phases))
+    assert exact(found.members) == exact(run_ensemble(configuration, duration, phases).members)
+
+
+def test_closing_the_iterator_ends_the_runs():
+    found = run_members(preset("drilling"), 15.0, [0.1] * 1000, threads=2)
+    assert next(found).failure is None
+    found.close()
+
+
+def test_runs_to_which_something_happens_are_left_to_a_simulation():
+    plain = Configuration(preset("drilling"))
+    jam = Scenario(0, (ScheduledFault(0, None, Fault("free_mass_jammed")),))
+    assert runs_by_itself(plain)
+    assert runs_by_itself(plain, Scenario(0, ()))
+    assert runs_by_itself(dataclasses.replace(plain, actuator=RESONANCE))
+    assert not runs_by_itself(plain, jam)
+    assert not runs_by_itself(dataclasses.replace(plain, actuator=TRACKING))

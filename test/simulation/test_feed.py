@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 from rpud_msgs.msg import Feed as FeedMessage
 from support import examples
 
-from rpud_sim.drilling.mount import STOPPED
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.simulation import Fault, Feed, Simulation, WeightOnBit, preset, to_configuration
 from rpud_sim.simulation.changes import Planned, read_commands
@@ -238,18 +237,6 @@ def test_a_command_file_holds_feeds(tmp_path):
         file.write_text(f"commands:\n- {{time: 0, feed: {text}}}\n")
         with pytest.raises(ParameterError, match="command 1: feed"):
             read_commands(file)
-
-
-def test_a_feed_that_is_in_force_already_adds_no_entry_to_the_journal():
-    journal = Journal()
-    configuration = to_settings(ARM).configuration
-    simulation = Simulation(configuration, journal=journal)
-    for number, command in enumerate((STOPPED, Feed("rate", 1e-3), Feed("rate", 1e-3), STOPPED)):
-        simulation.advance_to(number * MILLISECOND)
-        simulation.apply(command)
-    entries = [(entry.time, entry.content["value"]) for entry in journal.drain()]
-    assert entries == [(MILLISECOND, 1e-3), (3 * MILLISECOND, 0.0)]
-    assert simulation.applied.feed_time == 3 * MILLISECOND
 
 
 def test_the_status_has_the_feed_in_force():

@@ -8,17 +8,29 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rpud_sim.simulation.commands import Drive, WeightOnBit
+from rpud_sim.simulation.commands import Drive, Feed, WeightOnBit
 from rpud_sim.simulation.configuration import to_configuration, to_settings, to_values
+from rpud_sim.simulation.fault_kinds import KINDS
 from rpud_sim.simulation.faults import Fault, FaultError
 from rpud_sim.simulation.journal import Journal, JournalEntry
-from rpud_sim.simulation.rerun import JournalError, Rerun
+from rpud_sim.simulation.rerun import (
+    MOST_CHECKPOINTS,
+    CheckpointError,
+    Checkpoints,
+    JournalError,
+    Rerun,
+)
 from rpud_sim.simulation.run import Beginning, Run
 from rpud_sim.simulation.scenario import parse_scenario
+from rpud_sim.simulation.state import state_of
 from rpud_sim.simulation.telemetry import one_by_one
 
 MILLISECOND = 1_000_000
+
+
 RATES = {"telemetry_rate": 200, "sample_rate": 20_000, "block_duration": 0.02}
+
+
 SCENARIO = parse_scenario(
     {
         "seed": 7,
@@ -155,3 +167,125 @@ def test_time_does_not_go_back_and_nothing_comes_before_the_beginning():
     list(rerun.repeat(JournalEntry(1, 5, "stop", {})))
     with pytest.raises(JournalError, match="before that of the one before it"):
         list(rerun.repeat(JournalEntry(2, 4, "stop", {})))
+
+
+RESONANCE = {
+    "actuator_model": "resonance",
+    "generator": "tracking",
+    "rock_model": "specific_energy",
+}
+
+
+def launched(values):
+    run = Run(Beginning(to_settings(values), 0.3, 5), Journal())
+    run.begin(7)
+    for kind in ("noise", "intermittent", "garbage", "delayed"):
+        run.simulation.inject(Fault(kind, "contact_force"), 40 * MILLISECOND)
+    return run
+
+
+def go_on(run):
+    """Go on and change something; return all messages as texts, in which NaN equals NaN."""
+    messages = list(run.advance_to(run.time + 15 * MILLISECOND))
+    run.control.apply(WeightOnBit(17.0))
+    messages += run.advance_to(run.time + 33 * MILLISECOND)
+    return [repr(message) for message in messages if message[1] != "journal"]
+
+
+@settings(max_examples=8)
+@given(time=st.integers(0, 50 * MILLISECOND), values=st.sampled_from([{}, RESONANCE]))
+def test_a_copy_goes_on_like_its_run_and_by_itself(time, values):
+    run = launched(values)
+    list(run.advance_to(time))
+    first, second = run.copy(Journal()), run.copy(Journal())
+    found = go_on(first)
+    assert run.time == time
+    assert go_on(second) == found
+    assert go_on(run) == found
+
+
+def test_a_checkpoint_stays_as_it_was_saved():
+    run, checkpoints = launched({}), Checkpoints()
+    list(run.advance_to(11 * MILLISECOND))
+    checkpoints.save("here", run)
+    found = go_on(checkpoints.find("here"))
+    assert go_on(checkpoints.find("here")) == found
+    assert checkpoints.names == ("here",)
+
+
+def test_a_name_is_checked_and_an_unknown_one_gets_a_hint():
+    run, checkpoints = launched({}), Checkpoints()
+    with pytest.raises(CheckpointError, match="no checkpoint 'a'; none was saved"):
+        checkpoints.find("a")
+    checkpoints.save("before_the_rock", run)
+    with pytest.raises(CheckpointError, match=r"'before_rock'; did you mean before_the_rock\?"):
+        checkpoints.find("before_rock")
+    for name in ("", "a b", "x" * 65, "a/b", "a\n"):
+        with pytest.raises(CheckpointError, match="is no name of a checkpoint"):
+            checkpoints.save(name, run)
+
+
+def test_their_number_is_bounded():
+    run, checkpoints = launched({}), Checkpoints()
+    for number in range(MOST_CHECKPOINTS):
+        checkpoints.save(f"c{number}", run)
+    with pytest.raises(CheckpointError, match=r"one more than 16 checkpoints: .* such as c0"):
+        checkpoints.save("more", run)
+    checkpoints.save("c0", run)
+    assert checkpoints.names[-1] == "c0"
+
+
+DRILLS = {
+    "drilling": {},
+    "free": {"regime": "free"},
+    "resonance": {"actuator_model": "resonance", "rock_model": "specific_energy"},
+    "tracking": {"actuator_model": "resonance", "generator": "tracking"},
+    "rotation": {"rotation_model": "friction_drive", "rock_model": "specific_energy"},
+    "arm": {"feed_model": "arm", "strata": "regolith", "rotation_model": "friction_drive"},
+}
+
+
+def every_fault(run):
+    """Inject each fault that the drill can have, on two channels where it acts on one."""
+    for name, kind in KINDS.items():
+        for channel in ("",) if kind.physical else ("wrench", "contact_force"):
+            try:
+                run.simulation.inject(Fault(name, channel), 400 * MILLISECOND)
+            except FaultError:
+                continue
+
+
+@pytest.mark.parametrize("faulty", [False, True])
+@pytest.mark.parametrize("name", DRILLS)
+def test_a_run_goes_on_from_its_state_with_the_same_bits(name, faulty):
+    run = Run(Beginning.drawn(to_settings(DRILLS[name])), Journal())
+    run.begin(5)
+    entries = [each for each in run.advance_to(330 * MILLISECOND) if each[1] == "journal"]
+    if faulty:
+        every_fault(run)
+    run.control.apply(Feed("rate", 1e-4) if name == "arm" else WeightOnBit(11.0))
+    entries += [each for each in run.advance_to(371 * MILLISECOND) if each[1] == "journal"]
+    run.note_state()
+    last = [each for each in run.changes() if each[1] == "journal"]
+    own = to_entry(last[-1])
+    text = json.dumps(state_of(run), sort_keys=True)
+
+    began = Rerun()
+    assert list(began.repeat(own)) == []
+    assert json.dumps(state_of(began.run), sort_keys=True) == text
+    repeated = Rerun()
+    for entry in (*entries, *last):
+        for _ in repeated.repeat(to_entry(entry)):
+            pass
+    assert json.dumps(state_of(repeated.run), sort_keys=True) == text
+
+    end = 900 * MILLISECOND
+    expected = repr([each for each in run.advance_to(end) if each[1] != "journal"])
+    assert repr(list(one_by_one(began.advance_to(end)))) == expected
+
+
+def to_entry(message):
+    """Return the entry of a message as a bag's reader has it."""
+    _, _, fields = message
+    content = json.loads(fields["content"])
+    return JournalEntry(fields["sequence"], content.pop("time"), fields["kind"], content)

@@ -101,15 +101,6 @@ def test_at_the_boundaries_even_the_order_is_the_same():
     assert found == expected
 
 
-def test_the_next_boundary_is_the_end_of_the_telemetry_period():
-    run, _ = begun()
-    assert run.next_boundary == 5 * MILLISECOND
-    list(run.advance_to(5 * MILLISECOND))
-    assert run.next_boundary == 10 * MILLISECOND
-    list(run.advance_to(7 * MILLISECOND))
-    assert run.next_boundary == 10 * MILLISECOND
-
-
 def test_every_block_is_counted_once_without_a_gap():
     blocks = []
     run, _ = begun(on_block=blocks.append)

@@ -1,29 +1,44 @@
 """Commands change what acts and nothing else; where a caller stops changes nothing at all."""
 
 import dataclasses
+from itertools import pairwise
 
 import numpy as np
 import pytest
+from drill_configurations import FULL, SANDSTONE
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from support import examples
 
+from rpud_sim.drilling.mount import STOPPED
 from rpud_sim.foundation.quantities import ParameterError
+from rpud_sim.model.energy import RpudConstants
 from rpud_sim.model.segment import EVENT_ACTUATOR_IMPACT
 from rpud_sim.simulation import Parameters, preset
 from rpud_sim.simulation.actuator import ActuatorParameters
-from rpud_sim.simulation.commands import Drive, WeightOnBit
-from rpud_sim.simulation.configuration import Configuration
+from rpud_sim.simulation.block import Block, boundaries_until, boundary, join_blocks
+from rpud_sim.simulation.commands import Drive, Feed, WeightOnBit
+from rpud_sim.simulation.configuration import Configuration, to_configuration
+from rpud_sim.simulation.faults import Fault
 from rpud_sim.simulation.journal import Journal
 from rpud_sim.simulation.sampling import Times
 from rpud_sim.simulation.simulation import Simulation
 
 SECOND = 1_000_000_000
+
+
 MILLISECOND = 1_000_000
+
+
 OFF = Drive(False, 0.0, 0.0)
 
+
 regimes = st.sampled_from([preset("free"), preset("drilling")])
+
+
 moments = st.integers(0, SECOND // 4)
+
+
 commands = st.one_of(
     st.builds(WeightOnBit, st.floats(0.0, 60.0)),
     st.builds(Drive, st.just(True), st.floats(50.0, 200.0), st.floats(8e3, 40e3)),
@@ -159,6 +174,10 @@ def test_the_same_command_again_changes_nothing():
     assert journal.drain() == []
     simulation.apply(WeightOnBit(11.0))
     assert simulation.applied.weight_on_bit_time == MILLISECOND
+    fed = Simulation(to_configuration({"feed_model": "arm"}), journal=journal)
+    for command in (STOPPED, Feed("rate", 1e-3), Feed("rate", 1e-3)):
+        fed.apply(command)
+    assert [entry.content["value"] for entry in journal.drain()[1:]] == [1e-3]
 
 
 def test_drive_off_keeps_voltage_and_frequency_that_are_zero():
@@ -209,3 +228,168 @@ def test_the_order_of_commands_for_different_things_at_one_instant_changes_no_bi
     others, other_impacts = trajectory(weights_first)
     assert same(segments, others)
     assert same(impacts, other_impacts)
+
+
+def test_another_specific_energy_counts_from_its_instant_on():
+    plain, harder = Simulation(FULL), Simulation(FULL)
+    for simulation in (plain, harder):
+        simulation.advance_to(SECOND)
+    before = plain.depth
+    for energy in (1e9, 150e6):  # the second counts from the sandstone's as well
+        rock = dataclasses.replace(SANDSTONE, rock_specific_energy=energy)
+        harder.configure(dataclasses.replace(FULL, rock=rock))
+    assert harder.configuration.rock.rock_specific_energy == 150e6
+    plain.advance_to(3 * SECOND)
+    harder.advance_to(3 * SECOND)
+    assert harder.depth - before == pytest.approx((plain.depth - before) / 2.0, rel=1e-9)
+
+
+def test_there_is_progress_in_the_rock_alone():
+    simulation = Simulation(Configuration(preset("free"), rock=SANDSTONE))
+    assert len(simulation.advance_to(SECOND).impacts) > 50
+    assert simulation.depth == simulation.penetration_rate == 0.0
+    engaged = simulation.parameters.replace(regime="drilling")
+    simulation.configure(Configuration(engaged, rock=SANDSTONE))
+    simulation.advance_to(2 * SECOND)
+    reached = simulation.depth
+    assert reached > 0.0
+    simulation.configure(Configuration(engaged.replace(regime="free"), rock=SANDSTONE))
+    simulation.advance_to(4 * SECOND)
+    assert simulation.depth == reached
+    assert simulation.penetration_rate == 0.0
+
+
+def test_the_same_configuration_again_leaves_every_bit():
+    simulation, undisturbed = Simulation(FULL), Simulation(FULL)
+    simulation.advance_to(33_333_333)
+    simulation.configure(FULL)
+    undisturbed.advance_to(33_333_333)
+    one, other = simulation.advance_to(SECOND // 2), undisturbed.advance_to(SECOND // 2)
+    assert (one.covering == other.covering).all()
+    assert simulation.depth == undisturbed.depth > 0.0
+
+
+def test_commands_and_faults_outlast_another_configuration():
+    simulation = Simulation(Parameters())
+    simulation.apply(WeightOnBit(20.0))
+    simulation.inject(Fault("lost_preload"))
+    simulation.configure(Configuration(Parameters(gravity=1.62)))
+    last = simulation.advance_to(SECOND).segments[-1]
+    assert (last["weight_on_bit"], last["gravity"]) == (10.0, 1.62)
+    assert simulation.applied.weight_on_bit == WeightOnBit(20.0)
+
+
+ROTATING = {"rotation_model": "friction_drive", "strata": "sandstone"}
+
+
+def simulate(**values):
+    return Simulation(to_configuration(values))
+
+
+def test_rotation_and_strata_leave_every_bit_of_the_percussion():
+    alone, drilling = simulate(), simulate(**ROTATING)
+    one, other = alone.advance_to(SECOND // 2), drilling.advance_to(SECOND // 2)
+    assert one.impacts.tobytes() == other.impacts.tobytes()
+    assert drilling.depth > 0.0
+    assert alone.process.rotation is alone.process.borehole is None
+
+
+def test_the_drill_tool_rotates_and_the_hole_gets_deeper_than_by_percussion_alone():
+    depths = []
+    for values in (ROTATING, {"strata": "sandstone"}):
+        simulation = simulate(**values)
+        simulation.advance_to(SECOND)
+        depths.append(simulation.depth)
+        assert simulation.penetration_rate == simulation.process.borehole.penetration_rate
+    assert depths[0] > depths[1] > 0.0
+
+
+def test_voltage_and_detuning_slow_the_rotation():
+    resonant = {"rotation_model": "friction_drive", "actuator_model": "resonance", "regime": "free"}
+    rates = []
+    for drive in (
+        Drive(True, 100.0, 16000.0),
+        Drive(True, 50.0, 16000.0),
+        Drive(True, 100.0, 16100.0),
+        Drive(False, 100.0, 16000.0),
+    ):
+        simulation = simulate(**resonant)
+        simulation.apply(drive)
+        simulation.advance_to(SECOND // 2)
+        ratio = simulation.actuator.amplitude / 35e-6
+        rates.append(simulation.process.rotation.rate)
+        assert rates[-1] == pytest.approx(15.0 * ratio, abs=0.5)
+    assert rates[0] > rates[1]
+    assert rates[0] > rates[2]
+    assert rates[3] < 0.1 * rates[0]
+
+
+def test_rotation_in_the_rock_of_the_parameters_cuts_it_and_follows_its_change():
+    rock = {"rotation_model": "friction_drive", "rock_model": "specific_energy"}
+    simulation = simulate(**rock)
+    simulation.advance_to(SECOND)
+    assert simulation.process.borehole.layer == "rock"
+    before = simulation.penetration_rate
+    harder = dataclasses.replace(simulation.configuration.rock, rock_specific_energy=3e8)
+    simulation.configure(dataclasses.replace(simulation.configuration, rock=harder))
+    simulation.advance_to(2 * SECOND)
+    assert simulation.penetration_rate < 0.4 * before
+
+
+def test_without_any_rock_nothing_resists_the_rotation():
+    simulation = simulate(rotation_model="friction_drive")
+    simulation.advance_to(SECOND // 5)
+    assert simulation.process.borehole is None
+    assert simulation.process.rotation.rate == pytest.approx(15.0)
+
+
+END = SECOND // 5
+
+
+rates = st.integers(1, 1_000_000)
+
+
+EMPTY = np.empty(0)
+
+
+RPUD = RpudConstants(1.0, False, 0.0)
+
+
+def blocks_until(times):
+    simulation = Simulation(Parameters())
+    return [simulation.advance_to(time) for time in times]
+
+
+@given(st.integers(0, 10**7), rates)
+def test_a_boundary_is_the_last_one_at_its_own_time(number, rate):
+    time = boundary(number, rate)
+    assert 0 <= number * SECOND - time * rate < rate  # rounded down to a nanosecond
+    assert boundaries_until(time, rate) == number
+    assert boundaries_until(boundary(number + 1, rate) - 1, rate) == number
+
+
+@given(rates, st.lists(st.integers(0, 3 * SECOND), min_size=2).map(sorted))
+def test_blocks_that_follow_each_other_have_every_sample_once(rate, times):
+    def grid(start, end):
+        return Block(start, np.array([end]), *[EMPTY] * 4, RPUD, 0.0).grid(rate)
+
+    grids = [grid(start, end) for start, end in pairwise(times)]
+    whole = grid(times[0], times[-1])
+    assert sum(map(len, grids)) == len(whole)
+    for before, after in pairwise([grid for grid in grids if grid]):
+        assert before.stop == after.start
+    for number in (*whole[:2], *whole[-2:]):
+        assert times[0] * rate <= number * SECOND < times[-1] * rate
+
+
+@given(st.sets(st.integers(1, END - 1), max_size=6))
+def test_joined_blocks_are_the_whole(times):
+    joined = join_blocks(blocks_until([*sorted(times), END]))
+    [whole] = blocks_until([END])
+    assert (joined.start, joined.end) == (0, END)
+    assert (joined.segments == whole.segments).all()
+    assert (joined.open_segment == whole.open_segment).all()
+    assert (joined.impacts == whole.impacts).all()
+    moments = Times.from_grid(0, 50, 250)
+    for name, values in dataclasses.asdict(joined.sample(moments)).items():
+        assert (values == getattr(whole.sample(moments), name)).all(), name

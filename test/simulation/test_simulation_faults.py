@@ -1,4 +1,4 @@
-"""Faults change the drill at their exact instants, wherever a caller stops."""
+"""Faults change the drill at their exact instants, and their ledger is the ground truth."""
 
 import dataclasses
 import math
@@ -17,20 +17,33 @@ from rpud_sim.simulation.commands import Drive, Feed, WeightOnBit
 from rpud_sim.simulation.configuration import Configuration
 from rpud_sim.simulation.fault_kinds import KINDS
 from rpud_sim.simulation.faults import Fault, FaultError
+from rpud_sim.simulation.ledger import MOST_CLEARED, FaultLedger, FaultRecord
 from rpud_sim.simulation.scenario import Scenario, ScheduledFault
 from rpud_sim.simulation.simulation import Simulation
 
 SECOND = 1_000_000_000
+
+
 MILLISECOND = 1_000_000
+
+
 END = 80 * MILLISECOND
+
+
 HOT = dataclasses.replace(RESONANT, heating=True, heat_capacity=0.01)
+
+
 ON_AN_ARM = dataclasses.replace(
     FULL,
     rotation=RotationParameters(rotation_model="friction_drive"),
     mount=MountParameters(feed_model="arm", initial_feed=0.005),
 )
+
+
 # Faults of the arm, the rotation and the hole, and all others of the drill.
 SLOW = [*KINDS][[*KINDS].index("binding") : [*KINDS].index("off")]
+
+
 PHYSICAL = [name for name, kind in KINDS.items() if kind.physical and name not in SLOW]
 
 
@@ -67,6 +80,8 @@ commands = st.one_of(
     st.builds(Drive, st.just(True), st.floats(50.0, 200.0), st.floats(15e3, 17e3)),
     st.just(Drive(False, 0.0, 0.0)),
 )
+
+
 moments = st.integers(0, END)
 
 
@@ -298,3 +313,75 @@ def test_faults_of_the_rock_slow_the_progress_of_every_impact(fault, factor):
     again = broken_by(4 * SECOND)
     assert (simulation.depth - reached) / again == pytest.approx(before / energy, rel=1e-9)
     assert simulation.penetration_rate == pytest.approx(simulation.depth - reached, rel=1e-9)
+
+
+OFF = Fault("off", "wrench")
+
+
+JAM = Fault("free_mass_jammed")
+
+
+def test_faults_are_numbered_from_one_and_keep_their_times():
+    faults = FaultLedger()
+    assert (faults.inject(10, OFF), faults.inject(20, JAM)) == (1, 2)
+    assert faults.clear(30, 1) == FaultRecord(1, OFF, 10, 30)
+    assert faults.active == (FaultRecord(2, JAM, 20),)
+    assert faults.inject(40, OFF) == 3
+    assert [(record.number, record.onset, record.clear) for record in faults.records] == [
+        (1, 10, 30),
+        (2, 20, None),
+        (3, 40, None),
+    ]
+
+
+def test_what_lasts_is_the_same_object_until_something_changes():
+    faults = FaultLedger()
+    assert faults.active == ()
+    faults.inject(0, OFF)
+    assert faults.active is faults.active is faults.since(5)
+
+
+def test_the_same_kind_on_the_same_channel_is_there_once():
+    faults = FaultLedger()
+    faults.inject(0, OFF)
+    faults.inject(0, Fault("off", "drill_tool"))
+    faults.inject(0, Fault("noise", "wrench"))
+    with pytest.raises(FaultError, match=r"^off on wrench is already there as fault 1$"):
+        faults.inject(5, Fault("off", "wrench"))
+    assert faults.inject(5, JAM) == 4  # the refused one took no number
+
+
+@pytest.mark.parametrize("number", [0, 2, -1, None, "1", 10**400])
+def test_what_does_not_last_cannot_end(number):
+    faults = FaultLedger()
+    faults.inject(0, OFF)
+    with pytest.raises(FaultError, match=r"^there is no fault .* to clear$"):
+        faults.clear(5, number)
+    faults.clear(5, 1)
+    with pytest.raises(FaultError, match=r"^there is no fault 1 to clear$"):
+        faults.clear(6, 1)
+
+
+def test_a_fault_lasts_from_its_onset_to_before_its_end():
+    record = FaultRecord(1, OFF, 10, 20)
+    assert [record.lasts_at(time) for time in (9, 10, 19, 20)] == [False, True, True, False]
+    assert FaultRecord(1, OFF, 10).lasts_at(10**18)
+
+
+def test_a_block_sees_the_faults_that_ended_in_it():
+    faults = FaultLedger()
+    faults.inject(10, OFF)
+    faults.inject(11, JAM)
+    faults.clear(20, 1)
+    assert [record.number for record in faults.since(19)] == [1, 2]
+    assert [record.number for record in faults.since(20)] == [2]
+
+
+def test_of_many_cleared_faults_the_oldest_are_only_counted():
+    faults = FaultLedger()
+    lasting = faults.inject(0, JAM)
+    for time in range(MOST_CLEARED + 5):
+        faults.clear(time, faults.inject(time, OFF))
+    assert faults.forgotten == 5
+    numbers = [record.number for record in faults.records]
+    assert numbers == [lasting, *range(7, MOST_CLEARED + 7)]

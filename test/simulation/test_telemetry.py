@@ -154,15 +154,6 @@ def test_faults_act_on_their_channel_and_the_ground_truth_stays():
     assert stamps(faulty["nodal_plane"]) == periods(100)
 
 
-def test_the_seed_draws_what_is_drawn():
-    def run(seed):
-        telemetry = made(seed=seed)
-        return repr(told(telemetry, periods(100), FAULTS))
-
-    assert run(3) == run(3)
-    assert run(3) != run(4)
-
-
 def test_what_has_no_listener_is_left_out_but_counted():
     heard = set()
     telemetry = made(wanted=heard.__contains__)
@@ -187,17 +178,3 @@ def test_a_move_changes_stamps_and_nothing_else():
     assert stamps(found["waveform"])[0] == ORIGIN + END // 2
     assert found["waveform"][0][1]["sequence"] == 5000
     assert found["trajectory"][0][1]["sequence"] > 0
-
-
-def test_what_is_wanted_at_once_comes_before_the_streams():
-    telemetry, whole = made(), made()
-    simulation = Simulation(Parameters())
-    for time in periods(100):
-        block = simulation.advance_to(time)
-        prompt = list(telemetry.prompt(block, ()))
-        streams = list(messages_of(telemetry.streams(block)))
-        others = {"actuator_state", "joint_states", "contact_force"}
-        assert {topic for _, topic, _ in prompt} <= {*SENSORS, *others}
-        due = time % (50 * MILLISECOND) == 0
-        assert [topic for _, topic, _ in streams] == ["waveform", "trajectory"] * due
-        assert repr([*prompt, *streams]) == repr(list(everything(whole, block, ())))

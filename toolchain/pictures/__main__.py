@@ -11,11 +11,12 @@ import re
 import subprocess
 import sys
 import tempfile
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from playwright.sync_api import Browser
+from playwright.sync_api import Browser, Page
 from playwright.sync_api import Error as BrowserError
 
 from rpud_sim.foundation.terminal import complain
@@ -24,45 +25,43 @@ from toolchain.pictures.screenshots import SCHEMES, chromium, film, open_in_both
 
 STRATA = Path(__file__).resolve().parents[2] / "config" / "strata_example.yaml"
 WIDE = (1400, 900)
-NARROW = {"width": 560, "height": 900}
-SECONDS, RATE = 6, 10  # of the film: s, pictures a second
-FILMED = ("figure#section svg", "figure#motion")  # one above the other
-SCREEN = "import('/share/screen.js').then(({ rpudScreen: screen }) => %s)"
+SECONDS, RATE = 14, 4  # of the film: s, pictures a second
+
+
+def act(pages: list[Page], seconds: float) -> None:
+    """Do what a reader does at that moment of the film; the first page commands the drill."""
+    for page in pages:
+        if seconds == 2.0:
+            page.get_by_role("spinbutton", name="weight on bit").fill("14")
+        elif seconds == 6.0:
+            page.get_by_role("button", name="Fault").click()
+            page.get_by_label("kind").select_option("free_mass_jammed")
+            page.get_by_label("duration [s]").fill("2")
+        elif seconds == 7.5:
+            page.keyboard.press("Enter" if page is pages[0] else "Escape")
+    if seconds == 3.0:
+        pages[0].get_by_role("button", name="Press").click()
 
 
 def screen(browser: Browser, out: Path, folder: Path) -> None:
-    """Take the screen of a drill in layers of rock, pressed harder and jammed for a while."""
+    """Film the screen of a drill in layers of rock, pressed harder and jammed; keep the end."""
     words = ("run", "--duration", "600", "--quiet", "--watch", "0", "--set", f"strata={STRATA}")
     with background(*words, folder=folder) as drill:
-        pages = open_in_both(browser, printed_url(drill), WIDE)
+        pages = open_in_both(browser, printed_url(drill), WIDE, reduced_motion="no-preference")
+        for page in pages:  # slow enough for the eye, at so few pictures a second
+            page.get_by_label("motion that a second shows").select_option("1")
         pages[0].wait_for_timeout(8_000)
-        pages[0].get_by_role("spinbutton", name="weight on bit").fill("14")
-        pages[0].get_by_role("button", name="Press").click()
-        pages[0].wait_for_timeout(5_000)
-        rpud("inject", "free_mass_jammed", "--for", "1.5")
-        pages[0].wait_for_timeout(7_000)
+        pictures: list[list[bytes]] = [[] for _ in pages]
+        begin = time.monotonic()
+        for number in range(SECONDS * RATE):
+            act(pages, number / RATE)
+            for page, taken in zip(pages, pictures, strict=True):
+                taken.append(page.screenshot())
+            late = begin + (number + 1) / RATE - time.monotonic()
+            pages[0].wait_for_timeout(max(0.0, 1e3 * late))
+        for taken, ending in zip(pictures, SCHEMES.values(), strict=True):
+            film(taken, out.with_name(f"{out.stem}{ending}.webp"), RATE)
         save(pages, out)
-
-
-def motion(browser: Browser, out: Path, folder: Path) -> None:
-    """Film section and zigzag of a recorded run: one picture a place of the clock."""
-    rpud("simulate", "--duration", "12", "--set", f"strata={STRATA}", "--bag", folder / "drilled")
-    with background("watch", "drilled", "--port", "0", folder=folder) as watch:
-        url = printed_url(watch)
-        for scheme, ending in SCHEMES.items():
-            page = browser.new_page(viewport=NARROW, color_scheme=scheme)
-            page.goto(url)
-            page.wait_for_timeout(4_000)
-            page.evaluate(SCREEN % "(screen.playhead.seek(11), 0)")
-            page.wait_for_timeout(3_000)
-            [length] = page.evaluate(SCREEN % "[screen.clock.end]")
-            pictures = []
-            for number in range(SECONDS * RATE):
-                place = length * number / (SECONDS * RATE)
-                page.evaluate(SCREEN % f"(screen.clock.still({place}), 0)")
-                pictures.append([page.locator(part).screenshot() for part in FILMED])
-            film(pictures, out.with_name(f"{out.stem}{ending}.webp"), RATE)
-            page.close()
 
 
 DRAWINGS: dict[str, Callable[[], str]] = {
@@ -70,11 +69,11 @@ DRAWINGS: dict[str, Callable[[], str]] = {
     "blocks": draw_blocks,
     "events": draw_events,
 }
-PAGES: dict[str, Callable[[Browser, Path, Path], None]] = {"screen": screen, "motion": motion}
-KINDS = {"screen": "png", "motion": "webp"}
+PAGES: dict[str, Callable[[Browser, Path, Path], None]] = {"screen": screen}
+KINDS = ("png", "webp")
 FILES = [
     *(f"{name}.svg" for name in DRAWINGS),
-    *(f"{name}{ending}.{KINDS[name]}" for name in PAGES for ending in SCHEMES.values()),
+    *(f"{name}{end}.{kind}" for name in PAGES for end in SCHEMES.values() for kind in KINDS),
 ]
 """Names of all pictures."""
 
@@ -101,13 +100,6 @@ def printed_url(process: subprocess.Popen[str]) -> str:
         if found := re.search(r"http://\S+", line):
             return found[0]
     raise OSError(f"{' '.join(process.args[3:])} printed no address")
-
-
-def rpud(*words: object) -> None:
-    """Run a command of `rpud`; what it prints goes to the terminal."""
-    subprocess.run(
-        [sys.executable, "-m", "rpud_sim.cli.main", *map(str, words)], check=True, stdout=sys.stderr
-    )
 
 
 def main() -> int:

@@ -6,6 +6,7 @@ import io
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Literal
 
 from PIL import Image
 from playwright.sync_api import Browser, Page, sync_playwright
@@ -16,7 +17,7 @@ SCHEMES = {"light": "", "dark": "_dark"}
 """Endings of the names of files, by colour scheme."""
 
 _COLORS = 256
-_FILM_WIDTH = 400  # pixels
+_FILM_WIDTH = 960  # pixels
 _DRAWN = "() => document.readyState === 'complete'"
 
 
@@ -36,20 +37,19 @@ def chromium() -> Iterator[Browser]:
         browser.close()
 
 
-def open_in_both(browser: Browser, url: str, size: tuple[int, int]) -> list[Page]:
-    """Return a page in each colour scheme.
-
-    Args:
-        browser: that opens them.
-        url: of the page.
-        size: width and height of the window [px].
-    """
+def open_in_both(
+    browser: Browser,
+    url: str,
+    size: tuple[int, int],
+    reduced_motion: Literal["reduce", "no-preference"] = "reduce",
+) -> list[Page]:
+    """Return a page in each colour scheme, in a window of so many pixels."""
     pages = []
     for scheme in SCHEMES:
         page = browser.new_page(
             viewport={"width": size[0], "height": size[1]},
             color_scheme=scheme,
-            reduced_motion="reduce",
+            reduced_motion=reduced_motion,
         )
         page.goto(url)
         page.wait_for_function(_DRAWN)
@@ -74,18 +74,11 @@ def save(pages: list[Page], out: Path) -> list[Path]:
     return files
 
 
-def film(pictures: list[list[bytes]], out: Path, rate: int) -> None:
-    """Write pictures as an animated WebP, so many a second; each has parts, one above the other."""
-    frames = []
-    for parts in pictures:
-        images = [Image.open(io.BytesIO(part)).convert("RGB") for part in parts]
-        size = max(image.width for image in images), sum(image.height for image in images)
-        frames.append(Image.new("RGB", size, images[-1].getpixel((0, 0))))
-        top = 0
-        for image in images:
-            frames[-1].paste(image, ((size[0] - image.width) // 2, top))
-            top += image.height
-        frames[-1] = frames[-1].resize((_FILM_WIDTH, round(_FILM_WIDTH * size[1] / size[0])))
+def film(pictures: list[bytes], out: Path, rate: int) -> None:
+    """Write pictures as an animated WebP, so many a second."""
+    images = [Image.open(io.BytesIO(picture)).convert("RGB") for picture in pictures]
+    height = round(_FILM_WIDTH * images[0].height / images[0].width)
+    frames = [image.resize((_FILM_WIDTH, height)) for image in images]
     first, *others = frames
     first.save(
         out,

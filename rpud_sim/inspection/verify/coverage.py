@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import sys
-from bisect import bisect_left, bisect_right
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 
@@ -25,6 +23,7 @@ Position = tuple[int, int]  # progress of the drill: number of the stretch, and 
 _END_LENGTH = 4 * SECOND
 # Longest delay between topics on their way to a recorder [ns].
 _TOPIC_DELAY = 1 * SECOND
+_LATEST = 2**63 - 1  # a damaged bag may have later times [ns]
 _NOWHERE: Position = (-1, -1)
 
 
@@ -42,62 +41,51 @@ class Stretches:
         self.count = 0  # entries that the drill has made, if it made none after the last one
         self.first: Recorded | None = None
         self.last_published = 0  # publishing time of the last entry [ns]
-        self._earliest: list[int] = []  # publishing time of a message in each stretch [ns]
-        self._begins: list[int] = []  # publishing time of the entry that begins each [ns]
+        earliest: list[int] = []  # publishing time of a message in each stretch [ns]
+        begins: list[int] = []  # publishing time of the entry that begins each [ns]
         before, beginning = 0, False
         for message, entry in journal:
+            published = min(message.publish_time, _LATEST)
             if self.first is None:
                 self.first = message, entry
-            if entry.kind in BEGINNINGS or not self._begins:
+            if entry.kind in BEGINNINGS or not begins:
                 # Entries that begin together are published together.
-                self._earliest.append(self._earliest[-1] if beginning else before)
-                self._begins.append(message.publish_time)
+                earliest.append(earliest[-1] if beginning else before)
+                begins.append(published)
                 self.runs += not beginning
             beginning = entry.kind in BEGINNINGS
             self.ended = entry.kind == "end"
             self.count = entry.sequence + 1
-            before = self.last_published = message.publish_time
+            before = self.last_published = published
+        self._edges = [np.array(times, np.int64) for times in (begins, earliest)]
         # False if the clock was set back meanwhile, or if another program wrote these times.
-        self._ordered = all(
-            first <= second
-            for times in (self._earliest, self._begins)
-            for first, second in pairwise(times)
-        )
+        self._ordered = all((np.diff(times) >= 0).all() for times in self._edges)
 
     def fitting(self, stretch: int, publish_times: np.ndarray) -> int:
         """Return how many messages, from the first on, may belong to a stretch by these times [ns].
 
         Stretches ascend with the times. So if the earliest and the latest time fit, all do.
         """
-        if (
-            self._range(int(publish_times.max()))[0] <= stretch
-            and stretch <= self._range(int(publish_times.min()))[1]
-        ):
+        first, last = self.ranges(np.array([publish_times.max(), publish_times.min()]))
+        if first[0] <= stretch <= last[1]:
             return len(publish_times)
         first, last = self.ranges(publish_times)
         return int(np.argmin((first <= stretch) & (stretch <= last)))
 
     def ranges(self, publish_times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the first and the last stretch that messages may belong to, by these times."""
-        final = max(0, len(self._begins) - 1)
+        begins, earliest = self._edges
+        final = max(0, len(begins) - 1)
         if not self._ordered:
             return np.zeros(len(publish_times), np.int64), np.full(len(publish_times), final)
-        first = np.maximum(np.searchsorted(self._begins, publish_times) - 1, 0)
-        last = np.searchsorted(self._earliest, publish_times, side="right") - 1
+        first = np.maximum(np.searchsorted(begins, publish_times) - 1, 0)
+        last = np.searchsorted(earliest, publish_times, side="right") - 1
         return first, np.minimum(np.maximum(first, last), final)
 
     def of(self, message: Message) -> tuple[int, int]:
         """Return the first and the last stretch that a message may belong to."""
-        return self._range(message.publish_time)
-
-    def _range(self, publish_time: int) -> tuple[int, int]:
-        """Return the first and the last stretch of a publishing time [ns]."""
-        final = max(0, len(self._begins) - 1)
-        if not self._ordered:
-            return 0, final
-        first = bisect_left(self._begins, publish_time) - 1
-        last = bisect_right(self._earliest, publish_time) - 1
-        return max(0, first), min(max(0, first, last), final)
+        first, last = self.ranges(np.array([message.publish_time]))
+        return int(first[0]), int(last[0])
 
 
 @dataclass(frozen=True)

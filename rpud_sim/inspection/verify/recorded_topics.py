@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections import Counter, deque
+from collections import deque
 from collections.abc import Callable, Collection, Iterator
 
 import numpy as np
@@ -13,7 +13,7 @@ from rpud_sim.bag.messages import MessageBlock, gathered
 # Returns how many of some publishing times [ns], at least one, fit from the first on.
 FittingTimes = Callable[[np.ndarray], int]
 
-_MOST_WAITING = 64 * 2**20  # greatest size of the chunks whose messages wait [bytes]
+_MOST_WAITING = 64 * 2**20  # greatest size of messages that wait [bytes]
 
 # Messages of at most this size are compared all at once. To put larger ones one behind the other
 # takes longer than to compare them one by one [bytes].
@@ -30,7 +30,7 @@ class RecordedTopics:
     def __init__(self, bag: BagReader, topics: Collection[str]) -> None:
         self._bag = bag
         self._waiting: dict[str, deque[MessageBlock]] = {topic: deque() for topic in topics}
-        self._held = _Held()
+        self._size = 0  # of waiting messages [bytes]
         self._passed = dict.fromkeys(topics, 0)  # messages of each topic so far
         self._own: dict[str, Iterator[MessageBlock]] = {}
         self._together = bag.blocks(topics)
@@ -40,19 +40,20 @@ class RecordedTopics:
         if topic in self._own:
             return next(self._own[topic], None)
         waiting = self._waiting[topic]
-        while not waiting and self._held.size <= _MOST_WAITING:
+        while not waiting and self._size <= _MOST_WAITING:
             block = next(self._together, None)
             if block is None:
                 return None
             if block.topic in self._own:
                 continue
-            self._waiting[block.topic].append(block)
-            self._held.add(block.data)
+            kept = block.packed()  # a few messages must not keep a whole chunk
+            self._waiting[block.topic].append(kept)
+            self._size += len(kept.data)
         if not waiting:
             self._own[topic] = self._separately(topic, self._passed[topic])
             return next(self._own[topic], None)
         block = waiting.popleft()
-        self._held.remove(block.data)
+        self._size -= len(block.data)
         self._passed[topic] += len(block)
         return block
 
@@ -63,24 +64,6 @@ class RecordedTopics:
             passed -= len(block) - len(rest)
             if len(rest):
                 yield rest
-
-
-class _Held:
-    """Buffers of waiting blocks: those of several topics may share the one of their chunk."""
-
-    def __init__(self) -> None:
-        self.size = 0  # of all of them [bytes]
-        self._uses = Counter[int]()
-
-    def add(self, data: np.ndarray) -> None:
-        self.size += len(data) * (id(data) not in self._uses)
-        self._uses[id(data)] += 1
-
-    def remove(self, data: np.ndarray) -> None:
-        self._uses[id(data)] -= 1
-        if not self._uses[id(data)]:
-            del self._uses[id(data)]
-            self.size -= len(data)
 
 
 class RecordedMessages:

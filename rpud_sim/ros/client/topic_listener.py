@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 import time
 from collections import deque
@@ -166,15 +165,6 @@ def to_plain(value: Any, cut: int | None = None) -> Any:
     kept = value if cut is None else value[:cut]
     plain = kept.tolist() if hasattr(kept, "tolist") else [to_plain(each, cut) for each in kept]
     return plain if len(kept) == len(value) else [*plain, "..."]
-
-
-def to_json_value(value: Any) -> Any:
-    """Return plain values with null in place of numbers that JSON has not: NaN and infinity."""
-    if isinstance(value, dict):
-        return {name: to_json_value(each) for name, each in value.items()}
-    if isinstance(value, list):
-        return [to_json_value(each) for each in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 class FieldPath:

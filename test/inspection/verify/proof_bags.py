@@ -10,6 +10,14 @@ JOURNAL = "/rpud/journal"
 ON_ARM = ("borehole", "mount", "rotation")
 """Proved topics that only a drill on an arm publishes."""
 
+ARM = {
+    "feed_model": "arm",
+    "rotation_model": "friction_drive",
+    "strata": "sandstone",
+    "initial_feed": 0.005,
+}
+"""Parameters of a drill that rotates on an arm in a rock."""
+
 
 def write_proof_bag(path):
     """Write the bag of a drill with faults of the physics and of topics."""

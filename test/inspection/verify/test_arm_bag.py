@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from inspection.verify.proof_bags import ARM as VALUES
 
 import rpud_sim.bag
 from rpud_sim.inspection.offline_bag import write_offline_bag
@@ -13,20 +14,6 @@ from rpud_sim.simulation.scenario import Scenario, ScheduledFault
 from rpud_sim.simulation.topics import TOPICS, offered_topics
 
 MODELS = {"rotation": "rotation_model", "mount": "feed_model", "borehole": "strata"}
-VALUES = {
-    "feed_model": "arm",
-    "rotation_model": "friction_drive",
-    "strata": "sandstone",
-    "initial_feed": 0.005,
-}
-
-
-@pytest.fixture(scope="module")
-def arm(tmp_path_factory):
-    """Bag of a drill that rotates on an arm in a rock."""
-    path = tmp_path_factory.mktemp("arm") / "bag"
-    write_offline_bag(path, Beginning(to_settings(VALUES)), 0.5)
-    return path
 
 
 def test_all_topics_of_an_arm_are_proved(arm):

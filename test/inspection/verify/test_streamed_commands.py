@@ -180,7 +180,7 @@ def exit_code(*words):
 def test_an_altered_state_is_a_difference_unless_it_is_the_first(late, tmp_path):
     def edit(fields, content):
         if fields["kind"] == "state" and content["time"] > 3 * SECOND:
-            content["state"]["run"]["of"]["_simulation"]["of"]["_drawn"] = 1.0
+            content["state"]["run"]["of"]["simulation"]["of"]["_drawn"] = 1.0
 
     verification = verify(altered(late, tmp_path / "bag", edited(edit)))
     assert verification.first_difference.field == "state"
@@ -221,7 +221,7 @@ def test_a_state_that_no_drill_has_is_one_line(late, tmp_path, capsys, spoil):
 
 
 def plant(state):
-    return state["run"]["of"]["_simulation"]["of"]["_plant"]["of"]
+    return state["run"]["of"]["simulation"]["of"]["_plant"]["of"]
 
 
 def engine(state):

@@ -11,21 +11,12 @@ from sample_bags import write_offline_bag
 import rpud_sim.bag
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.definitions import find_definition
-from rpud_sim.inspection.offline_bag import write_offline_bag as write_bag
 from rpud_sim.inspection.recorded_journal import installed_codec
 from rpud_sim.inspection.verify.verification import PROVED, verify
 from rpud_sim.simulation import preset
-from rpud_sim.simulation.configuration import to_settings
-from rpud_sim.simulation.run import Beginning
 from rpud_sim.simulation.topics import TOPICS
 
 INSTALLED = installed_codec(TOPICS["journal"].type)
-ARM = {
-    "feed_model": "arm",
-    "initial_feed": 0.005,
-    "rotation_model": "friction_drive",
-    "strata": "sandstone",
-}
 # Field of each type, and where it lies from the end of the message, or from its beginning [bytes].
 FIELDS = {
     "actuator_state": ("temperature", -8),
@@ -42,14 +33,6 @@ FIELDS = {
     "waveform": ("reacting_force[", -8),
     "wrench": ("wrench.force.z", -32),
 }
-
-
-@pytest.fixture(scope="module")
-def arm_bag(tmp_path_factory):
-    """Return the bag of a drill that rotates on an arm in a rock."""
-    path = tmp_path_factory.mktemp("arm") / "bag"
-    write_bag(path, Beginning(to_settings(ARM)), 0.1)
-    return path
 
 
 def totals(verification):
@@ -73,7 +56,7 @@ def test_an_offline_bag_is_proved(bag):
 
 @pytest.mark.parametrize("topic", PROVED)
 def test_one_flipped_bit_is_named(request, tmp_path, topic):
-    bag = request.getfixturevalue("arm_bag" if topic in ON_ARM else "bag")
+    bag = request.getfixturevalue("arm" if topic in ON_ARM else "bag")
     number = 2
     original = messages_of(bag, {f"/rpud/{topic}"})[number]
     change = numbered(topic, number, lambda m: [flipped(m.data, FIELDS[topic][1])])

@@ -14,8 +14,9 @@ from sensor_msgs.msg import Image
 from std_msgs.msg import Byte, ByteMultiArray, Header, String
 from support import examples
 
+from rpud_sim.foundation.json_values import finite_values
 from rpud_sim.foundation.quantities import ParameterError
-from rpud_sim.ros.client.topic_listener import CUT, FieldPath, to_json_value, to_plain
+from rpud_sim.ros.client.topic_listener import CUT, FieldPath, to_plain
 
 FAULTS = Faults(
     header=Header(stamp=Time(sec=3)),
@@ -43,7 +44,7 @@ def test_long_arrays_and_texts_are_cut_unless_all_is_wanted():
 @given(st.lists(st.floats(width=64), max_size=5), st.text(max_size=5))
 def test_json_has_every_message_with_null_for_what_is_no_number(values, text):
     faults = Faults(faults=[Fault(kind=text, magnitude=value) for value in values])
-    line = json.dumps(to_json_value(to_plain(faults)), allow_nan=False)
+    line = json.dumps(finite_values(to_plain(faults)), allow_nan=False)
     read = json.loads(line)["faults"]
     assert [each["magnitude"] for each in read] == [
         value if math.isfinite(value) else None for value in values

@@ -17,43 +17,18 @@ from rpud_sim.simulation.configuration import (
     Settings,
 )
 
-NUMBERS = {
-    name: declaration.allowed
-    for name, declaration in PARAMETERS.items()
-    if isinstance(declaration.allowed, Quantity)
-}
 FIXED = sorted(set(PARAMETERS) - set(CHANGEABLE))
 FIXED_NOTE = "; fixed while the drill is configured"
 
 
-@pytest.fixture(scope="module")
-def context():
-    rclpy.init()
-    yield
-    rclpy.try_shutdown()
-
-
 @pytest.fixture
-def node(context):
-    made = []
-
+def node(nodes):
     def create(**values):
         overrides = [Parameter(name, value=value) for name, value in values.items()]
-        made.append(rclpy.create_node("drill_node", parameter_overrides=overrides))
-        return made[-1]
+        nodes.append(rclpy.create_node("drill_node", parameter_overrides=overrides))
+        return nodes[-1]
 
-    yield create
-    for each in made:
-        each.destroy_node()
-
-
-@pytest.fixture(scope="module")
-def described(context):
-    """Give the descriptors of all parameters, by name."""
-    drill = rclpy.create_node("described_node")
-    declare_settings(drill)
-    yield dict(zip(PARAMETERS, drill.describe_parameters(list(PARAMETERS)), strict=True))
-    drill.destroy_node()
+    return create
 
 
 @pytest.fixture
@@ -65,39 +40,30 @@ def running(node):
     return drill, taken
 
 
-def test_every_parameter_is_declared_with_its_value(node):
+def test_every_parameter_is_declared_with_its_value_and_description_and_what_is_allowed(node):
     drill = node()
     settings = declare_settings(drill)
     assert settings == Settings()
-    for name in PARAMETERS:
+    for name, descriptor in zip(
+        PARAMETERS, drill.describe_parameters(list(PARAMETERS)), strict=True
+    ):
         assert drill.get_parameter(name).value == settings.value(name), name
-
-
-def test_every_parameter_says_what_it_is_and_whether_it_may_change(described):
-    for name, descriptor in described.items():
         assert descriptor.name == name
         assert descriptor.description, name
-        assert descriptor.additional_constraints.endswith(FIXED_NOTE) == (name in FIXED), name
         assert not descriptor.read_only, name
         assert not descriptor.dynamic_typing, name
-
-
-def test_every_number_has_its_unit_and_its_range(described):
-    for name, quantity in NUMBERS.items():
-        descriptor = described[name]
-        assert descriptor.type == ParameterType.PARAMETER_DOUBLE, name
-        [allowed] = descriptor.floating_point_range
-        unit = {"seed": "", "thread_priority": ""}.get(name, f" [{quantity.unit or '1'}]")
-        assert descriptor.description == quantity.description + unit
         constraints = descriptor.additional_constraints.removesuffix(FIXED_NOTE)
-        assert constraints == f"in {quantity.range}"
-        assert (allowed.from_value, allowed.to_value) == (quantity.minimum, quantity.maximum)
-
-
-def test_every_other_parameter_names_what_is_allowed(described):
-    for name in PARAMETERS.keys() - NUMBERS.keys():
-        constraints = described[name].additional_constraints.removesuffix(FIXED_NOTE)
-        assert constraints == PARAMETERS[name].allowed.range
+        assert (constraints != descriptor.additional_constraints) == (name in FIXED), name
+        allowed = PARAMETERS[name].allowed
+        if not isinstance(allowed, Quantity):
+            assert constraints == allowed.range
+            continue
+        assert descriptor.type == ParameterType.PARAMETER_DOUBLE, name
+        unit = {"seed": "", "thread_priority": ""}.get(name, f" [{allowed.unit or '1'}]")
+        assert descriptor.description == allowed.description + unit
+        assert constraints == f"in {allowed.range}"
+        [limits] = descriptor.floating_point_range
+        assert (limits.from_value, limits.to_value) == (allowed.minimum, allowed.maximum)
 
 
 def test_the_regime_chooses_the_defaults_and_a_whole_number_is_a_number(node):
@@ -122,13 +88,6 @@ def test_what_is_fixed_does_not_change_and_the_reason_names_it(running, name):
     assert (result.successful, result.reason) == (False, f"{name} is fixed now")
     assert drill.get_parameter(name).value == before
     assert taken == [Settings()]
-
-
-def test_what_is_fixed_may_be_set_to_what_it_is(running):
-    drill, taken = running
-    present = drill.get_parameters([*PARAMETERS, "use_sim_time"])
-    assert all(result.successful for result in drill.set_parameters(present))
-    assert {*taken} == {Settings()}
 
 
 def test_what_is_not_fixed_now_may_be_set_and_is_checked(node):
@@ -170,8 +129,7 @@ def test_what_may_change_does(running):
 @pytest.mark.parametrize(
     ("name", "value", "reason"),
     [
-        ("gravity", -1.0, "gravity"),
-        ("gravity", math.nan, "gravity"),
+        ("gravity", math.nan, "gravity out of range"),
         ("gravity", "heavy", "expected 'Type.DOUBLE'"),
         ("rpud_damping_ratio", 1.0, "rpud_damping_ratio = 1 is outside its range [0, 1)"),
         ("regime", "moon", "regime = 'moon' is not one of free, drilling"),
@@ -211,21 +169,6 @@ def test_changes_that_belong_together_are_made_together_or_not_at_all(running, b
     assert changed == Settings().replace({"gravity": 1.62, "regime": "free"})
 
 
-@pytest.mark.parametrize(
-    ("name", "said"),
-    [
-        ("wieght_on_bit", "wieght_on_bit is not a parameter; did you mean weight_on_bit?"),
-        ("xyz", "xyz is not a parameter; known are rpud_mass, "),
-    ],
-)
-def test_an_override_of_no_parameter_is_named_with_the_nearest_one(node, name, said):
-    drill = node(**{name: 18.0})
-    with pytest.raises(ParameterError) as caught:
-        declare_settings(drill)
-    assert str(caught.value).startswith(said)
-    assert "\n" not in str(caught.value)
-
-
 def test_overrides_of_every_ros_node_are_let_through(node):
     drill = node(
         **{
@@ -248,11 +191,11 @@ def test_parameters_of_others_are_let_through(running):
 @pytest.mark.parametrize(
     ("name", "value", "complaint"),
     [
+        ("wieght_on_bit", 1.0, "wieght_on_bit is not a parameter; did you mean weight_on_bit?"),
+        ("xyz", 1.0, "xyz is not a parameter; known are rpud_mass, "),
         ("weight_on_bit", "heavy", "weight_on_bit = 'heavy' N is outside its range [0, 1000] N"),
         ("weight_on_bit", True, "weight_on_bit = True N is outside its range [0, 1000] N"),
-        ("weight_on_bit", math.nan, "weight_on_bit = nan N is outside its range [0, 1000] N"),
         ("weight_on_bit", [1.0, 2.0], "weight_on_bit = [1.0, 2.0] N is outside its range"),
-        ("regime", 3, "regime = 3 is not one of free, drilling"),
         ("regime", "moon", "regime = 'moon' is not one of free, drilling"),
         ("drive_enabled", "off", "drive_enabled = 'off' is not true or false"),
         ("telemetry_rate", 33.3, "telemetry_rate = 33.3 Hz is not a whole number"),

@@ -1,7 +1,6 @@
 """The drill's node in the process that made it."""
 
 import pytest
-import rclpy
 from rclpy.parameter import Parameter
 
 from rpud_sim.foundation.quantities import ParameterError
@@ -10,12 +9,9 @@ from rpud_sim.ros.drill.publishers import DrillPublishers
 
 
 @pytest.fixture
-def node():
-    rclpy.init()
-    made = DrillNode()
-    yield made
-    made.destroy_node()
-    rclpy.try_shutdown()
+def node(nodes):
+    nodes.append(DrillNode())
+    return nodes[0]
 
 
 def test_a_scenario_that_is_missing_ends_the_start(node):

@@ -24,13 +24,13 @@ PLAY, PAUSE, HALT = LiveRun.play, LiveRun.pause, LiveRun.halt
 
 
 @pytest.fixture
-def make():
-    rclpy.init()
+def make(nodes):
     made = []
 
     def create(use_sim_time=False, **values):
         overrides = [Parameter("use_sim_time", value=use_sim_time)]
         node = rclpy.create_node("drill_node", namespace="/rpud", parameter_overrides=overrides)
+        nodes.append(node)
         inbox, restored = Inbox(node.get_logger()), []
         live = LiveRun(node, Settings(**values), inbox, DuplicateNodes(node), restored.append)
         live.node, live.inbox, live.restored = node, inbox, restored
@@ -41,8 +41,6 @@ def make():
     yield create
     for live in made:
         live.close()
-        live.node.destroy_node()
-    rclpy.try_shutdown()
 
 
 @pytest.fixture

@@ -20,13 +20,10 @@ REASON = "'gain' has the type 77, which is none"
 
 
 @pytest.fixture
-def node():
-    rclpy.init()
-    made = ManagedNode("managed")
-    made.declare_parameter("gain", 1.0)
-    yield made
-    made.destroy_node()
-    rclpy.try_shutdown()
+def node(nodes):
+    nodes.append(ManagedNode("managed"))
+    nodes[0].declare_parameter("gain", 1.0)
+    return nodes[0]
 
 
 def call(node, kind, name, **fields):

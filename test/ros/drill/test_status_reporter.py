@@ -2,8 +2,8 @@
 
 import pytest
 import rclpy
-from rclpy.parameter import Parameter
-from rpud_msgs.msg import CommandResult
+from rpud_msgs.msg import CommandResult, Drive
+from rpud_msgs.msg import WeightOnBit as WeightOnBitMessage
 from support import until
 
 from rpud_sim.ros.drill.duplicate_nodes import DuplicateNodes
@@ -49,12 +49,8 @@ class Drill:
 
 
 @pytest.fixture
-def drill():
-    rclpy.init()
-    node = rclpy.create_node("drill_node", namespace="/rpud")
-    yield Drill(node)
-    node.destroy_node()
-    rclpy.try_shutdown()
+def drill(drill_node):
+    return Drill(drill_node)
 
 
 def figures(*blocks):
@@ -141,47 +137,26 @@ def test_lost_commands_are_told(drill):
 
 
 def test_commanders_are_counted_on_the_topic_that_has_most(drill):
-    from rpud_msgs.msg import Drive
-    from rpud_msgs.msg import WeightOnBit as WeightOnBitMessage
-
-    publishers = [
-        drill.node.create_publisher(WeightOnBitMessage, "command/weight_on_bit", 1),
-        drill.node.create_publisher(WeightOnBitMessage, "command/weight_on_bit", 1),
-        drill.node.create_publisher(Drive, "command/drive", 1),
-    ]
+    for kind, topic in (
+        (WeightOnBitMessage, "weight_on_bit"),
+        (WeightOnBitMessage, "weight_on_bit"),
+        (Drive, "drive"),
+    ):
+        drill.node.create_publisher(kind, f"command/{topic}", 1)
     assert drill.report().status["commanders"] == 2
-    for publisher in publishers:
-        drill.node.destroy_publisher(publisher)
 
 
 def test_publishers_are_counted_for_each_command(drill):
-    from rpud_msgs.msg import Drive
-    from rpud_msgs.msg import WeightOnBit as WeightOnBitMessage
-
     for kind, topic in ((WeightOnBitMessage, "weight_on_bit"), (Drive, "drive")):
         drill.node.create_subscription(kind, f"command/{topic}", lambda _: None, 1)
     reporter = Drill(drill.node).reporter
     assert reporter.publishers_heard() == {"command/weight_on_bit": 0, "command/drive": 0}
-    publisher = drill.node.create_publisher(Drive, "command/drive", 1)
+    drill.node.create_publisher(Drive, "command/drive", 1)
     until(lambda: reporter.publishers_heard() == {"command/weight_on_bit": 0, "command/drive": 1})
-    drill.node.destroy_publisher(publisher)
 
 
-def test_commanders_of_a_remapped_topic_are_counted():
-    from rpud_msgs.msg import Drive
-
-    rclpy.init()
-    node = rclpy.create_node(
-        "drill_node",
-        namespace="/rpud",
-        cli_args=["--ros-args", "-r", "command/drive:=/arm/drive"],
-        parameter_overrides=[Parameter("use_sim_time", value=False)],
-    )
-    try:
-        drill = Drill(node)
-        publisher = node.create_publisher(Drive, "/arm/drive", 1)
-        assert drill.report().status["commanders"] == 1
-        node.destroy_publisher(publisher)
-    finally:
-        node.destroy_node()
-        rclpy.try_shutdown()
+def test_commanders_of_a_remapped_topic_are_counted(nodes):
+    remapped = ["--ros-args", "-r", "command/drive:=/arm/drive"]
+    nodes.append(rclpy.create_node("drill_node", namespace="/rpud", cli_args=remapped))
+    nodes[-1].create_publisher(Drive, "/arm/drive", 1)
+    assert Drill(nodes[-1]).report().status["commanders"] == 1

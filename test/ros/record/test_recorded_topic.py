@@ -16,15 +16,12 @@ DATA = b"\x00\x01\x00\x00\x05\x00\x00\x00"
 
 
 @pytest.fixture
-def topic():
-    rclpy.init()
-    node = rclpy.create_node("recorder")
-    topic = RecordedTopic(node, "/rpud/a", "std_msgs/msg/Int32")
+def topic(nodes):
+    nodes.append(rclpy.create_node("recorder"))
+    topic = RecordedTopic(nodes[0], "/rpud/a", "std_msgs/msg/Int32")
     topic.request = QoSProfile(depth=1)
     topic.gaps = SequenceGaps(lambda: 1)
-    yield topic
-    node.destroy_node()
-    rclpy.try_shutdown()
+    return topic
 
 
 def info(number, sent=NOW, received=NOW):

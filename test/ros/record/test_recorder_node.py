@@ -24,17 +24,6 @@ LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 @pytest.fixture
-def nodes():
-    """Nodes that leave the graph at the end of the test."""
-    rclpy.init()
-    made = []
-    yield made
-    for node in made:
-        node.destroy_node()
-    rclpy.try_shutdown()
-
-
-@pytest.fixture
 def peer(nodes):
     nodes.append(rclpy.create_node("peer", namespace="/rpud"))
     return nodes[-1]

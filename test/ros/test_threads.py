@@ -1,11 +1,24 @@
-"""Requests are done by one thread, in order, and everyone who asks gets an answer."""
+"""One thread serves requests, has the priority that it asks for, and survives the network."""
 
+import os
+import sys
 import threading
-from concurrent.futures import Future
+from concurrent.futures import Future, ThreadPoolExecutor
 
 import pytest
+import rclpy
+from rclpy.executors import MultiThreadedExecutor, SingleThreadedExecutor
+from rclpy.parameter import Parameter
+from rosgraph_msgs.msg import Clock
+from support import real_time_permitted, until
 
-from rpud_sim.ros.threads import Requests, StoppedError
+from rpud_sim.ros.threads import (
+    Requests,
+    StoppedError,
+    quick_switches,
+    schedule_thread,
+    serve,
+)
 
 
 class Worker:
@@ -123,3 +136,81 @@ def test_a_future_that_will_never_be_done_ends_with_the_thread():
     requests.close()
     asker.join(10.0)
     assert len(refused) == 1
+
+
+@pytest.fixture
+def thread():
+    with ThreadPoolExecutor(1) as pool:
+        yield lambda function, *arguments: pool.submit(function, *arguments).result()
+
+
+def scheduled():
+    return os.sched_getscheduler(0) & ~os.SCHED_RESET_ON_FORK, os.sched_getparam(0).sched_priority
+
+
+def test_a_thread_has_the_priority_that_it_is_said_to_have(thread):
+    before = scheduled()
+    said = thread(schedule_thread, 3)
+    if real_time_permitted():
+        assert said == "real-time priority 3"
+        assert thread(scheduled) == (os.SCHED_FIFO, 3)
+    else:
+        assert said == "time-sharing: real-time priority 3: Operation not permitted"
+        assert thread(scheduled) == (os.SCHED_OTHER, 0)
+    assert thread(schedule_thread, 0) == "time-sharing"
+    assert thread(scheduled) == (os.SCHED_OTHER, 0)
+    assert scheduled() == before
+
+
+def test_what_a_thread_starts_is_not_scheduled_so(thread):
+    thread(schedule_thread, 3)
+
+    def start():
+        with ThreadPoolExecutor(1) as pool:
+            return pool.submit(scheduled).result()
+
+    assert thread(start) == (os.SCHED_OTHER, 0)
+
+
+def test_where_it_is_not_permitted_the_reason_is_reported(thread, monkeypatch):
+    def refuse(*_):
+        raise PermissionError(1, "Operation not permitted")
+
+    monkeypatch.setattr(os, "sched_setscheduler", refuse)
+    assert thread(schedule_thread, 9) == (
+        "time-sharing: real-time priority 9: Operation not permitted"
+    )
+    assert thread(scheduled) == (os.SCHED_OTHER, 0)
+
+
+@pytest.mark.parametrize("kind", [SingleThreadedExecutor, MultiThreadedExecutor])
+def test_a_message_for_which_rclpy_raises_an_error_is_reported_in_one_line(kind, nodes):
+    simulated = [Parameter("use_sim_time", value=True)]
+    node = rclpy.create_node("follower", parameter_overrides=simulated)
+    source = rclpy.create_node("source")
+    nodes += [node, source]
+    publisher = source.create_publisher(Clock, "/clock", 10)
+    executor = kind()
+    executor.add_node(node)
+    failures = []
+
+    def send(seconds):
+        message = Clock()
+        message.clock.sec = seconds
+        publisher.publish(message)
+        serve(executor, failures.append)
+
+    try:
+        until(lambda: send(-1) or failures)
+        assert failures[0].startswith("it raised ValueError: ")
+        assert "\n" not in failures[0]
+        until(lambda: send(7) or node.get_clock().now().nanoseconds == 7_000_000_000)
+    finally:
+        executor.shutdown()
+
+
+def test_switches_are_quick_inside_the_context_alone():
+    before = sys.getswitchinterval()
+    with quick_switches():
+        assert sys.getswitchinterval() < 1e-3 < before
+    assert sys.getswitchinterval() == before
