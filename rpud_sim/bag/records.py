@@ -15,7 +15,7 @@ import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from io import BytesIO
-from typing import Any, BinaryIO, Protocol
+from typing import Any, BinaryIO
 
 import lz4.frame
 import zstandard
@@ -79,22 +79,12 @@ class Record:
     end: int
 
 
-class Readable(Protocol):
-    """File, or a place in one."""
-
-    def seek(self, offset: int, /) -> object:
-        """Go to a place in the file [bytes]."""
-
-    def read(self, length: int, /) -> bytes:
-        """Return that many bytes, or fewer at the end."""
-
-
 def limit(opcode: int) -> int:
     """Return the greatest length of a record of this kind [bytes]."""
     return CONTENT_LIMIT if opcode in _LARGE else DECLARATION_LIMIT
 
 
-def read_record(stream: Readable, offset: int, end: int) -> Record:
+def read_record(stream: BinaryIO, offset: int, end: int) -> Record:
     """Return the record at ``offset``, which ends at ``end`` or before."""
     stream.seek(offset)
     head = stream.read(RECORD.size) if offset + RECORD.size <= end else b""

@@ -154,14 +154,12 @@ class Cuttings:
     def filling(self, depth: float, clogged: float = 0.0) -> float:
         """Return the share of the flutes that is full, from 0 to 1.
 
-        Args:
-            clogged: share of their free room that a fault clogs, 0 to 1.
+        A fault may clog a share of their free room.
         """
         if depth <= 0.0:
             return 0.0
         full = self.volume / (self._bit.flute_area * depth)
-        if full > 1.0:
-            full = 1.0
+        full = full if full < 1.0 else 1.0
         return full + clogged * (1.0 - full)
 
     def clearance(self, depth: float, clogged: float = 0.0) -> float:
@@ -201,9 +199,7 @@ class Cuttings:
         else:
             self.volume += came
         # The flutes hold no more; what is beyond is pressed into the wall.
-        most = bit.flute_area * depth
-        if self.volume > most:
-            self.volume = most
+        self.volume = min(self.volume, bit.flute_area * depth)
 
     def withdraw(self, before: float, after: float) -> None:
         """Take out what the flutes hold along the way when the tool is drawn back."""
@@ -223,12 +219,7 @@ class RecentDrilling:
         self._now = 0
 
     def add(self, interval: float, depth: float, energy: float) -> None:
-        """Add a step.
-
-        Args:
-            depth: of the hole at its end [m].
-            energy: spent on drilling up to then [J].
-        """
+        """Add a step, with the depth of the hole [m] and the energy spent [J] at its end."""
         time = self._times[self._now] + interval
         steps = len(self._times)
         if (steps - 0.5) * interval < WINDOW:
@@ -303,13 +294,11 @@ class Borehole:
         self._deepest = deepest
         self._cuttings = Cuttings(bit)
         self._recent = RecentDrilling()
-        self._depth = 0.0
-        self._tip = 0.0  # depth of the tool in the hole [m]
+        self._depth = self._tip = 0.0  # of the hole, and of the tool in it [m]
         self._layer = 0
         self._through = False
         self._wear_flat = bit.bit_wear_flat
-        self._worn_factor = 1.0  # of a fault in the last step
-        self._clogged = 0.0  # by a fault in the last step
+        self._worn_factor, self._clogged = 1.0, 0.0  # by faults in the last step
         self._side_offset = 0.0
         self._energy = 0.0  # spent on drilling so far [J]
 
@@ -358,11 +347,7 @@ class Borehole:
         mount_position: float | None,
         disturbances: Disturbances,
     ) -> None:
-        """Drill for one step.
-
-        Args:
-            mount_position: as of ``MountState``; None without a feed.
-        """
+        """Drill for one step; ``mount_position`` is that of ``MountState``, None without a feed."""
         start = self._depth
         layer = self._strata.layers[self._layer]
         drills = self._drills(percussion)
@@ -449,15 +434,12 @@ class Borehole:
         if grown:
             most = max(self._area, self._bit.bit_wear_flat)
             radius = radius_of(self._wear_flat) + 0.5 * grown
-            worn = math.pi * radius * radius
-            self._wear_flat = min(worn, most)
+            self._wear_flat = min(math.pi * radius * radius, most)
 
     def _move_tip(self, mount_position: float | None) -> None:
         tip = self._depth
         if mount_position is not None:
-            tip = mount_position if mount_position > 0.0 else 0.0
-            if tip > self._depth:
-                tip = self._depth
+            tip = min(max(mount_position, 0.0), self._depth)
         if tip < self._tip:
             self._cuttings.withdraw(self._tip, tip)
         self._tip = tip

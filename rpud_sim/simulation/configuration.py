@@ -35,12 +35,7 @@ LEAST_MASS_RATIO = 2.0
 
 @dataclasses.dataclass(frozen=True)
 class Configuration(ParameterGroup):
-    """Drill with its actuator, its rotor, its mount and its rock.
-
-    Raises:
-        ParameterError: if ``drive_enabled`` is neither true nor false, or if a resonant vibration
-            is too light for the free mass.
-    """
+    """Drill with its actuator, its rotor, its mount and its rock."""
 
     parameters: Parameters = dataclasses.field(default_factory=Parameters)  # of the impact dynamics
     # from voltage to amplitude

@@ -54,11 +54,7 @@ class CommandWatchdog:
 
 
 class Control:
-    """Commands of a drill, put into force in full, in part when they are lost, or not at all.
-
-    Args:
-        simulation: at its start; the commands in force there are the initial ones.
-    """
+    """Commands of a drill, put into force in full, in part when they are lost, or not at all."""
 
     def __init__(
         self, simulation: Simulation, timeout: float, ramp: float, active: bool = True
@@ -90,11 +86,7 @@ class Control:
         self.commands_lost = False
 
     def apply(self, command: Command) -> None:
-        """Put a command into force now, if commands act.
-
-        Raises:
-            ParameterError: if the drill cannot take it; nothing changes then.
-        """
+        """Put a command into force now, if commands act."""
         if not self.active:
             return
         if isinstance(command, Drive):

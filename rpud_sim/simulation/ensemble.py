@@ -115,11 +115,7 @@ class EnsembleRuns:
         return self._progress.depth
 
     def run(self, end: int, whole: bool) -> list[Member]:
-        """Run all from time zero to an end [ns], and return their results.
-
-        Args:
-            whole: whether the energy accounts are wanted.
-        """
+        """Run all from time zero to an end [ns], and return their results."""
         tallies = empty_tallies(len(self._states))
         self._advance(end, tallies, _room.classes, (True, True, True, True, whole))
         return [self._result(tallies, number, whole) for number in range(len(tallies))]
@@ -306,10 +302,6 @@ def run_members(
         accounts: whether the energy accounts are wanted.
         threads: to run members on; the compiled code needs no GIL.
         planned: commands and faults, in the order of their times, in each run.
-
-    Raises:
-        ParameterError: if a planned change is refused.
-        FaultError: if a fault of the scenario cannot be honoured.
     """
     configuration = whole_configuration(configuration)
     end = round(duration * SECOND)
@@ -413,9 +405,6 @@ def run_ensemble(
     Returns:
         The ``Ensemble``. With a rock model its members have the depth at the end [m] and the mean
         penetration rate [m/s] as well.
-
-    Raises:
-        EngineError: if a member cannot go on; the first of them in order.
     """
     configuration = whole_configuration(configuration)
     compile_members(configuration)

@@ -201,5 +201,5 @@ def _bound(damping_ratio: float, factor: float) -> float:
 
 def _most(parameters: Parameters, name: str) -> float:
     if name.endswith("damping_ratio"):
-        return max(MOST_DAMPING_RATIO, getattr(parameters, name))
+        return max(MOST_DAMPING_RATIO, float(getattr(parameters, name)))
     return QUANTITIES[name].maximum

@@ -62,7 +62,7 @@ def stamp_of(fields: Fields) -> Any:
     return stamp["sec"] * SECOND + stamp["nanosec"]
 
 
-def to_array(values: np.ndarray) -> array:
+def to_array(values: np.ndarray) -> array[Any]:
     """Return a copy of a NumPy array as the array type that message fields accept."""
     return array(_TYPE_CODES[values.dtype], np.ascontiguousarray(values).tobytes())
 

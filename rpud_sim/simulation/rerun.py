@@ -43,11 +43,7 @@ class Checkpoints:
         return tuple(self._runs)
 
     def save(self, name: str, run: Run) -> None:
-        """Keep the present state of a run; an older one of the same name is discarded.
-
-        Raises:
-            CheckpointError: if the name cannot be one, or there are too many.
-        """
+        """Keep the present state of a run; an older one of the same name is discarded."""
         if not (isinstance(name, str) and _NAME.fullmatch(name)):
             raise CheckpointError(
                 f"{shown(name)} is no name of a checkpoint: 1 to 64 letters, digits, _, . and -"
@@ -165,30 +161,35 @@ def repeat_change(run: Run, entry: JournalEntry) -> Iterator[Entry]:
     Raises:
         ArithmeticError, LookupError, TypeError, ValueError: if the entry cannot be repeated.
     """
-    content = entry.content
-    simulation = run.simulation
-    changes: dict[str, Callable[[], object]] = {
-        "weight_on_bit": lambda: simulation.apply(WeightOnBit(content["force"])),
-        "drive": lambda: simulation.apply(
-            Drive(content["enabled"], content["voltage"], content["frequency"])
-        ),
-        "feed": lambda: simulation.apply(Feed(content["mode"], content["value"])),
-        "configure": lambda: simulation.configure(to_configuration(content["parameters"])),
-        "inject": lambda: simulation.inject(Fault(**content["fault"]), content["duration"]),
-        "clear": lambda: simulation.clear(content["number"]),
-        "clear_all": simulation.clear_all,
-        "origin": lambda: run.place(content["origin"]),
-        "stop": lambda: None,
-        "state": run.note_state,
-        "save": lambda: run.note("save", **content),
-    }
     if entry.kind in ("flush", "end"):
         yield from run.flush(entry.kind)
-    elif entry.kind in changes:
-        changes[entry.kind]()
+    elif (change := _CHANGES.get(entry.kind)) is not None:
+        change(run, entry.content)
         yield from run.changes()
     else:
         raise JournalError("there is no such kind")
+
+
+# What the content of an entry changes, by its kind.
+_CHANGES: Mapping[str, Callable[[Run, Mapping[str, Any]], object]] = {
+    "weight_on_bit": lambda run, command: run.simulation.apply(WeightOnBit(command["force"])),
+    "drive": lambda run, command: run.simulation.apply(
+        Drive(command["enabled"], command["voltage"], command["frequency"])
+    ),
+    "feed": lambda run, command: run.simulation.apply(Feed(command["mode"], command["value"])),
+    "configure": lambda run, content: run.simulation.configure(
+        to_configuration(content["parameters"])
+    ),
+    "inject": lambda run, content: run.simulation.inject(
+        Fault(**content["fault"]), content["duration"]
+    ),
+    "clear": lambda run, content: run.simulation.clear(content["number"]),
+    "clear_all": lambda run, content: run.simulation.clear_all(),
+    "origin": lambda run, content: run.place(content["origin"]),
+    "stop": lambda run, content: None,
+    "state": lambda run, content: run.note_state(),
+    "save": lambda run, content: run.note("save", **content),
+}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -217,10 +218,6 @@ def resume(
         stop: whether the run stops exactly there, which its journal notes between two blocks.
             Otherwise it stops at the end of the last block before it.
         report: called with the seconds that were simulated since its last call.
-
-    Raises:
-        JournalError: if an entry cannot be repeated.
-        EngineError: if the simulation cannot go on.
     """
     listening: list[bool] = []
     journal = Journal(states=False)  # the recorded ones are repeated

@@ -273,11 +273,7 @@ class Run:
         yield from self._telemetry.flush()
 
     def status(self, state: str, bookkeeping: Bookkeeping) -> Entry:
-        """Return the status message of the present time.
-
-        Args:
-            bookkeeping: counts and timing of the caller, which advances the run.
-        """
+        """Return the status message of the present time."""
         return (
             self.time,
             "status",

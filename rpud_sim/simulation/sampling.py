@@ -133,12 +133,7 @@ class Stretches:
 
 
 def sample_stretches(segments: np.ndarray, parts: Stretches, times: Times) -> Samples:
-    """Sample all channels of a trajectory in parts.
-
-    Args:
-        parts: of the segments and of the times.
-        times: of each part as for ``sample``.
-    """
+    """Sample all channels of a trajectory in parts."""
     count = len(times.seconds)
     channels = np.empty((len(CHANNELS), count))
     in_contact = np.empty(count, np.bool_)
@@ -169,11 +164,7 @@ _MOST = 100_000
 
 
 def to_segments(message: Any) -> np.ndarray:
-    """Return the ``SEGMENT`` records that a ``rpud_msgs/Trajectory`` was made of, bit for bit.
-
-    Raises:
-        ValueError: if its arrays are not equally long.
-    """
+    """Return the ``SEGMENT`` records that a ``rpud_msgs/Trajectory`` was made of, bit for bit."""
     count = len(message.duration)
     segments = np.zeros(count, SEGMENT)
     for name in SEGMENT_ARRAYS:

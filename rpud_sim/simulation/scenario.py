@@ -59,11 +59,7 @@ def read_scenario(path: str | Path, seed: int | None = None) -> Scenario:
 
 
 def parse_scenario(content: Any, name: str, seed: int | None = None) -> Scenario:
-    """Return the scenario of a file's content.
-
-    Raises:
-        FaultError: if the content is no scenario; one line with name and number of the entry.
-    """
+    """Return the scenario of a file's content."""
     return _scenario(cursor_at(content, name, FaultError), seed)
 
 
@@ -121,14 +117,14 @@ def _scheduled(entry: Cursor, number: int, seed: int) -> ScheduledFault:
 def _drawn(name: str, value: Any, quantity: Quantity, random: np.random.Generator) -> float:
     """Return the number of an entry, or one drawn between its two bounds."""
     if not isinstance(value, Mapping):
-        return quantity.check(name, _finite(name, value))
+        return float(quantity.check(name, _finite(name, value)))
     bounds = value.get("uniform")
     if set(value) != {"uniform"} or not (isinstance(bounds, list) and len(bounds) == 2):
         raise FaultError(f"{name} = {shown(value)} is neither a number nor uniform: [least, most]")
     least, most = (quantity.check(f"{name}, uniform,", _finite(name, bound)) for bound in bounds)
     if not least <= most:
         raise FaultError(f"{name} = uniform: [{least:g}, {most:g}] has its least above its most")
-    return least + (most - least) * float(random.random())
+    return float(least + (most - least) * float(random.random()))
 
 
 def _finite(name: str, value: Any) -> float:

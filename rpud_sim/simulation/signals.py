@@ -29,11 +29,7 @@ NOT_FINITE_SHARE = 0.1
 
 
 class SignalFaults:
-    """Pipeline of the channels' messages through their faults.
-
-    Args:
-        seed: of every random number, zero or more.
-    """
+    """Pipeline of the channels' messages through their faults."""
 
     def __init__(self, seed: int = 0) -> None:
         self._seed = seed

@@ -148,12 +148,7 @@ class Simulation:
         return refusals
 
     def advance_to(self, time: int) -> Block:
-        """Advance to a time [ns] and return what happened since the last call.
-
-        Raises:
-            EngineError: if the simulation cannot go on.
-            ValueError: if the time is before the present one.
-        """
+        """Advance to a time [ns] and return what happened since the last call."""
         start = self.time
         if time < start:
             raise ValueError(f"time {time} ns is before the present {start} ns")
@@ -210,9 +205,6 @@ class Simulation:
         new amplitude takes effect when the vibration next passes through zero displacement. A
         command that is in force already changes nothing: it has no entry in the journal, and its
         time stays.
-
-        Raises:
-            ParameterError: if the drill cannot take the command; nothing changes then.
         """
         before = self.applied
         acting = command.after(before.drive) if isinstance(command, Drive) else command

@@ -54,7 +54,7 @@ def force_of(number: int) -> float | None:
     if number < 0:
         return None
     decades, part = divmod(number, CLASSES_PER_DECADE)
-    return LEAST_FORCE * float(f"1e{decades}") * power(10.0, part / CLASSES_PER_DECADE)
+    return float(LEAST_FORCE * float(f"1e{decades}") * power(10.0, part / CLASSES_PER_DECADE))
 
 
 def figures_of(tally: np.void, duration: float, quantile: int) -> dict[str, float | int | None]:

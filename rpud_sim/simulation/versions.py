@@ -24,11 +24,7 @@ def engine_of(beginning: Any) -> Any:
 
 
 def other_engine(beginning: Any) -> str:
-    """Return in one line which release repeats a run of another engine; empty for this one.
-
-    Args:
-        beginning: content of a journal's entry ``begin``.
-    """
+    """Return in one line which release repeats a run of another engine; empty for this one."""
     engine = engine_of(beginning)
     if engine == ENGINE:
         return ""

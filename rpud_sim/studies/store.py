@@ -25,7 +25,7 @@ def write_whole(path: Path, content: str | bytes) -> None:
         unfinished.write_bytes(content.encode() if isinstance(content, str) else content)
 
 
-class Store:
+class StudyStore:
     """Folder of a study.
 
     Args:

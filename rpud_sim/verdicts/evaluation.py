@@ -37,7 +37,7 @@ from rpud_sim.verdicts.formulas import (
     Until,
     Window,
 )
-from rpud_sim.verdicts.messages import NONE, Missing, Samples, get, time_of
+from rpud_sim.verdicts.messages import NONE, FieldSamples, MissingMessages, get, time_of
 from rpud_sim.verdicts.names import PERIODIC, PERIODIC_HOLD, TYPES, check_use, threshold
 from rpud_sim.verdicts.record import Record
 from rpud_sim.verdicts.steps import (
@@ -68,7 +68,7 @@ class _Instants(NamedTuple):
 
     stamps: np.ndarray  # of the instants, increasing; several may be equal [ns]
     values: np.ndarray  # bounds of the truth at each, one column an instant
-    missing: Missing = Missing()  # further events that may have been
+    missing: MissingMessages = MissingMessages()  # further events that may have been
     # of each stretch of time in which any number of events may be [ns]
     first: np.ndarray = NONE
     last: np.ndarray = NONE
@@ -178,7 +178,7 @@ class Evaluation:
         starts[0] = self.begin
         return Steps(starts, rows[:, first:], absent[first:]).merged()
 
-    def _samples(self, part: Compare | Says | Quantile) -> Samples:
+    def _samples(self, part: Compare | Says | Quantile) -> FieldSamples:
         """Return the messages' values of the signal of a formula, all within the recording."""
         topic, field = part.signal.topic, self._record.field(part.signal)
         check_use(part, field)
@@ -193,7 +193,7 @@ class Evaluation:
         inside = samples.stamps <= self.end
         if topic not in TYPES:  # stamps of others may be of another clock
             inside &= samples.stamps >= self.begin
-        return Samples(
+        return FieldSamples(
             samples.stamps[inside],
             values[inside],
             samples.gaps[inside],
@@ -201,7 +201,7 @@ class Evaluation:
             samples.ordered[inside],
         )
 
-    def _judged(self, part: Compare | Says, samples: Samples) -> np.ndarray:
+    def _judged(self, part: Compare | Says, samples: FieldSamples) -> np.ndarray:
         """Return the bounds of a comparison or a word, one column a message."""
         if isinstance(part, Says):
             same = np.array([value == part.word for value in samples.values.tolist()], bool)
@@ -369,7 +369,9 @@ def _floats(values: np.ndarray) -> np.ndarray:
     return np.array([float(x) if isinstance(x, (int, float)) else np.nan for x in plain], float)
 
 
-def _one_a_stamp(samples: Samples, values: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _one_a_stamp(
+    samples: FieldSamples, values: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the last value of each stamp; both bounds of those whose order is not known."""
     last = np.append(samples.stamps[1:] != samples.stamps[:-1], True)
     kept = values[:, last]

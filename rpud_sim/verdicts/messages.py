@@ -16,7 +16,7 @@ import numpy as np
 from rpud_sim.bag import Kind
 from rpud_sim.bag.columns import objects, to_plain
 from rpud_sim.foundation.time import NEVER, SECOND
-from rpud_sim.verdicts.names import DIAGNOSTICS, Field
+from rpud_sim.verdicts.names import DIAGNOSTICS, SignalField
 from rpud_sim.verdicts.units import ExpectationError
 
 # Fields that never decrease in a run; their sums put messages of one stamp in order.
@@ -40,7 +40,7 @@ def time_of(value: Any) -> int:
     return int(get(value, "sec")) * SECOND + int(get(value, "nanosec"))
 
 
-class Missing(NamedTuple):
+class MissingMessages(NamedTuple):
     """Numbers of messages that are missing, each in a stretch of time."""
 
     first: np.ndarray = NONE  # of each stretch, in order [ns]
@@ -89,7 +89,7 @@ class Piece:
 
 
 @dataclasses.dataclass(frozen=True)
-class Samples:
+class FieldSamples:
     """Values of a field at increasing stamps."""
 
     stamps: np.ndarray  # of the messages [ns]; equal stamps follow each other
@@ -130,16 +130,16 @@ class TopicMessages:
         return len(self.stamps)
 
     @property
-    def missing(self) -> Missing:
+    def missing(self) -> MissingMessages:
         """What the numbers in the messages show as missing."""
         if not self._numbered:
-            return Missing()
+            return MissingMessages()
         counts = np.concatenate([self._key[:1], np.maximum(np.diff(self._key) - 1, 0)])
         before = np.concatenate([[-NEVER], self.stamps[:-1]])
         some = counts > 0
-        return Missing(before[some], self.stamps[some], counts[some])
+        return MissingMessages(before[some], self.stamps[some], counts[some])
 
-    def samples(self, name: str, field: Field | None) -> Samples:
+    def samples(self, name: str, field: SignalField | None) -> FieldSamples:
         """Return the values of a field, or by name of a diagnostic or a field of unknown type."""
         if field is not None:
             values = self._values(field)
@@ -154,7 +154,7 @@ class TopicMessages:
         ordered = np.ones(len(self), bool)
         same = self.stamps[1:] == self.stamps[:-1]
         ordered[1:] = ~(same & (self._key[1:] == self._key[:-1])) | self._in_order
-        return Samples(self.stamps, values, gaps, first, ordered)
+        return FieldSamples(self.stamps, values, gaps, first, ordered)
 
     def column(self, name: str) -> list[Any]:
         """Return the values of a field of any kind, as they are."""
@@ -204,7 +204,7 @@ class TopicMessages:
         places = zip(self._piece.tolist(), self._row.tolist(), strict=True)
         return objects([parts[piece][row] for piece, row in places])
 
-    def _values(self, field: Field) -> np.ndarray:
+    def _values(self, field: SignalField) -> np.ndarray:
         column, index = field.column, field.index
         values = self._spread(column.name)
         if index is not None:

@@ -67,7 +67,7 @@ _INDEX = re.compile(r"(.*)\[(\d{1,6})\]")
 
 
 @dataclasses.dataclass(frozen=True)
-class Field:
+class SignalField:
     """Field of a message, as an expectation uses it."""
 
     column: Column  # of the topic's table
@@ -137,7 +137,7 @@ def drill_columns(topic: str, blocks: bool = False) -> tuple[Column, ...]:
     return row_columns(columns) if holds_rows(TYPES[topic], columns) else columns
 
 
-def find_field(signal: Signal, columns: tuple[Column, ...]) -> Field:
+def find_field(signal: Signal, columns: tuple[Column, ...]) -> SignalField:
     """Return the field of a signal among the columns of its topic."""
     topic, match = signal.topic, _INDEX.fullmatch(signal.field)
     base = match[1] if match else signal.field
@@ -158,7 +158,7 @@ def find_field(signal: Signal, columns: tuple[Column, ...]) -> Field:
     if index is not None and column.kind is Kind.ARRAY and index >= column.length:
         raise ExpectationError(f"{topic}.{base} has {column.length} values, and no [{index}]")
     unit = column.unit or _STANDARD_UNITS.get(f"{topic}.{base}", "")
-    return Field(dataclasses.replace(column, unit=unit), index)
+    return SignalField(dataclasses.replace(column, unit=unit), index)
 
 
 def _check_topic(topic: str) -> None:
@@ -199,7 +199,7 @@ def _check_kind(formula: object) -> None:
         )
 
 
-def check_use(part: Compare | Says | Quantile, field: Field | None) -> None:
+def check_use(part: Compare | Says | Quantile, field: SignalField | None) -> None:
     """Check that a field has the kind and unit with which a formula uses it; None passes."""
     if isinstance(part, Says):
         if field is not None and not field.says:
@@ -215,7 +215,7 @@ def check_use(part: Compare | Says | Quantile, field: Field | None) -> None:
         threshold(part.tolerance, field, part.signal)
 
 
-def threshold(number: Number, field: Field | None, signal: Signal) -> float:
+def threshold(number: Number, field: SignalField | None, signal: Signal) -> float:
     """Return a number in the unit of a field; in SI if the field has no known unit."""
     if field is None or (not field.unit and signal.topic.startswith("/")):
         return number.value * unit_factor(number.unit)[0]

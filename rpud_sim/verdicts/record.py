@@ -16,14 +16,14 @@ from rpud_sim.bag.columns import RECEIVED, objects, to_rows
 from rpud_sim.foundation.quantities import suggestion
 from rpud_sim.foundation.ragged import Ragged
 from rpud_sim.verdicts.formulas import Compare, Quantile, Says, Signal
-from rpud_sim.verdicts.messages import Missing, Piece, TopicMessages, get, time_of
+from rpud_sim.verdicts.messages import MissingMessages, Piece, TopicMessages, get, time_of
 from rpud_sim.verdicts.names import (
     DIAGNOSTICS,
     PERIODIC,
     PERIODIC_HOLD,
     TYPES,
     Expectation,
-    Field,
+    SignalField,
     check_use,
     drill_columns,
     find_field,
@@ -216,7 +216,7 @@ class Record:
         counted = self._losses.get(topic, 0)
         return max(0, counted - self.messages(topic).missing.total)
 
-    def missing(self, topic: str) -> Missing:
+    def missing(self, topic: str) -> MissingMessages:
         """Return the missing messages of a topic: those at known times, and ``lost``."""
         return self.messages(topic).missing._replace(anywhere=self.lost(topic))
 
@@ -247,7 +247,7 @@ class Record:
         span = self.span(topics)
         return span[0] if span else 0
 
-    def field(self, signal: Signal) -> Field | None:
+    def field(self, signal: Signal) -> SignalField | None:
         """Return the field of a signal; None for a diagnostic, or if its type is not known."""
         topic = signal.topic
         columns = self._columns.get(topic) or (drill_columns(topic) if topic in TYPES else None)

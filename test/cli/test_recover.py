@@ -70,10 +70,10 @@ def test_json_has_the_account(torn, tmp_path, capsys):
 def test_the_recorder_s_bound_is_shown(tmp_path, capsys):
     from rpud_sim.bag import BagWriter
 
-    bag = BagWriter(tmp_path / "run")
-    bag.add_record(RECORDING_RECORD, {"max_loss": "0.5"})
-    bag.flush()
-    assert run(tmp_path / "run", "--out", tmp_path / "out") == 3
+    with BagWriter(tmp_path / "run") as bag:
+        bag.add_record(RECORDING_RECORD, {"max_loss": "0.5"})
+        bag.flush()
+        assert run(tmp_path / "run", "--out", tmp_path / "out") == 3
     assert capsys.readouterr().out.endswith(
         "is missing, at most 0.5 s if processor and disk kept up\n"
     )

@@ -1,4 +1,4 @@
-"""The contact in the rock, eqs. (20)-(39), against quadrature and direct integration."""
+"""The contact in the rock, eqs. (20)-(39), against quadrature, integration and the engine."""
 
 import math
 
@@ -9,9 +9,11 @@ from hypothesis import strategies as st
 from scipy.integrate import quad, solve_ivp
 from scipy.optimize import brentq
 
+from rpud_sim.foundation.time import SECOND
 from rpud_sim.model import contact
-from rpud_sim.model.contact import effective_tool
+from rpud_sim.model.contact import CONTACT_MODELS, effective_tool, single_contact
 from rpud_sim.model.parameters import preset
+from rpud_sim.simulation.simulation import Simulation
 
 FREE_MASS = 5e-3
 DRILLING = preset("drilling")
@@ -96,3 +98,18 @@ def test_half_sine_carries_the_impulse_of_the_collision(m_1, m_2, e, speed):
     assert quad(lambda t: peak * math.sin(math.pi * t / duration), 0, duration)[0] == pytest.approx(
         impulse
     )
+
+
+@pytest.mark.parametrize("model", CONTACT_MODELS)
+def test_an_undisturbed_impact_of_the_engine_is_a_single_contact(model):
+    """Eqs. (36)-(39) against what the engine does with the same blow."""
+    parameters = preset("drilling").replace(contact_model=model, gravity=0.0)
+    # The first one is the start, with the actuator upon the free mass.
+    impacts = Simulation(parameters).advance_to(5 * SECOND).impacts[1:]
+    contacts = [single_contact(parameters, float(v)) for v in impacts["impact_velocity"]]
+    durations = np.array([contact.duration for contact in contacts])
+    undisturbed = np.abs(impacts["contact_duration"] / durations - 1.0) < 1e-6
+
+    assert np.count_nonzero(undisturbed) > 0.5 * len(impacts)
+    forces = np.array([contact.peak_force for contact in contacts])[undisturbed]
+    np.testing.assert_allclose(impacts["peak_force"][undisturbed], forces, rtol=1e-6)

@@ -69,6 +69,16 @@ def margins_of_rtamt(text, x, y):
     ]
 
 
+def steps_of(formula, pairs):
+    """Return the step function of a formula, and both signals."""
+    x, y = zip(*pairs, strict=True)
+    record = record_of(
+        force={number * SECOND: value for number, value in enumerate(x)},
+        velocity={number * SECOND: value for number, value in enumerate(y)},
+    )
+    return Evaluation(record, 0, (len(pairs) - 1) * SECOND, 0).steps(formula), [*x], [*y]
+
+
 values = st.integers(-5, 5).map(float)
 
 
@@ -77,14 +87,8 @@ values = st.integers(-5, 5).map(float)
 def test_the_margins_are_those_of_rtamt(formula, pairs):
     """Beyond its end, rtamt judges what is left of a window: one way in which a run may go on."""
     formula, text = formula
-    x, y = zip(*pairs, strict=True)
-    record = record_of(
-        force={number * SECOND: value for number, value in enumerate(x)},
-        velocity={number * SECOND: value for number, value in enumerate(y)},
-    )
-    end = (len(pairs) - 1) * SECOND
-    steps = Evaluation(record, 0, end, 0).steps(formula)
-    for number, margin in enumerate(margins_of_rtamt(text, [*x], [*y])):
+    steps, *signals = steps_of(formula, pairs)
+    for number, margin in enumerate(margins_of_rtamt(text, *signals)):
         found = steps.values[:, int(steps.at(number * SECOND))]
         assert found[LEAST_MARGIN] <= margin <= found[MOST_MARGIN], (number, text)
         if math.isfinite(margin) and margin != 0.0:
@@ -96,14 +100,9 @@ def test_the_margins_are_those_of_rtamt(formula, pairs):
 @given(formulas(depth=2), st.lists(st.tuples(values, values), min_size=30, max_size=35))
 def test_the_margins_are_exactly_those_of_rtamt_where_all_windows_end_in_time(formula, pairs):
     formula, text = formula
-    x, y = zip(*pairs, strict=True)
-    record = record_of(
-        force={number * SECOND: value for number, value in enumerate(x)},
-        velocity={number * SECOND: value for number, value in enumerate(y)},
-    )
     whole = [part.window for part in formula.walk() if hasattr(part, "window")]
     if f.WHOLE in whole and whole != [f.WHOLE]:
         return
-    steps = Evaluation(record, 0, (len(pairs) - 1) * SECOND, 0).steps(formula)
-    margin = margins_of_rtamt(text, [*x], [*y])[0]
+    steps, *signals = steps_of(formula, pairs)
+    margin = margins_of_rtamt(text, *signals)[0]
     assert steps.values[LEAST_MARGIN, 0] == steps.values[MOST_MARGIN, 0] == margin

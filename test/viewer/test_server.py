@@ -152,6 +152,8 @@ def test_others_need_the_token_which_becomes_a_cookie(store):
         assert answer(server, **known, Origin="http://evil.example")[0].status == 403
 
 
+# Tornado leaves the socket that it cannot bind to the garbage collector.
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 def test_a_port_in_use_is_named():
     with (
         serving(Numbers()) as server,

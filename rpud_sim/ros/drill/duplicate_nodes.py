@@ -7,6 +7,7 @@ import hashlib
 import socket
 import sys
 import time
+import weakref
 
 import rclpy
 from lifecycle_msgs.srv import GetState
@@ -33,6 +34,7 @@ class NameHold:
             return
         digest = hashlib.sha256(f"{domain} {name}".encode()).hexdigest()  # names may be too long
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+        weakref.finalize(self, self._socket.close)
         try:
             self._socket.bind(f"\0rpud_sim/{digest}")
         except OSError as error:  # where a sandbox forbids it, discovery has to do
@@ -70,7 +72,7 @@ class DuplicateNodes:
         return self._count
 
 
-class NamesakeSearch:
+class DuplicateSearch:
     """Search for a living drill of a name, before one of that name is made.
 
     It holds the name from now on, so of two that search at the same time one finds the other.

@@ -29,7 +29,7 @@ from rpud_sim.studies.fit.rounds import (
     unfinished,
 )
 from rpud_sim.studies.fit.surrogate import Region
-from rpud_sim.studies.fit.target_file import FitSpecification, Target
+from rpud_sim.studies.fit.target_file import FitSpecification, FitTarget
 
 CANDIDATES = 16  # for the best point
 CANDIDATE_RUNS = 32
@@ -47,7 +47,7 @@ _DRAWN = 7  # second number of the seeds here; those of a fit are smaller
 class TargetComparison:
     """Target beside the model at the best point."""
 
-    target: Target  # of the fit
+    target: FitTarget  # of the fit
     mean: float  # of the model's runs
     standard_error: float  # of the mean
     spread: float  # standard deviation of single runs
@@ -340,8 +340,8 @@ def prove(
 
 
 def _with_error(
-    targets: tuple[Target, ...], runs: np.ndarray, random: np.random.Generator
-) -> tuple[Target, ...]:
+    targets: tuple[FitTarget, ...], runs: np.ndarray, random: np.random.Generator
+) -> tuple[FitTarget, ...]:
     """Return the targets of a synthetic drill, with errors drawn from the tolerances.
 
     Data has its chance from the drill's runs. Tolerances keep their share of the value.

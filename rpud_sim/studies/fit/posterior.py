@@ -19,7 +19,7 @@ from scipy import stats
 from scipy.stats import qmc
 
 from rpud_sim.studies.fit.surrogate import Surrogate
-from rpud_sim.studies.fit.target_file import Target
+from rpud_sim.studies.fit.target_file import FitTarget
 from rpud_sim.studies.sweep.specification import Range
 
 LEVEL = 0.95  # of the intervals
@@ -46,7 +46,7 @@ class Likelihood:
         targets: of the fit, one for each figure.
     """
 
-    def __init__(self, surrogate: Surrogate, targets: tuple[Target, ...]) -> None:
+    def __init__(self, surrogate: Surrogate, targets: tuple[FitTarget, ...]) -> None:
         self.surrogate = surrogate
         values = np.array([target.value for target in targets])
         self._used = np.array([not target.hold_out for target in targets])

@@ -25,7 +25,7 @@ from rpud_sim.studies.fit.measures import measure
 from rpud_sim.studies.fit.posterior import Likelihood, Posterior, cut_off, sample
 from rpud_sim.studies.fit.surrogate import Region, Surrogate, SurrogateError, fit_surrogate
 from rpud_sim.studies.fit.target_file import FitSpecification
-from rpud_sim.studies.store import Store
+from rpud_sim.studies.store import StudyStore
 from rpud_sim.studies.workers import check_versions, run_on_workers
 
 PARTICLES = 4096
@@ -81,7 +81,7 @@ def fit_versions() -> dict[str, str]:
     return engine_versions() | {"scipy": version_of("scipy")}
 
 
-class FitFolder(Store):
+class FitFolder(StudyStore):
     """Folder of a fit, and the simulations in it."""
 
     def __init__(

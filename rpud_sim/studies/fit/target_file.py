@@ -52,7 +52,7 @@ _NAMES = tuple(name for name in PARAMETERS if name not in NODE_NAMES)
 
 
 @dataclasses.dataclass(frozen=True)
-class Target:
+class FitTarget:
     """Figure of the drill that the fit shall reach."""
 
     measure: Measure  # its counterpart in a run
@@ -88,7 +88,7 @@ class FitSpecification:
     parameters: Mapping[str, Any]  # fixed values, by name
     unknowns: Mapping[str, Range]  # bounds of the unknown numbers, by name
     choices: Mapping[str, tuple[Any, ...]]  # possible values of the unknown choices, by name
-    targets: tuple[Target, ...]  # at least one that is not held out
+    targets: tuple[FitTarget, ...]  # at least one that is not held out
     seed: int = 0  # of the design, the initial phases and the posterior
     points: int = 256  # simulated in each round, for each combination of choices; a power of two
     rounds: int = 3  # number of rounds; each has a smaller region
@@ -256,13 +256,13 @@ def _choices(cursor: Cursor, name: str) -> tuple[Any, ...]:
     return values
 
 
-def _target(item: Cursor, fixed: Mapping[str, Any]) -> Target:
+def _target(item: Cursor, fixed: Mapping[str, Any]) -> FitTarget:
     entries = _entries(item, _TARGET, "an entry of a target", ("figure", "value", "tolerance"))
     measure = _measure(item, entries)
     least = -_GREATEST if measure.figure in SIGNED else 0.0
     value = float(entries["value"].check(Quantity(measure.unit, "", least, _GREATEST)))
     own = _parameters(item.get("parameters", {}), item, fixed)
-    return Target(
+    return FitTarget(
         measure,
         value,
         _tolerance(entries["tolerance"], value, measure.unit),
@@ -326,7 +326,7 @@ def _tolerance(cursor: Cursor, value: float, unit: str) -> float:
     return float(tolerance)
 
 
-def _data_targets(item: Cursor, fixed: Mapping[str, Any], folder: Path) -> list[Target]:
+def _data_targets(item: Cursor, fixed: Mapping[str, Any], folder: Path) -> list[FitTarget]:
     """Return the targets of an entry of ``data``: the figures of a bag or a CSV file."""
     if not isinstance(item.value, Mapping):
         raise item.refusal("is missing" if item.value is None else "holds no mapping")
@@ -342,7 +342,7 @@ def _data_targets(item: Cursor, fixed: Mapping[str, Any], folder: Path) -> list[
     with dataclasses.replace(item, label="").errors():
         found, runs = read_data(folder / file.value, "bag" in entries, skip)
     return [
-        Target(
+        FitTarget(
             measure,
             value,
             max(_LEAST_ERROR * abs(value), 1e-300),

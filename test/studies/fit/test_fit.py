@@ -14,7 +14,7 @@ from rpud_sim.studies.fit import fit as fits
 from rpud_sim.studies.fit import rounds
 from rpud_sim.studies.fit.fit import fit_in, run_fit
 from rpud_sim.studies.fit.fit_report import corner_rows, target_plot, unknown_quantity, write_fit
-from rpud_sim.studies.fit.rounds import FitError, FitFolder
+from rpud_sim.studies.fit.rounds import FitFolder
 from rpud_sim.studies.fit.surrogate import Region
 from rpud_sim.studies.fit.target_file import parse_targets
 
@@ -122,19 +122,6 @@ def test_a_corner_shows_where_the_posterior_is(specification, tmp_path):
     assert dict(plot.y.columns)["target"][1].endswith(" kN")
 
 
-def test_figures_out_of_reach_are_said_to_be(specification, tmp_path):
-    far = dataclasses.replace(specification.targets[0], value=900.0, tolerance=1.0)
-    asked = dataclasses.replace(specification, targets=(far,), rounds=1, choices={})
-    fit = run_fit(asked, tmp_path / "fit", 1)
-    assert [item.target for item in fit.missed] == [far]
-    assert fit.refusal == "the model does not reach 1 of 1 targets"
-    assert fit.found is None
-    silent = dataclasses.replace(asked, parameters={"vibration_amplitude": 0.0})
-    no_impact = dataclasses.replace(specification.targets[1])
-    with pytest.raises(FitError, match="of 32 points have all figures"):
-        run_fit(dataclasses.replace(silent, targets=(no_impact,)), tmp_path / "still", 1)
-
-
 class ClosedForm:
     """Folder whose simulations are closed forms with chance."""
 
@@ -238,38 +225,6 @@ def test_no_output_of_a_fit_that_misses_its_targets_has_an_interval(tmp_path):
     assert set(numbers["unknowns"]["weight_on_bit"]) == {"best", "unit"}
     assert "fitted: no interval" in (tmp_path / "parameters.yaml").read_text()
     assert "% interval" not in text
-
-
-def test_penetration_torque_and_power_find_a_hidden_drill(tmp_path):
-    base = parse_targets(
-        {
-            "parameters": {
-                "regime": "drilling",
-                "actuator_model": "resonance",
-                "rock_model": "specific_energy",
-                "rotation_model": "friction_drive",
-            },
-            "unknowns": {
-                "weight_on_bit": [5.0, 15.0],
-                "rock_specific_energy": {"low": 2e7, "high": 2e8, "scale": "log"},
-            },
-            "points": 32,
-            "rounds": 2,
-            "repeat": 2,
-            "targets": [
-                {"figure": name, "window": 0.3, "value": 1.0, "tolerance": "4 %"}
-                for name in ("penetration_rate", "torque", "electrical_power")
-            ],
-        }
-    )
-    truth = {"weight_on_bit": 9.0, "rock_specific_energy": 6e7}
-    fit = run_fit(known_drill(base, tmp_path / "known", **truth), tmp_path / "fit", 2)
-    assert fit.reached
-    for name, value in truth.items():
-        interval = fit.found.intervals[name]
-        assert interval.low <= value <= interval.high
-        assert interval.low <= fit.best[name] <= interval.high
-        assert interval.identified == "yes"
 
 
 @pytest.mark.extended

@@ -17,7 +17,6 @@ from rpud_sim.studies.fit.measures import (
     UNITS,
     Measure,
     measure,
-    missing_model,
 )
 
 DRILL = Configuration(preset("drilling"))
@@ -80,19 +79,6 @@ def test_penetration_torque_and_powers_are_those_of_the_run():
     assert torque == pytest.approx(work.resisted / turned, rel=0.05)
     depth = [run_ensemble(ROTATING, end, [0.1]).members[0]["depth"] for end in (1.0, 2.0)]
     assert late == pytest.approx(depth[1] - depth[0])
-
-
-@pytest.mark.parametrize(
-    ("figure", "missing"),
-    [
-        ("penetration_rate", "rock_model or strata"),
-        ("torque", "rotation_model"),
-        ("electrical_power", "actuator_model: resonance"),
-        ("actuator_power", ""),
-    ],
-)
-def test_a_figure_needs_the_part_that_has_it(figure, missing):
-    assert (missing_model(DRILL, figure), missing_model(ROTATING, figure)) == (missing, "")
 
 
 def test_a_window_holds_its_own_impacts_alone():

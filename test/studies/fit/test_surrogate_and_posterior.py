@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from rpud_sim.studies.fit.posterior import Likelihood, identify, sample
+from rpud_sim.studies.fit.posterior import Likelihood, sample
 from rpud_sim.studies.fit.rounds import sobol_points
 from rpud_sim.studies.fit.surrogate import Region, SurrogateError, fit_surrogate
 from rpud_sim.studies.fit.target_file import parse_targets
@@ -82,14 +82,6 @@ def test_the_posterior_is_that_of_the_closed_form(surrogate):
     assert total.mean() == pytest.approx(mean, abs=0.3 * deviation)
     assert total.std() == pytest.approx(deviation, rel=0.2)
     assert posterior.log_evidence == pytest.approx(math.log(np.exp(logs).mean()), abs=0.3)
-
-
-def test_nothing_is_known_without_a_target_that_depends_on_it(surrogate):
-    loose = targets(tolerance=1e6)
-    posterior = sample(Likelihood(surrogate, loose), 2048, np.random.default_rng(4))
-    found = identify(posterior.shares, UNKNOWNS)
-    assert {item.identified for item in found.intervals.values()} == {"no"}
-    assert found.ridges == ()
 
 
 def test_a_target_that_is_held_out_has_no_weight(surrogate):
