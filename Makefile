@@ -94,6 +94,10 @@ reference: install/.package ## Write the tables of docs/reference that follow fr
 dist: install/.package ## Build wheels of both packages into dist/, for each CPython found or for PYTHONS
 	@$(WITH_ENV) python -m toolchain.dist $(PYTHONS:%=--python %)
 
+.PHONY: release
+release: install/.package install/.kernels ## Make and check all files of a release in build/release: wheels, sources, ROS packages; publish nothing
+	@$(WITH_ENV) python -m toolchain.release
+
 .PHONY: bench
 bench: install/.package install/.kernels ## Run the benchmarks, or those of BENCH_ARGS
 	@$(WITH_ENV) python -m bench $(BENCH_ARGS)

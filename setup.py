@@ -1,13 +1,26 @@
 """Install rpud_sim, in a ROS 2 workspace (colcon) or as a plain Python package (pip)."""
 
+import re
 from glob import glob
+from pathlib import Path
 from xml.etree import ElementTree
 
+from setuptools import __version__ as version
 from setuptools import find_packages, setup
 
 PACKAGE = "rpud_sim"
 manifest = ElementTree.parse("package.xml").getroot()
 VERSION = manifest.findtext("version")
+URL = manifest.findtext("url")
+# Ubuntu's setuptools does not know the later form.
+LICENSE = "license_expression" if int(version.partition(".")[0]) >= 77 else "license"
+readme = Path("README.md")  # colcon links only to the package
+# Outside of the repository a relative link leads nowhere.
+README = re.sub(
+    r'(\]\(|src="|srcset=")(?!https?:)',
+    rf"\1{URL}/blob/main/",
+    readme.read_text(encoding="utf-8") if readme.exists() else "",
+)
 
 # ROS 2 Jazzy as wheels, as toolchain/requirements/ros.in pins them.
 ROS = [
@@ -29,7 +42,27 @@ setup(
     name=PACKAGE,
     version=VERSION,
     description=" ".join(manifest.findtext("description").split()),
-    license=manifest.findtext("license"),
+    long_description=README,
+    long_description_content_type="text/markdown",
+    url=URL,
+    project_urls={
+        "Changelog": f"{URL}/blob/main/CHANGELOG.rst",
+        "Documentation": f"{URL}/tree/main/docs",
+    },
+    **{LICENSE: manifest.findtext("license")},
+    license_files=[
+        name
+        for name in ("LICENSE", f"{PACKAGE}/viewer/share/vendor/LICENSE")
+        if Path(name).exists()
+    ],
+    classifiers=[
+        "Development Status :: 4 - Beta",
+        "Intended Audience :: Science/Research",
+        "Operating System :: POSIX :: Linux",
+        *(f"Programming Language :: Python :: 3.{minor}" for minor in (10, 11, 12, 13)),
+        "Topic :: Scientific/Engineering :: Physics",
+        "Typing :: Typed",
+    ],
     maintainer=manifest.findtext("maintainer"),
     maintainer_email=manifest.find("maintainer").get("email"),
     packages=find_packages(include=[PACKAGE, f"{PACKAGE}.*"]),
@@ -40,7 +73,7 @@ setup(
         f"{PACKAGE}.pages": ["share/*.css"],
         f"{PACKAGE}.viewer": ["share/*", "share/vendor/*"],
     },
-    python_requires=">=3.10",
+    python_requires=">=3.10,<3.14",
     # What every command needs. Where an extra is missing, the program says which.
     install_requires=[
         "apsw",

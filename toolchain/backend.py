@@ -5,17 +5,21 @@ In the clone itself, setuptools would leave ``build/`` and ``rpud_sim.egg-info/`
 
 from __future__ import annotations
 
+import gzip
 import os
 import shutil
+import tarfile
 import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 from setuptools import build_meta
 
-_SOURCES = ("LICENSE", "config", "launch", "package.xml", "pyproject.toml", "resource")
+_SOURCES = ("CHANGELOG.rst", "LICENSE", "README.md", "config", "launch", "package.xml")
+_SOURCES += ("pyproject.toml", "resource")
 _SOURCES += ("rpud_sim", "setup.cfg", "setup.py", "urdf")
 _KERNELS = Path("rpud_sim", "kernels", "compiled")
 
@@ -57,6 +61,52 @@ def build_wheel(
         return build_meta.build_wheel(wheel_directory, settings, metadata_directory)
 
 
+def get_requires_for_build_sdist(config_settings: Settings = None) -> list[str]:
+    """Return nothing, as for a wheel."""
+    return []
+
+
+def build_sdist(sdist_directory: str, config_settings: Settings = None) -> str:
+    """Build an archive of the sources that pip can build a wheel of, and return its name.
+
+    Two archives of one commit are the same: entries are sorted, without owners, and have one time.
+    """
+    version = ElementTree.parse("package.xml").getroot().findtext("version")
+    name = f"rpud_sim-{version}"
+    backend = Path(__file__).relative_to(Path.cwd())
+    time = int(os.environ.get("SOURCE_DATE_EPOCH", "315532800"))  # 1980, the first that zip has
+
+    def plain(entry: tarfile.TarInfo) -> tarfile.TarInfo:
+        entry.uid = entry.gid = 0
+        entry.uname = entry.gname = ""
+        entry.mtime, entry.mode = time, 0o755 if entry.isdir() else 0o644
+        return entry
+
+    text = backend.read_text(encoding="utf-8")
+    with _copy_of_sources() as clone:
+        metadata = Path(prepared := tempfile.mkdtemp(), _metadata(prepared), "METADATA")
+        shutil.copy(metadata, "PKG-INFO")
+        shutil.rmtree(prepared)
+        shutil.rmtree(_KERNELS, ignore_errors=True)
+        backend.parent.mkdir(exist_ok=True)
+        backend.write_text(text, encoding="utf-8")
+        path = (clone / sdist_directory / f"{name}.tar.gz").resolve()
+        with (
+            path.open("wb") as file,
+            gzip.GzipFile("", "wb", 9, file, time) as packed,
+            tarfile.open(fileobj=packed, mode="w", format=tarfile.PAX_FORMAT) as archive,
+        ):
+            for each in sorted(path for path in Path().rglob("*") if path.is_file()):
+                archive.add(each, f"{name}/{each.as_posix()}", filter=plain)
+    return path.name
+
+
+def _metadata(folder: str) -> str:
+    found = build_meta.prepare_metadata_for_build_wheel(folder)
+    shutil.rmtree("rpud_sim.egg-info", ignore_errors=True)
+    return found
+
+
 def prepare_metadata_for_build_wheel(
     metadata_directory: str, config_settings: Settings = None
 ) -> str:
@@ -66,8 +116,8 @@ def prepare_metadata_for_build_wheel(
 
 
 @contextmanager
-def _copy_of_sources() -> Iterator[None]:
-    """Work in a copy of what the package consists of; links become files."""
+def _copy_of_sources() -> Iterator[Path]:
+    """Work in a copy of what the package consists of, and give the clone; links become files."""
     clone = Path.cwd()
     with tempfile.TemporaryDirectory(prefix="rpud_sim_build_") as folder:
         for name in _SOURCES:
@@ -80,6 +130,6 @@ def _copy_of_sources() -> Iterator[None]:
                 shutil.copy(source, folder)
         os.chdir(folder)
         try:
-            yield
+            yield clone
         finally:
             os.chdir(clone)

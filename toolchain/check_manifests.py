@@ -10,7 +10,10 @@ from xml.etree import ElementTree
 from catkin_pkg.package import InvalidPackage, parse_package
 
 ROOT = Path(__file__).resolve().parent.parent
-MANIFESTS = (ROOT / "package.xml", ROOT / "msg_defs" / "package.xml")
+# In a release tree the packages are side by side.
+_PLACES = (ROOT / "msg_defs", ROOT.parent / "rpud_msgs")
+_MESSAGES = next(filter(Path.exists, (place / "package.xml" for place in _PLACES)))
+MANIFESTS = (ROOT / "package.xml", _MESSAGES)
 
 
 PIP_KEYS = ("mcap-ros2-support", "python3-rosbags-pip")

@@ -7,6 +7,7 @@ import struct
 from array import array
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from io import BytesIO
 from typing import BinaryIO
 
 import lz4.frame
@@ -62,15 +63,15 @@ def chunk_blocks(
     The position of ``stream`` stays as it is, so threads may read one file. ``topics`` has the
     names of the channels to read, by their numbers.
     """
-    end = index.chunk_start_offset + index.chunk_length
-    place = _Place(stream.fileno())
-    chunk = parse(read_record(place, index.chunk_start_offset, end))
+    place, length = index.chunk_start_offset, index.chunk_length
+    found = os.pread(stream.fileno(), min(length, RECORD.size + CONTENT_LIMIT), place)
+    chunk = parse(read_record(BytesIO(found), 0, length))
     if not isinstance(chunk, Chunk) or chunk.uncompressed_size != index.uncompressed_size:
         raise BagFormatError("a chunk is not what its index says")
     content = uncompressed(chunk)
     data = np.frombuffer(content, np.uint8)
-    length = min(max(0, index.message_index_length), CONTENT_LIMIT)
-    offsets = _indexed_offsets(memoryview(os.pread(stream.fileno(), length, end)))
+    size = min(max(0, index.message_index_length), CONTENT_LIMIT)
+    offsets = _indexed_offsets(memoryview(os.pread(stream.fileno(), size, place + length)))
     places = None if offsets is None else _checked_places(data, offsets)
     return _blocks(data, _walked_places(content) if places is None else places, topics)
 
@@ -81,22 +82,6 @@ def stretch_blocks(
     """Return the messages of records outside of chunks, as ``chunk_blocks`` does."""
     content = os.pread(stream.fileno(), end - start, start)
     return _blocks(np.frombuffer(content, np.uint8), _walked_places(content), topics)
-
-
-@dataclass
-class _Place:
-    """Place in a file, independent of that of its stream."""
-
-    descriptor: int
-    offset: int = 0
-
-    def seek(self, offset: int) -> None:
-        self.offset = offset
-
-    def read(self, length: int) -> bytes:
-        found = os.pread(self.descriptor, length, self.offset)
-        self.offset += len(found)
-        return found
 
 
 def _indexed_offsets(section: memoryview) -> np.ndarray | None:

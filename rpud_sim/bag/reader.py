@@ -115,10 +115,17 @@ class BagReader:
         """Reasons why topics, or the record of losses, are damaged, by their names."""
         return {name: str(error) for name, error in self._declared[1].items()}
 
+    @cached_property
+    def tables(self) -> Tables:
+        """Tables of the topics, for blocks that are read otherwise."""
+        from rpud_sim.bag.tables import Tables  # loads what listing a bag does not need
+
+        return Tables(self.path, *self._declared)
+
     @property
     def left_out(self) -> dict[str, str]:
         """Reasons why topics cannot be tables, by their names."""
-        return self._tables.left_out
+        return self.tables.left_out
 
     def records(self, name: str) -> list[dict[str, str]]:
         """Return the metadata records of one name, in the order in which they were written."""
@@ -187,10 +194,8 @@ class BagReader:
             leave_out: called with the topic and the reason for each message that does not fit its
                 type, which is then skipped; None for an error.
         """
-        from rpud_sim.bag.tables import batches  # loads what listing a bag does not need
-
-        tables = self._tables.choose([topics] if isinstance(topics, str) else topics)
-        return batches(self.path, self.blocks(tables, start, duration), tables, leave_out)
+        tables = self.tables.choose([topics] if isinstance(topics, str) else topics)
+        return self.tables.batches(tables, self.blocks(tables, start, duration), leave_out)
 
     @overload
     def arrays(  # type: ignore[overload-overlap]  # a text is a collection of texts, too
@@ -210,12 +215,8 @@ class BagReader:
         Several topics are read in one pass. The result then has such columns for each topic.
         ``start`` and ``duration`` are as for ``batches``.
         """
-        from rpud_sim.bag.tables import PART_SIZE, batches, filled
-
-        tables = self._tables.choose([topics] if isinstance(topics, str) else topics)
-        counts = {topic.topic.name: topic.message_count for topic in self.readable_topics}
-        blocks = self.blocks(tables, start, duration)
-        found = filled(tables, counts, batches(self.path, blocks, tables, batch_size=PART_SIZE))
+        tables = self.tables.choose([topics] if isinstance(topics, str) else topics)
+        found = self.tables.arrays(tables, self.blocks(tables, start, duration))
         return found[topics] if isinstance(topics, str) else found
 
     def frame(self, topic: str, start: int = 0, duration: int | None = None) -> pandas.DataFrame:
@@ -242,10 +243,4 @@ class BagReader:
         return summarize(self._files)
 
     def _table(self, topic: str) -> Table:
-        return self._tables.choose([topic])[topic]
-
-    @cached_property
-    def _tables(self) -> Tables:
-        from rpud_sim.bag.tables import Tables
-
-        return Tables(self.path, *self._declared)
+        return self.tables.choose([topic])[topic]

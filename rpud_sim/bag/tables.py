@@ -80,18 +80,14 @@ class Table:
             )
         if summary.definition is None:
             raise BagFormatError("the bag does not hold the definition of its type")
-        self._codec, self._fields = compiled(summary.topic.type, summary.definition)
-        self._reader = FieldReader(self._codec, self._fields)
+        self.codec, self._fields = compiled(summary.topic.type, summary.definition)
+        self._reader = FieldReader(self.codec, self._fields)
         self._blocks = holds_rows(summary.topic.type, self._fields)
 
     @property
     def columns(self) -> tuple[Column, ...]:
         columns = (*_RECEIVED, *self._fields)
         return row_columns(columns) if self._blocks else columns
-
-    def decoded_sizes(self, block: MessageBlock) -> np.ndarray:
-        """Return the greatest memory of each decoded message [bytes]."""
-        return self._codec.budget.sizes(block.sizes)
 
     def batch(self, block: MessageBlock, leave_out: Callable[[str], object] | None = None) -> Batch:
         """Return the rows of messages.
@@ -214,49 +210,55 @@ class Tables:
                 refuse(name, error)
         return tables
 
+    def batches(
+        self,
+        tables: Mapping[str, Table],
+        blocks: Iterable[MessageBlock],
+        leave_out: Callable[[str, str], object] | None = None,
+        batch_size: int | None = None,
+    ) -> Iterator[Batch]:
+        """Yield the rows of messages, in their order within each topic.
 
-def batches(
-    path: Path,
-    blocks: Iterable[MessageBlock],
-    tables: Mapping[str, Table],
-    leave_out: Callable[[str, str], object] | None = None,
-    batch_size: int | None = None,
-) -> Iterator[Batch]:
-    """Yield the rows of messages, in their order within each topic.
+        ``leave_out`` is called with the topic and the reason for each message that is not of its
+        topic's type, which is then skipped; None for an error. ``batch_size`` is in bytes; None for
+        ``BATCH_SIZE``.
+        """
+        limit = batch_size or BATCH_SIZE
+        waiting = {name: _Waiting(limit) for name in tables}
 
-    ``leave_out`` is called with the topic and the reason for each message that is not of its
-    topic's type, which is then skipped; None for an error. ``batch_size`` is in bytes; None for
-    ``BATCH_SIZE``.
-    """
-    limit = batch_size or BATCH_SIZE
-    waiting = {name: _Waiting(limit) for name in tables}
+        def batch(name: str) -> Batch:
+            block = joined_blocks(waiting[name].blocks)
+            waiting[name] = _Waiting(limit)
+            try:
+                return tables[name].batch(block, leave_out and partial(leave_out, name))
+            except BagFormatError as error:
+                raise BagFormatError(f"{self._path}: {name}: {error}") from error
 
-    def batch(name: str) -> Batch:
-        block = joined_blocks(waiting[name].blocks)
-        waiting[name] = _Waiting(limit)
-        try:
-            return tables[name].batch(block, leave_out and partial(leave_out, name))
-        except BagFormatError as error:
-            raise BagFormatError(f"{path}: {name}: {error}") from error
-
-    total = 0
-    for block in blocks:
-        name = block.topic
-        rest: MessageBlock | None = block
-        while rest is not None:
-            size = waiting[name].size
-            rest = waiting[name].add(rest, tables[name].decoded_sizes(rest))
-            total += waiting[name].size - size
-            if waiting[name].full:
-                total -= waiting[name].size
+        total = 0
+        for block in blocks:
+            name = block.topic
+            rest: MessageBlock | None = block
+            while rest is not None:
+                size = waiting[name].size
+                rest = waiting[name].add(rest, tables[name].codec.budget.sizes(rest.sizes))
+                total += waiting[name].size - size
+                if waiting[name].full:
+                    total -= waiting[name].size
+                    yield batch(name)
+                elif total >= TOTAL_SIZE:
+                    largest = max(waiting, key=lambda each: waiting[each].size)
+                    total -= waiting[largest].size
+                    yield batch(largest)
+        for name, left in waiting.items():
+            if left.blocks:
                 yield batch(name)
-            elif total >= TOTAL_SIZE:
-                largest = max(waiting, key=lambda each: waiting[each].size)
-                total -= waiting[largest].size
-                yield batch(largest)
-    for name, left in waiting.items():
-        if left.blocks:
-            yield batch(name)
+
+    def arrays(
+        self, tables: Mapping[str, Table], blocks: Iterable[MessageBlock]
+    ) -> dict[str, dict[str, np.ndarray]]:
+        """Return the columns of each topic, from all its messages."""
+        counts = {name: self._known[name].message_count for name in tables}
+        return filled(tables, counts, self.batches(tables, blocks, batch_size=PART_SIZE))
 
 
 class _Waiting:

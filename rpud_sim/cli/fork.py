@@ -133,7 +133,7 @@ def _live(options: _Fork, changes: Changes) -> int:
     from rpud_sim.cli.run import drill
     from rpud_sim.inspection import InspectionError
     from rpud_sim.inspection.fork import live_start, open_fork
-    from rpud_sim.ros.drill.drill_node import NamesakeError, open_drill
+    from rpud_sim.ros.drill.drill_node import DuplicateError, open_drill
     from rpud_sim.ros.starting import StartError
     from rpud_sim.ros.stopping import StopRequest
     from rpud_sim.simulation import EngineError
@@ -151,7 +151,7 @@ def _live(options: _Fork, changes: Changes) -> int:
         start = live_start(fork, changes)
     namespace = options.namespace or fork.recorded.prefix.rstrip("/") or "/"
     with (
-        failing(NamesakeError),
+        failing(DuplicateError),
         failing(StartError, code=ExitCode.USAGE),
         StopRequest() as stop,
         logging_above(

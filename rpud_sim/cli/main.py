@@ -69,6 +69,9 @@ def build_parser(names: Iterable[str] = COMMANDS) -> argparse.ArgumentParser:
         epilog="\n\n".join(_group_help(group, loaded) for group in GROUPS),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
+    parser.add_argument(
+        "--version", action=_Version, nargs=0, help="print the versions of package, engine and bags"
+    )
     commands = parser.add_subparsers(
         dest="command",
         metavar="COMMAND",
@@ -83,6 +86,17 @@ def build_parser(names: Iterable[str] = COMMANDS) -> argparse.ArgumentParser:
         )
         add_options(subparser, each.options)
     return parser
+
+
+class _Version(argparse.Action):
+    """Option that prints versions, which are looked up only then, and ends."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
+        from rpud_sim.bag.metadata import VERSION
+        from rpud_sim.simulation.versions import ENGINE, version_of
+
+        print(f"rpud_sim {version_of('rpud_sim')}, engine {ENGINE}, bags of rosbag2 {VERSION}")
+        parser.exit()
 
 
 def _group_help(group: str, loaded: Mapping[str, Command]) -> str:

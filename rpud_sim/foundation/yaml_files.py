@@ -114,36 +114,9 @@ def yaml_lines(text: str) -> dict[tuple[str | int, ...], int]:
             for number, value in enumerate(node.value):
                 visit(value, (*path, number))
 
-    visit(yaml.compose(text, _Loader), ())
+    if (whole := yaml.compose(text, _Loader)) is not None:
+        visit(whole, ())
     return found
-
-
-def read_yaml(path: str | Path, truth_values: bool = True) -> Any:
-    """Return the value of a file in YAML.
-
-    Raises:
-        ParameterError: if it cannot be read, is too long or is not YAML; begins with its name.
-    """
-    return read_yaml_text(path, truth_values)[0]
-
-
-def read_yaml_text(path: str | Path, truth_values: bool = True) -> tuple[Any, str]:
-    """Return the value of a file in YAML, and its text."""
-    try:
-        with open(path, "rb") as file:
-            content = file.read(MOST_BYTES + 1)
-    except (OSError, ValueError) as error:  # a name with a null character is a ValueError
-        reason = error.strerror if isinstance(error, OSError) else error
-        raise ParameterError(f"{path}: {reason}") from None
-    if len(content) > MOST_BYTES:
-        raise ParameterError(f"{path} is longer than the {MOST_BYTES} bytes that it may have")
-    try:
-        text = content.decode("utf-8")
-        return parse_yaml(text, truth_values), text
-    except UnicodeDecodeError as error:
-        raise ParameterError(f"{path} is not YAML: {error}") from None
-    except ParameterError as error:
-        raise ParameterError(f"{path} {error}") from None
 
 
 Place = tuple[str | int, ...]
@@ -162,7 +135,7 @@ class Source:
     def head(self, place: Place) -> str:
         """Return the beginning of an error about a place, or the nearest known one around it."""
         line = 1
-        if "{line}" in self.where and self.text.strip():
+        if "{line}" in self.where:
             lines = yaml_lines(self.text)
             while place and place not in lines:
                 place = place[:-1]
@@ -296,10 +269,21 @@ def open_yaml(
 ) -> Cursor:
     """Return a cursor at the value of a file; options as of ``Source`` and ``parse_yaml``."""
     try:
-        content, text = read_yaml_text(path, truth_values)
-    except ParameterError as reason:
-        raise error(str(reason)) from None
-    return Cursor(content, Source(str(path), text, error, where, dotted))
+        with open(path, "rb") as file:
+            content = file.read(MOST_BYTES + 1)
+    except (OSError, ValueError) as failure:  # a name with a null character is a ValueError
+        reason = failure.strerror if isinstance(failure, OSError) else failure
+        raise error(f"{path}: {reason}") from None
+    if len(content) > MOST_BYTES:
+        raise error(f"{path} is longer than the {MOST_BYTES} bytes that it may have")
+    try:
+        text = content.decode("utf-8")
+        value = parse_yaml(text, truth_values)
+    except UnicodeDecodeError as failure:
+        raise error(f"{path} is not YAML: {failure}") from None
+    except ParameterError as failure:
+        raise error(f"{path} {failure}") from None
+    return Cursor(value, Source(str(path), text, error, where, dotted))
 
 
 def cursor_at(value: Any, name: str, error: type[ValueError] = ParameterError) -> Cursor:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import yaml
 
 from rpud_sim.foundation.quantities import ParameterError, did_you_mean, shown, shown_name
-from rpud_sim.foundation.yaml_files import read_yaml
+from rpud_sim.foundation.yaml_files import open_yaml
 from rpud_sim.simulation.configuration import (
     PARAMETERS,
     Configuration,
@@ -106,7 +106,7 @@ def _scenario(faults: Any, folders: Sequence[Path], configuration: Configuration
         )
     if isinstance(faults, Path) or (isinstance(faults, str) and faults not in KINDS):
         file = _find(faults, "faults", folders)
-        content = read_yaml(file, truth_values=False)
+        content = open_yaml(file, truth_values=False).value
         name = str(file)
     else:
         entries = [faults] if isinstance(faults, str | Mapping) else faults

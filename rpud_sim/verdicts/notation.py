@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from rpud_sim.foundation.quantities import ParameterError, did_you_mean, shown
-from rpud_sim.foundation.yaml_files import read_yaml_text, yaml_lines
+from rpud_sim.foundation.yaml_files import open_yaml
 from rpud_sim.verdicts.formulas import (
     WHOLE,
     Active,
@@ -80,19 +80,13 @@ _COMPARED = re.compile(rf"(<=|>=|==|!=|<|>|=)\s*({NUMBER}[^+]*?)\s*(?:(?:\+-|±)
 
 def read_expectations(path: str | Path) -> tuple[Expectation, ...]:
     """Read a file of expectations; an error names the file and the line."""
+    # Without truth values: off is a kind of fault, and `is: true` a text as `is: running`.
+    where = "{file}:{line}: "
+    top = open_yaml(path, truth_values=False, error=ExpectationError, where=where)
     try:
-        # Without truth values: off is a kind of fault, and `is: true` a text as `is: running`.
-        content, text = read_yaml_text(path, truth_values=False)
-    except ParameterError as error:
-        raise ExpectationError(error) from None
-    try:
-        return parse_expectations(content)
+        return parse_expectations(top.value)
     except ExpectationError as error:
-        lines = yaml_lines(text) if content is not None else {}
-        place = error.path
-        while place and place not in lines:
-            place = place[:-1]
-        raise ExpectationError(f"{path}:{lines.get(place, 1)}: {error}", error.path) from None
+        raise ExpectationError(f"{top.source.head(error.path)}{error}", error.path) from None
 
 
 def parse_expectations(content: Any) -> tuple[Expectation, ...]:

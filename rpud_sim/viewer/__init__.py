@@ -12,7 +12,7 @@ module              what it holds
 ``history``         bins of signals, and impacts, of a run of any length
 ``commands``        commands of a run in words, and as stepped lines
 ``live_store``      running drills, each a ``live_drill`` that keeps what was ``heard``
-``recorded_store``  a bag: ``recording``, its ``signals``, ``overview``, ``views``, ``waveforms``
+``recorded_store``  a bag: its ``recording``, the ``overview`` of it, and ``views``
 ``report``          report of a bag: the screen and its data in one file
 ``share``           the screen itself: HTML, CSS and ES modules, one a concept
 ==================  ================================================================================

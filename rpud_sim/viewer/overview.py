@@ -17,8 +17,15 @@ from rpud_sim.inspection.recorded_drill import Jump
 from rpud_sim.viewer.commands import Commands, fault_row
 from rpud_sim.viewer.history import Bins, Impacts
 from rpud_sim.viewer.picture import GAP, usual
-from rpud_sim.viewer.recording import PieceRows, Recording
-from rpud_sim.viewer.signals import FAULTS, IMPACTS, JOURNAL, find_jumps, namespace
+from rpud_sim.viewer.recording import (
+    FAULTS_TYPE,
+    IMPACTS_TYPE,
+    JOURNAL_TYPE,
+    PieceRows,
+    Recording,
+    find_jumps,
+    namespace,
+)
 
 BINS = 2**17  # greatest number of bins of a signal
 MEMORY = 256 * 2**20  # greatest size of the bins of all signals [bytes]
@@ -42,9 +49,8 @@ class Overview:
 
     def __init__(self, recording: Recording) -> None:
         self._recording = recording
-        self._marked = [
-            name for name, each in recording.readers.items() if each.type in (JOURNAL, FAULTS)
-        ]
+        marks, readers = (JOURNAL_TYPE, FAULTS_TYPE), recording.readers
+        self._marked = [name for name, reader in readers.items() if reader.type in marks]
         self._scanned = 0  # parts whose jumps of the clocks are known
         self.version = 0  # of commands and faults
         self._restart()
@@ -182,7 +188,7 @@ class Overview:
             self.end = max(self.end, float(times.max()))
             for signal in recording.readers[topic].signals:
                 self.bins.add(signal.name, times, rows.values[signal.column])
-            if topic == recording.topic(drill, IMPACTS) and "peak_force" in rows.values:
+            if topic == recording.topic(drill, IMPACTS_TYPE) and "peak_force" in rows.values:
                 peaks = rows.values["peak_force"]
                 valid = np.isfinite(peaks)
                 self.impacts[drill].add(times[valid], peaks[valid])

@@ -15,8 +15,8 @@ from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.pages.quantities import QUANTITIES, Quantity, for_browser
 from rpud_sim.viewer.picture import choice_of, chosen_quantities, drill_plots
+from rpud_sim.viewer.recording import Signal
 from rpud_sim.viewer.session import ClientState, Store, StoreError
-from rpud_sim.viewer.signals import Signal
 from rpud_sim.viewer.views import MESSAGES_RANGE, Views
 
 if TYPE_CHECKING:

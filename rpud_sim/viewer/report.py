@@ -31,8 +31,8 @@ from rpud_sim.inspection import InspectionError
 from rpud_sim.inspection.output import Damages, check_new_file, write_new_file
 from rpud_sim.pages.quantities import QUANTITIES
 from rpud_sim.viewer.recorded_store import RecordedStore
+from rpud_sim.viewer.recording import STATUS_TYPE
 from rpud_sim.viewer.session import ClientState, StoreError, View, encode
-from rpud_sim.viewer.signals import STATUS
 from rpud_sim.viewer.views import Views
 
 BINS = 3000  # of a layer, at most
@@ -151,7 +151,7 @@ def _report(
     means = {
         signal.column: bins.mean(signal.name, 0.0, now)
         for signal in content.recording.signals
-        if signal.drill == drill and signal.type == STATUS
+        if signal.drill == drill and signal.type == STATUS_TYPE
     }
     if account := energy_table(means, now):
         tables.append(account)

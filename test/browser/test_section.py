@@ -13,7 +13,7 @@ from rpud_sim.pages.quantities import for_browser
 from rpud_sim.simulation import Simulation, preset
 from rpud_sim.simulation.sampling import Times, sample
 from rpud_sim.viewer.session import encode
-from rpud_sim.viewer.waveforms import CHANNELS
+from rpud_sim.viewer.views import CHANNELS
 
 pytestmark = pytest.mark.extended
 

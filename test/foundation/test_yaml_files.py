@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rpud_sim.foundation.quantities import ParameterError, Quantity
-from rpud_sim.foundation.yaml_files import MOST_BYTES, cursor_at, open_yaml, parse_yaml, read_yaml
+from rpud_sim.foundation.yaml_files import MOST_BYTES, cursor_at, open_yaml, parse_yaml
 
 
 @pytest.mark.parametrize(
@@ -66,7 +66,7 @@ def test_a_file_that_cannot_be_used_is_one_line_with_its_name(tmp_path, content,
     path = tmp_path / "file.yaml"
     path.write_bytes(content)
     with pytest.raises(ParameterError) as caught:
-        read_yaml(path)
+        open_yaml(path)
     assert str(caught.value).startswith(f"{path} {complaint}")
     assert "\n" not in str(caught.value)
 
@@ -74,18 +74,18 @@ def test_a_file_that_cannot_be_used_is_one_line_with_its_name(tmp_path, content,
 def test_a_file_may_be_as_long_as_the_limit(tmp_path):
     path = tmp_path / "file.yaml"
     path.write_bytes(b"a: 1\n".ljust(MOST_BYTES, b"#"))
-    assert read_yaml(path) == {"a": 1}
+    assert open_yaml(path).value == {"a": 1}
 
 
 def test_a_file_that_cannot_be_read_is_named(tmp_path):
     with pytest.raises(ParameterError, match=r"missing\.yaml: No such file or directory$"):
-        read_yaml(tmp_path / "missing.yaml")
+        open_yaml(tmp_path / "missing.yaml")
     with pytest.raises(ParameterError, match=r"Is a directory$"):
-        read_yaml(tmp_path)
+        open_yaml(tmp_path)
     with pytest.raises(ParameterError, match=r"embedded null byte$"):
-        read_yaml("a\0b")
+        open_yaml("a\0b")
     with pytest.raises(ParameterError, match=r"^/dev/zero is longer than"):
-        read_yaml("/dev/zero")
+        open_yaml("/dev/zero")
 
 
 TAGS = ["int", "float", "bool", "timestamp", "binary", "null", "set", "omap", "pairs", "str"]
@@ -105,7 +105,7 @@ def test_any_file_is_a_value_or_refused_in_one_line(tmp_path_factory, text):
         text if isinstance(text, bytes) else text.encode("utf-8", errors="surrogatepass")
     )
     try:
-        read_yaml(path)
+        open_yaml(path)
     except ParameterError as error:
         refusal = str(error)
     else:
@@ -167,6 +167,13 @@ def test_a_cursor_names_file_line_and_place(tmp_path, monkeypatch, read, plain, 
         with pytest.raises(ParameterError) as caught, top.errors():
             read(top)
         assert str(caught.value) == text
+
+
+@pytest.mark.parametrize("text", ["", "# nothing\n"])
+def test_a_file_without_a_value_fails_in_its_first_line(tmp_path, text):
+    (tmp_path / "f.yaml").write_text(text)
+    with pytest.raises(ParameterError, match=r"f\.yaml:1: None is not a mapping$"):
+        open_yaml(tmp_path / "f.yaml", where="{file}:{line}: ").mapping()
 
 
 def test_errors_of_other_code_get_the_place_once():

@@ -15,9 +15,8 @@ from rpud_sim.inspection.recorded_drill import Clock, Jump
 from rpud_sim.viewer import recording as recordings
 from rpud_sim.viewer.overview import Overview
 from rpud_sim.viewer.recorded_store import RecordedStore
-from rpud_sim.viewer.recording import Recording
+from rpud_sim.viewer.recording import Recording, find_jumps, topic_readers
 from rpud_sim.viewer.session import ClientState
-from rpud_sim.viewer.signals import find_jumps, topic_readers
 
 STEP = 10_000_000
 

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import argparse
+import fcntl
+import os
 import shutil
 import subprocess
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from xml.etree import ElementTree
 
 from rpud_sim.foundation.terminal import complain
 from toolchain.dist.kernels import compile_kernels
 from toolchain.dist.messages import BUILT, ROOT, stage_messages
-from toolchain.dist.pythons import VERSIONS, find_pythons
+from toolchain.dist.pythons import VERSIONS, Python, find_pythons
 
 _PROGRAM = "make dist"
 
@@ -40,20 +43,28 @@ def main() -> int:
         return 1
 
     work = ROOT / "build" / "dist"
+    work.mkdir(parents=True, exist_ok=True)
+    with (work / "lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)  # of two builds at once, the second one waits
+        return _build(work, arguments.out, pythons)
+
+
+def _build(work: Path, out: Path, pythons: Sequence[Python]) -> int:
+    """Build the wheels into a folder, and return the exit code."""
     try:
         tag = stage_messages(work / "rpud_msgs", pythons)
         for line in compile_kernels(work / "kernels", pythons, ROOT):
             complain(_PROGRAM, f"{line}; the first start compiles there")
         # A wheel of an earlier build beside the new one would stop `pip install dist/*.whl`.
-        for old in arguments.out.glob("rpud_*.whl"):
+        for old in out.glob("rpud_*.whl"):
             old.unlink()
-        _build_wheel(work / "rpud_msgs", arguments.out)
-        _build_wheel(ROOT, arguments.out, f"--config-settings=kernels={work / 'kernels'}")
+        _build_wheel(work / "rpud_msgs", out)
+        _build_wheel(ROOT, out, f"--config-settings=kernels={work / 'kernels'}")
     except subprocess.CalledProcessError as error:
         complain(_PROGRAM, f"{Path(error.cmd[0]).name} failed with exit code {error.returncode}")
         return 1
     print(f"messages for {tag}")
-    for wheel in sorted(arguments.out.glob("rpud_*.whl")):
+    for wheel in sorted(out.glob("rpud_*.whl")):
         print(f"{wheel}  {wheel.stat().st_size / 1e6:.1f} MB")
     return 0
 
@@ -76,7 +87,10 @@ def _obstacle() -> str:
 
 
 def _build_wheel(source: Path, out: Path, *options: str) -> None:
-    """Build a wheel with what is installed here: no package is downloaded."""
+    """Build a wheel with what is installed here: no package is downloaded.
+
+    Two builds give the same bytes: every file has the time of the commit.
+    """
     subprocess.run(
         [
             *(sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--no-index"),
@@ -85,7 +99,15 @@ def _build_wheel(source: Path, out: Path, *options: str) -> None:
             source,
         ],
         check=True,
+        env={"SOURCE_DATE_EPOCH": _commit_time(), **os.environ},
     )
+
+
+def _commit_time() -> str:
+    """Return the time of the commit; outside of git that of the first day that a zip file knows."""
+    git = ["git", "-C", ROOT, "log", "-1", "--format=%ct"]
+    done = subprocess.run(git, capture_output=True, text=True, check=False)
+    return done.stdout.strip() or "315532800"
 
 
 if __name__ == "__main__":

@@ -53,7 +53,8 @@ def stage_messages(folder: Path, pythons: Sequence[Python]) -> str:
             _copy(file, folder / "share" / PACKAGE / kind / file.name)
     for kind in ("packages", "rosidl_interfaces"):
         _copy(BUILT / _INDEX / kind / PACKAGE, folder / _INDEX / kind / PACKAGE)
-    _copy(ROOT / "msg_defs" / "package.xml", folder / "package.xml")
+    manifest = (ROOT / "msg_defs" / "package.xml").read_text(encoding="utf-8")
+    (folder / "package.xml").write_text(with_owner(manifest), encoding="utf-8")
     _copy(ROOT / "LICENSE", folder / "LICENSE")
     _copy(Path(__file__).with_name("messages_setup.py"), folder / "setup.py")
 
@@ -62,6 +63,16 @@ def stage_messages(folder: Path, pythons: Sequence[Python]) -> str:
     tag = f"{names}-none-manylinux_{major}_{minor}_x86_64"
     (folder / "tag").write_text(tag)
     return tag
+
+
+def with_owner(manifest: str) -> str:
+    """Return the text of a package.xml with the maintainer and the url of the root's."""
+    root = (ROOT / "package.xml").read_text(encoding="utf-8")
+    owner = {tag: re.search(rf"  <{tag}.*</{tag}>\n", root) for tag in ("maintainer", "url")}
+    assert owner["maintainer"] is not None
+    assert owner["url"] is not None
+    text = re.sub(r"  <maintainer.*</maintainer>\n", lambda _: owner["maintainer"][0], manifest)
+    return re.sub(r"(  <license.*</license>\n)", lambda found: found[0] + owner["url"][0], text)
 
 
 def _copy(source: Path, target: Path) -> None:

@@ -107,6 +107,7 @@ def read_side_by_side(
     They are read side by side, so that few messages wait for their partner.
     """
     pairs = [_pairs(sides[0], other) for other in sides[1:]]
+    partners = [*zip(sides[1:], pairs, strict=True)]
     while reading := [number for number, side in enumerate(sides) if not side.ended]:
         number = min(reading, key=lambda number: sides[number].reached)
         side = sides[number]
@@ -115,12 +116,16 @@ def read_side_by_side(
             continue
         report(len(block))
         topic = side.relative(block.topic)
-        found = [each.get(topic) for each in (pairs if number == 0 else [pairs[number - 1]])]
-        waiting = [pair for pair in found if isinstance(pair, _Pair) and not pair.done]
+        waiting = [
+            (pair, other)
+            for other, found in ([(sides[0], pairs[number - 1])] if number else partners)
+            if isinstance(pair := found.get(topic), _Pair) and not pair.done
+        ]
         for timed in side.timed(block) if waiting else ():
-            for pair in waiting:
-                pair.add(min(number, 1), timed)
-    for other, each in zip(sides[1:], pairs, strict=True):
+            for pair, other in waiting:
+                if not other.ended or timed.time <= other.reached:  # or this run goes on longer
+                    pair.add(min(number, 1), timed)
+    for other, each in partners:
         until = min(sides[0].reached, other.reached)
         yield tuple(
             pair.result(until) if isinstance(pair, _Pair) else pair for pair in each.values()

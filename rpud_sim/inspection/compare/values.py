@@ -12,7 +12,7 @@ import numpy as np
 from rpud_sim.bag import BagReader
 from rpud_sim.bag.columns import Kind, usable
 from rpud_sim.bag.messages import MessageBlock
-from rpud_sim.bag.tables import Batch, Table, batches
+from rpud_sim.bag.tables import Batch
 from rpud_sim.foundation.time import SECOND, join_seconds
 from rpud_sim.inspection.output import Damages
 from rpud_sim.inspection.recorded_drill import RecordedDrill
@@ -153,11 +153,7 @@ class ValueReader:
         self._drill = drill
         self._damages = damages
         self._names = dict(_wanted(bag, drill))  # relative names of topics
-        self._tables = {
-            summary.topic.name: Table(summary)
-            for summary in bag.readable_topics
-            if summary.topic.name in self._names
-        }
+        self._tables = bag.tables.choose(self._names)
         self._parts: dict[str, list[Arrays]] = {}
         self._faults: dict[int, RecordedFault] | None = None
 
@@ -169,7 +165,7 @@ class ValueReader:
         if block.topic not in self._names:
             return
         name, tables = self._names[block.topic], {block.topic: self._tables[block.topic]}
-        for batch in batches(self._bag.path, [block], tables, self._damages.add):
+        for batch in self._bag.tables.batches(tables, [block], self._damages.add):
             if name == FAULTS:
                 self._faults = {**(self._faults or {}), **_faults(batch, self._drill)}
             else:
@@ -266,7 +262,7 @@ def series_of(values: RecordedValues, name: str, begin: float, end: float) -> np
         return _rates(arrays, begin, end, "energy") if "energy" in arrays else None
     if name == "impact_interval":
         steps = np.diff(arrays["time"][first:last])
-        return steps[np.diff(arrays["sequence"][first:last]) == 1]
+        return np.asarray(steps[np.diff(arrays["sequence"][first:last]) == 1])
     if quantity.column not in arrays:
         return None
     # A report of powers is the mean of the second before it.

@@ -22,7 +22,7 @@ from rclpy.validate_namespace import validate_namespace
 
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.ros.drill import standard_services
-from rpud_sim.ros.drill.duplicate_nodes import DuplicateNodes, NamesakeSearch
+from rpud_sim.ros.drill.duplicate_nodes import DuplicateNodes, DuplicateSearch
 from rpud_sim.ros.drill.gate import Gate
 from rpud_sim.ros.drill.inbox import Inbox
 from rpud_sim.ros.drill.live_run import LiveRun
@@ -265,7 +265,7 @@ def spin(
         raise RuntimeError(str(failure)) from failure
 
 
-class NamesakeError(RuntimeError):
+class DuplicateError(RuntimeError):
     """Drill of the same name that runs already; the message is one line."""
 
 
@@ -282,7 +282,7 @@ def open_drill(
 
     ``values`` are parameters by name. After ``duration`` in simulation time [s] it has finished;
     None for never. With ``allow_duplicate`` it drills beside a drill of the same name, which is a
-    NamesakeError otherwise. ``start`` is a state to begin in, whose settings are ``values``; None
+    DuplicateError otherwise. ``start`` is a state to begin in, whose settings are ``values``; None
     for time zero.
     """
     settings = to_settings(values)
@@ -294,11 +294,11 @@ def open_drill(
     with ExitStack() as stack:
         stack.callback(rclpy.try_shutdown)
         if not allow_duplicate:
-            search = stack.enter_context(closing(NamesakeSearch(NAME, namespace)))
+            search = stack.enter_context(closing(DuplicateSearch(NAME, namespace)))
             # Meanwhile, so that the search costs no time.
             compile_kernels(settings.configuration.parameters, get_logger(NAME).info)
             if search.finish():
-                raise NamesakeError(
+                raise DuplicateError(
                     f"a drill named {search.name} runs already: choose another --namespace, "
                     "or give --allow-duplicate"
                 )

@@ -72,7 +72,7 @@ class DuplicateNodes:
         return self._count
 
 
-class NamesakeSearch:
+class DuplicateSearch:
     """Search for a living drill of a name, before one of that name is made.
 
     It holds the name from now on, so of two that search at the same time one finds the other.

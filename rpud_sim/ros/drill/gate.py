@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
@@ -102,7 +101,7 @@ class Gate:
         self._settings = settings
         self._inbox = inbox
         self._now = now
-        self._open = threading.Event()
+        self._open = False
         for name, kind, handler in (
             ("command/weight_on_bit", WeightOnBitMessage, self._to_weight_on_bit),
             ("command/drive", DriveMessage, self._to_drive),
@@ -113,10 +112,7 @@ class Gate:
 
     def open(self, opened: bool) -> None:
         """Accept commands from now on, or reject all of them."""
-        if opened:
-            self._open.set()
-        else:
-            self._open.clear()
+        self._open = opened
 
     def _to_weight_on_bit(self, message: WeightOnBitMessage) -> WeightOnBit:
         self._check("weight on bit", message.header.stamp)
@@ -149,7 +145,7 @@ class Gate:
         return feed
 
     def _check(self, name: str, stamp: Time) -> None:
-        if not self._open.is_set():
+        if not self._open:
             raise ParameterError(f"{name}: the drill is not active")
         timeout = self._settings().command_timeout
         given = join_seconds(stamp.sec, stamp.nanosec)
@@ -212,7 +208,7 @@ class _CommandTopic:
             message = deserialize_message(payload, self._kind)
         except Exception:  # RMWError, or what the conversion to Python raises
             reason = f"{self._name}: a payload of {len(payload)} bytes is malformed"
-            self._inbox.refuse_malformed(CommandResult(kind=self._name), reason)
+            self._inbox.refuse(CommandResult(kind=self._name), reason, malformed=True)
             return
         result = CommandResult(kind=self._name, header=message.header)
         try:

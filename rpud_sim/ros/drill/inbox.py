@@ -91,17 +91,19 @@ class Inbox:
             self.discarded += count
         self._notify()
 
-    def refuse(self, result: CommandResult, reason: str) -> None:
-        """Count an invalid command, and log why."""
-        self._reject(result, reason)
-        with self._counting:
-            self._log(f"command refused: {reason}")
-
-    def refuse_malformed(self, result: CommandResult, reason: str) -> None:
-        """Count a malformed command; log one in ten seconds."""
-        self._reject(result, reason)
+    def refuse(self, result: CommandResult, reason: str, *, malformed: bool = False) -> None:
+        """Count an invalid command, and log why; of malformed ones, one in ten seconds."""
+        result.reason = reason
         text = f"command refused: {reason}"
-        self._logger.warning(text, throttle_duration_sec=_MALFORMED_PERIOD)
+        with self._counting:
+            self.rejected += 1
+            self.last_refusal = reason
+            self._results.append(result)
+            if not malformed:
+                self._log(text)
+        self._notify()
+        if malformed:
+            self._logger.warning(text, throttle_duration_sec=_MALFORMED_PERIOD)
 
     def refuse_request(self, reason: str) -> None:
         """Count a service's request that is refused, and log why."""
@@ -123,14 +125,6 @@ class Inbox:
             self._results.clear()
             self._results_changed = False
             return former, found
-
-    def _reject(self, result: CommandResult, reason: str) -> None:
-        result.reason = reason
-        with self._counting:
-            self.rejected += 1
-            self.last_refusal = reason
-            self._results.append(result)
-        self._notify()
 
     def _log(self, text: str) -> None:
         second = int(time.monotonic())

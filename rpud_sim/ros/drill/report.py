@@ -64,9 +64,8 @@ class Report:
     namesakes: int  # other nodes of the same name
     scheduling: str  # how the system schedules the pacing thread
     timing: Punctuality  # punctuality of the blocks
-    command_delays: (
-        DelayHistogram  # of commands, from their arrival until they acted, in the last second
-    )
+    # of commands, from their arrival until they acted, in the last second
+    command_delays: DelayHistogram
     # of impacts, from their stamps until they were published, in the last second
     impact_delays: DelayHistogram
     figures: Figures  # of the interval since the report before
@@ -140,8 +139,7 @@ def report_to_diagnostics(
                     "electrical_power [W]": f"{status['electrical_power']:g}",
                     "depth [m]": f"{status['depth']:g}",
                     "penetration_rate [m/s]": f"{status['penetration_rate']:g}",
-                    **_borehole_values(report),
-                    **_coupling_values(report),
+                    **_arm_values(report),
                     "active_faults": status["active_faults"],
                     "namesakes": report.namesakes,
                 },
@@ -177,18 +175,14 @@ def _feed_values(report: Report) -> dict[str, object]:
     return {"feed_mode": mode, f"feed_value [{unit}]": f"{report.status['feed_value']:g}"}
 
 
-def _borehole_values(report: Report) -> dict[str, object]:
-    """Return how far the bit has walked; nothing without a borehole."""
-    if (borehole := report.process.borehole) is None:
-        return {}
-    return {"side_offset [m]": f"{borehole.side_offset:g}"}
-
-
-def _coupling_values(report: Report) -> dict[str, object]:
-    """Return what the steps of the arm lose; nothing without a feed."""
-    if report.process.mount is None:
-        return {}
-    return {"coupling_power [W]": f"{report.coupling_power:.3g}"}
+def _arm_values(report: Report) -> dict[str, object]:
+    """Return how far the bit has walked, and what the steps of the arm lose, if modelled."""
+    values: dict[str, object] = {}
+    if (borehole := report.process.borehole) is not None:
+        values["side_offset [m]"] = f"{borehole.side_offset:g}"
+    if report.process.mount is not None:
+        values["coupling_power [W]"] = f"{report.coupling_power:.3g}"
+    return values
 
 
 def _command_health(status: Fields) -> tuple[bytes, str]:

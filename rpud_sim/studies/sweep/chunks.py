@@ -69,53 +69,53 @@ class SweepOutcome:
     """Results of the simulations of a chunk."""
 
     phases: np.ndarray  # initial phase of each [cycles], shape (count,)
-    figures: np.ndarray  # those of the specification, shape (count, figures); NaN if missing
+    figures: np.ndarray  # those of the sweep, shape (count, figures); NaN if missing
     failures: tuple[str | None, ...]  # why a simulation has no figures, None if it has
     bags: tuple[Mapping[str, bytes], ...]  # files of each bag by name; empty without a bag
 
 
-def chunk_size(specification: SweepSpecification) -> int:
+def chunk_size(sweep: SweepSpecification) -> int:
     """Return the number of simulations in a chunk; the last one may have fewer."""
-    whole = specification.simulations * specification.duration
+    whole = sweep.simulations * sweep.duration
     # Messages take much longer than the simulation, and bags stay in memory until they are written.
-    longest = _SHORTEST if specification.bags else _LONGEST
+    longest = _SHORTEST if sweep.bags else _LONGEST
     simulated = min(max(whole / _WANTED, _SHORTEST), longest)
-    return min(max(round(simulated / specification.duration), 1), _MOST)
+    return min(max(round(simulated / sweep.duration), 1), _MOST)
 
 
-def chunk_count(specification: SweepSpecification) -> int:
+def chunk_count(sweep: SweepSpecification) -> int:
     """Return the number of chunks."""
-    return -(-specification.simulations // chunk_size(specification))
+    return -(-sweep.simulations // chunk_size(sweep))
 
 
-def design_points(specification: SweepSpecification) -> dict[str, np.ndarray]:
+def design_points(sweep: SweepSpecification) -> dict[str, np.ndarray]:
     """Return the points of a sweep: by axis its values, shape (points,), SI units.
 
     Cases change slowest, then faults; each has the whole design. In a grid the last parameter
     changes fastest. Latin hypercubes and (scrambled) Sobol sequences are SciPy's, with the seed of
     the specification.
     """
-    design = _swept_points(specification)
-    axes = specification.axes
+    design = _swept_points(sweep)
+    axes = sweep.axes
     outer = {name: item.levels() for name, item in axes.items() if name not in design}
-    shape = [*map(len, outer.values()), specification.design_count]
-    *levels, inner = np.unravel_index(np.arange(specification.point_count), shape)
+    shape = [*map(len, outer.values()), sweep.design_count]
+    *levels, inner = np.unravel_index(np.arange(sweep.point_count), shape)
     return {
         **{name: outer[name][level] for name, level in zip(outer, levels, strict=True)},
         **{name: values[inner] for name, values in design.items()},
     }
 
 
-def _swept_points(specification: SweepSpecification) -> dict[str, np.ndarray]:
-    swept, count = specification.swept, specification.design_count
-    points, seed = specification.points or 0, specification.seed
-    if specification.design == "grid":
+def _swept_points(sweep: SweepSpecification) -> dict[str, np.ndarray]:
+    swept, count = sweep.swept, sweep.design_count
+    points, seed = sweep.points or 0, sweep.seed
+    if sweep.design == "grid":
         levels = [item.levels() for item in swept.values()]
         places = np.unravel_index(np.arange(count), [*map(len, levels)]) if levels else ()
         return {name: values[at] for name, values, at in zip(swept, levels, places, strict=True)}
-    if specification.design == "saltelli":
+    if sweep.design == "saltelli":
         shares = saltelli_shares(len(swept), points, seed).reshape(count, len(swept))
-    elif specification.design == "sobol":
+    elif sweep.design == "sobol":
         # Every version of SciPy accepts a generator by this name.
         sequence = qmc.Sobol(len(swept), seed=np.random.default_rng(seed))
         shares = sequence.random_base2(points.bit_length() - 1)
@@ -125,22 +125,22 @@ def _swept_points(specification: SweepSpecification) -> dict[str, np.ndarray]:
 
 
 def make_chunks(
-    specification: SweepSpecification,
+    sweep: SweepSpecification,
     points: Mapping[str, np.ndarray],
     finished: frozenset[int] = frozenset(),
 ) -> Iterator[SweepChunk]:
     """Yield the unfinished chunks of a sweep, in order."""
-    size = chunk_size(specification)
+    size = chunk_size(sweep)
     versions = engine_versions()
-    for number in range(chunk_count(specification)):
+    for number in range(chunk_count(sweep)):
         if number in finished:
             continue
         first = number * size
-        count = min(size, specification.simulations - first)
-        begin = first // specification.repeat
-        end = -(-(first + count) // specification.repeat)
+        count = min(size, sweep.simulations - first)
+        begin = first // sweep.repeat
+        end = -(-(first + count) // sweep.repeat)
         own = {name: values[begin:end] for name, values in points.items()}
-        yield SweepChunk(number, first, count, specification, own, versions)
+        yield SweepChunk(number, first, count, sweep, own, versions)
 
 
 def simulate(chunk: SweepChunk) -> SweepOutcome:
@@ -150,15 +150,15 @@ def simulate(chunk: SweepChunk) -> SweepOutcome:
         WorkerError: if this worker's versions would give other bits than the sweep's machine.
     """
     check_versions(chunk.versions)
-    specification = chunk.specification
+    sweep = chunk.specification
     phases: list[float] = []
     results: list[_Result] = []
     for number, point, members in chunk.ensembles():
-        seed = specification.point_seed(number, point)
-        chosen = initial_phases(specification.repeat, seed)[members.start : members.stop]
+        seed = sweep.point_seed(number, point)
+        chosen = initial_phases(sweep.repeat, seed)[members.start : members.stop]
         phases.extend(chosen)
-        runs = [specification.plan_run(number, point, member) for member in members]
-        results.extend(_ensemble(specification, point, runs, chosen))
+        runs = [sweep.plan_run(number, point, member) for member in members]
+        results.extend(_ensemble(sweep, point, runs, chosen))
     figures, failures, bags = zip(*results, strict=True)
     return SweepOutcome(np.array(phases), np.array(figures), failures, bags)
 
@@ -168,24 +168,24 @@ _Result = tuple[list[float], str | None, Mapping[str, bytes]]
 
 
 def _ensemble(
-    specification: SweepSpecification,
+    sweep: SweepSpecification,
     point: Mapping[str, Any],
     runs: Sequence[PlannedRun],
     phases: Sequence[float],
 ) -> Iterator[_Result]:
     """Yield the result of each member; a failed one does not affect the others."""
-    nothing = [np.nan] * len(specification.figures)
+    nothing = [np.nan] * len(sweep.figures)
     # Members without a fault go together, which is faster. Each fault has its own times.
     alone = runs[0].scenario is not None
     groups = [slice(i, i + 1) for i in range(len(runs))] if alone else [slice(None)]
     try:
-        drill, planned = specification.configuration(point), specification.planned(point)
+        drill, planned = sweep.configuration(point), sweep.planned(point)
         found = [
             member
             for group in groups
             for member in run_members(
                 drill,
-                specification.duration,
+                sweep.duration,
                 phases[group],
                 scenario=runs[group][0].scenario,
                 planned=planned,
@@ -198,25 +198,25 @@ def _ensemble(
         if member.failure is not None:
             yield nothing, " ".join(str(member.failure).split()), {}
             continue
-        values = [member.figures.get(name) for name in specification.figures]
+        values = [member.figures.get(name) for name in sweep.figures]
         figures = [np.nan if value is None else float(value) for value in values]
-        bag = _record_bag(specification, point, run, phase) if specification.bags else {}
+        bag = _record_bag(sweep, point, run, phase) if sweep.bags else {}
         yield figures, None, bag
 
 
 def _record_bag(
-    specification: SweepSpecification, point: Mapping[str, Any], run: PlannedRun, phase: float
+    sweep: SweepSpecification, point: Mapping[str, Any], run: PlannedRun, phase: float
 ) -> dict[str, bytes]:
     """Simulate a run; return the files of its bag by name."""
-    beginning = Beginning(specification.settings(point), phase, run.seed, run.scenario)
+    beginning = Beginning(sweep.settings(point), phase, run.seed, run.scenario)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / run.name
         write_offline_bag(
             path,
             beginning,
-            specification.duration,
-            planned=specification.planned(point),
-            topics=specification.bag_topics,
+            sweep.duration,
+            planned=sweep.planned(point),
+            topics=sweep.bag_topics,
             manifest=Manifest(
                 parameters={**beginning.settings.values(), "seed": run.seed},
                 scenario=_scenario_text(run),

@@ -73,23 +73,21 @@ def find_indices(values: np.ndarray, seed: int) -> np.ndarray:
 
 
 def figure_indices(
-    specification: SweepSpecification, points: Mapping[str, np.ndarray]
+    sweep: SweepSpecification, points: Mapping[str, np.ndarray]
 ) -> dict[str, dict[str, Any]]:
     """Return distribution and indices of each figure as plain values.
 
     A figure that a point lacks has the entry ``missing`` instead, which gives the reason.
     """
-    reasons = {name: _missing(points, name) for name in specification.figures}
+    reasons = {name: _missing(points, name) for name in sweep.figures}
     names = [name for name, reason in reasons.items() if not reason]
     plain: dict[str, dict[str, Any]] = {}
     if names:
-        shape = (len(specification.swept) + 3, specification.points or 0, len(names))
+        shape = (len(sweep.swept) + 3, sweep.points or 0, len(names))
         values = np.column_stack([points[name] for name in names]).reshape(shape)
-        found = find_indices(values, specification.seed)
+        found = find_indices(values, sweep.seed)
         for i, name in enumerate(names):
-            plain[name] = _plain(
-                list(specification.swept), values[:2, :, i].ravel(), found[:, :, i]
-            )
+            plain[name] = _plain(list(sweep.swept), values[:2, :, i].ravel(), found[:, :, i])
     return {
         name: {"unit": SWEEP_FIGURES[name], **plain.get(name, {"missing": reason})}
         for name, reason in reasons.items()
@@ -97,12 +95,12 @@ def figure_indices(
 
 
 def independent(
-    specification: SweepSpecification, points: Mapping[str, np.ndarray]
+    sweep: SweepSpecification, points: Mapping[str, np.ndarray]
 ) -> Mapping[str, np.ndarray]:
     """Return the points that do not repeat values of others: in Saltelli's design A and B."""
-    if specification.design != "saltelli":
+    if sweep.design != "saltelli":
         return points
-    return {name: values[: 2 * (specification.points or 0)] for name, values in points.items()}
+    return {name: values[: 2 * (sweep.points or 0)] for name, values in points.items()}
 
 
 def _missing(points: Mapping[str, np.ndarray], name: str) -> str:

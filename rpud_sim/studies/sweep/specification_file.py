@@ -112,11 +112,7 @@ def _check_design(top: Cursor, specification: SweepSpecification) -> None:
 
 
 def _check_times(top: Cursor, specification: SweepSpecification) -> None:
-    duration, onset, lasting = (
-        specification.duration,
-        specification.onset,
-        specification.lasting,
-    )
+    duration, onset, lasting = (specification.duration, specification.onset, specification.lasting)
     cases = specification.cases.values()
     commands = [*specification.commands, *(each for case in cases for each in case.commands)]
     last = max((each.delay / SECOND for each in commands), default=0.0)
@@ -304,11 +300,7 @@ def _mapping(
     cursor: Cursor, known: Iterable[str] | None = None, needed: Iterable[str] = ()
 ) -> dict[Any, Cursor]:
     return cursor.mapping(
-        known,
-        needed,
-        other="holds no mapping",
-        unknown="is unknown; {hint}",
-        missing="is missing",
+        known, needed, other="holds no mapping", unknown="is unknown; {hint}", missing="is missing"
     )
 
 

@@ -62,7 +62,7 @@ class SweepResult:
 
 
 def run_sweep(
-    specification: SweepSpecification,
+    sweep: SweepSpecification,
     out: Path,
     workers: int,
     scheduler: str | None = None,
@@ -80,23 +80,23 @@ def run_sweep(
         WorkerError: if the workers fail.
         OSError: if a file cannot be written.
     """
-    folder = SweepFolder(out, specification)
+    folder = SweepFolder(out, sweep)
     with folder.held():
         finished = folder.finished()
-        size = chunk_size(specification)
-        kept = sum(min(size, specification.simulations - number * size) for number in finished)
+        size = chunk_size(sweep)
+        kept = sum(min(size, sweep.simulations - number * size) for number in finished)
         report(kept)
-        if len(finished) < chunk_count(specification):
-            points = design_points(specification)
+        if len(finished) < chunk_count(sweep):
+            points = design_points(sweep)
 
             def compile_first() -> None:
                 first = {name: values[0].item() for name, values in points.items()}
-                drill = specification.configuration(first)
+                drill = sweep.configuration(first)
                 compile_members(drill)
-                if specification.faults or specification.bags:
-                    compile_kernels(drill, messages=bool(specification.bags))
+                if sweep.faults or sweep.bags:
+                    compile_kernels(drill, messages=bool(sweep.bags))
 
-            chunks = make_chunks(specification, points, finished)
+            chunks = make_chunks(sweep, points, finished)
             outcomes = run_on_workers(simulate, chunks, workers, scheduler, compile_first)
             with contextlib.closing(outcomes):
                 for chunk, outcome in outcomes:
@@ -105,28 +105,28 @@ def run_sweep(
         folder.complete_tables()
         table, failures = folder.points(), folder.failures()
         indices = {}
-        if specification.design == "saltelli":
-            indices = figure_indices(specification, table)
+        if sweep.design == "saltelli":
+            indices = figure_indices(sweep, table)
             write_whole(out / "indices.json", json.dumps(indices, indent=2) + "\n")
         page = out / "report.html"
-        write_whole(page, sweep_page(specification, table, failures, indices))
-        run = specification.simulations - kept
+        write_whole(page, sweep_page(sweep, table, failures, indices))
+        run = sweep.simulations - kept
         return SweepResult(out, folder.manifest, run, kept, failures, page, indices)
 
 
-def make_manifest(specification: SweepSpecification) -> dict[str, Any]:
+def make_manifest(sweep: SweepSpecification) -> dict[str, Any]:
     """Return the specification, versions and sizes of a sweep, with a digest; no host is in it."""
     # What draws the design and writes the files.
-    writers = ("scipy", "pyarrow", *(("mcap", "zstandard") if specification.bags else ()))
+    writers = ("scipy", "pyarrow", *(("mcap", "zstandard") if sweep.bags else ()))
     depends = {
-        "specification": specification.content(),
+        "specification": sweep.content(),
         "versions": engine_versions() | {name: version_of(name) for name in writers},
     }
     text = json.dumps(depends, sort_keys=True)
     return depends | {
-        "points": specification.point_count,
-        "simulations": specification.simulations,
-        "chunks": chunk_count(specification),
+        "points": sweep.point_count,
+        "simulations": sweep.simulations,
+        "chunks": chunk_count(sweep),
         "sha256": hashlib.sha256(text.encode()).hexdigest(),
     }
 
@@ -134,9 +134,9 @@ def make_manifest(specification: SweepSpecification) -> dict[str, Any]:
 class SweepFolder(StudyStore):
     """Folder of a sweep: its finished chunks, and the tables of their results."""
 
-    def __init__(self, path: Path, specification: SweepSpecification) -> None:
-        super().__init__(path, make_manifest(specification), "sweep", SweepError)
-        self._specification = specification
+    def __init__(self, path: Path, sweep: SweepSpecification) -> None:
+        super().__init__(path, make_manifest(sweep), "sweep", SweepError)
+        self._specification = sweep
         self._simulations, self._points = (path / name for name in _TABLES)
 
     @property
@@ -243,13 +243,13 @@ def _bags(table: pa.Table) -> list[str | None]:
 
 def simulation_table(chunk: SweepChunk, outcome: SweepOutcome) -> pa.Table:
     """Return the rows of a chunk's simulations; missing figures and labels are null."""
-    specification = chunk.specification
+    sweep = chunk.specification
     seeds, runs = [], []
     for number, point, members in chunk.ensembles():
-        seeds += [specification.point_seed(number, point)] * len(members)
-        if specification.faults or specification.bags:
-            runs += [specification.plan_run(number, point, member) for member in members]
-    repeat = specification.repeat
+        seeds += [sweep.point_seed(number, point)] * len(members)
+        if sweep.faults or sweep.bags:
+            runs += [sweep.plan_run(number, point, member) for member in members]
+    repeat = sweep.repeat
     numbers = chunk.first + np.arange(chunk.count)
     points = numbers // repeat
     columns: dict[str, pa.Array] = {
@@ -262,30 +262,30 @@ def simulation_table(chunk: SweepChunk, outcome: SweepOutcome) -> pa.Table:
             for name, values in chunk.points.items()
         },
     }
-    if specification.faults:
+    if sweep.faults:
         labels = [run.labels() for run in runs]
         for name, kind in _LABELS.items():
             columns[name] = pa.array([label[name] for label in labels], kind)
-    for i, name in enumerate(specification.figures):
+    for i, name in enumerate(sweep.figures):
         values = outcome.figures[:, i]
         missing = np.isnan(values)
         if name in _COUNTS:
             values = np.where(missing, 0.0, values).astype(np.int64)
         columns[name] = pa.array(values, mask=missing)
     columns["failure"] = pa.array(outcome.failures, pa.string())
-    if specification.bags:
+    if sweep.bags:
         pairs = zip(runs, outcome.bags, strict=True)
         paths = [f"{_BAGS}/{run.name}" if bag else None for run, bag in pairs]
         columns["bag"] = pa.array(paths, pa.string())
     return pa.table(columns)
 
 
-def point_table(specification: SweepSpecification, table: pa.Table) -> pa.Table:
+def point_table(sweep: SweepSpecification, table: pa.Table) -> pa.Table:
     """Return the rows of points from those of all their simulations."""
-    repeat, names = specification.repeat, specification.figures
+    repeat, names = sweep.repeat, sweep.figures
     firsts = np.arange(0, table.num_rows, repeat)
     columns: dict[str, pa.Array | pa.ChunkedArray] = {
-        name: table[name].take(pa.array(firsts)) for name in ("point", "seed", *specification.axes)
+        name: table[name].take(pa.array(firsts)) for name in ("point", "seed", *sweep.axes)
     }
     figures = np.column_stack(
         [table[name].to_numpy().astype(np.float64) for name in names]

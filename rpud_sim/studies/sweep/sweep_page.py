@@ -91,7 +91,7 @@ def error_name(figure: str) -> str:
 
 
 def sweep_page(
-    specification: SweepSpecification,
+    sweep: SweepSpecification,
     points: Mapping[str, np.ndarray],
     failures: int,
     indices: Mapping[str, Any] = MappingProxyType({}),
@@ -101,63 +101,52 @@ def sweep_page(
     Args:
         indices: those of ``figure_indices``; none in other designs than Saltelli's.
     """
-    headlines = headline_figures(specification)
+    headlines = headline_figures(sweep)
     found = {name: item for name, item in indices.items() if "missing" not in item}
     drawn = [name for name in headlines if name in found] or list(found)[:1]
-    axes = _ordered_axes(specification, [found[name] for name in drawn])
+    axes = _ordered_axes(sweep, [found[name] for name in drawn])
 
     def plots(names: Sequence[str], figures: Sequence[str]) -> list[Plot]:
-        return [point_plot(specification, points, *pair) for pair in product(names, figures)]
+        return [point_plot(sweep, points, *pair) for pair in product(names, figures)]
 
     count = len(points["point"])
-    repeat = "1 simulation" if specification.repeat == 1 else f"{specification.repeat} simulations"
+    repeat = "1 simulation" if sweep.repeat == 1 else f"{sweep.repeat} simulations"
     return render_page(
         _BODY,
-        f"Sweep over {_listed(list(specification.axes))}",
-        seed=specification.seed,
-        repeat=f"{repeat} of {specification.duration:g} s",
+        f"Sweep over {_listed(list(sweep.axes))}",
+        seed=sweep.seed,
+        repeat=f"{repeat} of {sweep.duration:g} s",
         count=count,
-        design=specification.design.replace("_", " "),
+        design=sweep.design.replace("_", " "),
         failures=failures,
-        swept=[
-            (name, _values(spread), unit_of(name)) for name, spread in specification.axes.items()
-        ],
-        fixed=[(name, _shown(value), unit_of(name)) for name, value in specification.fixed.items()],
+        swept=[(name, _values(spread), unit_of(name)) for name, spread in sweep.axes.items()],
+        fixed=[(name, _shown(value), unit_of(name)) for name, value in sweep.fixed.items()],
         shares=[share_plot(name, found[name]) for name in drawn],
         share_rows=list(_shares(found)),
         missing=[(name, item["missing"]) for name, item in indices.items() if "missing" in item],
         plots=plots(axes[:_MOST_AXES], headlines),
         others=[
             *((f"Over {name}", plots([name], headlines)) for name in axes[_MOST_AXES:]),
-            *(
-                (name, plots(axes, [name]))
-                for name in specification.figures
-                if name not in headlines
-            ),
+            *((name, plots(axes, [name])) for name in sweep.figures if name not in headlines),
         ],
         heading=(
             "point",
-            *(
-                _headed(name, axis_quantity(specification, name).unit)
-                for name in specification.axes
-            ),
+            *(_headed(name, axis_quantity(sweep, name).unit) for name in sweep.axes),
             "members",
-            *(_headed(name, figure_quantity(name).unit) for name in specification.figures),
+            *(_headed(name, figure_quantity(name).unit) for name in sweep.figures),
         ),
-        rows=[_row(specification, points, i) for i in range(min(count, _MOST_ROWS))],
+        rows=[_row(sweep, points, i) for i in range(min(count, _MOST_ROWS))],
         hidden=max(count - _MOST_ROWS, 0),
     )
 
 
-def _ordered_axes(
-    specification: SweepSpecification, items: Sequence[Mapping[str, Any]]
-) -> list[str]:
+def _ordered_axes(sweep: SweepSpecification, items: Sequence[Mapping[str, Any]]) -> list[str]:
     """Return the axes, those first that cause most of the variance, if that is known."""
 
     def most(name: str) -> float:
         return max((item["inputs"].get(name, {"total": 0.0})["total"] for item in items), default=0)
 
-    return sorted(specification.axes, key=lambda name: -most(name))
+    return sorted(sweep.axes, key=lambda name: -most(name))
 
 
 def _listed(names: Sequence[str]) -> str:
@@ -183,24 +172,18 @@ def _interval(value: float, ends: Sequence[float]) -> str:
     return f"{value:.2f} [{ends[0]:.2f}, {ends[1]:.2f}]"
 
 
-def _row(
-    specification: SweepSpecification, points: Mapping[str, np.ndarray], i: int
-) -> tuple[Any, ...]:
-    return (
-        points["point"][i],
-        *(_placed(specification, name, points[name][i]) for name in specification.axes),
-        points["members"][i],
-        *(
-            _mean(name, points[name][i], points[error_name(name)][i])
-            for name in specification.figures
-        ),
-    )
+def _row(sweep: SweepSpecification, points: Mapping[str, np.ndarray], i: int) -> tuple[Any, ...]:
+    """Return the number of a point, its places, the members, and the figures with their errors."""
+    places = (_placed(sweep, name, points[name][i]) for name in sweep.axes)
+    errors = {name: points[error_name(name)][i] for name in sweep.figures}
+    means = (_mean(name, points[name][i], error) for name, error in errors.items())
+    return (points["point"][i], *places, points["members"][i], *means)
 
 
-def _placed(specification: SweepSpecification, name: str, value: Any) -> str:
+def _placed(sweep: SweepSpecification, name: str, value: Any) -> str:
     if isinstance(value, str | np.str_ | bool | np.bool_):
         return str(value)
-    return axis_quantity(specification, name).text(float(value), unit=False)
+    return axis_quantity(sweep, name).text(float(value), unit=False)
 
 
 def _mean(name: str, mean: float, error: float) -> str:
@@ -227,32 +210,32 @@ def _headed(name: str, unit: str) -> str:
     return f"{name} [{unit}]" if unit else name
 
 
-def headline_figures(specification: SweepSpecification, most: int = 3) -> tuple[str, ...]:
+def headline_figures(sweep: SweepSpecification, most: int = 3) -> tuple[str, ...]:
     """Return the figures that the page shows first: the first that the sweep names, or ours."""
-    chosen = specification.figures
+    chosen = sweep.figures
     if set(FIGURES) <= set(chosen):
         chosen = tuple(name for name in _HEADLINES if name in chosen)
     return chosen[:most]
 
 
 def point_plot(
-    specification: SweepSpecification, points: Mapping[str, np.ndarray], name: str, figure: str
+    sweep: SweepSpecification, points: Mapping[str, np.ndarray], name: str, figure: str
 ) -> Plot:
     """Return the plot of one figure over one axis."""
-    points = independent(specification, points)
-    plots = len(specification.axes) * len(specification.figures)
+    points = independent(sweep, points)
+    plots = len(sweep.axes) * len(sweep.figures)
     most = max(1, min(_MOST_PLOT_DOTS, _MOST_DOTS // plots))
-    spread = specification.axes[name]
-    shown, along = figure_quantity(figure), axis_quantity(specification, name)
+    spread = sweep.axes[name]
+    shown, along = figure_quantity(figure), axis_quantity(sweep, name)
     places = _places(points[name], spread)
     choices = _is_choice(spread)
     scale = 1.0 if choices else along.scale
     layers: list[Layer] = []
-    if len(specification.axes) > 1 or _in_classes(specification, name):
+    if len(sweep.axes) > 1 or _in_classes(sweep, name):
         every = -(-len(places) // most)
         dots = scale * places[::every], shown.scale * points[figure][::every]
         layers.append(Points("single points", *_turned(dots, choices), size=2.5, color="muted"))
-    found = list(marginal_means(specification, points, name, figure))
+    found = list(marginal_means(sweep, points, name, figure))
     if found:
         at, mean, half = np.array(found).T
         ends = shown.scale * (mean - half), shown.scale * (mean + half)
@@ -318,9 +301,9 @@ def _is_choice(spread: Range | Values) -> bool:
     return isinstance(spread, Values) and isinstance(spread.values[0], str | bool)
 
 
-def axis_quantity(specification: SweepSpecification, name: str) -> Quantity:
+def axis_quantity(sweep: SweepSpecification, name: str) -> Quantity:
     """Return how an axis is shown."""
-    spread = specification.axes[name]
+    spread = sweep.axes[name]
     if _is_choice(spread):
         return Quantity(name, name, "")
     ends = (spread.minimum, spread.maximum) if isinstance(spread, Range) else spread.values
@@ -336,16 +319,16 @@ def _places(values: np.ndarray, spread: Range | Values) -> np.ndarray:
 
 
 def marginal_means(
-    specification: SweepSpecification, points: Mapping[str, np.ndarray], name: str, figure: str
+    sweep: SweepSpecification, points: Mapping[str, np.ndarray], name: str, figure: str
 ) -> Iterator[tuple[float, float, float]]:
     """Yield value, mean, and half its 95 % interval for each level or class of a parameter.
 
     The interval of a single point with a single member is NaN.
     """
-    spread = specification.axes[name]
+    spread = sweep.axes[name]
     places = _places(points[name], spread)
     valid = ~np.isnan(points[figure])
-    if _in_classes(specification, name):
+    if _in_classes(sweep, name):
         order = np.argsort(places, kind="stable")
         number = min(math.isqrt(len(places)), _MOST_CLASSES)
         classes = [part[valid[part]] for part in np.array_split(order, number)]
@@ -365,6 +348,6 @@ def marginal_means(
         yield float(places[members].mean()), float(values.mean()), float(half)
 
 
-def _in_classes(specification: SweepSpecification, name: str) -> bool:
+def _in_classes(sweep: SweepSpecification, name: str) -> bool:
     """Whether a parameter has a different value at every point."""
-    return specification.design != "grid" and isinstance(specification.axes[name], Range)
+    return sweep.design != "grid" and isinstance(sweep.axes[name], Range)

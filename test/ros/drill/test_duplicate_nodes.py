@@ -10,7 +10,7 @@ import pytest
 import rclpy
 
 from rpud_sim.ros.drill.drill_node import DrillNode
-from rpud_sim.ros.drill.duplicate_nodes import DuplicateNodes, NameHold, NamesakeSearch
+from rpud_sim.ros.drill.duplicate_nodes import DuplicateNodes, DuplicateSearch, NameHold
 
 NAME = "/a_namespace/a_node"
 DOMAIN = 7
@@ -76,18 +76,18 @@ def test_a_frozen_process_keeps_its_name_and_a_killed_one_does_not(holder):
 def test_a_drill_is_found_although_discovery_has_no_time(ros, monkeypatch):
     monkeypatch.setattr("rpud_sim.ros.drill.duplicate_nodes._DISCOVERY", 0.0)
     drill = DrillNode(namespace="/twin")
-    search = NamesakeSearch("drill_node", "twin")
+    search = DuplicateSearch("drill_node", "twin")
     assert search.finish()
     search.close()
     drill.destroy_node()
-    search = NamesakeSearch("drill_node", "twin")
+    search = DuplicateSearch("drill_node", "twin")
     assert not search.finish()
     search.close()
 
 
 def test_of_two_that_search_at_the_same_time_one_finds_the_other(ros):
-    first = NamesakeSearch("drill_node", "twin")
-    second = NamesakeSearch("drill_node", "twin")
+    first = DuplicateSearch("drill_node", "twin")
+    second = DuplicateSearch("drill_node", "twin")
     assert (first.finish(), second.finish()) == (False, True)
     first.close()
     second.close()

@@ -34,9 +34,9 @@ class Heard(Inbox):
         super().__init__(logger)
         self.reasons = []
 
-    def refuse(self, result, reason):
+    def refuse(self, result, reason, **options):
         self.reasons.append(reason)
-        super().refuse(result, reason)
+        super().refuse(result, reason, **options)
 
 
 class Commander:

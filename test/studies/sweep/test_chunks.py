@@ -11,7 +11,7 @@ from fault_signatures import ROWS
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rpud_sim.foundation.yaml_files import read_yaml
+from rpud_sim.foundation.yaml_files import open_yaml
 from rpud_sim.simulation import preset
 from rpud_sim.simulation.ensemble import run_ensemble
 from rpud_sim.simulation.simulation import initial_phases
@@ -195,7 +195,7 @@ CONFIG = Path(__file__).parents[3] / "config"
 def test_an_example_has_its_size_and_runs_at_small_size(name, simulations, tmp_path):
     path = CONFIG / f"{name}.yaml"
     assert read_specification(path).simulations == simulations
-    content = read_yaml(path, truth_values=False)
+    content = open_yaml(path, truth_values=False).value
     small = {"points": 2, "duration": 0.4}
     if "faults" in content:
         small |= {
