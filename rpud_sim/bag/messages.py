@@ -230,13 +230,13 @@ def _same_times(times: Sequence[np.ndarray]) -> np.ndarray:
     return np.concatenate(times)
 
 
-class _Part(NamedTuple):
+class _TimedBlock(NamedTuple):
     block: MessageBlock  # the messages
     times: np.ndarray  # from which they may be passed on [ns]: not before their segment was due
     segment: int  # number of their segment
 
-    def cut(self, chosen: slice) -> _Part:
-        return _Part(self.block.part(chosen), self.times[chosen], self.segment)
+    def cut(self, chosen: slice) -> _TimedBlock:
+        return _TimedBlock(self.block.part(chosen), self.times[chosen], self.segment)
 
 
 def blocks_in_order(
@@ -275,7 +275,7 @@ def messages_in_order(
 
 def _steps(
     segments: Iterable[BagSegment], topics: Collection[str] | None, start: int, end: int | None
-) -> Iterator[dict[str, list[_Part]]]:
+) -> Iterator[dict[str, list[_TimedBlock]]]:
     """Yield what is due before each segment, by topic, and what is left at the end.
 
     A segment is read when none before it holds earlier messages.
@@ -287,7 +287,7 @@ def _steps(
         and (end is None or segment.start_time < end)
         and (topics is None or not segment.topics.isdisjoint(topics))
     ]
-    waiting: dict[str, list[_Part]] = {}
+    waiting: dict[str, list[_TimedBlock]] = {}
     opened: list[tuple[int, int]] = []  # last time and size of segments
     for number, segment in enumerate(sorted(chosen, key=lambda segment: segment.start_time)):
         yield _due(waiting, segment.start_time)
@@ -307,16 +307,16 @@ def _steps(
                 continue
             if times[0] < segment.start_time:  # the index is wrong
                 times = np.maximum(times, times.dtype.type(min(segment.start_time, LATEST)))
-            waiting.setdefault(block.topic, []).append(_Part(block, times, number))
+            waiting.setdefault(block.topic, []).append(_TimedBlock(block, times, number))
             last = max(last, int(times[-1]))
         if last >= 0:
             opened.append((last, segment.size))
     yield waiting
 
 
-def _due(waiting: dict[str, list[_Part]], until: int) -> dict[str, list[_Part]]:
+def _due(waiting: dict[str, list[_TimedBlock]], until: int) -> dict[str, list[_TimedBlock]]:
     """Take what waits up to a time, which no later segment precedes [ns]."""
-    due: dict[str, list[_Part]] = {}
+    due: dict[str, list[_TimedBlock]] = {}
     for topic, parts in list(waiting.items()):
         counts = [_count_before(part.times, until, "right") for part in parts]
         pairs = list(zip(parts, counts, strict=True))

@@ -71,7 +71,7 @@ UNREADABLE = (BagFormatError, *DAMAGED)
 
 
 @dataclass(frozen=True, slots=True)
-class Record:
+class RawRecord:
     """One record of a file: its kind, its content, and the offset of the next."""
 
     opcode: int
@@ -84,7 +84,7 @@ def limit(opcode: int) -> int:
     return CONTENT_LIMIT if opcode in _LARGE else DECLARATION_LIMIT
 
 
-def read_record(stream: BinaryIO, offset: int, end: int) -> Record:
+def read_record(stream: BinaryIO, offset: int, end: int) -> RawRecord:
     """Return the record at ``offset``, which ends at ``end`` or before."""
     stream.seek(offset)
     head = stream.read(RECORD.size) if offset + RECORD.size <= end else b""
@@ -100,17 +100,17 @@ def read_record(stream: BinaryIO, offset: int, end: int) -> Record:
     content = stream.read(length)
     if len(content) < length:
         raise BagFormatError("the file became shorter while it was read")
-    return Record(opcode, content, offset + RECORD.size + length)
+    return RawRecord(opcode, content, offset + RECORD.size + length)
 
 
-def parse(record: Record) -> McapRecord | None:
+def parse(record: RawRecord) -> McapRecord | None:
     """Return the fields of a record; None for an unused kind, a ValueError for damaged values."""
     kind = _KINDS.get(record.opcode)
     parsed: McapRecord | None = kind.read(_Content(record.content)) if kind else None
     return parsed
 
 
-def parse_chunk_index(record: Record) -> ChunkIndex:
+def parse_chunk_index(record: RawRecord) -> ChunkIndex:
     """Return the fields of a chunk's index; as ``parse`` does, and ten times as fast.
 
     An hour's bag has thousands of these, and is not open before all of them are read.
@@ -143,7 +143,7 @@ def parse_chunk_index(record: Record) -> ChunkIndex:
     return parsed
 
 
-def fills(record: Record) -> bool:
+def fills(record: RawRecord) -> bool:
     """Return whether a record is exactly as long as the lengths inside it say."""
     kind = _KINDS.get(record.opcode)
     if kind is None:
@@ -153,7 +153,7 @@ def fills(record: Record) -> bool:
     return stream.count == len(record.content)
 
 
-def message_index_times(record: Record) -> tuple[int, Iterator[int]]:
+def message_index_times(record: RawRecord) -> tuple[int, Iterator[int]]:
     """Return the channel of a message index, and the log times of its messages [ns]."""
     content = record.content
     if record.opcode == Opcode.MESSAGE_INDEX and len(content) >= 6:
@@ -240,7 +240,7 @@ class RecordFinder:
             return None
         return opcode, offset + RECORD.size + length
 
-    def record(self, offset: int) -> Record | None:
+    def record(self, offset: int) -> RawRecord | None:
         """Return the record at ``offset`` if its lengths agree and another record follows."""
         try:
             record = read_record(self._stream, offset, self._size)

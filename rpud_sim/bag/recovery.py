@@ -40,7 +40,7 @@ from rpud_sim.bag.metadata import (
     read_document,
 )
 from rpud_sim.bag.reader import BagReader
-from rpud_sim.bag.scan import Damage, Missing, Scan
+from rpud_sim.bag.scan import Damage, MissingMessages, Scan
 from rpud_sim.bag.storage_files import SUFFIXES, in_order, storage_files
 from rpud_sim.bag.writer import BagWriter
 
@@ -317,7 +317,7 @@ class _FileRecovery:
                     self._recovery.size_lost += item.size
                     end = item.offset + item.size
                     self._note(f"byte {item.offset} to {end} {item.reason}")
-                elif isinstance(item, Missing):
+                elif isinstance(item, MissingMessages):
                     self._missing[item.channel] += item.count
                 elif isinstance(item.record, Message):
                     self._add_message(item.record, item.checked)

@@ -32,7 +32,7 @@ from rpud_sim.bag.records import (
     MESSAGE,
     RECORD,
     UNREADABLE,
-    Record,
+    RawRecord,
     RecordFinder,
     message_index_times,
     parse,
@@ -67,14 +67,14 @@ class Damage:
 
 
 @dataclass(frozen=True, slots=True)
-class Missing:
+class MissingMessages:
     """Number of messages that a lost chunk had in one channel, from its message index."""
 
     channel: int
     count: int
 
 
-Item = Found | Damage | Missing
+Item = Found | Damage | MissingMessages
 
 
 class Scan:
@@ -126,7 +126,7 @@ class Scan:
         if opcode == Opcode.MESSAGE_INDEX:
             if self._index_lost:
                 channel, times = message_index_times(record)
-                yield Missing(channel, sum(1 for _ in times))
+                yield MissingMessages(channel, sum(1 for _ in times))
             return end
         self._index_lost = False
         self.closed = opcode == Opcode.FOOTER
@@ -219,7 +219,7 @@ def _found(data: bytes, checked: bool) -> Generator[Found, None, bool]:
             if opcode == Opcode.MESSAGE:
                 yield Found(_message(data, start, end), checked)
             elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
-                record = parse(Record(opcode, data[start:end], end))
+                record = parse(RawRecord(opcode, data[start:end], end))
                 assert record is not None
                 yield Found(record, checked)
     except UNREADABLE:
@@ -232,7 +232,7 @@ def _message(data: bytes, start: int, end: int) -> Message:
     return Message(channel, log_time, data[start + MESSAGE.size : end], publish_time, sequence)
 
 
-def _attachment_checks(record: Record) -> bool:
+def _attachment_checks(record: RawRecord) -> bool:
     (checksum,) = struct.unpack_from("<I", record.content, len(record.content) - 4)
     return checksum in (0, zlib.crc32(record.content[:-4]))
 
@@ -344,7 +344,7 @@ class RecordWalk:
         try:
             for opcode, first, last in records_in(data):
                 if opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
-                    self._declare(Record(opcode, data[first:last], last), first)
+                    self._declare(RawRecord(opcode, data[first:last], last), first)
                 elif opcode == Opcode.MESSAGE and count:
                     channel, *_ = MESSAGE.unpack_from(data, first)
                     self._counts[channel] += 1
@@ -369,7 +369,7 @@ class RecordWalk:
     def _note_times(self, first: int, last: int) -> None:
         self._first, self._last = min(self._first, first), max(self._last, last)
 
-    def _declare(self, record: Record, offset: int) -> None:
+    def _declare(self, record: RawRecord, offset: int) -> None:
         try:
             parsed = parse(record)
         except UNREADABLE:

@@ -135,8 +135,9 @@ class RecordedDrill:
         for _, entry in reversed((*self.before, *self.entries[:1])):
             if entry.kind == "begin":
                 return entry.content
-            if entry.kind == "state" and isinstance(entry.content.get("beginning"), Mapping):
-                return entry.content["beginning"]
+            held = entry.content.get("beginning") if entry.kind == "state" else None
+            if isinstance(held, Mapping):
+                return held
         return {}
 
     @cached_property

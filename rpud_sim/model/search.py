@@ -252,19 +252,16 @@ FIRST_SPAN = 1e-5
 
 
 @compiled
-def first_root(segment, end, limit, turn):
+def first_root(segment, end, limit):
     """Time for which a guard stays positive, up to a limit [s].
 
     Args:
-        end: one of END_*.
-        turn: ``PhaseSinCos`` of the vibration at the segment's start.
+        end: one of END_*, but not ``END_ACTUATOR_IMPACT``.
 
     Returns:
         The time until which it is certain to be positive, whether it is zero there, and the number
         of steps.
     """
-    if end == END_ACTUATOR_IMPACT:
-        return first_strike(segment, limit, turn)
     if segment.contact == 0 and end == END_DRILL_TOOL_IMPACT:
         return first_landing(segment, limit)
     bounds = guard_bounds(segment, end)
@@ -301,12 +298,12 @@ def fall_time(gap, velocity, gravity):
 
 
 @compiled
-def sooner(state, segment, end, duration, event, turn):
-    """Return the given duration and event, or those of a guard if they are sooner.
+def sooner_of(state, found, end, duration, event):
+    """Return the given duration and event, or what a search has found if it is sooner.
 
     The steps of the search add to the state's effort.
     """
-    time, met, steps = first_root(segment, end, duration, turn)
+    time, met, steps = found
     state.effort += steps * STEP_EFFORT
     if time < duration:
         return time, end if met else END_LIMIT
@@ -314,7 +311,13 @@ def sooner(state, segment, end, duration, event, turn):
 
 
 @compiled
-def sooner_release(state, segment, duration, event, turn):
+def sooner(state, segment, end, duration, event):
+    """Return the given duration and event, or those of a guard if they are sooner."""
+    return sooner_of(state, first_root(segment, end, duration), end, duration, event)
+
+
+@compiled
+def sooner_release(state, segment, duration, event):
     """Return the given duration and event, or those of the three bodies' contact if sooner.
 
     Either force may vanish long before the other: the search follows both by turns, in growing
@@ -323,8 +326,8 @@ def sooner_release(state, segment, duration, event, turn):
     span = FIRST_SPAN
     while True:
         span = min(span, duration)
-        time, end = sooner(state, segment, END_DRILL_TOOL_RELEASE, span, event, turn)
-        time, end = sooner(state, segment, END_ACTUATOR_RELEASE, time, end, turn)
+        time, end = sooner(state, segment, END_DRILL_TOOL_RELEASE, span, event)
+        time, end = sooner(state, segment, END_ACTUATOR_RELEASE, time, end)
         if time < span or span == duration:
             return time, end
         span *= 8.0
@@ -352,8 +355,8 @@ def next_event(drill, state, segment, turn):
     contact = state.contact
     if contact == CONTACT_BOTH:
         if drill.jammed:
-            return sooner(state, segment, END_ACTUATOR_RELEASE, duration, event, turn)
-        return sooner_release(state, segment, duration, event, turn)
+            return sooner(state, segment, END_ACTUATOR_RELEASE, duration, event)
+        return sooner_release(state, segment, duration, event)
     on_tool = contact & CONTACT_DRILL_TOOL
     wedged = drill.jammed and on_tool
     end = END_DRILL_TOOL_RELEASE if on_tool else END_DRILL_TOOL_IMPACT
@@ -368,11 +371,13 @@ def next_event(drill, state, segment, turn):
     elif contact == 0 and state.tool_at_rest:
         root = fall_time(-state.u_fm, state.v_fm, drill.gravity)
     elif not wedged:
-        duration, event = sooner(state, segment, end, duration, event, turn)
+        duration, event = sooner(state, segment, end, duration, event)
     if root < duration:
         duration = root
         event = end
     if drill.in_rock and not on_tool and not state.tool_at_rest:
-        duration, event = sooner(state, segment, END_DRILL_TOOL_REST, duration, event, turn)
-    last = END_ACTUATOR_RELEASE if contact & CONTACT_ACTUATOR else END_ACTUATOR_IMPACT
-    return sooner(state, segment, last, duration, event, turn)
+        duration, event = sooner(state, segment, END_DRILL_TOOL_REST, duration, event)
+    if contact & CONTACT_ACTUATOR:
+        return sooner(state, segment, END_ACTUATOR_RELEASE, duration, event)
+    strike = first_strike(segment, duration, turn)
+    return sooner_of(state, strike, END_ACTUATOR_IMPACT, duration, event)

@@ -48,7 +48,8 @@ def grouped(values: np.ndarray, most: int) -> np.ndarray:
     if size <= 1:
         return np.asarray(values, float)
     count = len(values) // size
-    return np.asarray(values[: count * size], float).reshape(count, size).mean(axis=1)
+    groups = np.asarray(values[: count * size], float).reshape(count, size)
+    return np.asarray(groups.mean(axis=1))
 
 
 def autocovariances(values: np.ndarray) -> np.ndarray:
@@ -83,7 +84,7 @@ def block_length(covariances: np.ndarray) -> float:
     if not density > 0.0:
         return longest
     # Not the third root of squares, which may be no floats any more.
-    best = abs(slope / density) ** (2.0 / 3.0) * count ** (1.0 / 3.0)
+    best = float(abs(slope / density) ** (2.0 / 3.0) * count ** (1.0 / 3.0))
     return min(max(best, 1.0), longest)
 
 

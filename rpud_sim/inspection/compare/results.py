@@ -162,7 +162,7 @@ def all_differences(found: Sequence[WindowComparison]) -> Iterator[Difference]:
 def content(found: Comparison) -> dict[str, Any]:
     """Return a comparison for JSON; ``docs/reference/compare.md`` lists its fields."""
     runs = zip(found.names, found.drills, found.values, found.timing, strict=True)
-    return _plain(
+    plain: dict[str, Any] = _plain(
         {
             "equal_bits": found.equal_bits,
             "differs": found.differs,
@@ -200,6 +200,7 @@ def content(found: Comparison) -> dict[str, Any]:
             "damaged": found.damaged,
         }
     )
+    return plain
 
 
 def _quantity(each: QuantityComparison) -> dict[str, Any]:

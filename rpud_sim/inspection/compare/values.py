@@ -262,7 +262,7 @@ def series_of(values: RecordedValues, name: str, begin: float, end: float) -> np
         return _rates(arrays, begin, end, "energy") if "energy" in arrays else None
     if name == "impact_interval":
         steps = np.diff(arrays["time"][first:last])
-        return steps[np.diff(arrays["sequence"][first:last]) == 1]
+        return np.asarray(steps[np.diff(arrays["sequence"][first:last]) == 1])
     if quantity.column not in arrays:
         return None
     # A report of powers is the mean of the second before it.

@@ -15,7 +15,7 @@ from rpud_sim.cli.main import main
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.inspection import InspectionError
-from rpud_sim.inspection.compare import compare
+from rpud_sim.inspection.compare import compare, same_bits
 from rpud_sim.inspection.compare.estimates import DIFFERS
 from rpud_sim.inspection.compare.results import content
 from rpud_sim.inspection.compare.values import RecordedValues
@@ -92,6 +92,17 @@ def test_a_missing_message_is_a_difference_and_a_late_recorder_is_none(made, tmp
     assert states(found)["nodal_plane"] == "equal"
     assert states(found)["contact_force"] == "equal"
     assert found.windows[0].window.begins[0] >= 0.5
+
+
+def test_a_run_that_goes_on_longer_waits_for_nobody(made, tmp_path, monkeypatch):
+    monkeypatch.setattr(same_bits, "_MOST_WAITING", 1_200_000)
+
+    def early(message):
+        return [message.data] if message.log_time < SECOND // 2 else []
+
+    path = altered(made / "a", tmp_path / "early", early)
+    for pair in ((made / "a", path), (path, made / "a")):
+        assert "different" not in states(compare(pair, settle=0.1)).values()
 
 
 def test_bits_are_equal_whatever_the_wall_clock_was(made, tmp_path):
