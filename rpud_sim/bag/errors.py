@@ -10,6 +10,8 @@ from pathlib import Path
 import zstandard
 from mcap.exceptions import McapError
 
+from rpud_sim.foundation.quantities import ExpectedError
+
 # Errors that Python raises where a value is not of the expected form.
 MALFORMED = (AttributeError, LookupError, OverflowError, RecursionError, TypeError, ValueError)
 
@@ -26,7 +28,7 @@ DAMAGED = (
 )
 
 
-class BagError(Exception):
+class BagError(ExpectedError):
     """Error of a bag that cannot be read or written.
 
     Characters of the text that cannot be printed, such as some in names of a bag, are escaped.

@@ -18,7 +18,7 @@ from std_srvs.srv import Trigger
 
 import rpud_sim.bag
 from rpud_sim.bag import BagReader, TopicSummary
-from rpud_sim.foundation.quantities import suggestion
+from rpud_sim.foundation.quantities import ExpectedError, ParameterError, suggestion
 from rpud_sim.foundation.terminal import printable
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.ros.replay.playback import Plan, Playback, ReadAhead, RefusedError
@@ -177,11 +177,11 @@ def _type_name(name: str) -> str:
     return name.title().replace("_", "")
 
 
-class OptionError(ValueError):
+class OptionError(ParameterError):
     """Options that do not fit the bag; the message is one line."""
 
 
-class ReplayError(RuntimeError):
+class ReplayError(ExpectedError, RuntimeError):
     """Bag of which no topic can be replayed; the message is one line."""
 
 
