@@ -10,7 +10,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from queue import Empty, SimpleQueue
+from queue import SimpleQueue
 
 import numpy as np
 
@@ -194,9 +194,6 @@ class EnsembleRuns:
 # Simulated time between two reports of progress, and between two looks at Ctrl-C [ns].
 _STRETCH = 10 * SECOND
 
-# Longest wait for a report of another thread [s].
-_PATIENCE = 0.1
-
 
 class _StoppedError(Exception):
     """The other members are not wanted any more."""
@@ -335,9 +332,9 @@ def run_members(
         try:
             running = [pool.submit(run, batch, tell) for batch in batches]
             for future in running:
+                future.add_done_callback(lambda _: reported.put(0.0))  # ends the wait below
                 while not future.done():
-                    with contextlib.suppress(Empty):
-                        report(reported.get(timeout=_PATIENCE))
+                    report(reported.get())
                 yield from future.result()
             while not reported.empty():
                 report(reported.get())
