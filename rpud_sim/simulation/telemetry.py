@@ -19,6 +19,7 @@ from rpud_sim.simulation.block import (
     first_sample,
     join_blocks,
 )
+from rpud_sim.simulation.faults import FaultRecord
 from rpud_sim.simulation.fields import (
     PROCESS_TOPICS,
     SAMPLED,
@@ -27,9 +28,7 @@ from rpud_sim.simulation.fields import (
     contact_force_fields,
     has_part,
     joint_state_fields,
-    mount_torque,
     process_fields,
-    process_joints,
     sampled_fields,
     stamp_of,
     to_array,
@@ -38,7 +37,6 @@ from rpud_sim.simulation.fields import (
     waveform_fields,
     wrench_fields,
 )
-from rpud_sim.simulation.ledger import FaultRecord
 from rpud_sim.simulation.sampling import Times, join_samples
 from rpud_sim.simulation.signals import SignalFaults
 from rpud_sim.simulation.topics import CHANNELS
@@ -269,15 +267,14 @@ class Telemetry:
         samples = block.sample_ends()
         for topic in SAMPLED:
             yield Columns(topic, parts, ends, sampled_fields(topic, samples, stamps))
-        fields = wrench_fields(samples, stamps, mount_torque(block.states))
+        fields = wrench_fields(samples, stamps, block.states)
         yield Columns("wrench", parts, ends, fields)
         for topic in PROCESS_TOPICS:
             if has_part(block.states, topic):
                 for among, fields in process_fields(topic, block.states, stamps):
                     yield Columns(topic, parts[among], ends[among], fields)
         if self._wanted("joint_states"):
-            joints = tuple(process_joints(block.states))
-            fields = joint_state_fields(samples, stamps, joints)
+            fields = joint_state_fields(samples, stamps, block.states)
             yield Columns("joint_states", parts, ends, fields)
         if block.readings:
             powers = self._powers(block)
