@@ -32,7 +32,7 @@ from rpud_sim.simulation.changes import Planned, apply_change
 from rpud_sim.simulation.commands import WeightOnBit
 from rpud_sim.simulation.configuration import Configuration, whole_configuration
 from rpud_sim.simulation.energy_account import EnergyAccount, FeedAccount, RecentEnergy
-from rpud_sim.simulation.plant import nominal_drive, rpud_constants
+from rpud_sim.simulation.plant import rpud_constants
 from rpud_sim.simulation.sampling import Times
 from rpud_sim.simulation.scenario import Scenario
 from rpud_sim.simulation.simulation import Simulation
@@ -90,7 +90,7 @@ class EnsembleRuns:
 
     def __init__(self, configuration: Configuration, phases: Sequence[float]) -> None:
         self._parameters = parameters = configuration.parameters
-        drive = nominal_drive(configuration)
+        drive = configuration.nominal_drive
         actuator = Actuator(configuration.actuator, parameters.vibration_amplitude, drive)
         self._drill: Drill = derive(parameters)
         self._rpud: RpudConstants = rpud_constants(parameters, actuator.resonance)

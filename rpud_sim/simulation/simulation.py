@@ -28,7 +28,7 @@ from rpud_sim.simulation.faults import (
     supported_kinds,
 )
 from rpud_sim.simulation.journal import Journal
-from rpud_sim.simulation.plant import Plant, nominal_drive, rpud_constants
+from rpud_sim.simulation.plant import Plant, rpud_constants
 from rpud_sim.simulation.scenario import Scenario, ScheduledFault
 
 # Refusals that are kept until they are drained; the oldest are dropped.
@@ -65,7 +65,7 @@ class Simulation:
     ) -> None:
         configuration = whole_configuration(configuration)
         parameters = configuration.parameters
-        drive = nominal_drive(configuration)
+        drive = configuration.nominal_drive
         self.configuration = configuration  # in force, without faults; read-only
         self._journal = journal
         self._first_specific_energy = configuration.rock.rock_specific_energy
