@@ -31,19 +31,15 @@ class LockstepClient(DrillClient):
     """Client for what ``Drill`` has no method for; time and reset belong to the lockstep."""
 
     def step(self, seconds: float) -> NoReturn:
-        """Refuse."""
         _refuse("step", "step")
 
     def run_to(self, stamp: float) -> NoReturn:
-        """Refuse."""
         _refuse("run_to", "step")
 
     def play(self) -> NoReturn:
-        """Refuse."""
         _refuse("play", "step")
 
     def reset(self, scope: str | int = "all", seed: int | None = None) -> NoReturn:
-        """Refuse."""
         _refuse("reset", "reset")
 
 

@@ -135,9 +135,7 @@ def test_the_table_has_every_figure_with_its_unit(simulate):
     ("words", "complaint"),
     [
         (["--duration", "0"], "--duration = 0 s is outside its range [1e-09, 1e+06] s"),
-        (["--duration", "nan"], "--duration = nan s is outside its range [1e-09, 1e+06] s"),
         (["--repeat", "0"], "--repeat = 0 is outside its range [1, 1e+06]"),
-        (["--repeat", "1.5"], "--repeat = 1.5 is not a whole number"),
         (["--seed", "-1"], "--seed = -1 is outside its range [0, 9.22337e+18]"),
         (
             ["--set", "weight_on_bit=-5"],

@@ -121,10 +121,12 @@ def read_side_by_side(
             for other, found in ([(sides[0], pairs[number - 1])] if number else partners)
             if isinstance(pair := found.get(topic), _Pair) and not pair.done
         ]
+        own = min(number, 1)
         for timed in side.timed(block) if waiting else ():
             for pair, other in waiting:
-                if not other.ended or timed.time <= other.reached:  # or this run goes on longer
-                    pair.add(min(number, 1), timed)
+                # Beyond the end of the other run there is nothing to wait for.
+                if not other.ended or timed.time <= other.reached or pair.waiting[1 - own]:
+                    pair.add(own, timed)
     for other, each in partners:
         until = min(sides[0].reached, other.reached)
         yield tuple(
@@ -165,16 +167,16 @@ class _Pair:
         self.done = False  # whether a difference is found
         self._topic = topic
         self._several_times = topic in _SEVERAL_TIMES
-        self._waiting: tuple[deque[_Timed], deque[_Timed]] = (deque(), deque())
+        self.waiting: tuple[deque[_Timed], deque[_Timed]] = (deque(), deque())  # of each run
         self._sizes = [0, 0]  # of what waits [bytes]
         self._began = False
         self._equal = 0
         self._found: TopicBits | None = None
 
     def add(self, side: int, message: _Timed) -> None:
-        self._waiting[side].append(message)
+        self.waiting[side].append(message)
         self._sizes[side] += _size(message)
-        first, second = self._waiting
+        first, second = self.waiting
         while first and second and not self.done:
             if not self._began and first[0].time != second[0].time:
                 # A recorder may have begun later: nothing is missing before its first message.
@@ -187,10 +189,10 @@ class _Pair:
             self._began = True
             self._compare(self._take(0), self._take(1))
         if self._sizes[side] > _MOST_WAITING and not self.done:
-            self._missing(side, self._waiting[side][0])
+            self._missing(side, self.waiting[side][0])
 
     def _take(self, side: int) -> _Timed:
-        message = self._waiting[side].popleft()
+        message = self.waiting[side].popleft()
         self._sizes[side] -= _size(message)
         return message
 
@@ -228,7 +230,7 @@ class _Pair:
         self._found = TopicBits(
             self._topic, DIFFERENT, self._equal, time / SECOND, field, reference, other
         )
-        for waiting in self._waiting:
+        for waiting in self.waiting:
             waiting.clear()
 
     def result(self, until: int) -> TopicBits:
@@ -239,7 +241,7 @@ class _Pair:
             return TopicBits(self._topic, NOT_COMPARED, note="the runs have no time in common")
         longer = [
             name
-            for name, waiting in zip(("the reference", "this run"), self._waiting, strict=True)
+            for name, waiting in zip(("the reference", "this run"), self.waiting, strict=True)
             if waiting and waiting[0].time <= until
         ]
         note = f"{longer[0]} goes on longer" if longer else ""

@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,11 +13,11 @@ from rpud_sim.pages.plot import axis_ends
 from rpud_sim.simulation.configuration import read_parameter_file, to_settings
 from rpud_sim.studies.fit import fit as fits
 from rpud_sim.studies.fit import rounds
-from rpud_sim.studies.fit.fit import fit_in, run_fit
+from rpud_sim.studies.fit.fit import fit_in, prove, run_fit
 from rpud_sim.studies.fit.fit_report import corner_rows, target_plot, unknown_quantity, write_fit
 from rpud_sim.studies.fit.rounds import FitFolder
 from rpud_sim.studies.fit.surrogate import Region
-from rpud_sim.studies.fit.target_file import parse_targets
+from rpud_sim.studies.fit.target_file import parse_targets, read_target_file
 
 FIT = {
     "parameters": {"regime": "drilling"},
@@ -120,6 +121,24 @@ def test_a_corner_shows_where_the_posterior_is(specification, tmp_path):
     for item in fit.comparisons:
         assert low < item.ratio < high
     assert dict(plot.y.columns)["target"][1].endswith(" kN")
+
+
+@pytest.mark.extended
+def test_intervals_hold_synthetic_drills_as_often_as_they_say(tmp_path):
+    example = Path(__file__).parents[3] / "config" / "fit_example.yaml"
+    specification = read_target_file(example)
+    short = tuple(
+        dataclasses.replace(t, measure=dataclasses.replace(t.measure, end=0.5))
+        for t in specification.targets
+    )
+    specification = dataclasses.replace(specification, points=128, rounds=2, targets=short)
+    folder = FitFolder(tmp_path, specification, 2, lambda runs: None)
+    with folder.held():
+        proof = prove(folder, specification, 20)
+    assert proof.drills + proof.refused == 20
+    assert proof.refused <= 2
+    assert proof.holds
+    assert proof.chosen == pytest.approx(1.0)
 
 
 class ClosedForm:
