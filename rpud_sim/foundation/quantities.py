@@ -113,11 +113,7 @@ class Choice:
         return f"one of {', '.join(self.choices)}"
 
     def check(self, name: str, value: Any) -> str:
-        """Return the value.
-
-        Raises:
-            ParameterError: if it is none of the words.
-        """
+        """Return the value, or refuse it if it is none of the words."""
         if not (isinstance(value, str) and value in self.choices):
             raise ParameterError(f"{name} = {shown(value)} is not {self.range}")
         return value
@@ -131,11 +127,7 @@ class Flag:
     range: str = dataclasses.field(default="true or false", init=False)
 
     def check(self, name: str, value: Any) -> bool:
-        """Return the value.
-
-        Raises:
-            ParameterError: if it is neither true nor false.
-        """
+        """Return the value, or refuse it."""
         if not isinstance(value, bool):
             raise ParameterError(f"{name} = {shown(value)} is not true or false")
         return value
@@ -149,11 +141,7 @@ class Text:
     range: str  # which texts are allowed, in words
 
     def check(self, name: str, value: Any) -> str:
-        """Return the value.
-
-        Raises:
-            ParameterError: if it is no text.
-        """
+        """Return the value, or refuse it if it is no text."""
         if not isinstance(value, str):
             raise ParameterError(f"{name} = {shown(value)} is not a text")
         return value

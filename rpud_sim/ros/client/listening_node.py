@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from types import TracebackType
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import rclpy
 from rclpy.client import Client
@@ -17,6 +17,9 @@ from rclpy.subscription import Subscription
 from rpud_sim.foundation.quantities import ExpectedError
 from rpud_sim.ros.starting import name_error, start_ros
 from rpud_sim.ros.threads import raised
+
+if TYPE_CHECKING:
+    from typing import Self
 
 _WITH_INFO = Subscription.CallbackType.WithMessageInfo
 _MOST_AT_ONCE = 10_000  # messages of a topic; more would keep its owner from looking
@@ -77,7 +80,7 @@ class ListeningNode:
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self.node)
 
-    def __enter__(self) -> ListeningNode:
+    def __enter__(self) -> Self:
         return self
 
     def __exit__(
@@ -102,7 +105,7 @@ class ListeningNode:
         self,
         kind: Any,
         topic: str,
-        heard: Callable[..., None],
+        heard: Callable[..., Any],
         qos: QoSProfile,
         **options: Any,
     ) -> Subscription:

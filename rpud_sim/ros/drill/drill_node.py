@@ -37,7 +37,7 @@ from rpud_sim.ros.stopping import StopRequest, limit_end, limited_end
 from rpud_sim.ros.threads import StoppedError, quick_switches, serve
 from rpud_sim.simulation.configuration import Settings, to_settings
 from rpud_sim.simulation.ensemble import compile_kernels
-from rpud_sim.simulation.ledger import FaultRecord
+from rpud_sim.simulation.faults import FaultRecord
 from rpud_sim.simulation.rerun import Start
 from rpud_sim.simulation.statistics import Statistics
 from rpud_sim.simulation.topics import TOPICS
