@@ -306,9 +306,8 @@ class Views:
                 silent = channel == "contact_force" and not near.channels[channel].any()
                 if not (silent and struck):  # before drilling an impact has no duration
                     layers[quantity] = _waveform_layer(near, channel, width)
-        complete = self.recording.damages.keys().isdisjoint(numbers)
         found = {"start": start, "end": end, "detail": WAVEFORM if near else MESSAGES}
-        return {**found, "complete": complete, "band": "least-greatest", "layers": layers}
+        return {**found, "band": "least-greatest", "layers": layers}
 
     def timeline(self, drill: str) -> Layer:
         """Return the field ``timeline`` of a frame: peak force, else the first signal."""
