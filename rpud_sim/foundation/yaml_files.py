@@ -25,13 +25,7 @@ from typing import Any
 
 import yaml
 
-from rpud_sim.foundation.quantities import (
-    Allowed,
-    ParameterError,
-    did_you_mean,
-    shown,
-    shown_name,
-)
+from rpud_sim.foundation.quantities import Allowed, ParameterError, did_you_mean, shown, shown_name
 
 # Files for this are written by hand. A longer file is something else and takes seconds to read.
 MOST_BYTES = 100_000

@@ -33,11 +33,7 @@ class ActuatorParameters(ParameterGroup):
         "resonance: by resonance, with ring-up and power",
     )
     nominal_voltage: float = number(
-        100.0,
-        "V",
-        "voltage at which the vibration has its nominal amplitude",
-        1e-3,
-        1e3,
+        100.0, "V", "voltage at which the vibration has its nominal amplitude", 1e-3, 1e3
     )
     resonance_frequency: float = number(
         16000.0, "Hz", "resonance frequency of the actuator at ambient temperature", 100.0, 2e5

@@ -60,12 +60,7 @@ class Configuration(ParameterGroup):
     def drilling(self) -> DrillingParameters:
         """Parameters of the slow processes around the percussion."""
         return DrillingParameters(
-            self.rotation,
-            self.mount,
-            self.strata,
-            self.bit,
-            self.rock,
-            self.parameters.tool_length,
+            self.rotation, self.mount, self.strata, self.bit, self.rock, self.parameters.tool_length
         )
 
     @property

@@ -207,8 +207,7 @@ def _above_one(description: str, greatest: float = 1e3) -> Quantity:
 
 KINDS: Mapping[str, Kind] = {
     "free_mass_jammed": Kind(
-        "the free mass is wedged to the drill tool and strikes it no more",
-        effect=_switch("jammed"),
+        "the free mass is wedged to the drill tool and strikes it no more", effect=_switch("jammed")
     ),
     "lost_preload": Kind(
         "the load spring pushes less than commanded",

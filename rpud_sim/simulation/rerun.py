@@ -82,9 +82,7 @@ class Rerun:
     """
 
     def __init__(
-        self,
-        journal: Journal | None = None,
-        wanted: Callable[[str], bool] = lambda topic: True,
+        self, journal: Journal | None = None, wanted: Callable[[str], bool] = lambda topic: True
     ) -> None:
         self._journal = journal
         self._wanted = wanted

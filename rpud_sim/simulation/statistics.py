@@ -22,12 +22,7 @@ from rpud_sim.model.tally import (
     empty_tallies,
 )
 from rpud_sim.simulation.block import Block
-from rpud_sim.simulation.energy_account import (
-    EnergyAccount,
-    FeedAccount,
-    absorbed,
-    sum_accounts,
-)
+from rpud_sim.simulation.energy_account import EnergyAccount, FeedAccount, absorbed, sum_accounts
 
 # Names and units of the figures.
 FIGURES = MappingProxyType(
