@@ -154,11 +154,7 @@ class Rerun:
 
 
 def repeat_change(run: Run, entry: JournalEntry) -> Iterator[Entry]:
-    """Repeat the change of an entry on a run at the entry's time, and yield the messages.
-
-    Raises:
-        ArithmeticError, LookupError, TypeError, ValueError: if the entry cannot be repeated.
-    """
+    """Repeat the change of an entry on a run at the entry's time, and yield the messages."""
     if entry.kind in ("flush", "end"):
         yield from run.flush(entry.kind)
     elif (change := _CHANGES.get(entry.kind)) is not None:
