@@ -44,7 +44,7 @@ def page(results: Results) -> str:
         _list(_summary(results)),
         "## The paper's ten simulated numbers",
         "Model over paper; **bold** is within 10 %.",
-        score_table(results).markdown(),
+        score_table(results, (FITTED, REASONED, TABLES)).markdown(),
         "## What no choice reaches",
         _unreached(results) + " The paper says that the measured drill differs from its tables.",
         _slopes(results),
