@@ -5,28 +5,17 @@ from __future__ import annotations
 import struct
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
 
-import zstandard
-from mcap.exceptions import McapError
+from rpud_sim.foundation.quantities import ExpectedError
 
 # Errors that Python raises where a value is not of the expected form.
 MALFORMED = (AttributeError, LookupError, OverflowError, RecursionError, TypeError, ValueError)
 
-# Errors that the libraries raise when they read damaged bytes.
-DAMAGED = (
-    *MALFORMED,
-    EOFError,
-    McapError,
-    MemoryError,
-    RuntimeError,
-    StopIteration,
-    struct.error,
-    zstandard.ZstdError,
-)
+# Errors that Python and ``rosbags`` raise when they read damaged bytes.
+DAMAGED = (*MALFORMED, EOFError, MemoryError, RuntimeError, StopIteration, struct.error)
 
 
-class BagError(Exception):
+class BagError(ExpectedError):
     """Error of a bag that cannot be read or written.
 
     Characters of the text that cannot be printed, such as some in names of a bag, are escaped.
@@ -55,22 +44,6 @@ class BagFormatError(BagError):
 
 class DefinitionNotFoundError(BagError):
     """Error of a message type whose definition is not on the search path."""
-
-
-@contextmanager
-def reading(path: Path) -> Iterator[None]:
-    """Replace errors that a missing or damaged file causes by a BagError that names the file."""
-    try:
-        yield
-    except FileNotFoundError as error:
-        raise BagNotFoundError(f"{path} does not exist") from error
-    except OSError as error:
-        raise BagError(f"cannot read {path}: {error.strerror or error}") from error
-    except BagFormatError as error:
-        text = str(error)
-        raise BagFormatError(text if str(path) in text else f"{path}: {text}") from error
-    except DAMAGED as error:
-        raise BagFormatError(f"{path} is damaged: {error or type(error).__name__}") from error
 
 
 @contextmanager

@@ -24,7 +24,7 @@ from mcap.records import (
 from mcap.summary import Summary
 
 from rpud_sim.bag.chunks import chunk_blocks, stretch_blocks
-from rpud_sim.bag.errors import BagError, BagFormatError, reading
+from rpud_sim.bag.errors import BagError, BagFormatError
 from rpud_sim.bag.messages import REPEATED_KEY, BagSegment, MessageBlock
 from rpud_sim.bag.metadata import Topic, TopicSummary, load_offered_qos
 from rpud_sim.bag.records import (
@@ -34,6 +34,7 @@ from rpud_sim.bag.records import (
     parse,
     parse_chunk_index,
     read_record,
+    reading,
 )
 from rpud_sim.bag.scan import RecordWalk
 

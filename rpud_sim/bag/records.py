@@ -13,13 +13,16 @@ import re
 import struct
 import zlib
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from io import BytesIO
+from pathlib import Path
 from typing import Any, BinaryIO
 
 import lz4.frame
 import zstandard
 from mcap.data_stream import ReadDataStream
+from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import (
     Attachment,
@@ -34,7 +37,7 @@ from mcap.records import (
     Statistics,
 )
 
-from rpud_sim.bag.errors import DAMAGED, BagFormatError
+from rpud_sim.bag.errors import DAMAGED, BagError, BagFormatError, BagNotFoundError
 
 MAGIC = b"\x89MCAP0\r\n"
 RECORD = struct.Struct("<BQ")  # opcode, length of the content
@@ -67,7 +70,23 @@ _ANY_LENGTH = (Opcode.CHUNK, Opcode.ATTACHMENT)  # to be left out if they are to
 _PRIVATE = 0x80  # kinds from here on are for others to define
 
 # Errors that damaged bytes raise, here and in the libraries.
-UNREADABLE = (BagFormatError, *DAMAGED)
+UNREADABLE = (BagFormatError, *DAMAGED, McapError, zstandard.ZstdError)
+
+
+@contextmanager
+def reading(path: Path) -> Iterator[None]:
+    """Replace errors that a missing or damaged file causes by a BagError that names the file."""
+    try:
+        yield
+    except FileNotFoundError as error:
+        raise BagNotFoundError(f"{path} does not exist") from error
+    except OSError as error:
+        raise BagError(f"cannot read {path}: {error.strerror or error}") from error
+    except BagFormatError as error:
+        text = str(error)
+        raise BagFormatError(text if str(path) in text else f"{path}: {text}") from error
+    except UNREADABLE as error:
+        raise BagFormatError(f"{path} is damaged: {error or type(error).__name__}") from error
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,7 +14,7 @@ from typing import Any
 
 from mcap.records import Attachment, Channel, Message, Metadata, Schema
 
-from rpud_sim.bag.errors import BagError, BagFormatError, BagNotFoundError, reading
+from rpud_sim.bag.errors import BagError, BagFormatError, BagNotFoundError
 from rpud_sim.bag.losses import (
     LOSSES_RECORD,
     RECORDING_RECORD,
@@ -40,6 +40,7 @@ from rpud_sim.bag.metadata import (
     read_document,
 )
 from rpud_sim.bag.reader import BagReader
+from rpud_sim.bag.records import reading
 from rpud_sim.bag.scan import Damage, MissingMessages, Scan
 from rpud_sim.bag.storage_files import SUFFIXES, in_order, storage_files
 from rpud_sim.bag.writer import BagWriter

@@ -17,7 +17,7 @@ from rosbags.rosbag2.metadata import dump_qos_v9
 from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
 
 from rpud_sim.bag.definitions import find_definition
-from rpud_sim.bag.errors import BagError, BagFormatError, DefinitionNotFoundError, reading
+from rpud_sim.bag.errors import BagError, BagFormatError, DefinitionNotFoundError
 from rpud_sim.bag.messages import (
     LATEST,
     OVERLAP_LIMIT,
@@ -27,7 +27,7 @@ from rpud_sim.bag.messages import (
     blocks_of,
 )
 from rpud_sim.bag.metadata import Topic, TopicSummary, profiles_from_yaml
-from rpud_sim.bag.records import CONTENT_LIMIT
+from rpud_sim.bag.records import CONTENT_LIMIT, reading
 
 _LEAST_PART = 1000  # messages that are read together; more in a bag of more than _MOST_PARTS of it
 _MOST_PARTS = 256  # each is a query, which may read the whole table

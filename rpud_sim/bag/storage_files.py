@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, TypeAlias
 
 import zstandard
 
-from rpud_sim.bag.errors import BagFormatError, BagNotFoundError, reading
+from rpud_sim.bag.errors import BagFormatError, BagNotFoundError
 from rpud_sim.bag.losses import LOSSES_RECORD, Losses, losses_from_record
 from rpud_sim.bag.mcap_file import McapFile
 from rpud_sim.bag.messages import Message
 from rpud_sim.bag.metadata import FILE_NAME, BagMetadata, TopicSummary, local_name, read_document
-from rpud_sim.bag.records import CONTENT_LIMIT
+from rpud_sim.bag.records import CONTENT_LIMIT, reading
 
 if TYPE_CHECKING:
     from rpud_sim.bag.sqlite_file import SqliteFile

@@ -216,18 +216,18 @@ class Actuator:
         """
         if self.resonance is None:
             amplitude = self.level
-        reading = ActuatorReading(
-            self._voltage, self._frequency, amplitude, self.resonance_frequency, self._temperature
-        )
+        state = (self._voltage, self._frequency, amplitude)
+        thermal = (self.resonance_frequency, self._temperature)
         if self.resonance is None:
-            return reading
+            return ActuatorReading(*state, *thermal)
         resistance = self._parameters.motional_resistance
         power, energy = rotor
         envelope = account.envelope
         if self._voltage > 0.0:
             envelope += 2.0 * resistance * power / self._voltage
-        return dataclasses.replace(
-            reading,
+        return ActuatorReading(
+            *state,
+            *thermal,
             current=complex_size(envelope) / resistance,
             phase=complex_phase(envelope),
             electrical_power=self._voltage * envelope.real / (2.0 * resistance),

@@ -69,6 +69,12 @@ class Configuration(ParameterGroup):
         )
 
     @property
+    def nominal_drive(self) -> Drive:
+        """Drive that is in force until the first command."""
+        frequency = self.parameters.vibration_frequency
+        return Drive(self.drive_enabled, self.actuator.nominal_voltage, frequency)
+
+    @property
     def has_feed(self) -> bool:
         """Whether a feed is commanded, and the weight on bit follows."""
         return self.mount.feed_model != "none"
@@ -122,14 +128,9 @@ class Configuration(ParameterGroup):
             )
 
 
-_ACTUATOR, _ROCK = ActuatorParameters(), RockParameters()
-
-
 def whole_configuration(drill: Configuration | Parameters) -> Configuration:
     """Return a configuration as it is, and parameters with the default actuator and rock."""
-    if isinstance(drill, Configuration):
-        return drill
-    return Configuration(drill, _ACTUATOR, _ROCK)
+    return drill if isinstance(drill, Configuration) else Configuration(drill)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -232,13 +233,9 @@ class Settings(ParameterGroup):
 
 # Groups of parameters by their field in ``Configuration``.
 _GROUPS: Mapping[str, Any] = {
-    "parameters": Parameters,
-    "actuator": ActuatorParameters,
-    "rock": RockParameters,
-    "rotation": RotationParameters,
-    "mount": MountParameters,
-    "strata": StrataParameters,
-    "bit": BitParameters,
+    field.name: field.default_factory
+    for field in dataclasses.fields(Configuration)
+    if field.default_factory is not dataclasses.MISSING
 }
 # Every parameter by its name, in the order in which the documentation lists them.
 PARAMETERS: Mapping[str, Declaration] = {

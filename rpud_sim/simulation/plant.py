@@ -23,15 +23,6 @@ from rpud_sim.simulation.faults import FaultEffects, effects_of
 from rpud_sim.simulation.percussion import LoadSpring, PercussionMeter, nodal_plane_position
 
 
-def nominal_drive(configuration: Configuration) -> Drive:
-    """Return the drive that is in force until the first command."""
-    return Drive(
-        configuration.drive_enabled,
-        configuration.actuator.nominal_voltage,
-        configuration.parameters.vibration_frequency,
-    )
-
-
 def rpud_constants(parameters: Parameters, resonance: Resonance | None) -> RpudConstants:
     """Return the constants of the RPUD that its segments lack."""
     return RpudConstants(

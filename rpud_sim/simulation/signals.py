@@ -20,8 +20,8 @@ from rpud_sim.model.elementary import logarithm_one_plus, sin_cos_cycles
 from rpud_sim.simulation.topics import CHANNELS, Channel, FieldPath
 
 if TYPE_CHECKING:  # a kind of fault has its stage
+    from rpud_sim.simulation.faults import FaultRecord
     from rpud_sim.simulation.fields import Fields
-    from rpud_sim.simulation.ledger import FaultRecord
 
 # Share of the values of a garbage channel that are NaN or infinite, so that mission software meets
 # them; of random bit patterns only one in two thousand is.

@@ -387,14 +387,19 @@ class Recording:
     def _find_clock(self, drill: str) -> None:
         """Find when a clock began, and its jumps as far as a sample of the bag shows them."""
         topics = self._clock_topics[drill]
-        sample = [rows for rows in map(self.rows, self.sample) if topics & rows.keys()]
+        sample = [
+            found
+            for each in map(self.rows, self.sample)
+            if (
+                found := {
+                    name: each[name] for name in topics & each.keys() if len(each[name].stamps)
+                }
+            )
+        ]
         if not sample:
             return
         stamps, logs = np.concatenate([self.series(drill, rows) for rows in sample], axis=1)
-        rows = min(
-            (sample[0][name] for name in topics & sample[0].keys()),
-            key=lambda each: each.log_times[0],
-        )
+        rows = min(sample[0].values(), key=lambda each: each.log_times[0])
         # A block is logged after its last row, and the other messages at their own times.
         others = np.flatnonzero(rows.log_times != rows.log_times[0])
         last = int(others[0]) - 1 if len(others) else -1
