@@ -14,6 +14,12 @@ class ParameterError(ValueError):
     """Unusable parameter; the text names parameter, value, unit and allowed range."""
 
 
+class ExpectedError(Exception):
+    """Failure that ends a command with its text as one line."""
+
+    code = 1  # that the command then exits with; 2 for a wrong call
+
+
 def shown(value: Any) -> str:
     """Return any value as short text on one line."""
     try:

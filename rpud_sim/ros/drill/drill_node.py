@@ -20,6 +20,7 @@ from rclpy.logging import get_logger
 from rclpy.parameter import Parameter
 from rclpy.validate_namespace import validate_namespace
 
+from rpud_sim.foundation.quantities import ExpectedError
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.ros.drill import standard_services
 from rpud_sim.ros.drill.duplicate_nodes import DuplicateNodes, DuplicateSearch
@@ -265,7 +266,7 @@ def spin(
         raise RuntimeError(str(failure)) from failure
 
 
-class DuplicateError(RuntimeError):
+class DuplicateError(ExpectedError, RuntimeError):
     """Drill of the same name that runs already; the message is one line."""
 
 
