@@ -66,7 +66,7 @@ class DrillNode(ManagedNode):
         self.settings.read_scenario()  # a file that is missing ends the start, not the activation
         begin = start.run.time if start else 0
         self._end = sys.maxsize if duration is None else begin + round(duration * SECOND)
-        self._inbox = Inbox(self.get_logger())
+        self._inbox = Inbox(self.get_logger(), self.loop.wake)
         self._namesakes = DuplicateNodes(self)
         self._sent: Counter[str] | None = None
         self._gate = Gate(self, lambda: self.settings, self._inbox, self._now)
