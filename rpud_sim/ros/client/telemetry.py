@@ -89,9 +89,7 @@ class Telemetry:
         self._events[topic] = 0
 
         def heard(data: bytes, info: dict[str, Any]) -> None:
-            number = info["publication_sequence_number"]
-            if number is not None:
-                gaps.note(number)
+            gaps.note(info["publication_sequence_number"])
             with suppress(struct.error, ValueError):  # of a stranger: not a message of this type
                 decode(data)
 

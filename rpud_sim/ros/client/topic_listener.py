@@ -112,9 +112,7 @@ class TopicListener:
     def _on_message(self, message: Any, info: dict[str, Any]) -> None:
         self._heard = True
         self._messages.append(message)
-        number = info["publication_sequence_number"]
-        if number is not None:  # not every middleware counts
-            self._gaps.note(number)
+        self._gaps.note(info["publication_sequence_number"])
 
 
 def absolute_name(node: Node, topic: str) -> str:

@@ -126,8 +126,8 @@ class PacingLoop:
         publishers.send(messages)
         pacer.finish(until)
         if pacer.paces:
-            struck = [time for time, name, _ in entries if name == "contact_force"]
-            live.reporter.add_impact_delays(map(pacer.delay_since, struck))
+            for struck in (time for time, name, _ in entries if name == "contact_force"):
+                live.reporter.impact_delays.add(pacer.delay_since(struck))
         live.read_commands()
         if not pacer.ahead:
             live.publish_deferred()

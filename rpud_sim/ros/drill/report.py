@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import time
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
@@ -255,7 +255,7 @@ class StatusReporter:
         self._subscriptions = [each for each in node.subscriptions if each.topic in commands]
         self.last: Report | None = None  # the latest report, None before the first
         self._blocks: list[Block] = []
-        self._impact_delays = DelayHistogram()
+        self.impact_delays = DelayHistogram()  # of impacts until they were published
         self._diagnostics_wait = False
         self._rests_until = 0
         self.begin()
@@ -275,18 +275,13 @@ class StatusReporter:
         self._totals = Statistics()
         self._interval = Statistics()
         self._inbox.begin()
-        self._impact_delays = DelayHistogram()
+        self.impact_delays = DelayHistogram()
         self._due = 0
 
     def add(self, block: Block) -> None:
         self._blocks.append(block)
         if len(self._blocks) >= _BATCH_SIZE:
             self._count()
-
-    def add_impact_delays(self, delays: Iterable[int]) -> None:
-        """Add the delays of impacts from their stamps until they were published [ns]."""
-        for delay in delays:
-            self._impact_delays.add(delay)
 
     def publishers_heard(self) -> Mapping[str, int]:
         """Return the number of publishers whose commands reach the node, by topic.
@@ -327,7 +322,7 @@ class StatusReporter:
             self.publish_diagnostics()  # one in each period, even where time is short
             self._count()
             timing, command_delays = pacer.read(), self._inbox.take_delays()
-            impact_delays, self._impact_delays = self._impact_delays, DelayHistogram()
+            impact_delays, self.impact_delays = self.impact_delays, DelayHistogram()
             figures = self._interval.figures()
             self._totals.merge(self._interval)
             self._interval = Statistics()
