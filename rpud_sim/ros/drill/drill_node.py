@@ -302,10 +302,7 @@ def open_drill(
                     f"a drill named {search.name} runs already: choose another --namespace, "
                     "or give --allow-duplicate"
                 )
-        overrides = [
-            Parameter(name, value=float(value) if _is_whole(value) else value)
-            for name, value in values.items()
-        ]
+        overrides = [Parameter(name, value=value) for name, value in values.items()]
         yield DrillNode(duration, start, namespace=namespace, parameter_overrides=overrides)
 
 
@@ -316,7 +313,3 @@ def await_recorder(node: DrillNode, stop: StopRequest) -> None:
         pass
     if node.unheard and not stop.requested:
         node.get_logger().warning(f"not heard by the recorder: {', '.join(node.unheard)}")
-
-
-def _is_whole(value: Any) -> bool:
-    return isinstance(value, int) and not isinstance(value, bool)

@@ -6,15 +6,12 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
+from rclpy.impl.rcutils_logger import RcutilsLogger
 from rpud_msgs.msg import CommandResult
 
 from rpud_sim.ros.delay_histogram import DelayHistogram
 from rpud_sim.simulation.commands import Drive, Feed, WeightOnBit
-
-if TYPE_CHECKING:
-    from rclpy.impl.rcutils_logger import RcutilsLogger
 
 Command = WeightOnBit | Drive | Feed
 

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from rclpy.action import ActionServer, CancelResponse
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.node import Node
 
+from rpud_sim.ros.drill.live_run import LiveRun
+from rpud_sim.ros.drill.services import SimulationServer
 from rpud_sim.simulation.block import boundaries_until, boundary
-
-if TYPE_CHECKING:
-    from rpud_sim.ros.drill.live_run import LiveRun
-    from rpud_sim.ros.drill.services import SimulationServer
 
 try:
     from simulation_interfaces.action import SimulateSteps
