@@ -76,7 +76,7 @@ class Evaluation:
         """Return a formula as a step function, ``once`` only at the beginning, which is faster."""
         key = (formula, once)
         if key not in self._found:
-            self._found[key] = formula.steps(self, once)
+            self._found[key] = formula._steps(self, once)
         return self._found[key]
 
     def trigger(self, formula: Formula) -> Steps:
@@ -86,7 +86,7 @@ class Evaluation:
     def shown(self, formula: Formula, begin: int, last: int, held: bool) -> int:
         """Return when it shows that a formula holds first in a span, or does not; or its end."""
         found = self.steps(formula).first(begin, last, held)
-        return last if found is None else formula.decided(self, found, held)
+        return last if found is None else formula._decided(self, found, held)
 
     def _constant(self, value: np.ndarray, absent: bool = False) -> Steps:
         starts = np.array([self.begin, self.end + 1], np.int64)

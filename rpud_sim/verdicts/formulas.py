@@ -67,11 +67,11 @@ class Formula:
         for child in self.children():
             yield from child.walk()
 
-    def steps(self, on: Evaluation, once: bool) -> Steps:
+    def _steps(self, on: Evaluation, once: bool) -> Steps:
         """Return what it means on a recording, ``once`` only at the beginning."""
         raise NotImplementedError
 
-    def decided(self, on: Evaluation, time: int, held: bool) -> int:
+    def _decided(self, on: Evaluation, time: int, held: bool) -> int:
         """Return the instant at which it shows that it holds at a time, or does not [ns]."""
         return time
 
@@ -79,7 +79,7 @@ class Formula:
 class Event(Formula):
     """Base of formulas that hold at single nanoseconds."""
 
-    def steps(self, on: Evaluation, once: bool) -> Steps:
+    def _steps(self, on: Evaluation, once: bool) -> Steps:
         return on.event(self)
 
 
@@ -137,7 +137,7 @@ class Compare(Formula):
         if self.tolerance.value < 0.0:
             raise ExpectationError(f"tolerance = {self.tolerance} is below zero")
 
-    def steps(self, on: Evaluation, once: bool) -> Steps:
+    def _steps(self, on: Evaluation, once: bool) -> Steps:
         return on.compared_signal(self)
 
 
@@ -154,7 +154,7 @@ class Says(Formula):
         if not fits or word in ("true", "false"):
             raise ExpectationError(f"{self.signal} is {shown(word)}: that is no word")
 
-    def steps(self, on: Evaluation, once: bool) -> Steps:
+    def _steps(self, on: Evaluation, once: bool) -> Steps:
         return on.compared_signal(self)
 
 
@@ -176,7 +176,7 @@ class _OfFault:
 class Active(_OfFault, Formula):
     """A fault lasts: from its onset to just before its clearing."""
 
-    def steps(self, on: Evaluation, once: bool) -> Steps:
+    def _steps(self, on: Evaluation, once: bool) -> Steps:
         return on.active(self)
 
 
@@ -209,7 +209,7 @@ class Becomes(Event):
 
     formula: Formula
 
-    def steps(self, on: Evaluation, once: bool) -> Steps:
+    def _steps(self, on: Evaluation, once: bool) -> Steps:
         return beginnings(on.steps(self.formula))
 
 
@@ -219,11 +219,11 @@ class Not(Formula):
 
     formula: Formula
 
-    def steps(self, on: Evaluation, once: bool) -> Steps:
+    def _steps(self, on: Evaluation, once: bool) -> Steps:
         return negate(on.steps(self.formula, once))
 
-    def decided(self, on: Evaluation, time: int, held: bool) -> int:
-        return self.formula.decided(on, time, not held)
+    def _decided(self, on: Evaluation, time: int, held: bool) -> int:
+        return self.formula._decided(on, time, not held)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -234,13 +234,13 @@ class _Several(Formula):
         if not self.formulas:
             raise ExpectationError("all and any need at least one formula")
 
-    def steps(self, on: Evaluation, once: bool) -> Steps:
+    def _steps(self, on: Evaluation, once: bool) -> Steps:
         parts = [on.steps(each, once) for each in self.formulas]
         return combine(parts, least=isinstance(self, And))
 
-    def decided(self, on: Evaluation, time: int, held: bool) -> int:
+    def _decided(self, on: Evaluation, time: int, held: bool) -> int:
         times = [
-            part.decided(on, time, held)
+            part._decided(on, time, held)
             for part in self.formulas
             if on.steps(part, once=time == on.begin).shows(time, held)
         ]
@@ -266,11 +266,11 @@ class Implies(Formula):
     def _either(self) -> Or:
         return Or((Not(self.condition), self.formula))
 
-    def steps(self, on: Evaluation, once: bool) -> Steps:
+    def _steps(self, on: Evaluation, once: bool) -> Steps:
         return on.steps(self._either, once)
 
-    def decided(self, on: Evaluation, time: int, held: bool) -> int:
-        return self._either.decided(on, time, held)
+    def _decided(self, on: Evaluation, time: int, held: bool) -> int:
+        return self._either._decided(on, time, held)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -278,11 +278,11 @@ class _OverWindow(Formula):
     formula: Formula
     window: Window = WHOLE
 
-    def steps(self, on: Evaluation, once: bool) -> Steps:
+    def _steps(self, on: Evaluation, once: bool) -> Steps:
         span = self.window.start, self.window.end
         return over_window(on.steps(self.formula), *span, isinstance(self, Always), once)
 
-    def decided(self, on: Evaluation, time: int, held: bool) -> int:
+    def _decided(self, on: Evaluation, time: int, held: bool) -> int:
         last = self.window.last(time, on.end)
         if held is isinstance(self, Always):
             return last
@@ -310,14 +310,14 @@ class Until(Formula):
         if self.weak and self.window != WHOLE:
             raise ExpectationError("unless has no window: its goal may come at any time, or never")
 
-    def steps(self, on: Evaluation, once: bool) -> Steps:
+    def _steps(self, on: Evaluation, once: bool) -> Steps:
         kept = on.steps(self.formula)
         found = until(kept, on.steps(self.goal), self.window.start, self.window.end)
         if not self.weak:
             return found
         return combine([found, over_window(kept, 0, None, least=True)], least=False)
 
-    def decided(self, on: Evaluation, time: int, held: bool) -> int:
+    def _decided(self, on: Evaluation, time: int, held: bool) -> int:
         last = self.window.last(time, on.end)
         if held:
             return on.shown(self.goal, time + self.window.start, last, held)
@@ -331,7 +331,7 @@ class After(Formula):
     trigger: Formula  # an event; another formula stands for the instants at which it begins to hold
     formula: Formula  # that holds then
 
-    def steps(self, on: Evaluation, once: bool) -> Steps:
+    def _steps(self, on: Evaluation, once: bool) -> Steps:
         trigger, then = on.trigger(self.trigger), on.steps(self.formula)
         implied = combine([negate(trigger), then], least=False)
         starts = np.union1d(implied.starts, trigger.starts)
@@ -347,12 +347,12 @@ class After(Formula):
         always.values[:, unsure] = UNKNOWN[:, None]
         return Steps(starts, always.values, always.absent).merged()
 
-    def decided(self, on: Evaluation, time: int, held: bool) -> int:
+    def _decided(self, on: Evaluation, time: int, held: bool) -> int:
         if not held:
             then = on.steps(self.formula)
             for instant in on.trigger(self.trigger).sure(time):
                 if then.shows(instant, False):
-                    return self.formula.decided(on, instant, False)
+                    return self.formula._decided(on, instant, False)
         return on.end
 
 
@@ -373,10 +373,10 @@ class Count(Formula):
         if not 0.0 <= self.number < 1e15:
             raise ExpectationError(f"count = {self.number:g} is outside its range [0, 1e15)")
 
-    def steps(self, on: Evaluation, once: bool) -> Steps:
+    def _steps(self, on: Evaluation, once: bool) -> Steps:
         return on.count(self)
 
-    def decided(self, on: Evaluation, time: int, held: bool) -> int:
+    def _decided(self, on: Evaluation, time: int, held: bool) -> int:
         if self.until is None:
             return self.window.last(time, on.end)
         found = on.steps(self.until).first(time, on.end, True)
@@ -398,10 +398,10 @@ class Quantile(Formula):
         if not 0.0 < self.share <= 1.0:
             raise ExpectationError(f"quantile = {self.share:g} is outside its range (0, 1]")
 
-    def steps(self, on: Evaluation, once: bool) -> Steps:
+    def _steps(self, on: Evaluation, once: bool) -> Steps:
         return on.quantile(self, once)
 
-    def decided(self, on: Evaluation, time: int, held: bool) -> int:
+    def _decided(self, on: Evaluation, time: int, held: bool) -> int:
         return self.window.last(time, on.end)
 
 
