@@ -8,6 +8,7 @@ import importlib
 import inspect
 import io
 import re
+import sys
 import textwrap
 from collections.abc import Iterable, Iterator
 from pathlib import Path
@@ -151,7 +152,7 @@ def python() -> str:
 def _entry(name: str, item: Any) -> Iterator[str]:
     if inspect.isclass(item):
         yield f"class {name}{_signature(item)}\n{_indented(_text(item))}".rstrip()
-        for member, value in vars(item).items():
+        for member, value in _members(item).items():
             if not member.startswith("_") and _is_documented(value):
                 function = (
                     value.fget if isinstance(value, property) else inspect.unwrap(_function(value))
@@ -164,6 +165,24 @@ def _entry(name: str, item: Any) -> Iterator[str]:
         yield f"{name}{_signature(item)}\n{_indented(inspect.getdoc(item) or '')}".rstrip()
     else:
         yield f"{name}: {type(item).__name__}"
+
+
+def _members(item: type) -> dict[str, Any]:
+    """Return the members of a class, first the documented ones of its bases without an entry."""
+    own = vars(item)
+    bases = [
+        each
+        for each in reversed(item.__mro__[1:])
+        if each.__module__.startswith("rpud_sim.")
+        and not hasattr(sys.modules[each.__module__.rpartition(".")[0]], each.__name__)
+    ]
+    inherited = {
+        name: value
+        for each in bases
+        for name, value in vars(each).items()
+        if name not in own and inspect.getdoc(value)
+    }
+    return {**inherited, **own}
 
 
 def _function(value: Any) -> Any:

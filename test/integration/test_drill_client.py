@@ -54,7 +54,7 @@ def test_the_account_of_delivery_says_who_knows_the_drill(drill):
         asked = ["no name", "/nobody", "/answers"]
 
         def known():
-            rclpy.spin_once(namesake, executor=other._drill.listening._executor, timeout_sec=0.0)
+            rclpy.spin_once(namesake, executor=other._listening._executor, timeout_sec=0.0)
             delivery = drill.delivery(asked)
             commanders = dict(zip(delivery.command_topics, delivery.publishers, strict=True))
             return delivery.unanswered == asked[:2] and commanders["command/weight_on_bit"]
@@ -78,8 +78,8 @@ def test_a_command_waits_for_the_drill_and_for_all_others_that_hear_it(drill):
             for name in ("command/nobody", "command/weight_on_bit")
         )
         drill.until(alone.get_subscription_count)
-        assert not drill._drill._is_heard(alone)
-        drill.until(lambda: drill._drill._is_heard(heard))
+        assert not drill._is_heard(alone)
+        drill.until(lambda: drill._is_heard(heard))
         assert heard.get_subscription_count() == 2
         for publisher in (alone, heard):
             drill.node.destroy_publisher(publisher)

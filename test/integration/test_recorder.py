@@ -19,7 +19,7 @@ from support import called
 import rpud_sim.bag
 from rpud_sim.bag.manifest import MANIFEST_RECORD as MANIFEST
 from rpud_sim.bag.manifest import manifest_from_record
-from rpud_sim.ros.record.recorder_node import service_type
+from rpud_sim.ros.graph import rosbag_service
 from rpud_sim.simulation.scenario import parse_scenario, read_scenario
 
 HERE = Path(__file__).parent
@@ -149,7 +149,7 @@ def ask():
     executor = SingleThreadedExecutor(context=context)
 
     def call(name):
-        client = node.create_client(service_type(name), f"/rpud/recorder/{name}")
+        client = node.create_client(rosbag_service(name), f"/rpud/recorder/{name}")
         assert client.wait_for_service(10.0)
         future = client.call_async(client.srv_type.Request())
         executor.add_node(node)

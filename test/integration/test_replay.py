@@ -17,9 +17,8 @@ from support import called, until
 
 from rpud_sim.bag import BagWriter, Topic
 from rpud_sim.bag import QosProfile as RecordedProfile
-from rpud_sim.ros.replay.replayer import service_types
+from rpud_sim.ros.graph import rosbag_service
 
-TYPES = service_types()
 REPLAYED = "/rpud/talk"
 STEP = SECOND // 20  # between two messages
 
@@ -58,7 +57,7 @@ class Audience(Client):
         self.node.create_subscription(String, topic, callback, QoSProfile(depth=1000))
 
     def ask(self, service, **fields):
-        kind = TYPES[service]
+        kind = rosbag_service(service)
         return self.call(kind, f"/replayer/{service}", kind.Request(**fields))
 
 

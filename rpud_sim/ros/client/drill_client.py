@@ -9,9 +9,7 @@ from typing import Any, TypeVar
 
 from builtin_interfaces.msg import Duration, Time
 from rcl_interfaces.srv import SetParametersAtomically
-from rclpy.node import Node
 from rclpy.parameter import Parameter
-from rclpy.qos import QoSProfile
 from rpud_msgs.msg import Drive, Fault, Feed, Result, SimulationState, Status, WeightOnBit
 from rpud_msgs.srv import (
     ClearFault,
@@ -46,7 +44,7 @@ _FAULT_NUMBER = Quantity("", "the number of a fault", 1, 2**32 - 1, whole=True)
 Value = TypeVar("Value")
 
 
-class DrillClient:
+class DrillClient(DrillConnection):
     """Commands and hears one running drill.
 
     A command returns when the drill has accepted it, so that a step which follows cannot overtake
@@ -70,7 +68,7 @@ class DrillClient:
         node_name: str = "drill_client",
         patience: float = PATIENCE,
     ) -> None:
-        self._drill = DrillConnection(namespace, domain_id, node_name, patience)
+        super().__init__(namespace, domain_id, node_name, patience)
         self._published: Mapping[str, int] = {}
 
     def __enter__(self) -> DrillClient:
@@ -84,37 +82,6 @@ class DrillClient:
     ) -> None:
         self.close()
 
-    def close(self) -> None:
-        """Leave the graph."""
-        self._drill.listening.close()
-
-    # What the drill is and says.
-
-    @property
-    def node(self) -> Node:
-        """Node of the client, for publishers and services of your own."""
-        return self._drill.node
-
-    @property
-    def namespace(self) -> str:
-        """Namespace of the drill."""
-        return self._drill.namespace
-
-    @property
-    def publishers(self) -> list[str]:
-        """Full names of the nodes that publish the drill's status; no node, no drill."""
-        return self._drill.publishers
-
-    @property
-    def status(self) -> Status:
-        """Latest status of the drill, a ``rpud_msgs/Status``."""
-        return self._drill.status
-
-    @property
-    def status_number(self) -> int:
-        """Number that the drill's publisher has given to the latest status; 0 before the first."""
-        return self._drill.number
-
     @property
     def time(self) -> float:
         """Stamp of the latest status [s]."""
@@ -125,14 +92,6 @@ class DrillClient:
         """Messages that the drill had published on each topic when the last step ended."""
         return self._published
 
-    @property
-    def faults(self) -> list[Fault]:
-        """Faults since the start, those that last and those that are over, by number."""
-        self._drill.find()
-        faults = self._drill.until(lambda: self._drill.faults, "no list of faults came")
-        assert faults is not None  # until waits for it
-        return list(faults.faults)
-
     def delivery(self, nodes: Sequence[str] = ()) -> GetDelivery.Response:
         """Return what the drill has published, and who has discovered it.
 
@@ -140,69 +99,7 @@ class DrillClient:
         answered.
         """
         request = GetDelivery.Request(nodes=nodes)
-        return self._drill.call("simulation/get_delivery", request, repeat=True)
-
-    # Waiting and listening.
-
-    def found(self, patience: float | None = None) -> None:
-        """Wait until the drill is found and has published its status.
-
-        Every other method does this first. ``patience`` is in s; None for that of the client. A
-        drill that has never run on a machine may compile for a minute.
-        """
-        self._drill.find(patience)
-
-    def until(
-        self,
-        condition: Callable[[], Value],
-        patience: float | None = None,
-        what: str = "the condition did not hold",
-    ) -> Value:
-        """Take messages until a condition holds, and return its value.
-
-        It is looked at after each message. ``patience`` is real time [s]; None for that of the
-        client. ``what`` is a sentence for the error, without the limit.
-        """
-        self.found()
-        return self._drill.until(condition, what, patience)
-
-    def check_while_waiting(self, check: Callable[[], object]) -> None:
-        """Call this while a method waits; an error that it raises ends the wait.
-
-        A test that has started the drill knows at once that the drill has died.
-        """
-        self._drill.listening.check = check
-
-    def take(self) -> None:
-        """Take all messages that have arrived, without a wait; responses and events stay."""
-        self._drill.listening.settle()
-
-    def spin(self, seconds: float = 0.0) -> None:
-        """Take messages, responses and events that have arrived, or wait for the next one [s]."""
-        self._drill.listening.spin(seconds)
-
-    def listen(
-        self,
-        topic: str,
-        kind: Any = None,
-        qos: QoSProfile | None = None,
-        patience: float | None = None,
-    ) -> list[Any]:
-        """Subscribe to a topic of any node, and return the list that its messages are added to.
-
-        A relative name is one of the drill's namespace. ``kind`` is the class of the messages; None
-        for that with which it is published. ``qos`` is what the publishers offer if it is None.
-        ``patience`` limits the wait for the topic [s]; None for that of the client.
-        """
-        return self._drill.listen(topic, kind, qos, patience)
-
-    def observe(self, observer: Callable[[str, Any], object]) -> None:
-        """Call a function with the name and each message of some topics.
-
-        These are ``status``, ``faults``, ``journal`` and ``command_results``. They are latched:
-        what came before is not repeated. Observe before the client has waited.
-        """
-        self._drill.observer = observer
+        return self._call("simulation/get_delivery", request, repeat=True)
 
     def telemetry(self, sinks: Mapping[str, Callable[[int, tuple[Any, ...]], object]]) -> Telemetry:
         """Subscribe to fast topics, whose messages are decoded in a few microseconds.
@@ -210,13 +107,13 @@ class DrillClient:
         ``sinks`` has, by topic, a function of the stamp [ns] and the values, as ``Telemetry`` has
         them.
         """
-        return Telemetry(self._drill.listening, sinks)
+        return Telemetry(self._listening, sinks)
 
     # Commands: each returns when the drill has accepted it.
 
     def press(self, force: float) -> None:
         """Command a weight on bit [N]."""
-        self._drill.command("weight_on_bit", WeightOnBit(force=_number("force", force)))
+        self._command("weight_on_bit", WeightOnBit(force=_number("force", force)))
 
     def drive(
         self, enabled: bool = True, voltage: float | None = None, frequency: float | None = None
@@ -229,7 +126,7 @@ class DrillClient:
             voltage=present[0] if voltage is None else _number("voltage", voltage),
             frequency=present[1] if frequency is None else _number("frequency", frequency),
         )
-        self._drill.command("drive", message)
+        self._command("drive", message)
 
     def feed(self, rate: float | None = None, position: float | None = None) -> None:
         """Command the feed of a drill on an arm: its rate or its position, and not both.
@@ -243,13 +140,13 @@ class DrillClient:
             message = Feed(mode=Feed.MODE_RATE, value=_number("rate", rate))
         else:
             message = Feed(mode=Feed.MODE_POSITION, value=_number("position", position))
-        self._drill.command("feed", message)
+        self._command("feed", message)
 
     def engage(self, on: bool = True) -> None:
         """Put the drill tool into the rock, or take it out."""
-        _check_success(self._drill.call("engage", SetBool.Request(data=bool(on)), repeat=True))
+        _check_success(self._call("engage", SetBool.Request(data=bool(on)), repeat=True))
         regime = Status.REGIME_DRILLING if on else Status.REGIME_FREE
-        self._drill.until(lambda: self.status.regime == regime, f"no status said {regime}")
+        self.until(lambda: self.status.regime == regime, what=f"no status said {regime}")
 
     def set_parameters(self, **values: Any) -> None:
         """Set parameters of the drill, all of them or none."""
@@ -258,7 +155,7 @@ class DrillClient:
             parameters=[parameter.to_parameter_msg() for parameter in parameters]
         )
         name = "set_parameters_atomically"
-        result = self._drill.call_node(name, SetParametersAtomically, request).result
+        result = self._call_node(name, SetParametersAtomically, request).result
         if not result.successful:
             raise RefusedError(result.reason)
 
@@ -284,11 +181,11 @@ class DrillClient:
         )
         sec, nanosec = _split("duration", 0.0 if duration is None else duration)
         request = InjectFault.Request(fault=fault, duration=Duration(sec=sec, nanosec=nanosec))
-        response = _check_success(self._drill.call("inject_fault", request))
+        response = _check_success(self._call("inject_fault", request))
         number = int(response.number)
-        self._drill.until(
+        self.until(
             lambda: any(each.number == number for each in self.faults),
-            f"the topic faults did not show fault {number}",
+            what=f"the topic faults did not show fault {number}",
         )
         return number
 
@@ -296,16 +193,16 @@ class DrillClient:
         """End active faults now: ``which`` is a number, a kind or ``all``. Return their numbers."""
         numbers = self._active(which)
         for number in [0] if which == "all" else numbers:
-            _check_success(self._drill.call("clear_fault", ClearFault.Request(number=number)))
-        self._drill.until(
+            _check_success(self._call("clear_fault", ClearFault.Request(number=number)))
+        self.until(
             lambda: not any(each.active and each.number in numbers for each in self.faults),
-            "the topic faults did not show the end",
+            what="the topic faults did not show the end",
         )
         return numbers
 
     def list_faults(self) -> ListFaults.Response:
         """Return the active faults, and the kinds and channels that can be injected now."""
-        return self._drill.call("list_faults", ListFaults.Request(), repeat=True)
+        return self._call("list_faults", ListFaults.Request(), repeat=True)
 
     def _active(self, which: int | str) -> list[int]:
         if not isinstance(which, str):
@@ -359,29 +256,29 @@ class DrillClient:
         request = ResetSimulation.Request(scope=bits)
         if seed is not None:
             request.reseed, request.seed = True, int(_SEED.check("seed", seed))
-        before, count = self.status, self._drill.statuses
-        _check_result(self._drill.call("simulation/reset", request).result)
-        self._drill.until(
-            lambda: self._drill.statuses > count and _is_reset(self.status, before, bits),
-            "no status showed the reset",
+        before, count = self.status, self._statuses
+        _check_result(self._call("simulation/reset", request).result)
+        self.until(
+            lambda: self._statuses > count and _is_reset(self.status, before, bits),
+            what="no status showed the reset",
         )
         self.take()
 
     def _set_state(self, state: int, name: str) -> None:
         request = SetSimulationState.Request(state=SimulationState(state=state))
-        result = self._drill.call("simulation/set_state", request, repeat=True).result
+        result = self._call("simulation/set_state", request, repeat=True).result
         if result.result != SetSimulationState.Response.ALREADY_IN_TARGET_STATE:
             _check_result(result)
         states = (name, Status.STATE_INACTIVE)  # which says nothing about its time
-        self._drill.until(lambda: self.status.state in states, f"no status said {name}")
+        self.until(lambda: self.status.state in states, what=f"no status said {name}")
 
     def _advance(self, name: str, request: Any) -> float:
-        response = self._drill.call(name, request)
+        response = self._call(name, request)
         _check_result(response.result)
         self._published = dict(zip(response.topics, response.published, strict=True))
         reached = join_seconds(response.time.sec, response.time.nanosec)
-        self._drill.until(
-            lambda: _stamp_of(self.status) >= reached, "no status showed the end of the step"
+        self.until(
+            lambda: _stamp_of(self.status) >= reached, what="no status showed the end of the step"
         )
         self.take()
         return reached / SECOND

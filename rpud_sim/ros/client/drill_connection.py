@@ -16,6 +16,7 @@ from rpud_msgs.msg import (
     CommandResult,
     CommandResults,
     Drive,
+    Fault,
     Faults,
     Feed,
     JournalEntry,
@@ -75,19 +76,17 @@ Value = TypeVar("Value")
 
 
 class DrillConnection:
-    """Publishers, clients and subscriptions of one drill; it waits ``patience`` for answers [s]."""
+    """Node that has found one drill, hears what it says and can call it."""
 
     def __init__(
         self, namespace: str, domain_id: int | None, node_name: str, patience: float
     ) -> None:
         self._patience = float(SECONDS.check("patience", patience))
-        self.listening = ListeningNode(node_name, namespace, domain_id)  # node of the client
-        self.latest: Status | None = None  # status, None before the first
-        self.faults: Faults | None = None  # the latest, None before the first
-        self.statuses = 0  # count of the statuses that came
-        # called with the name of a topic (``status``, ``faults``, ``journal``,
-        # ``command_results``) and each of its messages
-        self.observer: Callable[[str, Any], object] = lambda topic, message: None
+        self._listening = ListeningNode(node_name, namespace, domain_id)
+        self._latest: Status | None = None  # status, None before the first
+        self._latest_faults: Faults | None = None  # None before the first
+        self._statuses = 0  # count of the statuses that came
+        self._observer: Callable[[str, Any], object] = lambda topic, message: None
         self._found = False
         self._sequence: deque[int] = deque(maxlen=100)  # publication numbers of the statuses
         # The drill returns the headers of commands: so this client knows its own.
@@ -96,58 +95,79 @@ class DrillConnection:
         self._result: CommandResult | None = None  # of that command
         self._shown = 0  # number of the status that shows it
         self._publishers: dict[str, Publisher] = {}
-        subscribe = self.listening.subscribe
+        subscribe = self._listening.subscribe
         subscribe(Status, "status", self._on_status, _LATCHED)
         subscribe(Faults, "faults", self._on_faults, _LATCHED)
-        subscribe(JournalEntry, "journal", self._on_entry, _JOURNAL)
+        subscribe(JournalEntry, "journal", lambda each: self._observer("journal", each), _JOURNAL)
         subscribe(CommandResults, "command_results", self._on_results, _LATCHED)
         self._clients = {
             name: self.node.create_client(kind, name) for name, kind in _SERVICES.items()
         }
 
+    def close(self) -> None:
+        """Leave the graph."""
+        self._listening.close()
+
+    # What the drill is and says.
+
     @property
     def node(self) -> Node:
-        return self.listening.node
+        """Node of the client, for publishers and services of your own."""
+        return self._listening.node
 
     @property
     def namespace(self) -> str:
+        """Namespace of the drill."""
         return str(self.node.get_namespace())
 
     @property
-    def status(self) -> Status:
-        """Latest status of the drill, which is found first."""
-        self.find()
-        assert self.latest is not None  # a drill that is found has one
-        return self.latest
-
-    @property
-    def number(self) -> int:
-        """Number that the publisher has given to the latest status; 0 before the first."""
-        return self._sequence[-1] if self._sequence else 0
-
-    @property
     def publishers(self) -> list[str]:
-        """Full names of the nodes that publish the status; empty where not discovered yet."""
+        """Full names of the nodes that publish the drill's status; no node, no drill."""
         topic = self.node.resolve_topic_name("status")
         infos = self.node.get_publishers_info_by_topic(topic)
         return [node_name(info) for info in infos if info.topic_type == _STATUS_TYPE]
 
-    def find(self, patience: float | None = None) -> None:
-        """Wait until the drill is found and has published its status, within a patience [s]."""
+    @property
+    def status(self) -> Status:
+        """Latest status of the drill, a ``rpud_msgs/Status``."""
+        self.found()
+        assert self._latest is not None  # a drill that is found has one
+        return self._latest
+
+    @property
+    def status_number(self) -> int:
+        """Number that the drill's publisher has given to the latest status; 0 before the first."""
+        return self._sequence[-1] if self._sequence else 0
+
+    @property
+    def faults(self) -> list[Fault]:
+        """Faults since the start, those that last and those that are over, by number."""
+        faults = self.until(lambda: self._latest_faults, what="no list of faults came")
+        assert faults is not None  # until waits for it
+        return list(faults.faults)
+
+    # Waiting and listening.
+
+    def found(self, patience: float | None = None) -> None:
+        """Wait until the drill is found and has published its status.
+
+        Every other method does this first. ``patience`` is in s; None for that of the client. A
+        drill that has never run on a machine may compile for a minute.
+        """
         if self._found:
             return
         patience = self._patience if patience is None else float(patience)
         services = [self._clients[name] for name in _SERVICES]
         try:
-            self.listening.until(
+            self._listening.until(
                 lambda: all(client.service_is_ready() for client in services), patience, ""
             )
         except NoAnswerError:
-            domain = self.listening.domain_id
+            domain = self._listening.domain_id
             raise NoDrillError(no_drill(self.node, self.namespace, domain, patience)) from None
         self._introduce(patience)
         try:
-            self.listening.until(lambda: self.latest, patience, "")
+            self._listening.until(lambda: self._latest, patience, "")
         except NoAnswerError:
             raise NoDrillError(
                 f"the drill in {self.namespace} published no status within {patience:g} s: it is "
@@ -157,66 +177,110 @@ class DrillConnection:
         self._found = True
 
     def until(
-        self, condition: Callable[[], Value], what: str, patience: float | None = None
+        self,
+        condition: Callable[[], Value],
+        patience: float | None = None,
+        what: str = "the condition did not hold",
     ) -> Value:
-        limit = self._patience if patience is None else float(patience)
-        return self.listening.until(condition, limit, what)
+        """Take messages until a condition holds, and return its value.
 
-    def command(self, name: str, message: Any) -> None:
+        It is looked at after each message. ``patience`` is real time [s]; None for that of the
+        client. ``what`` is a sentence for the error, without the limit.
+        """
+        self.found()
+        limit = self._patience if patience is None else float(patience)
+        return self._listening.until(condition, limit, what)
+
+    def check_while_waiting(self, check: Callable[[], object]) -> None:
+        """Call this while a method waits; an error that it raises ends the wait.
+
+        A test that has started the drill knows at once that the drill has died.
+        """
+        self._listening.check = check
+
+    def take(self) -> None:
+        """Take all messages that have arrived, without a wait; responses and events stay."""
+        self._listening.settle()
+
+    def spin(self, seconds: float = 0.0) -> None:
+        """Take messages, responses and events that have arrived, or wait for the next one [s]."""
+        self._listening.spin(seconds)
+
+    def listen(
+        self,
+        topic: str,
+        kind: Any = None,
+        qos: QoSProfile | None = None,
+        patience: float | None = None,
+    ) -> list[Any]:
+        """Subscribe to a topic of any node, and return the list that its messages are added to.
+
+        A relative name is one of the drill's namespace. ``kind`` is the class of the messages; None
+        for that with which it is published. ``qos`` is what the publishers offer if it is None.
+        ``patience`` limits the wait for the topic [s]; None for that of the client.
+        """
+        self.found()
+        name = absolute_name(self.node, topic)
+        if kind is None:
+            types = self.until(
+                lambda: types_of_topic(self.node, name), patience, f"no publisher on {name}"
+            )
+            kind = message_class(types[0])
+        heard: list[Any] = []
+        offered = qos or listening_qos(offers_of_topic(self.node, name))
+        self._listening.subscribe(kind, name, heard.append, offered)
+        self._introduce(self._patience)
+        return heard
+
+    def observe(self, observer: Callable[[str, Any], object]) -> None:
+        """Call a function with the name and each message of some topics.
+
+        These are ``status``, ``faults``, ``journal`` and ``command_results``. They are latched:
+        what came before is not repeated. Observe before the client has waited.
+        """
+        self._observer = observer
+
+    # For the commands.
+
+    def _command(self, name: str, message: Any) -> None:
         """Publish a command by its topic, and wait until the drill has accepted it."""
-        self.find()
+        self.found()
         publisher = self._publisher(name)
         self._commands += 1
         self._awaited = message.header.frame_id = f"{self._mark}/{self._commands}"
         self._result = None
         publisher.publish(message)
         what = "the drill did not accept the command"
-        result = self.until(lambda: self._result, what)
+        result = self.until(lambda: self._result, what=what)
         assert result is not None  # until waits for it
         # The latest status shows it then.
-        self.until(lambda: not self._sequence or self.number >= self._shown, what)
+        self.until(lambda: not self._sequence or self.status_number >= self._shown, what=what)
         if not result.accepted:
             raise RefusedError(result.reason)
 
-    def call(self, name: str, request: Any, repeat: bool = False) -> Any:
+    def _call(self, name: str, request: Any, repeat: bool = False) -> Any:
         """Call a service of the drill and return its response.
 
         With ``repeat`` it is sent again and again; not if it must act only once. While the drill
         publishes its status it is alive, and the wait goes on.
         """
-        self.find()
-        return self.listening.call(
-            self._clients[name], request, self._patience, lambda: self.statuses, repeat
+        self.found()
+        return self._listening.call(
+            self._clients[name], request, self._patience, lambda: self._statuses, repeat
         )
 
-    def call_node(self, name: str, kind: Any, request: Any) -> Any:
+    def _call_node(self, name: str, kind: Any, request: Any) -> Any:
         """Call a service that every node has, such as ``list_parameters``, repeatedly if needed."""
-        self.find()
+        self.found()
         nodes = self.until(
             lambda: [node for node in self.publishers if node],
-            "the name of the drill's node was not discovered",
+            what="the name of the drill's node was not discovered",
         )
         full_name = f"{nodes[0]}/{name}"
         if full_name not in self._clients:
             self._clients[full_name] = self.node.create_client(kind, full_name)
             self._introduce(self._patience)
-        return self.call(full_name, request, repeat=True)
-
-    def listen(
-        self, topic: str, kind: Any, qos: QoSProfile | None, patience: float | None
-    ) -> list[Any]:
-        self.find()
-        name = absolute_name(self.node, topic)
-        if kind is None:
-            types = self.until(
-                lambda: types_of_topic(self.node, name), f"no publisher on {name}", patience
-            )
-            kind = message_class(types[0])
-        heard: list[Any] = []
-        offered = qos or listening_qos(offers_of_topic(self.node, name))
-        self.listening.subscribe(kind, name, heard.append, offered)
-        self._introduce(self._patience)
-        return heard
+        return self._call(full_name, request, repeat=True)
 
     def _publisher(self, name: str) -> Publisher:
         """Return the publisher of a command, which the drill hears.
@@ -229,7 +293,9 @@ class DrillConnection:
             publisher = self.node.create_publisher(_COMMANDS[name], topic, _COMMAND_DEPTH)
             self._introduce(self._patience)
             self._publishers[name] = publisher
-            self.until(lambda: self._is_heard(publisher), f"the drill did not subscribe to {topic}")
+            self.until(
+                lambda: self._is_heard(publisher), what=f"the drill did not subscribe to {topic}"
+            )
         return self._publishers[name]
 
     def _is_heard(self, publisher: Publisher) -> bool:
@@ -249,7 +315,7 @@ class DrillConnection:
         """
         last = self.node.create_client(GetSimulationState, "simulation/get_state")
         try:
-            self.listening.call(last, GetSimulationState.Request(), patience, repeat=True)
+            self._listening.call(last, GetSimulationState.Request(), patience, repeat=True)
         finally:
             self.node.destroy_client(last)
 
@@ -267,24 +333,21 @@ class DrillConnection:
                     f"({known}): all of them would answer; start each drill in a namespace of its "
                     "own"
                 )
-            self.listening.spin(0.02)
+            self._listening.spin(0.02)
 
     def _on_status(self, status: Status, info: dict[str, Any]) -> None:
-        self.latest = status
-        self.statuses += 1
+        self._latest = status
+        self._statuses += 1
         if info.get("publication_sequence_number") is not None:
             self._sequence.append(info["publication_sequence_number"])
-        self.observer("status", status)
+        self._observer("status", status)
 
     def _on_faults(self, faults: Faults) -> None:
-        self.faults = faults
-        self.observer("faults", faults)
-
-    def _on_entry(self, entry: JournalEntry) -> None:
-        self.observer("journal", entry)
+        self._latest_faults = faults
+        self._observer("faults", faults)
 
     def _on_results(self, results: CommandResults) -> None:
         for result in results.results:
             if result.header.frame_id == self._awaited != "":
                 self._result, self._shown = result, results.status
-        self.observer("command_results", results)
+        self._observer("command_results", results)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import time
-from types import TracebackType
 
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
@@ -33,49 +32,31 @@ class FoundDrill:
     impacts: int = 0  # on the drill tool since the start
 
 
-class DrillFinder:
+class DrillFinder(ListeningNode):
     """Node that knows the drills of a domain; it never waits. Use it from one thread."""
 
     def __init__(self, domain_id: int | None = None, node_name: str = "rpud_watch_list") -> None:
-        self._listening = ListeningNode(node_name, "/", domain_id)
-        self._subscriptions: dict[str, Subscription] = {}
+        super().__init__(node_name, "/", domain_id)
+        self._statuses: dict[str, Subscription] = {}  # by namespace
         self._heard: dict[str, tuple[float, Status]] = {}
 
-    def __enter__(self) -> DrillFinder:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
-
-    @property
-    def domain_id(self) -> int:
-        return self._listening.domain_id
-
-    def close(self) -> None:
-        self._listening.close()
-
     def drills(self) -> list[FoundDrill]:
-        namespaces = drill_namespaces(self._listening.node)
-        for gone in set(self._subscriptions).difference(namespaces):
-            self._listening.unsubscribe(self._subscriptions.pop(gone))
+        namespaces = drill_namespaces(self.node)
+        for gone in set(self._statuses).difference(namespaces):
+            self.unsubscribe(self._statuses.pop(gone))
             self._heard.pop(gone, None)
         for namespace in namespaces:
-            if namespace not in self._subscriptions:
-                self._subscriptions[namespace] = self._subscribe(namespace)
-        self._listening.settle()
+            if namespace not in self._statuses:
+                self._statuses[namespace] = self._listen(namespace)
+        self.settle()
         return [self._drill(namespace) for namespace in namespaces]
 
-    def _subscribe(self, namespace: str) -> Subscription:
+    def _listen(self, namespace: str) -> Subscription:
         def heard(status: Status) -> None:
             self._heard[namespace] = time.monotonic(), status
 
         topic = f"{namespace.rstrip('/')}/status"
-        return self._listening.subscribe(Status, topic, heard, _LATCHED)
+        return self.subscribe(Status, topic, heard, _LATCHED)
 
     def _drill(self, namespace: str) -> FoundDrill:
         if namespace not in self._heard:

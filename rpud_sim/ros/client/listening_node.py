@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from types import TracebackType
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import rclpy
 from rclpy.client import Client
@@ -14,8 +14,12 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 
+from rpud_sim.foundation.quantities import ExpectedError
 from rpud_sim.ros.starting import name_error, start_ros
 from rpud_sim.ros.threads import raised
+
+if TYPE_CHECKING:
+    from typing import Self
 
 _WITH_INFO = Subscription.CallbackType.WithMessageInfo
 _MOST_AT_ONCE = 10_000  # messages of a topic; more would keep its owner from looking
@@ -25,7 +29,7 @@ _REPETITION = 2.0  # of a request that may be repeated [s]
 Value = TypeVar("Value")
 
 
-class ClientError(RuntimeError):
+class ClientError(ExpectedError, RuntimeError):
     """A command that did not succeed."""
 
 
@@ -76,7 +80,7 @@ class ListeningNode:
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self.node)
 
-    def __enter__(self) -> ListeningNode:
+    def __enter__(self) -> Self:
         return self
 
     def __exit__(
@@ -101,7 +105,7 @@ class ListeningNode:
         self,
         kind: Any,
         topic: str,
-        heard: Callable[..., None],
+        heard: Callable[..., Any],
         qos: QoSProfile,
         **options: Any,
     ) -> Subscription:

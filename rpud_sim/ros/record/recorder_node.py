@@ -2,22 +2,20 @@
 
 from __future__ import annotations
 
-import importlib
 import time
 from bisect import bisect_right
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from operator import attrgetter
 from typing import Any
 
 from rclpy.node import Node
 from rclpy.validate_namespace import validate_namespace
 from rclpy.validate_topic_name import validate_topic_name
-from std_srvs.srv import Trigger
 
 from rpud_sim.bag import BagWriter, Message
 from rpud_sim.bag.losses import Losses
-from rpud_sim.ros.graph import UnknownTypeError
+from rpud_sim.ros.graph import UnknownTypeError, fill_known, rosbag_service
 from rpud_sim.ros.record.record_options import RecordOptions
 from rpud_sim.ros.record.recorded_topic import RecordedTopic
 from rpud_sim.ros.record.writing import Intake
@@ -308,7 +306,7 @@ class RecorderServices:
                 ("toggle_paused", toggle),
                 ("split_bagfile", split),
             )
-            if (kind := service_type(name)) is not None
+            if (kind := rosbag_service(name)) is not None
         ]
 
     def serve(self) -> None:
@@ -325,17 +323,5 @@ class RecorderServices:
         self._node.receive_all()
         if text := action():
             self._node.get_logger().info(text)
-        response = kind.Response()
         answers = {"success": True, "message": text, "paused": self._node.intake.paused}
-        for field, value in answers.items():
-            if hasattr(response, field):
-                setattr(response, field, value)
-        server.send_response(response, header)
-
-
-def service_type(name: str) -> Any:
-    """Return the type of a rosbag2 service, or its substitute; None if neither is installed."""
-    for package in ("rosbag2_interfaces", "rpud_msgs"):
-        with suppress(ImportError, AttributeError):
-            return getattr(importlib.import_module(f"{package}.srv"), name.title().replace("_", ""))
-    return None if name == "is_paused" else Trigger
+        server.send_response(fill_known(kind.Response(), answers), header)

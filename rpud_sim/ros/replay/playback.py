@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import queue
 import threading
 import time
-from collections import deque
 from collections.abc import Callable, Generator, Iterable
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from math import inf
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from rpud_sim.bag import Message
 from rpud_sim.foundation.quantities import ParameterError
@@ -53,18 +54,9 @@ class Timeline:
     def seek(self, now: int, position: int) -> Timeline:
         return replace(self, position=position, since=now)
 
-    def pause(self, now: int) -> Timeline:
-        """Return a timeline that stands still from now on."""
-        return replace(self._held(now), paused=True)
-
-    def resume(self, now: int) -> Timeline:
-        return replace(self._held(now), paused=False)
-
-    def with_rate(self, now: int, rate: float) -> Timeline:
-        return replace(self._held(now), rate=rate)
-
-    def _held(self, now: int) -> Timeline:
-        return self.seek(max(now, self.since), self.position_at(now))
+    def changed(self, now: int, **changes: Any) -> Timeline:
+        """Return one with another rate or pause from now on."""
+        return replace(self, position=self.position_at(now), since=max(now, self.since), **changes)
 
 
 class ReadAhead:
@@ -77,9 +69,7 @@ class ReadAhead:
     """
 
     def __init__(self, messages: Iterable[Message]) -> None:
-        self._batches: deque[list[Message] | Exception] = deque()
-        self._room = threading.Semaphore(_BATCHES)
-        self._filled = threading.Semaphore(0)
+        self._batches: queue.Queue[list[Message] | Exception] = queue.Queue(_BATCHES)
         self._full = threading.Event()
         self._closed = False
         self._iterator = self._iterate()
@@ -98,19 +88,16 @@ class ReadAhead:
         """End reading, and wait until the thread has ended."""
         self._closed = True
         self._iterator.close()
-        self._room.release()
+        with suppress(queue.Empty):  # the thread may wait for room
+            while True:
+                self._batches.get_nowait()
         self._thread.join()
 
     def _iterate(self) -> Generator[Message, None, None]:
-        while True:
-            self._filled.acquire()
-            batch = self._batches.popleft()
+        while batch := self._batches.get():
             if isinstance(batch, Exception):
                 raise batch
-            if not batch:
-                return
             yield from batch
-            self._room.release()
 
     def _read(self, messages: Iterable[Message]) -> None:
         batch: list[Message] = []
@@ -131,13 +118,11 @@ class ReadAhead:
         self._full.set()
 
     def _hand_over(self, batch: list[Message] | Exception) -> bool:
-        if not self._room.acquire(blocking=False):
+        if self._batches.full():
             self._full.set()
-            self._room.acquire()
         if self._closed:
             return False
-        self._batches.append(batch)
-        self._filled.release()
+        self._batches.put(batch)
         return True
 
 
@@ -270,11 +255,11 @@ class Playback:
             self._messages.close()
 
     def pause(self) -> None:
-        self._hold()
-        self._timeline = self._timeline.pause(self._clock())
+        self._change(paused=True)
 
     def resume(self) -> None:
-        self._timeline = self._timeline.resume(self._clock())
+        if self.paused:
+            self._change(paused=False)
 
     def toggle_paused(self) -> None:
         self.resume() if self.paused else self.pause()
@@ -285,8 +270,7 @@ class Playback:
             RATE.check("rate", rate)
         except ParameterError as error:
             raise RefusedError(str(error)) from None
-        self._hold()
-        self._timeline = self._timeline.with_rate(self._clock(), rate)
+        self._change(rate=rate)
 
     def seek(self, position: int) -> None:
         """Go to a time of the bag [ns], or the first played if later; after the last is refused."""
@@ -345,8 +329,9 @@ class Playback:
         self._next = None
         self._next = self._take()
 
-    def _hold(self) -> None:
+    def _change(self, **changes: Any) -> None:
+        """Change rate or pause from here on, and not from beyond a message that is due."""
         now = self._clock()
-        position = self.position
-        if position < self._timeline.position_at(now):
+        if (position := self.position) < self._timeline.position_at(now):
             self._timeline = self._timeline.seek(now, position)
+        self._timeline = self._timeline.changed(now, **changes)

@@ -2,25 +2,23 @@
 
 from __future__ import annotations
 
-import importlib
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
-from types import ModuleType
 from typing import Any, TypeVar
 
 import rclpy
 from rclpy.exceptions import ParameterException
 from rclpy.executors import SingleThreadedExecutor
-from std_srvs.srv import Trigger
 
 import rpud_sim.bag
 from rpud_sim.bag import BagReader, TopicSummary
-from rpud_sim.foundation.quantities import suggestion
+from rpud_sim.foundation.quantities import ExpectedError, ParameterError, suggestion
 from rpud_sim.foundation.terminal import printable
 from rpud_sim.foundation.time import SECOND
+from rpud_sim.ros.graph import fill_known, rosbag_service
 from rpud_sim.ros.replay.playback import Plan, Playback, ReadAhead, RefusedError
 from rpud_sim.ros.replay.replay_options import DISCOVERY_TIME, ReplayOptions
 from rpud_sim.ros.replay.replayer_node import Replayer
@@ -134,8 +132,9 @@ def offer_services(node: Replayer, thread: PlaybackThread) -> None:
     the reason of a refusal. There is no ``play`` then: a running replay refuses it, and the program
     ends with its replay.
     """
-    for name, kind in service_types().items():
-        node.create_service(kind, f"~/{name}", partial(_answer, node, thread, name))
+    for name in _ACTIONS:
+        if (kind := rosbag_service(name)) is not None:
+            node.create_service(kind, f"~/{name}", partial(_answer, node, thread, name))
 
 
 def _answer(node: Replayer, thread: PlaybackThread, name: str, request: Any, response: Any) -> Any:
@@ -150,38 +149,14 @@ def _answer(node: Replayer, thread: PlaybackThread, name: str, request: Any, res
         reason = raised(error)
         node.count_failure(f"{name}: {reason}")
         fields = {"success": False, "message": reason}
-    for field, value in fields.items():
-        if hasattr(response, field):  # not every type has all of them
-            setattr(response, field, value)
-    return response
+    return fill_known(response, fields)  # not every type has all of them
 
 
-def service_types() -> dict[str, Any]:
-    if rosbag2 := _installed("rosbag2_interfaces.srv"):
-        return {name: getattr(rosbag2, _type_name(name)) for name in _ACTIONS}
-    types = dict.fromkeys(("pause", "resume", "toggle_paused", "play_next", "stop"), Trigger)
-    if own := _installed("rpud_msgs.srv"):
-        for name in ("is_paused", "get_rate", "set_rate", "seek", "burst"):
-            types[name] = getattr(own, _type_name(name))
-    return types
-
-
-def _installed(module: str) -> ModuleType | None:
-    try:
-        return importlib.import_module(module)
-    except ImportError:
-        return None
-
-
-def _type_name(name: str) -> str:
-    return name.title().replace("_", "")
-
-
-class OptionError(ValueError):
+class OptionError(ParameterError):
     """Options that do not fit the bag; the message is one line."""
 
 
-class ReplayError(RuntimeError):
+class ReplayError(ExpectedError, RuntimeError):
     """Bag of which no topic can be replayed; the message is one line."""
 
 

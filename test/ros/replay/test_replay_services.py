@@ -6,8 +6,9 @@ from sample_bags import write_bag
 from std_srvs.srv import Trigger
 
 import rpud_sim.bag
+from rpud_sim.ros.graph import rosbag_service
 from rpud_sim.ros.replay.playback import Plan, Playback, ReadAhead
-from rpud_sim.ros.replay.replayer import PlaybackThread, offer_services, service_types
+from rpud_sim.ros.replay.replayer import PlaybackThread, offer_services
 from rpud_sim.ros.replay.replayer_node import Replayer
 
 
@@ -25,9 +26,9 @@ def test_a_request_that_raises_an_error_is_answered_and_counted(tmp_path, capfd)
         executor.add_node(node)
 
         def ask(name):
-            client = node.create_client(service_types()[name], f"~/{name}")
+            client = node.create_client(rosbag_service(name), f"~/{name}")
             assert client.wait_for_service(10.0)
-            future = client.call_async(service_types()[name].Request())
+            future = client.call_async(rosbag_service(name).Request())
             executor.spin_until_future_complete(future, 10.0)
             return future.result()
 
