@@ -34,8 +34,8 @@ class Table(NamedTuple):
         return text.getvalue()
 
 
-def score_table(results: Results) -> Table:
-    """Return model over paper for each set of choices and each simulated number."""
+def score_table(results: Results, names: Sequence[str] = ()) -> Table:
+    """Return model over paper for each simulated number and set of choices, by default all."""
     heading = [*(number.label for number in SIMULATED), "within 10 %", "misfit"]
     rows = [
         [
@@ -45,6 +45,7 @@ def score_table(results: Results) -> Table:
             f"{fit.misfit():.2f}",
         ]
         for fit in results.fits
+        if not names or fit.choices.name in names
     ]
     return Table(["choices", *heading], rows)
 
@@ -186,6 +187,7 @@ def mesh_table(results: Results) -> Table:
 
 # Files beside the page, by name, with what they hold.
 FILES: Mapping[str, tuple[str, Callable[[Results], Table]]] = {
+    "scores": ("model over paper for every set of choices", score_table),
     "numbers": ("the model's values with 95 % intervals and the range of runs", number_table),
     "choices": ("each set of choices and its reasons", choice_table),
     "measured": ("the paper's measured numbers, model over paper", measured_table),

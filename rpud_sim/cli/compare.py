@@ -8,16 +8,14 @@ from typing import TYPE_CHECKING
 
 from rpud_sim.cli.options import RUN, JsonOptions, command
 from rpud_sim.cli.output import print_json, progress_bar, table
-from rpud_sim.cli.program import ExitCode, failing
+from rpud_sim.cli.program import ExitCode
 from rpud_sim.foundation.options import SECONDS, option, positional
 from rpud_sim.foundation.quantities import Quantity
 from rpud_sim.foundation.terminal import complain, printable
 
 if TYPE_CHECKING:
     from rpud_sim.inspection.compare import Comparison
-    from rpud_sim.inspection.compare.estimates import Difference
     from rpud_sim.inspection.compare.same_bits import TopicBits
-    from rpud_sim.pages.quantities import Quantity as ShownQuantity
 
 _PERCENT = Quantity("%", "a relative difference", 0.0, 100.0, exclusive=True, below=True)
 _MOST_LINES = 40  # of commands or faults; the page and --json have all
@@ -84,8 +82,6 @@ class _Compare(JsonOptions):
     "failed, 2 wrong call.",
 )
 def _run(options: _Compare) -> int:
-    from rpud_sim.bag import BagError
-    from rpud_sim.inspection import InspectionError
     from rpud_sim.inspection.compare import compare
     from rpud_sim.inspection.compare.results import content
 
@@ -93,9 +89,8 @@ def _run(options: _Compare) -> int:
         from rpud_sim.inspection.compare.page import write_page
         from rpud_sim.inspection.output import check_new_file
 
-        with failing(InspectionError):
-            check_new_file(options.out)
-    with failing(BagError, InspectionError), progress_bar(" messages", scaled=True) as bar:
+        check_new_file(options.out)
+    with progress_bar(" messages", scaled=True) as bar:
         found = compare(
             [options.bag, *options.others],
             begin=options.begin,
@@ -113,8 +108,7 @@ def _run(options: _Compare) -> int:
         for part, reason in parts.items():
             complain("rpud compare", f"{name}: left out {part}: {reason}")
     if options.out:
-        with failing(InspectionError):
-            write_page(found, options.out)
+        write_page(found, options.out)
     if options.json:
         print_json({**content(found), "out": options.out})
     else:
@@ -129,9 +123,8 @@ def _lines(found: Comparison) -> Iterator[str]:
         drill, values = found.drills[number], found.values[number]
         where = f"{drill.namespace or '/'}, run {drill.number} of {drill.runs}"
         yield printable(
-            f"{_letter(number)}  {name}: {where}, {values.begin:.6g} to {values.end:.6g} s"
+            f"{found.letters[number]}  {name}: {where}, {values.begin:.6g} to {values.end:.6g} s"
         )
-    heads = [_letter(number) for number in range(len(found.names))]
     for title, settings in (("parameter", found.parameters), ("version", found.versions)):
         if settings:
             yield ""
@@ -139,7 +132,7 @@ def _lines(found: Comparison) -> Iterator[str]:
                 (each.name, *(value or "-" for value in each.values), each.unit)
                 for each in settings
             ]
-            yield from table((title, *heads, ""), rows, left=1)
+            yield from table((title, *found.letters, ""), rows, left=1)
     for title, events in (("command", found.commands), ("fault", found.faults)):
         if events:
             yield ""
@@ -147,19 +140,15 @@ def _lines(found: Comparison) -> Iterator[str]:
                 (each.text, *("-" if time is None else f"{time:.6f}" for time in each.times))
                 for each in events[:_MOST_LINES]
             ]
-            yield from table((title, *(f"{head} [s]" for head in heads)), rows, left=1)
+            yield from table((title, *(f"{head} [s]" for head in found.letters)), rows, left=1)
             if len(events) > _MOST_LINES:
                 yield f"and {len(events) - _MOST_LINES} more"
     yield ""
-    for number, bits in enumerate(found.bits, 1):
-        yield _bits_line(_letter(number), bits)
+    for letter, bits in zip(found.letters[1:], found.bits, strict=True):
+        yield _bits_line(letter, bits)
     yield from _figure_lines(found)
     yield ""
     yield found.verdict
-
-
-def _letter(number: int) -> str:
-    return chr(ord("A") + number)
 
 
 def _bits_line(letter: str, bits: Sequence[TopicBits]) -> str:
@@ -184,25 +173,13 @@ def _figure_lines(found: Comparison) -> Iterator[str]:
 
     for window in found.windows:
         yield ""
-        spans = ", ".join(
-            f"{begin:.6g} to {end:.6g} s"
-            for begin, end in dict.fromkeys(
-                zip(window.window.begins, window.window.ends, strict=True)
-            )
-        )
-        yield printable(f"{window.window.name}: {spans}")
+        yield printable(f"{window.name}: {window.spans}")
         rows = [
-            _row(quantity.shown, _letter(number), each)
+            (each.quantity.shown.label, each.figure, letter, *each.texts, each.decision)
             for quantity in window.quantities
-            for number, differences in enumerate(quantity.differences, 1)
+            for letter, differences in zip(found.letters[1:], quantity.differences, strict=True)
             for place, each in enumerate(differences)
             if place == 0 or each.decision in (DIFFERS, UNDECIDED)
         ]
         head = ("quantity", "figure", "run", "A", "value", "difference", "95 % interval", "")
         yield from table(head, rows, left=3)
-
-
-def _row(shown: ShownQuantity, letter: str, each: Difference) -> tuple[str, ...]:
-    values = (shown.text(each.reference.value), shown.text(each.other.value))
-    texts = (*values, *each.texts(shown))
-    return (shown.label, each.figure, letter, *texts, each.decision)

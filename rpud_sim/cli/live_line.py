@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from rpud_sim.drilling.rotor import RotorState
     from rpud_sim.ros.drill.report import Report
     from rpud_sim.simulation.ensemble import Figures
-    from rpud_sim.simulation.ledger import FaultRecord
+    from rpud_sim.simulation.faults import FaultRecord
 
 Opened = TypeVar("Opened")
 

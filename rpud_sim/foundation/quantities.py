@@ -14,6 +14,12 @@ class ParameterError(ValueError):
     """Unusable parameter; the text names parameter, value, unit and allowed range."""
 
 
+class ExpectedError(Exception):
+    """Failure that ends a command with its text as one line."""
+
+    code = 1  # that the command then exits with; 2 for a wrong call
+
+
 def shown(value: Any) -> str:
     """Return any value as short text on one line."""
     try:
@@ -67,11 +73,7 @@ class Quantity:
         return f"{left}{self.minimum:g}, {self.maximum:g}{right} {self.unit}".rstrip()
 
     def check(self, name: str, value: Any) -> Any:
-        """Return the value as a float, or as an integer where only whole numbers are allowed.
-
-        Raises:
-            ParameterError: if it is no finite number inside the range, or not whole.
-        """
+        """Return the value as a float, or an integer if it must be whole, or refuse it."""
         # The usual case first: studies check millions of values.
         if type(value) is float and self.minimum < value < self.maximum and not self.whole:
             return value
@@ -107,11 +109,7 @@ class Choice:
         return f"one of {', '.join(self.choices)}"
 
     def check(self, name: str, value: Any) -> str:
-        """Return the value.
-
-        Raises:
-            ParameterError: if it is none of the words.
-        """
+        """Return the value, or refuse it if it is none of the words."""
         if not (isinstance(value, str) and value in self.choices):
             raise ParameterError(f"{name} = {shown(value)} is not {self.range}")
         return value
@@ -125,11 +123,7 @@ class Flag:
     range: str = dataclasses.field(default="true or false", init=False)
 
     def check(self, name: str, value: Any) -> bool:
-        """Return the value.
-
-        Raises:
-            ParameterError: if it is neither true nor false.
-        """
+        """Return the value, or refuse it."""
         if not isinstance(value, bool):
             raise ParameterError(f"{name} = {shown(value)} is not true or false")
         return value
@@ -143,11 +137,7 @@ class Text:
     range: str  # which texts are allowed, in words
 
     def check(self, name: str, value: Any) -> str:
-        """Return the value.
-
-        Raises:
-            ParameterError: if it is no text.
-        """
+        """Return the value, or refuse it if it is no text."""
         if not isinstance(value, str):
             raise ParameterError(f"{name} = {shown(value)} is not a text")
         return value

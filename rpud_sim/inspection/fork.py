@@ -29,7 +29,7 @@ from rpud_sim.simulation.telemetry import Entry
 LIVE = ("autostart", "publish_clock", "start_paused", "thread_priority")
 
 # A change of a run, at a time in nanoseconds; it yields messages.
-Event = tuple[int, Callable[[], Iterable[Entry]]]
+_Event = tuple[int, Callable[[], Iterable[Entry]]]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -233,7 +233,7 @@ class Continuation:
             yield from self._run.changes()
             yield self._status()
 
-    def _events(self) -> Iterator[Event]:
+    def _events(self) -> Iterator[_Event]:
         fork, run = self._fork, self._run
         for time, repeat in _repeated(fork, self.end, self._changes):
             yield time, partial(self._try, time, repeat)
@@ -266,7 +266,7 @@ def _end(fork: Fork, duration: float | None) -> int:
     return end
 
 
-def _repeated(fork: Fork, end: int, changes: Changes) -> Iterator[Event]:
+def _repeated(fork: Fork, end: int, changes: Changes) -> Iterator[_Event]:
     """Yield the recorded changes between the instant and a time [ns], repeated on the forked run.
 
     What a fork sets by itself is not taken back: recorded changes of these parameters are left out,

@@ -16,7 +16,7 @@ from rpud_sim.model.energy import RpudConstants
 from rpud_sim.model.segment import IMPACT, SEGMENT, join_records
 from rpud_sim.simulation.actuator import ActuatorReading
 from rpud_sim.simulation.energy_account import FeedAccount, sum_accounts
-from rpud_sim.simulation.sampling import Samples, Stretches, Times, sample, sample_stretches
+from rpud_sim.simulation.sampling import Samples, Times, sample, sample_parts
 
 
 def boundary(number: int, rate: int) -> int:
@@ -116,19 +116,16 @@ class Block(Shared):
 
     def sample_ends(self) -> Samples:
         """Sample all channels at the end of each part."""
-        parts = Stretches(self.opened, self.finished, np.arange(len(self) + 1))
-        return sample_stretches(self.covering, parts, Times.from_nanoseconds(self.ends))
+        parts = (self.opened, self.finished, np.arange(len(self) + 1))
+        return sample_parts(self.covering, *parts, Times.from_nanoseconds(self.ends))
 
     def sample_parts(self, length: int, cuts: np.ndarray, times: Times) -> Samples:
         """Sample all channels in groups of ``length`` parts, as if each were alone.
 
-        Args:
-            length: of a group; the block is a whole multiple of it.
-            cuts: number of the first time of each group, and of all.
-            times: ascending, each from the beginning of its group to its end.
+        ``cuts`` are the number of the first of the ascending times of each group, and of all.
         """
-        groups = Stretches(self.opened[::length], self.finished[length - 1 :: length], cuts)
-        return sample_stretches(self.covering, groups, times)
+        groups = (self.opened[::length], self.finished[length - 1 :: length], cuts)
+        return sample_parts(self.covering, *groups, times)
 
 
 def join_blocks(blocks: Sequence[Block]) -> Block:

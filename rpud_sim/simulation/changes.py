@@ -13,7 +13,6 @@ from rpud_sim.foundation.yaml_files import Cursor, open_yaml, parse_yaml
 from rpud_sim.simulation.commands import Command, Drive, Feed, WeightOnBit
 from rpud_sim.simulation.configuration import CHANGEABLE, PARAMETERS, Configuration, Settings
 from rpud_sim.simulation.faults import Fault
-from rpud_sim.simulation.plant import nominal_drive
 from rpud_sim.simulation.run import Run
 from rpud_sim.simulation.scenario import ONSET, parse_scenario
 from rpud_sim.simulation.simulation import Simulation
@@ -155,7 +154,7 @@ def parse_commands(entries: Iterable[Cursor]) -> tuple[Planned, ...]:
 
 def check_commands(planned: Sequence[Planned], configuration: Configuration) -> None:
     """Check that a drill can take commands, one after the other, in the order of their times."""
-    drive = nominal_drive(configuration)
+    drive = configuration.nominal_drive
     for each in planned:
         if isinstance(each.change, Injection):
             continue

@@ -11,22 +11,27 @@ from rpud_sim.simulation.commands import COMMAND_NAMES, Command, Drive, WeightOn
 from rpud_sim.simulation.simulation import Simulation
 
 
-class CommandWatchdog:
-    """Share of the commands that acts, by the time of the last one.
+class Control:
+    """Commands of a drill, put into force in full, in part when they are lost, or not at all.
 
-    The share is 1 while commands arrive. When none arrived for the timeout, it falls linearly to 0
-    within the ramp, and stays there until the next command. Times are integer nanoseconds of
-    simulation time.
+    When no command arrived for the timeout, the share that acts falls linearly from 1 to 0 within
+    the ramp, and stays there until the next one.
 
     Args:
         timeout: time without a command after which commands are lost [s]; 0 for never.
         ramp: time in which the share falls from 1 to 0 [s].
-        time: at which it starts.
     """
 
-    def __init__(self, timeout: float, ramp: float, time: int = 0) -> None:
-        self._last = time
+    def __init__(
+        self, simulation: Simulation, timeout: float, ramp: float, active: bool = True
+    ) -> None:
+        self._simulation = simulation
+        self._initial = self._given = simulation.applied
+        self._last = simulation.time  # of the last command [ns]
         self.set(timeout, ramp)
+        self.active = active  # whether commands act; read-only
+        # whether commands stopped arriving, so that the watchdog makes the drill safe; read-only
+        self.commands_lost = False
 
     def set(self, timeout: float, ramp: float) -> None:
         """Set another timeout and ramp [s]."""
@@ -34,54 +39,18 @@ class CommandWatchdog:
         self._timeout = max(1, round(timeout * SECOND)) if timeout > 0.0 else 0
         self._ramp = round(ramp * SECOND)
 
-    def reset(self, time: int) -> None:
-        """Wait again from the time of a command on."""
-        self._last = time
-
-    def lost(self, time: int) -> bool:
-        """Return whether commands are lost."""
-        return self._overdue(time) > 0
-
-    def share(self, time: int) -> float:
-        """Return the share of the commands that acts, from 1 to 0."""
-        overdue = self._overdue(time)
-        if overdue <= 0:
-            return 1.0
-        return max(0.0, 1.0 - overdue / self._ramp) if self._ramp else 0.0
-
-    def _overdue(self, time: int) -> int:
-        return time - self._last - self._timeout if self._timeout else 0
-
-
-class Control:
-    """Commands of a drill, put into force in full, in part when they are lost, or not at all."""
-
-    def __init__(
-        self, simulation: Simulation, timeout: float, ramp: float, active: bool = True
-    ) -> None:
-        self._simulation = simulation
-        self._initial = self._given = simulation.applied
-        self._watchdog = CommandWatchdog(timeout, ramp, simulation.time)
-        self.active = active  # whether commands act; read-only
-        # whether commands stopped arriving, so that the watchdog makes the drill safe; read-only
-        self.commands_lost = False
-
-    def set(self, timeout: float, ramp: float) -> None:
-        """Set another timeout and ramp [s]."""
-        self._watchdog.set(timeout, ramp)
-
     def activate(self, active: bool) -> None:
         """Let commands act from now on, starting with the initial ones, or let none act."""
         if active and not self.active:
             self._given = self._initial
-            self._watchdog.reset(self._simulation.time)
+            self._last = self._simulation.time
         self.active = active
         self.act()
 
     def adopt(self) -> None:
         """Take the commands in force as given now, and let commands act from now on."""
         self._given = self._simulation.applied
-        self._watchdog.reset(self._simulation.time)
+        self._last = self._simulation.time
         self.active = True
         self.commands_lost = False
 
@@ -92,7 +61,7 @@ class Control:
         if isinstance(command, Drive):
             command = command.after(self._given.drive)
         self._simulation.configuration.check(command)
-        self._watchdog.reset(self._simulation.time)
+        self._last = self._simulation.time
         given: dict[str, Any] = {COMMAND_NAMES[type(command)]: command}
         self._given = dataclasses.replace(self._given, **given)
         self._simulation.apply(command)
@@ -100,7 +69,10 @@ class Control:
     def act(self) -> bool:
         """Put the present share into force; return whether commands were lost or came back."""
         simulation, given = self._simulation, self._given
-        share = self._watchdog.share(simulation.time) if self.active else 0.0
+        overdue = simulation.time - self._last - self._timeout if self._timeout else 0
+        share = float(self.active)
+        if self.active and overdue > 0:
+            share = max(0.0, 1.0 - overdue / self._ramp) if self._ramp else 0.0
         if simulation.configuration.has_feed:
             simulation.apply(given.feed.reduced(share) if share else STOPPED)
         else:
@@ -110,5 +82,5 @@ class Control:
         elif simulation.applied.drive.enabled:
             simulation.apply(Drive(False, 0.0, 0.0))
         before = self.commands_lost
-        self.commands_lost = self.active and self._watchdog.lost(simulation.time)
+        self.commands_lost = self.active and overdue > 0
         return self.commands_lost is not before

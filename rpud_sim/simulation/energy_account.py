@@ -8,7 +8,7 @@ import operator
 from collections import deque
 from collections.abc import Iterable, Sequence
 from itertools import chain, islice
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 
@@ -25,13 +25,25 @@ if TYPE_CHECKING:  # a block has accounts
 _WINDOW = SECOND
 
 
+class _Terms(Shared):
+    """Energies by term, which add up."""
+
+    def __add__(self, other: Self) -> Self:
+        """Return the account of both."""
+        return type(self)(*map(operator.add, vars(self).values(), vars(other).values()))
+
+    def __sub__(self, other: Self) -> Self:
+        """Return the account of the time after another one that begins with this one."""
+        return type(self)(*map(operator.sub, vars(self).values(), vars(other).values()))
+
+
 def absorbed(impacts: float, release: float, drill_tool_damper: float) -> float:
     """Return what drill tool and rock took for good, from its terms [J]."""
     return math.fsum((impacts, release, drill_tool_damper))
 
 
 @dataclasses.dataclass(frozen=True)
-class EnergyAccount(Shared):
+class EnergyAccount(_Terms):
     """Energy that flowed in, was lost and is stored, in joules.
 
     What flows in is positive: work on the moving bodies. So is what is lost. The account of a run
@@ -86,11 +98,6 @@ class EnergyAccount(Shared):
         terms = zip(TERMS, tally["account"].tolist(), strict=True)
         return EnergyAccount(**dict(terms), electrical=electrical)
 
-    def __add__(self, other: EnergyAccount) -> EnergyAccount:
-        """Return the account of both."""
-        pairs = zip(_values_of(self), _values_of(other), strict=True)
-        return EnergyAccount(*(one + another for one, another in pairs))
-
     @property
     def inflow(self) -> float:
         """Everything that flowed in [J]."""
@@ -121,9 +128,6 @@ class EnergyAccount(Shared):
         return {name: value if math.isfinite(value) else None for name, value in terms.items()}
 
 
-_values_of = operator.attrgetter(*(field.name for field in dataclasses.fields(EnergyAccount)))
-
-
 def mean_account(accounts: list[EnergyAccount]) -> EnergyAccount:
     """Return the mean of at least one account, term by term."""
     table = np.array([dataclasses.astuple(account) for account in accounts])
@@ -131,7 +135,7 @@ def mean_account(accounts: list[EnergyAccount]) -> EnergyAccount:
 
 
 @dataclasses.dataclass(frozen=True)
-class FeedAccount(Shared):
+class FeedAccount(_Terms):
     """Energy of feed, arm and load spring, in joules.
 
     ``feed_work + host_work + spring_changes`` is the sum of all other terms and of the
@@ -158,14 +162,6 @@ class FeedAccount(Shared):
     # constant for it within a step, and the restoring spring does not pull at the mount
     coupling: float = 0.0
 
-    def __add__(self, other: FeedAccount) -> FeedAccount:
-        """Return the account of both."""
-        return FeedAccount(*map(operator.add, _feed_values(self), _feed_values(other)))
-
-    def __sub__(self, other: FeedAccount) -> FeedAccount:
-        """Return the account of the time after another one that begins with this one."""
-        return FeedAccount(*map(operator.sub, _feed_values(self), _feed_values(other)))
-
     @property
     def work(self) -> float:
         """Work of the feed's drive, and of a host that slips by a fault [J]."""
@@ -178,7 +174,7 @@ class FeedAccount(Shared):
         Guide, host and rock take it, arm and load spring store it, or it is ``coupling``. What a
         changed load spring adds is taken off.
         """
-        values = _feed_values(self)
+        values = tuple(vars(self).values())
         return math.fsum((*values[_INFLOWS:], -self.spring_changes))
 
     def to_dict(self, weight_on_bit_work: float) -> dict[str, float]:
@@ -191,13 +187,12 @@ class FeedAccount(Shared):
         Args:
             weight_on_bit_work: on the RPUD, as of the ``EnergyAccount`` of the same time [J].
         """
-        values = _feed_values(self)
+        values = tuple(vars(self).values())
         outflow = [-each for each in values[_INFLOWS:]]
         return math.fsum((*values[:_INFLOWS], *outflow, -weight_on_bit_work))
 
 
 _INFLOWS = 3  # first terms of the account, which flow in
-_feed_values = operator.attrgetter(*(field.name for field in dataclasses.fields(FeedAccount)))
 
 
 def sum_accounts(accounts: Iterable[FeedAccount | None]) -> FeedAccount | None:
@@ -210,7 +205,7 @@ def mean_feed_account(accounts: Sequence[FeedAccount]) -> FeedAccount | None:
     """Return the mean of accounts, term by term; None if there are none."""
     if not accounts:
         return None
-    columns = zip(*map(_feed_values, accounts), strict=True)
+    columns = zip(*(vars(account).values() for account in accounts), strict=True)
     return FeedAccount(*(math.fsum(column) / len(accounts) for column in columns))
 
 
@@ -218,7 +213,7 @@ class RecentEnergy:
     """Mean powers over the blocks of the last second of simulation time."""
 
     def __init__(self, has_feed: bool = False) -> None:
-        self._has_feed = has_feed
+        self._no_feed = FeedAccount(*[0.0 if has_feed else math.nan] * len(vars(FeedAccount())))
         self._blocks: deque[Block] = deque()
 
     def add(self, block: Block) -> None:
@@ -234,9 +229,8 @@ class RecentEnergy:
         absorbed_power + stored_power``, and with a feed ``feed_power`` is ``mount_power +
         weight_on_bit_power``. Without one the first two of these are NaN.
         """
-        total, feed, duration = EnergyAccount(), self._feed_account(), self._duration()
-        if self._blocks:
-            total = self._drill_account()
+        total = self._drill_account() if self._blocks else EnergyAccount()
+        feed = self._feed_account()
         energies = {
             "actuator_power": total.actuator_work,
             "weight_power": total.weight_on_bit_work + total.gravity_work,
@@ -246,21 +240,20 @@ class RecentEnergy:
             "absorbed_power": total.absorbed,
             "stored_power": total.stored,
             "weight_on_bit_power": total.weight_on_bit_work,
-            "feed_power": feed.work if self._has_feed else math.nan,
-            "mount_power": feed.kept if self._has_feed else math.nan,
+            "feed_power": feed.work,
+            "mount_power": feed.kept,
         }
-        # What is unknown stays so before the start.
-        return {
-            name: energy / duration if duration else 0.0 * abs(energy)
-            for name, energy in energies.items()
-        }
+        return {name: self._power(energy) for name, energy in energies.items()}
 
     def coupling_power(self) -> float:
         """Return the mean power of ``FeedAccount.coupling`` [W]; NaN without a feed."""
-        if not self._has_feed:
-            return math.nan
-        duration = self._duration()
-        return self._feed_account().coupling / duration if duration else 0.0
+        return self._power(self._feed_account().coupling)
+
+    def _power(self, energy: float) -> float:
+        if not self._blocks:
+            return 0.0 * abs(energy)  # what is unknown stays so before the start
+        first, last = self._blocks[0], self._blocks[-1]
+        return energy / ((last.end - int(first.starts[self._late()])) / SECOND)
 
     def _late(self) -> int:
         """Return the number of parts of the first block that ended before the last second."""
@@ -274,12 +267,7 @@ class RecentEnergy:
         covering = join_records([*parts, last.open_segment], SEGMENT)
         return EnergyAccount.between(int(first.starts[late]), last.end, covering, last.rpud)
 
-    def _duration(self) -> float:
-        if not self._blocks:
-            return 0.0
-        return (self._blocks[-1].end - int(self._blocks[0].starts[self._late()])) / SECOND
-
     def _feed_account(self) -> FeedAccount:
         # One by one, so that they have the same bits however they came.
         feeds = chain.from_iterable(block.feeds for block in self._blocks)
-        return sum(islice(feeds, self._late() if self._blocks else 0, None), FeedAccount())
+        return sum(islice(feeds, self._late() if self._blocks else 0, None), self._no_feed)

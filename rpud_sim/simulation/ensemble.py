@@ -10,7 +10,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from queue import Empty, SimpleQueue
+from queue import SimpleQueue
 
 import numpy as np
 
@@ -32,7 +32,7 @@ from rpud_sim.simulation.changes import Planned, apply_change
 from rpud_sim.simulation.commands import WeightOnBit
 from rpud_sim.simulation.configuration import Configuration, whole_configuration
 from rpud_sim.simulation.energy_account import EnergyAccount, FeedAccount, RecentEnergy
-from rpud_sim.simulation.plant import nominal_drive, rpud_constants
+from rpud_sim.simulation.plant import rpud_constants
 from rpud_sim.simulation.sampling import Times
 from rpud_sim.simulation.scenario import Scenario
 from rpud_sim.simulation.simulation import Simulation
@@ -90,7 +90,7 @@ class EnsembleRuns:
 
     def __init__(self, configuration: Configuration, phases: Sequence[float]) -> None:
         self._parameters = parameters = configuration.parameters
-        drive = nominal_drive(configuration)
+        drive = configuration.nominal_drive
         actuator = Actuator(configuration.actuator, parameters.vibration_amplitude, drive)
         self._drill: Drill = derive(parameters)
         self._rpud: RpudConstants = rpud_constants(parameters, actuator.resonance)
@@ -123,12 +123,7 @@ class EnsembleRuns:
     def advance_to(self, time: int, statistics: Statistics, whole: bool = True) -> np.ndarray:
         """Advance a single run to a time [ns], and return its impacts since the last call.
 
-        Args:
-            statistics: to add to what happens.
-            whole: whether the energy account is wanted; the figures need only a part of it.
-
-        Returns:
-            ``IMPACT`` records, which the next call of any run in this thread overwrites.
+        The next call of any run in this thread overwrites them. The energy account needs ``whole``.
         """
         [_] = self._states
         begin = self.time
@@ -193,9 +188,6 @@ class EnsembleRuns:
 
 # Simulated time between two reports of progress, and between two looks at Ctrl-C [ns].
 _STRETCH = 10 * SECOND
-
-# Longest wait for a report of another thread [s].
-_PATIENCE = 0.1
 
 
 class _StoppedError(Exception):
@@ -335,9 +327,9 @@ def run_members(
         try:
             running = [pool.submit(run, batch, tell) for batch in batches]
             for future in running:
+                future.add_done_callback(lambda _: reported.put(0.0))  # ends the wait below
                 while not future.done():
-                    with contextlib.suppress(Empty):
-                        report(reported.get(timeout=_PATIENCE))
+                    report(reported.get())
                 yield from future.result()
             while not reported.empty():
                 report(reported.get())

@@ -1,14 +1,16 @@
-"""Faults, checked when they are made, and what they make of the drill."""
+"""Faults, checked when they are made, what they make of the drill, and the ledger of a run."""
 
 from __future__ import annotations
 
 import dataclasses
 import math
+from collections import deque
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
 from rpud_sim.drilling.inputs import UNDISTURBED, Disturbances
 from rpud_sim.foundation.quantities import ParameterError, shown, suggestion
+from rpud_sim.foundation.shared import Shared
 from rpud_sim.model.parameters import QUANTITIES, Parameters
 from rpud_sim.simulation.fault_kinds import CHANNEL_NEEDS, KINDS, NO_EFFECT, Kind
 from rpud_sim.simulation.topics import CHANNELS, GROUND_TRUTH
@@ -145,10 +147,8 @@ class FaultEffects:
     parameters: Parameters  # in force, always inside their ranges
     load_spring_rate: float  # k_1 without a binding, with which the load spring pushes [N/m]
     jammed: bool = False  # whether the free mass is wedged to the drill tool
-    specific_energy_factor: float = 1.0  # on the specific energy of the rock
     progress_factor: float = 1.0  # on the progress into the rock, 0 to 1
     resonance_offset: float = 0.0  # of the actuator [Hz]
-    preload_factor: float = 1.0  # on the commanded weight on bit, 0 to 1
     lock_lost: bool = False  # whether a tracking generator does not track
     disturbances: Disturbances = UNDISTURBED  # of the slow processes around the percussion
 
@@ -176,20 +176,13 @@ def effects_of(faults: Iterable[Fault], parameters: Parameters) -> FaultEffects:
     }
     limited = {name: min(value, _most(parameters, name)) for name, value in wanted.items()}
     disturbed = {field.name: sums[field.name] for field in dataclasses.fields(Disturbances)}
-    disturbed.update(
-        hardness=sums["specific_energy"],
-        progress=sums["binding"],
-        clogged=1.0 - sums["clearing"],
-        preload_factor=sums["preload"],
-    )
+    disturbed.update(progress=sums["binding"], clogged=1.0 - sums["clearing"])
     return FaultEffects(
         parameters.replace(**limited),
         parameters.load_spring_rate,
         sums["jammed"],
-        sums["specific_energy"],
         sums["progress"],
         sums["resonance_offset"],
-        sums["preload"],
         sums["lock_lost"],
         Disturbances(**disturbed),
     )
@@ -203,3 +196,74 @@ def _most(parameters: Parameters, name: str) -> float:
     if name.endswith("damping_ratio"):
         return max(MOST_DAMPING_RATIO, float(getattr(parameters, name)))
     return QUANTITIES[name].maximum
+
+
+# Cleared faults that are kept; older ones are only counted.
+MOST_CLEARED = 1000
+
+
+@dataclasses.dataclass(frozen=True)
+class FaultRecord(Shared):
+    """Time during which a fault lasted: the ground truth."""
+
+    number: int  # counts the injected faults from 1
+    fault: Fault  # that was injected
+    onset: int  # simulation time at which it began [ns]
+    clear: int | None = None  # simulation time at which it ended, None while it lasts [ns]
+
+    def lasts_at(self, time: int) -> bool:
+        """Whether it lasts at a simulation time [ns]: from its onset on, before its end."""
+        return self.onset <= time and (self.clear is None or time < self.clear)
+
+
+class FaultLedger:
+    """Faults of a run: those that last, and those that ended.
+
+    Times are integer nanoseconds of simulation time.
+    """
+
+    def __init__(self) -> None:
+        self._number = 0
+        # that last, in order of injection; the same object until one begins or ends; read-only
+        self.active: tuple[FaultRecord, ...] = ()
+        self._cleared: deque[FaultRecord] = deque(maxlen=MOST_CLEARED)
+        self.forgotten = 0  # cleared faults that ``records`` no longer contains; read-only
+
+    @property
+    def records(self) -> tuple[FaultRecord, ...]:
+        """Faults in order of injection; of cleared ones, the latest ``MOST_CLEARED``."""
+        return tuple(sorted((*self._cleared, *self.active), key=lambda record: record.number))
+
+    def since(self, time: int) -> tuple[FaultRecord, ...]:
+        """Return faults that last or ended after a time, in order of injection."""
+        ended = tuple(record for record in self._cleared if (record.clear or 0) > time)
+        if not ended:
+            return self.active
+        return tuple(sorted((*ended, *self.active), key=lambda record: record.number))
+
+    def inject(self, time: int, fault: Fault) -> int:
+        """Let a fault begin and return its number."""
+        for record in self.active:
+            if (record.fault.kind, record.fault.channel) == (fault.kind, fault.channel):
+                raise FaultError(f"{fault} is already there as fault {record.number}")
+        self._number += 1
+        self.active = (*self.active, FaultRecord(self._number, fault, time))
+        return self._number
+
+    def clear(self, time: int, number: int) -> FaultRecord:
+        """Let a fault end and return its record."""
+        for record in self.active:
+            if record.number == number:
+                break
+        else:
+            raise FaultError(f"there is no fault {shown(number)} to clear")
+        ended = dataclasses.replace(record, clear=time)
+        self.active = tuple(other for other in self.active if other is not record)
+        self.forgotten += len(self._cleared) == MOST_CLEARED
+        self._cleared.append(ended)
+        return ended
+
+    def clear_all(self, time: int) -> None:
+        """Let every fault end."""
+        for record in self.active:
+            self.clear(time, record.number)

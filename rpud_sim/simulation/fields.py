@@ -17,7 +17,7 @@ from array import array
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import groupby
 from operator import attrgetter
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -27,16 +27,22 @@ from rpud_sim.foundation.ragged import Ragged
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.model.segment import CONSTANTS, IMPACT, SEGMENT
 from rpud_sim.simulation.actuator import ActuatorReading
+from rpud_sim.simulation.faults import FaultLedger, FaultRecord
 from rpud_sim.simulation.journal import JournalEntry
-from rpud_sim.simulation.ledger import FaultLedger, FaultRecord
 from rpud_sim.simulation.sampling import SEGMENT_ARRAYS, Samples
 from rpud_sim.simulation.simulation import Simulation
 from rpud_sim.simulation.topics import TOPICS
 
 Fields = dict[str, Any]
 
-# Joints of urdf/rpud.urdf; each moves one body along the drill axis.
-JOINTS = ("rpud_nodal_plane_joint", "rpud_free_mass_joint", "rpud_tool_tip_joint")
+# Joints of urdf/rpud.urdf, each of which moves one body along the drill axis: channels of its
+# position, velocity and effort; None for zero.
+_SAMPLED_JOINTS: Mapping[str, tuple[str | None, ...]] = {
+    "rpud_nodal_plane_joint": ("nodal_plane_position", "nodal_plane_velocity", "reacting_force"),
+    "rpud_free_mass_joint": ("free_mass_position", "free_mass_velocity", None),
+    "rpud_tool_tip_joint": ("drill_tool_displacement", "drill_tool_velocity", None),
+}
+JOINTS = tuple(_SAMPLED_JOINTS)
 
 # Place of the constants among the numbers of a segment, which are all of one size.
 _SEGMENT_FIELDS: Any = SEGMENT.fields
@@ -86,6 +92,29 @@ def sampled_fields(topic: str, samples: Samples, stamps: np.ndarray) -> Fields:
     return {"header": header_fields(topic, stamps), **values}
 
 
+# Joints of urdf/rpud_feed.urdf.
+FEED_JOINT = "rpud_feed"
+ROTATION_JOINT = "rpud_rotation"
+
+# Fields of topics of the slow processes: attributes of the part of the state of the same name.
+_PROCESS_FIELDS: Mapping[str, tuple[str, ...]] = {
+    "rotation": ("angle", "rate", "torque", "drive_torque", "stalled"),
+    "mount": ("position", "feed", "rate", "force", "weight_on_bit", "in_contact", "slip"),
+    "borehole": (
+        *("depth", "penetration_rate", "layer", "specific_energy", "packed_cuttings"),
+        *("bit_wear", "side_offset"),
+    ),
+}
+_PROCESS_JOINTS = (
+    (ROTATION_JOINT, "rotation", ("angle", "rate", "drive_torque")),
+    (FEED_JOINT, "mount", ("feed", "rate", "force")),
+)
+PROCESS_TOPICS = tuple(_PROCESS_FIELDS)
+_VALUES = {topic: attrgetter(*names) for topic, names in _PROCESS_FIELDS.items()}
+
+States = Sequence[ProcessState]
+
+
 _READING = (
     *("voltage", "current", "phase", "impedance", "frequency", "resonance_frequency", "amplitude"),
     *("electrical_power", "electrical_energy", "mechanical_work", "temperature"),
@@ -96,11 +125,7 @@ _values_of = attrgetter(*_READING)
 def actuator_state_fields(
     readings: Sequence[ActuatorReading], mechanical_powers: np.ndarray, stamps: np.ndarray
 ) -> Fields:
-    """Columns of ``rpud_msgs/ActuatorState``.
-
-    Args:
-        mechanical_powers: since the reading before each [W].
-    """
+    """Columns of ``rpud_msgs/ActuatorState``; the powers are those since the reading before [W]."""
     first = readings[0]
     if all(reading is first for reading in readings):
         columns: Iterable[Any] = _values_of(first)
@@ -113,71 +138,47 @@ def actuator_state_fields(
     }
 
 
-def wrench_fields(
-    samples: Samples, stamps: np.ndarray, torques: np.ndarray | None = None
-) -> Fields:
+def wrench_fields(samples: Samples, stamps: np.ndarray, states: States = ()) -> Fields:
     """Columns of ``geometry_msgs/WrenchStamped`` as a wrist sensor at the mount gives them.
 
     The z axis of the mount's frame points along the drill toward the rock; the drill pushes the
-    mount back, so that the force along z is the negative reacting force.
-
-    Args:
-        torques: of the drill on the mount about z, one for each sample [N m]; None for zero.
+    mount back, so that the force along z is the negative reacting force. The drive turns the
+    rotor, and the mount takes the same torque the other way round.
     """
+    torques: Any = 0.0
+    if has_part(states, "rotation"):
+        torques = 0.0 - _parts(states, "rotation", "drive_torque")  # no negative zero
     return {
         "header": header_fields("wrench", stamps),
         "wrench": {
             "force": {"x": 0.0, "y": 0.0, "z": -samples.reacting_force},
-            "torque": {"x": 0.0, "y": 0.0, "z": 0.0 if torques is None else torques},
+            "torque": {"x": 0.0, "y": 0.0, "z": torques},
         },
     }
 
 
-class Joint(NamedTuple):
-    """Joint of ``sensor_msgs/JointState``."""
-
-    name: str  # in the URDF
-    position: np.ndarray  # one for each sample [m] or [rad]
-    velocity: np.ndarray  # [m/s] or [rad/s]
-    effort: np.ndarray | None  # of the mount's side on the moved body [N] or [N m]; None for zero
-
-
-def joint_state_fields(
-    samples: Samples, stamps: np.ndarray, others: Sequence[Joint] = ()
-) -> Fields:
-    """Columns of ``sensor_msgs/JointState`` for the ``JOINTS`` of ``urdf/rpud.urdf``.
+def joint_state_fields(samples: Samples, stamps: np.ndarray, states: States = ()) -> Fields:
+    """Columns of ``sensor_msgs/JointState`` for ``JOINTS``, then those of rotation and feed.
 
     The effort is the force between mount and body, positive toward the rock: the reacting force on
     the nodal plane, and zero on free mass and drill tool, whose forces do not reach the mount in
-    the model. The sum of these efforts is the negative force of the wrench.
-
-    Args:
-        others: joints that follow, with a value for each sample.
+    the model. The sum of these efforts is the negative force of the wrench. The feed's joint is its
+    drive, as an encoder shows it: the arm may give way beyond. Its effort is the force of the arm
+    on the mount [N], that of the rotation the torque of the drive on the rotor [N m].
     """
-    plane, mass, tool = JOINTS
-    at, rate = samples.nodal_plane_position, samples.nodal_plane_velocity
-    joints = (
-        Joint(plane, at, rate, samples.reacting_force),
-        Joint(mass, samples.free_mass_position, samples.free_mass_velocity, None),
-        Joint(tool, samples.drill_tool_displacement, samples.drill_tool_velocity, None),
-        *others,
-    )
-    return {
-        "header": header_fields("joint_states", stamps),
-        "name": [joint.name for joint in joints],
-        "position": _joints([joint.position for joint in joints], len(stamps)),
-        "velocity": _joints([joint.velocity for joint in joints], len(stamps)),
-        "effort": _joints([joint.effort for joint in joints], len(stamps)),
+    joints: dict[str, list[Any]] = {
+        joint: [getattr(samples, channel) if channel else 0.0 for channel in channels]
+        for joint, channels in _SAMPLED_JOINTS.items()
     }
-
-
-def _joints(columns: Sequence[np.ndarray | None], count: int) -> np.ndarray:
-    """Return a row of values of all joints for each sample; None stands for zeros."""
-    rows = np.zeros((count, len(columns)))
-    for number, each in enumerate(columns):
-        if each is not None:
-            rows[:, number] = each
-    return rows
+    for joint, topic, names in _PROCESS_JOINTS:
+        if has_part(states, topic):
+            joints[joint] = [_parts(states, topic, name) for name in names]
+    rows = np.empty((3, len(stamps), len(joints)))
+    for number, columns in enumerate(joints.values()):
+        for row, column in zip(rows, columns, strict=True):
+            row[:, number] = column
+    columns_of = dict(zip(("position", "velocity", "effort"), rows, strict=True))
+    return {"header": header_fields("joint_states", stamps), "name": list(joints), **columns_of}
 
 
 def contact_force_fields(impacts: np.ndarray, origin: int) -> Fields:
@@ -261,11 +262,7 @@ class Bookkeeping:
 def status_fields(
     simulation: Simulation, origin: int, state: str, bookkeeping: Bookkeeping
 ) -> Fields:
-    """Fields of ``rpud_msgs/Status`` at the present time of a simulation.
-
-    Args:
-        bookkeeping: every other field, by its name.
-    """
+    """Fields of ``rpud_msgs/Status`` at the present time of a simulation."""
     applied = simulation.applied
     actuator = simulation.actuator
     return {
@@ -326,29 +323,6 @@ def faults_fields(ledger: FaultLedger, time: int, origin: int) -> Fields:
     }
 
 
-# Joints of urdf/rpud_feed.urdf.
-FEED_JOINT = "rpud_feed"
-ROTATION_JOINT = "rpud_rotation"
-
-# Fields of topics of the slow processes: attributes of the part of the state of the same name.
-_PROCESS_FIELDS: Mapping[str, tuple[str, ...]] = {
-    "rotation": ("angle", "rate", "torque", "drive_torque", "stalled"),
-    "mount": ("position", "feed", "rate", "force", "weight_on_bit", "in_contact", "slip"),
-    "borehole": (
-        *("depth", "penetration_rate", "layer", "specific_energy", "packed_cuttings"),
-        *("bit_wear", "side_offset"),
-    ),
-}
-_PROCESS_JOINTS = (
-    (ROTATION_JOINT, "rotation", ("angle", "rate", "drive_torque")),
-    (FEED_JOINT, "mount", ("feed", "rate", "force")),
-)
-PROCESS_TOPICS = tuple(_PROCESS_FIELDS)
-_VALUES = {topic: attrgetter(*names) for topic, names in _PROCESS_FIELDS.items()}
-
-States = Sequence[ProcessState]
-
-
 def has_part(states: States, topic: str) -> bool:
     """Return whether states, all of one drill, have the part of a topic."""
     return bool(states) and getattr(states[0], topic) is not None
@@ -373,33 +347,6 @@ def process_fields(
         }
         yield among, {"header": header_fields(topic, stamps[among]), **fields}
         first = among.stop
-
-
-def process_joints(states: States) -> Iterator[Joint]:
-    """Yield the joints of rotation and feed, with a value for each state.
-
-    The feed's joint is its drive, as an encoder shows it: the arm may give way beyond. Its effort
-    is the force of the arm on the mount [N], that of the rotation the torque of the drive on the
-    rotor [N m].
-    """
-    for joint, topic, (position, velocity, effort) in _PROCESS_JOINTS:
-        if has_part(states, topic):
-            yield Joint(
-                joint,
-                _parts(states, topic, position),
-                _parts(states, topic, velocity),
-                _parts(states, topic, effort),
-            )
-
-
-def mount_torque(states: States) -> np.ndarray | None:
-    """Torque of the drill on the mount about its z axis for each state; None without rotation.
-
-    The drive turns the rotor, and the mount takes the same torque the other way round [N m].
-    """
-    if not has_part(states, "rotation"):
-        return None
-    return 0.0 - _parts(states, "rotation", "drive_torque")  # no negative zero
 
 
 def _parts(states: States, topic: str, name: str) -> np.ndarray:

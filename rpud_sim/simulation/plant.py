@@ -23,15 +23,6 @@ from rpud_sim.simulation.faults import FaultEffects, effects_of
 from rpud_sim.simulation.percussion import LoadSpring, PercussionMeter, nodal_plane_position
 
 
-def nominal_drive(configuration: Configuration) -> Drive:
-    """Return the drive that is in force until the first command."""
-    return Drive(
-        configuration.drive_enabled,
-        configuration.actuator.nominal_voltage,
-        configuration.parameters.vibration_frequency,
-    )
-
-
 def rpud_constants(parameters: Parameters, resonance: Resonance | None) -> RpudConstants:
     """Return the constants of the RPUD that its segments lack."""
     return RpudConstants(
@@ -263,13 +254,13 @@ class Plant:
         if self._drill.in_rock:
             acting = self._effects
             self.progress.add(
-                impacts, self._hardness * acting.specific_energy_factor, acting.progress_factor
+                impacts, self._hardness * acting.disturbances.hardness, acting.progress_factor
             )
 
     def _weight_on_bit(self) -> float:
         weight = self.process.preload
         if weight is None:
-            return self.weight_on_bit * self._effects.preload_factor
+            return self.weight_on_bit * self._effects.disturbances.preload_factor
         return weight
 
     def _commands(self) -> tuple[tuple[float, float, float], float]:

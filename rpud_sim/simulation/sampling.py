@@ -111,29 +111,24 @@ def sample(segments: np.ndarray, times: Times) -> Samples:
         times: in ascending order, not before the first segment; later than the last one's end
             continues its closed form.
     """
-    one = Stretches(
-        np.zeros(1, np.int64),
-        np.array([len(segments) - 1], np.int64),
-        np.array([0, len(times.seconds)], np.int64),
-    )
-    return sample_stretches(segments, one, times)
+    firsts, lasts = np.zeros(1, np.int64), np.array([len(segments) - 1], np.int64)
+    cuts = np.array([0, len(times.seconds)], np.int64)
+    return sample_parts(segments, firsts, lasts, cuts, times)
 
 
-@dataclasses.dataclass(frozen=True)
-class Stretches:
-    """Parts of a trajectory and of the times at which it is sampled, each as if it were alone.
+def sample_parts(
+    segments: np.ndarray, firsts: np.ndarray, lasts: np.ndarray, cuts: np.ndarray, times: Times
+) -> Samples:
+    """Sample all channels of a trajectory in n parts, each as if it were alone.
 
     So a time at a joint of two segments is sampled from the same one, however far the trajectory
     goes on before and after its part.
+
+    Args:
+        firsts: number of the first segment of each part, shape (n,), int64.
+        lasts: number of the last one, shape (n,), int64.
+        cuts: number of the first time of each part, and of all, shape (n + 1,), int64.
     """
-
-    firsts: np.ndarray  # number of the first segment of each part, shape (n,), int64
-    lasts: np.ndarray  # number of the last one, shape (n,), int64
-    cuts: np.ndarray  # number of the first time of each part, and of all, shape (n + 1,), int64
-
-
-def sample_stretches(segments: np.ndarray, parts: Stretches, times: Times) -> Samples:
-    """Sample all channels of a trajectory in parts."""
     count = len(times.seconds)
     channels = np.empty((len(CHANNELS), count))
     in_contact = np.empty(count, np.bool_)
@@ -143,9 +138,7 @@ def sample_stretches(segments: np.ndarray, parts: Stretches, times: Times) -> Sa
         segments.flags.writeable = False
         _fill(
             segments,
-            np.ascontiguousarray(parts.firsts),
-            np.ascontiguousarray(parts.lasts),
-            np.ascontiguousarray(parts.cuts),
+            *map(np.ascontiguousarray, (firsts, lasts, cuts)),
             times.seconds,
             times.fraction,
             channels,

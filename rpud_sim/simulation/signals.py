@@ -20,8 +20,8 @@ from rpud_sim.model.elementary import logarithm_one_plus, sin_cos_cycles
 from rpud_sim.simulation.topics import CHANNELS, Channel, FieldPath
 
 if TYPE_CHECKING:  # a kind of fault has its stage
+    from rpud_sim.simulation.faults import FaultRecord
     from rpud_sim.simulation.fields import Fields
-    from rpud_sim.simulation.ledger import FaultRecord
 
 # Share of the values of a garbage channel that are NaN or infinite, so that mission software meets
 # them; of random bit patterns only one in two thousand is.
@@ -116,11 +116,7 @@ class Stage:
     """Stage of a fault, through which the messages of its channel pass."""
 
     def __init__(
-        self,
-        channel: Channel,
-        magnitude: float,
-        random: np.random.Generator,
-        last: Fields | None,
+        self, channel: Channel, magnitude: float, random: np.random.Generator, last: Fields | None
     ) -> None:
         self._channel = channel
         self._magnitude = magnitude
@@ -178,8 +174,7 @@ class Wrong(Stage):
 
     def _change(self, fields: Fields) -> Fields:
         return _replaced(
-            fields,
-            {path: self._magnitude * _at(fields, path) for path in self._channel.numbers},
+            fields, {path: self._magnitude * _at(fields, path) for path in self._channel.numbers}
         )
 
 

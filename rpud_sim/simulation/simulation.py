@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import heapq
 import math
 from collections import deque
 from typing import Any
@@ -10,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from rpud_sim.drilling.process import ProcessState
+from rpud_sim.foundation.time import NEVER
 from rpud_sim.model.parameters import Parameters
 from rpud_sim.simulation.actuator import ActuatorReading
 from rpud_sim.simulation.block import Block, join_blocks
@@ -19,13 +21,14 @@ from rpud_sim.simulation.energy_account import FeedAccount
 from rpud_sim.simulation.faults import (
     Fault,
     FaultError,
+    FaultLedger,
+    FaultRecord,
     check_supported,
     effects_of,
     supported_kinds,
 )
 from rpud_sim.simulation.journal import Journal
-from rpud_sim.simulation.ledger import FaultLedger, FaultRecord, FaultSchedule
-from rpud_sim.simulation.plant import Plant, nominal_drive, rpud_constants
+from rpud_sim.simulation.plant import Plant, rpud_constants
 from rpud_sim.simulation.scenario import Scenario, ScheduledFault
 
 # Refusals that are kept until they are drained; the oldest are dropped.
@@ -62,7 +65,7 @@ class Simulation:
     ) -> None:
         configuration = whole_configuration(configuration)
         parameters = configuration.parameters
-        drive = nominal_drive(configuration)
+        drive = configuration.nominal_drive
         self.configuration = configuration  # in force, without faults; read-only
         self._journal = journal
         self._first_specific_energy = configuration.rock.rock_specific_energy
@@ -73,14 +76,17 @@ class Simulation:
         self._drawn = 0.0  # electrical energy up to the last block [J]
         self._fed = FeedAccount() if configuration.has_feed else None  # up to the last block
         self.faults = FaultLedger()  # read-only
-        self._schedule = FaultSchedule()
+        # Beginnings and ends of faults that come by themselves: time [ns], whether one begins,
+        # number of the plan, and the fault or the number of its record. So ends come first.
+        self._plans: list[tuple[int, bool, int, ScheduledFault | int]] = []
+        self._plan_count = 0
         self._refusals: deque[str] = deque(maxlen=_MOST_REFUSALS)
         for scheduled in scenario.faults if scenario else ():
             try:
                 check_supported(scheduled.fault, configuration)
             except FaultError as error:
                 raise FaultError(f"{scheduled.place}{error}") from None
-            self._schedule.plan_beginning(scheduled)
+            self._plan(scheduled.onset, True, scheduled)
 
     @property
     def parameters(self) -> Parameters:
@@ -139,7 +145,7 @@ class Simulation:
     @property
     def next_scheduled(self) -> int:
         """Time of the next scheduled change [ns]; ``NEVER`` if none is planned."""
-        return self._schedule.next_time
+        return self._plans[0][0] if self._plans else NEVER
 
     def drain_refusals(self) -> list[str]:
         """Return why scheduled faults did not begin, since the last call."""
@@ -152,9 +158,9 @@ class Simulation:
         start = self.time
         if time < start:
             raise ValueError(f"time {time} ns is before the present {start} ns")
-        while (stop := min(self._plant.next_step, self._schedule.next_time)) <= time:
+        while (stop := min(self._plant.next_step, self.next_scheduled)) <= time:
             self._plant.advance_to(stop)
-            if self._schedule.next_time <= stop:
+            if self.next_scheduled <= stop:
                 self._apply_due_faults()
         self._plant.advance_to(time)
         reading = self._plant.reading
@@ -187,7 +193,7 @@ class Simulation:
             ends: in ascending order, after the present time, at least one [ns], int64.
         """
         start = self.time
-        if min(self._plant.next_step, self._schedule.next_time) > ends[-1]:
+        if min(self._plant.next_step, self.next_scheduled) > ends[-1]:
             reached = self._plant.advance_through(ends)
             if reached is not None:
                 # The actuator has no power here, and nothing changes what it reads.
@@ -234,11 +240,7 @@ class Simulation:
         self._note("configure", parameters=to_values(configuration))
 
     def inject(self, fault: Fault, duration: int = 0) -> int:
-        """Let a fault begin at the present time and return its number.
-
-        Args:
-            duration: after which it ends by itself [ns]; 0 for never.
-        """
+        """Let a fault begin now, end after a duration [ns], 0 for never, and return its number."""
         number = self._inject(fault, duration)
         self._note("inject", fault=dataclasses.asdict(fault), duration=duration)
         return number
@@ -268,12 +270,17 @@ class Simulation:
         check_supported(fault, self.configuration)
         number = self.faults.inject(self.time, fault)
         if duration:
-            self._schedule.plan_end(self.time + duration, number)
+            self._plan(self.time + duration, False, number)
         self._change_effects()
         return number
 
+    def _plan(self, time: int, begins: bool, fault: ScheduledFault | int) -> None:
+        heapq.heappush(self._plans, (time, begins, self._plan_count, fault))
+        self._plan_count += 1
+
     def _apply_due_faults(self) -> None:
-        for due in self._schedule.pop_due(self.time):
+        while self.next_scheduled <= self.time:
+            due = heapq.heappop(self._plans)[-1]
             if isinstance(due, ScheduledFault):
                 try:
                     self._inject(due.fault, due.duration)

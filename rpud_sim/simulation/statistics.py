@@ -22,12 +22,7 @@ from rpud_sim.model.tally import (
     empty_tallies,
 )
 from rpud_sim.simulation.block import Block
-from rpud_sim.simulation.energy_account import (
-    EnergyAccount,
-    FeedAccount,
-    absorbed,
-    sum_accounts,
-)
+from rpud_sim.simulation.energy_account import EnergyAccount, FeedAccount, absorbed, sum_accounts
 
 # Names and units of the figures.
 FIGURES = MappingProxyType(
@@ -60,26 +55,10 @@ def force_of(number: int) -> float | None:
 def figures_of(tally: np.void, duration: float, quantile: int) -> dict[str, float | int | None]:
     """Return duration and ``FIGURES`` in SI units; None if there is nothing to average.
 
-    Args:
-        quantile: class of the 99 % quantile of the contact force; -1 for none.
+    ``quantile`` is the class of the 99 % quantile of the contact force, -1 for none.
     """
-    (
-        events,
-        actuator_impacts,
-        count,
-        squeezed,
-        _,
-        _,
-        greatest,
-        velocity,
-        force,
-        contact,
-        energy,
-        transferred,
-        impulse,
-        _,
-    ) = tally.item()
-    account = tally["account"].tolist()
+    totals = dict(zip(TALLY.names or (), tally.item(), strict=True))
+    account, count = tally["account"].tolist(), totals["impacts"]
 
     def rate(total: float) -> float | None:
         return total / duration if duration > 0.0 else None
@@ -89,21 +68,21 @@ def figures_of(tally: np.void, duration: float, quantile: int) -> dict[str, floa
 
     return {
         "duration": duration,
-        "events": events,
+        "events": totals["events"],
         "drill_tool_impact_rate": rate(count),
-        "actuator_impact_rate": rate(actuator_impacts),
-        "impact_velocity_mean": mean(velocity),
-        "contact_force_mean": mean(force),
+        "actuator_impact_rate": rate(totals["actuator_impacts"]),
+        "impact_velocity_mean": mean(totals["impact_velocity"]),
+        "contact_force_mean": mean(totals["contact_force"]),
         "contact_force_p99": force_of(quantile),
-        "contact_force_max": greatest if count else None,
-        "contact_duration_mean": mean(contact),
-        "squeezed_impact_rate": rate(squeezed),
-        "kinetic_energy_rate": rate(energy),
-        "energy_transferred_rate": rate(transferred),
+        "contact_force_max": totals["contact_force_max"] if count else None,
+        "contact_duration_mean": mean(totals["contact_duration"]),
+        "squeezed_impact_rate": rate(totals["squeezed"]),
+        "kinetic_energy_rate": rate(totals["energy"]),
+        "energy_transferred_rate": rate(totals["energy_transferred"]),
         "energy_absorbed_rate": rate(
             absorbed(account[IMPACTS], account[RELEASE], account[DRILL_TOOL_DAMPER])
         ),
-        "reacting_force_mean": rate(impulse),
+        "reacting_force_mean": rate(totals["reacting_impulse"]),
     }
 
 

@@ -5,20 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
-from heapq import merge
+from operator import itemgetter
 
 import numpy as np
 
 from rpud_sim.foundation.ragged import Ragged
 from rpud_sim.foundation.shared import Shared
 from rpud_sim.foundation.time import SECOND
-from rpud_sim.simulation.block import (
-    Block,
-    boundaries_until,
-    boundary,
-    first_sample,
-    join_blocks,
-)
+from rpud_sim.simulation.block import Block, boundaries_until, boundary, first_sample, join_blocks
+from rpud_sim.simulation.faults import FaultRecord
 from rpud_sim.simulation.fields import (
     PROCESS_TOPICS,
     SAMPLED,
@@ -27,9 +22,7 @@ from rpud_sim.simulation.fields import (
     contact_force_fields,
     has_part,
     joint_state_fields,
-    mount_torque,
     process_fields,
-    process_joints,
     sampled_fields,
     stamp_of,
     to_array,
@@ -38,7 +31,6 @@ from rpud_sim.simulation.fields import (
     waveform_fields,
     wrench_fields,
 )
-from rpud_sim.simulation.ledger import FaultRecord
 from rpud_sim.simulation.sampling import Times, join_samples
 from rpud_sim.simulation.signals import SignalFaults
 from rpud_sim.simulation.topics import CHANNELS
@@ -47,25 +39,10 @@ from rpud_sim.simulation.topics import CHANNELS
 Entry = tuple[int, str, Fields]
 
 # Order in which a block's messages are published.
-_ORDER = {
-    topic: number
-    for number, topic in enumerate(
-        (
-            "contact_force",
-            "nodal_plane",
-            "drill_tool",
-            "reacting_force",
-            "wrench",
-            "rotation",
-            "mount",
-            "borehole",
-            "joint_states",
-            "actuator_state",
-            "waveform",
-            "trajectory",
-        )
-    )
-}
+_ORDER = (
+    *("contact_force", *SAMPLED, "wrench", *PROCESS_TOPICS),
+    *("joint_states", "actuator_state", "waveform", "trajectory"),
+)
 
 
 @dataclass(frozen=True)
@@ -87,7 +64,7 @@ class Columns(Shared):
     @property
     def places(self) -> np.ndarray:
         """Place of each among all messages of the span; equal where they follow each other."""
-        return self.blocks * len(_ORDER) + _ORDER[self.topic]
+        return self.blocks * len(_ORDER) + _ORDER.index(self.topic)
 
     def row(self, number: int, names: Collection[str] | None = None) -> Fields:
         """Return the fields of one message.
@@ -120,9 +97,13 @@ class Together:
 
     def messages(self) -> Iterator[Entry]:
         """Yield the messages one by one, in order."""
-        groups = [_placed(columns) for columns in self.columns]
-        for _, number, found in merge(*groups, key=lambda each: each[0]):
-            yield int(found.times[number]), found.topic, found.row(number)
+        found = [
+            (place, number, columns)
+            for columns in self.columns
+            for number, place in enumerate(columns.places.tolist())
+        ]
+        for _, number, columns in sorted(found, key=itemgetter(0)):
+            yield int(columns.times[number]), columns.topic, columns.row(number)
 
 
 def one_by_one(found: Iterable[Entry | Together]) -> Iterator[Entry]:
@@ -132,12 +113,6 @@ def one_by_one(found: Iterable[Entry | Together]) -> Iterator[Entry]:
             yield from each.messages()
         else:
             yield each
-
-
-def _placed(columns: Columns) -> Iterator[tuple[int, int, Columns]]:
-    """Yield place and number of each message of columns, with the columns."""
-    for number, place in enumerate(columns.places.tolist()):
-        yield place, number, columns
 
 
 def row_of(fields: Fields, number: int) -> Fields:
@@ -269,15 +244,14 @@ class Telemetry:
         samples = block.sample_ends()
         for topic in SAMPLED:
             yield Columns(topic, parts, ends, sampled_fields(topic, samples, stamps))
-        fields = wrench_fields(samples, stamps, mount_torque(block.states))
+        fields = wrench_fields(samples, stamps, block.states)
         yield Columns("wrench", parts, ends, fields)
         for topic in PROCESS_TOPICS:
             if has_part(block.states, topic):
                 for among, fields in process_fields(topic, block.states, stamps):
                     yield Columns(topic, parts[among], ends[among], fields)
         if self._wanted("joint_states"):
-            joints = tuple(process_joints(block.states))
-            fields = joint_state_fields(samples, stamps, joints)
+            fields = joint_state_fields(samples, stamps, block.states)
             yield Columns("joint_states", parts, ends, fields)
         if block.readings:
             powers = self._powers(block)

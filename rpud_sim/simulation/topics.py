@@ -88,45 +88,27 @@ class Channel:
     flags: tuple[FieldPath, ...] = ()  # every measured truth value
 
 
+def _channel(unit: str, scale: float, numbers: str, flags: str = "") -> Channel:
+    paths = ([tuple(path.split(".")) for path in paths.split()] for paths in (numbers, flags))
+    return Channel(unit, scale, *map(tuple, paths))
+
+
 CHANNELS: Mapping[str, Channel] = {
-    "nodal_plane": Channel("m", 1e-4, (("position",), ("velocity",))),
-    "drill_tool": Channel("m", 1e-5, (("displacement",), ("velocity",)), (("in_contact",),)),
-    "reacting_force": Channel("N", 1.0, (("force",),)),
-    "wrench": Channel(
+    "nodal_plane": _channel("m", 1e-4, "position velocity"),
+    "drill_tool": _channel("m", 1e-5, "displacement velocity", "in_contact"),
+    "reacting_force": _channel("N", 1.0, "force"),
+    "wrench": _channel(
         "N",
         1.0,
-        (
-            ("wrench", "force", "z"),
-            ("wrench", "force", "x"),
-            ("wrench", "force", "y"),
-            ("wrench", "torque", "x"),
-            ("wrench", "torque", "y"),
-            ("wrench", "torque", "z"),
-        ),
+        "wrench.force.z wrench.force.x wrench.force.y "
+        "wrench.torque.x wrench.torque.y wrench.torque.z",
     ),
-    "contact_force": Channel(
+    "contact_force": _channel(
         "N",
         1e3,
-        (
-            ("peak_force",),
-            ("contact_duration",),
-            ("impact_velocity",),
-            ("impulse",),
-            ("energy",),
-            ("energy_transferred",),
-        ),
-        (("squeezed",),),
+        "peak_force contact_duration impact_velocity impulse energy energy_transferred",
+        "squeezed",
     ),
-    "rotation": Channel(
-        "N m",
-        1e-2,
-        (("torque",), ("drive_torque",), ("angle",), ("rate",)),
-        (("stalled",),),
-    ),
-    "mount": Channel(
-        "N",
-        1.0,
-        (("force",), ("weight_on_bit",), ("position",), ("feed",), ("rate",), ("slip",)),
-        (("in_contact",),),
-    ),
+    "rotation": _channel("N m", 1e-2, "torque drive_torque angle rate", "stalled"),
+    "mount": _channel("N", 1.0, "force weight_on_bit position feed rate slip", "in_contact"),
 }

@@ -114,7 +114,8 @@ class Overview:
         if self.complete:
             return False
         recording, numbers = self._recording, self._batch(self.read)
-        found = recording.rows_of(numbers)
+        sampled = self.read in self._sampled
+        found = recording.rows(self.read) if sampled else recording.rows_of(numbers)
         jumps = self._jumps(found)
         if self.read >= self._scanned and any(
             not {*new} <= {*recording.clocks[drill].jumps} for drill, new in jumps.items()
@@ -122,7 +123,7 @@ class Overview:
             self._scan()
             self._restart()
             return True
-        if self.read not in self._sampled:
+        if not sampled:
             self._add(found)
         self._until = max(self._until, recording.end_of(found))
         self.read += len(numbers)

@@ -237,17 +237,6 @@ def test_the_screen_is_accessible_and_asks_nothing_of_other_machines(
         assert page.tab.evaluate(f"{bottom} + scrollY") < 2 * 812
 
 
-def test_who_wants_no_motion_sees_one_picture_a_second(live, server, page_of):
-    page = opened(page_of, server, NAMESPACE, reduced_motion=True)
-    until_screen(page, "screen.clock.block !== null")
-    pictures = of_screen(
-        page,
-        "new Promise((done) => { let seen = -1; screen.clock.listen(() => { seen += 1; });"
-        " setTimeout(() => done(seen), 2000); })",
-    )
-    assert 1 <= pictures <= 4
-
-
 @pytest.mark.parametrize("namespace", ["<script>alert(1)</script>", "/a b", "/'\"><img src=x>"])
 def test_a_hostile_namespace_stays_text(server, page_of, namespace):
     page = page_of(f"{server}/screen?namespace={quote(namespace)}")

@@ -11,7 +11,7 @@ from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.simulation import Parameters
 from rpud_sim.simulation.commands import Drive, WeightOnBit
 from rpud_sim.simulation.configuration import Configuration
-from rpud_sim.simulation.control import CommandWatchdog, Control
+from rpud_sim.simulation.control import Control
 from rpud_sim.simulation.simulation import Simulation
 
 SECOND = 1_000_000_000
@@ -145,15 +145,20 @@ def test_it_never_acts_more_than_commanded_and_not_at_all_while_inactive(events)
 
 
 def test_the_share_goes_down_linearly_after_the_timeout():
-    watchdog = CommandWatchdog(0.5, 2.0, 3 * SECOND)
-    shares = [watchdog.share(3 * SECOND + half * SECOND // 2) for half in range(8)]
+    simulation, control = made(timeout=0.5, ramp=2.0)
+    shares, lost = [], []
+    for half in range(8):
+        go_on(simulation, control, half * SECOND // 2)
+        shares.append(acting(simulation)[0] / 10.0)
+        lost.append(control.commands_lost)
     assert shares == [1.0, 1.0, 0.75, 0.5, 0.25, 0.0, 0.0, 0.0]
-    assert not watchdog.lost(3 * SECOND + SECOND // 2)
-    assert watchdog.lost(3 * SECOND + SECOND // 2 + 1)
+    assert lost == [False, False, *[True] * 6]
 
 
 def test_the_shortest_timeout_is_one():
-    assert CommandWatchdog(1e-15, 0.0).lost(2)
+    simulation, control = made(timeout=1e-15, ramp=0.0)
+    go_on(simulation, control, 2)
+    assert control.commands_lost
 
 
 NO_NUMBERS = [math.nan, math.inf, -math.inf, True, "30", None, [30.0], 10**400]

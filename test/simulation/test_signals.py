@@ -15,9 +15,8 @@ from rpud_sim.simulation import Parameters, fields
 from rpud_sim.simulation.commands import Feed
 from rpud_sim.simulation.configuration import to_configuration
 from rpud_sim.simulation.fault_kinds import KINDS
-from rpud_sim.simulation.faults import Fault
+from rpud_sim.simulation.faults import Fault, FaultLedger, FaultRecord
 from rpud_sim.simulation.fields import process_fields
-from rpud_sim.simulation.ledger import FaultLedger, FaultRecord
 from rpud_sim.simulation.sampling import Times
 from rpud_sim.simulation.signals import SignalFaults
 from rpud_sim.simulation.simulation import Simulation

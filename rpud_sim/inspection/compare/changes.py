@@ -32,7 +32,7 @@ class Setting:
 
 
 @dataclass(frozen=True)
-class Event:
+class AlignedEvent:
     """Command or fault, aligned over the runs."""
 
     text: str  # what it is
@@ -81,7 +81,7 @@ def to_text(value: Any) -> str:
     return f"{value!s:.200}"
 
 
-def commands(drills: Sequence[RecordedDrill]) -> tuple[Event, ...]:
+def commands(drills: Sequence[RecordedDrill]) -> tuple[AlignedEvent, ...]:
     return _aligned(
         [
             [(text, entry.time / SECOND, None) for entry, text in _command_texts(drill)]
@@ -116,7 +116,7 @@ def _command_text(kind: str, content: Mapping[str, Any]) -> str:
     return text if len(text) <= _MOST_TEXT else f"{text[:_MOST_TEXT]}…"
 
 
-def faults(values: Sequence[RecordedValues]) -> tuple[Event, ...]:
+def faults(values: Sequence[RecordedValues]) -> tuple[AlignedEvent, ...]:
     lists = []
     for run in values:
         found = sorted((run.faults or {}).values(), key=lambda fault: (fault.onset, fault.number))
@@ -124,7 +124,7 @@ def faults(values: Sequence[RecordedValues]) -> tuple[Event, ...]:
     return _aligned(lists)
 
 
-def _aligned(runs: Sequence[list[tuple[str, float, float | None]]]) -> tuple[Event, ...]:
+def _aligned(runs: Sequence[list[tuple[str, float, float | None]]]) -> tuple[AlignedEvent, ...]:
     """Return the events of all runs, each with its text, time and end in each."""
     rows: list[tuple[str, list[tuple[float | None, float | None]]]] = []
     for number, events in enumerate(runs):
@@ -140,35 +140,35 @@ def _aligned(runs: Sequence[list[tuple[str, float, float | None]]]) -> tuple[Eve
             lacking = [(None, None)] * number
             merged += [(text, [*lacking, (time, end)]) for text, time, end in events[first:last]]
         rows = merged
-    return tuple(Event(text, *zip(*cells, strict=True)) for text, cells in rows)
+    return tuple(AlignedEvent(text, *zip(*cells, strict=True)) for text, cells in rows)
 
 
 @dataclass(frozen=True)
-class Window:
+class ComparedWindow:
     """Part of the time that is compared."""
 
     name: str
     begins: tuple[float, ...]  # begins, ends: in each run, simulation time [s]
     ends: tuple[float, ...]
 
-
-@dataclass(frozen=True)
-class Choice:
-    """Choice of the part of the time that is compared."""
-
-    begin: float = 0.0  # simulation time from which on it is compared [s]
-    end: float | None = None  # up to which [s]; None for the end of the shortest run
-    settle: float = 0.5  # time that is left out after the start and after each change [s]
+    @property
+    def spans(self) -> str:
+        """Begins and ends as people read them; those of several runs if they differ."""
+        spans = dict.fromkeys(zip(self.begins, self.ends, strict=True))
+        return ", ".join(f"{begin:.6g} to {end:.6g} s" for begin, end in spans)
 
 
 def windows(
     runs: Sequence[RecordedValues],
-    commands: Sequence[Event],
-    faults: Sequence[Event],
-    choice: Choice,
-) -> tuple[tuple[Window, ...], list[str]]:
-    """Return the windows, and warnings in one line each.
+    commands: Sequence[AlignedEvent],
+    faults: Sequence[AlignedEvent],
+    begin: float,
+    end: float | None,
+    settle: float,
+) -> tuple[tuple[ComparedWindow, ...], list[str]]:
+    """Return the windows from one simulation time to another [s], and warnings in one line each.
 
+    ``settle`` is the time that is left out after the start and after each change [s].
     Where all runs have the same commands, each part between them is compared for itself, and so
     with faults. Otherwise the common time is one window.
     """
@@ -198,21 +198,23 @@ def windows(
     ):
         warnings.append("commands and faults come in another order in each run: causes are mixed")
         changes = []
-    return _between(runs, changes, choice, warnings), warnings
+    last = min([math.inf if end is None else end, *(run.end for run in runs)])
+    return _between(runs, changes, begin, last, settle, warnings), warnings
 
 
-def _times(event: Event) -> tuple[float, ...]:
+def _times(event: AlignedEvent) -> tuple[float, ...]:
     return tuple(time or 0.0 for time in event.times)
 
 
 def _between(
     runs: Sequence[RecordedValues],
     changes: Sequence[tuple[str, tuple[float, ...]]],
-    choice: Choice,
+    begin: float,
+    last: float,
+    settle: float,
     warnings: list[str],
-) -> tuple[Window, ...]:
-    first = max([choice.begin, *(run.begin for run in runs)])
-    last = min([math.inf if choice.end is None else choice.end, *(run.end for run in runs)])
+) -> tuple[ComparedWindow, ...]:
+    first = max([begin, *(run.begin for run in runs)])
     inside = [
         (text, tuple(min(max(time, first), last) for time in times))
         for text, times in changes
@@ -224,7 +226,7 @@ def _between(
     places = [tuple(first for _ in runs)]
     settled = [
         tuple(
-            max([first, choice.settle, *(times[run] + choice.settle for times in early)])
+            max([first, settle, *(times[run] + settle for times in early)])
             for run in range(len(runs))
         )
     ]
@@ -235,16 +237,16 @@ def _between(
         else:
             names.append(text)
             places.append(times)
-            settled.append(tuple(time + choice.settle for time in times))
+            settled.append(tuple(time + settle for time in times))
     ends = [*places[1:], tuple(last for _ in runs)]
     found = []
     short = 0
-    for name, begin, end in zip(names, settled, ends, strict=True):
-        if min(b - a for a, b in zip(begin, end, strict=True)) < _SHORTEST:
+    for name, *bounds in zip(names, settled, ends, strict=True):
+        if min(b - a for a, b in zip(*bounds, strict=True)) < _SHORTEST:
             short += 1
             continue
         title = f"after {name}" if name else "from the start" if len(names) > 1 else "whole time"
-        found.append(Window(title, begin, end))
+        found.append(ComparedWindow(title, *bounds))
     if short and found:
         warnings.append(f"{short} segments between changes are too short to compare")
     if len(found) > MOST_WINDOWS:

@@ -15,8 +15,7 @@ import rpud_sim.bag
 from rpud_sim.foundation.quantities import ParameterError, did_you_mean, shown_name
 from rpud_sim.inspection import InspectionError
 from rpud_sim.inspection.compare.changes import (
-    Choice,
-    Window,
+    ComparedWindow,
     commands,
     faults,
     parameter_settings,
@@ -24,7 +23,7 @@ from rpud_sim.inspection.compare.changes import (
     windows,
 )
 from rpud_sim.inspection.compare.estimates import (
-    Difference,
+    FigureDifference,
     corrected,
     decide,
     difference,
@@ -96,7 +95,7 @@ def compare(
     drills = [run.drill for run in runs]
     names = _names(drills)
     changed, failed = commands(drills), faults(runs)
-    chosen, warnings = windows(runs, changed, failed, Choice(begin, end, settle))
+    chosen, warnings = windows(runs, changed, failed, begin, end, settle)
     if not chosen:
         spans = ", ".join(
             f"{name:.80} from {run.begin:.6g} to {run.end:.6g} s"
@@ -176,7 +175,7 @@ def _names(drills: Sequence[RecordedDrill]) -> tuple[str, ...]:
 
 def compare_values(
     runs: Sequence[RecordedValues],
-    windows: Sequence[Window],
+    windows: Sequence[ComparedWindow],
     quantities: Sequence[ComparedQuantity] = QUANTITIES,
     tolerance: float = 0.0,
 ) -> tuple[WindowComparison, ...]:
@@ -184,7 +183,7 @@ def compare_values(
     found = []
     for window in windows:
         each = (_compare_quantity(runs, window, quantity, tolerance) for quantity in quantities)
-        found.append(WindowComparison(window, tuple(filter(None, each))))
+        found.append(WindowComparison(**vars(window), quantities=tuple(filter(None, each))))
     chances = corrected([each.chance for each in all_differences(found)])
     decided = (
         replace(each, chance=chance, decision=decide(each, chance, tolerance))
@@ -196,24 +195,27 @@ def compare_values(
     )
 
 
-def _with(quantity: QuantityComparison, decided: Iterator[Difference]) -> QuantityComparison:
+def _with(quantity: QuantityComparison, decided: Iterator[FigureDifference]) -> QuantityComparison:
     runs = quantity.differences
     return replace(quantity, differences=tuple(tuple(next(decided) for _ in run) for run in runs))
 
 
 def _compare_quantity(
-    runs: Sequence[RecordedValues], window: Window, quantity: ComparedQuantity, tolerance: float
+    runs: Sequence[RecordedValues],
+    window: ComparedWindow,
+    quantity: ComparedQuantity,
+    tolerance: float,
 ) -> QuantityComparison | None:
     """Return the comparison of a quantity; None if no run has it."""
     series = [
-        series_of(run, quantity.name, begin, end)
+        series_of(run, quantity, begin, end)
         for run, begin, end in zip(runs, window.begins, window.ends, strict=True)
     ]
     figures = tuple(None if values is None else _figures(values, quantity) for values in series)
     if not any(figures):
         return None
     first, reference = series[0], figures[0]
-    differences: list[tuple[Difference, ...]] = []
+    differences: list[tuple[FigureDifference, ...]] = []
     for values, other in zip(series[1:], figures[1:], strict=True):
         if first is None or values is None or reference is None or other is None:
             differences.append(())
@@ -232,9 +234,7 @@ def _compare_quantity(
                 for name in quantity.tested
             )
         )
-    return QuantityComparison(
-        quantity.name, quantity.shown, quantity.unit, figures, tuple(differences)
-    )
+    return QuantityComparison(quantity, figures, tuple(differences))
 
 
 def _figures(values: np.ndarray, quantity: ComparedQuantity) -> RunFigures:

@@ -45,10 +45,10 @@ class Estimate:
 
 
 @dataclass(frozen=True)
-class Difference:
+class FigureDifference:
     """Difference of one figure between a run and the reference."""
 
-    quantity: str
+    quantity: ComparedQuantity
     figure: str  # mean, median or p95
     reference: Estimate
     other: Estimate
@@ -65,15 +65,18 @@ class Difference:
     chance: float
     decision: str
 
-    def texts(self, shown: Quantity) -> tuple[str, str]:
-        """Return value and interval as texts: relative, if known, or in the quantity's unit."""
+    @property
+    def texts(self) -> tuple[str, str, str, str]:
+        """Both figures, value and interval: relative, if known, or in the quantity's unit."""
+        shown = self.quantity.shown
+        figures = shown.text(self.reference.value), shown.text(self.other.value)
         value, low, high = self.value, self.low, self.high
         if math.isfinite(self.relative):
             value, low, high = self.relative, self.relative_low, self.relative_high
             shown = _PERCENT
         interval = f"{shown.text(low, unit=False, sign=True)} to {shown.text(high, sign=True)}"
         known = math.isfinite(low) and math.isfinite(high)
-        return shown.text(value, sign=True), interval if known else NONE
+        return *figures, shown.text(value, sign=True), interval if known else NONE
 
 
 def estimate(values: np.ndarray, figure: str, resolution: float = 0.0) -> Estimate:
@@ -119,7 +122,7 @@ def difference(
     tolerance: float = 0.0,
     *,
     equal: bool = False,
-) -> Difference:
+) -> FigureDifference:
     """Return the difference of two figures; its chance is not corrected yet.
 
     ``figure`` is mean, median or p95. ``tolerance`` is the relative difference that does not
@@ -127,12 +130,21 @@ def difference(
     ``equal`` says that all values of both are equal, so that there is nothing to estimate.
     """
     value = other.value - reference.value
-    found = Difference(quantity.name, figure, reference, other, value, *(math.nan,) * 6, TOO_FEW)
+    unknown = (math.nan,) * 6
+    found = FigureDifference(quantity, figure, reference, other, value, *unknown, TOO_FEW)
     if any(e.count < quantity.fewest or math.isnan(e.error) for e in (reference, other)):
         return found
     if equal:
-        nothing = (0.0,) * 5
-        return Difference(quantity.name, figure, reference, other, value, *nothing, 1.0, UNDECIDED)
+        return replace(
+            found,
+            low=0.0,
+            high=0.0,
+            relative=0.0,
+            relative_low=0.0,
+            relative_high=0.0,
+            chance=1.0,
+            decision=UNDECIDED,
+        )
     error = math.hypot(reference.error, other.error)
     freedom = _freedom((reference.error, other.error), (reference.blocks, other.blocks))
     reach = float(stdtrit(freedom, 0.5 + 0.5 * LEVEL))
@@ -191,7 +203,7 @@ def corrected(chances: Sequence[float]) -> list[float]:
     return found
 
 
-def decide(found: Difference, chance: float, tolerance: float) -> str:
+def decide(found: FigureDifference, chance: float, tolerance: float) -> str:
     """Return the decision on a difference; ``tolerance`` is relative, 0 for none."""
     if found.decision == TOO_FEW:
         return TOO_FEW

@@ -125,7 +125,7 @@ def write_page(found: Comparison, out: str | os.PathLike[str]) -> None:
 
 
 def render(found: Comparison) -> str:
-    letters = [chr(ord("A") + number) for number in range(len(found.names))]
+    letters = found.letters
     drawn = found.windows[:_MOST_DRAWN]
     return render_page(
         _BODY,
@@ -178,16 +178,10 @@ def render(found: Comparison) -> str:
         tolerance=f"{100.0 * found.tolerance:g} %" if found.tolerance else "",
         # The one with the most differences is open.
         windows=sorted(
-            (_window(found, window, letters) for window in found.windows),
+            (_window(found, window) for window in found.windows),
             key=lambda item: -item["differing"],
         ),
-        distributions=[
-            (
-                window.window.name,
-                list(distribution_plots(found, window)),
-            )
-            for window in drawn
-        ],
+        distributions=[(window.name, list(distribution_plots(found, window))) for window in drawn],
         not_drawn=len(found.windows) - len(drawn),
         over_time=time_plots(found),
         hidden=hidden_commands(found),
@@ -225,49 +219,47 @@ def _settings_line(found: Comparison) -> str:
     return f"What differs: {', '.join(texts)}{f', and {more} more' if more else ''}."
 
 
-def _window(found: Comparison, window: WindowComparison, letters: list[str]) -> dict[str, Any]:
-    spans = dict.fromkeys(zip(window.window.begins, window.window.ends, strict=True))
-    shown = ", ".join(f"{begin:.6g} to {end:.6g} s" for begin, end in spans)
+def _window(found: Comparison, window: WindowComparison) -> dict[str, Any]:
     rows = [
         (
-            quantity.shown.label,
+            each.quantity.shown.label,
             FIGURES[each.figure],
-            letters[number],
-            quantity.shown.text(each.reference.value),
-            quantity.shown.text(each.other.value),
-            *each.texts(quantity.shown),
+            letter,
+            *each.texts,
             f"{each.chance:.2g}" if each.chance == each.chance else _UNSET,
             each.decision,
         )
         for quantity in window.quantities
-        for number, run in enumerate(quantity.differences, 1)
+        for letter, run in zip(found.letters[1:], quantity.differences, strict=True)
         for each in run
     ]
     differing = sum(row[-1] == DIFFERS for row in rows)
     return {
-        "name": f"{window.window.name[:1].upper()}{window.window.name[1:]}, {shown}",
+        "name": f"{window.name[:1].upper()}{window.name[1:]}, {window.spans}",
         "differing": differing,
         "count": f"{differing} of {len(rows)} figures differ",
         "plot": difference_plot(found, window),
         "rows": rows,
-        "of_runs": [row for quantity in window.quantities for row in _values(quantity, letters)],
+        "of_runs": [
+            row for quantity in window.quantities for row in _values(quantity, found.letters)
+        ],
     }
 
 
-def _values(quantity: QuantityComparison, letters: list[str]) -> list[tuple[str, ...]]:
-    rows = []
+def _values(quantity: QuantityComparison, letters: str) -> list[tuple[str, ...]]:
+    shown, rows = quantity.quantity.shown, []
     for letter, run in zip(letters, quantity.runs, strict=True):
         if run is None:
-            rows.append((quantity.shown.label, letter, "0", *([_UNSET] * 8)))
+            rows.append((shown.label, letter, "0", *([_UNSET] * 8)))
             continue
         cells = [
             cell
             for name in (MEAN, MEDIAN, P95)
-            for cell in _estimate(quantity.shown, run.estimates.get(name))
+            for cell in _estimate(shown, run.estimates.get(name))
         ]
         blocks = f"{run.estimates[MEAN].blocks:.0f}"
-        greatest = quantity.shown.text(run.greatest)
-        rows.append((quantity.shown.label, letter, str(run.count), blocks, *cells, greatest))
+        greatest = shown.text(run.greatest)
+        rows.append((shown.label, letter, str(run.count), blocks, *cells, greatest))
     return rows
 
 

@@ -13,7 +13,7 @@ from rpud_sim.inspection.compare.estimates import (
     SAME,
     TOO_FEW,
     UNDECIDED,
-    Difference,
+    FigureDifference,
 )
 from rpud_sim.inspection.compare.results import Comparison, QuantityComparison, WindowComparison
 from rpud_sim.inspection.compare.values import (
@@ -72,14 +72,14 @@ def difference_plot(found: Comparison, window: WindowComparison) -> Plot | None:
     )
 
 
-_Rows = Sequence[tuple[QuantityComparison, Sequence[Difference | None]]]
+_Rows = Sequence[tuple[QuantityComparison, Sequence[FigureDifference | None]]]
 
 
 def _difference_points(found: Comparison, rows: _Rows) -> Iterator[Points]:
     """Yield a layer for each run; if there is one alone, for each decision."""
     runs = len(found.names) - 1
     points: dict[tuple[str, str | int], list[tuple[float, float, float, float, str]]] = {}
-    for row, (quantity, differences) in enumerate(rows):
+    for row, (_, differences) in enumerate(rows):
         for number, each in enumerate(differences):
             if each is None or not math.isfinite(each.relative):
                 continue
@@ -88,7 +88,7 @@ def _difference_points(found: Comparison, rows: _Rows) -> Iterator[Points]:
                 key = (f"{label(found, number + 1)} against A", number + 1)
             shift = (number - 0.5 * (runs - 1)) * _APART / max(runs - 1, 1)
             value, low, high = each.relative, each.relative_low, each.relative_high
-            point = (row + shift, 100.0 * value, 100.0 * low, 100.0 * high, _told(quantity, each))
+            point = (row + shift, 100.0 * value, 100.0 * low, 100.0 * high, _told(each))
             points.setdefault(key, []).append(point)
     for (name, color), group in points.items():
         y, middle, low, high = np.array([point[:4] for point in group], float).T
@@ -96,13 +96,10 @@ def _difference_points(found: Comparison, rows: _Rows) -> Iterator[Points]:
         yield Points(name, middle, y, low, high, True, size=7.0, color=color, titles=texts)
 
 
-def _told(quantity: QuantityComparison, each: Difference) -> str:
-    shown = quantity.shown
-    difference, interval = each.texts(shown)
-    return (
-        f"{shown.label}, {FIGURES[each.figure]}: {shown.text(each.reference.value)} and "
-        f"{shown.text(each.other.value)}, {difference} ({interval}): {each.decision}"
-    )
+def _told(each: FigureDifference) -> str:
+    one, other, value, interval = each.texts
+    figure = f"{each.quantity.shown.label}, {FIGURES[each.figure]}"
+    return f"{figure}: {one} and {other}, {value} ({interval}): {each.decision}"
 
 
 def _row_name(rows: _Rows, row: int) -> str:
@@ -110,26 +107,18 @@ def _row_name(rows: _Rows, row: int) -> str:
     figure = next(FIGURES[each.figure] for each in runs if each)
     if row and rows[row - 1][0] is quantity:
         return figure
-    return f"{quantity.shown.label}, {figure}"
+    return f"{quantity.quantity.shown.label}, {figure}"
 
 
 def _columns(rows: _Rows) -> tuple[tuple[str, tuple[str, ...]], ...]:
     """Return values and difference beside each row of two runs."""
-    cells = []
-    for quantity, (each, *_) in rows:
-        if each is None:
-            cells.append(("", "", "", ""))
-            continue
-        shown = quantity.shown
-        one, other = shown.text(each.reference.value), shown.text(each.other.value)
-        cells.append((one, other, *each.texts(shown)))
-    a, b, difference, interval = zip(*cells, strict=True)
-    return (("A", a), ("B", b), ("difference", difference), ("95 % interval", interval))
+    cells = zip(*(each.texts if each else [""] * 4 for _, (each, *_) in rows), strict=True)
+    return tuple(zip(("A", "B", "difference", "95 % interval"), cells, strict=True))
 
 
 def label(found: Comparison, number: int) -> str:
     """Return letter and name of a run."""
-    return f"{chr(ord('A') + number)} {found.names[number]:.60}"
+    return f"{found.letters[number]} {found.names[number]:.60}"
 
 
 def distribution_plots(found: Comparison, window: WindowComparison) -> Iterator[Plot]:
@@ -137,13 +126,12 @@ def distribution_plots(found: Comparison, window: WindowComparison) -> Iterator[
 
     There is none of a constant, and of a quantity that is averaged over the time.
     """
-    averaged = {known.name for known in QUANTITIES if known.averaged}
     for quantity in window.quantities:
-        if quantity.quantity in averaged:
+        if quantity.quantity.averaged:
             continue
         series = []
         for number, run in enumerate(found.values):
-            span = window.window.begins[number], window.window.ends[number]
+            span = window.begins[number], window.ends[number]
             values = series_of(run, quantity.quantity, *span)
             series.append(np.empty(0) if values is None else values[np.isfinite(values)])
         if plot := _distribution(found, quantity, series):
@@ -163,7 +151,7 @@ def _distribution(
     edges = np.geomspace(low, high, _CLASSES + 1) if log else np.linspace(low, high, _CLASSES + 1)
     if not (np.diff(edges) > 0.0).all():
         return None
-    shown = quantity.shown
+    shown = quantity.quantity.shown
     layers = []
     for number, values in enumerate(series):
         if len(values):
@@ -172,7 +160,7 @@ def _distribution(
             x = np.append(edges, edges[-1]) * shown.scale
             layers.append(Line(label(found, number), x, y, steps=True, color=number))
     medians = ", ".join(
-        f"{chr(ord('A') + number)} {shown.text(float(np.median(values)))}"
+        f"{found.letters[number]} {shown.text(float(np.median(values)))}"
         for number, values in enumerate(series)
         if len(values)
     )
@@ -211,7 +199,7 @@ def _over_time(
             continue
         times, values = points
         name = label(found, number)
-        means.append(f"{chr(ord('A') + number)} {shown.text(float(values.mean()))}")
+        means.append(f"{found.letters[number]} {shown.text(float(values.mean()))}")
         values = values * shown.scale
         if quantity.topic == STATUS or quantity.name == "impact_rate":
             layers.append(Line(name, times, values, steps=True, color=number))

@@ -7,18 +7,19 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from rpud_sim.inspection.compare.changes import Event, Setting, Window
+from rpud_sim.inspection.compare.changes import AlignedEvent, ComparedWindow, Setting
 from rpud_sim.inspection.compare.estimates import (
     DIFFERS,
     TOO_FEW,
     UNDECIDED,
-    Difference,
     Estimate,
+    FigureDifference,
 )
 from rpud_sim.inspection.compare.same_bits import DIFFERENT, EQUAL, TopicBits
-from rpud_sim.inspection.compare.values import FIGURES, MEAN, RecordedValues
+from rpud_sim.inspection.compare.values import FIGURES, MEAN, ComparedQuantity, RecordedValues
 from rpud_sim.inspection.recorded_drill import RecordedDrill
-from rpud_sim.pages.quantities import Quantity
+
+_LETTERS = "ABCDEF"
 
 
 @dataclass(frozen=True)
@@ -38,19 +39,16 @@ class RunFigures:
 class QuantityComparison:
     """Comparison of one quantity in one window."""
 
-    quantity: str  # its name
-    shown: Quantity  # how people read it
-    unit: str  # SI unit
+    quantity: ComparedQuantity
     runs: tuple[RunFigures | None, ...]  # figures of each run; None where a run has no values
     # of each run after the first from the first, for each tested figure
-    differences: tuple[tuple[Difference, ...], ...]
+    differences: tuple[tuple[FigureDifference, ...], ...]
 
 
 @dataclass(frozen=True)
-class WindowComparison:
+class WindowComparison(ComparedWindow):
     """Comparison of all quantities in one window."""
 
-    window: Window
     quantities: tuple[QuantityComparison, ...]
 
 
@@ -74,13 +72,18 @@ class Comparison:
     values: tuple[RecordedValues, ...]  # what was read of each
     parameters: tuple[Setting, ...]  # parameters, versions: that differ
     versions: tuple[Setting, ...]
-    commands: tuple[Event, ...]
-    faults: tuple[Event, ...]
+    commands: tuple[AlignedEvent, ...]
+    faults: tuple[AlignedEvent, ...]
     bits: tuple[tuple[TopicBits, ...], ...]  # of each run after the first, by topic
     windows: tuple[WindowComparison, ...]
     timing: tuple[Timing, ...]
     tolerance: float  # relative difference that does not matter; 0 for none
     warnings: tuple[str, ...]
+
+    @property
+    def letters(self) -> str:
+        """Letter of each run; A is the reference."""
+        return _LETTERS[: len(self.names)]
 
     @property
     def damaged(self) -> dict[str, dict[str, str]]:
@@ -89,7 +92,7 @@ class Comparison:
         return {name: run.damaged for name, run in runs if run.damaged}
 
     @property
-    def differences(self) -> tuple[Difference, ...]:
+    def differences(self) -> tuple[FigureDifference, ...]:
         """All differences of all windows and runs."""
         return tuple(all_differences(self.windows))
 
@@ -135,7 +138,7 @@ class Comparison:
         """The result, and the greatest of the differences."""
         text = f"{self.verdict[0].upper()}{self.verdict[1:]}"
         differing = [
-            (quantity.shown, each, window.window.name)
+            (each, window.name)
             for window in self.windows
             for quantity in window.quantities
             for run in quantity.differences
@@ -144,14 +147,15 @@ class Comparison:
         ]
         if not differing:
             return f"{text}."
-        shown, most, where = max(differing, key=lambda pair: abs(math.log1p(pair[1].relative)))
-        value, interval = most.texts(shown)
+        most, where = max(differing, key=lambda pair: abs(math.log1p(pair[0].relative)))
+        _, _, value, interval = most.texts
+        label = most.quantity.shown.label
         figure = "" if most.figure == MEAN else f" ({FIGURES[most.figure]})"
         segment = f" {where}" if len(self.windows) > 1 else ""
-        return f"{text}, most of all {shown.label}{figure}{segment}: {value}, from {interval}."
+        return f"{text}, most of all {label}{figure}{segment}: {value}, from {interval}."
 
 
-def all_differences(found: Sequence[WindowComparison]) -> Iterator[Difference]:
+def all_differences(found: Sequence[WindowComparison]) -> Iterator[FigureDifference]:
     """Yield the differences of all windows and runs."""
     for window in found:
         for quantity in window.quantities:
@@ -193,7 +197,7 @@ def content(found: Comparison) -> dict[str, Any]:
             "faults": [asdict(each) for each in found.faults],
             "bits": [[asdict(topic) for topic in run] for run in found.bits],
             "windows": [
-                {**asdict(each.window), "quantities": [*map(_quantity, each.quantities)]}
+                {**vars(each), "quantities": [*map(_quantity, each.quantities)]}
                 for each in found.windows
             ],
             "warnings": found.warnings,
@@ -205,8 +209,8 @@ def content(found: Comparison) -> dict[str, Any]:
 
 def _quantity(each: QuantityComparison) -> dict[str, Any]:
     return {
-        "quantity": each.quantity,
-        "unit": each.unit,
+        "quantity": each.quantity.name,
+        "unit": each.quantity.unit,
         "runs": [
             run
             and {
@@ -224,7 +228,7 @@ def _estimate(each: Estimate) -> dict[str, float]:
     return {name: getattr(each, name) for name in ("value", "low", "high", "error", "blocks")}
 
 
-def _difference(each: Difference) -> dict[str, Any]:
+def _difference(each: FigureDifference) -> dict[str, Any]:
     relative = ("relative", "relative_low", "relative_high")
     return {
         "figure": each.figure,

@@ -249,9 +249,11 @@ def _fault(state: Mapping[str, Any], published: int, drill: RecordedDrill) -> Re
     )
 
 
-def series_of(values: RecordedValues, name: str, begin: float, end: float) -> np.ndarray | None:
+def series_of(
+    values: RecordedValues, quantity: ComparedQuantity, begin: float, end: float
+) -> np.ndarray | None:
     """Return the values of a quantity between two simulation times [s], in order; None without."""
-    quantity = next(q for q in QUANTITIES if q.name == name)
+    name = quantity.name
     arrays = values.topics.get(quantity.topic)
     if arrays is None:
         return None

@@ -27,7 +27,7 @@ _LATEST = 2**63 - 1  # a damaged bag may have later times [ns]
 _NOWHERE: Position = (-1, -1)
 
 
-class Stretches:
+class JournalStretches:
     """Stretches of a journal, each of one simulation and one origin of time.
 
     Stamps do not identify a stretch: those of different stretches may be equal. Publishing times
@@ -101,7 +101,9 @@ class Coverage:
     journal_count: int  # entries that the drill counted last in a status; 0 if it did not
 
 
-def find_coverage(bag: BagReader, codecs: Mapping[str, Codec], stretches: Stretches) -> Coverage:
+def find_coverage(
+    bag: BagReader, codecs: Mapping[str, Codec], stretches: JournalStretches
+) -> Coverage:
     """Return the coverage of a bag.
 
     The last second of a recording shows nothing about its end: when a recorder closes, messages of
@@ -126,7 +128,9 @@ def find_coverage(bag: BagReader, codecs: Mapping[str, Codec], stretches: Stretc
     )
 
 
-def _journal_until(found: np.ndarray, end: int, stretches: Stretches) -> tuple[int | None, int]:
+def _journal_until(
+    found: np.ndarray, end: int, stretches: JournalStretches
+) -> tuple[int | None, int]:
     """Return ``journal_until`` and ``journal_count`` of a coverage; see ``_reached``.
 
     A status counts the journal's entries. Without one that counts more than there are, the journal
@@ -144,7 +148,7 @@ def _journal_until(found: np.ndarray, end: int, stretches: Stretches) -> tuple[i
     return until, count
 
 
-def _reached(found: np.ndarray, end: int, stretches: Stretches) -> Position:
+def _reached(found: np.ndarray, end: int, stretches: JournalStretches) -> Position:
     """Return the position that the drill reached while all topics were recorded.
 
     ``found`` is the progress at the messages of the end of a bag, ``end`` the log time of the last
@@ -166,7 +170,9 @@ def _reached(found: np.ndarray, end: int, stretches: Stretches) -> Position:
     return sorted(positions)[-2] if len(positions) > 1 else _NOWHERE
 
 
-def _find_begin(bag: BagReader, codecs: Mapping[str, Codec], stretches: Stretches) -> Position:
+def _find_begin(
+    bag: BagReader, codecs: Mapping[str, Codec], stretches: JournalStretches
+) -> Position:
     for message in bag.messages(codecs.keys(), _TOPIC_DELAY):
         with contextlib.suppress(AttributeError, BagFormatError):
             stamp = codecs[message.topic].decode(message.data).header.stamp

@@ -9,7 +9,7 @@ from functools import partial
 
 from rpud_sim.bag import Message
 from rpud_sim.bag.cdr import Codec
-from rpud_sim.inspection.verify.coverage import Coverage, Position, Stretches
+from rpud_sim.inspection.verify.coverage import Coverage, JournalStretches, Position
 from rpud_sim.inspection.verify.messages import (
     UNREADABLE,
     ComputedBlock,
@@ -28,7 +28,7 @@ _MOST_SUSPECTS = 10_000
 
 
 @dataclasses.dataclass(frozen=True)
-class Difference:
+class MessageDifference:
     """Difference between a recorded message and the computed one."""
 
     topic: str  # name of its topic
@@ -55,7 +55,7 @@ class Counts:
 class Suspect:
     """Recorded message that its run does not give."""
 
-    difference: Difference  # how it differs
+    difference: MessageDifference  # how it differs
     key: Key  # stamp [ns] and sequence number
     data: bytes  # its bytes, zero between fields
     published: int  # when it was published [ns]
@@ -91,7 +91,7 @@ class TopicComparison:
         topic: str,
         codec: Codec,
         recorded: RecordedMessages,
-        stretches: Stretches,
+        stretches: JournalStretches,
         coverage: Coverage,
         latched: bool = False,
         begins: tuple[int, int] | None = None,
@@ -296,7 +296,9 @@ class TopicComparison:
     ) -> None:
         if len(self.suspects) < _MOST_SUSPECTS:
             message = recorded.message
-            difference = Difference(self._topic, stamp, message.log_time, field, value, computed)
+            difference = MessageDifference(
+                self._topic, stamp, message.log_time, field, value, computed
+            )
             data = without_padding(message, self._codec)
             suspect = Suspect(difference, recorded.key, data, message.publish_time)
             self.suspects.append(suspect)

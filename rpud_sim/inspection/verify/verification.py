@@ -24,7 +24,7 @@ from rpud_sim.inspection.recorded_journal import (
     proof_codec,
     wrong_header,
 )
-from rpud_sim.inspection.verify.coverage import BEGINNINGS, Stretches, find_coverage
+from rpud_sim.inspection.verify.coverage import BEGINNINGS, JournalStretches, find_coverage
 from rpud_sim.inspection.verify.messages import (
     computed_blocks,
     first_difference,
@@ -35,7 +35,7 @@ from rpud_sim.inspection.verify.recorded_topics import RecordedMessages, Recorde
 from rpud_sim.inspection.verify.topic_comparison import (
     ContentComparison,
     Counts,
-    Difference,
+    MessageDifference,
     Suspect,
     TopicComparison,
 )
@@ -64,7 +64,7 @@ class Verification:
     # messages that the recorder counted as lost, by topic; None if it did not count
     lost: dict[str, int | None]
     # by the bag's clock, of a message that no run gives; None if all agree
-    first_difference: Difference | None
+    first_difference: MessageDifference | None
     undecided: str  # why it cannot be decided whether messages differ, one line; empty if it can
     simulated: int  # simulation time that was run again [ns]
     # stamp from which on messages are compared [ns]; None if the journal has the drill's start
@@ -132,7 +132,7 @@ class _Proof:
         # As of a ``Verification``, of this journal alone.
         self.topics: dict[str, Counts] = {}
         self.lost: dict[str, int | None] = {}
-        self.differences: list[Difference] = []
+        self.differences: list[MessageDifference] = []
         self.undecided = ""
         self.simulated = 0
         self.warnings: list[str] = []
@@ -140,7 +140,7 @@ class _Proof:
         self._report = report
         self._journal = journal.topic.name
         self._codec = journal_codec(journal)
-        self._stretches = Stretches(self._entries())  # first: it refuses another engine
+        self._stretches = JournalStretches(self._entries())  # first: it refuses another engine
         prefix = self._journal[: -len("journal")]
         self._summaries = {
             summary.topic.name.removeprefix(prefix): summary
@@ -339,7 +339,7 @@ class _Proof:
         if without_padding(older, codec) != expected:
             found = first_difference(codec, older.data, expected)
             stamp = recorded_key(older, codec)[0]
-            self.differences.append(Difference(older.topic, stamp, older.log_time, *found))
+            self.differences.append(MessageDifference(older.topic, stamp, older.log_time, *found))
 
     def _check_commands(self) -> None:
         """Warn if the drill took more commands than a bag with all of their topics holds."""
@@ -368,7 +368,7 @@ class _Proof:
         self, message: Message, entry: JournalEntry, field: str, value: str, computed: str
     ) -> None:
         self.differences.append(
-            Difference(self._journal, entry.time, message.log_time, field, value, computed)
+            MessageDifference(self._journal, entry.time, message.log_time, field, value, computed)
         )
 
     def _entries(self) -> Iterator[Recorded]:

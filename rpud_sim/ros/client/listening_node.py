@@ -13,6 +13,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 
+from rpud_sim.foundation.quantities import ExpectedError
 from rpud_sim.ros.starting import name_error, start_ros
 from rpud_sim.ros.threads import raised
 
@@ -27,7 +28,7 @@ _REPETITION = 2.0  # of a request that may be repeated [s]
 Value = TypeVar("Value")
 
 
-class ClientError(RuntimeError):
+class ClientError(ExpectedError, RuntimeError):
     """A command that did not succeed."""
 
 

@@ -20,6 +20,7 @@ from rclpy.logging import get_logger
 from rclpy.parameter import Parameter
 from rclpy.validate_namespace import validate_namespace
 
+from rpud_sim.foundation.quantities import ExpectedError
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.ros.drill import standard_services
 from rpud_sim.ros.drill.duplicate_nodes import DuplicateNodes, DuplicateSearch
@@ -36,7 +37,7 @@ from rpud_sim.ros.stopping import StopRequest, limit_end, limited_end
 from rpud_sim.ros.threads import StoppedError, quick_switches, serve
 from rpud_sim.simulation.configuration import Settings, to_settings
 from rpud_sim.simulation.ensemble import compile_kernels
-from rpud_sim.simulation.ledger import FaultRecord
+from rpud_sim.simulation.faults import FaultRecord
 from rpud_sim.simulation.rerun import Start
 from rpud_sim.simulation.statistics import Statistics
 from rpud_sim.simulation.topics import TOPICS
@@ -265,7 +266,7 @@ def spin(
         raise RuntimeError(str(failure)) from failure
 
 
-class DuplicateError(RuntimeError):
+class DuplicateError(ExpectedError, RuntimeError):
     """Drill of the same name that runs already; the message is one line."""
 
 

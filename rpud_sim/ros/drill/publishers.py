@@ -19,9 +19,8 @@ from rpud_sim.bag.encoder import Encoder
 from rpud_sim.ros.graph import members_of, message_class
 from rpud_sim.simulation import fields
 from rpud_sim.simulation.fault_kinds import KINDS
-from rpud_sim.simulation.faults import Fault
+from rpud_sim.simulation.faults import Fault, FaultRecord
 from rpud_sim.simulation.fields import Fields, time_fields
-from rpud_sim.simulation.ledger import FaultRecord
 from rpud_sim.simulation.telemetry import Stream
 from rpud_sim.simulation.topics import TOPICS, Topic
 

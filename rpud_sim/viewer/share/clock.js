@@ -5,6 +5,7 @@
 
 const CLOCK_PAUSE = 36; // ms from a picture to the request for the next: 20 to 25 a second
 const CLOCK_REST = 0.7; // s that the last impact is still seen at the end of a block
+const CLOCK_STILL = 1000; // ms between two pictures for who wants no motion
 
 /** Place in the block of motion that is shown. */
 export class MotionClock {
@@ -20,7 +21,7 @@ export class MotionClock {
     this._changed = false; // another block than at the step before
     this._reached = 0; // place without regard to contacts [s]
     this._frame = this._timer = this._before = 0;
-    this._asked = this._advanced = -Infinity; // [ms]
+    this._asked = this._told = -Infinity; // [ms]
     this._reduced = matchMedia("(prefers-reduced-motion: reduce)");
     this._reduced.addEventListener("change", () => this._start());
   }
@@ -95,12 +96,15 @@ export class MotionClock {
   _tell() {
     const changed = this._changed;
     this._changed = false;
+    this._told = performance.now();
     for (const listener of this._listeners) listener(changed);
   }
 
   /** @param {number} pause before the next step [ms] */
   _start(pause = 0) {
     clearTimeout(this._timer);
+    // Blocks may come at any time: who wants no motion sees them when the second is over.
+    if (this._reduced.matches) pause = Math.max(0, this._told + CLOCK_STILL - performance.now());
     if (this._frame || (!this.block && !this.next)) return;
     // A hidden tab has no pictures: the clock stands until it is seen again.
     this._timer = setTimeout(() => { this._frame = requestAnimationFrame((now) => this._step(now)); }, pause);
@@ -112,10 +116,8 @@ export class MotionClock {
     this._before = now;
     this._frame = 0;
     if (this.held) return;
-    if (this.next && (still ? now - this._advanced > 900 : this._reached >= this.end)) {
-      this._advance();
-      this._advanced = now;
-    } else this._reached += (passed * this.speed) / 1e3;
+    if (this.next && (still || this._reached >= this.end)) this._advance();
+    else this._reached += (passed * this.speed) / 1e3;
     if (still) this._reached = this.end;
     if (this._reached > 0.7 * this.end && !this.next && now - this._asked > 1000) {
       this._asked = now;
@@ -127,6 +129,6 @@ export class MotionClock {
     const struck = (this.block?.impacts ?? []).map(([time, , length]) => time + (length || 0) / 2);
     this.place = (still ? null : struck.find((time) => time > this.place && time <= this._reached)) ?? this._reached;
     this._tell();
-    this._start(still || (this.resting && this.rest > CLOCK_REST) ? 1000 : CLOCK_PAUSE);
+    this._start(this.resting && this.rest > CLOCK_REST ? 1000 : CLOCK_PAUSE);
   }
 }

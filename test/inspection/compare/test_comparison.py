@@ -91,7 +91,7 @@ def test_a_missing_message_is_a_difference_and_a_late_recorder_is_none(made, tmp
     found = compare([made / "a", altered(made / "a", tmp_path / "late", late)])
     assert states(found)["nodal_plane"] == "equal"
     assert states(found)["contact_force"] == "equal"
-    assert found.windows[0].window.begins[0] >= 0.5
+    assert found.windows[0].begins[0] >= 0.5
 
 
 def test_a_run_that_goes_on_longer_waits_for_nobody(made, tmp_path, monkeypatch):
@@ -147,10 +147,10 @@ def test_other_parameters_are_named_and_their_effect_is_found(made):
     assert any(each.decision == DIFFERS and each.relative > 0.1 for each in by_run[0])
     assert not any(each.decision == DIFFERS for each in by_run[1])
     assert found.differs
-    rate = next(q for q in found.windows[0].quantities if q.quantity == "impact_rate")
+    rate = next(q for q in found.windows[0].quantities if q.quantity.name == "impact_rate")
     with bags.open(made / "a") as bag:
         stamps = bag.arrays("/rpud/contact_force")["header.stamp"]
-    begin, end = found.windows[0].window.begins[0], found.windows[0].window.ends[0]
+    begin, end = found.windows[0].begins[0], found.windows[0].ends[0]
     count = ((stamps >= begin * SECOND) & (stamps < end * SECOND)).sum()
     assert rate.runs[0].estimates["mean"].value == pytest.approx(count / (end - begin))
 
@@ -169,7 +169,7 @@ def test_commands_and_faults_are_aligned_and_divide_the_time(made, tmp_path):
     [fault] = found.faults
     assert fault.text == "bias of wrench magnitude 3"
     assert (fault.times, fault.ends) == ((0.2, 0.2), (pytest.approx(0.3),) * 2)
-    ends = [(w.window.begins[0], w.window.ends[0]) for w in found.windows]
+    ends = [(w.begins[0], w.ends[0]) for w in found.windows]
     assert ends[0] == pytest.approx((0.02, 0.2))
     assert ends[1] == pytest.approx((0.32, 1.0), abs=0.01)
     found = compare([made / "a", paths[0]])
@@ -249,7 +249,7 @@ def test_a_bag_without_journal_is_compared_by_its_stamps(made, tmp_path):
     path = altered(made / "a", tmp_path / "bare", unchanged, names)
     found = compare([path, made / "other"], settle=0.1)
     assert any("holds no journal" in text for text in found.warnings)
-    quantities = [q.quantity for q in found.windows[0].quantities if any(q.differences)]
+    quantities = [q.quantity.name for q in found.windows[0].quantities if any(q.differences)]
     assert "peak_force" in quantities
     assert "reacting_force" not in quantities
     assert states(found)["waveform"] == "not compared"
@@ -257,9 +257,9 @@ def test_a_bag_without_journal_is_compared_by_its_stamps(made, tmp_path):
 
 def test_too_short_a_time_decides_nothing(made):
     found = compare([made / "a", made / "other"], begin=1.0, end=1.11, settle=0.0)
-    forces = [each for each in found.differences if each.quantity == "nodal_plane_position"]
+    forces = [each for each in found.differences if each.quantity.name == "nodal_plane_position"]
     assert {each.decision for each in forces} == {"too few values"}
-    assert {each.decision for each in found.differences if "power" in each.quantity} <= {
+    assert {each.decision for each in found.differences if "power" in each.quantity.name} <= {
         "too few values",
         "no difference found",
     }

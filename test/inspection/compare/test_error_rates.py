@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from rpud_sim.foundation.time import SECOND
-from rpud_sim.inspection.compare.changes import Window
+from rpud_sim.inspection.compare.changes import ComparedWindow
 from rpud_sim.inspection.compare.comparison import compare_values
 from rpud_sim.inspection.compare.estimates import DIFFERS
 from rpud_sim.inspection.compare.values import IMPACTS, RecordedValues
@@ -50,7 +50,7 @@ def alarms(
 ) -> np.ndarray:
     """Return for each pair of runs how many figures differ."""
     phases = np.random.default_rng(seed).random((pairs, 2))
-    window = Window("whole time", (SETTLE,) * 2, (float(duration),) * 2)
+    window = ComparedWindow("whole time", (SETTLE,) * 2, (float(duration),) * 2)
     counts = []
     for phase, other in phases.tolist():
         runs = [

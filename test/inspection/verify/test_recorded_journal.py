@@ -10,7 +10,7 @@ from inspection.verify.proof_bags import JOURNAL
 from rpud_sim.bag import Message
 from rpud_sim.inspection.recorded_journal import JOURNAL as TYPE
 from rpud_sim.inspection.recorded_journal import UnverifiableError, installed_codec
-from rpud_sim.inspection.verify.coverage import Stretches
+from rpud_sim.inspection.verify.coverage import JournalStretches
 from rpud_sim.inspection.verify.verification import PROVED, verify
 from rpud_sim.simulation.journal import JournalEntry
 from rpud_sim.simulation.versions import ENGINE
@@ -47,7 +47,9 @@ SET_BACK = (("begin", 100), ("stop", 110), ("begin", 50), ("stop", 60))
     ],
 )
 def test_a_message_belongs_to_the_run_in_which_it_was_published(entries, time, expected):
-    assert Stretches(journal(*entries)).of(Message("/rpud/wrench", 99, time, b"")) == expected
+    assert (
+        JournalStretches(journal(*entries)).of(Message("/rpud/wrench", 99, time, b"")) == expected
+    )
 
 
 @pytest.mark.parametrize(
@@ -66,14 +68,14 @@ def test_a_message_belongs_to_the_run_in_which_it_was_published(entries, time, e
 def test_messages_fit_a_stretch_up_to_the_first_that_was_published_in_another(
     entries, times, expected
 ):
-    assert Stretches(journal(*entries)).fitting(1, np.array(times)) == expected
+    assert JournalStretches(journal(*entries)).fitting(1, np.array(times)) == expected
 
 
 def test_only_a_last_entry_ends_the_runs():
-    assert Stretches(journal(*TWO_RUNS)).runs == 2
-    assert not Stretches(journal(*TWO_RUNS)).ended
-    assert Stretches(journal(*TWO_RUNS, ("end", 50))).ended
-    assert not Stretches(journal(*TWO_RUNS, ("end", 50), ("begin", 60))).ended
+    assert JournalStretches(journal(*TWO_RUNS)).runs == 2
+    assert not JournalStretches(journal(*TWO_RUNS)).ended
+    assert JournalStretches(journal(*TWO_RUNS, ("end", 50))).ended
+    assert not JournalStretches(journal(*TWO_RUNS, ("end", 50), ("begin", 60))).ended
 
 
 def beginning(edit):

@@ -12,7 +12,7 @@ from rpud_sim.bag import BagWriter, Message, QosProfile, Topic
 from rpud_sim.bag.messages import MessageBlock
 from rpud_sim.inspection.recorded_journal import installed_codec
 from rpud_sim.inspection.verify import recorded_topics
-from rpud_sim.inspection.verify.coverage import Coverage, Stretches
+from rpud_sim.inspection.verify.coverage import Coverage, JournalStretches
 from rpud_sim.inspection.verify.messages import computed_blocks
 from rpud_sim.inspection.verify.recorded_topics import RecordedMessages, RecordedTopics
 from rpud_sim.inspection.verify.topic_comparison import TopicComparison
@@ -117,7 +117,7 @@ def stretches_of(count):
         entries.append((message, JournalEntry(number, 0, "begin", {})))
         # Otherwise two beginnings without an entry between them would be one.
         entries.append((message, JournalEntry(number, 0, "stop", {})))
-    return Stretches(iter(entries))
+    return JournalStretches(iter(entries))
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -35,8 +35,7 @@ from rpud_sim.simulation.actuator import ActuatorParameters
 from rpud_sim.simulation.commands import Drive, WeightOnBit
 from rpud_sim.simulation.configuration import Configuration
 from rpud_sim.simulation.fault_kinds import KINDS
-from rpud_sim.simulation.faults import Fault, FaultError
-from rpud_sim.simulation.ledger import FaultLedger
+from rpud_sim.simulation.faults import Fault, FaultError, FaultLedger
 from rpud_sim.simulation.sampling import Samples
 from rpud_sim.simulation.simulation import Simulation
 from rpud_sim.simulation.telemetry import row_of
