@@ -6,6 +6,8 @@ import struct
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+from rpud_sim.foundation.quantities import ExpectedError
+
 # Errors that Python raises where a value is not of the expected form.
 MALFORMED = (AttributeError, LookupError, OverflowError, RecursionError, TypeError, ValueError)
 
@@ -13,7 +15,7 @@ MALFORMED = (AttributeError, LookupError, OverflowError, RecursionError, TypeErr
 DAMAGED = (*MALFORMED, EOFError, MemoryError, RuntimeError, StopIteration, struct.error)
 
 
-class BagError(Exception):
+class BagError(ExpectedError):
     """Error of a bag that cannot be read or written.
 
     Characters of the text that cannot be printed, such as some in names of a bag, are escaped.

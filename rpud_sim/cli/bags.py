@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from rpud_sim.cli.options import BagOptions, JsonOptions, command, run_number_option
 from rpud_sim.cli.output import print_json, progress_bar, table
-from rpud_sim.cli.program import ExitCode, failing
+from rpud_sim.cli.program import ExitCode
 from rpud_sim.foundation.options import (
     duration_option,
     option,
@@ -35,19 +35,16 @@ _RATE = Quantity("Hz", "of the samples", 1.0, 1e9, whole=True)  # time is whole 
 
 @command("info", "bags/first", "list a bag's topics, counts, rates, times and losses", BagOptions)
 def _run_info(options: BagOptions) -> int:
-    from rpud_sim.bag import BagError
-
-    with failing(BagError):
-        content = _info(options.bag)
+    content = _info(options.bag)
     print_json(content) if options.json else print(_info_text(content))
     return ExitCode.DONE
 
 
 def _info(path: str) -> dict[str, Any]:
     """Return the content of a bag: times in integer nanoseconds, size in bytes, rates in Hz."""
-    import rpud_sim.bag
+    from rpud_sim.bag import open as open_bag
 
-    with rpud_sim.bag.open(path) as bag:
+    with open_bag(path) as bag:
         return {
             "path": str(bag.path),
             "duration": bag.duration,
@@ -115,13 +112,11 @@ class _Recover(JsonOptions):
     "Exit codes: 0 nothing is lost, 3 recovered, and something is lost, 1 failed, 2 wrong call.",
 )
 def _run_recover(options: _Recover) -> int:
-    from rpud_sim.bag import BagError
     from rpud_sim.bag.recovery import files_to_recover, recover
 
-    with failing(BagError):
-        size = sum(file.stat().st_size for file in files_to_recover(options.torn))
-        with progress_bar("B", size, scaled=True) as bar:
-            recovery = recover(options.torn, options.out, bar.update)
+    size = sum(file.stat().st_size for file in files_to_recover(options.torn))
+    with progress_bar("B", size, scaled=True) as bar:
+        recovery = recover(options.torn, options.out, bar.update)
     print_json(recovery.to_mapping()) if options.json else print(_recovery_text(recovery))
     return ExitCode.DONE if recovery.complete else ExitCode.INCOMPLETE
 
@@ -179,11 +174,9 @@ class _Verify(BagOptions):
     "decided or messages are missing at the end, 2 wrong call.",
 )
 def _run_verify(options: _Verify) -> int:
-    from rpud_sim.bag import BagError
-    from rpud_sim.inspection import InspectionError
     from rpud_sim.inspection.verify.verification import verify
 
-    with failing(BagError, InspectionError), progress_bar(" s") as bar:
+    with progress_bar(" s") as bar:
         found = verify(options.bag, bar.update)
     for warning in found.warnings:
         complain("rpud verify", warning)
@@ -289,11 +282,9 @@ def _run_export(options: _Export) -> int:
         return _export_waveform(options, options.rate)
     if options.run != 1:
         raise ParameterError("--run goes with --rate")
-    from rpud_sim.bag import BagError
-    from rpud_sim.inspection import InspectionError
     from rpud_sim.inspection.export import export
 
-    with failing(BagError, InspectionError), progress_bar(" messages", scaled=True) as bar:
+    with progress_bar(" messages", scaled=True) as bar:
         exported = export(
             options.bag,
             options.out,
@@ -309,11 +300,9 @@ def _run_export(options: _Export) -> int:
 
 
 def _export_waveform(options: _Export, rate: int) -> ExitCode:
-    from rpud_sim.bag import BagError
-    from rpud_sim.inspection import InspectionError
     from rpud_sim.inspection.rebuild import rebuild
 
-    with failing(BagError, InspectionError), progress_bar(" samples", scaled=True) as bar:
+    with progress_bar(" samples", scaled=True) as bar:
         rebuilt = rebuild(
             options.bag,
             options.out,
@@ -367,12 +356,9 @@ class _Report(BagOptions):
     "network. Exit codes: 0 done, 3 done but for damaged parts, 1 failed, 2 wrong call.",
 )
 def _run_report(options: _Report) -> int:
-    from rpud_sim.bag import BagError
-    from rpud_sim.inspection import InspectionError
     from rpud_sim.viewer.report import write_report
 
-    with failing(BagError, InspectionError):
-        seen = write_report(options.bag, options.out, options.namespace)
+    seen = write_report(options.bag, options.out, options.namespace)
     _complain_of_parts("rpud report", seen)
     if options.json:
         print_json({"out": options.out, **dataclasses.asdict(seen)})

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from rpud_sim.cli.options import RUN, JsonOptions, command
 from rpud_sim.cli.output import print_json, progress_bar, table
-from rpud_sim.cli.program import ExitCode, failing
+from rpud_sim.cli.program import ExitCode
 from rpud_sim.foundation.options import SECONDS, option, positional
 from rpud_sim.foundation.quantities import Quantity
 from rpud_sim.foundation.terminal import complain, printable
@@ -82,8 +82,6 @@ class _Compare(JsonOptions):
     "failed, 2 wrong call.",
 )
 def _run(options: _Compare) -> int:
-    from rpud_sim.bag import BagError
-    from rpud_sim.inspection import InspectionError
     from rpud_sim.inspection.compare import compare
     from rpud_sim.inspection.compare.results import content
 
@@ -91,9 +89,8 @@ def _run(options: _Compare) -> int:
         from rpud_sim.inspection.compare.page import write_page
         from rpud_sim.inspection.output import check_new_file
 
-        with failing(InspectionError):
-            check_new_file(options.out)
-    with failing(BagError, InspectionError), progress_bar(" messages", scaled=True) as bar:
+        check_new_file(options.out)
+    with progress_bar(" messages", scaled=True) as bar:
         found = compare(
             [options.bag, *options.others],
             begin=options.begin,
@@ -111,8 +108,7 @@ def _run(options: _Compare) -> int:
         for part, reason in parts.items():
             complain("rpud compare", f"{name}: left out {part}: {reason}")
     if options.out:
-        with failing(InspectionError):
-            write_page(found, options.out)
+        write_page(found, options.out)
     if options.json:
         print_json({**content(found), "out": options.out})
     else:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from rpud_sim.cli.options import AT_MOST_ONE, EXACTLY_ONE, PlaceOptions, command
 from rpud_sim.cli.output import table
-from rpud_sim.cli.program import CommandError, ExitCode, failing
+from rpud_sim.cli.program import CommandError, ExitCode
 from rpud_sim.foundation.options import POSITIVE_SECONDS, option, positional
 from rpud_sim.foundation.quantities import Quantity
 from rpud_sim.foundation.terminal import complain, printable
@@ -57,19 +57,14 @@ class DrillOptions(PlaceOptions):
 @contextmanager
 def _connected_drill(name: str, options: DrillOptions) -> Iterator[DrillClient]:
     """Connect a command to its drill; each error becomes one line."""
-    from rpud_sim.ros.client import ClientError, DrillClient, RefusedError
-    from rpud_sim.ros.starting import StartError
+    from rpud_sim.ros.client import DrillClient, RefusedError
 
-    with (
-        failing(ClientError),
-        failing(StartError, code=ExitCode.USAGE),
-        DrillClient(
-            options.namespace,
-            domain_id=options.domain,
-            node_name=f"rpud_{name}",
-            patience=options.patience,
-        ) as drill,
-    ):
+    with DrillClient(
+        options.namespace,
+        domain_id=options.domain,
+        node_name=f"rpud_{name}",
+        patience=options.patience,
+    ) as drill:
         try:
             yield drill
         except RefusedError as error:
@@ -357,16 +352,10 @@ class _Echo(DrillOptions):
     "latched topic gives its last messages. Lost messages are counted on standard error.",
 )
 def _echo(options: _Echo) -> ExitCode:
-    from rpud_sim.ros.client import ClientError
     from rpud_sim.ros.client.listening_node import ListeningNode
     from rpud_sim.ros.client.topic_listener import CUT, FieldPath, TopicListener, to_plain
-    from rpud_sim.ros.starting import StartError
 
-    with (
-        failing(ClientError),
-        failing(StartError, code=ExitCode.USAGE),
-        ListeningNode("rpud_echo", options.namespace, options.domain) as listening,
-    ):
+    with ListeningNode("rpud_echo", options.namespace, options.domain) as listening:
         listener = TopicListener(listening, options.topic, options.patience)
         field = FieldPath(options.field, listener.kind) if options.field else None
         cut = None if options.full_length or options.json else CUT

@@ -32,15 +32,9 @@ _REPLAY_BAR = "{desc}: {percentage:3.0f}%|{bar}| {n:.1f}/{total:.1f} s{postfix}"
     RecordOptions,
 )
 def _record(options: RecordOptions, ros_arguments: Sequence[str] = ()) -> int:
-    from rpud_sim.bag import BagError
     from rpud_sim.ros.record import recorder
-    from rpud_sim.ros.starting import StartError
 
-    with (
-        failing(BagError),
-        failing(StartError, code=ExitCode.USAGE),
-        status_line(printable(Path(options.out).name)) as show,
-    ):
+    with status_line(printable(Path(options.out).name)) as show:
         result = recorder.record(options, ros_arguments, show)
     with suppress(BrokenPipeError):
         print(result.summary, flush=True)
@@ -56,16 +50,10 @@ def _record(options: RecordOptions, ros_arguments: Sequence[str] = ()) -> int:
     ReplayOptions,
 )
 def _replay(options: ReplayOptions, ros_arguments: Sequence[str] = ()) -> int:
-    from rpud_sim.bag import BagError
     from rpud_sim.ros.replay import replayer
-    from rpud_sim.ros.starting import StartError
 
-    with (
-        failing(BagError, replayer.ReplayError),
-        failing(replayer.OptionError, StartError, code=ExitCode.USAGE),
-    ):
-        bar = partial(progress_bar, "s", delay=0.0, layout=_REPLAY_BAR)
-        print(replayer.replay(options, ros_arguments, bar), flush=True)
+    bar = partial(progress_bar, "s", delay=0.0, layout=_REPLAY_BAR)
+    print(replayer.replay(options, ros_arguments, bar), flush=True)
     return ExitCode.DONE
 
 
@@ -76,9 +64,8 @@ class _NodeOptions:
 
 def _drill(options: _NodeOptions, ros_arguments: Sequence[str]) -> int:
     from rpud_sim.ros.drill.drill_node import drill
-    from rpud_sim.ros.starting import StartError
 
-    with failing(RuntimeError), failing(StartError, code=ExitCode.USAGE):
+    with failing(RuntimeError):
         drill(ros_arguments, options.with_parent)
     return ExitCode.DONE
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from rpud_sim.cli.live_line import logging_above
 from rpud_sim.cli.options import BagOptions, command, run_number_option
 from rpud_sim.cli.output import print_json, progress_bar
-from rpud_sim.cli.program import ExitCode, failing
+from rpud_sim.cli.program import ExitCode
 from rpud_sim.foundation.options import POSITIVE_SECONDS, SECONDS, option, required
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.foundation.terminal import complain, printable
@@ -98,12 +98,9 @@ def _changes(options: _Fork) -> Changes:
 
 
 def _to_bag(options: _Fork, out: str, changes: Changes) -> int:
-    from rpud_sim.bag import BagError
-    from rpud_sim.inspection import InspectionError
     from rpud_sim.inspection.offline_bag import write_fork
-    from rpud_sim.simulation import EngineError
 
-    with failing(BagError, InspectionError, EngineError), progress_bar(" s") as bar:
+    with progress_bar(" s") as bar:
         forked = write_fork(
             options.bag,
             out,
@@ -129,16 +126,12 @@ def _account(forked: ForkedBag) -> str:
 
 
 def _live(options: _Fork, changes: Changes) -> int:
-    from rpud_sim.bag import BagError
     from rpud_sim.cli.run import drill
-    from rpud_sim.inspection import InspectionError
     from rpud_sim.inspection.fork import live_start, open_fork
-    from rpud_sim.ros.drill.drill_node import DuplicateError, open_drill
-    from rpud_sim.ros.starting import StartError
+    from rpud_sim.ros.drill.drill_node import open_drill
     from rpud_sim.ros.stopping import StopRequest
-    from rpud_sim.simulation import EngineError
 
-    with failing(BagError, InspectionError, EngineError), progress_bar(" s") as bar:
+    with progress_bar(" s") as bar:
         fork = open_fork(
             options.bag,
             options.at,
@@ -151,8 +144,6 @@ def _live(options: _Fork, changes: Changes) -> int:
         start = live_start(fork, changes)
     namespace = options.namespace or fork.recorded.prefix.rstrip("/") or "/"
     with (
-        failing(DuplicateError),
-        failing(StartError, code=ExitCode.USAGE),
         StopRequest() as stop,
         logging_above(
             not options.quiet,

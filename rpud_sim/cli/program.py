@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from types import FrameType
 from typing import Any, NoReturn
 
-from rpud_sim.foundation.quantities import ParameterError
+from rpud_sim.foundation.quantities import ExpectedError, ParameterError
 from rpud_sim.foundation.terminal import complain
 
 # Environment variable: where it is set, an unexpected error shows its traceback.
@@ -43,7 +43,7 @@ class ExitCode(enum.IntEnum):
     INTERRUPTED = 130  # ended by Ctrl-C, as shells count it
 
 
-class CommandError(Exception):
+class CommandError(ExpectedError):
     """Expected end of a command: one line and an exit code."""
 
     def __init__(self, reason: object, code: ExitCode = ExitCode.FAILED) -> None:
@@ -52,12 +52,14 @@ class CommandError(Exception):
 
 
 @contextmanager
-def failing(*errors: type[Exception], code: ExitCode = ExitCode.FAILED) -> Iterator[None]:
-    """Turn errors of these types into a CommandError with this exit code."""
+def failing(kind: type[Exception]) -> Iterator[None]:
+    """Let errors of a type that are not expected by themselves end a command in one line, too."""
     try:
         yield
-    except errors as error:
-        raise CommandError(error, code) from error
+    except ExpectedError:
+        raise
+    except kind as error:
+        raise CommandError(error) from error
 
 
 def report_errors(program: str, run: Callable[[], int]) -> int:
@@ -67,7 +69,7 @@ def report_errors(program: str, run: Callable[[], int]) -> int:
     except ParameterError as error:
         complain(program, error)
         return ExitCode.USAGE
-    except CommandError as error:
+    except ExpectedError as error:
         complain(program, error)
         return error.code
 

@@ -75,14 +75,11 @@ class _Run(ParameterOptions):
 def _run(options: _Run) -> int:
     """Drill until the duration is over or a signal stops it."""
     values = options.values()
-    from rpud_sim.ros.drill.drill_node import DuplicateError, open_drill
-    from rpud_sim.ros.starting import StartError
+    from rpud_sim.ros.drill.drill_node import open_drill
     from rpud_sim.ros.stopping import StopRequest
 
     live = not options.quiet
     with (
-        failing(DuplicateError),
-        failing(StartError, code=ExitCode.USAGE),
         StopRequest() as stop,
         _watching(options.watch, options.namespace, stop),
         logging_above(

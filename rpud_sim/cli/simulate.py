@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from rpud_sim.cli.options import JsonOptions, ParameterOptions, command
 from rpud_sim.cli.output import print_json, progress_bar
-from rpud_sim.cli.program import ExitCode, failing
+from rpud_sim.cli.program import ExitCode
 from rpud_sim.foundation.options import option
 from rpud_sim.foundation.quantities import ParameterError, Quantity, shown
 from rpud_sim.foundation.terminal import complain
@@ -62,18 +62,10 @@ class _Simulate(ParameterOptions, JsonOptions):
 )
 def _run(options: _Simulate) -> int:
     _load_numba()
-    from rpud_sim.model.engine import EngineError
-
-    errors: list[type[Exception]] = [EngineError]
-    if options.bag:  # only then, for it takes long to load
-        from rpud_sim.bag import BagError
-
-        errors.append(BagError)
     if options.bag and options.repeat > 1:
         raise ParameterError("--bag goes with a single run, not with --repeat")
     _refuse_assignments_to_the_node(options)
-    with failing(*errors):
-        figures = _simulate(options)
+    figures = _simulate(options)
     print_json(figures) if options.json else print(_text(figures))
     return ExitCode.DONE
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from rpud_sim.cli.options import AT_MOST_ONE, JsonOptions, command
 from rpud_sim.cli.output import print_json, progress_bar, table
-from rpud_sim.cli.program import ExitCode, failing
+from rpud_sim.cli.program import ExitCode
 from rpud_sim.foundation.options import option, positional, required
 from rpud_sim.foundation.quantities import Quantity
 from rpud_sim.foundation.terminal import printable
@@ -50,23 +50,20 @@ class _Sweep(JsonOptions):
     _Sweep,
 )
 def _sweep(options: _Sweep) -> int:
-    from rpud_sim.studies.sweep.specification import SweepError
     from rpud_sim.studies.sweep.specification_file import read_specification
-    from rpud_sim.studies.workers import WorkerError
 
     started = time.perf_counter()
-    with failing(SweepError, code=ExitCode.USAGE), failing(WorkerError):
-        specification = read_specification(options.spec)
-        from rpud_sim.studies.sweep.sweep import run_sweep
+    specification = read_specification(options.spec)
+    from rpud_sim.studies.sweep.sweep import run_sweep
 
-        with progress_bar(" simulations", specification.simulations) as bar:
-            result = run_sweep(
-                specification,
-                Path(options.out),
-                _worker_count(options.workers),
-                options.scheduler,
-                bar.update,
-            )
+    with progress_bar(" simulations", specification.simulations) as bar:
+        result = run_sweep(
+            specification,
+            Path(options.out),
+            _worker_count(options.workers),
+            options.scheduler,
+            bar.update,
+        )
     wall = time.perf_counter() - started
     if options.json:
         print_json(
@@ -140,15 +137,12 @@ class _FitOptions(JsonOptions):
     "With --prove it fits synthetic drills instead, and counts how many intervals are right.",
 )
 def _run_fit(options: _FitOptions) -> int:
-    from rpud_sim.studies.fit.rounds import FitError
     from rpud_sim.studies.fit.target_file import read_target_file
-    from rpud_sim.studies.workers import WorkerError
 
-    with failing(FitError, WorkerError):
-        specification = read_target_file(options.targets)
-        if options.prove:
-            return _prove(options, specification, options.prove)
-        return _fit(options, specification)
+    specification = read_target_file(options.targets)
+    if options.prove:
+        return _prove(options, specification, options.prove)
+    return _fit(options, specification)
 
 
 def _fit(options: _FitOptions, specification: FitSpecification) -> int:

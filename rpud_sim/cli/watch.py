@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from rpud_sim.cli.options import PlaceOptions, command
-from rpud_sim.cli.program import ExitCode, failing
+from rpud_sim.cli.program import ExitCode
 from rpud_sim.foundation.options import option, positional
 from rpud_sim.foundation.quantities import Quantity
 from rpud_sim.foundation.terminal import complain, printable
@@ -66,9 +66,8 @@ def _run(options: _Watch) -> int:
 
 def _watch_bag(options: _Watch, bag: str) -> ExitCode:
     """Serve the page of a bag until a signal."""
-    from rpud_sim.bag import BagError
     from rpud_sim.viewer.recorded_store import serve_bag
-    from rpud_sim.viewer.server import Place, ServerError
+    from rpud_sim.viewer.server import Place
 
     def announce(server: PageServer) -> None:
         if options.until_eof:
@@ -78,16 +77,14 @@ def _watch_bag(options: _Watch, bag: str) -> ExitCode:
         if options.open:
             _open_browser(url)
 
-    with failing(BagError, ServerError):
-        serve_bag(bag, Place.of(options.port, options.address), announce)
+    serve_bag(bag, Place.of(options.port, options.address), announce)
     return ExitCode.DONE
 
 
 def _watch_drills(options: _Watch) -> ExitCode:
     """Serve the pages of running drills until a signal."""
-    from rpud_sim.ros.starting import StartError
     from rpud_sim.viewer.live_store import serve_drills
-    from rpud_sim.viewer.server import Place, ServerError
+    from rpud_sim.viewer.server import Place
 
     def announce(server: PageServer, store: LiveStore) -> None:
         if options.until_eof:  # beside its drill: hear all of the run
@@ -95,13 +92,8 @@ def _watch_drills(options: _Watch) -> ExitCode:
             threading.Thread(target=_stop_at_end, args=(server,), daemon=True).start()
         _announce(server, store.finder, options)
 
-    with failing(ServerError), failing(StartError, code=ExitCode.USAGE):
-        serve_drills(
-            Place.of(options.port, options.address),
-            options.domain,
-            options.namespace,
-            announce,
-        )
+    place = Place.of(options.port, options.address)
+    serve_drills(place, options.domain, options.namespace, announce)
     return ExitCode.DONE
 
 
@@ -124,7 +116,7 @@ def _find(finder: DrillFinder) -> list[str]:
     end = time.monotonic() + _SEARCH_TIME
     found: list[str] = []
     while time.monotonic() < end:
-        found = [drill.namespace for drill in finder.drills()]
+        found = [drill["namespace"] for drill in finder.drills()]
         time.sleep(_SEARCH_PERIOD)
     return found
 

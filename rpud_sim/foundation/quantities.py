@@ -14,6 +14,12 @@ class ParameterError(ValueError):
     """Unusable parameter; the text names parameter, value, unit and allowed range."""
 
 
+class ExpectedError(Exception):
+    """Failure that ends a command with its text as one line."""
+
+    code = 1  # that the command then exits with; 2 for a wrong call
+
+
 def shown(value: Any) -> str:
     """Return any value as short text on one line."""
     try:
@@ -67,11 +73,7 @@ class Quantity:
         return f"{left}{self.minimum:g}, {self.maximum:g}{right} {self.unit}".rstrip()
 
     def check(self, name: str, value: Any) -> Any:
-        """Return the value as a float, or as an integer where only whole numbers are allowed.
-
-        Raises:
-            ParameterError: if it is no finite number inside the range, or not whole.
-        """
+        """Return the value as a float, or an integer if it must be whole, or refuse it."""
         # The usual case first: studies check millions of values.
         if type(value) is float and self.minimum < value < self.maximum and not self.whole:
             return value

@@ -6,6 +6,8 @@ that is refused a ``ParameterError``, a simulation that cannot go on an ``Engine
 that stops a task is an ``InspectionError``.
 """
 
+from rpud_sim.foundation.quantities import ExpectedError
 
-class InspectionError(Exception):
+
+class InspectionError(ExpectedError):
     """Inspection that is not possible; the text gives the reason in one line."""

@@ -8,6 +8,7 @@ from sys import getrefcount
 
 import numpy as np
 
+from rpud_sim.foundation.quantities import ExpectedError
 from rpud_sim.model.compile import machine_code, reader_of
 from rpud_sim.model.drill import STATE, Drill, derive, seating
 from rpud_sim.model.events import DONE, FULL, OVERLOADED, STALLED, advance, interrupt, start
@@ -44,7 +45,7 @@ _time = reader_of(STATE, "seconds", "fraction")
 _amplitude = reader_of(STATE, "amplitude")
 
 
-class EngineError(RuntimeError):
+class EngineError(ExpectedError, RuntimeError):
     """Failure of the engine; the text is one line with the time and the likely parameters."""
 
 

@@ -11,13 +11,16 @@ from rclpy.exceptions import NameValidationException
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
+from rpud_sim.foundation.quantities import ExpectedError
 from rpud_sim.ros.environment import complete_environment
 
 _WHEEL = "ros-fastrtps"
 
 
-class StartError(RuntimeError):
+class StartError(ExpectedError, RuntimeError):
     """Start of ROS that is not possible as requested; the message is one line."""
+
+    code = 2
 
 
 def start_ros(

@@ -40,14 +40,8 @@ def run_on_cluster(
     """Yield each chunk once, with its outcome, as they finish.
 
     If the scheduler is lost, the chunks in flight are submitted again when another one listens at
-    its address.
-
-    Args:
-        chunks: to run; an iterator is advanced only as workers need chunks.
-        address: of the scheduler, such as ``tcp://192.168.1.5:8786``.
-
-    Raises:
-        WorkerError: if the cluster cannot be reached or cannot run a chunk.
+    its address, such as ``tcp://192.168.1.5:8786``. A cluster that cannot be reached, or cannot run
+    a chunk, is a WorkerError.
     """
     try:
         import distributed  # noqa: F401
@@ -89,12 +83,7 @@ def _quiet_log() -> Iterator[None]:
 def _run_on_scheduler(
     take: Callable[[], _Chunk | None], address: str, work: Callable[[_Chunk], _Outcome]
 ) -> Generator[tuple[_Chunk, _Outcome], None, None]:
-    """Yield chunks with their outcomes until there are no more to take.
-
-    Raises:
-        _SchedulerLostError: if the scheduler has gone.
-        WorkerError: if the cluster cannot run a chunk.
-    """
+    """Yield chunks with their outcomes until there are no more to take."""
     from distributed import Client
     from distributed.client import FutureCancelledError
 

@@ -13,6 +13,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.foundation.whole_folder import UNFINISHED, whole_file
 
 MANIFEST = "manifest.json"
@@ -26,21 +27,12 @@ def write_whole(path: Path, content: str | bytes) -> None:
 
 
 class StudyStore:
-    """Folder of a study.
+    """Folder of a study, whose name is also that of its command."""
 
-    Args:
-        manifest: everything that the study's results depend on, as JSON reads it back.
-        study: name of the study and of its command.
-        refuse: error for a folder that is locked or holds anything but this study.
-    """
-
-    def __init__(
-        self, path: Path, manifest: dict[str, Any], study: str, refuse: type[Exception]
-    ) -> None:
+    def __init__(self, path: Path, manifest: dict[str, Any], study: str) -> None:
         self.path = path
-        self.manifest = manifest
+        self.manifest = manifest  # all that its results depend on, as JSON reads it back
         self._study = study
-        self._refuse = refuse
 
     @contextlib.contextmanager
     def held(self) -> Iterator[None]:
@@ -55,7 +47,7 @@ class StudyStore:
                 fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError:
                 reason = f"{self.path}: another rpud {self._study} is at work there"
-                raise self._refuse(reason) from None
+                raise ParameterError(reason) from None
             self._check_or_write()
             yield
         finally:
@@ -67,14 +59,14 @@ class StudyStore:
             try:
                 found = json.loads(path.read_text(encoding="utf-8"))
             except ValueError:
-                raise self._refuse(f"{path}: is no manifest of a {study}") from None
+                raise ParameterError(f"{path}: is no manifest of a {study}") from None
             if difference := _difference(found, self.manifest):
                 reason = f"is of another {study}: {difference}; choose another --out"
-                raise self._refuse(f"{path}: {reason}")
+                raise ParameterError(f"{path}: {reason}")
             return
         if any(not name.name.endswith(UNFINISHED) for name in self.path.iterdir()):
             reason = f"is not empty and holds no {study}; choose another --out"
-            raise self._refuse(f"{self.path}: {reason}")
+            raise ParameterError(f"{self.path}: {reason}")
         write_whole(path, json.dumps(self.manifest, indent=2) + "\n")
 
 

@@ -15,6 +15,7 @@ from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 from typing import Any, Protocol, TypeVar
 
+from rpud_sim.foundation.quantities import ExpectedError
 from rpud_sim.simulation.versions import engine_versions
 
 # A chunk that ends so many processes is itself the cause, for example by its memory.
@@ -25,7 +26,7 @@ ATTEMPTS = 3
 _SERVER = multiprocessing.get_context("forkserver")
 
 
-class WorkerError(RuntimeError):
+class WorkerError(ExpectedError, RuntimeError):
     """Workers that cannot run a study; the text gives the reason in one line."""
 
 
@@ -58,15 +59,8 @@ def run_on_workers(
 ) -> Generator[tuple[_Chunk, _Outcome], None, None]:
     """Return an iterator over each chunk with its outcome, as they finish.
 
-    Args:
-        work: what a worker does with a chunk; a function of a module.
-        chunks: to run; an iterator is advanced only as workers need chunks.
-        scheduler: address of a Dask cluster to use instead of local processes.
-        compile_kernels: compiles what ``work`` calls. It is called once before local processes
-            start: otherwise each of them would compile the same kernels.
-
-    Raises:
-        WorkerError: if the workers fail.
+    ``work`` is a function of a module; what it calls is compiled before local processes start, or
+    each would compile it. ``scheduler`` is the address of a Dask cluster to use instead of these.
     """
     if scheduler is not None:
         from rpud_sim.studies.cluster import run_on_cluster

@@ -48,10 +48,6 @@ _MOST_RUNS = 100_000
 _LAUNCHER = "rpud_sim.testing.launcher"
 
 
-class CampaignError(ParameterError):
-    """Unusable campaign; the text gives file, line and reason in one line."""
-
-
 @dataclasses.dataclass(frozen=True)
 class CampaignSystem:
     """System under test."""
@@ -111,7 +107,7 @@ class Campaign:
 def read_campaign(path: str | Path) -> Campaign:
     """Return the campaign of a file; relative paths in it begin at its folder."""
     # Without truth values: off is a kind of fault.
-    top = open_yaml(path, truth_values=False, error=CampaignError, where="{file}:{line}: ")
+    top = open_yaml(path, truth_values=False, where="{file}:{line}: ")
     file = Path(path)
     entries = _mapping(dataclasses.replace(top, name="the file"), _KEYS, _NEEDED)
     folder = file.parent.absolute()
@@ -151,8 +147,8 @@ def _file(cursor: Cursor, folder: Path, given: str = "") -> Path:
     raise _error(cursor, f"{cursor.name} = {shown(given)} is no file in {folder}{hint}")
 
 
-def _error(cursor: Cursor, reason: object) -> CampaignError:
-    return CampaignError(f"{cursor.prefix}{reason}")
+def _error(cursor: Cursor, reason: object) -> ParameterError:
+    return ParameterError(f"{cursor.prefix}{reason}")
 
 
 # The system under test.
@@ -269,7 +265,7 @@ def _expectations(
             found = parse_expectations({"expectations": cursor.value})
     except ExpectationError as error:
         if not error.path:
-            raise CampaignError(error) from None  # of a file of expectations, with its line
+            raise ParameterError(error) from None  # of a file of expectations, with its line
         raise _error(dataclasses.replace(cursor, place=error.path), error) from None
     for index, expectation in enumerate(found):
         if requirements and expectation.requirement not in requirements:

@@ -105,64 +105,56 @@ class Systems:
         if self._ended:
             self._part()
         before = {topic: self._subscribers(topic) for topic in hears}
-        graph = self._graph()
-        self._count += 1
-        name = name or _name_of(words)
-        if name in [each.name for each in self._processes]:
-            name = shlex.join(words[words[0] == sys.executable :])
-        log = self._folder / f"system_{self._count}.log"
-        try:
-            system = SystemUnderTest(
-                words, log, name=name, environment=self._environment, folder=folder
-            )
-        except OSError as error:
-            what = f"{error.filename or name} cannot be started: {error.strerror}"
-            raise SystemUnderTestError(name, "died", what) from None
+        calm = self._calm()
+        system = self._started(words, folder, name)
         system.note = note
         self._processes.append(system)
-        calm = _Calm(self._graph, graph)
+        lacking = ""
 
         def lack() -> str:
             # The graph may show what a node hears before it shows what the node publishes.
             hearing = {
-                topic: {
-                    gid: name
-                    for gid, name in self._subscribers(topic).items()
-                    if gid not in before[topic]
-                }
-                for topic in hears
+                topic: {g: n for g, n in self._subscribers(topic).items() if g not in known}
+                for topic, known in before.items()
             }
             answering = self._answers.connect()
             strangers = self._introduce(dict(ChainMap(*hearing.values())))
             if not answering:
                 return f"does not publish on all of {', '.join(self._answers.names)}"
-            silent = [topic for topic in hears if not hearing[topic]]
-            if silent:
-                hints = [
-                    suggestion(topic, TOPICS) if topic not in TOPICS else "" for topic in silent
-                ]
-                names = map("".join, zip(silent, hints, strict=True))
+            if silent := [topic for topic, nodes in hearing.items() if not nodes]:
+                names = (t if t in TOPICS else t + suggestion(t, TOPICS) for t in silent)
                 return f"does not subscribe to {', '.join(names)}"
             if strangers or self._unconnected() or not (hears or calm()):
                 return f"is not connected to the drill{self._on_topics()}"
-            if not _is_ready(system, ready):
-                return f"has not printed {ready!r}" if isinstance(ready, str) else "is not ready"
-            return ""
-
-        lacking = ""
+            if isinstance(ready, str) and not re.search(ready, system.output, re.MULTILINE):
+                return f"has not printed {ready!r}"
+            return "is not ready" if callable(ready) and not ready() else ""
 
         def complete() -> bool:
             nonlocal lacking
             lacking = lack()
             return not lacking
 
-        need = (timeout, *self._answers.names, *words)
-        limit, again = self._patience(timeout, need)
-        if not self._collector.until(complete, limit, self.check, _POLL_PERIOD):
-            if not self._answers.connect():
-                self._silent.add(need)
-            raise self._failure(system, "silent", f"{lacking} within {limit:g} s{again}")
+        def vain() -> bool:
+            return not self._answers.connect()
+
+        if late := self._await(complete, timeout, words, vain, _POLL_PERIOD):
+            raise self._failure_of(system, "silent", f"{lacking} {''.join(late)}")
         return system
+
+    def _started(self, words: list[str], folder: Path | None, name: str) -> SystemUnderTest:
+        self._count += 1
+        name = name or _name_of(words)
+        if name in [each.name for each in self._processes]:
+            name = shlex.join(words[words[0] == sys.executable :])
+        log = self._folder / f"system_{self._count}.log"
+        try:
+            return SystemUnderTest(
+                words, log, name=name, environment=self._environment, folder=folder
+            )
+        except OSError as error:
+            what = f"{error.filename or name} cannot be started: {error.strerror}"
+            raise SystemUnderTestError(name, "died", what) from None
 
     def connected(self) -> bool:
         """Return whether drill, test and nodes know each other, as far as they are discovered."""
@@ -185,17 +177,16 @@ class Systems:
             self._check_publishers()
             return
 
-        def complete() -> bool:
-            return answers.connect() and self.connected()
-
-        need = (_START, *answers.names, *(system.command for system in self._processes))
-        limit, again = self._patience(_START, need)
-        if not self._collector.until(complete, limit, self.check, _POLL_PERIOD):
-            names = " and ".join(answers.names)
-            text = f"no publisher on {names} within {limit:g} s{again}"
-            if not answers.connect():
-                self._silent.add(need)
-            raise SystemUnderTestError(", ".join(answers.names), "silent", self._with_output(text))
+        late = self._await(
+            lambda: answers.connect() and self.connected(),
+            _START,
+            [system.command for system in self._processes],
+            lambda: not answers.connect(),
+            _POLL_PERIOD,
+        )
+        if late:
+            text = f"no publisher on {' and '.join(answers.names)} {''.join(late)}"
+            raise self._failure(", ".join(answers.names), "silent", text, self._processes)
         answers.introduced = True
         self._check_publishers()
 
@@ -204,19 +195,20 @@ class Systems:
         answers = self._answers
         if self._ended:
             return
-        commands = (system.command for system in self._processes)
-        need = (answers.timeout, *answers.names, *commands)
-        limit, again = self._patience(answers.timeout, need)
-        if self._collector.until(lambda: not answers.missing(stamp), limit, self.check):
-            return
-        kind = "late" if answers.late(stamp) else "silent"
-        if answers.never:
-            self._silent.add(need)
-        text = (
-            f"no answer for {stamp / SECOND:.3f} s of simulation time within "
-            f"{limit:g} s on {'; '.join(answers.missing(stamp))}{again}"
+        late = self._await(
+            lambda: not answers.missing(stamp),
+            answers.timeout,
+            [system.command for system in self._processes],
+            lambda: answers.never,
         )
-        raise SystemUnderTestError(", ".join(answers.names), kind, self._with_output(text))
+        if late:
+            limit, again = late
+            text = (
+                f"no answer for {stamp / SECOND:.3f} s of simulation time {limit} on "
+                f"{'; '.join(answers.missing(stamp))}{again}"
+            )
+            kind = "late" if answers.late(stamp) else "silent"
+            raise self._failure(", ".join(answers.names), kind, text, self._processes)
 
     def await_commands(self) -> bool:
         """Wait until the drill has counted every command; return whether there was one."""
@@ -243,7 +235,7 @@ class Systems:
         for system in self._processes:
             if not (system.running or system.expected):
                 system.expected = True  # once is enough
-                raise self._failure(system, "died", system.ending)
+                raise self._failure_of(system, "died", system.ending)
 
     def stop(self) -> None:
         self._part()
@@ -252,10 +244,27 @@ class Systems:
         stop_all(self._processes)
         self._processes.clear()
 
-    def _patience(self, longest: float, need: tuple[object, ...]) -> tuple[float, str]:
-        """Return how long to wait for what was in vain in a test before [s], and words for it."""
-        known = need in self._silent
-        return (min(longest, _SILENT), ", as in a test before") if known else (longest, "")
+    def _await(
+        self,
+        condition: Callable[[], object],
+        longest: float,
+        commands: Sequence[object],
+        vain: Callable[[], bool],
+        *period: float,
+    ) -> tuple[str, str] | None:
+        """Wait for what commands shall do; return in words how long, unless it was done.
+
+        There is less time for what was in vain in a test before.
+        """
+        need = (longest, *self._answers.names, *commands)
+        limit, again = longest, ""
+        if need in self._silent:
+            limit, again = min(longest, _SILENT), ", as in a test before"
+        if self._collector.until(condition, limit, self.check, *period):
+            return None
+        if vain():
+            self._silent.add(need)
+        return f"within {limit:g} s", again
 
     def _introduce(self, further: Mapping[bytes, str] = {}) -> list[str]:
         return self._introductions.lacking({**self._answers.publishers, **further})
@@ -273,22 +282,15 @@ class Systems:
     def _ended(self) -> bool:
         return bool(self._processes) and all(system.expected for system in self._processes)
 
-    def _with_output(self, text: str) -> str:
-        return "\n".join([text, *self._introductions.unserved, *map(_last_lines, self._processes)])
+    def _failure(
+        self, name: str, kind: str, text: str, systems: Sequence[SystemUnderTest]
+    ) -> SystemUnderTestError:
+        lines = [text, *self._introductions.unserved, *map(_last_lines, systems)]
+        return SystemUnderTestError(name, kind, "\n".join(lines))
 
-    def _failure(self, system: SystemUnderTest, kind: str, what: str) -> SystemUnderTestError:
+    def _failure_of(self, system: SystemUnderTest, kind: str, what: str) -> SystemUnderTestError:
         when = f"at {self._collector.time / SECOND:.3f} s of simulation time"
-        return SystemUnderTestError(
-            system.name,
-            kind,
-            "\n".join(
-                [
-                    f"{system.name} {what}, {when}",
-                    *self._introductions.unserved,
-                    _last_lines(system),
-                ]
-            ),
-        )
+        return self._failure(system.name, kind, f"{system.name} {what}, {when}", [system])
 
     def _unconnected(self) -> list[str]:
         """Return topics and services that the graph shows with more ends than the drill knows."""
@@ -322,20 +324,19 @@ class Systems:
         published = [node.count_publishers(collector.resolve(name)) for name in COMMANDS]
         return (*subscribed, clock, *published)
 
+    def _calm(self) -> Callable[[], bool]:
+        """Return whether the graph has changed since now, and then not for a while."""
+        beginning = latest = self._graph()
+        since = time.monotonic()
 
-class _Calm:
-    def __init__(
-        self, graph: Callable[[], tuple[object, ...]], beginning: tuple[object, ...]
-    ) -> None:
-        self._graph = graph
-        self._beginning = self._latest = beginning
-        self._since = time.monotonic()
+        def calm() -> bool:
+            nonlocal latest, since
+            now, graph = time.monotonic(), self._graph()
+            if graph != latest:
+                latest, since = graph, now
+            return latest != beginning and now - since >= _CALM
 
-    def __call__(self) -> bool:
-        now, graph = time.monotonic(), self._graph()
-        if graph != self._latest:
-            self._latest, self._since = graph, now
-        return self._latest != self._beginning and now - self._since >= _CALM
+        return calm
 
 
 def _words(command: Sequence[str]) -> list[str]:
@@ -349,14 +350,6 @@ def _name_of(words: Sequence[str]) -> str:
     names = [Path(word).name for word in words if not word.startswith("-")]
     interpreted = len(names) > 1 and words[0] == sys.executable
     return names[1] if interpreted else names[0]
-
-
-def _is_ready(system: SystemUnderTest, ready: str | Callable[[], object] | None) -> bool:
-    if ready is None:
-        return True
-    if callable(ready):
-        return bool(ready())
-    return re.search(ready, system.output, re.MULTILINE) is not None
 
 
 def _last_lines(system: ChildProcess) -> str:

@@ -28,6 +28,7 @@ from tornado.httputil import HTTPHeaders
 from tornado.netutil import bind_sockets
 from tornado.websocket import WebSocketClosedError, WebSocketHandler
 
+from rpud_sim.foundation.quantities import ExpectedError
 from rpud_sim.viewer.session import LONGEST_REQUEST, RequestError, Session, Store
 
 DEFAULT_PORT = 8810
@@ -50,7 +51,7 @@ _HEADERS = {  # of every answer; no page of another site may show this one, and 
 }
 
 
-class ServerError(RuntimeError):
+class ServerError(ExpectedError, RuntimeError):
     """Server that cannot start; the text is one line."""
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from types import TracebackType
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import rclpy
@@ -14,6 +13,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 
+from rpud_sim.foundation.quantities import ExpectedError
 from rpud_sim.ros.starting import name_error, start_ros
 from rpud_sim.ros.threads import raised
 
@@ -28,7 +28,7 @@ _REPETITION = 2.0  # of a request that may be repeated [s]
 Value = TypeVar("Value")
 
 
-class ClientError(RuntimeError):
+class ClientError(ExpectedError, RuntimeError):
     """A command that did not succeed."""
 
 
@@ -82,12 +82,7 @@ class ListeningNode:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     @property

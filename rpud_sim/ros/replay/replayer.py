@@ -15,7 +15,7 @@ from rclpy.executors import SingleThreadedExecutor
 
 import rpud_sim.bag
 from rpud_sim.bag import BagReader, TopicSummary
-from rpud_sim.foundation.quantities import suggestion
+from rpud_sim.foundation.quantities import ExpectedError, ParameterError, suggestion
 from rpud_sim.foundation.terminal import printable
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.ros.graph import fill_known, rosbag_service
@@ -152,11 +152,11 @@ def _answer(node: Replayer, thread: PlaybackThread, name: str, request: Any, res
     return fill_known(response, fields)  # not every type has all of them
 
 
-class OptionError(ValueError):
+class OptionError(ParameterError):
     """Options that do not fit the bag; the message is one line."""
 
 
-class ReplayError(RuntimeError):
+class ReplayError(ExpectedError, RuntimeError):
     """Bag of which no topic can be replayed; the message is one line."""
 
 

@@ -46,10 +46,9 @@ Series = dict[str, tuple[np.ndarray, np.ndarray]]  # times [s] and values, by fi
 def read_data(
     path: Path, is_bag: bool, skip: float
 ) -> tuple[list[tuple[Measure, float, float]], int]:
-    """Return figures of a file with their sampling errors, and how many runs it is long.
+    """Return figures of a file, without its first ``skip`` [s], with their sampling errors.
 
-    Args:
-        skip: time that is left out at the start [s].
+    The number is how many runs the file is long.
     """
     series = (_read_bag if is_bag else _read_csv)(path)
     if not series:

@@ -145,12 +145,7 @@ def most_simulations(specification: FitSpecification) -> int:
 def run_fit(
     specification: FitSpecification, out: Path, workers: int, report: Report = lambda runs: None
 ) -> Fit:
-    """Fit the drill, with the simulations that are in the folder already.
-
-    Args:
-        out: its folder; new, or left by an earlier call of the same fit.
-        report: called with the number of runs that finished since its last call.
-    """
+    """Fit the drill in a new folder, or one with simulations of an earlier call of the same fit."""
     folder = FitFolder(out, specification, workers, report)
     with folder.held():
         return fit_in(folder, specification)
@@ -299,10 +294,6 @@ def prove(
 
     All fits share the first round. The targets' values are those of the synthetic drill, with an
     error drawn from the tolerances.
-
-    Args:
-        specification: of the fit; the values of its targets give only the tolerances.
-        report: called with the number of drills that were fitted since its last call.
     """
     runs = _runs(specification)
     random = np.random.default_rng([specification.seed, _DRAWN])

@@ -105,12 +105,7 @@ def missing_model(configuration: Configuration, figure: str) -> str:
 
 
 def measure(configuration: Configuration, phase: float, measures: Sequence[Measure]) -> list[float]:
-    """Return the measures of one run; NaN if the run has no such figure.
-
-    Args:
-        phase: initial phase of the vibration [cycles].
-        measures: which figures.
-    """
+    """Return the measures of a run from an initial phase [cycles]; NaN where it has no figure."""
     wanted = {_window(item) for item in measures if item.simulated}
     edges = sorted({0, *itertools.chain(*wanted)})
     figures = {item.figure for item in measures}

@@ -41,9 +41,6 @@ class Likelihood:
     The error of a figure has three parts: the tolerance of its target, the chance of the runs whose
     mean the target is, and the surrogate's own error. The parts of data show its chance as well, so
     the greater of both counts. Chance is correlated as between the figures of a run.
-
-    Args:
-        targets: of the fit, one for each figure.
     """
 
     def __init__(self, surrogate: Surrogate, targets: tuple[FitTarget, ...]) -> None:
@@ -101,12 +98,7 @@ class Posterior:
 
 
 def sample(likelihood: Likelihood, particles: int, random: np.random.Generator) -> Posterior:
-    """Return the posterior distribution for even prior probability between the bounds.
-
-    Args:
-        particles: number of points; a power of two.
-        random: source of everything that is drawn.
-    """
+    """Return the posterior for even prior probability; ``particles`` is a power of two."""
     region = likelihood.surrogate.region
     unknowns = len(region.low)
     sequence = qmc.Sobol(unknowns, seed=random)
@@ -261,12 +253,7 @@ def interval_shares(shares: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def identify(shares: np.ndarray, unknowns: Mapping[str, Range]) -> Identifiability:
-    """Return what a posterior determines.
-
-    Args:
-        shares: equally probable points, as shares of the way between the bounds.
-        unknowns: bounds, by name, in the order of the columns.
-    """
+    """Return what equally probable points determine; the unknowns are in the columns' order."""
     names = list(unknowns)
     ends = np.stack([*interval_shares(shares), np.median(shares, axis=0)])
     at_bound = np.stack(cut_off(shares))

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from scipy.stats import qmc
 
-from rpud_sim.foundation.quantities import ParameterError
+from rpud_sim.foundation.quantities import ExpectedError, ParameterError
 from rpud_sim.foundation.whole_folder import whole_file
 from rpud_sim.simulation import EngineError
 from rpud_sim.simulation.ensemble import compile_kernels, compile_members
@@ -43,7 +43,7 @@ DESIGN, PHASES, SAMPLING, CANDIDATE, FINAL = range(5)
 Report = Callable[[int], None]  # called with the number of runs that finished since its last call
 
 
-class FitError(RuntimeError):
+class FitError(ExpectedError, RuntimeError):
     """Fit that has no result; the text gives the reason in one line."""
 
 
@@ -88,7 +88,7 @@ class FitFolder(StudyStore):
         self, path: Path, specification: FitSpecification, workers: int, report: Report
     ) -> None:
         content = {"specification": specification.content(), "versions": fit_versions()}
-        super().__init__(path, json.loads(json.dumps(content)), "fit", ParameterError)
+        super().__init__(path, json.loads(json.dumps(content)), "fit")
         self._specification = specification
         self._workers = workers
         self._report = report
@@ -98,14 +98,9 @@ class FitFolder(StudyStore):
     def simulate(
         self, job: str, points: Sequence[Mapping[str, Any]], repeat: int, seed: Sequence[int]
     ) -> np.ndarray:
-        """Return the measures at points; those that an earlier call has simulated are read.
+        """Return the measures at points, shape (points, repeat, targets).
 
-        Args:
-            job: name of the work, different for each.
-            repeat: runs at each point.
-
-        Returns:
-            The measures, shape (points, repeat, targets).
+        Those that an earlier call has simulated for the job of this name are read.
         """
         chunks = self._chunks(points, repeat, seed)
         found = {chunk.number: self._read(job, chunk) for chunk in chunks}
@@ -181,8 +176,7 @@ class Branch:
 def explore(folder: FitFolder, specification: FitSpecification, drill: str = "") -> list[Branch]:
     """Return the probable branches after all rounds.
 
-    Args:
-        drill: prefix of the later rounds' files; the first round does not depend on the targets.
+    ``drill`` is a prefix of the later rounds' files; the first one does not depend on the targets.
     """
     count, seed = len(specification.unknowns), specification.seed
     empty = np.empty((0, specification.repeat, len(specification.targets)))

@@ -94,13 +94,10 @@ class Surrogate:
 def fit_surrogate(
     region: Region, shares: np.ndarray, figures: np.ndarray, groups: np.ndarray
 ) -> Surrogate:
-    """Return the surrogate of a design.
+    """Return the surrogate of a design in a region.
 
-    Args:
-        region: that holds all points.
-        shares: the points, shape (points, unknowns).
-        figures: of the runs, shape (points, repeat, figures); NaN if missing.
-        groups: condition of each figure; runs of two conditions are independent.
+    Its points have shape (points, unknowns), the runs' figures (points, repeat, figures), NaN if
+    missing. Groups are the conditions of the figures: runs of two conditions are independent.
     """
     valid = np.isfinite(figures).all(axis=(1, 2))
     fewest = 4 * (shares.shape[1] + 1)

@@ -144,11 +144,7 @@ def make_chunks(
 
 
 def simulate(chunk: SweepChunk) -> SweepOutcome:
-    """Run the simulations of a chunk.
-
-    Raises:
-        WorkerError: if this worker's versions would give other bits than the sweep's machine.
-    """
+    """Run the simulations of a chunk."""
     check_versions(chunk.versions)
     sweep = chunk.specification
     phases: list[float] = []

@@ -19,14 +19,10 @@ _RESAMPLES = 400
 
 
 def saltelli_shares(inputs: int, samples: int, seed: int) -> np.ndarray:
-    """Return the points of Saltelli's design in the unit cube.
+    """Return the points of Saltelli's design in the unit cube; ``samples`` is a power of two.
 
-    Args:
-        samples: of each matrix, a power of two.
-
-    Returns:
-        Shape (inputs + 3, samples, inputs): the matrices A and B, for each input A with that
-        input's column of B, and A again.
+    Shape (inputs + 3, samples, inputs): the matrices A and B, for each input A with that input's
+    column of B, and A again.
     """
     # Every version of SciPy accepts a generator by this name.
     sequence = qmc.Sobol(2 * inputs, seed=np.random.default_rng(seed))
@@ -39,15 +35,11 @@ def saltelli_shares(inputs: int, samples: int, seed: int) -> np.ndarray:
 
 
 def find_indices(values: np.ndarray, seed: int) -> np.ndarray:
-    """Return the indices from the figures at the points of a design.
+    """Return first and total indices, with their intervals, shape (3, 2, figures, inputs).
 
-    Args:
-        values: shape (matrices, samples, figures), finite, in the order of ``saltelli_shares``.
-
-    Returns:
-        Value, lower and upper end of its confidence interval, of the first index (the share of the
-        variance that an input explains alone) and of the total one (the share in which it takes
-        part); shape (3, 2, figures, inputs).
+    The first index is the share of the variance that an input explains alone, the total one that in
+    which it takes part. Finite values have shape (matrices, samples, figures), in the order of
+    ``saltelli_shares``.
     """
     a, b, mixed = values[0].T, values[1].T, np.swapaxes(values[2:], 1, 2)
     samples = a.shape[1]

@@ -44,10 +44,6 @@ def unit_of(name: str) -> str:
     return allowed.unit if isinstance(allowed, Quantity) else ""
 
 
-class SweepError(ValueError):
-    """Sweep that is not possible as specified; the text gives the reason in one line."""
-
-
 @dataclasses.dataclass(frozen=True)
 class Range:
     """Interval of values, spread evenly or evenly in their logarithms."""

@@ -22,7 +22,6 @@ from rpud_sim.studies.sweep.specification import (
     SWEEP_FIGURES,
     Case,
     Range,
-    SweepError,
     SweepSpecification,
     TimeInterval,
     Values,
@@ -45,18 +44,14 @@ _NAMES = tuple(
 
 
 def read_specification(path: str | Path) -> SweepSpecification:
-    """Return the sweep of a YAML file.
-
-    Raises:
-        SweepError: if the file is not valid; the text names the file, the entry and the reason.
-    """
+    """Return the sweep of a YAML file."""
     # Without truth values: off is a kind of fault.
-    return _specification(open_yaml(path, truth_values=False, error=SweepError, dotted=True))
+    return _specification(open_yaml(path, truth_values=False, dotted=True))
 
 
 def parse_specification(content: Any) -> SweepSpecification:
     """Return the sweep that plain values from YAML describe."""
-    return _specification(Cursor(content, Source("", error=SweepError, where="", dotted=True)))
+    return _specification(Cursor(content, Source("", where="", dotted=True)))
 
 
 def _specification(top: Cursor) -> SweepSpecification:

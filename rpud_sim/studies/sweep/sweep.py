@@ -29,7 +29,7 @@ from rpud_sim.studies.sweep.chunks import (
     simulate,
 )
 from rpud_sim.studies.sweep.indices import figure_indices
-from rpud_sim.studies.sweep.specification import SweepError, SweepSpecification
+from rpud_sim.studies.sweep.specification import SweepSpecification
 from rpud_sim.studies.sweep.sweep_page import error_name, sweep_page
 from rpud_sim.studies.workers import run_on_workers
 
@@ -70,15 +70,8 @@ def run_sweep(
 ) -> SweepResult:
     """Run those simulations of a sweep that are missing in its folder, and complete the folder.
 
-    Args:
-        out: its folder; new, or left by an earlier call of the same sweep.
-        scheduler: address of a Dask cluster to use instead of local processes.
-        report: called with the number of simulations that finished since its last call.
-
-    Raises:
-        SweepError: if the folder holds anything else.
-        WorkerError: if the workers fail.
-        OSError: if a file cannot be written.
+    The folder is new, or left by an earlier call of the same sweep. ``scheduler`` is the address of
+    a Dask cluster to use instead of local processes.
     """
     folder = SweepFolder(out, sweep)
     with folder.held():
@@ -135,7 +128,7 @@ class SweepFolder(StudyStore):
     """Folder of a sweep: its finished chunks, and the tables of their results."""
 
     def __init__(self, path: Path, sweep: SweepSpecification) -> None:
-        super().__init__(path, make_manifest(sweep), "sweep", SweepError)
+        super().__init__(path, make_manifest(sweep), "sweep")
         self._specification = sweep
         self._simulations, self._points = (path / name for name in _TABLES)
 

@@ -96,11 +96,7 @@ def sweep_page(
     failures: int,
     indices: Mapping[str, Any] = MappingProxyType({}),
 ) -> str:
-    """Return the HTML page of a sweep.
-
-    Args:
-        indices: those of ``figure_indices``; none in other designs than Saltelli's.
-    """
+    """Return the HTML page of a sweep; ``figure_indices`` are of Saltelli's design alone."""
     headlines = headline_figures(sweep)
     found = {name: item for name, item in indices.items() if "missing" not in item}
     drawn = [name for name in headlines if name in found] or list(found)[:1]

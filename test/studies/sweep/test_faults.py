@@ -6,10 +6,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import rpud_sim.bag
+from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.inspection.verify.verification import verify
 from rpud_sim.simulation.commands import Feed
 from rpud_sim.studies.sweep.chunks import design_points, make_chunks, simulate
-from rpud_sim.studies.sweep.specification import SweepError
 from rpud_sim.studies.sweep.specification_file import parse_specification, read_specification
 from rpud_sim.studies.sweep.sweep import SweepFolder, run_sweep
 
@@ -209,7 +209,7 @@ FEED = [{"time": 0.1, "feed": {"rate": 1e-4}}]
     ],
 )
 def test_what_is_wrong_is_one_line(entries, reason):
-    with pytest.raises(SweepError) as error:
+    with pytest.raises(ParameterError) as error:
         parsed(**entries)
     assert reason in str(error.value)
     assert "\n" not in str(error.value)

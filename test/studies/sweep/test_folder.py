@@ -3,10 +3,10 @@
 import pyarrow.parquet as pq
 import pytest
 
+from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.simulation.simulation import initial_phases
 from rpud_sim.simulation.statistics import FIGURES
 from rpud_sim.studies.sweep.chunks import design_points, make_chunks, simulate
-from rpud_sim.studies.sweep.specification import SweepError
 from rpud_sim.studies.sweep.specification_file import parse_specification
 from rpud_sim.studies.sweep.sweep import SweepFolder, make_manifest
 
@@ -101,7 +101,7 @@ def test_the_manifest_is_the_same_on_every_host_and_for_every_way_to_write_a_swe
 def test_another_sweep_is_refused_with_what_differs(tmp_path, entries, complaint):
     with SweepFolder(tmp_path, sweep()).held():
         before = (tmp_path / "manifest.json").read_bytes()
-    with pytest.raises(SweepError) as caught, SweepFolder(tmp_path, sweep(**entries)).held():
+    with pytest.raises(ParameterError) as caught, SweepFolder(tmp_path, sweep(**entries)).held():
         pass
     assert complaint in str(caught.value)
     assert "\n" not in str(caught.value)
@@ -110,7 +110,7 @@ def test_another_sweep_is_refused_with_what_differs(tmp_path, entries, complaint
 
 def test_a_folder_in_use_is_refused(folder):
     with (
-        pytest.raises(SweepError, match="another rpud sweep is at work there"),
+        pytest.raises(ParameterError, match="another rpud sweep is at work there"),
         SweepFolder(folder.path, sweep()).held(),
     ):
         pass
@@ -125,6 +125,6 @@ def test_a_folder_in_use_is_refused(folder):
 )
 def test_a_folder_with_anything_else_is_left_alone(tmp_path, name, text, complaint):
     (tmp_path / name).write_text(text)
-    with pytest.raises(SweepError, match=complaint), SweepFolder(tmp_path, sweep()).held():
+    with pytest.raises(ParameterError, match=complaint), SweepFolder(tmp_path, sweep()).held():
         pass
     assert [(path.name, path.read_text()) for path in tmp_path.iterdir()] == [(name, text)]

@@ -8,13 +8,13 @@ import yaml
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from rpud_sim.model.contact import CONTACT_MODELS
+from rpud_sim.foundation.quantities import ParameterError
+from rpud_sim.model.contact_models import CONTACT_MODELS
 from rpud_sim.model.parameters import QUANTITIES, REGIMES
 from rpud_sim.simulation import preset
 from rpud_sim.studies.sweep.specification import (
     DESIGNS,
     Range,
-    SweepError,
     Values,
 )
 from rpud_sim.studies.sweep.specification_file import parse_specification, read_specification
@@ -109,16 +109,16 @@ LINE = {"minimum": 1.0, "maximum": 2.0, "points": 3}
     ],
 )
 def test_a_mistake_is_one_line_with_entry_and_reason(content, complaint):
-    with pytest.raises(SweepError) as caught:
+    with pytest.raises(ParameterError) as caught:
         parse_specification(content)
     assert complaint in str(caught.value)
     assert "\n" not in str(caught.value)
 
 
 def test_a_file_that_is_none_is_named(file, tmp_path):
-    with pytest.raises(SweepError, match=r"spec\.yaml: the file: holds no mapping$"):
+    with pytest.raises(ParameterError, match=r"spec\.yaml: the file: holds no mapping$"):
         read_specification(file(""))
-    with pytest.raises(SweepError, match=r"missing\.yaml: No such file or directory$"):
+    with pytest.raises(ParameterError, match=r"missing\.yaml: No such file or directory$"):
         read_specification(tmp_path / "missing.yaml")
 
 
@@ -150,7 +150,7 @@ def test_hostile_content_is_taken_or_refused_in_one_line(entries, spread):
     for content in (entries, GRID | entries, swept(free_mass=spread), changed(fixed=spread)):
         try:
             found = parse_specification(content)
-        except SweepError as error:
+        except ParameterError as error:
             assert "\n" not in str(error)  # noqa: PT017 - both ends are right
         else:
             assert 1 <= found.simulations <= 10_000_000

@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from rpud_sim.testing.campaign_file import CampaignError, read_campaign
+from rpud_sim.foundation.quantities import ParameterError
+from rpud_sim.testing.campaign_file import read_campaign
 
 ROOT = Path(__file__).resolve().parents[3]
 CAMPAIGN = """\
@@ -89,7 +90,7 @@ def test_the_plan_has_every_combination_once(tmp_path):
 )
 def test_a_mistake_is_one_line_with_its_place_and_a_hint(tmp_path, old, new, line, words):
     assert old in CAMPAIGN
-    with pytest.raises(CampaignError) as caught:
+    with pytest.raises(ParameterError) as caught:
         read(tmp_path, CAMPAIGN.replace(old, new, 1))
     text = str(caught.value)
     assert text.startswith(f"{tmp_path / 'campaign.yaml'}:{line}: "), text
@@ -107,7 +108,7 @@ def test_a_launch_file_needs_launch_ros(tmp_path):
         import launch_ros  # noqa: F401
     except ModuleNotFoundError:
         with pytest.raises(
-            CampaignError, match=r":4: launch: .*launch_ros is missing, .* ROS; use"
+            ParameterError, match=r":4: launch: .*launch_ros is missing, .* ROS; use"
         ):
             read(tmp_path, text)
     else:
@@ -123,7 +124,7 @@ def test_a_file_of_expectations_is_read_with_its_own_lines(tmp_path):
     (tmp_path / "expect.yaml").write_text(keyword + entries)
     assert len(read(tmp_path, text).expectations) == 1
     (tmp_path / "expect.yaml").write_text(keyword + entries.replace("force.force", "force.forze"))
-    with pytest.raises(CampaignError, match=r"expect\.yaml:4: .*did you mean force\?"):
+    with pytest.raises(ParameterError, match=r"expect\.yaml:4: .*did you mean force\?"):
         read(tmp_path, text)
 
 
