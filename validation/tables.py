@@ -7,7 +7,8 @@ import io
 from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
-from rpud_sim.model.contact import CONTACT_MODELS, single_contact
+from rpud_sim.model.contact import single_contact
+from rpud_sim.model.contact_models import CONTACT_MODELS
 from validation.choices import TOOLS, figure_12_implies, with_tool
 from validation.contradictions import contradiction_rows
 from validation.named_choices import AS_FIGURE_12, FITTED, REASONED, TABLES
@@ -34,8 +35,8 @@ class Table(NamedTuple):
         return text.getvalue()
 
 
-def score_table(results: Results) -> Table:
-    """Return model over paper for each set of choices and each simulated number."""
+def score_table(results: Results, names: Sequence[str] = ()) -> Table:
+    """Return model over paper for each simulated number and set of choices, by default all."""
     heading = [*(number.label for number in SIMULATED), "within 10 %", "misfit"]
     rows = [
         [
@@ -45,6 +46,7 @@ def score_table(results: Results) -> Table:
             f"{fit.misfit():.2f}",
         ]
         for fit in results.fits
+        if not names or fit.choices.name in names
     ]
     return Table(["choices", *heading], rows)
 
@@ -186,6 +188,7 @@ def mesh_table(results: Results) -> Table:
 
 # Files beside the page, by name, with what they hold.
 FILES: Mapping[str, tuple[str, Callable[[Results], Table]]] = {
+    "scores": ("model over paper for every set of choices", score_table),
     "numbers": ("the model's values with 95 % intervals and the range of runs", number_table),
     "choices": ("each set of choices and its reasons", choice_table),
     "measured": ("the paper's measured numbers, model over paper", measured_table),

@@ -69,11 +69,7 @@ def _field(default: Any, allowed: Allowed, changeable: bool) -> Any:
 
 
 class ParameterGroup:
-    """Base of frozen dataclasses whose fields declare parameters.
-
-    Raises:
-        ParameterError: if a value is not allowed.
-    """
+    """Base of frozen dataclasses whose fields declare parameters; refuses what is not allowed."""
 
     def __post_init__(self) -> None:
         group: Any = type(self)

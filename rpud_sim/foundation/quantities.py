@@ -73,11 +73,7 @@ class Quantity:
         return f"{left}{self.minimum:g}, {self.maximum:g}{right} {self.unit}".rstrip()
 
     def check(self, name: str, value: Any) -> Any:
-        """Return the value as a float, or as an integer where only whole numbers are allowed.
-
-        Raises:
-            ParameterError: if it is no finite number inside the range, or not whole.
-        """
+        """Return the value as a float, or an integer if it must be whole, or refuse it."""
         # The usual case first: studies check millions of values.
         if type(value) is float and self.minimum < value < self.maximum and not self.whole:
             return value

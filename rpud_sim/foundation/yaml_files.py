@@ -25,13 +25,7 @@ from typing import Any
 
 import yaml
 
-from rpud_sim.foundation.quantities import (
-    Allowed,
-    ParameterError,
-    did_you_mean,
-    shown,
-    shown_name,
-)
+from rpud_sim.foundation.quantities import Allowed, ParameterError, did_you_mean, shown, shown_name
 
 # Files for this are written by hand. A longer file is something else and takes seconds to read.
 MOST_BYTES = 100_000
@@ -81,14 +75,7 @@ _PYYAML_ERRORS = (ValueError, LookupError, AttributeError, TypeError, OverflowEr
 
 
 def parse_yaml(text: str, truth_values: bool = True) -> Any:
-    """Return the value of a text in YAML.
-
-    Args:
-        truth_values: whether words such as off are truth values or words.
-
-    Raises:
-        ParameterError: if it is not YAML, or has aliases or duplicate keys.
-    """
+    """Return the value of a text in YAML; without ``truth_values`` off is a word."""
     try:
         return yaml.load(text, _Loader if truth_values else _LoaderWithoutTruthValues)
     except (yaml.YAMLError, *_PYYAML_ERRORS) as error:
@@ -96,11 +83,7 @@ def parse_yaml(text: str, truth_values: bool = True) -> Any:
 
 
 def yaml_lines(text: str) -> dict[tuple[str | int, ...], int]:
-    """Return the line of each key and each entry of a text in YAML, from 1 on.
-
-    Returns:
-        lines by the keys and numbers that lead to the place.
-    """
+    """Return the line of each key and entry, from 1 on, by the keys and numbers that lead there."""
     found: dict[tuple[str | int, ...], int] = {}
 
     def visit(node: Any, path: tuple[str | int, ...]) -> None:
@@ -159,11 +142,7 @@ class Cursor:
         return self.source.head(self.place) + (f"{self.label}: " if self.label else "")
 
     def refusal(self, text: str, known: Iterable[str] = ()) -> ValueError:
-        """Return an error in one line.
-
-        Args:
-            known: names for {names} and {hint}.
-        """
+        """Return an error in one line; ``known`` are the names for {names} and {hint}."""
         known = tuple(known)
         words = {"name": self.name, "shown": shown(self.value), "names": ", ".join(known)}
         hint = did_you_mean(self.value, known) if known else ""

@@ -33,11 +33,7 @@ class ActuatorParameters(ParameterGroup):
         "resonance: by resonance, with ring-up and power",
     )
     nominal_voltage: float = number(
-        100.0,
-        "V",
-        "voltage at which the vibration has its nominal amplitude",
-        1e-3,
-        1e3,
+        100.0, "V", "voltage at which the vibration has its nominal amplitude", 1e-3, 1e3
     )
     resonance_frequency: float = number(
         16000.0, "Hz", "resonance frequency of the actuator at ambient temperature", 100.0, 2e5
@@ -137,7 +133,7 @@ class Actuator:
     object sets the voltage, the drive's frequency and the resonance frequency. Times are integer
     nanoseconds of simulation time.
 
-    Every drive must have passed ``Configuration.check_drive``.
+    Every drive must have passed ``Configuration.check``.
 
     Args:
         vibration_amplitude: at nominal voltage on resonance [m].
@@ -151,7 +147,7 @@ class Actuator:
         self._vibration_amplitude = vibration_amplitude
         self._voltage = drive.voltage if drive.enabled else 0.0
         self._commanded = drive.frequency or parameters.resonance_frequency
-        self._frequency = self._commanded
+        self.frequency = self._commanded  # of the drive [Hz], read-only
         self._tracking = parameters.generator == "tracking"
         self._locked = True
         self._pulled = 0.0  # by the generator's integrator [Hz]
@@ -169,7 +165,7 @@ class Actuator:
                 parameters.motional_resistance,
                 vibration_amplitude / parameters.nominal_voltage,
                 self._voltage,
-                self._frequency,
+                self.frequency,
                 self.resonance_frequency,
             )
 
@@ -186,11 +182,6 @@ class Actuator:
         if self.resonance is None:
             return 0.0
         return self.resonance.amplitude_per_volt * self._voltage
-
-    @property
-    def frequency(self) -> float:
-        """Frequency of the drive [Hz]."""
-        return self._frequency
 
     @property
     def next_step(self) -> int:
@@ -211,12 +202,11 @@ class Actuator:
     ) -> ActuatorReading:
         """Return the state that belongs to the engine's amplitude [m] and its account.
 
-        Args:
-            rotor: power [W] and energy [J] that the rotation draws as well, as a resistance does.
+        ``rotor`` is power [W] and energy [J] that the rotation draws as well, as a resistance does.
         """
         if self.resonance is None:
             amplitude = self.level
-        state = (self._voltage, self._frequency, amplitude)
+        state = (self._voltage, self.frequency, amplitude)
         thermal = (self.resonance_frequency, self._temperature)
         if self.resonance is None:
             return ActuatorReading(*state, *thermal)
@@ -267,7 +257,7 @@ class Actuator:
 
     def _run_free(self) -> None:
         self._pulled = 0.0
-        self._frequency = self._commanded
+        self.frequency = self._commanded
 
     def _tune(self, envelope: complex) -> None:
         """Follow the phase of the current; its lag by the decay time is compensated."""
@@ -281,7 +271,7 @@ class Actuator:
         step = bandwidth * phase * (TRACKING_INTERVAL / SECOND) / self._decay_time
         self._pulled = min(max(self._pulled + step, -greatest), greatest)
         pulled = min(max(self._pulled + bandwidth * phase, -greatest), greatest)
-        self._frequency = _limited(self._commanded + pulled)
+        self.frequency = _limited(self._commanded + pulled)
 
     def _warm(self, heat: float) -> None:
         """Set the temperature after one interval; the heat is that since time zero [J]."""

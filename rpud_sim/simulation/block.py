@@ -122,10 +122,7 @@ class Block(Shared):
     def sample_parts(self, length: int, cuts: np.ndarray, times: Times) -> Samples:
         """Sample all channels in groups of ``length`` parts, as if each were alone.
 
-        Args:
-            length: of a group; the block is a whole multiple of it.
-            cuts: number of the first time of each group, and of all.
-            times: ascending, each from the beginning of its group to its end.
+        ``cuts`` are the number of the first of the ascending times of each group, and of all.
         """
         groups = (self.opened[::length], self.finished[length - 1 :: length], cuts)
         return sample_parts(self.covering, *groups, times)

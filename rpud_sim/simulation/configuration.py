@@ -60,12 +60,7 @@ class Configuration(ParameterGroup):
     def drilling(self) -> DrillingParameters:
         """Parameters of the slow processes around the percussion."""
         return DrillingParameters(
-            self.rotation,
-            self.mount,
-            self.strata,
-            self.bit,
-            self.rock,
-            self.parameters.tool_length,
+            self.rotation, self.mount, self.strata, self.bit, self.rock, self.parameters.tool_length
         )
 
     @property
@@ -91,33 +86,25 @@ class Configuration(ParameterGroup):
             )
 
     def check(self, command: Command) -> None:
-        """Check that the drill can take a command; of a drive, one that leaves nothing open."""
+        """Check that the drill can take a command; of a drive, one that leaves nothing open.
+
+        The greatest amplitude of a drive, that on resonance, is proportional to the voltage. The
+        resonance model stays below it at every frequency and temperature, also while ringing up.
+        """
         if isinstance(command, Drive):
-            self.check_drive(command)
+            if command.enabled:
+                # The ratio first: for the nominal drive it is exactly one.
+                ratio = command.voltage / self.actuator.nominal_voltage
+                QUANTITIES["vibration_amplitude"].check(
+                    f"vibration_amplitude at drive voltage {command.voltage:g} V",
+                    self.parameters.vibration_amplitude * ratio,
+                )
         elif isinstance(command, Feed):
-            self.check_feed(command)
+            if not self.has_feed:
+                raise ParameterError("a feed cannot be commanded with feed_model = none")
+            self.mount.check(command)
         else:
             self.check_weight_on_bit()
-
-    def check_drive(self, drive: Drive) -> None:
-        """Check that the greatest amplitude of a drive, that on resonance, is allowed.
-
-        It is proportional to the voltage. The resonance model stays below it at every frequency and
-        temperature, also while ringing up.
-        """
-        if drive.enabled:
-            # The ratio first: for the nominal drive it is exactly one.
-            ratio = drive.voltage / self.actuator.nominal_voltage
-            QUANTITIES["vibration_amplitude"].check(
-                f"vibration_amplitude at drive voltage {drive.voltage:g} V",
-                self.parameters.vibration_amplitude * ratio,
-            )
-
-    def check_feed(self, feed: Feed) -> None:
-        """Check that the drill has a feed that can make a motion."""
-        if not self.has_feed:
-            raise ParameterError("a feed cannot be commanded with feed_model = none")
-        self.mount.check(feed)
 
     def check_weight_on_bit(self) -> None:
         """Check that the weight on bit is commanded."""

@@ -123,12 +123,7 @@ class EnsembleRuns:
     def advance_to(self, time: int, statistics: Statistics, whole: bool = True) -> np.ndarray:
         """Advance a single run to a time [ns], and return its impacts since the last call.
 
-        Args:
-            statistics: to add to what happens.
-            whole: whether the energy account is wanted; the figures need only a part of it.
-
-        Returns:
-            ``IMPACT`` records, which the next call of any run in this thread overwrites.
+        The next call of any run in this thread overwrites them. The energy account needs ``whole``.
         """
         [_] = self._states
         begin = self.time

@@ -49,11 +49,9 @@ NO_EFFECT: Mapping[str, Any] = {
     "restitution": 1.0,
     "drill_tool_restitution": 1.0,
     # factors on what the rock or the feed do
-    "specific_energy": 1.0,
     "progress": 1.0,
     "binding": 1.0,
     "clearing": 1.0,
-    "preload": 1.0,
     **dataclasses.asdict(UNDISTURBED),
 }
 
@@ -207,12 +205,11 @@ def _above_one(description: str, greatest: float = 1e3) -> Quantity:
 
 KINDS: Mapping[str, Kind] = {
     "free_mass_jammed": Kind(
-        "the free mass is wedged to the drill tool and strikes it no more",
-        effect=_switch("jammed"),
+        "the free mass is wedged to the drill tool and strikes it no more", effect=_switch("jammed")
     ),
     "lost_preload": Kind(
         "the load spring pushes less than commanded",
-        effect=_share_lost("preload"),
+        effect=_share_lost("preload_factor"),
         magnitude=_above_zero("", "share of the weight on bit that is lost", 1.0),
         default=0.5,
     ),
@@ -240,7 +237,7 @@ KINDS: Mapping[str, Kind] = {
     ),
     "hard_rock": Kind(
         "the bit meets harder rock",
-        effect=_factor("specific_energy"),
+        effect=_factor("hardness"),
         needs=(_rock,),
         magnitude=_above_one("factor on the specific energy of the rock"),
         default=3.0,

@@ -147,10 +147,8 @@ class FaultEffects:
     parameters: Parameters  # in force, always inside their ranges
     load_spring_rate: float  # k_1 without a binding, with which the load spring pushes [N/m]
     jammed: bool = False  # whether the free mass is wedged to the drill tool
-    specific_energy_factor: float = 1.0  # on the specific energy of the rock
     progress_factor: float = 1.0  # on the progress into the rock, 0 to 1
     resonance_offset: float = 0.0  # of the actuator [Hz]
-    preload_factor: float = 1.0  # on the commanded weight on bit, 0 to 1
     lock_lost: bool = False  # whether a tracking generator does not track
     disturbances: Disturbances = UNDISTURBED  # of the slow processes around the percussion
 
@@ -178,20 +176,13 @@ def effects_of(faults: Iterable[Fault], parameters: Parameters) -> FaultEffects:
     }
     limited = {name: min(value, _most(parameters, name)) for name, value in wanted.items()}
     disturbed = {field.name: sums[field.name] for field in dataclasses.fields(Disturbances)}
-    disturbed.update(
-        hardness=sums["specific_energy"],
-        progress=sums["binding"],
-        clogged=1.0 - sums["clearing"],
-        preload_factor=sums["preload"],
-    )
+    disturbed.update(progress=sums["binding"], clogged=1.0 - sums["clearing"])
     return FaultEffects(
         parameters.replace(**limited),
         parameters.load_spring_rate,
         sums["jammed"],
-        sums["specific_energy"],
         sums["progress"],
         sums["resonance_offset"],
-        sums["preload"],
         sums["lock_lost"],
         Disturbances(**disturbed),
     )

@@ -125,11 +125,7 @@ _values_of = attrgetter(*_READING)
 def actuator_state_fields(
     readings: Sequence[ActuatorReading], mechanical_powers: np.ndarray, stamps: np.ndarray
 ) -> Fields:
-    """Columns of ``rpud_msgs/ActuatorState``.
-
-    Args:
-        mechanical_powers: since the reading before each [W].
-    """
+    """Columns of ``rpud_msgs/ActuatorState``; the powers are those since the reading before [W]."""
     first = readings[0]
     if all(reading is first for reading in readings):
         columns: Iterable[Any] = _values_of(first)
@@ -266,11 +262,7 @@ class Bookkeeping:
 def status_fields(
     simulation: Simulation, origin: int, state: str, bookkeeping: Bookkeeping
 ) -> Fields:
-    """Fields of ``rpud_msgs/Status`` at the present time of a simulation.
-
-    Args:
-        bookkeeping: every other field, by its name.
-    """
+    """Fields of ``rpud_msgs/Status`` at the present time of a simulation."""
     applied = simulation.applied
     actuator = simulation.actuator
     return {

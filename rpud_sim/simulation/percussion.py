@@ -75,12 +75,7 @@ class PercussionMeter:
         self._energies.extend(impacts["energy_transferred"].tolist())
 
     def read(
-        self,
-        interval: float,
-        position: float,
-        weight_on_bit: float,
-        drill: Drill,
-        amplitude: float,
+        self, interval: float, position: float, weight_on_bit: float, drill: Drill, amplitude: float
     ) -> Percussion:
         """Return the percussion since the last call.
 

@@ -254,13 +254,13 @@ class Plant:
         if self._drill.in_rock:
             acting = self._effects
             self.progress.add(
-                impacts, self._hardness * acting.specific_energy_factor, acting.progress_factor
+                impacts, self._hardness * acting.disturbances.hardness, acting.progress_factor
             )
 
     def _weight_on_bit(self) -> float:
         weight = self.process.preload
         if weight is None:
-            return self.weight_on_bit * self._effects.preload_factor
+            return self.weight_on_bit * self._effects.disturbances.preload_factor
         return weight
 
     def _commands(self) -> tuple[tuple[float, float, float], float]:

@@ -82,9 +82,7 @@ class Rerun:
     """
 
     def __init__(
-        self,
-        journal: Journal | None = None,
-        wanted: Callable[[str], bool] = lambda topic: True,
+        self, journal: Journal | None = None, wanted: Callable[[str], bool] = lambda topic: True
     ) -> None:
         self._journal = journal
         self._wanted = wanted
@@ -156,11 +154,7 @@ class Rerun:
 
 
 def repeat_change(run: Run, entry: JournalEntry) -> Iterator[Entry]:
-    """Repeat the change of an entry on a run at the entry's time, and yield the messages.
-
-    Raises:
-        ArithmeticError, LookupError, TypeError, ValueError: if the entry cannot be repeated.
-    """
+    """Repeat the change of an entry on a run at the entry's time, and yield the messages."""
     if entry.kind in ("flush", "end"):
         yield from run.flush(entry.kind)
     elif (change := _CHANGES.get(entry.kind)) is not None:

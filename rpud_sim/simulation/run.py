@@ -151,10 +151,7 @@ class Run:
     ) -> Run:
         """Return a run in the same state, which goes on by itself.
 
-        Args:
-            journal: of the copy, if this run has one; None for the same.
-            wanted: as of ``Run``; None for the same.
-            on_block: as of ``Run``; None for the same.
+        It has other arguments of ``Run`` where given; a journal only if this run has one.
         """
         shared: list[tuple[Any, Any]] = [
             (self.beginning, None),

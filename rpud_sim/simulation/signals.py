@@ -116,11 +116,7 @@ class Stage:
     """Stage of a fault, through which the messages of its channel pass."""
 
     def __init__(
-        self,
-        channel: Channel,
-        magnitude: float,
-        random: np.random.Generator,
-        last: Fields | None,
+        self, channel: Channel, magnitude: float, random: np.random.Generator, last: Fields | None
     ) -> None:
         self._channel = channel
         self._magnitude = magnitude
@@ -178,8 +174,7 @@ class Wrong(Stage):
 
     def _change(self, fields: Fields) -> Fields:
         return _replaced(
-            fields,
-            {path: self._magnitude * _at(fields, path) for path in self._channel.numbers},
+            fields, {path: self._magnitude * _at(fields, path) for path in self._channel.numbers}
         )
 
 

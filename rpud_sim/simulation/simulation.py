@@ -240,11 +240,7 @@ class Simulation:
         self._note("configure", parameters=to_values(configuration))
 
     def inject(self, fault: Fault, duration: int = 0) -> int:
-        """Let a fault begin at the present time and return its number.
-
-        Args:
-            duration: after which it ends by itself [ns]; 0 for never.
-        """
+        """Let a fault begin now, end after a duration [ns], 0 for never, and return its number."""
         number = self._inject(fault, duration)
         self._note("inject", fault=dataclasses.asdict(fault), duration=duration)
         return number

@@ -22,12 +22,7 @@ from rpud_sim.model.tally import (
     empty_tallies,
 )
 from rpud_sim.simulation.block import Block
-from rpud_sim.simulation.energy_account import (
-    EnergyAccount,
-    FeedAccount,
-    absorbed,
-    sum_accounts,
-)
+from rpud_sim.simulation.energy_account import EnergyAccount, FeedAccount, absorbed, sum_accounts
 
 # Names and units of the figures.
 FIGURES = MappingProxyType(
@@ -60,8 +55,7 @@ def force_of(number: int) -> float | None:
 def figures_of(tally: np.void, duration: float, quantile: int) -> dict[str, float | int | None]:
     """Return duration and ``FIGURES`` in SI units; None if there is nothing to average.
 
-    Args:
-        quantile: class of the 99 % quantile of the contact force; -1 for none.
+    ``quantile`` is the class of the 99 % quantile of the contact force, -1 for none.
     """
     totals = dict(zip(TALLY.names or (), tally.item(), strict=True))
     account, count = tally["account"].tolist(), totals["impacts"]

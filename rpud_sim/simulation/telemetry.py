@@ -12,13 +12,7 @@ import numpy as np
 from rpud_sim.foundation.ragged import Ragged
 from rpud_sim.foundation.shared import Shared
 from rpud_sim.foundation.time import SECOND
-from rpud_sim.simulation.block import (
-    Block,
-    boundaries_until,
-    boundary,
-    first_sample,
-    join_blocks,
-)
+from rpud_sim.simulation.block import Block, boundaries_until, boundary, first_sample, join_blocks
 from rpud_sim.simulation.faults import FaultRecord
 from rpud_sim.simulation.fields import (
     PROCESS_TOPICS,

@@ -55,15 +55,15 @@ def test_a_drive_that_would_break_the_stack_is_refused_and_any_nominal_one_is_no
     configuration = to_configuration({"nominal_voltage": 10.0, "vibration_amplitude": 35e-6})
     # Even off resonance, because the resonance may drift there.
     with pytest.raises(ParameterError) as caught:
-        configuration.check_drive(Drive(True, 500.0, 20000.0))
+        configuration.check(Drive(True, 500.0, 20000.0))
     assert str(caught.value) == (
         "vibration_amplitude at drive voltage 500 V = 0.00175 m is outside its range [0, 0.001] m"
     )
-    configuration.check_drive(Drive(False, 500.0, 0.0))
+    configuration.check(Drive(False, 500.0, 0.0))
     # 1e-3 * voltage / voltage is rounded up here.
     voltage = 125.50940033382089
     configuration = to_configuration({"vibration_amplitude": 1e-3, "nominal_voltage": voltage})
-    configuration.check_drive(Drive(True, voltage, 16000.0))
+    configuration.check(Drive(True, voltage, 16000.0))
 
 
 VALUES = st.one_of(

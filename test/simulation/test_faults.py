@@ -233,10 +233,10 @@ def under(*faults, **parameters):
 def test_each_kind_acts_where_it_should():
     assert under(Fault("free_mass_jammed")) == healthy(Parameters(), jammed=True)
     assert under(Fault("lost_preload", "", 0.25)) == healthy(
-        Parameters(), preload_factor=0.75, disturbances=Disturbances(preload_factor=0.75)
+        Parameters(), disturbances=Disturbances(preload_factor=0.75)
     )
     assert under(Fault("hard_rock", "", 4.0)) == healthy(
-        Parameters(), specific_energy_factor=4.0, disturbances=Disturbances(hardness=4.0)
+        Parameters(), disturbances=Disturbances(hardness=4.0)
     )
     assert under(Fault("resonance_drift", "", -300.0)) == healthy(
         Parameters(), resonance_offset=-300.0
@@ -300,8 +300,8 @@ def test_any_faults_together_leave_valid_effects_of(several, parameters):
     found = effects_of(several, parameters)
     assert Parameters(**vars(found.parameters)) == found.parameters  # each inside its range
     assert 0.0 <= found.progress_factor <= 1.0
-    assert 0.0 <= found.preload_factor <= 1.0
-    assert found.specific_energy_factor >= 1.0
+    assert 0.0 <= found.disturbances.preload_factor <= 1.0
+    assert found.disturbances.hardness >= 1.0
     assert math.isfinite(found.resonance_offset)
     assert found.parameters.weight_on_bit == parameters.weight_on_bit
     # Faults make nothing softer, less damped or more elastic.

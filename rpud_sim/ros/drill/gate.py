@@ -122,7 +122,7 @@ class Gate:
     def _to_drive(self, message: DriveMessage) -> Drive:
         self._check("drive", message.header.stamp)
         drive = Drive(message.enabled, message.voltage, message.frequency)
-        self._settings().configuration.check_drive(drive)
+        self._settings().configuration.check(drive)
         return drive
 
     def _to_feed(self, message: FeedMessage) -> Feed:
@@ -141,7 +141,7 @@ class Gate:
         return self._checked(feed)
 
     def _checked(self, feed: Feed) -> Feed:
-        self._settings().configuration.check_feed(feed)
+        self._settings().configuration.check(feed)
         return feed
 
     def _check(self, name: str, stamp: Time) -> None:
@@ -201,9 +201,7 @@ class _CommandTopic:
         self._count_discarded()
 
     def _read(self, payload: bytes, information: Mapping[str, Any]) -> None:
-        number = information["publication_sequence_number"]
-        if number is not None:
-            self._gaps.note(number)
+        self._gaps.note(information["publication_sequence_number"])
         try:
             message = deserialize_message(payload, self._kind)
         except Exception:  # RMWError, or what the conversion to Python raises
