@@ -43,6 +43,7 @@ class Drill(Lockstep):
         self._verdicts = LiveVerdicts(self._collector)
         # of the test; its commands start there, and relative paths begin there
         self.folder = folder
+        self.key: tuple[str, ...] = ()  # of its pool: drills with equal keys stand for each other
         self.seed = 0  # of the drill
         self.log: list[tuple[float, str]] = []  # commands of the test: simulation time [s] and text
 
