@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -286,18 +287,18 @@ class Telemetry:
         return _rows(self._streams_of(block, len(block), _PART))
 
     def _streams_of(
-        self, block: Block, period: int, part: int | None = None
+        self, block: Block, period: int, part: int = sys.maxsize
     ) -> Iterator[Columns | None]:
         """Return waveform and trajectory of a block, a message of each in every ``period`` parts.
 
-        part: samples after which there is a None; None for no such parts.
+        There is a None after each ``part`` samples.
         """
         first = self._segments
         self._segments += int(block.finished[-1])
         return self._stream(block, period, part, first, self.origin)
 
     def _stream(
-        self, block: Block, period: int, part: int | None, first: int, origin: int
+        self, block: Block, period: int, part: int, first: int, origin: int
     ) -> Iterator[Columns | None]:
         groups = np.arange(period - 1, len(block), period)
         ends, finished = block.ends[groups], block.finished[groups]
@@ -305,17 +306,13 @@ class Telemetry:
         cuts = np.array([first_sample(end, rate) for end in (block.start, *ends.tolist())])
         held = np.flatnonzero(np.diff(cuts))
         if len(held) and self._wanted("waveform"):
-            begin, count = int(cuts[0]), int(cuts[-1] - cuts[0])
-            if part is None:
+            parts = []
+            for begin in range(int(cuts[0]), int(cuts[-1]), part):
+                count = min(part, int(cuts[-1]) - begin)
                 times = Times.from_grid(begin, count, rate)
-                samples = block.sample_parts(period, cuts - cuts[0], times)
-            else:
-                parts = []
-                for number in range(0, count, part):
-                    times = Times.from_grid(begin + number, min(part, count - number), rate)
-                    parts.append(block.sample(times))
-                    yield None
-                samples = join_samples(parts)
+                parts.append(block.sample_parts(period, np.clip(cuts - begin, 0, count), times))
+                yield None
+            samples = join_samples(parts)
             cuts = np.append(cuts[held], cuts[-1])
             fields = waveform_fields(samples, cuts, rate, origin)
             yield Columns("waveform", groups[held], ends[held], fields)
