@@ -75,9 +75,7 @@ class Encoder:
     def __init__(self, members: Members) -> None:
         self._members = members
         self._flatten = _flattener(members)
-        # By the lengths of texts and sequences.
-        self._structs: dict[tuple[int, ...], struct.Struct] = {}
-        self._records: dict[tuple[int, ...], np.dtype] = {}
+        self._structs: dict[tuple[int, ...], struct.Struct] = {}  # by lengths of texts, sequences
 
     def encode(self, values: Mapping[str, Any]) -> bytes:
         """Return the serialized message, from the values of all members.
@@ -93,7 +91,9 @@ class Encoder:
         packer = self._structs.get(key)
         if packer is None:
             packer = struct.Struct(_layout(self._members, lengths))
-            _keep(self._structs, key, packer)
+            if len(self._structs) >= _MOST_LAYOUTS:
+                self._structs.clear()
+            self._structs[key] = packer
         return packer.pack(_ENCAPSULATION, *flat)
 
     def encode_columns(
@@ -108,49 +108,30 @@ class Encoder:
         flat: list[Any] = []
         lengths: list[int] = []
         self._flatten(columns, flat, lengths)
-        if any(isinstance(value, Ragged) for value in flat):
-            return _encode_ragged(_parts(self._members, iter(lengths)), flat, count)
-        key = tuple(lengths)
-        dtype = self._records.get(key)
-        if dtype is None:
-            dtype = _record(self._members, lengths)
-            _keep(self._records, key, dtype)
-        rows = np.zeros(count, dtype)
-        for name, value in zip(dtype.names or (), (_ENCAPSULATION, *flat), strict=True):
-            rows[name] = value
-            _check_fits(value, rows[name])
-        return rows.view(np.uint8), np.full(count, dtype.itemsize, np.int64)
-
-
-def _encode_ragged(
-    parts: Iterator[tuple[str, int, int]], flat: list[Any], count: int
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return messages of different sizes: each value at its own place in each of them."""
-    place: Any = 0  # in each message, from its end of the encapsulation: one for all, or an array
-    written: list[tuple[str, Any, Any]] = []
-    for (code, size, alignment), value in zip(parts, flat, strict=True):
-        pad = -place % alignment
-        if isinstance(value, Ragged):
-            counts = value.counts
-            place = place + np.where(counts > 0, pad, 0)
-            written.append((code, place, value))
-            place = place + counts * size
-        else:
+        # Of each value: its code, its place behind the encapsulation, and itself. The place is one
+        # for all messages, or an array behind sequences of different lengths.
+        written: list[tuple[str, Any, Any]] = []
+        place: Any = 0
+        parts = _parts(self._members, iter(lengths))
+        for (code, size, alignment), value in zip(parts, flat, strict=True):
+            pad = -place % alignment
+            if isinstance(value, Ragged):
+                pad = np.where(value.counts > 0, pad, 0)
             place = place + pad
             written.append((f"S{size}" if code.endswith("s") else code, place, value))
-            place = place + size
-    head = len(_ENCAPSULATION)
-    sizes = np.broadcast_to(place, count) + head
-    starts = np.cumsum(sizes) - sizes
-    data = np.zeros(int(sizes.sum()), np.uint8)
-    _column_at(data, starts, f"S{head}", _ENCAPSULATION)
-    for code, place, value in written:
-        begins = starts + head + place
-        if isinstance(value, Ragged):
-            _sequences_at(data, begins, value)
-        else:
-            _column_at(data, begins, code, value)
-    return data, sizes
+            place = place + size * (value.counts if isinstance(value, Ragged) else 1)
+        head, end = len(_ENCAPSULATION), place
+        sizes = np.full(count, head + end, np.int64)
+        starts = np.cumsum(sizes) - sizes
+        data = np.zeros(int(sizes.sum()), np.uint8)
+        for code, place, value in ((f"S{head}", -head, _ENCAPSULATION), *written):
+            if isinstance(value, Ragged):
+                _sequences_at(data, starts + head + place, value)
+            elif isinstance(end, np.ndarray):
+                _column_at(data, starts + head + place, code, value)
+            else:  # every message has the same places
+                _column_at(data, slice(head + place, None, head + end), code, value)
+        return data, sizes
 
 
 def _sequences_at(data: np.ndarray, begins: np.ndarray, sequences: Ragged) -> None:
@@ -161,24 +142,15 @@ def _sequences_at(data: np.ndarray, begins: np.ndarray, sequences: Ragged) -> No
         target[begin : begin + end - first] = content[first:end]
 
 
-def _column_at(data: np.ndarray, begins: np.ndarray, code: str, value: Any) -> None:
+def _column_at(data: np.ndarray, begins: np.ndarray | slice, code: str, value: Any) -> None:
     dtype = np.dtype(code)
-    if not dtype.itemsize or not len(begins):
-        return
-    # An overlapping view with an item at each byte.
-    view: np.ndarray = np.ndarray((len(data) - dtype.itemsize + 1,), dtype, data, strides=(1,))
-    values = np.empty(len(begins), dtype)
-    values[:] = value
-    _check_fits(value, values)
-    view[begins] = values
-
-
-def _check_fits(value: Any, written: np.ndarray) -> None:
-    dtype = written.dtype.base
-    if dtype.kind not in "iu" or getattr(value, "dtype", None) == dtype:
-        return
-    if not (written == value).all():
-        raise ValueError(f"a value does not fit {written.dtype}")
+    if dtype.itemsize and len(data):
+        # An overlapping view with an item at each byte.
+        view: np.ndarray = np.ndarray((len(data) - dtype.itemsize + 1,), dtype, data, strides=(1,))
+        view[begins] = value
+        other = dtype.kind in "iu" and getattr(value, "dtype", None) != dtype
+        if other and not (view[begins] == value).all():
+            raise ValueError(f"a value does not fit {dtype}")
 
 
 def _flattener(kind: Members) -> Flattener:
@@ -272,27 +244,8 @@ def _flatten_numbers(element: str, values: Any, flat: list[Any], lengths: list[i
         flat.append(np.ascontiguousarray(values).view(f"S{values[0].nbytes}")[:, 0])
 
 
-def _keep(known: dict[tuple[int, ...], Any], key: tuple[int, ...], value: Any) -> None:
-    if len(known) >= _MOST_LAYOUTS:
-        known.clear()
-    known[key] = value
-
-
-def _record(kind: Members, lengths: list[int]) -> np.dtype:
-    """Return the dtype of a message in which every number is aligned to its own size."""
-    head = len(_ENCAPSULATION)
-    formats, offsets, end = [f"S{head}"], [0], head
-    for code, size, alignment in _parts(kind, iter(lengths)):
-        end += (head - end) % alignment
-        formats.append(f"S{size}" if code.endswith("s") else code)
-        offsets.append(end)
-        end += size
-    names = [str(number) for number in range(len(formats))]
-    return np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": end})
-
-
 def _layout(kind: Members, lengths: list[int]) -> str:
-    """Return the format of a struct, as ``_record`` does."""
+    """Return the format of a struct in which every number is aligned to its own size."""
     layout, offset = f"={len(_ENCAPSULATION)}s", 0
     for code, size, alignment in _parts(kind, iter(lengths)):
         pad = -offset % alignment

@@ -18,8 +18,9 @@ from rpud_sim.verdicts import (
     evaluate,
     read_expectations,
 )
-from rpud_sim.verdicts.formulas import Eventually, Window
+from rpud_sim.verdicts.formulas import Eventually
 from rpud_sim.verdicts.notation import to_plain
+from rpud_sim.verdicts.units import Window
 
 Expectable = Expectation | Formula | str | Path
 __tracebackhide__ = is_verdict

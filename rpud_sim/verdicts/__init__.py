@@ -4,25 +4,19 @@ An expectation that cannot be used, by itself or with the topics of a bag, raise
 ``ExpectationError`` of one line, and a bag that cannot be read a ``BagError``.
 """
 
-from rpud_sim.verdicts.formulas import (
-    Active,
-    Becomes,
-    Cleared,
-    Formula,
-    Message,
-    Onset,
-    Signal,
+from rpud_sim.verdicts.formulas import Active, Becomes, Cleared, Formula, Message, Onset, Signal
+from rpud_sim.verdicts.names import Expectation
+from rpud_sim.verdicts.notation import (
     after,
     always,
     count,
     eventually,
     quantile,
+    read_expectations,
     signal,
     unless,
     until,
 )
-from rpud_sim.verdicts.names import Expectation
-from rpud_sim.verdicts.notation import read_expectations
 from rpud_sim.verdicts.record import Record
 from rpud_sim.verdicts.units import ExpectationError
 from rpud_sim.verdicts.verdict import Verdict, evaluate

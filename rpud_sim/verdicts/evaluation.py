@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from bisect import bisect_left, insort
 from collections.abc import Callable
@@ -15,27 +16,18 @@ from rpud_sim.bag import Kind
 from rpud_sim.foundation.time import NEVER, SECOND
 from rpud_sim.verdicts.formulas import (
     Active,
-    After,
-    Always,
-    And,
     Becomes,
     Cleared,
     Compare,
     Count,
     Event,
-    Eventually,
     Formula,
-    Implies,
     Message,
-    Not,
-    Number,
     Onset,
-    Or,
     Quantile,
     Says,
     Signal,
-    Until,
-    Window,
+    SignalFormula,
 )
 from rpud_sim.verdicts.messages import NONE, FieldSamples, MissingMessages, get, time_of
 from rpud_sim.verdicts.names import PERIODIC, PERIODIC_HOLD, TYPES, check_use, threshold
@@ -49,16 +41,12 @@ from rpud_sim.verdicts.steps import (
     TRUE,
     UNKNOWN,
     Steps,
-    beginnings,
     bounds,
     columns,
-    combine,
     compared,
     inserted,
-    negate,
-    over_window,
-    until,
 )
+from rpud_sim.verdicts.units import Number, Window
 
 _LOW, _HIGH = [LEAST_MARGIN, LEAST_TRUTH], [MOST_MARGIN, MOST_TRUTH]
 
@@ -88,70 +76,23 @@ class Evaluation:
         """Return a formula as a step function, ``once`` only at the beginning, which is faster."""
         key = (formula, once)
         if key not in self._found:
-            self._found[key] = self._steps(formula, once)
+            self._found[key] = formula._steps(self, once)
         return self._found[key]
 
     def trigger(self, formula: Formula) -> Steps:
         """Return the instants of the event for which a trigger stands."""
         return self.steps(formula if isinstance(formula, Event) else Becomes(formula))
 
-    def _steps(self, formula: Formula, once: bool) -> Steps:
-        match formula:
-            case Compare() | Says():
-                return self._signal(formula)
-            case Active():
-                return self._active(formula)
-            case Onset() | Cleared() | Message():
-                return self._event(formula)
-            case Becomes():
-                return beginnings(self.steps(formula.formula))
-            case Not():
-                return negate(self.steps(formula.formula, once))
-            case And() | Or():
-                parts = [self.steps(each, once) for each in formula.formulas]
-                return combine(parts, least=isinstance(formula, And))
-            case Implies():
-                condition = negate(self.steps(formula.condition, once))
-                return combine([condition, self.steps(formula.formula, once)], least=False)
-            case Always() | Eventually():
-                least = isinstance(formula, Always)
-                window = formula.window
-                inner = self.steps(formula.formula)
-                return over_window(inner, window.start, window.end, least, once)
-            case Until():
-                held, goal = self.steps(formula.formula), self.steps(formula.goal)
-                found = until(held, goal, formula.window.start, formula.window.end)
-                always = [over_window(held, 0, None, least=True)] if formula.weak else []
-                return combine([found, *always], least=False) if always else found
-            case After():
-                return self._after(formula, once)
-            case Count():
-                return self._count(formula)
-            case Quantile():
-                return self._quantile(formula, once)
-        raise TypeError(formula)
-
-    def _after(self, formula: After, once: bool) -> Steps:
-        trigger, then = self.trigger(formula.trigger), self.steps(formula.formula)
-        implied = combine([negate(trigger), then], least=False)
-        starts = np.union1d(implied.starts, trigger.starts)
-        implied, never = implied.on(starts), trigger.on(starts)
-        absent = implied.absent | (never.values[MOST_TRUTH] < 0.0) | never.absent
-        spread = Steps(starts, implied.values, absent)
-        always = over_window(spread, 0, None, least=True, once=once)
-        # An event that may not have come at all proves nothing.
-        came = over_window(trigger, 0, None, least=False, once=once)
-        starts = np.union1d(always.starts, came.starts)
-        always, came = always.on(starts), came.on(starts)
-        unsure = (came.values[LEAST_TRUTH] < 0.0) & (always.values[LEAST_TRUTH] > 0.0)
-        always.values[:, unsure] = UNKNOWN[:, None]
-        return Steps(starts, always.values, always.absent).merged()
+    def shown(self, formula: Formula, begin: int, last: int, held: bool) -> int:
+        """Return when it shows that a formula holds first in a span, or does not; or its end."""
+        found = self.steps(formula).first(begin, last, held)
+        return last if found is None else formula._decided(self, found, held)
 
     def _constant(self, value: np.ndarray, absent: bool = False) -> Steps:
         starts = np.array([self.begin, self.end + 1], np.int64)
         return Steps(starts, np.column_stack([value, UNKNOWN]), np.array([absent, False]))
 
-    def _signal(self, part: Compare | Says) -> Steps:
+    def compared_signal(self, part: Compare | Says) -> Steps:
         """Return a comparison or a word, with each message's value until the next one."""
         topic, hold = part.signal.topic, part.signal.hold
         if hold is None:
@@ -178,7 +119,7 @@ class Evaluation:
         starts[0] = self.begin
         return Steps(starts, rows[:, first:], absent[first:]).merged()
 
-    def _samples(self, part: Compare | Says | Quantile) -> FieldSamples:
+    def _samples(self, part: SignalFormula) -> FieldSamples:
         """Return the messages' values of the signal of a formula, all within the recording."""
         topic, field = part.signal.topic, self._record.field(part.signal)
         check_use(part, field)
@@ -193,12 +134,12 @@ class Evaluation:
         inside = samples.stamps <= self.end
         if topic not in TYPES:  # stamps of others may be of another clock
             inside &= samples.stamps >= self.begin
-        return FieldSamples(
-            samples.stamps[inside],
-            values[inside],
-            samples.gaps[inside],
-            samples.first_missing,
-            samples.ordered[inside],
+        return dataclasses.replace(
+            samples,
+            stamps=samples.stamps[inside],
+            values=values[inside],
+            gaps=samples.gaps[inside],
+            ordered=samples.ordered[inside],
         )
 
     def _judged(self, part: Compare | Says, samples: FieldSamples) -> np.ndarray:
@@ -212,7 +153,7 @@ class Evaluation:
     def _threshold(self, number: Number, signal: Signal) -> float:
         return threshold(number, self._record.field(signal), signal)
 
-    def _active(self, part: Active) -> Steps:
+    def active(self, part: Active) -> Steps:
         faults = self._faults(part)
         if faults is None:
             return self._constant(UNKNOWN, absent=True)
@@ -242,7 +183,7 @@ class Evaluation:
             return None
         return [(onset, clears.get(number, NEVER)) for number, onset in onsets.items()]
 
-    def _event(self, event: Onset | Cleared | Message) -> Steps:
+    def event(self, event: Event) -> Steps:
         """Return an event as a step function that is true for single nanoseconds."""
         instants = self._instants(event)
         if instants is None:
@@ -292,7 +233,7 @@ class Evaluation:
             last=steps.starts[open_ + 1] - 1,
         )
 
-    def _count(self, formula: Count) -> Steps:
+    def count(self, formula: Count) -> Steps:
         end, window = self.end, formula.window
         instants = self._instants(formula.event)
         if instants is None:
@@ -329,7 +270,7 @@ class Evaluation:
         times = np.unique(np.concatenate(edges))
         return times[(times >= self.begin) & (times <= after)]
 
-    def _quantile(self, formula: Quantile, once: bool) -> Steps:
+    def quantile(self, formula: Quantile, once: bool) -> Steps:
         samples = self._samples(formula)
         inside = samples.stamps >= self.begin
         stamps, values = samples.stamps[inside], samples.values[inside]

@@ -1,4 +1,4 @@
-"""Formulas of expectations: signals, events and time, and the words that write them in Python.
+"""Formulas of expectations: signals, events and time, with their meaning on a recording.
 
 ``docs/reference/expectations.md`` defines what each means. Times are integer nanoseconds.
 """
@@ -6,33 +6,37 @@
 from __future__ import annotations
 
 import dataclasses
-import re
 from collections.abc import Iterator
-from typing import Any
+from typing import TYPE_CHECKING
+
+import numpy as np
 
 from rpud_sim.foundation.quantities import shown
 from rpud_sim.simulation.faults import Fault
-from rpud_sim.verdicts.units import ExpectationError, parse_duration, parse_quantity
+from rpud_sim.verdicts.steps import (
+    LEAST_TRUTH,
+    MOST_TRUTH,
+    UNKNOWN,
+    Steps,
+    beginnings,
+    combine,
+    negate,
+    over_window,
+    until,
+)
+from rpud_sim.verdicts.units import (
+    WHOLE,
+    ZERO,
+    ExpectationError,
+    Number,
+    Window,
+    to_number,
+)
+
+if TYPE_CHECKING:
+    from rpud_sim.verdicts.evaluation import Evaluation
 
 OPERATORS = ("<", "<=", ">", ">=", "==", "!=")
-_SIGNAL = re.compile(r"([A-Za-z/][\w/]*)\.(\S.*)")
-
-
-@dataclasses.dataclass(frozen=True)
-class Window:
-    """Closed interval of time after an instant."""
-
-    start: int = 0  # first nanosecond after the instant
-    end: int | None = None  # last nanosecond after it; None for the end of the recording
-
-    def __post_init__(self) -> None:
-        if self.end is not None and self.end < self.start:
-            raise ExpectationError(
-                f"between {self.start / 1e9:g} s and {self.end / 1e9:g} s ends before it begins"
-            )
-
-
-WHOLE = Window()  # the rest of the recording
 
 
 class Formula:
@@ -63,9 +67,20 @@ class Formula:
         for child in self.children():
             yield from child.walk()
 
+    def _steps(self, on: Evaluation, once: bool) -> Steps:
+        """Return what it means on a recording, ``once`` only at the beginning."""
+        raise NotImplementedError
+
+    def _decided(self, on: Evaluation, time: int, held: bool) -> int:
+        """Return the instant at which it shows that it holds at a time, or does not [ns]."""
+        return time
+
 
 class Event(Formula):
     """Base of formulas that hold at single nanoseconds."""
+
+    def _steps(self, on: Evaluation, once: bool) -> Steps:
+        return on.event(self)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -106,25 +121,6 @@ class Signal:
 
 
 @dataclasses.dataclass(frozen=True)
-class Number:
-    """Number with a unit as it was written."""
-
-    value: float
-    unit: str = ""
-
-    def __str__(self) -> str:
-        text = f"{self.value:g}"
-        return f"{text if float(text) == self.value else repr(self.value)} {self.unit}".rstrip()
-
-
-def to_number(value: str | float) -> Number:
-    """Return a number from a text such as ``45 N``, or from a number without a unit."""
-    if isinstance(value, bool) or not isinstance(value, (str, int, float)):
-        raise ExpectationError(f"{shown(value)} is not a number with a unit, such as 45 N")
-    return Number(*parse_quantity(value if isinstance(value, str) else repr(float(value))))
-
-
-@dataclasses.dataclass(frozen=True)
 class Compare(Formula):
     """A signal compared with a number."""
 
@@ -132,7 +128,7 @@ class Compare(Formula):
     operator: str  # one of ``OPERATORS``
     number: Number  # to compare with
     # greatest difference of equal numbers; only with ``==`` and ``!=``
-    tolerance: Number = Number(0.0)
+    tolerance: Number = ZERO
 
     def __post_init__(self) -> None:
         _check_operator(self.operator)
@@ -140,6 +136,9 @@ class Compare(Formula):
             raise ExpectationError(f"a tolerance goes with == and !=, not with {self.operator}")
         if self.tolerance.value < 0.0:
             raise ExpectationError(f"tolerance = {self.tolerance} is below zero")
+
+    def _steps(self, on: Evaluation, once: bool) -> Steps:
+        return on.compared_signal(self)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -154,6 +153,9 @@ class Says(Formula):
         fits = isinstance(word, bool) or (isinstance(word, str) and word == word.strip() != "")
         if not fits or word in ("true", "false"):
             raise ExpectationError(f"{self.signal} is {shown(word)}: that is no word")
+
+    def _steps(self, on: Evaluation, once: bool) -> Steps:
+        return on.compared_signal(self)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -173,6 +175,9 @@ class _OfFault:
 
 class Active(_OfFault, Formula):
     """A fault lasts: from its onset to just before its clearing."""
+
+    def _steps(self, on: Evaluation, once: bool) -> Steps:
+        return on.active(self)
 
 
 class Onset(_OfFault, Event):
@@ -204,12 +209,21 @@ class Becomes(Event):
 
     formula: Formula
 
+    def _steps(self, on: Evaluation, once: bool) -> Steps:
+        return beginnings(on.steps(self.formula))
+
 
 @dataclasses.dataclass(frozen=True)
 class Not(Formula):
     """The formula does not hold."""
 
     formula: Formula
+
+    def _steps(self, on: Evaluation, once: bool) -> Steps:
+        return negate(on.steps(self.formula, once))
+
+    def _decided(self, on: Evaluation, time: int, held: bool) -> int:
+        return self.formula._decided(on, time, not held)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -219,6 +233,18 @@ class _Several(Formula):
     def __post_init__(self) -> None:
         if not self.formulas:
             raise ExpectationError("all and any need at least one formula")
+
+    def _steps(self, on: Evaluation, once: bool) -> Steps:
+        parts = [on.steps(each, once) for each in self.formulas]
+        return combine(parts, least=isinstance(self, And))
+
+    def _decided(self, on: Evaluation, time: int, held: bool) -> int:
+        times = [
+            part._decided(on, time, held)
+            for part in self.formulas
+            if on.steps(part, once=time == on.begin).shows(time, held)
+        ]
+        return (max if held is isinstance(self, And) else min)(times, default=time)
 
 
 class And(_Several):
@@ -236,11 +262,31 @@ class Implies(Formula):
     condition: Formula
     formula: Formula
 
+    @property
+    def _either(self) -> Or:
+        return Or((Not(self.condition), self.formula))
+
+    def _steps(self, on: Evaluation, once: bool) -> Steps:
+        return on.steps(self._either, once)
+
+    def _decided(self, on: Evaluation, time: int, held: bool) -> int:
+        return self._either._decided(on, time, held)
+
 
 @dataclasses.dataclass(frozen=True)
 class _OverWindow(Formula):
     formula: Formula
     window: Window = WHOLE
+
+    def _steps(self, on: Evaluation, once: bool) -> Steps:
+        span = self.window.start, self.window.end
+        return over_window(on.steps(self.formula), *span, isinstance(self, Always), once)
+
+    def _decided(self, on: Evaluation, time: int, held: bool) -> int:
+        last = self.window.last(time, on.end)
+        if held is isinstance(self, Always):
+            return last
+        return on.shown(self.formula, time + self.window.start, last, held)
 
 
 class Always(_OverWindow):
@@ -264,6 +310,19 @@ class Until(Formula):
         if self.weak and self.window != WHOLE:
             raise ExpectationError("unless has no window: its goal may come at any time, or never")
 
+    def _steps(self, on: Evaluation, once: bool) -> Steps:
+        kept = on.steps(self.formula)
+        found = until(kept, on.steps(self.goal), self.window.start, self.window.end)
+        if not self.weak:
+            return found
+        return combine([found, over_window(kept, 0, None, least=True)], least=False)
+
+    def _decided(self, on: Evaluation, time: int, held: bool) -> int:
+        last = self.window.last(time, on.end)
+        if held:
+            return on.shown(self.goal, time + self.window.start, last, held)
+        return on.shown(self.formula, time, last, held)
+
 
 @dataclasses.dataclass(frozen=True)
 class After(Formula):
@@ -271,6 +330,30 @@ class After(Formula):
 
     trigger: Formula  # an event; another formula stands for the instants at which it begins to hold
     formula: Formula  # that holds then
+
+    def _steps(self, on: Evaluation, once: bool) -> Steps:
+        trigger, then = on.trigger(self.trigger), on.steps(self.formula)
+        implied = combine([negate(trigger), then], least=False)
+        starts = np.union1d(implied.starts, trigger.starts)
+        implied, never = implied.on(starts), trigger.on(starts)
+        absent = implied.absent | (never.values[MOST_TRUTH] < 0.0) | never.absent
+        spread = Steps(starts, implied.values, absent)
+        always = over_window(spread, 0, None, least=True, once=once)
+        # An event that may not have come at all proves nothing.
+        came = over_window(trigger, 0, None, least=False, once=once)
+        starts = np.union1d(always.starts, came.starts)
+        always, came = always.on(starts), came.on(starts)
+        unsure = (came.values[LEAST_TRUTH] < 0.0) & (always.values[LEAST_TRUTH] > 0.0)
+        always.values[:, unsure] = UNKNOWN[:, None]
+        return Steps(starts, always.values, always.absent).merged()
+
+    def _decided(self, on: Evaluation, time: int, held: bool) -> int:
+        if not held:
+            then = on.steps(self.formula)
+            for instant in on.trigger(self.trigger).sure(time):
+                if then.shows(instant, False):
+                    return self.formula._decided(on, instant, False)
+        return on.end
 
 
 @dataclasses.dataclass(frozen=True)
@@ -290,6 +373,15 @@ class Count(Formula):
         if not 0.0 <= self.number < 1e15:
             raise ExpectationError(f"count = {self.number:g} is outside its range [0, 1e15)")
 
+    def _steps(self, on: Evaluation, once: bool) -> Steps:
+        return on.count(self)
+
+    def _decided(self, on: Evaluation, time: int, held: bool) -> int:
+        if self.until is None:
+            return self.window.last(time, on.end)
+        found = on.steps(self.until).first(time, on.end, True)
+        return on.end if found is None else found
+
 
 @dataclasses.dataclass(frozen=True)
 class Quantile(Formula):
@@ -306,84 +398,16 @@ class Quantile(Formula):
         if not 0.0 < self.share <= 1.0:
             raise ExpectationError(f"quantile = {self.share:g} is outside its range (0, 1]")
 
+    def _steps(self, on: Evaluation, once: bool) -> Steps:
+        return on.quantile(self, once)
+
+    def _decided(self, on: Evaluation, time: int, held: bool) -> int:
+        return self.window.last(time, on.end)
+
+
+SignalFormula = Compare | Says | Quantile
+
 
 def _check_operator(operator: str) -> None:
     if operator not in OPERATORS:
         raise ExpectationError(f"{shown(operator)} is not one of {', '.join(OPERATORS)}")
-
-
-def signal(name: str, hold: str | float | None = None) -> Signal:
-    """Return a signal by topic and field, as in ``reacting_force.force``.
-
-    A value holds at most for ``hold``, as ``0.1 s``; None for that of the topic.
-    """
-    match = _SIGNAL.fullmatch(name) if isinstance(name, str) else None
-    if match is None:
-        raise ExpectationError(f"{shown(name)} is not a topic and a field, as reacting_force.force")
-    topic = "/diagnostics" if match[1] == "diagnostics" else match[1]
-    return Signal(topic, match[2], None if hold is None else parse_duration(hold, "hold"))
-
-
-def window(within: Any = None, between: Any = None) -> Window:
-    """Return a window from its end, or from start and end; of neither, the rest of the recording.
-
-    Both are as ``0.5 s``; an end of None is that of the recording.
-    """
-    if within is not None and between is not None:
-        raise ExpectationError("within and between exclude each other")
-    if between is None:
-        return WHOLE if within is None else Window(0, parse_duration(within, "within"))
-    if not isinstance(between, (list, tuple)) or len(between) != 2:
-        raise ExpectationError(f"between = {shown(between)} is not [start, end], as [1 s, 2 s]")
-    first, last = between
-    end = None if last is None else parse_duration(last, "between")
-    return Window(parse_duration(first, "between"), end)
-
-
-def always(formula: Formula, within: Any = None, between: Any = None) -> Always:
-    """Return the formula that ``formula`` holds at every instant of a window."""
-    return Always(formula, window(within, between))
-
-
-def eventually(formula: Formula, within: Any = None, between: Any = None) -> Eventually:
-    """Return the formula that ``formula`` holds at some instant of a window."""
-    return Eventually(formula, window(within, between))
-
-
-def until(formula: Formula, goal: Formula, within: Any = None, between: Any = None) -> Until:
-    """Return the formula that ``goal`` comes in a window and ``formula`` holds until then."""
-    return Until(formula, goal, window(within, between))
-
-
-def unless(formula: Formula, goal: Formula) -> Until:
-    """Return the formula that ``formula`` holds until ``goal`` comes, or always."""
-    return Until(formula, goal, WHOLE, True)
-
-
-def after(trigger: Formula, formula: Formula) -> After:
-    """Return the formula that ``formula`` holds at each instant of ``trigger``."""
-    return After(trigger, formula)
-
-
-def count(
-    event: Event,
-    operator: str,
-    number: float,
-    within: Any = None,
-    between: Any = None,
-    until: Formula | None = None,
-) -> Count:
-    """Return the comparison of the number of events in a window, or before ``until`` holds."""
-    return Count(event, operator, float(number), window(within, between), until)
-
-
-def quantile(
-    share: float,
-    of: Signal,
-    operator: str,
-    number: str | float,
-    within: Any = None,
-    between: Any = None,
-) -> Quantile:
-    """Return the comparison of a quantile of a signal's messages in a window."""
-    return Quantile(float(share), of, operator, to_number(number), window(within, between))

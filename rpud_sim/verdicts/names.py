@@ -25,13 +25,12 @@ from rpud_sim.verdicts.formulas import (
     Event,
     Formula,
     Message,
-    Number,
     Onset,
-    Quantile,
     Says,
     Signal,
+    SignalFormula,
 )
-from rpud_sim.verdicts.units import ExpectationError, to_si, unit_factor
+from rpud_sim.verdicts.units import ExpectationError, Number, to_si, unit_factor
 
 DIAGNOSTICS = "/diagnostics"
 
@@ -113,7 +112,7 @@ class Expectation:
         """Topics that the formula names, in the order of their names."""
         found = set()
         for part in self.formula.walk():
-            if isinstance(part, (Compare, Says, Quantile)):
+            if isinstance(part, SignalFormula):
                 found.add(part.signal.topic)
             elif isinstance(part, Message):
                 found.add(part.topic)
@@ -178,7 +177,7 @@ def _check_formula(formula: Formula) -> None:
             _check_kind(getattr(part, name, part))
         for each in getattr(part, "formulas", ()):
             _check_kind(each)
-        if isinstance(part, (Compare, Says, Quantile)):
+        if isinstance(part, SignalFormula):
             topic = part.signal.topic
             _check_topic(topic)
             # The type of a topic of others is known only to a bag.
@@ -199,7 +198,7 @@ def _check_kind(formula: object) -> None:
         )
 
 
-def check_use(part: Compare | Says | Quantile, field: SignalField | None) -> None:
+def check_use(part: SignalFormula, field: SignalField | None) -> None:
     """Check that a field has the kind and unit with which a formula uses it; None passes."""
     if isinstance(part, Says):
         if field is not None and not field.says:

@@ -1,4 +1,4 @@
-"""Notation of expectations in YAML: from a file's plain values to formulas, and back."""
+"""Notations of formulas: words of Python, and plain values of YAML with the way back."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ from typing import Any, NamedTuple
 from rpud_sim.foundation.quantities import ParameterError, did_you_mean, shown
 from rpud_sim.foundation.yaml_files import open_yaml
 from rpud_sim.verdicts.formulas import (
-    WHOLE,
     Active,
     After,
     Always,
@@ -25,22 +24,91 @@ from rpud_sim.verdicts.formulas import (
     Implies,
     Message,
     Not,
-    Number,
     Onset,
     Or,
     Quantile,
     Says,
     Signal,
     Until,
-    Window,
-    signal,
-    unless,
-    window,
 )
 from rpud_sim.verdicts.names import Expectation
-from rpud_sim.verdicts.units import NUMBER, ExpectationError, duration_text, parse_quantity
+from rpud_sim.verdicts.units import (
+    NUMBER,
+    WHOLE,
+    ExpectationError,
+    Number,
+    Window,
+    duration_text,
+    parse_duration,
+    parse_quantity,
+    to_number,
+    window,
+)
+
+_SIGNAL = re.compile(r"([A-Za-z/][\w/]*)\.(\S.*)")
 
 Place = tuple[str | int, ...]
+
+
+def signal(name: str, hold: str | float | None = None) -> Signal:
+    """Return a signal by topic and field, as in ``reacting_force.force``.
+
+    A value holds at most for ``hold``, as ``0.1 s``; None for that of the topic.
+    """
+    match = _SIGNAL.fullmatch(name) if isinstance(name, str) else None
+    if match is None:
+        raise ExpectationError(f"{shown(name)} is not a topic and a field, as reacting_force.force")
+    topic = "/diagnostics" if match[1] == "diagnostics" else match[1]
+    return Signal(topic, match[2], None if hold is None else parse_duration(hold, "hold"))
+
+
+def always(formula: Formula, within: Any = None, between: Any = None) -> Always:
+    """Return the formula that ``formula`` holds at every instant of a window."""
+    return Always(formula, window(within, between))
+
+
+def eventually(formula: Formula, within: Any = None, between: Any = None) -> Eventually:
+    """Return the formula that ``formula`` holds at some instant of a window."""
+    return Eventually(formula, window(within, between))
+
+
+def until(formula: Formula, goal: Formula, within: Any = None, between: Any = None) -> Until:
+    """Return the formula that ``goal`` comes in a window and ``formula`` holds until then."""
+    return Until(formula, goal, window(within, between))
+
+
+def unless(formula: Formula, goal: Formula) -> Until:
+    """Return the formula that ``formula`` holds until ``goal`` comes, or always."""
+    return Until(formula, goal, WHOLE, True)
+
+
+def after(trigger: Formula, formula: Formula) -> After:
+    """Return the formula that ``formula`` holds at each instant of ``trigger``."""
+    return After(trigger, formula)
+
+
+def count(
+    event: Event,
+    operator: str,
+    number: float,
+    within: Any = None,
+    between: Any = None,
+    until: Formula | None = None,
+) -> Count:
+    """Return the comparison of the number of events in a window, or before ``until`` holds."""
+    return Count(event, operator, float(number), window(within, between), until)
+
+
+def quantile(
+    share: float,
+    of: Signal,
+    operator: str,
+    number: str | float,
+    within: Any = None,
+    between: Any = None,
+) -> Quantile:
+    """Return the comparison of a quantile of a signal's messages in a window."""
+    return Quantile(float(share), of, operator, to_number(number), window(within, between))
 
 
 class _Form(NamedTuple):

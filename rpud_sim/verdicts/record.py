@@ -15,7 +15,7 @@ from rpud_sim.bag import open as open_bag
 from rpud_sim.bag.columns import RECEIVED, objects, to_rows
 from rpud_sim.foundation.quantities import suggestion
 from rpud_sim.foundation.ragged import Ragged
-from rpud_sim.verdicts.formulas import Compare, Quantile, Says, Signal
+from rpud_sim.verdicts.formulas import Signal, SignalFormula
 from rpud_sim.verdicts.messages import MissingMessages, Piece, TopicMessages, get, time_of
 from rpud_sim.verdicts.names import (
     DIAGNOSTICS,
@@ -355,7 +355,7 @@ def check_bag(
         space = bag_namespace(bag.topics, namespace).rstrip("/")
         for expectation in expectations:
             for part in expectation.formula.walk():
-                if not isinstance(part, (Compare, Says, Quantile)):
+                if not isinstance(part, SignalFormula):
                     continue
                 topic = part.signal.topic
                 name = topic if topic.startswith("/") else f"{space}/{topic}"

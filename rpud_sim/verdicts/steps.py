@@ -56,6 +56,28 @@ class Steps:
         steps = self.at(starts)
         return Steps(starts, self.values[:, steps], self.absent[steps])
 
+    def shows(self, time: int, held: bool) -> bool:
+        """Return whether it surely holds at an instant, or surely does not."""
+        return bool(self._surely(held)[self.at(np.array([time]))[0]])
+
+    def first(self, begin: int, end: int, held: bool) -> int | None:
+        """Return the first instant of a span at which it surely holds, or does not [ns]."""
+        first = max(int(self.at(np.array([begin]))[0]), 0)
+        found = np.flatnonzero((self._surely(held) & ~self.absent)[first:])
+        if not len(found):
+            return None
+        instant = max(int(self.starts[first + found[0]]), begin)
+        return instant if instant <= end else None
+
+    def sure(self, begin: int) -> list[int]:
+        """Return from when on it surely holds, for each step that begins then or later [ns]."""
+        return [int(start) for start in self.starts[self._surely(True) & (self.starts >= begin)]]
+
+    def _surely(self, held: bool) -> np.ndarray:
+        sure: np.ndarray
+        sure = self.values[LEAST_TRUTH] > 0.0 if held else self.values[MOST_TRUTH] < 0.0
+        return sure
+
     def merged(self) -> Steps:
         """Return the same function with as few steps as possible."""
         same = (self.values[:, 1:] == self.values[:, :-1]).all(axis=0)

@@ -1,9 +1,11 @@
-"""Numbers with units: reading them, and converting them to the SI unit of a field."""
+"""Numbers with units, also as windows of time, and their conversion to the unit of a field."""
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import re
+from typing import Any
 
 from rpud_sim.foundation.quantities import ParameterError, did_you_mean, shown
 from rpud_sim.foundation.time import SECOND
@@ -97,3 +99,62 @@ def duration_text(nanoseconds: int) -> str:
     if round(float(text) * SECOND) != nanoseconds:
         text = f"{nanoseconds // SECOND}.{nanoseconds % SECOND:09d}"
     return f"{text} s"
+
+
+@dataclasses.dataclass(frozen=True)
+class Number:
+    """Number with a unit as it was written."""
+
+    value: float
+    unit: str = ""
+
+    def __str__(self) -> str:
+        text = f"{self.value:g}"
+        return f"{text if float(text) == self.value else repr(self.value)} {self.unit}".rstrip()
+
+
+ZERO = Number(0.0)
+
+
+def to_number(value: str | float) -> Number:
+    """Return a number from a text such as ``45 N``, or from a number without a unit."""
+    if isinstance(value, bool) or not isinstance(value, (str, int, float)):
+        raise ExpectationError(f"{shown(value)} is not a number with a unit, such as 45 N")
+    return Number(*parse_quantity(value if isinstance(value, str) else repr(float(value))))
+
+
+@dataclasses.dataclass(frozen=True)
+class Window:
+    """Closed interval of time after an instant."""
+
+    start: int = 0  # first nanosecond after the instant
+    end: int | None = None  # last nanosecond after it; None for the end of the recording
+
+    def __post_init__(self) -> None:
+        if self.end is not None and self.end < self.start:
+            raise ExpectationError(
+                f"between {self.start / 1e9:g} s and {self.end / 1e9:g} s ends before it begins"
+            )
+
+    def last(self, time: int, end: int) -> int:
+        """Return the last instant of the window after a time, in a recording up to ``end`` [ns]."""
+        return end if self.end is None else min(time + self.end, end)
+
+
+WHOLE = Window()  # the rest of the recording
+
+
+def window(within: Any = None, between: Any = None) -> Window:
+    """Return a window from its end, or from start and end; of neither, the rest of the recording.
+
+    Both are as ``0.5 s``; an end of None is that of the recording.
+    """
+    if within is not None and between is not None:
+        raise ExpectationError("within and between exclude each other")
+    if between is None:
+        return WHOLE if within is None else Window(0, parse_duration(within, "within"))
+    if not isinstance(between, (list, tuple)) or len(between) != 2:
+        raise ExpectationError(f"between = {shown(between)} is not [start, end], as [1 s, 2 s]")
+    first, last = between
+    end = None if last is None else parse_duration(last, "between")
+    return Window(parse_duration(first, "between"), end)

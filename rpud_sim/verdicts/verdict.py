@@ -8,33 +8,25 @@ from collections.abc import Sequence
 from typing import Any
 from xml.etree import ElementTree
 
-import numpy as np
-
 from rpud_sim.foundation.terminal import printable
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.verdicts.evaluation import Evaluation
 from rpud_sim.verdicts.formulas import (
-    WHOLE,
     After,
-    Always,
     And,
     Compare,
     Count,
     Eventually,
     Formula,
-    Implies,
-    Not,
-    Or,
     Quantile,
     Says,
     Until,
-    Window,
 )
 from rpud_sim.verdicts.names import Expectation
 from rpud_sim.verdicts.notation import to_plain
 from rpud_sim.verdicts.record import Record
-from rpud_sim.verdicts.steps import LEAST_MARGIN, LEAST_TRUTH, MOST_MARGIN, MOST_TRUTH, Steps
-from rpud_sim.verdicts.units import unit_factor
+from rpud_sim.verdicts.steps import LEAST_MARGIN, LEAST_TRUTH, MOST_MARGIN, MOST_TRUTH
+from rpud_sim.verdicts.units import WHOLE, unit_factor
 
 PASSED, FAILED, UNDECIDED = "passed", "failed", "undecided"
 OUTCOMES = (PASSED, FAILED, UNDECIDED)
@@ -88,7 +80,7 @@ def evaluate(expectation: Expectation, record: Record) -> Verdict:
         return Verdict(*about, UNDECIDED, text=text)
     held = least > 0.0
     margin = float(steps.values[LEAST_MARGIN if held else MOST_MARGIN, 0])
-    at = (_decided(evaluation, formula, begin, held) - zero) / SECOND
+    at = (formula._decided(evaluation, begin, held) - zero) / SECOND
     reaction = _reaction(evaluation, formula)
     units = _units(formula, record) if math.isfinite(margin) else set()
     return Verdict(
@@ -110,9 +102,7 @@ def _why_undecided(
         if lost:
             return f"{lost} messages of {topic} are lost"
     for part in expectation.formula.walk():
-        if isinstance(part, After) and not _sure(
-            evaluation.trigger(part.trigger), evaluation.begin
-        ):
+        if isinstance(part, After) and not evaluation.trigger(part.trigger).sure(evaluation.begin):
             return f"the event of after never came: {to_plain(part.trigger)}"
     over = f"the record ends at {(evaluation.end - zero) / SECOND:.9g} s, before it is decided"
     for part in expectation.formula.walk():
@@ -141,53 +131,6 @@ def _units(formula: Formula, record: Record) -> set[str]:
     return set().union(*(_units(part, record) for part in formula.children()))
 
 
-def _decided(evaluation: Evaluation, formula: Formula, time: int, held: bool) -> int:
-    """Return the instant at which it shows that a formula holds at a time, or does not [ns]."""
-    end = evaluation.end
-    if isinstance(formula, Not):
-        return _decided(evaluation, formula.formula, time, not held)
-    if isinstance(formula, Implies):
-        formula = Or((Not(formula.condition), formula.formula))
-    if isinstance(formula, (And, Or)):
-        times = [
-            _decided(evaluation, part, time, held)
-            for part in formula.formulas
-            if _is(evaluation.steps(part, once=time == evaluation.begin), time, held)
-        ]
-        every = held is isinstance(formula, And)
-        return (max if every else min)(times, default=time)
-    if isinstance(formula, (Always, Eventually)):
-        last = _last(formula.window, time, end)
-        if held is isinstance(formula, Always):
-            return last
-        steps = evaluation.steps(formula.formula)
-        found = _first(steps, time + formula.window.start, last, held)
-        return last if found is None else _decided(evaluation, formula.formula, found, held)
-    if isinstance(formula, After):
-        return end if held else _broken_after(evaluation, formula, time)
-    if isinstance(formula, Until):
-        last = _last(formula.window, time, end)
-        part, begin = (
-            (formula.goal, time + formula.window.start) if held else (formula.formula, time)
-        )
-        found = _first(evaluation.steps(part), begin, last, held)
-        return last if found is None else _decided(evaluation, part, found, held)
-    if isinstance(formula, Count) and formula.until is not None:
-        found = _first(evaluation.steps(formula.until), time, end, True)
-        return end if found is None else found
-    if isinstance(formula, (Count, Quantile)):
-        return _last(formula.window, time, end)
-    return time
-
-
-def _broken_after(evaluation: Evaluation, formula: After, time: int) -> int:
-    trigger, then = evaluation.trigger(formula.trigger), evaluation.steps(formula.formula)
-    for instant in _sure(trigger, time):
-        if _is(then, instant, False):
-            return _decided(evaluation, formula.formula, instant, False)
-    return evaluation.end
-
-
 def _reaction(evaluation: Evaluation, formula: Formula) -> int | None:
     """Return the longest time from an event to the fulfilment of what must follow it [ns]."""
     longest: int | None = None
@@ -196,8 +139,8 @@ def _reaction(evaluation: Evaluation, formula: Formula) -> int | None:
             continue
         for goal in _goals(part.formula):
             trigger, steps = evaluation.trigger(part.trigger), evaluation.steps(goal)
-            for instant in _sure(trigger, evaluation.begin):
-                found = _first(steps, instant, evaluation.end, True)
+            for instant in trigger.sure(evaluation.begin):
+                found = steps.first(instant, evaluation.end, True)
                 if found is None:
                     return None
                 longest = max(longest or 0, found - instant)
@@ -213,33 +156,6 @@ def _goals(formula: Formula) -> list[Formula]:
     if isinstance(formula, And):
         return [goal for part in formula.formulas for goal in _goals(part)]
     return []
-
-
-def _last(window: Window, time: int, end: int) -> int:
-    return end if window.end is None else min(time + window.end, end)
-
-
-def _is(steps: Steps, time: int, held: bool) -> bool:
-    number = int(steps.at(np.array([time]))[0])
-    values = steps.values[:, number]
-    return bool(values[LEAST_TRUTH] > 0.0 if held else values[MOST_TRUTH] < 0.0)
-
-
-def _first(steps: Steps, begin: int, end: int, held: bool) -> int | None:
-    """Return the first instant of a span at which a formula surely holds, or does not [ns]."""
-    chosen = steps.values[LEAST_TRUTH] > 0.0 if held else steps.values[MOST_TRUTH] < 0.0
-    chosen = chosen & ~steps.absent
-    first = max(int(steps.at(np.array([begin]))[0]), 0)
-    found = np.flatnonzero(chosen[first:])
-    if not len(found):
-        return None
-    instant = max(int(steps.starts[first + found[0]]), begin)
-    return instant if instant <= end else None
-
-
-def _sure(trigger: Steps, begin: int) -> list[int]:
-    chosen = (trigger.values[LEAST_TRUTH] > 0.0) & (trigger.starts >= begin)
-    return [int(start) for start in trigger.starts[chosen]]
 
 
 def junit_xml(verdicts: Sequence[Verdict], suite: str) -> str:

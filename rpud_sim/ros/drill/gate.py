@@ -201,9 +201,7 @@ class _CommandTopic:
         self._count_discarded()
 
     def _read(self, payload: bytes, information: Mapping[str, Any]) -> None:
-        number = information["publication_sequence_number"]
-        if number is not None:
-            self._gaps.note(number)
+        self._gaps.note(information["publication_sequence_number"])
         try:
             message = deserialize_message(payload, self._kind)
         except Exception:  # RMWError, or what the conversion to Python raises

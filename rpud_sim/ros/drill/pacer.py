@@ -24,17 +24,19 @@ class TimeSource:
     """Clock that gives simulation time zero its stamp, and what comes after it a schedule.
 
     The node's clock follows ``/clock`` with its parameter ``use_sim_time``. With ``publishes`` the
-    node itself is the source of ``/clock``.
+    node itself is the source of ``/clock``. ``notify`` is called when another's ``/clock`` moves.
     """
 
-    def __init__(self, node: Node, publishes: bool) -> None:
+    def __init__(
+        self, node: Node, publishes: bool, notify: Callable[[], None] = lambda: None
+    ) -> None:
         self._clock = node.get_clock()
         self._logger = node.get_logger()
         self._publishes = publishes
         simulated = isinstance(self._clock, ROSClock) and self._clock.ros_time_is_active
         # Whether the time is that of another source of ``/clock``.
         self.follows = simulated and not publishes
-        self._notify: Callable[[], None] = lambda: None
+        self._notify = notify
         self._went_back = threading.Event()
         self._jumps = None
         if self.follows:
@@ -51,10 +53,6 @@ class TimeSource:
     def schedule(self) -> Callable[[], int] | None:
         """The time that a schedule follows [ns]; None for the monotonic clock."""
         return self._now if self.follows else None
-
-    def notify(self, notify: Callable[[], None]) -> None:
-        """Call this from now on when another's ``/clock`` has moved."""
-        self._notify = notify
 
     def wait(self, stop: threading.Event, serve: Callable[[], None]) -> None:
         """Wait until there is a time; ``serve`` is called again and again meanwhile."""

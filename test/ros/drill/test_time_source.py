@@ -119,8 +119,7 @@ def test_the_schedule_of_a_follower_is_the_clock_which_gives_its_present_time_a_
 
 def test_every_jump_wakes_and_one_back_is_remembered_until_the_next_origin(clocked):
     woken = []
-    source = TimeSource(clocked.node, False)
-    source.notify(lambda: woken.append(True))
+    source = TimeSource(clocked.node, False, lambda: woken.append(True))
     clocked.tell(7 * SECOND)
     source.origin()
     before = len(woken)
@@ -137,8 +136,7 @@ def test_every_jump_wakes_and_one_back_is_remembered_until_the_next_origin(clock
 
 def test_who_has_stopped_listening_is_woken_no_more(clocked):
     woken = []
-    source = TimeSource(clocked.node, False)
-    source.notify(lambda: woken.append(True))
+    source = TimeSource(clocked.node, False, lambda: woken.append(True))
     source.close()
     clocked.tell(7 * SECOND)
     assert woken == []

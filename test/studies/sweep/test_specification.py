@@ -9,7 +9,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from rpud_sim.foundation.quantities import ParameterError
-from rpud_sim.model.contact import CONTACT_MODELS
+from rpud_sim.model.contact_models import CONTACT_MODELS
 from rpud_sim.model.parameters import QUANTITIES, REGIMES
 from rpud_sim.simulation import preset
 from rpud_sim.studies.sweep.specification import (
