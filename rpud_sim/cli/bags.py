@@ -20,7 +20,7 @@ from rpud_sim.foundation.options import (
 )
 from rpud_sim.foundation.quantities import ParameterError, Quantity
 from rpud_sim.foundation.terminal import complain, printable
-from rpud_sim.foundation.time import SECOND
+from rpud_sim.foundation.time import SECOND, split_seconds
 
 if TYPE_CHECKING:
     from rpud_sim.bag import Recovery
@@ -93,7 +93,7 @@ def _info_text(content: dict[str, Any]) -> str:
 
 
 def _moment(nanoseconds: int) -> str:
-    seconds, rest = divmod(nanoseconds, SECOND)
+    seconds, rest = split_seconds(nanoseconds)
     moment = datetime.fromtimestamp(seconds, tz=timezone.utc)
     return f"{moment:%Y-%m-%d %H:%M:%S}.{rest // 1_000_000:03d} UTC"
 

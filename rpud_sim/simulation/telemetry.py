@@ -200,27 +200,23 @@ class Telemetry:
             return self._take_pending()
         return None
 
-    def stride(self, start: int, time: int) -> int:
-        """Return the number of blocks from ``start`` that can be done together, up to a time [ns].
+    def ends_together(self, start: int, time: int) -> np.ndarray:
+        """Return the ends of the blocks from ``start`` that can be done together until a time [ns].
 
-        They are whole periods of waveform and trajectory, of about ``_TOGETHER`` [ns], and 0 if
+        They are whole periods of waveform and trajectory, of about ``_TOGETHER`` [ns], and none if
         something has to be done block by block first.
         """
         number = self._boundary(start)
         if number is None or number % self._stream_period or self._pending or self._signals.busy:
-            return 0
+            return np.empty(0, np.int64)
         most = max(1, _TOGETHER * self._rate // SECOND // self._stream_period)
-        periods = (boundaries_until(time, self._rate) - number) // self._stream_period
         # Something that is due by now lies before the present boundary.
-        return max(0, min(most, periods)) * self._stream_period
-
-    def ends(self, start: int, count: int) -> np.ndarray:
-        """Return the ends of the blocks that follow a boundary [ns]."""
-        first = boundaries_until(start, self._rate) + 1
-        return np.array([boundary(first + k, self._rate) for k in range(count)], np.int64)
+        periods = (boundaries_until(time, self._rate) - number) // self._stream_period
+        last = number + min(most, periods) * self._stream_period
+        return np.array([boundary(n + 1, self._rate) for n in range(number, last)], np.int64)
 
     def together(self, block: Block) -> Together:
-        """Return all messages of a block of healthy signals, for which ``stride`` gave the length.
+        """Return all messages of a block of healthy signals, with parts of ``ends_together``.
 
         They are those that ``prompt`` and ``streams`` would yield block by block.
         """
