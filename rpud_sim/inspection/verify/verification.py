@@ -205,7 +205,7 @@ class _Proof:
             name: TopicComparison(
                 names[name],
                 codec,
-                RecordedMessages(recorded, names[name], TOPICS[name].latched),
+                RecordedMessages(recorded.blocks(names[name]), names[name], TOPICS[name].latched),
                 self._stretches,
                 self._coverage,
                 TOPICS[name].latched,
