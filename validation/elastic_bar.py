@@ -20,7 +20,8 @@ import dataclasses
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from rpud_sim.model.contact import CONTACT_MODELS, Contact, single_contact
+from rpud_sim.model.contact import Contact, single_contact
+from rpud_sim.model.contact_models import CONTACT_MODELS
 from rpud_sim.simulation import Parameters, preset
 from validation.jobs import Track, gather
 from validation.paper_numbers import CONTACT_SPEED

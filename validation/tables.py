@@ -7,7 +7,8 @@ import io
 from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
-from rpud_sim.model.contact import CONTACT_MODELS, single_contact
+from rpud_sim.model.contact import single_contact
+from rpud_sim.model.contact_models import CONTACT_MODELS
 from validation.choices import TOOLS, figure_12_implies, with_tool
 from validation.contradictions import contradiction_rows
 from validation.named_choices import AS_FIGURE_12, FITTED, REASONED, TABLES

@@ -73,7 +73,10 @@ class SequenceGaps:
         self._publisher_count = publisher_count
         self._last: list[int] = []  # number of each sequence, the most recent at the end
 
-    def note(self, number: int) -> None:
+    def note(self, number: int | None) -> None:
+        """Note the number of a message that came; None where the middleware gives none."""
+        if number is None:
+            return
         last = self._last
         if number - 1 in last:
             last.remove(number - 1)

@@ -116,7 +116,7 @@ def _find(finder: DrillFinder) -> list[str]:
     end = time.monotonic() + _SEARCH_TIME
     found: list[str] = []
     while time.monotonic() < end:
-        found = [drill.namespace for drill in finder.drills()]
+        found = [drill["namespace"] for drill in finder.drills()]
         time.sleep(_SEARCH_PERIOD)
     return found
 

@@ -21,7 +21,7 @@ def finite_values(value: Any, instead: Callable[[float], object] = lambda number
     """Return plain values with null, or what is ``instead``, for NaN and infinity."""
     if isinstance(value, dict):
         return {name: finite_values(each, instead) for name, each in value.items()}
-    if isinstance(value, list):
+    if isinstance(value, list | tuple):
         return [finite_values(each, instead) for each in value]
     return instead(value) if isinstance(value, float) and not math.isfinite(value) else value
 

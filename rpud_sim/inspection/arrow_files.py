@@ -17,7 +17,23 @@ from rpud_sim.foundation.json_values import to_json
 _LARGEST_TEXTS = 2**31 - 1  # bytes, for offsets of 32 bits
 
 
-class ParquetFile:
+class _ArrowFile:
+    """File of one table."""
+
+    def __init__(self, path: Path, columns: Sequence[Column], schema: pa.Schema) -> None:
+        self._columns, self._schema = columns, schema
+        self.paths = [path]
+        self._stream = path.open("xb")
+        self._writer: Any = None
+
+    def close(self) -> None:
+        try:
+            self._writer.close()
+        finally:
+            self._stream.close()
+
+
+class ParquetFile(_ArrowFile):
     """Table as a Parquet file: each batch is a row group.
 
     Times are timestamps, durations are durations, arrays and sequences of numbers are lists; other
@@ -26,10 +42,8 @@ class ParquetFile:
     """
 
     def __init__(self, path: Path, columns: Sequence[Column], metadata: Mapping[str, Any]) -> None:
-        self._columns = columns
-        self._schema = _schema(columns, metadata, _PARQUET_TYPES)
-        self.paths = [path.with_name(f"{path.name}.parquet")]
-        self._stream = self.paths[0].open("xb")
+        schema = _schema(columns, metadata, _PARQUET_TYPES)
+        super().__init__(path.with_name(f"{path.name}.parquet"), columns, schema)
         # A dictionary of numbers would take three times as long and make the file larger.
         texts = [field.name for field in self._schema if field.type == pa.string()]
         # Times and numbers of samples grow evenly: their differences take no time and no room.
@@ -47,14 +61,8 @@ class ParquetFile:
             pa.Table.from_batches([_batch(self._columns, self._schema, values)])
         )
 
-    def close(self) -> None:
-        try:
-            self._writer.close()
-        finally:
-            self._stream.close()
 
-
-class CsvFile:
+class CsvFile(_ArrowFile):
     """Table as a CSV file with a line of names.
 
     Times and durations are integer nanoseconds; arrays and sequences are JSON text. A text that a
@@ -63,10 +71,7 @@ class CsvFile:
     """
 
     def __init__(self, path: Path, columns: Sequence[Column], metadata: Mapping[str, Any]) -> None:
-        self._columns = columns
-        self._schema = _schema(columns, {}, {})
-        self.paths = [path.with_name(f"{path.name}.csv")]
-        self._stream = self.paths[0].open("xb")
+        super().__init__(path.with_name(f"{path.name}.csv"), columns, _schema(columns, {}, {}))
         self._writer = csv.CSVWriter(self._stream, self._schema)
 
     def write(self, values: Mapping[str, np.ndarray]) -> None:
@@ -76,12 +81,6 @@ class CsvFile:
             if column.kind is Kind.TEXT
         }
         self._writer.write_batch(_batch(self._columns, self._schema, {**values, **plain}))
-
-    def close(self) -> None:
-        try:
-            self._writer.close()
-        finally:
-            self._stream.close()
 
 
 def _escape_formula(text: str) -> str:

@@ -99,7 +99,8 @@ def live_start(fork: Fork, changes: Changes) -> Start:
     settings = begin_changes(run, fork.resumed.settings, changes)
     entries = (*fork.resumed.entries, *run.changes())
     # The scenario is part of the state, and its file may be another one by now.
-    fixed: dict[str, Any] = {"scenario": "", "autostart": True, **_of_node(changes.parameters)}
+    of_node = {name: value for name, value in changes.parameters.items() if name in LIVE}
+    fixed: dict[str, Any] = {"scenario": "", "autostart": True, **of_node}
     if run.beginning.seed <= PARAMETERS["seed"].allowed.maximum:  # type: ignore[union-attr]
         fixed["seed"] = run.beginning.seed
     return Start(
@@ -126,10 +127,6 @@ def begin_changes(run: Run, settings: Settings, changes: Changes) -> Settings:
         if planned.delay == 0:
             apply_change(run, planned.change)
     return settings
-
-
-def _of_node(values: Mapping[str, Any]) -> dict[str, Any]:
-    return {name: value for name, value in values.items() if name in LIVE}
 
 
 def _fields(message: Message, codec: Codec) -> Fields:

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from contextlib import closing
 from dataclasses import asdict, dataclass
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -106,18 +108,18 @@ def rebuild(
         metadata = {"rpud_sim": {"bag": str(bag.path), **about}}
         with new_folder(out) as folder:
             file = make_table(file_format, folder / file_stem(topic), _COLUMNS, metadata)
-            table = _Table(file, first, end, rate, origin)
-            try:
-                for number, samples in _samples(pieces, rate, run, end):
-                    report(table.write(number, samples))
-                table.finish()
-            finally:
-                file.close()
+            missing = 0
+            with closing(file):
+                for place, count, values in _rows(_samples(pieces, rate, run, end), first, end):
+                    none = dict.fromkeys(CHANNELS, np.full(0 if values else count, np.nan))
+                    file.write({"time": _stamps(place, count, rate, origin), **(values or none)})
+                    missing += 0 if values else count
+                    report(count if values else 0)
             rebuilt = Rebuilt(
                 path=os.fspath(out),
                 format=file_format,
                 table=file.paths[0].relative_to(folder).parts[0],
-                missing=table.missing,
+                missing=missing,
                 trajectory_size=pieces.size,
                 size=sum(each.stat().st_size for each in file.paths),
                 **about,
@@ -232,40 +234,22 @@ class _Pieces:
             yield message
 
 
-class _Table:
-    """Growing table of samples; gaps between written samples are NaN."""
+def _rows(
+    parts: Iterable[tuple[int, Samples]], first: int, end: int
+) -> Iterator[tuple[int, int, Mapping[str, np.ndarray] | None]]:
+    """Yield number of the first row, number of rows and columns; no columns where samples lack."""
+    for number, samples in chain(parts, ((end, None),)):
+        while (count := min(number, end, first + _MOST_SKIPPED) - first) > 0:
+            yield first, count, None
+            first += count
+        last = min(end, number + len(samples.reacting_force)) if samples else first
+        if samples and last > first:
+            part = slice(first - number, last - number)
+            yield first, last - first, {name: getattr(samples, name)[part] for name in CHANNELS}
+            first = last
 
-    def __init__(self, file: Any, first: int, end: int, rate: int, origin: int) -> None:
-        self._file = file
-        self._next = first
-        self._end = end
-        self._rate = rate
-        self._origin = origin
-        self.missing = 0  # number of samples in gaps
 
-    def write(self, number: int, samples: Samples) -> int:
-        """Write samples that begin with a number; return how many of them lie in the table."""
-        self._skip_to(min(number, self._end))
-        begin = max(self._next, number)
-        end = min(self._end, number + len(samples.reacting_force))
-        if end <= begin:
-            return 0
-        part = slice(begin - number, end - number)
-        self._add({channel: getattr(samples, channel)[part] for channel in CHANNELS})
-        return end - begin
-
-    def finish(self) -> None:
-        self._skip_to(self._end)
-
-    def _skip_to(self, number: int) -> None:
-        while (count := min(number - self._next, _MOST_SKIPPED)) > 0:
-            self._add(dict.fromkeys(CHANNELS, np.full(count, np.nan)))
-            self.missing += count
-
-    def _add(self, values: Mapping[str, np.ndarray]) -> None:
-        count = len(values[CHANNELS[0]])
-        times = Times.from_grid(self._next, count, self._rate)
-        within = np.rint(times.fraction * SECOND).astype(np.int64)
-        stamps = self._origin + times.seconds * SECOND + within
-        self._file.write({"time": stamps, **values})
-        self._next += count
+def _stamps(first: int, count: int, rate: int, origin: int) -> np.ndarray:
+    times = Times.from_grid(first, count, rate)
+    within = np.rint(times.fraction * SECOND).astype(np.int64)
+    return origin + times.seconds * SECOND + within

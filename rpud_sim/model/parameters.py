@@ -14,7 +14,7 @@ from rpud_sim.foundation.parameters import (
     quantities,
 )
 from rpud_sim.foundation.quantities import ParameterError, did_you_mean, shown_name
-from rpud_sim.model.contact import CONTACT_MODELS, CONTACT_MODELS_TEXT
+from rpud_sim.model.contact_models import CONTACT_MODELS, CONTACT_MODELS_TEXT
 
 REGIMES = ("free", "drilling")
 

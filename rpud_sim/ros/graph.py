@@ -94,6 +94,18 @@ def request_for(offers: Sequence[QoSProfile], depth: int) -> QoSProfile:
     )
 
 
+def is_satisfied(request: QoSProfile, offers: Sequence[QoSProfile]) -> bool:
+    """Return whether a request connects to every offer."""
+    weakest = request_for(offers, request.depth)
+    return (
+        request.reliability == ReliabilityPolicy.BEST_EFFORT
+        or weakest.reliability == ReliabilityPolicy.RELIABLE
+    ) and (
+        request.durability == DurabilityPolicy.VOLATILE
+        or weakest.durability == DurabilityPolicy.TRANSIENT_LOCAL
+    )
+
+
 def node_name(endpoint: TopicEndpointInfo) -> str:
     """Return the full name of an endpoint's node; empty where that is not discovered yet."""
     name = endpoint.node_name

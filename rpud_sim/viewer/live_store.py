@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from dataclasses import asdict
 from typing import Any
 from urllib.parse import urlencode
 
@@ -135,8 +134,8 @@ class LiveStore(Store):
         """Return the drills of the domain for the list."""
         drills = [
             {
-                **asdict(each),
-                "path": f"/screen?{urlencode({'namespace': each.namespace}, safe='/')}",
+                **each,
+                "path": f"/screen?{urlencode({'namespace': each['namespace']}, safe='/')}",
             }
             for each in self.finder.drills()
         ]
@@ -144,7 +143,7 @@ class LiveStore(Store):
 
     def _look(self) -> list[str]:
         self._looked = self._clock()
-        self._namespaces = [drill.namespace for drill in self.finder.drills()]
+        self._namespaces = [drill["namespace"] for drill in self.finder.drills()]
         return self._namespaces
 
     def _state(self, drill: LiveDrill, heard: Heard, client: ClientState) -> dict[str, Any]:

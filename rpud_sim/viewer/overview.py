@@ -22,7 +22,7 @@ from rpud_sim.viewer.recording import (
     IMPACTS_TYPE,
     JOURNAL_TYPE,
     PieceRows,
-    Recording,
+    RecordedBag,
     find_jumps,
     namespace,
 )
@@ -47,7 +47,7 @@ class Overview:
     other. What a bag gains while it grows is read by further calls of it.
     """
 
-    def __init__(self, recording: Recording) -> None:
+    def __init__(self, recording: RecordedBag) -> None:
         self._recording = recording
         marks, readers = (JOURNAL_TYPE, FAULTS_TYPE), recording.readers
         self._marked = [name for name, reader in readers.items() if reader.type in marks]

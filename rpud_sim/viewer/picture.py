@@ -143,7 +143,7 @@ class Picture:
                 layer = self.line(name, start, end, width // _POINT)
                 shown = ("t", "mean") if kind == "line" else ("t", "mean", "low", "high")
                 layers[quantity] = {each: layer[each] for each in shown}
-        found = {"start": start, "end": end, "detail": "overview", "complete": end <= self.known}
+        found = {"start": start, "end": end, "detail": "overview"}
         return {**found, "band": "least-greatest", "layers": layers}
 
     def line(self, name: str, start: float, end: float, parts: int = _TIMELINE) -> Layer:

@@ -15,7 +15,7 @@ from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.pages.quantities import QUANTITIES, Quantity, for_browser
 from rpud_sim.viewer.picture import choice_of, chosen_quantities, drill_plots
-from rpud_sim.viewer.recording import Signal
+from rpud_sim.viewer.recording import RecordedSignal
 from rpud_sim.viewer.session import ClientState, Store, StoreError
 from rpud_sim.viewer.views import MESSAGES_RANGE, Views
 
@@ -289,7 +289,7 @@ def serve_bag(
         server.run()
 
 
-def _quantity(signal: Signal, drill: str) -> Quantity:
+def _quantity(signal: RecordedSignal, drill: str) -> Quantity:
     """Return a signal as a quantity of the table that the browser has."""
     label = f"{signal.topic.removeprefix(f'{drill}/')} {signal.column}"
     return Quantity(signal.name, label, signal.unit, zero=False)

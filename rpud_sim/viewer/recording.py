@@ -53,7 +53,7 @@ def find_jumps(stamps: np.ndarray, log_times: np.ndarray) -> list[Jump]:
 
 
 @dataclass(frozen=True)
-class Signal:
+class RecordedSignal:
     """Column of numbers of one topic."""
 
     topic: str  # its name
@@ -109,7 +109,9 @@ class TopicReader:
         ][:most]
         self.stamped = bool(stamp)
         self.latched = "transient_local" in {each.durability for each in summary.topic.offered_qos}
-        self.signals = [Signal(self.topic, self.type, each.name, each.unit) for each in numbers]
+        self.signals = [
+            RecordedSignal(self.topic, self.type, each.name, each.unit) for each in numbers
+        ]
         self.codec, _ = compiled(self.type, summary.definition or "")
         self._fields = FieldReader(self.codec, [*stamp, *numbers])
 
@@ -170,7 +172,7 @@ def clock_topics(readers: Mapping[str, TopicReader]) -> dict[str, frozenset[str]
 PieceRows = dict[str, Rows]  # rows of one part of a bag, by topic
 
 
-class Recording:
+class RecordedBag:
     """Open bag; for one thread at a time.
 
     Parts are numbered in the order of their beginnings. A damaged part is empty, and counted. The
@@ -346,12 +348,6 @@ class Recording:
 
     def close(self) -> None:
         self.bag.close()
-
-    def __enter__(self) -> Recording:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
     def _decode(self, number: int, topic: str) -> list[tuple[Message, Any]]:
         """Return the messages of a topic in a part, as they came and decoded; no others."""

@@ -69,7 +69,7 @@ class Store:
     mode = ""  # ``live`` or ``recorded``
 
     def open(self, client: ClientState) -> None:
-        """Note one more browser, or another drill of it; StoreError if there is nothing to show."""
+        """Note one more browser; StoreError if there is nothing to show."""
 
     def frame(self, client: ClientState) -> dict[str, Any] | None:
         """Return fields of the next frame without ``number``; None if nothing is new."""
@@ -79,7 +79,7 @@ class Store:
         """Do what a browser asks: ``act`` and its arguments, or ``seek``; ParameterError if not."""
 
     def close(self, client: ClientState) -> None:
-        """Note that a browser has gone, or is about to show another drill."""
+        """Note that a browser has gone."""
 
     def tidy(self) -> None:
         """Free what no browser needs any more; called every few seconds."""
@@ -189,15 +189,6 @@ class Session:
             self._client.section = False
         return fields
 
-    def _change_drill(self, drill: str) -> None:
-        other = ClientState(drill, self._client.view)
-        try:
-            self._store.open(other)
-        except StoreError as error:
-            raise ParameterError(str(error)) from None
-        before, self._client = self._client, other
-        self._store.close(before)
-
     # Requests
 
     async def hear(self, message: str | bytes) -> None:
@@ -224,8 +215,6 @@ class Session:
                 client.playhead = _number(asked["playhead"])
             case "section":
                 client.section = bool(asked["section"])
-            case "drill":
-                await self._work(self._change_drill, _text(asked["drill"]))
             case "seek":
                 if asked["seek"] not in ("next", "previous"):
                     raise ValueError("seek")

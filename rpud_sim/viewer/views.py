@@ -27,8 +27,8 @@ from rpud_sim.viewer.recording import (
     STATUS_TYPE,
     TRAJECTORY_TYPE,
     WAVEFORM_TYPE,
-    Recording,
-    Signal,
+    RecordedBag,
+    RecordedSignal,
     is_stranger,
 )
 
@@ -86,7 +86,7 @@ class Waveform:
 class Waveforms:
     """Waveforms of one recording."""
 
-    def __init__(self, recording: Recording) -> None:
+    def __init__(self, recording: RecordedBag) -> None:
         self._recording = recording
         self._codec = Codec(TRAJECTORY_TYPE, find_definition(TRAJECTORY_TYPE))
 
@@ -232,7 +232,7 @@ class Views:
     """Open bag: its recording, what was read of it so far, and what a screen shows of it."""
 
     def __init__(self, path: Path) -> None:
-        self.recording = Recording(path)
+        self.recording = RecordedBag(path)
         try:
             self.overview = Overview(self.recording)
         except BaseException:
@@ -241,7 +241,7 @@ class Views:
         self.waveforms = Waveforms(self.recording)
         self._signals = {signal.name: signal for signal in self.recording.signals}
 
-    def signal(self, drill: str, quantity: str) -> Signal | None:
+    def signal(self, drill: str, quantity: str) -> RecordedSignal | None:
         """Return the signal that shows a quantity of a drill; None if there is none with values.
 
         Beyond the table of quantities, the name of a signal is a quantity.
@@ -255,7 +255,7 @@ class Views:
                 return min(found, key=lambda signal: is_stranger(signal.topic))
         return None
 
-    def has_values(self, signal: Signal) -> bool:
+    def has_values(self, signal: RecordedSignal) -> bool:
         return self.overview.bins.has(signal.name)
 
     def has(self, drill: str, quantity: str) -> bool:
@@ -306,9 +306,8 @@ class Views:
                 silent = channel == "contact_force" and not near.channels[channel].any()
                 if not (silent and struck):  # before drilling an impact has no duration
                     layers[quantity] = _waveform_layer(near, channel, width)
-        complete = self.recording.damages.keys().isdisjoint(numbers)
         found = {"start": start, "end": end, "detail": WAVEFORM if near else MESSAGES}
-        return {**found, "complete": complete, "band": "least-greatest", "layers": layers}
+        return {**found, "band": "least-greatest", "layers": layers}
 
     def timeline(self, drill: str) -> Layer:
         """Return the field ``timeline`` of a frame: peak force, else the first signal."""
@@ -330,7 +329,7 @@ class Views:
         return found | ({"hole": hole} if hole else {})
 
     def _series(
-        self, signal: Signal, numbers: Sequence[int], start: float, end: float
+        self, signal: RecordedSignal, numbers: Sequence[int], start: float, end: float
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return times and values of a signal in a range, with the one before and the one after."""
         recording, parts = self.recording, [np.empty((2, 0))]
@@ -371,7 +370,7 @@ class Views:
         return {}
 
     def _parts(
-        self, drill: str, signals: Iterable[Signal], start: float, end: float
+        self, drill: str, signals: Iterable[RecordedSignal], start: float, end: float
     ) -> list[int] | None:
         """Return the parts of a range; None for more than one view reads."""
         if end - start > MESSAGES_RANGE:

@@ -50,7 +50,7 @@ def frame():
         "commands": {"list": [{"time": 9.0, "kind": "command", "text": "weight on bit 9 N"}]},
         "timeline": {"t": RAMP[::4], "low": RAMP[::4], "mean": RAMP[::4], "high": RAMP[::4]},
         "view": {
-            "start": 0.0, "end": END, "detail": "overview", "complete": True,
+            "start": 0.0, "end": END, "detail": "overview",
             "band": "5-95 %", "layers": layers,
         },
         "sections": [section(time) for time in (5.0, 20.0, 35.0)],

@@ -13,7 +13,7 @@ from invariants import check_trajectory
 from support import examples
 from trajectories import evaluate, rebuild
 
-from rpud_sim.model.contact import CONTACT_MODELS
+from rpud_sim.model.contact_models import CONTACT_MODELS
 from rpud_sim.model.drill import SEATING_TIME, derive
 from rpud_sim.model.engine import Engine, EngineError
 from rpud_sim.model.parameters import QUANTITIES, preset

@@ -10,8 +10,9 @@ from scipy.integrate import quad, solve_ivp
 from scipy.optimize import brentq
 
 from rpud_sim.foundation.time import SECOND
-from rpud_sim.model import contact
-from rpud_sim.model.contact import CONTACT_MODELS, effective_tool, single_contact
+from rpud_sim.model import contact, contact_models
+from rpud_sim.model.contact import effective_tool, single_contact
+from rpud_sim.model.contact_models import CONTACT_MODELS
 from rpud_sim.model.parameters import preset
 from rpud_sim.simulation.simulation import Simulation
 
@@ -25,9 +26,9 @@ M_2 = 7.9e3 * 2.0e-5 * 80e-3
 
 def test_the_parameter_chooses_the_model():
     printed = effective_tool(DRILLING.replace(contact_model="printed"))
-    assert printed == contact.printed_tool(K_1, K_2, M_1, M_2)
+    assert printed == contact_models.printed_tool(K_1, K_2, M_1, M_2)
     rayleigh = effective_tool(DRILLING.replace(contact_model="rayleigh"))
-    assert rayleigh == pytest.approx(contact.rayleigh_tool(K_1, K_2, M_1, M_2))
+    assert rayleigh == pytest.approx(contact_models.rayleigh_tool(K_1, K_2, M_1, M_2))
 
 
 @settings(max_examples=25)

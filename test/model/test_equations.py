@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad, solve_ivp
 
-from rpud_sim.model import contact
+from rpud_sim.model import contact, contact_models
 from rpud_sim.model.closed_form import (
     damping_coefficient,
     decaying_part,
@@ -30,7 +30,7 @@ SPRING_RATES = MODULUS * AREAS / LENGTHS
 SECTION_MASSES = DENSITY * AREAS * LENGTHS
 
 # A contact as in Fig. 12: displacement [m], velocity [m/s], free mass, tool mass [kg], k [N/m], g
-CONTACT = contact.UndisturbedContact(2e-6, 3.0, 5e-3, contact.EffectiveTool(6e-3, 4e7), 9.81)
+CONTACT = contact.UndisturbedContact(2e-6, 3.0, 5e-3, contact_models.EffectiveTool(6e-3, 4e7), 9.81)
 
 
 def collide(contact_bit, **velocities):
@@ -93,7 +93,7 @@ def test_equation_22_is_the_kinetic_energy_of_its_two_mode_shapes():
     k_1, k_2 = SPRING_RATES
     printed, opposite = k_2 / (k_1 + k_2), k_1 / (k_1 + k_2)
 
-    mass = contact.printed_tool(k_1, k_2, *SECTION_MASSES).mass
+    mass = contact_models.printed_tool(k_1, k_2, *SECTION_MASSES).mass
 
     expected = SECTION_MASSES[0] * section_energy(printed, 0)
     expected += SECTION_MASSES[1] * section_energy(opposite, 1)
@@ -104,7 +104,7 @@ def test_equation_27_is_the_strain_energy_of_the_printed_mode_shape():
     k_1, k_2 = SPRING_RATES
     junction = k_2 / (k_1 + k_2)
 
-    spring_rate = contact.printed_tool(k_1, k_2, *SECTION_MASSES).spring_rate
+    spring_rate = contact_models.printed_tool(k_1, k_2, *SECTION_MASSES).spring_rate
 
     assert spring_rate == pytest.approx(k_1 * (1.0 - junction) ** 2 + k_2 * junction**2, rel=1e-9)
 
@@ -113,7 +113,7 @@ def test_the_rayleigh_tool_is_one_mode_shape_throughout():
     k_1, k_2 = SPRING_RATES
     junction = k_1 / (k_1 + k_2)
 
-    tool = contact.rayleigh_tool(k_1, k_2, *SECTION_MASSES)
+    tool = contact_models.rayleigh_tool(k_1, k_2, *SECTION_MASSES)
 
     mass = sum(SECTION_MASSES[i] * section_energy(junction, i) for i in (0, 1))
     assert tool.mass == pytest.approx(mass, rel=1e-9)

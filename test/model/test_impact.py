@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from closed_forms import FREE_MASS, motion
 
-from rpud_sim.model.contact import EffectiveTool, UndisturbedContact
+from rpud_sim.model.contact import UndisturbedContact
+from rpud_sim.model.contact_models import EffectiveTool
 from rpud_sim.model.drill import derive
 from rpud_sim.model.engine import Engine
 from rpud_sim.model.impact import open_impact

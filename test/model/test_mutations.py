@@ -21,8 +21,8 @@ MUTATIONS = [
     (8, "closed_form.py", "(w * motion.sine - a * motion.cosine)", "(w * motion.sine)"),
     (13, "contact.py", "(mass_1 - restitution * mass_2)", "(mass_1 + restitution * mass_2)"),
     (13, "resets.py", "drill.drill_tool_restitution", "drill.actuator_restitution"),
-    (22, "contact.py", "3.0 * k_1 * k_2", "2.0 * k_1 * k_2"),
-    (27, "contact.py", "k_1 * k_1 - k_1 * k_2", "k_1 * k_1 + k_1 * k_2"),
+    (22, "contact_models.py", "3.0 * k_1 * k_2", "2.0 * k_1 * k_2"),
+    (27, "contact_models.py", "k_1 * k_1 - k_1 * k_2", "k_1 * k_1 + k_1 * k_2"),
     (
         36,
         "contact.py",

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from support import examples
 
 from rpud_sim.foundation.quantities import ParameterError
-from rpud_sim.model.contact import CONTACT_MODELS
+from rpud_sim.model.contact_models import CONTACT_MODELS
 from rpud_sim.model.parameters import REGIMES
 from rpud_sim.simulation import preset
 from rpud_sim.simulation.actuator import ActuatorParameters

@@ -182,17 +182,6 @@ def test_a_frame_comes_when_the_one_before_was_acknowledged(server, store):
         assert store.clients == ["/a"]
 
 
-def test_a_browser_changes_its_drill(server, store):
-    with ScreenClient(server.port, "?namespace=/a") as client:
-        client.until(lambda seen: seen.get("count") == 3)
-        client.send({"drill": "/b"})
-        client.until(lambda seen: seen["drill"] == "/b")
-        assert store.clients == ["/b"]
-        client.send({"drill": "/c"})
-        assert client.until(lambda seen: seen.get("refused")) == [1, "there is no drill in /c"]
-        assert store.clients == ["/b"]
-
-
 def test_an_action_reaches_the_store_or_is_refused(server, store):
     with ScreenClient(server.port) as client:
         client.send({"act": "press", "arguments": {"force": 3}})
@@ -217,7 +206,7 @@ WRONG = (
     {"view": {"start": -1e308, "end": 1e308}},
     {"choices": {str(number): "" for number in range(100)}},
     {"seek": "somewhere", "from": 0},
-    {"drill": 3},
+    {"drill": "/b"},
     {"act": 3},
     {"act": "press", "arguments": []},
 )

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from rpud_sim.foundation.json_values import finite_values
 from rpud_sim.inspection.compare.changes import AlignedEvent, ComparedWindow, Setting
 from rpud_sim.inspection.compare.estimates import (
     DIFFERS,
@@ -166,7 +167,7 @@ def all_differences(found: Sequence[WindowComparison]) -> Iterator[FigureDiffere
 def content(found: Comparison) -> dict[str, Any]:
     """Return a comparison for JSON; ``docs/reference/compare.md`` lists its fields."""
     runs = zip(found.names, found.drills, found.values, found.timing, strict=True)
-    plain: dict[str, Any] = _plain(
+    plain: dict[str, Any] = finite_values(
         {
             "equal_bits": found.equal_bits,
             "differs": found.differs,
@@ -239,12 +240,3 @@ def _difference(each: FigureDifference) -> dict[str, Any]:
         "p": each.chance,
         "decision": each.decision,
     }
-
-
-def _plain(value: Any) -> Any:
-    """Return content with None for numbers that are not finite: JSON has no NaN."""
-    if isinstance(value, Mapping):
-        return {name: _plain(item) for name, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -80,18 +80,6 @@ def without_padding(message: Message, codec: Codec) -> bytes:
         return message.data
 
 
-def without_repeats(recorded: Iterator[Message]) -> Iterator[Message]:
-    """Skip messages equal to the one before, of a latched topic.
-
-    They repeat where a bag's next file begins.
-    """
-    last = None
-    for message in recorded:
-        if message.data != last:
-            yield message
-        last = message.data
-
-
 def first_difference(codec: Codec, recorded: bytes, expected: bytes) -> tuple[str, str, str]:
     """Return the first field in which two messages differ, and its value in each, as texts.
 

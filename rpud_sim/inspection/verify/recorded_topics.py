@@ -29,36 +29,28 @@ class RecordedTopics:
 
     def __init__(self, bag: BagReader, topics: Collection[str]) -> None:
         self._bag = bag
+        # Of each topic without a reader of its own.
         self._waiting: dict[str, deque[MessageBlock]] = {topic: deque() for topic in topics}
         self._size = 0  # of waiting messages [bytes]
-        self._passed = dict.fromkeys(topics, 0)  # messages of each topic so far
-        self._own: dict[str, Iterator[MessageBlock]] = {}
         self._together = bag.blocks(topics)
 
-    def next(self, topic: str) -> MessageBlock | None:
-        """Return the next messages of a topic, at least one; None if there are none left."""
-        if topic in self._own:
-            return next(self._own[topic], None)
+    def blocks(self, topic: str) -> Iterator[MessageBlock]:
+        """Yield the messages of a topic in their order, at least one at once."""
+        passed = 0  # messages so far
         waiting = self._waiting[topic]
-        while not waiting and self._size <= _MOST_WAITING:
-            block = next(self._together, None)
-            if block is None:
-                return None
-            if block.topic in self._own:
-                continue
-            kept = block.packed()  # a few messages must not keep a whole chunk
-            self._waiting[block.topic].append(kept)
-            self._size += len(kept.data)
-        if not waiting:
-            self._own[topic] = self._separately(topic, self._passed[topic])
-            return next(self._own[topic], None)
-        block = waiting.popleft()
-        self._size -= len(block.data)
-        self._passed[topic] += len(block)
-        return block
-
-    def _separately(self, topic: str, passed: int) -> Iterator[MessageBlock]:
-        """Yield the messages of a topic after the first ones."""
+        while waiting or self._size <= _MOST_WAITING:
+            if waiting:
+                first = waiting.popleft()
+                self._size -= len(first.data)
+                passed += len(first)
+                yield first
+            elif (block := next(self._together, None)) is None:
+                return
+            elif block.topic in self._waiting:
+                kept = block.packed()  # a few messages must not keep a whole chunk
+                self._waiting[block.topic].append(kept)
+                self._size += len(kept.data)
+        del self._waiting[topic]
         for block in self._bag.blocks({topic}):
             rest = block.part(slice(min(passed, len(block)), None))
             passed -= len(block) - len(rest)
@@ -69,8 +61,8 @@ class RecordedTopics:
 class RecordedMessages:
     """Recorded messages of one topic in order; of a latched one without repeats."""
 
-    def __init__(self, source: RecordedTopics, topic: str, latched: bool = False) -> None:
-        self._source = source
+    def __init__(self, blocks: Iterator[MessageBlock], topic: str, latched: bool = False) -> None:
+        self._blocks = blocks
         self._topic = topic
         self._latched = latched
         self._block: MessageBlock | None = None
@@ -118,7 +110,7 @@ class RecordedMessages:
         """Return the block of the next message, which is no repeat; None if there is none."""
         while True:
             if self._block is None or self._next >= len(self._block):
-                self._block, self._next = self._source.next(self._topic), 0
+                self._block, self._next = next(self._blocks, None), 0
                 if self._block is None:
                     return None
             last = self._last if self._latched else None

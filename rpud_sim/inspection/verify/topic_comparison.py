@@ -6,6 +6,7 @@ import dataclasses
 from collections import Counter, deque
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
+from itertools import groupby
 
 from rpud_sim.bag import Message
 from rpud_sim.bag.cdr import Codec
@@ -18,7 +19,6 @@ from rpud_sim.inspection.verify.messages import (
     first_difference,
     recorded_key,
     without_padding,
-    without_repeats,
 )
 from rpud_sim.inspection.verify.recorded_topics import RecordedMessages
 from rpud_sim.simulation.fields import Fields
@@ -321,7 +321,9 @@ class ContentComparison:
     ) -> None:
         self.equal = 0  # number of recorded messages that were computed, in the recorded order
         self._codec = codec
-        self._recorded = without_repeats(recorded) if latched else recorded
+        self._recorded = recorded
+        if latched:  # they repeat where a bag's next file begins
+            self._recorded = (next(group) for _, group in groupby(recorded, lambda each: each.data))
         self._suspects: dict[Key, list[Suspect]] = {}
         for suspect in suspects:
             self._suspects.setdefault(suspect.key, []).append(suspect)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import dataclasses
 import time
+from typing import Any
 
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
@@ -19,19 +19,6 @@ _STEP_TYPE = "rpud_msgs/srv/StepSimulation"
 _SILENCE = 4.0  # of a drill that is gone; the middleware remembers a killed one for 20 s [s]
 
 
-@dataclasses.dataclass(frozen=True)
-class FoundDrill:
-    """Drill of the list."""
-
-    namespace: str  # of the drill
-    # as its status says; ``silent`` if it publishes none any more, empty before the first
-    state: str = ""
-    regime: str = ""  # as its status says
-    weight_on_bit: float | None = None  # [N]
-    active_faults: int = 0  # number of them
-    impacts: int = 0  # on the drill tool since the start
-
-
 class DrillFinder(ListeningNode):
     """Node that knows the drills of a domain; it never waits. Use it from one thread."""
 
@@ -40,7 +27,11 @@ class DrillFinder(ListeningNode):
         self._statuses: dict[str, Subscription] = {}  # by namespace
         self._heard: dict[str, tuple[float, Status]] = {}
 
-    def drills(self) -> list[FoundDrill]:
+    def drills(self) -> list[dict[str, Any]]:
+        """Return each drill with its namespace and what its status says.
+
+        The state is ``silent`` if it publishes none any more, and empty before the first.
+        """
         namespaces = drill_namespaces(self.node)
         for gone in set(self._statuses).difference(namespaces):
             self.unsubscribe(self._statuses.pop(gone))
@@ -58,19 +49,17 @@ class DrillFinder(ListeningNode):
         topic = f"{namespace.rstrip('/')}/status"
         return self.subscribe(Status, topic, heard, _LATCHED)
 
-    def _drill(self, namespace: str) -> FoundDrill:
-        if namespace not in self._heard:
-            return FoundDrill(namespace)
-        heard_at, status = self._heard[namespace]
-        silent = time.monotonic() - heard_at > _SILENCE
-        return FoundDrill(
-            namespace,
-            "silent" if silent else str(status.state),
-            str(status.regime),
-            float(status.weight_on_bit),
-            int(status.active_faults),
-            int(status.impacts),
-        )
+    def _drill(self, namespace: str) -> dict[str, Any]:
+        now, known = time.monotonic(), namespace in self._heard
+        heard_at, status = self._heard.get(namespace, (now, Status()))
+        return {
+            "namespace": namespace,
+            "state": "silent" if now - heard_at > _SILENCE else str(status.state),
+            "regime": str(status.regime),
+            "weight_on_bit": float(status.weight_on_bit) if known else None,
+            "active_faults": int(status.active_faults),
+            "impacts": int(status.impacts),
+        }
 
 
 def drill_namespaces(node: Node) -> list[str]:

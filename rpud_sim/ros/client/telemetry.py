@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import struct
 from collections.abc import Callable, Mapping
 from contextlib import suppress
@@ -29,7 +30,7 @@ from rpud_sim.ros.client.listening_node import ListeningNode
 _DEPTH = 5_000  # messages that may wait; Fast DDS keeps no more
 _WAVES = 200  # blocks that may wait, each of some 100 kB
 
-# What follows the header of each type; `struct` pads nothing. T is a text, which the rest follows.
+# What follows the header of each type; `struct` pads nothing. T is a text, A an array of numbers.
 _LAYOUTS = {
     "nodal_plane": (NodalPlane, "dd"),
     "drill_tool": (DrillTool, "dd?"),
@@ -44,9 +45,8 @@ _LAYOUTS = {
 FIELDS: dict[str, tuple[str, ...]] = {
     topic: tuple(kind.get_fields_and_field_types())[1:] for topic, (kind, _) in _LAYOUTS.items()
 }
-_CHANNELS = 6  # arrays of a waveform
+_WAVEFORM = "QdAAAAAA"
 _PADDING = 4  # bytes to which a message is padded
-_FIXED = 16  # bytes of a waveform's fields before its arrays
 
 
 class Telemetry:
@@ -69,10 +69,10 @@ class Telemetry:
         self._events: dict[str, int] = {}
         for topic, sink in sinks.items():
             if topic == "waveform":
-                self._subscribe(topic, Waveform, _waves_to(sink), _WAVES)
+                self._subscribe(topic, Waveform, _decoder(_of_arrays(sink), _WAVEFORM), _WAVES)
             else:
                 kind, layout = _LAYOUTS[topic]
-                self._subscribe(topic, kind, _values_to(sink, layout), _DEPTH)
+                self._subscribe(topic, kind, _decoder(sink, layout), _DEPTH)
 
     @property
     def lost(self) -> Mapping[str, int]:
@@ -89,9 +89,7 @@ class Telemetry:
         self._events[topic] = 0
 
         def heard(data: bytes, info: dict[str, Any]) -> None:
-            number = info["publication_sequence_number"]
-            if number is not None:
-                gaps.note(number)
+            gaps.note(info["publication_sequence_number"])
             with suppress(struct.error, ValueError):  # of a stranger: not a message of this type
                 decode(data)
 
@@ -107,71 +105,49 @@ class Telemetry:
             self._listening.subscribe(kind, topic, heard, QoSProfile(depth=depth), **options)
 
 
-def _values_to(
+def _decoder(
     sink: Callable[[int, tuple[Any, ...]], object], layout: str
 ) -> Callable[[bytes], None]:
-    before, _, behind = layout.partition("T")
-    layouts = {order: struct.Struct(order + before) for order in "<>"}
-    rests = {order: struct.Struct(order + behind) for order in "<>"} if behind else {}
+    """Return what gives a sink the stamp and the values of a message in plain CDR."""
+    parts = [
+        part if part in "TA" else {order: struct.Struct(order + part) for order in "<>"}
+        for part in re.findall("[TA]|[^TA]+", layout)
+    ]
 
     def decode(data: bytes) -> None:
-        order = _order(data)
-        stamp, place = _header(data, order)
-        values = layouts[order].unpack_from(data, place)
-        end = place + layouts[order].size
-        if rests:
-            text, place = _text(data, order, end)
-            values = (*values, text, *rests[order].unpack_from(data, place))
-            end = place + rests[order].size
-        _check_end(data, end)
-        sink(stamp, values)
-
-    return decode
-
-
-def _waves_to(sink: Callable[[int, tuple[Any, ...]], object]) -> Callable[[bytes], None]:
-    def decode(data: bytes) -> None:
-        order = _order(data)
-        stamp, place = _header(data, order)
-        sequence, period = struct.unpack_from(f"{order}Qd", data, place)
-        place += _FIXED
-        arrays = []
-        for _ in range(_CHANNELS):
+        order = {b"\0\0": ">", b"\0\1": "<"}.get(bytes(data[:2]))
+        if order is None:
+            raise ValueError("another encapsulation than plain CDR")
+        seconds, nanoseconds, length = struct.unpack_from(f"{order}iII", data, 4)
+        place = _aligned(16 + length)
+        values: tuple[Any, ...] = ()
+        ends = True  # the middleware allots padding also to an empty array
+        for part in parts:
+            if isinstance(part, dict):
+                values += part[order].unpack_from(data, place)
+                place += part[order].size
+                continue
             (length,) = struct.unpack_from(f"{order}I", data, place)
-            place = _aligned(place + 4) if length else place + 4
-            arrays.append(np.frombuffer(data, f"{order}f8", length, place))
-            place += 8 * length
-        if all(map(len, arrays)):  # the middleware allots padding also to an empty array
-            _check_end(data, place)
-        sink(stamp, (sequence, period, tuple(arrays)))
+            place += 4
+            if part == "T":
+                values += (data[place : place + length].rstrip(b"\0").decode(),)
+                place = _aligned(place + length)
+            else:
+                place = _aligned(place) if length else place
+                values += (np.frombuffer(data, f"{order}f8", length, place),)
+                place += 8 * length
+                ends = ends and length > 0
+        if ends and not 0 <= len(data) - place < _PADDING:
+            raise ValueError("another length: the sender has another definition of the type")
+        sink(seconds * SECOND + nanoseconds, values)
 
     return decode
 
 
-def _order(data: bytes) -> str:
-    """Return the byte order of plain CDR, as ``struct`` names it."""
-    order = {b"\0\0": ">", b"\0\1": "<"}.get(bytes(data[:2]))
-    if order is None:
-        raise ValueError("another encapsulation than plain CDR")
-    return order
-
-
-def _check_end(data: bytes, end: int) -> None:
-    """Check that a message ends with its last field, but for padding to four bytes."""
-    if not 0 <= len(data) - end < _PADDING:
-        raise ValueError("another length: the sender has another definition of the type")
-
-
-def _header(data: bytes, order: str) -> tuple[int, int]:
-    """Return the stamp of a header [ns], and the place of an eight-byte field that follows it."""
-    seconds, nanoseconds, length = struct.unpack_from(f"{order}iII", data, 4)
-    return seconds * SECOND + nanoseconds, _aligned(16 + length)
-
-
-def _text(data: bytes, order: str, place: int) -> tuple[str, int]:
-    (length,) = struct.unpack_from(f"{order}I", data, place)
-    end = place + 4 + length
-    return data[place + 4 : end].rstrip(b"\0").decode(), _aligned(end)
+def _of_arrays(
+    sink: Callable[[int, tuple[Any, ...]], object],
+) -> Callable[[int, tuple[Any, ...]], object]:
+    return lambda stamp, values: sink(stamp, (*values[:2], values[2:]))
 
 
 def _aligned(place: int) -> int:

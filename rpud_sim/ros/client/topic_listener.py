@@ -19,7 +19,7 @@ from rclpy.validate_topic_name import validate_topic_name
 from rpud_sim.bag.losses import SequenceGaps
 from rpud_sim.foundation.quantities import ParameterError, did_you_mean, shown
 from rpud_sim.ros.client.listening_node import ClientError, ListeningNode, NoAnswerError
-from rpud_sim.ros.graph import UnknownTypeError, message_class, request_for
+from rpud_sim.ros.graph import UnknownTypeError, is_satisfied, message_class, request_for
 from rpud_sim.ros.starting import name_error
 
 CUT = 128  # elements of an array, or characters of a text, that are shown unless all are wanted
@@ -95,16 +95,12 @@ class TopicListener:
         request = listening_qos(offers_of_topic(self._node, self.topic))
         before = self._request
         if before is not None:
-            weaker = (
-                request.reliability.value > before.reliability.value
-                or request.durability.value > before.durability.value
-            )
             same = (request.reliability, request.durability) == (
                 before.reliability,
                 before.durability,
             )
             # A stronger request would give latched messages a second time.
-            if same or (self._heard and not weaker):
+            if same or (self._heard and is_satisfied(before, [request])):
                 return
         if self._subscription is not None:
             self._listening.unsubscribe(self._subscription)
@@ -116,9 +112,7 @@ class TopicListener:
     def _on_message(self, message: Any, info: dict[str, Any]) -> None:
         self._heard = True
         self._messages.append(message)
-        number = info["publication_sequence_number"]
-        if number is not None:  # not every middleware counts
-            self._gaps.note(number)
+        self._gaps.note(info["publication_sequence_number"])
 
 
 def absolute_name(node: Node, topic: str) -> str:

@@ -67,7 +67,7 @@ class DrillNode(ManagedNode):
         self.settings.read_scenario()  # a file that is missing ends the start, not the activation
         begin = start.run.time if start else 0
         self._end = sys.maxsize if duration is None else begin + round(duration * SECOND)
-        self._inbox = Inbox(self.get_logger())
+        self._inbox = Inbox(self.get_logger(), self.loop.wake)
         self._namesakes = DuplicateNodes(self)
         self._sent: Counter[str] | None = None
         self._gate = Gate(self, lambda: self.settings, self._inbox, self._now)
@@ -303,10 +303,7 @@ def open_drill(
                     f"a drill named {search.name} runs already: choose another --namespace, "
                     "or give --allow-duplicate"
                 )
-        overrides = [
-            Parameter(name, value=float(value) if _is_whole(value) else value)
-            for name, value in values.items()
-        ]
+        overrides = [Parameter(name, value=value) for name, value in values.items()]
         yield DrillNode(duration, start, namespace=namespace, parameter_overrides=overrides)
 
 
@@ -317,7 +314,3 @@ def await_recorder(node: DrillNode, stop: StopRequest) -> None:
         pass
     if node.unheard and not stop.requested:
         node.get_logger().warning(f"not heard by the recorder: {', '.join(node.unheard)}")
-
-
-def _is_whole(value: Any) -> bool:
-    return isinstance(value, int) and not isinstance(value, bool)

@@ -6,15 +6,12 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
+from rclpy.impl.rcutils_logger import RcutilsLogger
 from rpud_msgs.msg import CommandResult
 
 from rpud_sim.ros.delay_histogram import DelayHistogram
 from rpud_sim.simulation.commands import Drive, Feed, WeightOnBit
-
-if TYPE_CHECKING:
-    from rclpy.impl.rcutils_logger import RcutilsLogger
 
 Command = WeightOnBit | Drive | Feed
 
@@ -26,11 +23,13 @@ _MALFORMED_PERIOD = 10.0  # between two log lines about malformed commands [s]
 class Inbox:
     """Queue of checked commands in the order in which they came.
 
-    One thread appends, another drains, and any may refuse requests of services.
+    One thread appends, another drains, and any may refuse requests of services. ``notify`` is
+    called when a command is accepted or refused.
     """
 
-    def __init__(self, logger: RcutilsLogger) -> None:
+    def __init__(self, logger: RcutilsLogger, notify: Callable[[], None] = lambda: None) -> None:
         self._logger = logger
+        self.notify = notify
         self._waiting: deque[tuple[int, Command, CommandResult]] = deque()
         self._results: deque[CommandResult] = deque(maxlen=_MOST_RESULTS)  # not published yet
         # By kind and whether it was accepted.
@@ -39,7 +38,6 @@ class Inbox:
         self._delays = DelayHistogram()
         self._second = 0
         self._logged = 0
-        self._notify: Callable[[], None] = lambda: None
         self._counting = threading.Lock()
         self.accepted = 0  # commands that were drained, since the start
         self.rejected = 0  # commands that were refused, since the start
@@ -47,10 +45,6 @@ class Inbox:
         self.discarded = 0
         self.requests_refused = 0  # requests of services that were refused, since the start
         self.last_refusal = ""  # why the latest command or request was refused
-
-    def notify(self, notify: Callable[[], None]) -> None:
-        """Call this from now on when a command is accepted or refused."""
-        self._notify = notify
 
     def begin(self) -> None:
         """Count from zero, and discard waiting commands: they were meant for the run before."""
@@ -83,13 +77,13 @@ class Inbox:
         arrived = time.monotonic_ns() if arrived is None else arrived
         with self._counting:
             self._waiting.append((arrived, command, result))
-        self._notify()
+        self.notify()
 
     def discard(self, count: int) -> None:
         """Count commands that the middleware overwrote before they were taken."""
         with self._counting:
             self.discarded += count
-        self._notify()
+        self.notify()
 
     def refuse(self, result: CommandResult, reason: str, *, malformed: bool = False) -> None:
         """Count an invalid command, and log why; of malformed ones, one in ten seconds."""
@@ -101,7 +95,7 @@ class Inbox:
             self._results.append(result)
             if not malformed:
                 self._log(text)
-        self._notify()
+        self.notify()
         if malformed:
             self._logger.warning(text, throttle_duration_sec=_MALFORMED_PERIOD)
 

@@ -92,12 +92,9 @@ class LiveRun:
         except Exception:
             self.publishers.destroy()  # or the next configuration would have each topic twice
             raise
-        self._source = TimeSource(node, settings.publish_clock)
+        self._source = TimeSource(node, settings.publish_clock, inbox.notify)
         self.pacer = Pacer(settings.telemetry_rate, schedule=self._source.schedule)
-        if start:
-            self._resume(run, 0, active=True)
-        else:
-            self._replace(run, 0)
+        self._switch(run, 0, active=True if start else None)
 
     @property
     def stamp(self) -> int:
@@ -130,11 +127,6 @@ class LiveRun:
 
     # From the configuration to the clean-up.
 
-    def notify(self, wake: Callable[[], None]) -> None:
-        """Call this from now on when a command comes or the time source moves."""
-        self._inbox.notify(wake)
-        self._source.notify(wake)
-
     def announce(self) -> None:
         """Publish status and diagnostics before the beginning."""
         self.run.place(self._source.origin(self.run.time))
@@ -150,7 +142,7 @@ class LiveRun:
         self._journal = Journal()
         run = self._new_run(settings, active=True)
         self.settings = self._first_settings = settings
-        self._replace(run, self.run.origin)
+        self._switch(run, self.run.origin)
 
     def start_time(self, stop: threading.Event, serve: Callable[[], None]) -> None:
         """Let simulation time begin, now or with the first ``/clock``.
@@ -182,7 +174,7 @@ class LiveRun:
 
     def follow_clock(self) -> None:
         """Begin again if another's ``/clock`` went back."""
-        if self._source.went_back():
+        if self._source.went_back:
             self._logger.warning("/clock went back: the drill restarts")
             self.reset(time=True, state=True)
 
@@ -324,7 +316,7 @@ class LiveRun:
         self.publishers.publish(old.entries())
         own = old.origin + old.time - new.time if continues else new.origin
         origin = self._source.origin(new.time, own)
-        self._resume(new, origin, old.control.active)
+        self._switch(new, origin, old.control.active)
         new.note_state()  # a recorder that came after the checkpoint cannot go back to it
         self.reporter.begin()
         self._restored(self.settings)
@@ -351,7 +343,7 @@ class LiveRun:
         self._seed, self.settings = self._seed if seed is None else seed, settings
         self._flush()
         if new is not None:
-            self._replace(new, self._source.origin() if time else old.origin + old.time)
+            self._switch(new, self._source.origin() if time else old.origin + old.time)
             self.reporter.begin()
             self._restored(settings)
         elif time:
@@ -390,21 +382,19 @@ class LiveRun:
     def _next_planned(self) -> int:
         return self._planned[0].delay if self._planned else NEVER
 
-    def _replace(self, run: Run, origin: int) -> None:
-        """Go on with a new run, whose simulation time zero has this stamp [ns]."""
-        self._switch(run)
-        run.begin(origin)
+    def _switch(self, run: Run, origin: int, active: bool | None = None) -> None:
+        """Go on with a run whose simulation time zero has this stamp [ns].
 
-    def _resume(self, run: Run, origin: int, active: bool) -> None:
-        """Go on with a copied run; see ``Run.resume``."""
-        self._switch(run)
-        run.resume(origin, active)
-
-    def _switch(self, run: Run) -> None:
+        ``active`` is of a copied run, which goes on; None for one that begins.
+        """
         self.run = run
         self.pacer.reset()
         planned = self._start.planned if self._start else ()
         self._planned = deque(change for change in planned if change.delay > run.time)
+        if active is None:
+            run.begin(origin)
+        else:
+            run.resume(origin, active)
 
     def _begin_in_state(self, start: Start, settings: Settings) -> None:
         self._journal = start.next_journal()
@@ -417,7 +407,7 @@ class LiveRun:
         self._checkpoints.save(FORK, run)
         self._saved[FORK] = settings, self._seed
         run.note("save", name=FORK, forked_from=dict(start.forked_from))
-        self._resume(run, self.run.origin, active=True)
+        self._switch(run, self.run.origin, active=True)
         run.note_state()  # a late subscriber gets the last entries only
 
     def _copy(self, start: Start, journal: Journal) -> Run:

@@ -24,18 +24,20 @@ class TimeSource:
     """Clock that gives simulation time zero its stamp, and what comes after it a schedule.
 
     The node's clock follows ``/clock`` with its parameter ``use_sim_time``. With ``publishes`` the
-    node itself is the source of ``/clock``.
+    node itself is the source of ``/clock``. ``notify`` is called when another's ``/clock`` moves.
     """
 
-    def __init__(self, node: Node, publishes: bool) -> None:
+    def __init__(
+        self, node: Node, publishes: bool, notify: Callable[[], None] = lambda: None
+    ) -> None:
         self._clock = node.get_clock()
         self._logger = node.get_logger()
         self._publishes = publishes
         simulated = isinstance(self._clock, ROSClock) and self._clock.ros_time_is_active
         # Whether the time is that of another source of ``/clock``.
         self.follows = simulated and not publishes
-        self._notify: Callable[[], None] = lambda: None
-        self._went_back = threading.Event()
+        self._notify = notify
+        self.went_back = False  # whether another's ``/clock`` did, since the latest origin
         self._jumps = None
         if self.follows:
             self._jumps = self._clock.create_jump_callback(
@@ -52,10 +54,6 @@ class TimeSource:
         """The time that a schedule follows [ns]; None for the monotonic clock."""
         return self._now if self.follows else None
 
-    def notify(self, notify: Callable[[], None]) -> None:
-        """Call this from now on when another's ``/clock`` has moved."""
-        self._notify = notify
-
     def wait(self, stop: threading.Event, serve: Callable[[], None]) -> None:
         """Wait until there is a time; ``serve`` is called again and again meanwhile."""
         if self.follows and self._now() == 0:
@@ -66,14 +64,10 @@ class TimeSource:
     def origin(self, time: int = 0, own: int = 0) -> int:
         """Return the stamp of simulation time zero if a simulation time is now [ns].
 
-        It is ``own`` where the node is the source. Whether another's ``/clock`` went back counts
-        from here on.
+        It is ``own`` where the node is the source.
         """
-        self._went_back.clear()
+        self.went_back = False
         return own if self._publishes else self._now() - time
-
-    def went_back(self) -> bool:
-        return self._went_back.is_set()
 
     def close(self) -> None:
         if self._jumps is not None:
@@ -85,7 +79,7 @@ class TimeSource:
 
     def _on_jump(self, jump: TimeJump) -> None:
         if jump.delta.nanoseconds < 0:
-            self._went_back.set()
+            self.went_back = True
         self._notify()
 
 

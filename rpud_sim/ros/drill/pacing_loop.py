@@ -29,10 +29,11 @@ class PacingLoop:
         self.live: LiveRun | None = None  # from the node's configuration to its clean-up
         self.failure: BaseException | None = None  # error that ended the thread
         self._thread: threading.Thread | None = None
-        self._wake = threading.Event()
+        self._waking = threading.Event()
+        self.wake = self._waking.set  # to be called when there is something to do
         self._stop = threading.Event()
         self._finished = threading.Event()
-        self._requests = Requests(self._wake.set)
+        self._requests = Requests(self.wake)
         self._clock_due = 0.0
         self._quit_at = math.inf
 
@@ -50,8 +51,7 @@ class PacingLoop:
         """Take a live run, which nothing moves yet."""
         self.live = live
         self._stop.clear()
-        self._requests = Requests(self._wake.set)
-        live.notify(self._wake.set)
+        self._requests = Requests(self.wake)
         live.announce()
 
     def start(self, settings: Settings) -> None:
@@ -77,13 +77,13 @@ class PacingLoop:
         has left.
         """
         self._stop.set()
-        self._wake.set()
+        self.wake()
         self._quit_at = time.monotonic() + _LAST_RESPONSE
 
     def stop(self) -> None:
         """End the drilling, publish the last status, and wait until subscribers have it."""
         self._stop.set()
-        self._wake.set()
+        self.wake()
         if self._thread is not None:
             self._thread.join()
         if self.live is not None:
@@ -126,8 +126,8 @@ class PacingLoop:
         publishers.send(messages)
         pacer.finish(until)
         if pacer.paces:
-            struck = [time for time, name, _ in entries if name == "contact_force"]
-            live.reporter.add_impact_delays(map(pacer.delay_since, struck))
+            for struck in (time for time, name, _ in entries if name == "contact_force"):
+                live.reporter.impact_delays.add(pacer.delay_since(struck))
         live.read_commands()
         if not pacer.ahead:
             live.publish_deferred()
@@ -142,8 +142,8 @@ class PacingLoop:
                 requests.serve()
                 live.follow_clock()
                 if (idle := self.turn(live)) > 0.0:
-                    self._wake.wait(min(idle, _LONGEST_WAIT))
-                    self._wake.clear()
+                    self._waking.wait(min(idle, _LONGEST_WAIT))
+                    self._waking.clear()
             live.finish()
         except Exception as error:
             self.failure = error

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import time
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
@@ -80,82 +80,77 @@ def report_to_diagnostics(
 ) -> DiagnosticArray:
     """Convert to diagnostics of timing and of commands; the stamp is that of the node's clock."""
     timing, status = report.timing, report.status
-    if timing.lag > LAG_ERROR:
-        level, text = DiagnosticStatus.ERROR, f"simulation time lags {timing.lag:.3f} s behind"
-    elif timing.lateness_max * telemetry_rate > 1.0:
-        level, text = DiagnosticStatus.WARN, f"a block was {timing.lateness_max:.3f} s late"
-    else:
-        level, text = DiagnosticStatus.OK, "on time"
+    parts: dict[str, tuple[tuple[bytes, str], dict[str, object]]] = {
+        "timing": (
+            _timing_health(timing, telemetry_rate),
+            {
+                "real_time_factor": f"{timing.real_time_factor:.4f}",
+                "blocks": timing.blocks,
+                "deadlines_missed": timing.deadlines_missed,
+                "lateness [s]": f"{timing.lateness:.6f}",
+                "lateness_max [s]": f"{timing.lateness_max:.6f}",
+                "lateness_p50 [s]": f"{timing.lateness_p50:.6f}",
+                "lateness_p99 [s]": f"{timing.lateness_p99:.6f}",
+                "lateness_p99.9 [s]": f"{timing.lateness_p999:.6f}",
+                "lag [s]": f"{timing.lag:.6f}",
+                **_delay_values("impact", report.impact_delays),
+                "scheduling": report.scheduling,
+                **_fields(status, "messages_dropped"),
+            },
+        ),
+        "commands": (
+            _command_health(status),
+            {
+                **_fields(status, "commands_accepted", "commands_rejected", "commands_discarded"),
+                **_delay_values("command", report.command_delays),
+                "requests_refused": report.requests_refused,
+                "last_refusal": report.last_refusal,
+                **_fields(status, "weight_on_bit [N]", "drive_enabled", "drive_voltage [V]"),
+                **_fields(status, "drive_frequency [Hz]"),
+                **_feed_values(report),
+                **_fields(status, "commanders"),
+            },
+        ),
+        "drill": (
+            _drill_health(report),
+            {
+                **_fields(status, "state", "regime", "impacts", "vibration_amplitude [m]"),
+                **_fields(status, "resonance_frequency [Hz]", "actuator_temperature [K]"),
+                **_fields(status, "electrical_power [W]", "depth [m]", "penetration_rate [m/s]"),
+                **_arm_values(report),
+                **_fields(status, "active_faults"),
+                "namesakes": report.namesakes,
+            },
+        ),
+        "messages": (
+            _message_health(status),
+            {
+                "published": _numbers(report.published),
+                "subscribers": _numbers(report.subscribers),
+                "publishers": _numbers(report.publishers),
+                "acknowledged": report.acknowledged,
+            },
+        ),
+    }
     return DiagnosticArray(
         header=Header(stamp=stamp),
         status=[
-            _diagnostic(
-                f"{node_name}: timing",
-                level,
-                text,
-                {
-                    "real_time_factor": f"{timing.real_time_factor:.4f}",
-                    "blocks": timing.blocks,
-                    "deadlines_missed": timing.deadlines_missed,
-                    "lateness [s]": f"{timing.lateness:.6f}",
-                    "lateness_max [s]": f"{timing.lateness_max:.6f}",
-                    "lateness_p50 [s]": f"{timing.lateness_p50:.6f}",
-                    "lateness_p99 [s]": f"{timing.lateness_p99:.6f}",
-                    "lateness_p99.9 [s]": f"{timing.lateness_p999:.6f}",
-                    "lag [s]": f"{timing.lag:.6f}",
-                    **_delay_values("impact", report.impact_delays),
-                    "scheduling": report.scheduling,
-                    "messages_dropped": status["messages_dropped"],
-                },
-            ),
-            _diagnostic(
-                f"{node_name}: commands",
-                *_command_health(status),
-                {
-                    "commands_accepted": status["commands_accepted"],
-                    "commands_rejected": status["commands_rejected"],
-                    "commands_discarded": status["commands_discarded"],
-                    **_delay_values("command", report.command_delays),
-                    "requests_refused": report.requests_refused,
-                    "last_refusal": report.last_refusal,
-                    "weight_on_bit [N]": f"{status['weight_on_bit']:g}",
-                    "drive_enabled": status["drive_enabled"],
-                    "drive_voltage [V]": f"{status['drive_voltage']:g}",
-                    "drive_frequency [Hz]": f"{status['drive_frequency']:g}",
-                    **_feed_values(report),
-                    "commanders": status["commanders"],
-                },
-            ),
-            _diagnostic(
-                f"{node_name}: drill",
-                *_drill_health(report),
-                {
-                    "state": status["state"],
-                    "regime": status["regime"],
-                    "impacts": status["impacts"],
-                    "vibration_amplitude [m]": f"{status['vibration_amplitude']:g}",
-                    "resonance_frequency [Hz]": f"{status['resonance_frequency']:g}",
-                    "actuator_temperature [K]": f"{status['actuator_temperature']:g}",
-                    "electrical_power [W]": f"{status['electrical_power']:g}",
-                    "depth [m]": f"{status['depth']:g}",
-                    "penetration_rate [m/s]": f"{status['penetration_rate']:g}",
-                    **_arm_values(report),
-                    "active_faults": status["active_faults"],
-                    "namesakes": report.namesakes,
-                },
-            ),
-            _diagnostic(
-                f"{node_name}: messages",
-                *_message_health(status),
-                {
-                    "published": _numbers(report.published),
-                    "subscribers": _numbers(report.subscribers),
-                    "publishers": _numbers(report.publishers),
-                    "acknowledged": report.acknowledged,
-                },
-            ),
+            DiagnosticStatus(
+                level=level,
+                name=f"{node_name}: {name}",
+                message=text,
+                hardware_id="rpud_sim",
+                values=[KeyValue(key=key, value=str(value)) for key, value in values.items()],
+            )
+            for name, ((level, text), values) in parts.items()
         ],
     )
+
+
+def _fields(status: Fields, *keys: str) -> dict[str, object]:
+    """Return fields of a status, each by its name and its unit in brackets."""
+    values = {key: status[key.partition(" ")[0]] for key in keys}
+    return {key: f"{each:g}" if isinstance(each, float) else each for key, each in values.items()}
 
 
 def _delay_values(name: str, delays: DelayHistogram) -> dict[str, object]:
@@ -172,7 +167,7 @@ def _feed_values(report: Report) -> dict[str, object]:
         return {}
     mode = FEED_MODES[report.status["feed_mode"]]
     unit = "m/s" if mode == RATE else "m"
-    return {"feed_mode": mode, f"feed_value [{unit}]": f"{report.status['feed_value']:g}"}
+    return {"feed_mode": mode, **_fields(report.status, f"feed_value [{unit}]")}
 
 
 def _arm_values(report: Report) -> dict[str, object]:
@@ -183,6 +178,14 @@ def _arm_values(report: Report) -> dict[str, object]:
     if report.process.mount is not None:
         values["coupling_power [W]"] = f"{report.coupling_power:.3g}"
     return values
+
+
+def _timing_health(timing: Punctuality, telemetry_rate: int) -> tuple[bytes, str]:
+    if timing.lag > LAG_ERROR:
+        return DiagnosticStatus.ERROR, f"simulation time lags {timing.lag:.3f} s behind"
+    if timing.lateness_max * telemetry_rate > 1.0:
+        return DiagnosticStatus.WARN, f"a block was {timing.lateness_max:.3f} s late"
+    return DiagnosticStatus.OK, "on time"
 
 
 def _command_health(status: Fields) -> tuple[bytes, str]:
@@ -228,16 +231,6 @@ def _numbers(counts: Mapping[str, int]) -> str:
     return ", ".join(f"{name} {count}" for name, count in counts.items())
 
 
-def _diagnostic(name: str, level: bytes, text: str, values: dict[str, object]) -> DiagnosticStatus:
-    return DiagnosticStatus(
-        level=level,
-        name=name,
-        message=text,
-        hardware_id="rpud_sim",
-        values=[KeyValue(key=key, value=str(value)) for key, value in values.items()],
-    )
-
-
 class StatusReporter:
     """Statistics and reports, every second and on demand; ``telemetry_rate`` is in Hz."""
 
@@ -262,7 +255,7 @@ class StatusReporter:
         self._subscriptions = [each for each in node.subscriptions if each.topic in commands]
         self.last: Report | None = None  # the latest report, None before the first
         self._blocks: list[Block] = []
-        self._impact_delays = DelayHistogram()
+        self.impact_delays = DelayHistogram()  # of impacts until they were published
         self._diagnostics_wait = False
         self._rests_until = 0
         self.begin()
@@ -282,18 +275,13 @@ class StatusReporter:
         self._totals = Statistics()
         self._interval = Statistics()
         self._inbox.begin()
-        self._impact_delays = DelayHistogram()
+        self.impact_delays = DelayHistogram()
         self._due = 0
 
     def add(self, block: Block) -> None:
         self._blocks.append(block)
         if len(self._blocks) >= _BATCH_SIZE:
             self._count()
-
-    def add_impact_delays(self, delays: Iterable[int]) -> None:
-        """Add the delays of impacts from their stamps until they were published [ns]."""
-        for delay in delays:
-            self._impact_delays.add(delay)
 
     def publishers_heard(self) -> Mapping[str, int]:
         """Return the number of publishers whose commands reach the node, by topic.
@@ -334,7 +322,7 @@ class StatusReporter:
             self.publish_diagnostics()  # one in each period, even where time is short
             self._count()
             timing, command_delays = pacer.read(), self._inbox.take_delays()
-            impact_delays, self._impact_delays = self._impact_delays, DelayHistogram()
+            impact_delays, self.impact_delays = self.impact_delays, DelayHistogram()
             figures = self._interval.figures()
             self._totals.merge(self._interval)
             self._interval = Statistics()

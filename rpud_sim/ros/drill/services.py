@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
-from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
+from rclpy.callback_groups import CallbackGroup, MutuallyExclusiveCallbackGroup
 from rclpy.exceptions import NameValidationException
 from rclpy.parameter import Parameter
 from rpud_msgs.msg import Result, SimulationState
@@ -43,6 +44,8 @@ PLAYING = SimulationState.STATE_PLAYING
 PAUSED = SimulationState.STATE_PAUSED
 QUITTING = SimulationState.STATE_QUITTING
 
+Act = Callable[[Any, Any], object]  # on a request and its response
+
 _MOST_NODES = 100  # that are asked at a time, whoever wants it
 
 
@@ -58,30 +61,10 @@ class FaultServer:
         self._node = node
         self._loop = loop
         self._settings = settings
-        node.create_service(InjectFault, "inject_fault", self._on_inject)
-        node.create_service(ClearFault, "clear_fault", self._on_clear)
+        node.create_service(InjectFault, "inject_fault", partial(self._answer, _inject))
+        node.create_service(ClearFault, "clear_fault", partial(self._answer, _clear))
         node.create_service(ListFaults, "list_faults", self._on_list)
         node.create_service(SetBool, "engage", self._on_engage)
-
-    def _on_inject(self, request: InjectFault.Request, response: Any) -> Any:
-        duration = join_seconds(request.duration.sec, request.duration.nanosec)
-
-        def act(simulation: Simulation) -> None:
-            if duration < 0:
-                raise FaultError(f"duration = {duration / SECOND:g} s is less than zero")
-            check_kind(request.fault.kind, simulation.supported_kinds())
-            response.number = simulation.inject(message_to_fault(request.fault), duration)
-
-        return self._answer(response, act)
-
-    def _on_clear(self, request: ClearFault.Request, response: Any) -> Any:
-        def act(simulation: Simulation) -> None:
-            if request.number:
-                simulation.clear(request.number)
-            else:
-                simulation.clear_all()
-
-        return self._answer(response, act)
 
     def _on_list(self, request: ListFaults.Request, response: Any) -> Any:
         def act(live: LiveRun) -> None:
@@ -100,12 +83,16 @@ class FaultServer:
             return self._refuse(response, "the node has not been configured")
         regime = "drilling" if request.data else "free"
         result = self._node.set_parameters([Parameter("regime", value=regime)])[0]
-        response.success, response.message = result.successful, result.reason
+        response.success = result.successful
         return response if result.successful else self._refuse(response, result.reason)
 
-    def _answer(self, response: Any, act: Callable[[Simulation], None]) -> Any:
+    def _answer(
+        self, act: Callable[[Simulation, Any, Any], None], request: Any, response: Any
+    ) -> Any:
         try:
-            self._loop.request(lambda live: live.act(lambda run: act(run.simulation)))
+            self._loop.request(
+                lambda live: live.act(lambda run: act(run.simulation, request, response))
+            )
         except (ParameterError, StoppedError) as error:
             return self._refuse(response, str(error))
         response.success = True
@@ -115,6 +102,21 @@ class FaultServer:
         self._node.refuse_request(reason)
         response.message = reason
         return response
+
+
+def _inject(simulation: Simulation, request: InjectFault.Request, response: Any) -> None:
+    duration = join_seconds(request.duration.sec, request.duration.nanosec)
+    if duration < 0:
+        raise FaultError(f"duration = {duration / SECOND:g} s is less than zero")
+    check_kind(request.fault.kind, simulation.supported_kinds())
+    response.number = simulation.inject(message_to_fault(request.fault), duration)
+
+
+def _clear(simulation: Simulation, request: ClearFault.Request, response: Any) -> None:
+    if request.number:
+        simulation.clear(request.number)
+    else:
+        simulation.clear_all()
 
 
 class DeliveryServer:
@@ -178,31 +180,52 @@ class SimulationServer:
         self._loop = loop
         # A step takes long: meanwhile the other services must answer.
         self.stepping = MutuallyExclusiveCallbackGroup()
-        for kind, name, handler, group in (
+        for kind, name, act, group in (
             (GetSimulationState, "get_state", self.get_state, None),
             (SetSimulationState, "set_state", self.set_state, None),
-            (StepSimulation, "step", self._on_step, self.stepping),
-            (RunToTime, "run_to", self._on_run_to, self.stepping),
-            (ResetSimulation, "reset", self._on_reset, None),
-            (SaveSimulation, "save", self._on_save, None),
-            (RestoreSimulation, "restore", self._on_restore, None),
+            (StepSimulation, "step", self._step, self.stepping),
+            (RunToTime, "run_to", self._run_to, self.stepping),
+            (ResetSimulation, "reset", self._reset, None),
+            (SaveSimulation, "save", self._save, None),
+            (RestoreSimulation, "restore", self._restore, None),
         ):
-            node.create_service(kind, f"simulation/{name}", handler, callback_group=group)
+            self.offer(kind, f"simulation/{name}", act, group)
+
+    def offer(self, kind: Any, name: str, act: Act, group: CallbackGroup | None = None) -> None:
+        """Offer a service whose response has the result of an action."""
+        self._node.create_service(
+            kind,
+            name,
+            lambda request, response: self.answer(response, lambda: act(request, response)),
+            callback_group=group,
+        )
 
     def controls_time(self) -> bool:
         """Return whether time can be paused and stepped: it follows no other ``/clock``."""
         return (live := self._loop.begun) is None or not live.follows_clock
 
-    def get_state(self, request: Any, response: Any) -> Any:
+    def get_state(self, request: Any, response: Any) -> None:
         """Answer with the state."""
         live = self._loop.begun
         response.state.state = STOPPED if live is None else _state_of(live)
-        response.result.result = Result.RESULT_OK
-        return response
 
-    def set_state(self, request: Any, response: Any) -> Any:
+    def set_state(self, request: Any, response: Any) -> None:
         """Play, pause, stop or quit."""
-        return self.answer(response, lambda: self._set_state(int(request.state.state)))
+        state = int(request.state.state)
+        if state == QUITTING:
+            self._loop.quit()
+            return
+        if state not in (STOPPED, PLAYING, PAUSED):
+            raise _unsupported(f"state {state} is unknown")
+
+        def act(live: LiveRun) -> None:
+            _check_own_time(live, "control")
+            if _state_of(live) == state and live.goal is None:
+                already = SetSimulationState.Response.ALREADY_IN_TARGET_STATE
+                raise RefusedRequestError(already, "it is in that state already")
+            {STOPPED: live.halt, PLAYING: live.play, PAUSED: live.pause}[state]()
+
+        self._loop.request(act)
 
     def reset(self, scope: int, seed: int | None = None) -> None:
         """Restart the time, the state or both."""
@@ -252,27 +275,11 @@ class SimulationServer:
                 self._node.refuse_request(str(error))
         return response
 
-    def _set_state(self, state: int) -> None:
-        if state == QUITTING:
-            self._loop.quit()
-            return
-        if state not in (STOPPED, PLAYING, PAUSED):
-            raise _unsupported(f"state {state} is unknown")
-
-        def act(live: LiveRun) -> None:
-            _check_own_time(live, "control")
-            if _state_of(live) == state and live.goal is None:
-                already = SetSimulationState.Response.ALREADY_IN_TARGET_STATE
-                raise RefusedRequestError(already, "it is in that state already")
-            {STOPPED: live.halt, PLAYING: live.play, PAUSED: live.pause}[state]()
-
-        self._loop.request(act)
-
-    def _on_step(self, request: StepSimulation.Request, response: Any) -> Any:
+    def _step(self, request: StepSimulation.Request, response: Any) -> None:
         length = join_seconds(request.duration.sec, request.duration.nanosec)
-        return self._answer_step(response, lambda live: live.run.time + length)
+        self._advance(response, lambda live: live.run.time + length)
 
-    def _on_run_to(self, request: RunToTime.Request, response: Any) -> Any:
+    def _run_to(self, request: RunToTime.Request, response: Any) -> None:
         stamp = join_seconds(request.time.sec, request.time.nanosec)
 
         def until(live: LiveRun) -> int:
@@ -286,33 +293,29 @@ class SimulationServer:
                 )
             return stamp - live.run.origin
 
-        return self._answer_step(response, until)
+        self._advance(response, until)
 
-    def _answer_step(self, response: Any, until_of: Callable[[LiveRun], int]) -> Any:
-        def act() -> None:
-            reached = self.step_until(until_of)
-            response.time = nanoseconds_to_time(reached.stamp)
-            response.topics = list(reached.published)
-            response.published = list(reached.published.values())
+    def _advance(self, response: Any, until_of: Callable[[LiveRun], int]) -> None:
+        reached = self.step_until(until_of)
+        response.time = nanoseconds_to_time(reached.stamp)
+        response.topics = list(reached.published)
+        response.published = list(reached.published.values())
 
-        return self.answer(response, act)
+    def _reset(self, request: ResetSimulation.Request, response: Any) -> None:
+        self.reset(int(request.scope), int(request.seed) if request.reseed else None)
 
-    def _on_reset(self, request: ResetSimulation.Request, response: Any) -> Any:
-        seed = int(request.seed) if request.reseed else None
-        return self.answer(response, lambda: self.reset(int(request.scope), seed))
-
-    def _on_save(self, request: SaveSimulation.Request, response: Any) -> Any:
+    def _save(self, request: SaveSimulation.Request, response: Any) -> None:
         def act(live: LiveRun) -> None:
             stamp, names = live.save(request.name)
             response.time, response.names = nanoseconds_to_time(stamp), list(names)
 
-        return self.answer(response, lambda: self._loop.request(act))
+        self._loop.request(act)
 
-    def _on_restore(self, request: RestoreSimulation.Request, response: Any) -> Any:
+    def _restore(self, request: RestoreSimulation.Request, response: Any) -> None:
         def act(live: LiveRun) -> None:
             response.time = nanoseconds_to_time(live.restore(request.name))
 
-        return self.answer(response, lambda: self._loop.request(act))
+        self._loop.request(act)
 
 
 def _state_of(live: LiveRun) -> int:

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from rclpy.action import ActionServer, CancelResponse
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.node import Node
 
+from rpud_sim.ros.drill.live_run import LiveRun
+from rpud_sim.ros.drill.services import SimulationServer
 from rpud_sim.simulation.block import boundaries_until, boundary
-
-if TYPE_CHECKING:
-    from rpud_sim.ros.drill.live_run import LiveRun
-    from rpud_sim.ros.drill.services import SimulationServer
 
 try:
     from simulation_interfaces.action import SimulateSteps
@@ -57,14 +55,20 @@ class StandardServer:
 
     def __init__(self, node: Node, services: SimulationServer) -> None:
         self._services = services
-        for kind, name, handler, group in (
-            (GetSimulatorFeatures, "get_simulator_features", self._on_features, None),
-            (GetSimulationState, "get_simulation_state", services.get_state, None),
-            (SetSimulationState, "set_simulation_state", services.set_state, None),
-            (StepSimulation, "step_simulation", self._on_step, services.stepping),
-            (ResetSimulation, "reset_simulation", self._on_reset, None),
-        ):
-            node.create_service(kind, name, handler, callback_group=group)
+        node.create_service(GetSimulatorFeatures, "get_simulator_features", self._on_features)
+        services.offer(GetSimulationState, "get_simulation_state", services.get_state)
+        services.offer(SetSimulationState, "set_simulation_state", services.set_state)
+        services.offer(
+            StepSimulation,
+            "step_simulation",
+            lambda request, response: self._step(int(request.steps)),
+            services.stepping,
+        )
+        services.offer(
+            ResetSimulation,
+            "reset_simulation",
+            lambda request, response: services.reset(int(request.scope)),
+        )
         self._action = ActionServer(
             node,
             SimulateSteps,
@@ -79,12 +83,6 @@ class StandardServer:
         response.features.features = sorted(getattr(SimulatorFeatures, name) for name in names)
         response.features.custom_info = "rpud_sim: a step is one period of telemetry_rate"
         return response
-
-    def _on_step(self, request: Any, response: Any) -> Any:
-        return self._services.answer(response, lambda: self._step(int(request.steps)))
-
-    def _on_reset(self, request: Any, response: Any) -> Any:
-        return self._services.answer(response, lambda: self._services.reset(int(request.scope)))
 
     def _on_simulate_steps(self, goal: Any) -> Any:
         steps = int(goal.request.steps)

@@ -11,7 +11,6 @@ from rclpy.qos import (
     DurabilityPolicy,
     QoSCompatibility,
     QoSProfile,
-    ReliabilityPolicy,
     qos_check_compatible,
 )
 from rclpy.subscription import Subscription
@@ -21,7 +20,7 @@ from rpud_sim.bag import BagError, Message, Topic
 from rpud_sim.bag.definitions import find_definition, find_type_hash
 from rpud_sim.bag.losses import Losses, SequenceGaps
 from rpud_sim.bag.metadata import QosProfile as RecordedProfile
-from rpud_sim.ros.graph import message_class, request_for
+from rpud_sim.ros.graph import is_satisfied, message_class, request_for
 
 # Messages that may wait in the middleware for the recorder: ten seconds of a 1 kHz topic.
 RECORDING_DEPTH = 10_000
@@ -201,18 +200,6 @@ def is_damaged(data: bytes, log_time: int, publish_time: int) -> bool:
     earliest = min(_EARLIEST, max(1, now - _AHEAD))
     times_fit = earliest <= log_time <= now + _AHEAD and 0 <= publish_time <= _LATEST
     return len(data) < _ENCAPSULATION or not times_fit
-
-
-def is_satisfied(request: QoSProfile, offers: Sequence[QoSProfile]) -> bool:
-    """Return whether a request connects to every offer."""
-    weakest = request_for(offers, RECORDING_DEPTH)
-    return (
-        request.reliability == ReliabilityPolicy.BEST_EFFORT
-        or weakest.reliability == ReliabilityPolicy.RELIABLE
-    ) and (
-        request.durability == DurabilityPolicy.VOLATILE
-        or weakest.durability == DurabilityPolicy.TRANSIENT_LOCAL
-    )
 
 
 def recorded_profile(profile: QoSProfile) -> RecordedProfile:

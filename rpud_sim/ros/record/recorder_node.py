@@ -29,6 +29,15 @@ _BACKLOG = 1.0  # of these, in which messages from before still arrive and prove
 
 _log_time = attrgetter("log_time")
 
+_ACTIONS: dict[str, Callable[[Intake], None]] = {
+    "pause": Intake.pause,
+    "resume": Intake.resume,
+    "is_paused": lambda intake: None,
+    "toggle_paused": lambda intake: intake.resume() if intake.paused else intake.pause(),
+    "split_bagfile": lambda intake: intake.do(BagWriter.split),
+}
+_TEXTS = {"is_paused": "", "split_bagfile": "goes on in a new file"}
+
 
 class Recorder(Node):
     """Receives serialized messages of topics for an intake. It spins in no executor.
@@ -279,49 +288,30 @@ class RecorderServices:
 
     def __init__(self, node: Recorder) -> None:
         self._node = node
-        intake = node.intake
-
-        def toggle() -> str:
-            return resume() if intake.paused else pause()
-
-        def pause() -> str:
-            intake.pause()
-            return "paused"
-
-        def resume() -> str:
-            intake.resume()
-            return "resumed"
-
-        def split() -> str:
-            intake.do(BagWriter.split)
-            return "goes on in a new file"
-
-        self._services = [
-            # ``serve`` takes the requests, so nothing ever calls the callback.
-            (kind, node.create_service(kind, f"~/{name}", lambda _, response: response), action)
-            for name, action in (
-                ("pause", pause),
-                ("resume", resume),
-                ("is_paused", lambda: ""),
-                ("toggle_paused", toggle),
-                ("split_bagfile", split),
-            )
+        # ``serve`` takes the requests, so nothing ever calls the callback.
+        self._services = {
+            name: node.create_service(kind, f"~/{name}", lambda _, response: response)
+            for name in _ACTIONS
             if (kind := rosbag_service(name)) is not None
-        ]
+        }
 
     def serve(self) -> None:
         """Do what was asked for, and answer."""
-        for kind, server, action in self._services:
+        for name, server in self._services.items():
             with self._node.guard("a request"):
-                self._serve(kind, server, action)
+                self._serve(name, server)
 
-    def _serve(self, kind: Any, server: Any, action: Callable[[], str]) -> None:
+    def _serve(self, name: str, server: Any) -> None:
+        node, kind = self._node, server.srv_type
         with server.handle:
             request, header = server.handle.service_take_request(kind.Request)
         if request is None or header is None:
             return
-        self._node.receive_all()
-        if text := action():
-            self._node.get_logger().info(text)
-        answers = {"success": True, "message": text, "paused": self._node.intake.paused}
+        node.receive_all()
+        _ACTIONS[name](node.intake)
+        paused = node.intake.paused
+        text = _TEXTS.get(name, "paused" if paused else "resumed")
+        if text:
+            node.get_logger().info(text)
+        answers = {"success": True, "message": text, "paused": paused}
         server.send_response(fill_known(kind.Response(), answers), header)

@@ -293,7 +293,10 @@ class Playback:
         self._timeline = self._timeline.seek(self._clock(), time_of_next)
         if self._plan.tick is not None:
             self._outputs.publish_clock(time_of_next)
-        self._publish_next()
+        self._outputs.publish(self._next, hurried=True)
+        self.published += 1
+        self._next = None
+        self._next = self._take()
 
     def burst(self, count: int) -> int:
         """Publish the next messages of a paused playback, all for a count of 0; return how many."""
@@ -321,13 +324,6 @@ class Playback:
             self._failure = error
             return None
         return None if message is None or message.log_time > self._plan.last else message
-
-    def _publish_next(self) -> None:
-        assert self._next is not None
-        self._outputs.publish(self._next, hurried=True)
-        self.published += 1
-        self._next = None
-        self._next = self._take()
 
     def _change(self, **changes: Any) -> None:
         """Change rate or pause from here on, and not from beyond a message that is due."""

@@ -8,7 +8,7 @@
  * @typedef {{t: Values, mean: Values, low?: Values, high?: Values, band?: string,
  *   outliers?: Steps & {more: number}}} Layer
  * @typedef {{start: number, end: number, detail: "overview" | "messages" | "waveform",
- *   complete: boolean, band: string, layers: Record<string, Layer>}} View
+ *   band: string, layers: Record<string, Layer>}} View
  * @typedef {{quantity: string, label: string, kind: "band" | "line" | "steps", colour?: string}} PlotLayer
  * @typedef {{id: string, title: string, layers: PlotLayer[]}} Choice
  * @typedef {{id: string, title: string, choices: Choice[]}} PlotDefinition

@@ -41,18 +41,11 @@ def computed(stretches):
 COMPUTED = {number: computed(number) for number in (1, 2)}
 
 
-class Source:
-    """Blocks of one topic, as of ``RecordedTopics``."""
-
-    def __init__(self, messages, sizes):
-        self._left = []
-        while messages:
-            count = max(1, sizes.pop() if sizes else 100)
-            self._left.append(block_of(messages[:count]))
-            messages = messages[count:]
-
-    def next(self, topic):
-        return self._left.pop(0) if self._left else None
+def blocks_of(messages, sizes):
+    while messages:
+        count = max(1, sizes.pop() if sizes else 100)
+        yield block_of(messages[:count])
+        messages = messages[count:]
 
 
 def block_of(messages):
@@ -141,7 +134,7 @@ def test_by_the_block_the_result_is_that_of_single_messages(name, runs, damages,
     recorded = damaged(recorded, damages)
     results = []
     for by_block in (False, True):
-        source = RecordedMessages(Source(recorded, list(sizes)), f"/rpud/{name}")
+        source = RecordedMessages(blocks_of(recorded, list(sizes)), f"/rpud/{name}")
         comparison = TopicComparison(
             f"/rpud/{name}",
             CODECS[name],
@@ -181,7 +174,7 @@ def test_small_messages_are_equal_up_to_the_first_that_differs(number, change):
     own = small_messages()
     altered = [*own]
     altered[number] = own[number]._replace(data=change(own[number].data))
-    recorded = RecordedMessages(Source(altered, []), "/a")
+    recorded = RecordedMessages(blocks_of(altered, []), "/a")
     assert recorded.pass_equal(block_of(own), 0, len) == number
 
 
@@ -208,10 +201,11 @@ def skewed(tmp_path_factory):
 def test_each_topic_is_read_in_order_however_far_the_others_are(skewed, most, order):
     with rpud_sim.bag.open(skewed) as bag, pytest.MonkeyPatch.context() as patch:
         patch.setattr(recorded_topics, "_MOST_WAITING", most)
-        source = RecordedTopics(bag, {"/a", "/b", "/c"})
         found = {"/a": [], "/b": [], "/c": []}
+        recorded = RecordedTopics(bag, found)
+        blocks = {topic: recorded.blocks(topic) for topic in found}
         for topic in order + [name for name in found for _ in range(301)]:
-            block = source.next(topic)
+            block = next(blocks[topic], None)
             if block is not None:
                 found[topic] += [block.message(number) for number in range(len(block))]
         for topic in found:

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from rclpy.serialization import serialize_message
 from rpud_msgs.msg import ReactingForce, Waveform
 
-from rpud_sim.ros.client.telemetry import _LAYOUTS, _values_to, _waves_to
+from rpud_sim.ros.client.telemetry import _LAYOUTS, _WAVEFORM, _decoder
 
 STAMP = Time(sec=7, nanosec=9)
 
@@ -28,7 +28,7 @@ def test_values_are_those_of_the_message(topic, frame):
     if topic == "borehole":
         message.layer = frame + "é"  # of any length: what follows it is aligned
     heard = []
-    _values_to(lambda *each: heard.append(each), layout)(serialize_message(message))
+    _decoder(lambda *each: heard.append(each), layout)(serialize_message(message))
     assert heard == [(7_000_000_009, tuple(getattr(message, name) for name in names))]
 
 
@@ -36,7 +36,7 @@ def test_values_are_those_of_the_message(topic, frame):
 def test_another_encapsulation_or_version_of_a_type_is_no_value(change):
     data = bytes(serialize_message(ReactingForce(force=3.0)))
     heard = []
-    decode = _values_to(lambda *each: heard.append(each), "d")
+    decode = _decoder(lambda *each: heard.append(each), "d")
     decode(data)
     with pytest.raises(ValueError, match="another"):
         decode(change(data))
@@ -51,8 +51,8 @@ def test_a_waveform_is_six_arrays(length):
     for number, name in enumerate(names):
         setattr(message, name, [float(number + each) for each in range(length)])
     heard = []
-    _waves_to(lambda *each: heard.append(each))(serialize_message(message))
-    [(stamp, (sequence, period, arrays))] = heard
+    _decoder(lambda *each: heard.append(each), _WAVEFORM)(serialize_message(message))
+    [(stamp, (sequence, period, *arrays))] = heard
     assert (stamp, sequence, period) == (7_000_000_009, 3, 2e-5)
     for name, array in zip(names, arrays, strict=True):
         np.testing.assert_array_equal(array, getattr(message, name))
@@ -61,7 +61,6 @@ def test_a_waveform_is_six_arrays(length):
 @given(st.binary(max_size=300))
 def test_other_bytes_are_no_message_and_nothing_worse(data):
     heard = []
-    values = [_values_to(heard.append, layout) for layout in ("dd", "dT5d")]
-    for decode in (_waves_to(heard.append), *values):
+    for decode in [_decoder(heard.append, layout) for layout in ("dd", "dT5d", _WAVEFORM)]:
         with suppress(struct.error, ValueError, TypeError):  # TypeError is of `append`
             decode(data)

@@ -60,10 +60,8 @@ def test_a_flood_is_counted_in_full_and_logged_in_part():
 
 
 def test_whoever_takes_is_woken_by_every_command_and_every_refusal():
-    inbox = Inbox(Log())
     woken = []
-    inbox.accept(WeightOnBit(1.0), GIVEN)  # no thread waits yet
-    inbox.notify(lambda: woken.append(True))
+    inbox = Inbox(Log(), lambda: woken.append(True))
     inbox.accept(WeightOnBit(1.0), GIVEN)
     inbox.refuse(GIVEN, "for a reason")
     assert len(woken) == 2

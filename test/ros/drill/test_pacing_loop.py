@@ -314,10 +314,10 @@ def start(drill_node):
 
     def create(restored=lambda settings: None, end=10**18, begin=True, **values):
         settings = Settings().replace(values)
-        inbox = Inbox(drill_node.get_logger())
+        loops.append(PacingLoop())
+        inbox = Inbox(drill_node.get_logger(), loops[-1].wake)
         names = DuplicateNodes(drill_node)
         live = LiveRun(drill_node, settings, inbox, names, restored, end)
-        loops.append(PacingLoop())
         loops[-1].configure(live)
         if begin:
             loops[-1].start(settings)

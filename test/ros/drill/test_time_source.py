@@ -70,7 +70,7 @@ def test_of_itself_time_is_the_machine_s(node):
     before = time.time_ns()
     zero = source.origin(5 * SECOND, own=7)
     assert before <= zero + 5 * SECOND <= time.time_ns()
-    assert not source.went_back()
+    assert not source.went_back
     source.close()
 
 
@@ -119,26 +119,24 @@ def test_the_schedule_of_a_follower_is_the_clock_which_gives_its_present_time_a_
 
 def test_every_jump_wakes_and_one_back_is_remembered_until_the_next_origin(clocked):
     woken = []
-    source = TimeSource(clocked.node, False)
-    source.notify(lambda: woken.append(True))
+    source = TimeSource(clocked.node, False, lambda: woken.append(True))
     clocked.tell(7 * SECOND)
     source.origin()
     before = len(woken)
     assert before > 0
     clocked.tell(8 * SECOND)
     assert len(woken) > before
-    assert not source.went_back()
+    assert not source.went_back
     clocked.tell(2 * SECOND)
-    assert source.went_back()
+    assert source.went_back
     assert source.origin() == 2 * SECOND
-    assert not source.went_back()
+    assert not source.went_back
     source.close()
 
 
 def test_who_has_stopped_listening_is_woken_no_more(clocked):
     woken = []
-    source = TimeSource(clocked.node, False)
-    source.notify(lambda: woken.append(True))
+    source = TimeSource(clocked.node, False, lambda: woken.append(True))
     source.close()
     clocked.tell(7 * SECOND)
     assert woken == []
