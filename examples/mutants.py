@@ -139,6 +139,8 @@ def main():
         if arguments.first:
             os.environ[FIRST] = "1"
         options = ["-q", "--no-header", "-p", "mutants", "-p", "no:cacheprovider", "--tb=no"]
+        # What is imported here already cannot be rewritten, and need not be.
+        options += ["-W", "ignore::pytest.PytestAssertRewriteWarning"]
         options += [
             "--rpud-artefacts=",
             "-k",

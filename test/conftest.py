@@ -10,7 +10,9 @@ import pytest
 from ament_index_python.packages import get_package_prefix
 from hypothesis import settings
 from hypothesis.internal.conjecture import providers
-from support import FEW, LOOPBACK, MANY_EXAMPLES, Process, claim_ros_domain
+from support import FEW, LOOPBACK, MANY_EXAMPLES, Process
+
+from rpud_sim.testing.processes import DomainClaim
 
 # The shell that starts the tests changes nothing: a background job ignores SIGINT or SIGHUP, and a
 # user may have a umask, a language, a proxy, or a home folder without write permission.
@@ -26,12 +28,12 @@ for _name in ("COLUMNS", "LINES", "NO_COLOR", "FORCE_COLOR", "LANGUAGE", "PYTHON
 
 # `ros2 run` finds our executables, a shell without env.bash does not: `colcon test` has no other.
 _executables = os.path.join(get_package_prefix("rpud_sim"), "lib", "rpud_sim")
-_domain, _domain_lock = claim_ros_domain()
+_claim = DomainClaim()
 _log_folder = tempfile.TemporaryDirectory(prefix="rpud_sim_log_")
 _home = tempfile.TemporaryDirectory(prefix="rpud_sim_home_")
 os.environ.update(
     PATH=os.pathsep.join([_executables, os.environ["PATH"]]),
-    ROS_DOMAIN_ID=str(_domain),
+    ROS_DOMAIN_ID=str(_claim.domain),
     ROS_PYTHON_CHECK_FIELDS="1",  # without it a wrong type in a message field ends the process
     ROS_LOG_DIR=_log_folder.name,
     LANG="C.UTF-8",

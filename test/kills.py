@@ -19,12 +19,13 @@ import threading
 import time
 from pathlib import Path
 
-from support import LOOPBACK, claim_ros_domain
+from support import LOOPBACK
 
 import rpud_sim.bag
 from rpud_sim.bag import BagWriter, Message, Topic
 from rpud_sim.bag.recovery import recover
 from rpud_sim.ros.record.writing import Intake, WritingThread
+from rpud_sim.testing.processes import DomainClaim
 
 FORCES = "/rpud/contact_force"
 TOPICS = ("/a", "/b", "/c")
@@ -145,8 +146,8 @@ def main() -> None:
     kill = kill_recorder if arguments.live else kill_writer
     talker = None
     if arguments.live:
-        domain, _lock = claim_ros_domain()  # held to the end, for this process alone
-        os.environ.update(ROS_DOMAIN_ID=str(domain), **LOOPBACK)
+        claim = DomainClaim()  # held to the end, for this process alone
+        os.environ.update(ROS_DOMAIN_ID=str(claim.domain), **LOOPBACK)
         program = str(HERE / "integration" / "talker.py")
         talker = subprocess.Popen(
             [sys.executable, program, "--count", str(10**9), "--rate", "1000"],

@@ -1,18 +1,16 @@
 """What tests share: a ROS domain of their own and real processes that never outlive a test."""
 
 import contextlib
-import fcntl
 import os
 import re
 import signal
 import subprocess
-import tempfile
 import threading
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import IO, TypeVar
+from typing import TypeVar
 
 import numpy as np
 import pytest
@@ -43,25 +41,6 @@ FEW = 25
 def examples(count: int) -> int:
     """Number of examples that a property draws: `count` in `make test-all`, else 25 at most."""
     return count if MANY_EXAMPLES else min(count, FEW)
-
-
-def claim_ros_domain() -> tuple[int, IO[str]]:
-    """Take a ROS domain that no other test run on this machine uses, and the lock that holds it.
-
-    It is held while the returned file is open. 101 is the last domain whose ports lie below those
-    that Linux gives to outgoing connections.
-    """
-    folder = Path(tempfile.gettempdir()) / f"rpud_sim_domains_{os.getuid()}"
-    folder.mkdir(exist_ok=True)
-    for domain in range(101, 0, -1):
-        lock = (folder / str(domain)).open("w")
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            lock.close()
-        else:
-            return domain, lock
-    raise RuntimeError(f"all ROS domains are in use: see {folder}")
 
 
 def real_time_permitted() -> bool:

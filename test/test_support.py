@@ -9,7 +9,7 @@ import sys
 
 from hypothesis import find, settings, strategies
 from hypothesis.errors import NoSuchExample
-from support import Process, claim_ros_domain
+from support import Process
 
 STUBBORN = """
 import signal, subprocess, sys, time
@@ -29,14 +29,6 @@ def has_ended(pid: int) -> bool:
     ready, _, _ = select.select([descriptor], [], [], 5.0)
     os.close(descriptor)
     return bool(ready)
-
-
-def test_two_claims_get_two_domains():
-    first, first_lock = claim_ros_domain()
-    second, second_lock = claim_ros_domain()
-    with first_lock, second_lock:
-        assert len({first, second, int(os.environ["ROS_DOMAIN_ID"])}) == 3
-        assert all(0 < domain <= 101 for domain in (first, second))
 
 
 def test_stop_ends_a_process_that_ignores_sigint_and_its_children(monkeypatch):

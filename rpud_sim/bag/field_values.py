@@ -193,11 +193,9 @@ class _FieldWalk:
 
     def _texts(self, column: Column) -> np.ndarray:
         parts, same = self._contents(self._fields[column.attribute])
-        if same:  # a frame's name is always the same
-            found = _each_once(parts[:1], lambda part, _: _text(part), len(parts))
-            found[:] = found[0]
-            return found
-        return _each_once(parts, lambda part, _: _text(part), len(parts))
+        keys = parts[:1] if same else parts  # a frame's name is always the same
+        found = _each_once(keys, lambda part, _: _text(part), len(parts))
+        return np.full(len(parts), found[0], object) if same else found
 
     def _lists_of_texts(self, column: Column) -> np.ndarray:
         """Return lists of texts; padding between texts depends on the place of the first."""
@@ -378,18 +376,13 @@ def _is_one(value: PerMessage) -> bool:
 
 
 def _same(values: PerMessage) -> PerMessage:
-    if not isinstance(values, np.ndarray) or (len(values) and (values == values[0]).all()):
-        return values if not isinstance(values, np.ndarray) else int(values[0])
+    if isinstance(values, np.ndarray) and len(values) and (values == values[0]).all():
+        return int(values[0])
     return values
 
 
 def _aligned(place: PerMessage, size: int) -> PerMessage:
     return place + (_HEAD - place) % size  # alignment counts from behind the head
-
-
-_KNOWN_TEXTS = 1000
-_TEXT_ALIGNMENT = 4  # bytes
-_ORDERS = {0: ">", 256: "<"}  # by the first two bytes of a message
 
 
 def _holds_texts(codec: Codec, attribute: str) -> bool:

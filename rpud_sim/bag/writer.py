@@ -13,7 +13,14 @@ from mcap.records import Attachment, Schema
 from rpud_sim.bag.chunks import COMPRESSIONS
 from rpud_sim.bag.errors import BagError, BagExistsError
 from rpud_sim.bag.mcap_writer import McapWriter, Reserve
-from rpud_sim.bag.messages import LATEST, REPEATED_KEY, LatchedMessages, Message, MessageBlock
+from rpud_sim.bag.messages import (
+    LATEST,
+    REPEATED_KEY,
+    LatchedMessages,
+    Message,
+    MessageBlock,
+    messages_of,
+)
 from rpud_sim.bag.metadata import (
     FILE_NAME,
     RECORD_KEY,
@@ -183,15 +190,9 @@ class BagWriter:
             self._check(block)
         latched = any(block.topic in self._latched for block, _ in blocks)
         if latched or self._max_size is not None or self._max_duration is not None:
-            order = sorted(
-                (place, number, index)
-                for number, (_, places) in enumerate(blocks)
-                for index, place in enumerate(places.tolist())
-            )
-            for _, number, index in order:
-                block = blocks[number][0]
-                times = int(block.log_times[index]), int(block.publish_times[index])
-                self.write(block.topic, block.message(index), *times)
+            due = [places for _, places in blocks]
+            for message in messages_of([block for block, _ in blocks], due):
+                self.write(message.topic, message.data, message.log_time, message.publish_time)
             return
         channels = [self._numbers[self._channel_of[block.topic]] for block, _ in blocks]
         with self._writing():

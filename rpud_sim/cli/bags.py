@@ -182,7 +182,7 @@ def _run_verify(options: _Verify) -> int:
         complain("rpud verify", warning)
     print_json(_verification(found)) if options.json else print(_verification_text(found))
     if found.proved:
-        return ExitCode.INCOMPLETE if options.strict and found.missing else ExitCode.DONE
+        return ExitCode.INCOMPLETE if options.strict and found.total.missing else ExitCode.DONE
     return ExitCode.INCOMPLETE if found.first_difference else ExitCode.FAILED
 
 
@@ -235,21 +235,19 @@ def _verification_text(verification: Verification) -> str:
 
 
 def _verdict(verification: Verification) -> str:
-    equal = sum(counts.equal for counts in verification.topics.values())
+    total = verification.total
     if verification.proved:
         begins = verification.begins
         since = (
             "" if begins is None else f" from {begins / SECOND:.9f} s on, where its journal begins"
         )
-        lacking = f", and {verification.missing} are missing" if verification.missing else ""
-        return f"proved{since}: {equal} messages are equal bit for bit{lacking}"
+        lacking = f", and {total.missing} are missing" if total.missing else ""
+        return f"proved{since}: {total.equal} messages are equal bit for bit{lacking}"
     if verification.first_difference:
         return "not proved: it differs"
     if verification.undecided:
         return f"not decided: {verification.undecided}"
-    return (
-        f"not proved: {equal} messages are equal bit for bit, and {verification.tail} are missing"
-    )
+    return f"not proved: {total.equal} messages are equal bit for bit, and {total.tail} are missing"
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -12,42 +12,25 @@ from rpud_sim.cli.options import DECLARED, Command, Parser, add_options, options
 from rpud_sim.cli.program import report_errors, run_program
 from rpud_sim.foundation.quantities import did_you_mean
 
-_DRILL, _RUNNING, _BAGS, _TEST, _STUDY = (
-    "drill",
-    "command a running drill",
-    "bags",
-    "test",
-    "study",
+_MODULES = (
+    ("drill", "run", "run"),
+    ("drill", "executables", "record replay"),
+    ("drill", "simulate", "simulate"),
+    ("drill", "watch", "watch"),
+    (
+        *("command a running drill", "drill_commands"),
+        "press drive feed engage inject clear pause play step reset set echo",
+    ),
+    ("bags", "bags", "info recover verify"),
+    ("bags", "fork", "fork"),
+    ("bags", "bags", "export report"),
+    ("bags", "compare", "compare"),
+    ("test", "test", "test"),
+    ("study", "studies", "sweep fit"),
 )
 
 COMMANDS: Mapping[str, tuple[str, str]] = {
-    "run": (_DRILL, "run"),
-    "record": (_DRILL, "executables"),
-    "replay": (_DRILL, "executables"),
-    "simulate": (_DRILL, "simulate"),
-    "watch": (_DRILL, "watch"),
-    "press": (_RUNNING, "drill_commands"),
-    "drive": (_RUNNING, "drill_commands"),
-    "feed": (_RUNNING, "drill_commands"),
-    "engage": (_RUNNING, "drill_commands"),
-    "inject": (_RUNNING, "drill_commands"),
-    "clear": (_RUNNING, "drill_commands"),
-    "pause": (_RUNNING, "drill_commands"),
-    "play": (_RUNNING, "drill_commands"),
-    "step": (_RUNNING, "drill_commands"),
-    "reset": (_RUNNING, "drill_commands"),
-    "set": (_RUNNING, "drill_commands"),
-    "echo": (_RUNNING, "drill_commands"),
-    "info": (_BAGS, "bags"),
-    "recover": (_BAGS, "bags"),
-    "verify": (_BAGS, "bags"),
-    "fork": (_BAGS, "fork"),
-    "export": (_BAGS, "bags"),
-    "report": (_BAGS, "bags"),
-    "compare": (_BAGS, "compare"),
-    "test": (_TEST, "test"),
-    "sweep": (_STUDY, "studies"),
-    "fit": (_STUDY, "studies"),
+    name: (group, module) for group, module, names in _MODULES for name in names.split()
 }
 """Commands in the order of the help: the group of each, and its module in this package."""
 

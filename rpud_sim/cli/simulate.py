@@ -97,6 +97,7 @@ def _refuse_assignments_to_the_node(options: _Simulate) -> None:
 
 
 def _simulate(options: _Simulate) -> dict[str, Any]:
+    from rpud_sim.simulation.changes import read_commands
     from rpud_sim.simulation.configuration import to_settings
     from rpud_sim.simulation.ensemble import compile_kernels, compile_members
     from rpud_sim.simulation.simulation import initial_phases
@@ -105,7 +106,7 @@ def _simulate(options: _Simulate) -> dict[str, Any]:
     configuration = to_settings(values).configuration
     file = values.get("scenario", "")
     scenario = _scenario(file, options.seed)
-    planned = _commands(options.commands)
+    planned = read_commands(options.commands).planned if options.commands else ()
     if options.bag or scenario or planned:
         compile_kernels(configuration, _show, messages=bool(options.bag))
     compile_members(configuration, _show)
@@ -129,12 +130,6 @@ def _scenario(path: Any, seed: int | None) -> Scenario | None:
     if not isinstance(path, str):
         raise ParameterError(f"scenario = {shown(path)} is not a text")
     return read_scenario(path, seed) if path else None
-
-
-def _commands(path: str | None) -> Sequence[Planned]:
-    from rpud_sim.simulation.changes import read_commands
-
-    return read_commands(path).planned if path else ()
 
 
 def _figures(

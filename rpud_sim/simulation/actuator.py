@@ -87,9 +87,9 @@ class ActuatorParameters(ParameterGroup):
             return math.inf
         omega = 2.0 * math.pi * self.resonance_frequency
         velocity_per_volt = omega * vibration_amplitude / self.nominal_voltage
-        if velocity_per_volt * velocity_per_volt == 0.0:
-            return math.inf
         square = velocity_per_volt * velocity_per_volt
+        if square == 0.0:
+            return math.inf
         return self.quality_factor / (omega * self.motional_resistance * square)
 
 

@@ -183,16 +183,14 @@ class Plant:
         if self._load_spring and (advance := self.process.advance) is not None:
             self._load_spring.step(advance, self._pushing_rate(), position)
             self._passed = advance.passed
-            if self.time % SECOND == 0:
-                self._check_coupling(position)
+            feed = self.feed_account(engine.open_segment) if self.time % SECOND == 0 else None
+            if feed is not None:
+                self._check_coupling(feed.coupling, self._percussion.arrived)
 
-    def _check_coupling(self, position: float) -> None:
+    def _check_coupling(self, coupling: float, arrived: float) -> None:
         """Fail where the steps of the arm created more energy in a second than impacts brought."""
-        assert self._percussion is not None
-        before, arrived = self._checked
-        feed = self._account_feed(position)
-        self._checked = (feed.coupling, self._percussion.arrived)
-        created, brought = before - feed.coupling, self._percussion.arrived - arrived
+        created, brought = self._checked[0] - coupling, arrived - self._checked[1]
+        self._checked = (coupling, arrived)
         if created > brought + LEAST_CREATED:
             raise EngineError(
                 f"the arm is unstable: its steps created {created:.3g} J in the second before "
@@ -238,14 +236,9 @@ class Plant:
 
     def feed_account(self, segment: np.ndarray) -> FeedAccount | None:
         """Return the account of feed and mount since time zero; None without a feed."""
-        if self._load_spring is None:
+        if self._load_spring is None or (mount := self.process.state.mount) is None:
             return None
-        return self._account_feed(nodal_plane_position(segment, *self._instant))
-
-    def _account_feed(self, position: float) -> FeedAccount:
-        mount = self.process.state.mount
-        assert self._load_spring is not None
-        assert mount is not None
+        position = nodal_plane_position(segment, *self._instant)
         return self._load_spring.account(mount.work, position)
 
     def _make_progress(self, impacts: np.ndarray) -> None:

@@ -7,6 +7,8 @@ import dataclasses
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
+import numpy as np
+
 from rpud_sim.simulation.block import Block, boundaries_until, boundary
 from rpud_sim.simulation.configuration import Settings, to_settings
 from rpud_sim.simulation.control import Control
@@ -237,24 +239,24 @@ class Run:
         yield from self.changes()
         simulation = self.simulation
         while simulation.time < time:
-            if not (blocks := self._undisturbed_blocks(time)):
+            if not len(ends := self._undisturbed_ends(time)):
                 yield from self.advance_to(min(self.next_boundary, time))
                 continue
-            block = simulation.advance_through(self._telemetry.ends(simulation.time, blocks))
+            block = simulation.advance_through(ends)
             self._recent_energy.add(block)
             yield self._telemetry.together(block)
             self._on_block(block)
 
-    def _undisturbed_blocks(self, time: int) -> int:
-        """Return the number of blocks that can be done together, up to a time [ns]."""
+    def _undisturbed_ends(self, time: int) -> np.ndarray:
+        """Return the ends of the blocks that can be done together, up to a time [ns]."""
         now = self.time
         until = min(time, self.simulation.next_scheduled - 1)
         faults = self.simulation.faults
         if faults.active is not self._published_faults or any(
             record.fault.channel for record in faults.since(now)
         ):
-            return 0
-        return self._telemetry.stride(now, until)
+            return np.empty(0, np.int64)
+        return self._telemetry.ends_together(now, until)
 
     def changes(self) -> Iterator[Entry]:
         """Yield what changed since the last message: journal entries, and the faults once."""
@@ -288,8 +290,7 @@ class Run:
 
     def note(self, kind: str, **content: Any) -> None:
         """Append an entry to the journal, if there is one, at the present time."""
-        if self._journal is not None:
-            self._journal.note(self.time, kind, **content)
+        self.simulation.note(kind, **content)
 
     def entries(self) -> Iterator[Entry]:
         """Yield the journal's entries since the last call."""

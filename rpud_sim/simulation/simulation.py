@@ -226,7 +226,7 @@ class Simulation:
             self._plant.actuator.drive(acting)
         changed: dict[str, Any] = {kind: acting, f"{kind}_time": self.time}
         self.applied = dataclasses.replace(before, **changed)
-        self._note(kind, **dataclasses.asdict(command))
+        self.note(kind, **dataclasses.asdict(command))
 
     def configure(self, configuration: Configuration) -> None:
         """Put other parameters into force at the present time; positions and velocities go on.
@@ -237,34 +237,35 @@ class Simulation:
         """
         self.configuration = configuration
         self._change_effects()
-        self._note("configure", parameters=to_values(configuration))
+        self.note("configure", parameters=to_values(configuration))
 
     def inject(self, fault: Fault, duration: int = 0) -> int:
         """Let a fault begin now, end after a duration [ns], 0 for never, and return its number."""
         number = self._inject(fault, duration)
-        self._note("inject", fault=dataclasses.asdict(fault), duration=duration)
+        self.note("inject", fault=dataclasses.asdict(fault), duration=duration)
         return number
 
     def clear(self, number: int) -> FaultRecord:
         """Let a fault end at the present time and return its record."""
         record = self.faults.clear(self.time, number)
         self._change_effects()
-        self._note("clear", number=number)
+        self.note("clear", number=number)
         return record
 
     def clear_all(self) -> None:
         """Let all faults end at the present time."""
         self.faults.clear_all(self.time)
         self._change_effects()
-        self._note("clear_all")
+        self.note("clear_all")
+
+    def note(self, kind: str, **content: Any) -> None:
+        """Append an entry to the journal, if there is one, at the present time."""
+        if self._journal is not None:
+            self._journal.note(self.time, kind, **content)
 
     def supported_kinds(self) -> tuple[str, ...]:
         """Return the kinds of faults that this drill supports, as it is configured."""
         return supported_kinds(self.configuration)
-
-    def _note(self, kind: str, **content: Any) -> None:
-        if self._journal is not None:
-            self._journal.note(self.time, kind, **content)
 
     def _inject(self, fault: Fault, duration: int) -> int:
         check_supported(fault, self.configuration)

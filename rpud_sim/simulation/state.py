@@ -108,8 +108,6 @@ class _Writer:
             return value
         if isinstance(value, np.generic):
             return value.item()
-        if isinstance(value, complex):
-            return {"complex": [value.real, value.imag]}
         if isinstance(value, np.ndarray):
             name = next(name for name, dtype in _DTYPES.items() if dtype == value.dtype)
             return {"array": name, "bytes": _text(value.astype(_PACKED[name]).tobytes())}
@@ -151,8 +149,6 @@ class _Reader:
             return tree
         kind = next(iter(tree), "")
         content: Any = tree.get(kind)
-        if kind == "complex":
-            return complex(*content)
         if kind == "array":
             packed = np.frombuffer(_data(tree["bytes"]), _PACKED[content])
             # Zeros, for the conversion leaves out the bytes between two fields.
@@ -223,7 +219,7 @@ class _Reader:
 
 def _check(name: str, before: Any, value: Any) -> None:
     """Check the type of an attribute: compiled code takes no other, and does not look."""
-    if isinstance(before, (bool, int, float, str, complex, tuple, list, deque, array, dict)):
+    if isinstance(before, (bool, int, float, str, tuple, list, deque, array, dict)):
         if type(value) is not type(before):
             raise ValueError(f"{name} = {value!r:.40} is no {type(before).__name__}")
     elif isinstance(before, np.ndarray):

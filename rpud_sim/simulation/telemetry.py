@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -199,27 +200,23 @@ class Telemetry:
             return self._take_pending()
         return None
 
-    def stride(self, start: int, time: int) -> int:
-        """Return the number of blocks from ``start`` that can be done together, up to a time [ns].
+    def ends_together(self, start: int, time: int) -> np.ndarray:
+        """Return the ends of the blocks from ``start`` that can be done together until a time [ns].
 
-        They are whole periods of waveform and trajectory, of about ``_TOGETHER`` [ns], and 0 if
+        They are whole periods of waveform and trajectory, of about ``_TOGETHER`` [ns], and none if
         something has to be done block by block first.
         """
         number = self._boundary(start)
         if number is None or number % self._stream_period or self._pending or self._signals.busy:
-            return 0
+            return np.empty(0, np.int64)
         most = max(1, _TOGETHER * self._rate // SECOND // self._stream_period)
-        periods = (boundaries_until(time, self._rate) - number) // self._stream_period
         # Something that is due by now lies before the present boundary.
-        return max(0, min(most, periods)) * self._stream_period
-
-    def ends(self, start: int, count: int) -> np.ndarray:
-        """Return the ends of the blocks that follow a boundary [ns]."""
-        first = boundaries_until(start, self._rate) + 1
-        return np.array([boundary(first + k, self._rate) for k in range(count)], np.int64)
+        periods = (boundaries_until(time, self._rate) - number) // self._stream_period
+        last = number + min(most, periods) * self._stream_period
+        return np.array([boundary(n + 1, self._rate) for n in range(number, last)], np.int64)
 
     def together(self, block: Block) -> Together:
-        """Return all messages of a block of healthy signals, for which ``stride`` gave the length.
+        """Return all messages of a block of healthy signals, with parts of ``ends_together``.
 
         They are those that ``prompt`` and ``streams`` would yield block by block.
         """
@@ -286,18 +283,18 @@ class Telemetry:
         return _rows(self._streams_of(block, len(block), _PART))
 
     def _streams_of(
-        self, block: Block, period: int, part: int | None = None
+        self, block: Block, period: int, part: int = sys.maxsize
     ) -> Iterator[Columns | None]:
         """Return waveform and trajectory of a block, a message of each in every ``period`` parts.
 
-        part: samples after which there is a None; None for no such parts.
+        There is a None after each ``part`` samples.
         """
         first = self._segments
         self._segments += int(block.finished[-1])
         return self._stream(block, period, part, first, self.origin)
 
     def _stream(
-        self, block: Block, period: int, part: int | None, first: int, origin: int
+        self, block: Block, period: int, part: int, first: int, origin: int
     ) -> Iterator[Columns | None]:
         groups = np.arange(period - 1, len(block), period)
         ends, finished = block.ends[groups], block.finished[groups]
@@ -305,17 +302,13 @@ class Telemetry:
         cuts = np.array([first_sample(end, rate) for end in (block.start, *ends.tolist())])
         held = np.flatnonzero(np.diff(cuts))
         if len(held) and self._wanted("waveform"):
-            begin, count = int(cuts[0]), int(cuts[-1] - cuts[0])
-            if part is None:
+            parts = []
+            for begin in range(int(cuts[0]), int(cuts[-1]), part):
+                count = min(part, int(cuts[-1]) - begin)
                 times = Times.from_grid(begin, count, rate)
-                samples = block.sample_parts(period, cuts - cuts[0], times)
-            else:
-                parts = []
-                for number in range(0, count, part):
-                    times = Times.from_grid(begin + number, min(part, count - number), rate)
-                    parts.append(block.sample(times))
-                    yield None
-                samples = join_samples(parts)
+                parts.append(block.sample_parts(period, np.clip(cuts - begin, 0, count), times))
+                yield None
+            samples = join_samples(parts)
             cuts = np.append(cuts[held], cuts[-1])
             fields = waveform_fields(samples, cuts, rate, origin)
             yield Columns("waveform", groups[held], ends[held], fields)

@@ -346,9 +346,7 @@ def _own(cursor: Cursor, varied: Mapping[str, Any]) -> dict[str, Any]:
 
 def _variants(name: str, cursor: Cursor, drill: Mapping[str, Any], folder: Path) -> list[Any]:
     """Return the values of a parameter that the campaign varies."""
-    entries = cursor.value and cursor.sequence(other="{name} = {shown} is no list of values")
-    if not entries:
-        raise cursor.refusal("{name} = {shown} is no list of values")
+    entries = _filled(cursor, "values")
     values = [_to_value(name, each.value) for each in entries]
     if len({repr(value) for value in values}) < len(values):
         raise _error(cursor, f"{name} has a value twice")
@@ -357,10 +355,14 @@ def _variants(name: str, cursor: Cursor, drill: Mapping[str, Any], folder: Path)
     return values
 
 
+def _filled(cursor: Cursor, what: str) -> list[Cursor]:
+    if not (isinstance(cursor.value, list) and cursor.value):
+        raise cursor.refusal(f"{{name}} = {{shown}} is no list of {what}")
+    return cursor.sequence()
+
+
 def _seeds(cursor: Cursor) -> list[int]:
-    entries = cursor.value and cursor.sequence(other="{name} = {shown} is no list of numbers")
-    if not entries:
-        raise cursor.refusal("{name} = {shown} is no list of numbers")
+    entries = _filled(cursor, "numbers")
     for each in entries:
         dataclasses.replace(each, name="seed").check(PARAMETERS["seed"].allowed)
     if len(set(cursor.value)) < len(entries):

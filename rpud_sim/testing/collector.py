@@ -62,54 +62,43 @@ class HeardTopic:
         self._node = node
         self._numbered = numbered
         self._changes = changes
-        self._payloads: list[bytes] = []
-        self._stamps: list[int] = []
+        self.payloads: list[bytes] = []
+        self.stamps: list[int] = []  # [ns]; without one, the drill's time when a message came
         self._messages: list[Any] = []
         fields = tuple(kind.get_fields_and_field_types().values())
         self.stamped = bool(fields) and fields[0] in _STAMPED
         self.subscription = node.create_subscription(kind, name, _ignore, qos, raw=True)
 
     def __len__(self) -> int:
-        return len(self._payloads)
+        return len(self.payloads)
 
-    @property
-    def stamps(self) -> Sequence[int]:
-        """Stamps of the messages [ns]; without one, the drill's time when they came."""
-        return self._stamps
-
-    @property
-    def payloads(self) -> Sequence[bytes]:
-        return self._payloads
-
-    def take(self, time: int) -> bool:
-        """Take what has arrived, unstamped at the time [ns]; return whether it was anything."""
+    def take(self, time: int) -> None:
+        """Take what has arrived, unstamped at the time [ns]."""
         handle = self.subscription.handle
-        before = self.arrived
         with handle:
             while taken := handle.take_message(self.kind, True):
                 payload, info = taken
                 self._count(info["publication_sequence_number"])
                 if not self._repeats(payload):
-                    self._payloads.append(payload)
-                    self._stamps.append(self._stamp(payload, time))
-        return self.arrived > before
+                    self.payloads.append(payload)
+                    self.stamps.append(self._stamp(payload, time))
 
     def messages(self) -> list[Any]:
-        for payload in self._payloads[len(self._messages) :]:
+        for payload in self.payloads[len(self._messages) :]:
             self._messages.append(deserialize_message(payload, self.kind))
         return list(self._messages)
 
     def latest(self) -> Any:
         """Return the latest message, None without one."""
-        if not self._payloads:
+        if not self.payloads:
             return None
-        if len(self._messages) == len(self._payloads):
+        if len(self._messages) == len(self.payloads):
             return self._messages[-1]
-        return deserialize_message(self._payloads[-1], self.kind)
+        return deserialize_message(self.payloads[-1], self.kind)
 
     def forget(self, until: int) -> None:
-        del self._payloads[:until], self._stamps[:until], self._messages[:until]
-        self.arrived = len(self._payloads)
+        del self.payloads[:until], self.stamps[:until], self._messages[:until]
+        self.arrived = len(self.payloads)
         self.lost = 0
 
     def close(self) -> None:
@@ -127,8 +116,8 @@ class HeardTopic:
     def _repeats(self, payload: bytes) -> bool:
         return (
             self._changes
-            and bool(self._payloads)
-            and self._payloads[-1][:-_TIMING] == payload[:-_TIMING]
+            and bool(self.payloads)
+            and self.payloads[-1][:-_TIMING] == payload[:-_TIMING]
         )
 
     def _stamp(self, payload: bytes, time: int) -> int:
@@ -165,25 +154,21 @@ class Collector:
             enable_rosout=False,
             start_parameter_services=False,
         )
-        self._topics: dict[str, HeardTopic] = {}
+        self.topics: dict[str, HeardTopic] = {}  # by absolute name
         self._wait_set: Any = None
         for name in TOPICS:
             if name not in STREAMS:
                 self.subscribe(name, TOPICS[name].type)
         for name, kind in COMMANDS.items():
             self.subscribe(name, kind)
-        self._always = set(self._topics)
-
-    @property
-    def topics(self) -> Mapping[str, HeardTopic]:
-        return self._topics
+        self._always = set(self.topics)
 
     def resolve(self, name: str) -> str:
         """Return the absolute name of a topic; a relative one is of the drill's namespace."""
         return str(self.node.resolve_topic_name(name))
 
     def own(self, name: str) -> HeardTopic:
-        return self._topics[self.resolve(name)]
+        return self.topics[self.resolve(name)]
 
     def subscribe(self, name: str, kind: str = "") -> HeardTopic | None:
         """Subscribe to a topic, and return it; None if it has no publisher and no type.
@@ -191,8 +176,8 @@ class Collector:
         The name is relative or absolute; without a type it is that of the publisher.
         """
         absolute = self.resolve(name)
-        if absolute in self._topics:
-            return self._topics[absolute]
+        if absolute in self.topics:
+            return self.topics[absolute]
         offers = [each.qos_profile for each in self.node.get_publishers_info_by_topic(absolute)]
         own = TOPICS.get(name)
         if not kind:
@@ -209,7 +194,7 @@ class Collector:
             numbered=own is not None,
             changes=name == "status",
         )
-        self._topics[absolute] = topic
+        self.topics[absolute] = topic
         self._wait_set = None
         return topic
 
@@ -219,12 +204,10 @@ class Collector:
         self.published = dict(zip(found.topics, found.published, strict=True))
         return found
 
-    def take(self) -> bool:
-        """Take what has arrived, and return whether it was anything."""
-        taken = False
-        for topic in self._topics.values():
-            taken |= topic.take(self.time)
-        return taken
+    def take(self) -> None:
+        """Take what has arrived."""
+        for topic in self.topics.values():
+            topic.take(self.time)
 
     def until(
         self,
@@ -251,7 +234,7 @@ class Collector:
 
     def wait(self, seconds: float) -> None:
         """Wait until a message is there, at most for some seconds."""
-        handles = [topic.subscription.handle for topic in self._topics.values()]
+        handles = [topic.subscription.handle for topic in self.topics.values()]
         if self._wait_set is None:
             self._wait_set = rclpy_implementation.WaitSet(
                 len(handles), 0, 0, 0, 0, 0, self._context.handle
@@ -265,7 +248,7 @@ class Collector:
         """Return how many messages of each topic the drill has published and are not here yet."""
         missing = {}
         for name, number in self.published.items():
-            topic = self._topics.get(self.resolve(name))
+            topic = self.topics.get(self.resolve(name))
             if topic is not None and (topic.number or 0) < number:
                 missing[name] = number - (topic.number or 0)
         return missing
@@ -276,7 +259,7 @@ class Collector:
         Of latched topics the last message stays, and of the journal what follows the beginning.
         """
         journal = self.resolve("journal")
-        for name, topic in self._topics.items():
+        for name, topic in self.topics.items():
             if name == journal:
                 kinds = [entry.kind for entry in topic.messages()]
                 begun = [index for index, kind in enumerate(kinds) if kind == "begin"]
@@ -286,8 +269,8 @@ class Collector:
 
     def forget_others(self) -> None:
         """Unsubscribe from all topics but those of the drill that are always heard."""
-        for name in set(self._topics) - self._always:
-            self._topics.pop(name).close()
+        for name in set(self.topics) - self._always:
+            self.topics.pop(name).close()
             self._wait_set = None
 
     def close(self) -> None:

@@ -30,7 +30,7 @@ Value = TypeVar("Value")
 __tracebackhide__ = is_verdict
 
 
-class Drill:
+class Drill(Lockstep):
     """Drill in lockstep: simulation time passes in steps alone.
 
     A step is over when all that the drill has published up to its stamp is here, and every declared
@@ -39,12 +39,11 @@ class Drill:
     """
 
     def __init__(self, process: DrillProcess, folder: Path | None = None) -> None:
-        self._process = process
-        self._lockstep = Lockstep(process)
-        self._collector = self._lockstep.collector
+        super().__init__(process)
         self._verdicts = LiveVerdicts(self._collector)
         # of the test; its commands start there, and relative paths begin there
         self.folder = folder
+        self.key: tuple[str, ...] = ()  # of its pool: drills with equal keys stand for each other
         self.seed = 0  # of the drill
         self.log: list[tuple[float, str]] = []  # commands of the test: simulation time [s] and text
 
@@ -66,7 +65,7 @@ class Drill:
     @property
     def client(self) -> DrillClient:
         """Client of the drill, for what this class has no method for."""
-        return self._lockstep.client
+        return self._client
 
     @property
     def time(self) -> float:
@@ -91,7 +90,7 @@ class Drill:
     @property
     def systems(self) -> tuple[SystemUnderTest, ...]:
         """Processes under test that this test has started."""
-        return self._lockstep.systems.processes
+        return tuple(self._systems.processes)
 
     @property
     def heard(self) -> dict[str, HeardTopic]:
@@ -118,10 +117,10 @@ class Drill:
         SystemUnderTestError, messages of the drill that are lost are a LostMessagesError.
         """
         if seconds is None:
-            self._advance(self._next_stop())
+            self._step_to(self._next_stop())
         else:
             length = round(_SECONDS.check("step", seconds) * SECOND)
-            self._advance(self._collector.time + length)
+            self._step_to(self._collector.time + length)
         return self.time
 
     def step_until(
@@ -155,7 +154,7 @@ class Drill:
                     f"{self._summary()}"
                 )
             stop = self._next_stop() if length is None else now + length
-            self._advance(min(stop, end))
+            self._step_to(min(stop, end))
         return self.time
 
     def reset(self, seed: int | None = None) -> None:
@@ -165,7 +164,7 @@ class Drill:
         that of the drill from here on; None for the present one.
         """
         self._note("reset" if seed is None else f"reset seed={seed}")
-        self._lockstep.reset(seed)
+        self._reset(seed)
         self.seed = self.seed if seed is None else seed
         self._verdicts.reset()
 
@@ -173,24 +172,26 @@ class Drill:
 
     def press(self, force: float) -> None:
         """Command a weight on bit [N]; see ``DrillClient.press``."""
-        self._act(f"press {force!r} N", lambda: self.client.press(force))
+        self._noted(f"press {force!r} N", lambda: self.client.press(force))
 
     def drive(
         self, enabled: bool = True, voltage: float | None = None, frequency: float | None = None
     ) -> None:
         """Command the drive; see ``DrillClient.drive``."""
-        self._act(
+        self._noted(
             f"drive {enabled} voltage={voltage} frequency={frequency}",
             lambda: self.client.drive(enabled, voltage, frequency),
         )
 
     def feed(self, rate: float | None = None, position: float | None = None) -> None:
         """Command the feed of a drill on an arm; see ``DrillClient.feed``."""
-        self._act(f"feed rate={rate} position={position}", lambda: self.client.feed(rate, position))
+        self._noted(
+            f"feed rate={rate} position={position}", lambda: self.client.feed(rate, position)
+        )
 
     def engage(self, on: bool = True) -> None:
         """Put the drill tool into the rock, or take it out."""
-        self._act(f"engage {on}", lambda: self.client.engage(on))
+        self._noted(f"engage {on}", lambda: self.client.engage(on))
 
     def inject(
         self,
@@ -200,19 +201,19 @@ class Drill:
         duration: float | None = None,
     ) -> int:
         """Inject a fault and return its number; see ``DrillClient.inject``."""
-        return self._act(
+        return self._noted(
             f"inject {kind} channel={channel!r} magnitude={magnitude} duration={duration}",
             lambda: self.client.inject(kind, channel, magnitude, duration),
         )
 
     def clear(self, which: int | str = "all") -> list[int]:
         """End active faults and return their numbers; see ``DrillClient.clear``."""
-        return self._act(f"clear {which}", lambda: self.client.clear(which))
+        return self._noted(f"clear {which}", lambda: self.client.clear(which))
 
     def set_parameters(self, **values: Any) -> None:
         """Set parameters of the drill; the next test has those of its start again."""
         text = " ".join(f"{name}={value}" for name, value in values.items())
-        self._act(f"set {text}", lambda: self.client.set_parameters(**values))
+        self._noted(f"set {text}", lambda: self.client.set_parameters(**values))
 
     # What was published.
 
@@ -280,7 +281,7 @@ class Drill:
             period: simulation time between two answers: they are due at its multiples [s].
             timeout: longest real time for the answers to one step [s].
         """
-        answers = self._lockstep.answers
+        answers = self._answers
         answers.timeout = _REAL_SECONDS.check("timeout", timeout)
         length = round(_SECONDS.check("period", period) * SECOND)
         answers.declare(topics, kind, int(_COUNT.check("count", count)), length)
@@ -310,18 +311,9 @@ class Drill:
         """
         self._note(f"start {' '.join(command)}")
         limit = _REAL_SECONDS.check("timeout", timeout)
-        systems = self._lockstep.systems
-        return systems.start(command, self.folder, name, hears, ready, limit, self._note)
+        return self._systems.start(command, self.folder, name, hears, ready, limit, self._note)
 
     # For the owner of the drill.
-
-    def await_connections(self) -> None:
-        """Wait until the drill reaches every subscriber that there is."""
-        self._lockstep.systems.await_connections()
-
-    def await_delivery(self) -> None:
-        """Wait until all subscribers have all that the drill has published."""
-        self._lockstep.await_delivery()
 
     @property
     def published(self) -> dict[str, int]:
@@ -329,41 +321,28 @@ class Drill:
         return dict(self._collector.published)
 
     def begin(self, seed: int, scenario: str = NO_FAULTS) -> None:
-        """Begin a test; see ``Lockstep.begin``."""
+        """Begin a test at time zero, paused, as the drill was started; nothing stays of before."""
         self.seed = seed
-        self._lockstep.begin(seed, scenario)
+        self._begin(seed, scenario)
         self._verdicts.begin()
         self.log = []
 
-    def end(self) -> None:
-        """End the processes under test."""
-        self._lockstep.systems.stop()
-
-    def close(self) -> None:
-        """End everything."""
-        self._lockstep.close()
-
-    @property
-    def alive(self) -> bool:
-        """Whether the drill's process runs."""
-        return self._lockstep.alive
-
     def _next_stop(self) -> int:
-        if self._lockstep.answers.period:
-            return self._lockstep.next_answer()
+        if self._answers.period:
+            return self._next_answer()
         return self._collector.time + round(PERIOD * SECOND)
 
-    def _advance(self, until: int) -> None:
+    def _step_to(self, until: int) -> None:
         text = f"{_STEP}{until / SECOND:.9g} s"
         if self.log and self.log[-1][1].startswith(_STEP):  # one line for steps in a row
             self.log[-1] = self.log[-1][0], text
         else:
             self._note(text)
-        self._lockstep.advance(until)
+        self._advance(until)
 
-    def _act(self, text: str, action: Callable[[], Value]) -> Value:
+    def _noted(self, text: str, action: Callable[[], Value]) -> Value:
         self._note(text)
-        return self._lockstep.act(action)
+        return self._act(action)
 
     def _heard(self, topic: str) -> HeardTopic:
         heard = self._collector.topics.get(self._collector.resolve(topic))

@@ -61,17 +61,17 @@ class Lockstep:
         namespace = process.namespace
         with applied(process.environment):
             # of the drill
-            self.client = LockstepClient(
+            self._client = LockstepClient(
                 namespace, process.domain, node_name="drill_test_client", patience=_PATIENCE
             )
             # of the messages
-            self.collector = Collector(self.client)
-        self.client.check_while_waiting(self._check)
-        introductions = Introductions(self.collector, self.client.node)
+            self._collector = Collector(self._client)
+        self._client.check_while_waiting(self._check)
+        introductions = Introductions(self._collector, self._client.node)
         # that the nodes under test have declared
-        self.answers = Answers(self.collector, introductions)
+        self._answers = Answers(self._collector, introductions)
         # processes under test
-        self.systems = Systems(self.collector, self.answers, introductions, process.environment)
+        self._systems = Systems(self._collector, self._answers, introductions, process.environment)
         try:
             self._await_start()
         except BaseException:
@@ -79,72 +79,68 @@ class Lockstep:
             raise
 
     @property
-    def time(self) -> int:
-        """Simulation time that was reached [ns]."""
-        return self.collector.time
-
-    @property
     def alive(self) -> bool:
+        """Whether the drill's process runs."""
         return self._process.process.running
 
-    def begin(self, seed: int, scenario: str) -> None:
+    def _begin(self, seed: int, scenario: str) -> None:
         """Begin at time zero, paused, as the drill was started; nothing stays of before."""
-        self.systems.stop()
-        self.answers.declare(())
+        self._systems.stop()
+        self._answers.declare(())
         try:
-            self.client.pause()
-            self.client.set_parameters(real_time_factor=1.0)  # the one that no reset restores
+            self._client.pause()
+            self._client.set_parameters(real_time_factor=1.0)  # the one that no reset restores
             self._process.scenario.write_text(scenario)
-            self.reset(seed)
-            self.collector.forget_others()
+            self._reset(seed)
+            self._collector.forget_others()
         except (ClientError, LostMessagesError) as error:
             raise DrillError(f"the drill cannot be reset: {error}") from error
-        status = self.collector.own("status")
+        status = self._collector.own("status")
         if status.stamps[-1] or status.latest().state != Status.STATE_PAUSED:
             raise DrillError(f"the drill is {status.latest().state} after a reset, not paused")
 
-    def reset(self, seed: int | None) -> None:
+    def _reset(self, seed: int | None) -> None:
         """Take the drill back to time zero; what came before is forgotten, nodes go on."""
-        self.settle()  # messages from before are none of after
-        DrillClient.reset(self.client, seed=seed)
-        self.collector.time = 0
-        self.settle()
-        self.collector.forget()
+        self._settle()  # messages from before are none of after
+        DrillClient.reset(self._client, seed=seed)
+        self._collector.time = 0
+        self._settle()
+        self._collector.forget()
 
-    def advance(self, until: int) -> None:
+    def _advance(self, until: int) -> None:
         """Advance to a simulation time [ns], with an answer of every node at each due time."""
-        period = self.answers.period
-        while self.time < until:
-            end = min(until, self.next_answer()) if period else until
-            self._advance(end)
+        period = self._answers.period
+        while self._collector.time < until:
+            end = min(until, self._next_answer()) if period else until
+            self._advance_once(end)
 
-    def next_answer(self) -> int:
+    def _next_answer(self) -> int:
         """Return the next time at which answers are due, which are declared [ns]."""
-        period = self.answers.period
-        return (self.time // period + 1) * period
+        period = self._answers.period
+        return (self._collector.time // period + 1) * period
 
-    def act(self, action: Callable[[], Value]) -> Value:
+    def _act(self, action: Callable[[], Value]) -> Value:
         """Do something with the drill at a standstill, and take what follows from it."""
         try:
             with self._guarded():
                 return action()
         finally:
             if self.alive:  # also where the drill refuses it: the status counts that
-                self.settle()
+                self._settle()
 
-    def settle(self) -> None:
+    def _settle(self) -> None:
         """Wait until all that the drill has published is here."""
-        self.collector.ask()
+        self._collector.ask()
         self._await_published()
 
     def _await_published(self) -> None:
-        collector, status = self.collector, self.collector.own("status")
+        collector, status = self._collector, self._collector.own("status")
 
         def complete() -> bool:
             return (
                 bool(status.stamps)
                 and status.stamps[-1] >= collector.time
-                and (status.number or 0) >= self.client.status_number
+                and (status.number or 0) >= self._client.status_number
                 and not collector.missing()
             )
 
@@ -159,43 +155,52 @@ class Lockstep:
 
         One that was killed never has: the wait ends then, too.
         """
-        self.settle()
-        self.collector.until(lambda: self.collector.ask().acknowledged, _DELIVERY, self._check)
+        self._settle()
+        self._collector.until(lambda: self._collector.ask().acknowledged, _DELIVERY, self._check)
+
+    def await_connections(self) -> None:
+        """Wait until the drill reaches every subscriber that there is."""
+        self._systems.await_connections()
+
+    def end(self) -> None:
+        """End the processes under test."""
+        self._systems.stop()
 
     def close(self) -> None:
+        """End everything."""
         with contextlib.suppress(Exception):
-            self.systems.stop()
-        self.collector.close()
-        self.client.close()
+            self._systems.stop()
+        self._collector.close()
+        self._client.close()
         self._process.stop()
 
-    def _advance(self, until: int) -> None:
-        self.systems.check()
-        self.systems.await_answerers()
-        self.answers.begin()
-        while self.time < until:
-            length = min(until - self.time, _LONGEST_ADVANCE)
+    def _advance_once(self, until: int) -> None:
+        self._systems.check()
+        self._systems.await_answerers()
+        self._answers.begin()
+        while self._collector.time < until:
+            length = min(until - self._collector.time, _LONGEST_ADVANCE)
             with self._guarded():
-                reached = DrillClient.step(self.client, length / SECOND)
-            self.collector.time = round(reached * SECOND)
-            self.collector.published = self.client.published
+                reached = DrillClient.step(self._client, length / SECOND)
+            self._collector.time = round(reached * SECOND)
+            self._collector.published = self._client.published
             self._await_published()
-        period = self.answers.period
+        period = self._answers.period
         if period and until % period == 0:
-            self.systems.await_answers(until)
-        if self.systems.await_commands():
-            self.settle()
+            self._systems.await_answers(until)
+        if self._systems.await_commands():
+            self._settle()
 
     def _await_start(self) -> None:
-        status = self.collector.own("status")
+        status = self._collector.own("status")
 
         def paused() -> bool:
             latest = status.latest()
             return latest is not None and latest.state == Status.STATE_PAUSED
 
-        if not self.collector.until(paused, _START, self._check):
+        if not self._collector.until(paused, _START, self._check):
             raise self._failure(f"has not started within {_START:g} s")
-        self.systems.await_connections()
+        self._systems.await_connections()
 
     @contextlib.contextmanager
     def _guarded(self) -> Iterator[None]:

@@ -141,13 +141,14 @@ class DrillProcess:
         self.namespace = namespace
         self.folder = Path(tempfile.mkdtemp(prefix="rpud_drill_"))
         self._claim = DomainClaim()
+        self.domain = self._claim.domain
         self.scenario = self.folder / "scenario.yaml"
         self.scenario.write_text(NO_FAULTS)
         values = {**parameters, **LOCKSTEP, "scenario": str(self.scenario)}
         file = self.folder / "parameters.yaml"
         file.write_text(yaml.safe_dump({"/**": {"ros__parameters": _to_ros(values)}}))
         self.environment = {
-            **loopback_environment(self._claim.domain),
+            **loopback_environment(self.domain),
             "ROS_LOG_DIR": str(self.folder / "log"),
             "PYTHONUNBUFFERED": "1",
         }
@@ -159,10 +160,6 @@ class DrillProcess:
             environment=self.environment,
             folder=self.folder,
         )
-
-    @property
-    def domain(self) -> int:
-        return self._claim.domain
 
     def stop(self) -> None:
         """End it, and leave the domain to others."""

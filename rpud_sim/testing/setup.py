@@ -29,7 +29,6 @@ if TYPE_CHECKING:
 
 _MOST_IDLE = 3  # drills that are kept: each takes some 200 MB
 
-_Key = tuple[str, ...]
 NAMESPACE = "/rpud"
 _OWN = ("config", "faults", "seed", "namespace")
 _RESERVED: Mapping[str, str] = {
@@ -127,48 +126,45 @@ class DrillPool:
     """Drills of one process of tests."""
 
     def __init__(self) -> None:
-        self._idle: list[tuple[_Key, Drill]] = []
-        self._keys: dict[int, _Key] = {}
+        self._idle: list[Drill] = []
 
     def take(self, setup: DrillSetup, folder: Path | None = None) -> Drill:
         """Return a drill at time zero, as if just started; commands start in ``folder``."""
-        key = _key(setup)
-        for entry in [entry for entry in self._idle if entry[0] == key]:
-            self._idle.remove(entry)
-            drill = entry[1]
+        parameters = sorted(f"{name}={value!r}" for name, value in setup.parameters.items())
+        key = (setup.namespace, *parameters)
+        for drill in [each for each in self._idle if each.key == key]:
+            self._idle.remove(drill)
             try:
                 drill.begin(setup.seed, setup.scenario)
             except DrillError:  # it has died, or does not come back: another one takes its place
                 drill.close()
             else:
                 drill.folder = folder
-                self._keys[id(drill)] = key
                 return drill
         from rpud_sim.testing.drill import Drill  # with all of ROS
 
         drill = Drill(DrillProcess(setup.parameters, setup.namespace), folder)
+        drill.key = key
         try:
             drill.begin(setup.seed, setup.scenario)
         except BaseException:
             drill.close()
             raise
-        self._keys[id(drill)] = key
         return drill
 
     def give_back(self, drill: Drill) -> None:
         """Keep a drill for the next test; its processes under test end."""
-        key = self._keys.pop(id(drill))
         if not drill.alive:
             drill.close()
             return
         drill.end()
-        self._idle.append((key, drill))
+        self._idle.append(drill)
         while len(self._idle) > _MOST_IDLE:
-            self._idle.pop(0)[1].close()
+            self._idle.pop(0).close()
 
     def close(self) -> None:
         while self._idle:
-            self._idle.pop()[1].close()
+            self._idle.pop().close()
 
 
 @contextlib.contextmanager
@@ -179,14 +175,8 @@ def open_drill(folders: Sequence[Path] = (), **options: Any) -> Iterator[Drill]:
     Options are those of the mark ``rpud``.
     """
     setup = drill_setup(options, folders)
-    pool = DrillPool()
-    drill = pool.take(setup, folders[0] if folders else None)
+    drill = DrillPool().take(setup, folders[0] if folders else None)
     try:
         yield drill
     finally:
         drill.close()
-
-
-def _key(setup: DrillSetup) -> _Key:
-    parameters = sorted(f"{name}={value!r}" for name, value in setup.parameters.items())
-    return (setup.namespace, *parameters)

@@ -80,15 +80,10 @@ class Systems:
         self._introductions = introductions
         self._environment = environment
         self._folder = Path(environment["ROS_LOG_DIR"]).parent
-        self._processes: list[SystemUnderTest] = []
+        self.processes: list[SystemUnderTest] = []  # in the order of their starts
         # longest wait, topics and commands of tests in which these have never published or answered
         self._silent: set[tuple[object, ...]] = set()
         self._count = 0
-
-    @property
-    def processes(self) -> tuple[SystemUnderTest, ...]:
-        """The processes, in the order of their starts."""
-        return tuple(self._processes)
 
     def start(
         self,
@@ -108,7 +103,7 @@ class Systems:
         calm = self._calm()
         system = self._started(words, folder, name)
         system.note = note
-        self._processes.append(system)
+        self.processes.append(system)
         lacking = ""
 
         def lack() -> str:
@@ -145,7 +140,7 @@ class Systems:
     def _started(self, words: list[str], folder: Path | None, name: str) -> SystemUnderTest:
         self._count += 1
         name = name or _name_of(words)
-        if name in [each.name for each in self._processes]:
+        if name in [each.name for each in self.processes]:
             name = shlex.join(words[words[0] == sys.executable :])
         log = self._folder / f"system_{self._count}.log"
         try:
@@ -180,13 +175,13 @@ class Systems:
         late = self._await(
             lambda: answers.connect() and self.connected(),
             _START,
-            [system.command for system in self._processes],
+            [system.command for system in self.processes],
             lambda: not answers.connect(),
             _POLL_PERIOD,
         )
         if late:
             text = f"no publisher on {' and '.join(answers.names)} {''.join(late)}"
-            raise self._failure(", ".join(answers.names), "silent", text, self._processes)
+            raise self._failure(", ".join(answers.names), "silent", text, self.processes)
         answers.introduced = True
         self._check_publishers()
 
@@ -198,7 +193,7 @@ class Systems:
         late = self._await(
             lambda: not answers.missing(stamp),
             answers.timeout,
-            [system.command for system in self._processes],
+            [system.command for system in self.processes],
             lambda: answers.never,
         )
         if late:
@@ -208,7 +203,7 @@ class Systems:
                 f"{'; '.join(answers.missing(stamp))}{again}"
             )
             kind = "late" if answers.late(stamp) else "silent"
-            raise self._failure(", ".join(answers.names), kind, text, self._processes)
+            raise self._failure(", ".join(answers.names), kind, text, self.processes)
 
     def await_commands(self) -> bool:
         """Wait until the drill has counted every command; return whether there was one."""
@@ -232,17 +227,17 @@ class Systems:
         return True
 
     def check(self) -> None:
-        for system in self._processes:
+        for system in self.processes:
             if not (system.running or system.expected):
                 system.expected = True  # once is enough
                 raise self._failure_of(system, "died", system.ending)
 
     def stop(self) -> None:
         self._part()
-        for system in self._processes:
+        for system in self.processes:
             system.resume()
-        stop_all(self._processes)
-        self._processes.clear()
+        stop_all(self.processes)
+        self.processes.clear()
 
     def _await(
         self,
@@ -275,12 +270,12 @@ class Systems:
 
     def _check_publishers(self) -> None:
         # A publisher of a process that has ended may still be remembered.
-        if all(system.running for system in self._processes) and (crowd := self._answers.crowded()):
+        if all(system.running for system in self.processes) and (crowd := self._answers.crowded()):
             raise ParameterError(f"with_answers: {crowd}")
 
     @property
     def _ended(self) -> bool:
-        return bool(self._processes) and all(system.expected for system in self._processes)
+        return bool(self.processes) and all(system.expected for system in self.processes)
 
     def _failure(
         self, name: str, kind: str, text: str, systems: Sequence[SystemUnderTest]

@@ -9,8 +9,6 @@ import dataclasses
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from rpud_sim.foundation.quantities import shown
 from rpud_sim.simulation.faults import Fault
 from rpud_sim.verdicts.steps import (
@@ -18,6 +16,7 @@ from rpud_sim.verdicts.steps import (
     MOST_TRUTH,
     UNKNOWN,
     Steps,
+    aligned,
     beginnings,
     combine,
     negate,
@@ -334,18 +333,16 @@ class After(Formula):
     def _steps(self, on: Evaluation, once: bool) -> Steps:
         trigger, then = on.trigger(self.trigger), on.steps(self.formula)
         implied = combine([negate(trigger), then], least=False)
-        starts = np.union1d(implied.starts, trigger.starts)
-        implied, never = implied.on(starts), trigger.on(starts)
+        implied, never = aligned(implied, trigger)
         absent = implied.absent | (never.values[MOST_TRUTH] < 0.0) | never.absent
-        spread = Steps(starts, implied.values, absent)
+        spread = Steps(implied.starts, implied.values, absent)
         always = over_window(spread, 0, None, least=True, once=once)
         # An event that may not have come at all proves nothing.
         came = over_window(trigger, 0, None, least=False, once=once)
-        starts = np.union1d(always.starts, came.starts)
-        always, came = always.on(starts), came.on(starts)
+        always, came = aligned(always, came)
         unsure = (came.values[LEAST_TRUTH] < 0.0) & (always.values[LEAST_TRUTH] > 0.0)
         always.values[:, unsure] = UNKNOWN[:, None]
-        return Steps(starts, always.values, always.absent).merged()
+        return always.merged()
 
     def _decided(self, on: Evaluation, time: int, held: bool) -> int:
         if not held:

@@ -116,7 +116,7 @@ class Expectation:
                 found.add(part.signal.topic)
             elif isinstance(part, Message):
                 found.add(part.topic)
-            elif isinstance(part, (Active, Onset, Cleared)):
+            elif isinstance(part, Active | Onset | Cleared):
                 found.add("faults")
         return tuple(sorted(found))
 

@@ -120,16 +120,21 @@ def negate(steps: Steps) -> Steps:
     return Steps(steps.starts, -steps.values[_SWAPPED], steps.absent.copy())
 
 
+def aligned(*parts: Steps) -> list[Steps]:
+    """Return the same functions with steps that all of them have."""
+    starts = parts[0].starts
+    for part in parts[1:]:
+        if len(part.starts) != len(starts) or (part.starts != starts).any():
+            starts = np.union1d(starts, part.starts)
+    return [part.on(starts) for part in parts]
+
+
 def combine(parts: list[Steps], least: bool) -> Steps:
     """Return and (the least of all) or or (the greatest of all).
 
     Where a part is absent, it is unknown; the result is absent there if the others do not decide.
     """
-    starts = parts[0].starts
-    for part in parts[1:]:
-        if len(part.starts) != len(starts) or (part.starts != starts).any():
-            starts = np.union1d(starts, part.starts)
-    spread = [part.on(starts) for part in parts]
+    spread = aligned(*parts)
     choose = np.minimum if least else np.maximum
     values = _known(spread[0])
     absent = spread[0].absent.copy()
@@ -137,7 +142,7 @@ def combine(parts: list[Steps], least: bool) -> Steps:
         values = choose(values, _known(part))
         absent |= part.absent
     absent &= values[LEAST_TRUTH] < values[MOST_TRUTH]
-    return Steps(starts, values, absent).merged()
+    return Steps(spread[0].starts, values, absent).merged()
 
 
 def _known(steps: Steps) -> np.ndarray:
@@ -216,31 +221,28 @@ def until(left: Steps, right: Steps, start: int, end: int | None) -> Steps:
         parts = [held, over_window(plain, start, start, least=True)]
     if end is not None:
         parts.append(over_window(_unknown_where_absent(right), start, end, least=False))
-    found = combine(parts, least=True)
-    starts = np.unique(np.concatenate([found.starts, left.starts, right.starts]))
-    found = found.on(starts)
-    absent = left.on(starts).absent | right.on(starts).absent
+    found, left, right = aligned(combine(parts, least=True), left, right)
+    absent = left.absent | right.absent
     absent &= found.values[LEAST_TRUTH] < found.values[MOST_TRUTH]
-    return Steps(starts, found.values, absent).merged()
+    return Steps(found.starts, found.values, absent).merged()
 
 
 def _until_at_once(left: Steps, right: Steps, beyond: np.ndarray) -> Steps:
     """Return ``left`` until ``right`` at any time; beyond the recording it has a given value."""
-    starts = np.union1d(left.starts, right.starts)
-    left, right = left.on(starts), right.on(starts)
+    left, right = aligned(left, right)
     # At each step u = max(right, min(left, u of the next step)): a number clamped to bounds.
     # Clamps put one after the other are a clamp, so that doubling strides reach every step's end.
     low = _known(right)
     high = np.maximum(low, _known(left))
     low[:, -1] = high[:, -1] = beyond
     stride = 1
-    while stride < len(starts):
+    while stride < low.shape[1]:
         behind_low, behind_high = low[:, stride:].copy(), high[:, stride:].copy()
         front_low, front_high = low[:, :-stride].copy(), high[:, :-stride].copy()
         low[:, :-stride] = np.clip(behind_low, front_low, front_high)
         high[:, :-stride] = np.clip(behind_high, front_low, front_high)
         stride *= 2
-    return Steps(starts, low, np.zeros(len(starts), bool))
+    return Steps(left.starts, low, np.zeros(low.shape[1], bool))
 
 
 def inserted(starts: np.ndarray, values: np.ndarray, others: np.ndarray) -> Steps:

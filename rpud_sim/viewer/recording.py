@@ -349,12 +349,6 @@ class RecordedBag:
     def close(self) -> None:
         self.bag.close()
 
-    def __enter__(self) -> RecordedBag:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
     def _decode(self, number: int, topic: str) -> list[tuple[Message, Any]]:
         """Return the messages of a topic in a part, as they came and decoded; no others."""
         found = []

@@ -11,8 +11,10 @@ import sys
 import tempfile
 from pathlib import Path
 
-from support import LOOPBACK, claim_ros_domain
+from support import LOOPBACK
 from tqdm import tqdm
+
+from rpud_sim.testing.processes import DomainClaim
 
 
 def main() -> int:
@@ -39,9 +41,9 @@ def _read_bags(bags: int, seed: int) -> bool:
 
 
 def _attack_drill(inputs: int, seed: int) -> bool:
-    domain, _lock = claim_ros_domain()
+    claim = DomainClaim()
     os.environ.update(
-        ROS_DOMAIN_ID=str(domain),
+        ROS_DOMAIN_ID=str(claim.domain),
         ROS_PYTHON_CHECK_FIELDS="1",  # our own messages are well-formed, as those that DDS brings
         **LOOPBACK,
     )

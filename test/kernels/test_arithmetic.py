@@ -36,7 +36,6 @@ from rpud_sim.cli.precompile import _use_every_kernel
 _use_every_kernel()
 print(json.dumps(found))
 """
-
 # What is exact or rounded once; sqrt is the library's name of the processor's instruction.
 EXACT = {
     *("sqrt", "numba_frexp", "llvm.sqrt.f64", "llvm.floor.f64", "llvm.ceil.f64", "llvm.rint.f64"),

@@ -15,7 +15,6 @@ import pytest
 import rpud_sim
 
 ROOT = Path(rpud_sim.__file__).parents[1]
-
 RULES = """
 from store import compiled
 FACTOR = 3.0

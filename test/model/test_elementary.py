@@ -32,7 +32,6 @@ from rpud_sim.model.elementary import (
 
 mpmath.mp.prec = 200
 TOOLCHAIN = Path(__file__).parents[2] / "toolchain"
-
 GREATEST_ANGLE = 2.6e7
 NEAR_ONE = st.floats(-2.0, 2.0)
 POSITIVE = st.floats(5e-324, 1.7e308)

@@ -10,7 +10,6 @@ import rpud_sim
 PACKAGE = Path(rpud_sim.__file__).parent
 # Where the values of a bag are computed.
 ROOMS = ("model", "drilling", "simulation", "foundation", "bag")
-
 # Of math, what is exact or rounded once; the rest is the C library's.
 EXACT = {
     *("ceil", "copysign", "fabs", "floor", "fmod", "frexp", "fsum", "inf", "isclose", "isfinite"),

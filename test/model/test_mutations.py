@@ -13,7 +13,6 @@ import rpud_sim
 
 PACKAGE = Path(rpud_sim.__file__).parent
 CHECKS = Path(__file__).with_name("test_equations.py")
-
 # equation, the file it is in, its text, what becomes of it
 MUTATIONS = [
     (6, "contact.py", "(mass_2 - restitution * mass_1)", "(mass_2 + restitution * mass_1)"),
@@ -31,8 +30,6 @@ MUTATIONS = [
     ),
     (39, "contact.py", "return 2.0 * self.time_of_maximum", "return self.time_of_maximum"),
 ]
-
-
 PROGRAM = """
 import json, runpy, sys, traceback
 from pathlib import Path

@@ -31,8 +31,29 @@ def settled(parameters, opened=0, **values):
     return contact, collisions, state
 
 
-def test_a_mass_far_from_both_touches_nothing():
-    assert settled(preset("free"), u_np=-1e-3, u_dt=1e-3)[0] == 0
+QUIET = {**STILL, "gravity": 9.81}
+WEIGHTLESS = {**STILL, "gravity": 0.0}
+LEAVING = -((2.0 * 9.81 * LOWEST_BOUNCE) ** 0.5)  # velocity of the lowest bounce [m/s]
+
+
+@pytest.mark.parametrize(
+    ("regime", "changes", "values", "contact"),
+    [
+        ("free", {}, {"u_np": -1e-3, "u_dt": 1e-3}, 0),  # far from both
+        ("free", QUIET, {"u_np": -1e-3, "v_fm": 0.9**0.5 * LEAVING}, TOOL),
+        ("free", QUIET, {"u_np": -1e-3, "v_fm": 1.1**0.5 * LEAVING}, 0),
+        # The weight on bit presses all three together.
+        ("free", {}, {"weight_on_bit": 10.0}, BOTH),
+        ("drilling", {}, {"weight_on_bit": 10.0}, BOTH),
+        # The load spring draws the actuator off a resting mass.
+        ("free", {"gravity": 9.81}, {"u_np": 1e-5, "u_fm": 1e-5, "u_dt": 1e-5}, TOOL),
+        # The restoring spring draws the tool toward the rock, away from the mass.
+        ("free", WEIGHTLESS, {"u_np": -1.0, "u_fm": -1e-3, "u_dt": -1e-3}, 0),
+        ("free", WEIGHTLESS, {}, BOTH),
+    ],
+)
+def test_bodies_stay_in_the_contacts_that_forces_press(regime, changes, values, contact):
+    assert settled(preset(regime).replace(**changes), **values)[0] == contact
 
 
 def test_a_bouncing_mass_leaves_the_tool():
@@ -44,13 +65,6 @@ def test_a_bouncing_mass_leaves_the_tool():
     assert collisions.impact_velocity == 0.2
     assert collisions.energy == pytest.approx(0.5 * 5e-3 * 0.2**2)
     assert collisions.impulse == pytest.approx(parameters.drill_tool_mass * state.v_dt)
-
-
-@pytest.mark.parametrize(("higher", "contact"), [(0.9, TOOL), (1.1, 0)])
-def test_the_lowest_bounce_decides_what_rests(higher, contact):
-    parameters = preset("free").replace(gravity=9.81, **STILL)
-    leaving = -((2.0 * 9.81 * LOWEST_BOUNCE * higher) ** 0.5)
-    assert settled(parameters, u_np=-1e-3, v_fm=leaving)[0] == contact
 
 
 def test_in_the_rock_mass_and_tool_go_on_together():
@@ -71,28 +85,6 @@ def test_the_actuator_strikes_a_mass_that_is_still_on_the_tool():
     v_hv = 2 * np.pi * 16000.0 * state.amplitude
     carried = (drill.free_mass + drill.tool_mass) * state.v_fm
     assert drill.rpud_mass * (state.v_np + v_hv) + carried == pytest.approx(0.5)
-
-
-def test_the_weight_on_bit_presses_all_three_together():
-    assert settled(preset("free"), weight_on_bit=10.0)[0] == BOTH
-    assert settled(preset("drilling"), weight_on_bit=10.0)[0] == BOTH
-
-
-def test_the_load_spring_draws_the_actuator_off_a_resting_mass():
-    contact, _, _ = settled(preset("free").replace(gravity=9.81), u_np=1e-5, u_fm=1e-5, u_dt=1e-5)
-    assert contact == TOOL
-
-
-def test_without_gravity_a_receding_tool_leaves_the_mass():
-    parameters = preset("free").replace(gravity=0.0, **STILL)
-    # The restoring spring draws the tool toward the rock, away from the mass.
-    contact, _, _ = settled(parameters, u_np=-1.0, u_fm=-1e-3, u_dt=-1e-3)
-    assert contact == 0
-
-
-def test_bodies_at_rest_without_forces_stay_in_contact():
-    parameters = preset("free").replace(gravity=0.0, **STILL)
-    assert settled(parameters)[0] == BOTH
 
 
 @pytest.mark.parametrize("opened", [ACTUATOR, TOOL])

@@ -23,7 +23,6 @@ from rpud_sim.model.strike import first_landing, first_strike, soon_after
 from rpud_sim.model.tolerances import LONGEST_SEARCH, TIME_RESOLUTION, TOUCHING, WEAKEST_PULL
 
 SAMPLES_PER_CYCLE = 40
-
 CASES = {
     "free": ("free", {}),
     "free, lossy": ("free", {"actuator_restitution": 0.6, "drill_tool_restitution": 0.3}),
@@ -282,22 +281,8 @@ def test_of_two_roots_in_one_cycle_the_first_is_found(depth):
     assert time == pytest.approx(crest - before, abs=1e-12 if depth > 1e-10 else 2e-10)
 
 
-@pytest.mark.parametrize("velocity", [-1e-3, -0.05, -1.0])
-def test_a_mass_that_drifts_into_the_vibration_is_struck_at_the_first_touch(velocity):
-    segment = hanging_mass(2e-6, velocity)
-    time, struck = strike_of(segment, 1.0)
-    assert struck
-    earlier = np.linspace(0.0, time * (1 - 1e-9), 200_001)
-    assert gap(segment, FREE_MASS, TIP, earlier).min() > 0.0
-    assert abs(float(gap(segment, FREE_MASS, TIP, time))) < 1e-15
-
-
 @pytest.mark.parametrize(("velocity", "gravity"), [(0.0, 9.81), (-0.3, 9.81), (2.0, 0.0)])
 def test_fall_onto_a_tool_at_rest(velocity, gravity):
     time = fall_time(1e-3, velocity, gravity)
     assert velocity * time + 0.5 * gravity * time**2 == pytest.approx(1e-3)
-
-
-def test_without_gravity_a_mass_that_leaves_the_tool_does_not_return():
-    assert fall_time(1e-3, -0.1, 0.0) == math.inf
-    assert fall_time(1e-3, 0.0, 0.0) == math.inf
+    assert fall_time(1e-3, min(velocity, 0.0), 0.0) == math.inf

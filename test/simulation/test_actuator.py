@@ -31,7 +31,6 @@ SECOND = 1_000_000_000
 MILLISECOND = 1_000_000
 AMPLITUDE = 35e-6
 NOTHING = ResonatorEnergy(0j, 0.0, 0.0, 0.0, 0.0, 0.0)
-
 GAIN = ActuatorParameters()
 RESONANCE = ActuatorParameters(actuator_model="resonance")
 # Warms in seconds, not minutes.
@@ -39,7 +38,6 @@ HEATING = dataclasses.replace(RESONANCE, heating=True, heat_capacity=1.0)
 TRACKING = dataclasses.replace(RESONANCE, generator="tracking")
 # So light a free mass and so light a tool hardly load the vibration.
 LIGHT = preset("free").replace(free_mass=1e-5, drill_tool_mass=1e-5)
-
 drives = st.builds(
     Drive,
     st.booleans(),

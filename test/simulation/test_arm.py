@@ -14,18 +14,12 @@ from rpud_sim.simulation.energy_account import EnergyAccount
 from rpud_sim.simulation.percussion import FORCE_WINDOW, PercussionMeter
 
 SECOND = 1_000_000_000
-
-
 PERIOD = SECOND // 50  # of the force control
-
-
 LAYERS = [
     {"depth_from": 0.0, "rock": "regolith"},
     {"depth_from": 1.5e-3, "rock": "chalk"},
     {"depth_from": 3e-3, "rock": "sandstone"},
 ]
-
-
 ARM = {"feed_model": "arm", "rotation_model": "friction_drive", "feed_rate_limit": 0.04}
 
 
@@ -68,14 +62,8 @@ def test_the_accounts_of_a_run_through_strata_choking_and_an_inclusion_close(pla
 
 
 STEP = 1e-3  # s
-
-
 ROCK = preset("drilling")
-
-
 DRILL = derive(ROCK)
-
-
 FREE_MASS_WEIGHT = ROCK.free_mass * ROCK.gravity
 
 

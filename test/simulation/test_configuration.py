@@ -76,8 +76,6 @@ VALUES = st.one_of(
     st.lists(st.integers(), max_size=9),
     st.dates(),
 )
-
-
 KNOWN = tuple(PARAMETERS)
 
 

@@ -15,11 +15,7 @@ from rpud_sim.simulation.control import Control
 from rpud_sim.simulation.simulation import Simulation
 
 SECOND = 1_000_000_000
-
-
 MILLISECOND = 1_000_000
-
-
 NOMINAL = Drive(True, 100.0, 16000.0)
 
 

@@ -18,14 +18,8 @@ from rpud_sim.simulation import Simulation, actuator, plant, to_configuration
 from rpud_sim.simulation.commands import Drive
 
 MILLISECOND = 1_000_000
-
-
 PHASES = (0.05, 0.3, 0.55, 0.8)
-
-
 DURATION, SKIPPED = 2.5, 500  # s, and ms of the start
-
-
 SOFT = {
     "arm_stiffness": 500.0,
     "arm_damping": 5.0,
@@ -33,11 +27,7 @@ SOFT = {
     "initial_feed": 0.025,
     "anchoring_force": 1000.0,
 }
-
-
 STIFF = {"initial_feed": 0.006}
-
-
 TOUCHING = {"initial_feed": 0.0}
 
 
@@ -119,11 +109,7 @@ def test_a_drill_that_nearly_stalls_vibrates_as_a_direct_oscillator(weight):
 
 
 SECOND = 1000 * MILLISECOND
-
-
 TURNS = {"rotation_model": "friction_drive"}
-
-
 THREE = {
     "layers": [
         {"depth_from": 0.0, "rock": "regolith"},
@@ -131,11 +117,7 @@ THREE = {
         {"depth_from": 1e-3, "rock": "sandstone"},
     ]
 }
-
-
 WEARING = {**TURNS, "strata": "sandstone", "bit_wear_rate": 1e-4}
-
-
 RESONANT = {"actuator_model": "resonance", "weight_on_bit": 10.0, "actuator_restitution": 1.0}
 
 

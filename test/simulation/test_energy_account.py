@@ -27,7 +27,6 @@ from rpud_sim.viewer.report import terms
 
 SECOND = 1_000_000_000
 PHYSICAL = ["free_mass_jammed", "lost_preload", "load_spring_binding", "restitution_loss"]
-
 RESONANCE = ActuatorParameters("resonance")
 HOT = ActuatorParameters(
     "resonance",

@@ -36,8 +36,6 @@ from rpud_sim.simulation.simulation import Simulation, initial_phases
 from rpud_sim.simulation.statistics import FIGURES, Statistics
 
 SANDSTONE = RockParameters(rock_model="specific_energy")
-
-
 PARAMETERS = preset("drilling")
 
 
@@ -195,14 +193,8 @@ def test_cached_kernels_are_not_reported_however_busy_the_machine_is(monkeypatch
 
 
 MILLISECOND = 1_000_000
-
-
 RESONANCE = ActuatorParameters(actuator_model="resonance")
-
-
 TRACKING = ActuatorParameters(actuator_model="resonance", generator="tracking", heating=True)
-
-
 DRILLS = st.builds(
     lambda regime, weight, amplitude, restitution, resonant: Configuration(
         preset(regime).replace(
@@ -219,8 +211,6 @@ DRILLS = st.builds(
     st.floats(0.3, 1.0),
     st.booleans(),
 )
-
-
 PHASES = st.floats(-2.0, 2.0)
 
 

@@ -17,7 +17,6 @@ from rpud_sim.simulation.control import Control
 from rpud_sim.simulation.energy_account import EnergyAccount, FeedAccount
 from rpud_sim.simulation.fields import Bookkeeping
 from rpud_sim.simulation.journal import Journal
-from rpud_sim.simulation.rerun import Checkpoints
 from rpud_sim.simulation.run import Beginning, Run
 from rpud_sim.simulation.telemetry import one_by_one
 
@@ -196,25 +195,6 @@ def started(values=DRILLS):
     run.begin(0)
     run.control.apply(Feed("rate", 2e-3))
     return run
-
-
-@given(st.integers(0, 90 * MILLISECOND))
-@settings(max_examples=8, deadline=None)
-def test_a_checkpoint_goes_on_with_the_same_bits(time):
-    run, checkpoints = started({**DRILLS, "rotation_model": "friction_drive"}), Checkpoints()
-    list(run.advance_to(time))
-    checkpoints.save("here", run)
-    other = run.copy(Journal())
-
-    def rest(run):
-        found = [repr(each) for each in run.advance_to(140 * MILLISECOND) if each[1] != "journal"]
-        run.control.apply(Feed("rate", -1e-3))
-        found += [repr(each) for each in run.advance_to(200 * MILLISECOND) if each[1] != "journal"]
-        return found, run.simulation.process
-
-    found = rest(other)
-    assert rest(run) == found
-    assert rest(checkpoints.find("here"))[1] == found[1]
 
 
 def test_messages_are_the_same_one_by_one_and_together():

@@ -26,11 +26,7 @@ from rpud_sim.simulation.state import state_of
 from rpud_sim.simulation.telemetry import one_by_one
 
 MILLISECOND = 1_000_000
-
-
 RATES = {"telemetry_rate": 200, "sample_rate": 20_000, "block_duration": 0.02}
-
-
 SCENARIO = parse_scenario(
     {
         "seed": 7,
@@ -176,6 +172,14 @@ RESONANCE = {
 }
 
 
+FED = {
+    "feed_model": "arm",
+    "initial_feed": 0.004,
+    "rock_model": "specific_energy",
+    "rotation_model": "friction_drive",
+}
+
+
 def launched(values):
     run = Run(Beginning(to_settings(values), 0.3, 5), Journal())
     run.begin(7)
@@ -187,13 +191,14 @@ def launched(values):
 def go_on(run):
     """Go on and change something; return all messages as texts, in which NaN equals NaN."""
     messages = list(run.advance_to(run.time + 15 * MILLISECOND))
-    run.control.apply(WeightOnBit(17.0))
+    fed = run.simulation.configuration.has_feed
+    run.control.apply(Feed("rate", -1e-3) if fed else WeightOnBit(17.0))
     messages += run.advance_to(run.time + 33 * MILLISECOND)
     return [repr(message) for message in messages if message[1] != "journal"]
 
 
 @settings(max_examples=8)
-@given(time=st.integers(0, 50 * MILLISECOND), values=st.sampled_from([{}, RESONANCE]))
+@given(time=st.integers(0, 50 * MILLISECOND), values=st.sampled_from([{}, RESONANCE, FED]))
 def test_a_copy_goes_on_like_its_run_and_by_itself(time, values):
     run = launched(values)
     list(run.advance_to(time))

@@ -20,8 +20,6 @@ from rpud_sim.simulation.sampling import CHANNELS, Rebuilder, Times, sample, to_
 from rpud_sim.simulation.simulation import Simulation
 
 SECOND = 1_000_000_000
-
-
 # How far two ways to add the same numbers may differ, by channel.
 TOLERANCES = {
     "position": 1e-14,

@@ -25,20 +25,10 @@ from rpud_sim.simulation.sampling import Times
 from rpud_sim.simulation.simulation import Simulation
 
 SECOND = 1_000_000_000
-
-
 MILLISECOND = 1_000_000
-
-
 OFF = Drive(False, 0.0, 0.0)
-
-
 regimes = st.sampled_from([preset("free"), preset("drilling")])
-
-
 moments = st.integers(0, SECOND // 4)
-
-
 commands = st.one_of(
     st.builds(WeightOnBit, st.floats(0.0, 60.0)),
     st.builds(Drive, st.just(True), st.floats(50.0, 200.0), st.floats(8e3, 40e3)),
@@ -344,14 +334,8 @@ def test_without_any_rock_nothing_resists_the_rotation():
 
 
 END = SECOND // 5
-
-
 rates = st.integers(1, 1_000_000)
-
-
 EMPTY = np.empty(0)
-
-
 RPUD = RpudConstants(1.0, False, 0.0)
 
 

@@ -21,28 +21,16 @@ from rpud_sim.simulation.scenario import Scenario, ScheduledFault
 from rpud_sim.simulation.simulation import Simulation
 
 SECOND = 1_000_000_000
-
-
 MILLISECOND = 1_000_000
-
-
 END = 80 * MILLISECOND
-
-
 HOT = dataclasses.replace(RESONANT, heating=True, heat_capacity=0.01)
-
-
 ON_AN_ARM = dataclasses.replace(
     FULL,
     rotation=RotationParameters(rotation_model="friction_drive"),
     mount=MountParameters(feed_model="arm", initial_feed=0.005),
 )
-
-
 # Faults of the arm, the rotation and the hole, and all others of the drill.
 SLOW = [*KINDS][[*KINDS].index("binding") : [*KINDS].index("off")]
-
-
 PHYSICAL = [name for name, kind in KINDS.items() if kind.physical and name not in SLOW]
 
 
@@ -79,8 +67,6 @@ commands = st.one_of(
     st.builds(Drive, st.just(True), st.floats(50.0, 200.0), st.floats(15e3, 17e3)),
     st.just(Drive(False, 0.0, 0.0)),
 )
-
-
 moments = st.integers(0, END)
 
 
@@ -315,8 +301,6 @@ def test_faults_of_the_rock_slow_the_progress_of_every_impact(fault, factor):
 
 
 OFF = Fault("off", "wrench")
-
-
 JAM = Fault("free_mass_jammed")
 
 

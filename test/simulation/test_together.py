@@ -30,7 +30,6 @@ SECOND = 1_000_000_000
 ORIGIN = 1_700_000_000 * SECOND + 7
 CODECS = {name: Codec(topic.type, find_definition(topic.type)) for name, topic in TOPICS.items()}
 ENCODERS = {name: codec.encoder for name, codec in CODECS.items()}
-
 VALUES = st.fixed_dictionaries(
     {
         "regime": st.sampled_from(["free", "drilling"]),

@@ -24,6 +24,7 @@ SPECIFICATION = parse_specification(
         "swept": {"weight_on_bit": [5.0 + number for number in range(12)]},
     }
 )
+CHUNKS = list(make_chunks(SPECIFICATION, design_points(SPECIFICATION)))
 
 
 class Cluster:
@@ -75,21 +76,16 @@ def test_a_port_that_accepts_and_stays_silent_is_one_line(monkeypatch):
     with socket.create_server(("127.0.0.1", 0)) as silent:
         address = f"tcp://127.0.0.1:{silent.getsockname()[1]}"
         with pytest.raises(WorkerError, match=r"no answer of a Dask scheduler in 0\.5 s"):
-            list(
-                run_on_cluster(
-                    make_chunks(SPECIFICATION, design_points(SPECIFICATION)), address, simulate
-                )
-            )
+            list(run_on_cluster(CHUNKS, address, simulate))
 
 
 def test_a_killed_worker_and_a_restarted_scheduler_lose_and_repeat_nothing(dask, capfd):
-    chunks = list(make_chunks(SPECIFICATION, design_points(SPECIFICATION)))
-    assert len(chunks) > 10
+    assert len(CHUNKS) > 10
     dask.start_scheduler()
     dask.start_worker("first")
     dask.start_worker("second")
     found = {}
-    for chunk, outcome in run_on_cluster(chunks, dask.address, simulate):
+    for chunk, outcome in run_on_cluster(CHUNKS, dask.address, simulate):
         assert chunk.number not in found
         found[chunk.number] = outcome
         if len(found) == 2:
@@ -99,9 +95,9 @@ def test_a_killed_worker_and_a_restarted_scheduler_lose_and_repeat_nothing(dask,
             dask.end("second")
             dask.start_scheduler()
             dask.start_worker("third")
-    assert sorted(found) == [chunk.number for chunk in chunks]
+    assert sorted(found) == [chunk.number for chunk in CHUNKS]
     assert "Traceback" not in capfd.readouterr().err
-    for chunk in (chunks[0], chunks[-1]):
+    for chunk in (CHUNKS[0], CHUNKS[-1]):
         assert found[chunk.number].figures.tobytes() == simulate(chunk).figures.tobytes()
 
 
@@ -110,7 +106,7 @@ def test_a_scheduler_that_stays_away_ends_the_sweep_in_one_line(dask, monkeypatc
     monkeypatch.setattr(cluster, "CONNECT_TIMEOUT", 1.0)
 
     def chunks():
-        for chunk in make_chunks(SPECIFICATION, design_points(SPECIFICATION)):
+        for chunk in CHUNKS:
             yield chunk
             if chunk.number == 0:
                 dask.end("scheduler")
@@ -124,8 +120,7 @@ def test_an_error_of_a_chunk_is_no_lost_scheduler(dask):
     def fail(chunk):  # local, for the workers to get its code
         raise OSError(f"no place for {chunk.number}")
 
-    chunks = list(make_chunks(SPECIFICATION, design_points(SPECIFICATION)))
     dask.start_scheduler()
     dask.start_worker("first")
     with pytest.raises(WorkerError, match=r"^chunk \d+: a worker of tcp://\S+ failed: no place"):
-        list(run_on_cluster(chunks, dask.address, fail))
+        list(run_on_cluster(CHUNKS, dask.address, fail))

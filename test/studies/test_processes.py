@@ -22,7 +22,8 @@ SPECIFICATION = parse_specification(
 def chunks():
     made = list(make_chunks(SPECIFICATION, design_points(SPECIFICATION)))
     assert len(made) == 3
-    return made
+    yield made
+    assert multiprocessing.active_children() == []
 
 
 class Deadly(SweepChunk):
@@ -36,20 +37,21 @@ def deadly(chunk):
     return Deadly(**{field.name: getattr(chunk, field.name) for field in dataclasses.fields(chunk)})
 
 
-def test_an_outcome_that_cannot_be_pickled_is_said(chunks):
-    with pytest.raises(WorkerError, match=r"^the outcome of chunk 0 cannot be pickled: ") as caught:
-        list(run_on_processes(weakref.ref, chunks[:1], 1))
-    assert "\n" not in str(caught.value)
-    assert multiprocessing.active_children() == []
-
-
-def test_an_outcome_that_cannot_be_unpickled_is_said(chunks):
-    # Exceptions lose in a pickle what they were given by keyword.
-    outcome = functools.partial(subprocess.CalledProcessError, cmd="drill")
-    complaint = r"^the outcome of chunk 0 cannot be unpickled: TypeError: .* 'cmd'$"
-    with pytest.raises(WorkerError, match=complaint):
-        list(run_on_processes(outcome, chunks[:1], 1))
-    assert multiprocessing.active_children() == []
+@pytest.mark.parametrize(
+    ("work", "complaint"),
+    [
+        (weakref.ref, "pickled: "),
+        # Exceptions lose in a pickle what they were given by keyword.
+        (
+            functools.partial(subprocess.CalledProcessError, cmd="drill"),
+            "unpickled: TypeError: .* 'cmd'$",
+        ),
+    ],
+)
+def test_an_outcome_that_cannot_be_sent_is_said_in_one_line(chunks, work, complaint):
+    with pytest.raises(WorkerError, match=f"^the outcome of chunk 0 cannot be {complaint}") as why:
+        list(run_on_processes(work, chunks[:1], 1))
+    assert "\n" not in str(why.value)
 
 
 def test_outcomes_are_those_of_this_process(chunks):
@@ -60,7 +62,6 @@ def test_outcomes_are_those_of_this_process(chunks):
         expected = simulate(chunk)
         assert found[chunk.number].figures.tobytes() == expected.figures.tobytes()
         assert found[chunk.number].phases.tobytes() == expected.phases.tobytes()
-    assert multiprocessing.active_children() == []
 
 
 def test_a_chunk_that_ends_every_worker_is_named_and_takes_no_other_with_it(chunks):
@@ -68,21 +69,18 @@ def test_a_chunk_that_ends_every_worker_is_named_and_takes_no_other_with_it(chun
     assert next(outcomes)[0].number == 0
     with pytest.raises(WorkerError, match=r"^chunk 1 ended its worker 3 times \(exit code 3\)$"):
         next(outcomes)
-    assert multiprocessing.active_children() == []
 
 
 def test_an_error_of_a_worker_is_raised_here(chunks):
     wrong = dataclasses.replace(chunks[0], versions={"numpy": "1.2.3"})
     with pytest.raises(WorkerError, match=r"a worker has numpy .* this machine 1\.2\.3"):
         list(run_on_processes(simulate, [wrong], 1))
-    assert multiprocessing.active_children() == []
 
 
 def test_closing_the_iterator_ends_the_workers(chunks):
     outcomes = run_on_processes(simulate, chunks, 2)
     next(outcomes)
     outcomes.close()
-    assert multiprocessing.active_children() == []
 
 
 def test_kernels_are_compiled_once_before_local_processes_start(chunks):

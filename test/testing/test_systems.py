@@ -4,7 +4,7 @@ import pytest
 
 import rpud_sim.bag
 from rpud_sim.foundation.quantities import ParameterError
-from rpud_sim.testing import SystemUnderTestError
+from rpud_sim.testing import LostMessagesError, SystemUnderTestError
 from rpud_sim.testing.artefacts import write_bag
 from rpud_sim.verdicts import always
 from rpud_sim.verdicts import signal as field
@@ -109,13 +109,15 @@ def test_a_node_that_never_publishes_its_answer_is_waited_for_once(drill):
 
 
 def test_a_start_that_fails_says_in_one_line_why(drill):
-    with pytest.raises(SystemUnderTestError) as error:
-        drill.start("nosuch --fast")
-    assert str(error.value) == "nosuch cannot be started: No such file or directory"
-    with pytest.raises(
-        SystemUnderTestError, match=r"reacting_forc \(did you mean reacting_force\?"
+    for command, options, text in (
+        ("nosuch --fast", {}, "^nosuch cannot be started: No such file or directory$"),
+        ("python nowhere.py", {}, r"exit code 2, at 0\.000 s of simulation time"),
+        ("sleep 100", {"timeout": 0.5}, r"is not connected to the drill within 0\.5 s"),
+        ("sleep 100", {"hears": ("wrench",), "timeout": 0.1}, r"not subscribe to wrench within 0"),
+        ("sleep 100", {"hears": ("reacting_forc",), "timeout": 0.1}, "did you mean reacting_forc"),
     ):
-        drill.start("sleep", "100", hears=("reacting_forc",), timeout=0.1)
+        with pytest.raises(SystemUnderTestError, match=text):
+            drill.start(command, **options)
 
 
 def test_a_paused_node_is_silent_until_it_goes_on(drill):
@@ -143,6 +145,8 @@ def test_a_bag_declares_what_the_test_has_lost(drill, tmp_path):
     drill.step(0.1)
     impacts = drill.heard["/rpud/contact_force"]
     impacts._count(drill.published["contact_force"] + 3)  # as if two were lost
+    with pytest.raises(LostMessagesError, match="2 messages of /rpud/contact_force are lost"):
+        drill.messages("contact_force")
     impacts.number = drill.published["contact_force"]
     drill.expect(always(field("reacting_force.force") < "450 N"))
     with pytest.raises(AssertionError):

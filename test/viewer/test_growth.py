@@ -1,6 +1,7 @@
 """A bag that is still recorded: the screen follows it, and misses and doubles nothing."""
 
 import shutil
+from contextlib import closing
 
 import numpy as np
 import pytest
@@ -43,7 +44,7 @@ def values_of(recording):
 
 
 def test_what_is_added_is_read_once_and_the_rest_stays(recorder):
-    with RecordedBag(recorder.path) as recording:
+    with closing(RecordedBag(recorder.path)) as recording:
         assert recording.growing
         before = values_of(recording)
         for _ in range(3):
@@ -58,7 +59,7 @@ def test_what_is_added_is_read_once_and_the_rest_stays(recorder):
 
 
 def test_a_new_topic_means_that_the_bag_is_opened_again(recorder):
-    with RecordedBag(recorder.path) as recording:
+    with closing(RecordedBag(recorder.path)) as recording:
         recorder.write(10, SECOND)
         assert not recording.grow()
 
@@ -66,7 +67,7 @@ def test_a_new_topic_means_that_the_bag_is_opened_again(recorder):
 def test_files_beside_those_of_the_bag_may_come_and_go(recorder):
     other = recorder.path / "reserve.tmp"
     other.write_bytes(bytes(1000))
-    with RecordedBag(recorder.path) as recording:
+    with closing(RecordedBag(recorder.path)) as recording:
         recorder.write(10)
         other.unlink()
         assert recording.grow()
@@ -79,7 +80,7 @@ def test_a_recorder_that_deletes_its_oldest_file_is_followed(recorder, tmp_path)
     folder = tmp_path / "copy"
     folder.mkdir()
     shutil.copy(source, folder / "bag_0.mcap")
-    with RecordedBag(folder) as recording:
+    with closing(RecordedBag(folder)) as recording:
         recorder.write(70)
         shutil.copy(source, folder / "bag_1.mcap")
         (folder / "bag_0.mcap").unlink()

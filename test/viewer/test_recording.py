@@ -1,6 +1,7 @@
 """Bags as they come: torn, still growing, deleted, damaged, empty, with several clocks."""
 
 import shutil
+from contextlib import closing
 
 import numpy as np
 import pytest
@@ -43,13 +44,13 @@ def test_a_torn_bag_shows_what_is_whole(tmp_path):
     path = write_forces(tmp_path / "bag", rows_of(50))
     file = next(path.glob("*.mcap"))
     file.write_bytes(file.read_bytes()[: file.stat().st_size // 2])
-    with RecordedBag(path) as recording:
+    with closing(RecordedBag(path)) as recording:
         assert 0 < len(times_of(recording)) < 50
 
 
 def test_a_bag_that_is_deleted_is_shown_on(tmp_path):
     path = write_forces(tmp_path / "bag", rows_of(50))
-    with RecordedBag(path) as recording:
+    with closing(RecordedBag(path)) as recording:
         assert recording.grow()
         assert recording.lost == ""
         shutil.rmtree(path)
@@ -60,13 +61,13 @@ def test_a_bag_that_is_deleted_is_shown_on(tmp_path):
 
 def test_a_damaged_chunk_is_skipped_and_reported(tmp_path):
     path = write_forces(tmp_path / "bag", rows_of(200), chunk_size=2000)
-    with RecordedBag(path) as recording:
+    with closing(RecordedBag(path)) as recording:
         whole = len(times_of(recording))
     file = next(path.glob("*.mcap"))
     data = bytearray(file.read_bytes())
     data[len(data) // 3 : len(data) // 3 + 40] = bytes(40)
     file.write_bytes(data)
-    with RecordedBag(path) as recording:
+    with closing(RecordedBag(path)) as recording:
         assert whole // 2 < len(times_of(recording)) < whole
         assert 1 <= len(recording.damages) <= 2
     frame = first_frame(path)
@@ -84,7 +85,7 @@ def test_an_empty_bag_and_one_without_numbers_are_shown_as_such(tmp_path):
 @pytest.mark.parametrize("rate", [0.25, 1.0, 7.0])
 def test_parts_of_a_range_are_found_also_where_time_passes_at_another_speed(tmp_path, rate):
     slow = [(int(log / rate), stamp, value) for log, stamp, value in rows_of(3000, stamp=SECOND)]
-    with RecordedBag(write_forces(tmp_path / "bag", slow, chunk_size=2000)) as recording:
+    with closing(RecordedBag(write_forces(tmp_path / "bag", slow, chunk_size=2000))) as recording:
         for start, end in ((0.0, 0.05), (7.0, 7.2), (29.0, 29.99)):
             values = np.concatenate(
                 [
@@ -102,7 +103,7 @@ def test_the_clock_of_each_drill_is_its_own(tmp_path):
     path = write_forces(
         tmp_path / "one", rows_of(200, stamp=500 * SECOND), topic="/b/reacting_force"
     )
-    with RecordedBag(path) as recording:
+    with closing(RecordedBag(path)) as recording:
         assert recording.clocks["/b"].zero == 500 * SECOND
         assert times_of(recording).tolist() == [number / 100 for number in range(200)]
 
@@ -167,7 +168,7 @@ def whole(overview, parts=1000):
 def test_each_value_counts_once_whether_it_was_sampled_or_not(tmp_path, monkeypatch, sampled):
     monkeypatch.setattr(recordings, "SAMPLED", sampled)
     values = np.random.default_rng(1).normal(size=500)
-    with RecordedBag(write_forces(tmp_path / "bag", forces(values))) as recording:
+    with closing(RecordedBag(write_forces(tmp_path / "bag", forces(values)))) as recording:
         overview = Overview(recording)
         overview.look(recording.sample)
         read_all(overview)
@@ -180,7 +181,9 @@ def test_each_value_counts_once_whether_it_was_sampled_or_not(tmp_path, monkeypa
 
 def test_a_part_of_the_bag_is_never_called_the_whole(tmp_path, monkeypatch):
     monkeypatch.setattr(recordings, "SAMPLED", 3)
-    with RecordedBag(write_forces(tmp_path / "bag", forces(np.arange(150.0)))) as recording:
+    with closing(
+        RecordedBag(write_forces(tmp_path / "bag", forces(np.arange(150.0))))
+    ) as recording:
         overview = Overview(recording)
         overview.look(recording.sample)
         while not overview.complete:
@@ -194,7 +197,7 @@ def test_a_part_of_the_bag_is_never_called_the_whole(tmp_path, monkeypatch):
 
 def test_gaps_are_where_messages_are_missing(tmp_path):
     rows = [row for row in forces(np.ones(1000)) if not 3 * SECOND < row[0] < 5 * SECOND]
-    with RecordedBag(write_forces(tmp_path / "bag", rows)) as recording:
+    with closing(RecordedBag(write_forces(tmp_path / "bag", rows))) as recording:
         overview = read_all(Overview(recording))
         ((start, end),) = overview.gaps()
         assert abs(start - 3.0) < 0.02
@@ -208,7 +211,7 @@ def test_a_reset_between_the_sampled_parts_is_found_when_all_is_read(tmp_path, m
         (number * STEP, (number if number < 1200 else number - 1200) * STEP, float(number))
         for number in range(2000)
     ]
-    with RecordedBag(write_forces(tmp_path / "bag", rows, chunk_size=4000)) as recording:
+    with closing(RecordedBag(write_forces(tmp_path / "bag", rows, chunk_size=4000))) as recording:
         overview = read_all(Overview(recording))
         (clock,) = recording.clocks.values()
         assert [jump.time for jump in clock.jumps] == [1200 * STEP]

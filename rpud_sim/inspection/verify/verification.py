@@ -7,7 +7,7 @@ import os
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import nullcontext, suppress
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from functools import cached_property
 from itertools import chain
 
@@ -74,22 +74,12 @@ class Verification:
     @property
     def proved(self) -> bool:
         """Whether every message is what the simulation gives, and none is missing at the end."""
-        return not (self.first_difference or self.undecided or self.tail)
+        return not (self.first_difference or self.undecided or self.total.tail)
 
     @property
-    def missing(self) -> int:
-        """Number of messages that are missing between recorded ones, of all topics."""
-        return sum(counts.missing for counts in self.topics.values())
-
-    @property
-    def before(self) -> int:
-        """Number of messages of before the journal begins, of all topics."""
-        return sum(counts.before for counts in self.topics.values())
-
-    @property
-    def tail(self) -> int:
-        """Number of messages that are missing at the end, of all topics."""
-        return sum(counts.tail for counts in self.topics.values())
+    def total(self) -> Counts:
+        """Results of all topics together."""
+        return Counts(*map(sum, zip(*map(astuple, self.topics.values()), strict=True)))
 
 
 def verify(

@@ -87,14 +87,11 @@ class DuplicateSearch:
             enable_rosout=False,
             start_parameter_services=False,
         )
-        self._name = (name, self._node.get_namespace())
+        namespace = self._node.get_namespace()
+        self._name = (name, namespace)
+        self.name = f"{namespace.rstrip('/')}/{name}"  # full name that is searched for
         self._hold = NameHold(self.name, self._node.context.get_domain_id())
         self._end = time.monotonic() + _DISCOVERY
-
-    @property
-    def name(self) -> str:
-        name, namespace = self._name
-        return f"{namespace.rstrip('/')}/{name}"
 
     def finish(self) -> bool:
         """Return whether one runs on this machine, or is found within 0.6 s and answers."""

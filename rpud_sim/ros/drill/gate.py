@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from typing import Any, TypeVar
 
 from builtin_interfaces.msg import Time
 from rclpy.event_handler import SubscriptionEventCallbacks
@@ -26,6 +26,8 @@ from rpud_sim.ros.drill.publishers import COMMAND_QOS
 from rpud_sim.simulation.commands import Drive, Feed, WeightOnBit
 from rpud_sim.simulation.configuration import Settings
 from rpud_sim.simulation.fields import FEED_JOINT, JOINTS, ROTATION_JOINT
+
+Checked = TypeVar("Checked", Drive, Feed)
 
 _PASSIVE = (*JOINTS, ROTATION_JOINT)
 
@@ -121,9 +123,7 @@ class Gate:
 
     def _to_drive(self, message: DriveMessage) -> Drive:
         self._check("drive", message.header.stamp)
-        drive = Drive(message.enabled, message.voltage, message.frequency)
-        self._settings().configuration.check(drive)
-        return drive
+        return self._checked(Drive(message.enabled, message.voltage, message.frequency))
 
     def _to_feed(self, message: FeedMessage) -> Feed:
         self._check("feed", message.header.stamp)
@@ -140,9 +140,9 @@ class Gate:
         self._check("joint_commands", message.header.stamp)
         return self._checked(feed)
 
-    def _checked(self, feed: Feed) -> Feed:
-        self._settings().configuration.check(feed)
-        return feed
+    def _checked(self, command: Checked) -> Checked:
+        self._settings().configuration.check(command)
+        return command
 
     def _check(self, name: str, stamp: Time) -> None:
         if not self._open:

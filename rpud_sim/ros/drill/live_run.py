@@ -174,7 +174,7 @@ class LiveRun:
 
     def follow_clock(self) -> None:
         """Begin again if another's ``/clock`` went back."""
-        if self._source.went_back():
+        if self._source.went_back:
             self._logger.warning("/clock went back: the drill restarts")
             self.reset(time=True, state=True)
 

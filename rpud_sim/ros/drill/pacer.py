@@ -37,7 +37,7 @@ class TimeSource:
         # Whether the time is that of another source of ``/clock``.
         self.follows = simulated and not publishes
         self._notify = notify
-        self._went_back = threading.Event()
+        self.went_back = False  # whether another's ``/clock`` did, since the latest origin
         self._jumps = None
         if self.follows:
             self._jumps = self._clock.create_jump_callback(
@@ -64,14 +64,10 @@ class TimeSource:
     def origin(self, time: int = 0, own: int = 0) -> int:
         """Return the stamp of simulation time zero if a simulation time is now [ns].
 
-        It is ``own`` where the node is the source. Whether another's ``/clock`` went back counts
-        from here on.
+        It is ``own`` where the node is the source.
         """
-        self._went_back.clear()
+        self.went_back = False
         return own if self._publishes else self._now() - time
-
-    def went_back(self) -> bool:
-        return self._went_back.is_set()
 
     def close(self) -> None:
         if self._jumps is not None:
@@ -83,7 +79,7 @@ class TimeSource:
 
     def _on_jump(self, jump: TimeJump) -> None:
         if jump.delta.nanoseconds < 0:
-            self._went_back.set()
+            self.went_back = True
         self._notify()
 
 

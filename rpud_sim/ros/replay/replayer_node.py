@@ -77,32 +77,32 @@ class Replayer(Node):
                 self.get_logger().warning(f"the bag's own {CLOCK} is left out for that of --clock")
                 continue
             try:
-                if len(summary.kinds) > 1:
-                    raise UnknownTypeError("it has several types or definitions")
-                if summary.topic.serialization_format != "cdr":
-                    raise UnknownTypeError(f"it is in {summary.topic.serialization_format!r}")
-                message = message_class(summary.topic.type)
-                self._check_name(summary.topic)
-                converted = conversion(summary, message)
+                self._offer(summary)
             except UnknownTypeError as error:
                 self.get_logger().warning(printable(f"not replayed: {summary.topic.name}: {error}"))
-                continue
-            name = summary.topic.name
-            try:
-                offer = replay_offer(summary.topic.offered_qos)
-                publisher = self.create_publisher(message, name, offer)
-            except (OverflowError, RuntimeError, TypeError, ValueError) as error:
-                reason = f"not replayed: {name}: its QoS cannot be offered: {error}"
-                self.get_logger().warning(printable(reason))
-                continue
-            self._replayed[name] = publisher
-            # Without the checks of rclpy: they take a fifth of the time of each message.
-            send: Callable[[Any], None] = publisher.handle.publish_raw
-            self._send[name] = send if converted is None else _chain(converted, publisher.publish)
-            # A latched topic keeps only its last messages.
-            latched = offer.durability == DurabilityPolicy.TRANSIENT_LOCAL
-            self._depth[name] = inf if latched else min(offer.depth, REPLAY_DEPTH)
-            self._room[name] = self._depth[name] / 2
+
+    def _offer(self, summary: TopicSummary) -> None:
+        topic = summary.topic
+        if len(summary.kinds) > 1:
+            raise UnknownTypeError("it has several types or definitions")
+        if topic.serialization_format != "cdr":
+            raise UnknownTypeError(f"it is in {topic.serialization_format!r}")
+        message = message_class(topic.type)
+        self._check_name(topic)
+        converted = conversion(summary, message)
+        try:
+            offer = replay_offer(topic.offered_qos)
+            publisher = self.create_publisher(message, topic.name, offer)
+        except (OverflowError, RuntimeError, TypeError, ValueError) as error:
+            raise UnknownTypeError(f"its QoS cannot be offered: {error}") from error
+        self._replayed[topic.name] = publisher
+        # Without the checks of rclpy: they take a fifth of the time of each message.
+        send: Callable[[Any], None] = publisher.handle.publish_raw
+        self._send[topic.name] = send if converted is None else _chain(converted, publisher.publish)
+        # A latched topic keeps only its last messages.
+        latched = offer.durability == DurabilityPolicy.TRANSIENT_LOCAL
+        self._depth[topic.name] = inf if latched else min(offer.depth, REPLAY_DEPTH)
+        self._room[topic.name] = self._depth[topic.name] / 2
 
     def _wait_for_subscribers(self, name: str) -> None:
         # All of the depth is used the next time: Fast DDS asks for acknowledgement at once where it

@@ -5,12 +5,12 @@ from __future__ import annotations
 import dataclasses
 import io
 import json
-import math
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from rpud_sim.foundation.json_values import finite_values
 from rpud_sim.foundation.quantities import Flag, Quantity
 from rpud_sim.pages.frame import corner, render_page
 from rpud_sim.pages.plot import Axis, Layer, Line, Plot, Points, Rule, Zone
@@ -77,7 +77,7 @@ def write_fit(fit: Fit, folder: Path, command: str) -> None:
 def fit_content(fit: Fit) -> dict[str, Any]:
     """Return all numbers of a fit as plain values."""
     found = fit.found
-    return {
+    content = {
         "reached": fit.reached,
         "missed": [item.target.title for item in fit.missed],
         "refusal": fit.refusal or None,
@@ -103,13 +103,15 @@ def fit_content(fit: Fit) -> dict[str, Any]:
             for ridge in (found.ridges if found else ())
         ],
         "targets": [_comparison(item) for item in fit.comparisons],
-        "misfit": _finite(fit.misfit(False)),
-        "hold_out_misfit": _finite(fit.misfit(True)),
+        "misfit": fit.misfit(False),
+        "hold_out_misfit": fit.misfit(True),
         "seed": fit.specification.seed,
         "simulations": fit.simulations + fit.kept,
         "versions": fit_versions(),
         "specification": fit.specification.content(),
     }
+    plain: dict[str, Any] = finite_values(content)
+    return plain
 
 
 def _comparison(item: TargetComparison) -> dict[str, Any]:
@@ -120,17 +122,12 @@ def _comparison(item: TargetComparison) -> dict[str, Any]:
         "value": item.target.value,
         "tolerance": item.target.error(0.0),
         "hold_out": item.target.hold_out,
-        "model": _finite(item.mean),
-        "standard_error": _finite(item.standard_error),
-        "spread": _finite(item.spread),
-        "ratio": _finite(item.ratio),
-        "deviation": _finite(item.deviation),
+        "model": item.mean,
+        **{
+            name: getattr(item, name) for name in ("standard_error", "spread", "ratio", "deviation")
+        },
         "reached": item.reached,
     }
-
-
-def _finite(value: float | None) -> float | None:
-    return value if value is not None and math.isfinite(value) else None
 
 
 def _page(fit: Fit, command: str) -> str:

@@ -93,7 +93,7 @@ def test_verify_says_from_where_it_proves(late, capsys):
     assert verification.proved
     assert 0.5 * SECOND < verification.begins <= 1.15 * SECOND
     assert verification.topics["/rpud/wrench"].equal == 480
-    assert verification.before == verification.topics["/rpud/faults"].before == 1
+    assert verification.total.before == verification.topics["/rpud/faults"].before == 1
     assert exit_code("verify", late) == 0
     assert f"proved from {verification.begins / SECOND:.9f} s on" in capsys.readouterr().out
 
@@ -140,7 +140,7 @@ def test_messages_of_before_the_journal_begins_are_not_decided(late, tmp_path):
         return [] if lost else [message.data]
 
     verification = verify(altered(late, tmp_path / "bag", without_older_entries))
-    assert verification.before > 0
+    assert verification.total.before > 0
     assert verification.undecided.endswith("messages are of before the journal begins")
     assert verification.first_difference is None
 

@@ -1,6 +1,7 @@
 """Specifications of fits: what they hold, and one line for every mistake."""
 
 import pytest
+from hostile import contents
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -113,21 +114,9 @@ def test_a_mistake_is_one_line_with_entry_and_reason(content, complaint):
     assert "\n" not in str(caught.value)
 
 
-SCALARS = st.one_of(
-    st.none(),
-    st.booleans(),
-    st.integers(),
-    st.floats(),
-    st.text(max_size=5),
-    st.sampled_from([*UNITS, "quantile 0.5", "5 %", "log", "drilling"]),
-)
-KEYS = st.one_of(
-    st.sampled_from([*FIT, *TARGET, "window", "statistic", "runs", "low", "high", "scale"]), SCALARS
-)
-ANYTHING = st.recursive(
-    SCALARS,
-    lambda inner: st.one_of(st.lists(inner, max_size=3), st.dictionaries(KEYS, inner, max_size=4)),
-    max_leaves=12,
+KEYS, ANYTHING = contents(
+    [*FIT, *TARGET, "window", "statistic", "runs", "low", "high", "scale"],
+    [*UNITS, "quantile 0.5", "5 %", "log", "drilling"],
 )
 
 

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 import yaml
+from hostile import contents
 from hypothesis import example, given
 from hypothesis import strategies as st
 
@@ -122,25 +123,12 @@ def test_a_file_that_is_none_is_named(file, tmp_path):
         read_specification(tmp_path / "missing.yaml")
 
 
-SCALARS = st.one_of(
-    st.none(),
-    st.booleans(),
-    st.integers(),
-    st.floats(),
-    st.text(max_size=5),
-    st.sampled_from([*DESIGNS, *REGIMES, *CONTACT_MODELS, "log"]),
-)
-KEYS = st.one_of(
-    st.sampled_from(
-        ["design", "points", "seed", "repeat", "duration", "fixed", "swept", "minimum", "maximum"]
-    ),
-    st.sampled_from([*QUANTITIES, "regime", "contact_model"]),
-    SCALARS,
-)
-ANYTHING = st.recursive(
-    SCALARS,
-    lambda inner: st.one_of(st.lists(inner, max_size=3), st.dictionaries(KEYS, inner, max_size=4)),
-    max_leaves=12,
+KEYS, ANYTHING = contents(
+    [
+        *("design", "points", "seed", "repeat", "duration", "fixed", "swept", "minimum", "maximum"),
+        *(*QUANTITIES, "regime", "contact_model"),
+    ],
+    [*DESIGNS, *REGIMES, *CONTACT_MODELS, "log"],
 )
 
 
