@@ -7,6 +7,10 @@ import rclpy
 from builtin_interfaces.msg import Duration
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import WrenchStamped
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState
+from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
+from rcl_interfaces.srv import SetParameters
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rosgraph_msgs.msg import Clock
@@ -26,8 +30,16 @@ from rpud_msgs.msg import (
     Waveform,
     WeightOnBit,
 )
-from rpud_msgs.srv import InjectFault, ResetSimulation, SetSimulationState, StepSimulation
+from rpud_msgs.srv import (
+    InjectFault,
+    ResetSimulation,
+    RestoreSimulation,
+    SaveSimulation,
+    SetSimulationState,
+    StepSimulation,
+)
 from sensor_msgs.msg import JointState
+from std_srvs.srv import SetBool
 from support import PATIENCE, Process
 
 SECOND = 1_000_000_000
@@ -49,6 +61,10 @@ TYPES = {
 TELEMETRY = ("nodal_plane", "drill_tool", "reacting_force", "wrench", "joint_states")
 PLENTY = QoSProfile(depth=5000)  # reliable, and longer than anything that a test waits for
 LATCHED = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+CONFIGURE = Transition.TRANSITION_CONFIGURE
+ACTIVATE = Transition.TRANSITION_ACTIVATE
+DEACTIVATE = Transition.TRANSITION_DEACTIVATE
+CLEANUP = Transition.TRANSITION_CLEANUP
 UNANSWERED = 50.0  # seconds after which a request is repeated
 
 
@@ -179,6 +195,34 @@ class Client:
             )
         )
 
+    def at(self, stamp):
+        """Give the status of a simulation time."""
+        self.until(lambda: stamps(self.status[-1:]) == [stamp])
+        return self.status[-1]
+
+    def change(self, transition, node="drill_node"):
+        """Ask for a transition of the life cycle; give whether it was made."""
+        request = ChangeState.Request(transition=Transition(id=transition))
+        return self.call(ChangeState, f"{node}/change_state", request).success
+
+    def set_each(self, **values):
+        """Set parameters of the drill one by one; give the results."""
+        request = SetParameters.Request(parameters=parameters(values))
+        return self.call(SetParameters, "drill_node/set_parameters", request).results
+
+    def engage(self, data):
+        """Put the drill into the rock, or out of it; give the response."""
+        return self.call(SetBool, "engage", SetBool.Request(data=data))
+
+    def save(self, name):
+        """Save a checkpoint; give the response."""
+        return self.call(SaveSimulation, "simulation/save", SaveSimulation.Request(name=name))
+
+    def restore(self, name):
+        """Go back to a checkpoint; give the response."""
+        request = RestoreSimulation.Request(name=name)
+        return self.call(RestoreSimulation, "simulation/restore", request)
+
     def inject(self, kind, channel="", magnitude=float("nan"), seconds=0.0):
         """Inject a fault; give the response."""
         fault = Fault(kind=kind, channel=channel, magnitude=magnitude)
@@ -200,6 +244,27 @@ def contents(message):
     if hasattr(message, "tobytes"):
         return message.tobytes()
     return tuple(map(contents, message)) if isinstance(message, list) else message
+
+
+def parameters(values):
+    """Give numbers, texts and booleans as parameters of ROS."""
+    kinds = {
+        float: (ParameterType.PARAMETER_DOUBLE, "double_value"),
+        str: (ParameterType.PARAMETER_STRING, "string_value"),
+        bool: (ParameterType.PARAMETER_BOOL, "bool_value"),
+    }
+    return [
+        Parameter(name=name, value=ParameterValue(type=kind, **{field: value}))
+        for name, value in values.items()
+        for kind, field in [kinds[type(value)]]
+    ]
+
+
+def end(drill, recorder=None):
+    """Interrupt a drill and then its recorder, which end well."""
+    for process in filter(None, (drill, recorder)):
+        process.interrupt()
+        assert process.wait() == 0, process.output
 
 
 def duration(seconds):

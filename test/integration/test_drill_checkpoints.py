@@ -1,11 +1,10 @@
 """A drill goes back to a checkpoint: what follows is the same again, and its bag proves it."""
 
 import pytest
-from drill_client import Client, contents, nanoseconds, stamps
+from drill_client import Client, contents, end, nanoseconds, stamps
 from rpud_msgs.msg import Drive, Result, Status, WeightOnBit
-from rpud_msgs.srv import ResetSimulation, RestoreSimulation, SaveSimulation
+from rpud_msgs.srv import ResetSimulation
 from sample_bags import PLAIN_PROVED, proved_messages
-from std_srvs.srv import SetBool
 from support import Process
 
 import rpud_sim.bag
@@ -26,15 +25,6 @@ OPTIONS = {
 MILLISECOND = 1_000_000
 
 
-def save(client, name):
-    return client.call(SaveSimulation, "simulation/save", SaveSimulation.Request(name=name))
-
-
-def restore(client, name):
-    request = RestoreSimulation.Request(name=name)
-    return client.call(RestoreSimulation, "simulation/restore", request)
-
-
 def command(client, message, field, value):
     client.command(message)
     client.until(lambda: client.status and getattr(client.status[-1], field) == value)
@@ -49,10 +39,7 @@ def used(start_module_drill, tmp_path_factory):
         for topic in PLAIN_PROVED:
             recorder.wait_for_line(f"subscribed /rpud/{topic} ")
         heard = use(client)
-        drill.interrupt()
-        assert drill.wait() == 0, drill.output
-        recorder.interrupt()
-        assert recorder.wait() == 0, recorder.output
+        end(drill, recorder)
     return folder / "bag", heard
 
 
@@ -64,22 +51,22 @@ def use(client):
     assert client.inject("noise", "wrench", 0.5).success
     assert client.inject("hard_rock", seconds=0.1).success
     client.step(0.0534567)
-    answers = {"saved": save(client, "before")}
+    answers = {"saved": client.save("before")}
     client.step(0.15)
     command(client, Drive(enabled=True, voltage=60.0, frequency=16_000.0), "drive_voltage", 60.0)
-    assert client.call(SetBool, "engage", SetBool.Request(data=False)).success
+    assert client.engage(False).success
     client.step(0.05)
-    answers["restored"] = restore(client, "before")
+    answers["restored"] = client.restore("before")
     client.until(lambda: client.status[-1].drive_voltage != 60.0)
     answers["status"] = client.status[-1]
     client.step(0.15)
-    answers["unknown"] = restore(client, "befor")
-    answers["no_name"] = save(client, "what is this")
-    answers["again"] = save(client, "later")
+    answers["unknown"] = client.restore("befor")
+    answers["no_name"] = client.save("what is this")
+    answers["again"] = client.save("later")
     client.step(0.02)
     client.reset(seed=9)  # checkpoints of a run before stay
     client.step(0.03)
-    answers["from_reset"] = restore(client, "later")
+    answers["from_reset"] = client.restore("later")
     client.step(0.04)
     # The second checkpoint is later than the reset run, so that its stamps go on in one list.
     client.until(lambda: all(len(each) == 3 for each in runs.values()))
@@ -168,11 +155,11 @@ def test_a_checkpoint_is_replaced_and_too_many_are_refused(start_drill, connect)
     start_drill("/many", start_paused="true", publish_clock="true")
     client = connect("/many")
     for number in range(16):
-        assert save(client, f"c{number}").result.result == Result.RESULT_OK
-    refused = save(client, "c16")
+        assert client.save(f"c{number}").result.result == Result.RESULT_OK
+    refused = client.save("c16")
     assert refused.result.result == Result.RESULT_OPERATION_FAILED
     assert "'c16' would be one more than 16 checkpoints" in refused.result.error_message
-    assert save(client, "c3").names[-1] == "c3"
+    assert client.save("c3").names[-1] == "c3"
     scope = ResetSimulation.Request.SCOPE_ALL
     assert client.reset(scope).result == Result.RESULT_OK
-    assert nanoseconds(restore(client, "c3").time) == 0
+    assert nanoseconds(client.restore("c3").time) == 0

@@ -1,9 +1,8 @@
 """Faults of a drill at work, in the rock and at resonance: seen in the ground truth and outside."""
 
 import pytest
-from drill_client import SECOND, nanoseconds, stamps
+from drill_client import nanoseconds, stamps
 from rpud_msgs.srv import ClearFault, ListFaults
-from std_srvs.srv import SetBool
 
 from rpud_sim.simulation.topics import CHANNELS
 
@@ -29,31 +28,17 @@ def client(drill, connect):
     client = connect("/faulty")
     topics = (*TELEMETRY, "contact_force")
     client.heard = {topic: client.listen(topic) for topic in ("faults", *topics)}
-    engage(client, True)
+    assert client.engage(True).success
     client.until(lambda: client.reset() and client.step(0.1) and all(client.heard.values()))
     client.reset()
-    at(client, 0)
-    client.step(0.02)
-    at(client, SECOND // 50)
-    arrived(client)
-    client.reset()
-    at(client, 0)
-    client.step(0.01)
-    at(client, SECOND // 100)
-    arrived(client)
+    for seconds in (0.02, 0.01):
+        client.at(0)
+        client.at(client.step(seconds))
+        arrived(client)
+        client.reset()
     for topic in topics:
         client.heard[topic].clear()
     return client
-
-
-def engage(client, data):
-    assert client.call(SetBool, "engage", SetBool.Request(data=data)).success
-
-
-def at(client, stamp):
-    """Give the status of a simulation time, after all telemetry until then."""
-    client.until(lambda: stamps(client.status[-1:])[0] == stamp)
-    return client.status[-1]
 
 
 def arrived(client):

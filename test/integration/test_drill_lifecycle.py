@@ -1,20 +1,22 @@
 """A managed drill: nothing is driven unless it is active, and no request ends it."""
 
 import pytest
-from drill_client import SECOND, Client, duration, stamps
+from drill_client import (
+    ACTIVATE,
+    CLEANUP,
+    CONFIGURE,
+    DEACTIVATE,
+    SECOND,
+    Client,
+    duration,
+    stamps,
+)
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState, GetState
-from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
-from rcl_interfaces.srv import SetParameters
 from rpud_msgs.msg import Drive, Result, SimulationState, Status, WeightOnBit
 from rpud_msgs.srv import ListFaults, StepSimulation
-from std_srvs.srv import SetBool
 
 NODE = "/managed/drill_node"
-CONFIGURE = Transition.TRANSITION_CONFIGURE
-ACTIVATE = Transition.TRANSITION_ACTIVATE
-DEACTIVATE = Transition.TRANSITION_DEACTIVATE
-CLEANUP = Transition.TRANSITION_CLEANUP
 PARAMETERS = {"autostart": False, "start_paused": True, "publish_clock": True}
 # Elastic masses without a drive would bounce for ever.
 INELASTIC = {"actuator_restitution": 0.8, "drill_tool_restitution": 0.8}
@@ -43,14 +45,9 @@ def client(drill, connect):
     """To a drill that is not configured."""
     with Client("/managed") as before:
         for transition in WAYS[state_of(before)]:
-            assert change(before, transition)
+            assert before.change(transition)
         before.until(lambda: before.node.count_publishers("/managed/status") == 0)
     return connect("/managed")
-
-
-def change(client, transition, node=NODE):
-    request = ChangeState.Request(transition=Transition(id=transition))
-    return client.call(ChangeState, f"{node}/change_state", request).success
 
 
 def state_of(client):
@@ -82,11 +79,11 @@ def test_without_autostart_it_waits_and_refuses_requests_with_that_reason(client
 
 def test_it_says_what_it_waits_for_and_when_it_is_active(client, drill):
     drill.wait_for_line(WAITING)
-    assert change(client, CONFIGURE)
+    assert client.change(CONFIGURE)
     # At least the latched one, and one for each of two seconds.
     client.until(lambda: len(client.status) >= 3)
     assert {status.state for status in client.status} == {Status.STATE_INACTIVE}
-    assert change(client, ACTIVATE)
+    assert client.change(ACTIVATE)
     drill.wait_for_line("the drill is active")
 
 
@@ -96,14 +93,14 @@ def test_drive_and_weight_on_bit_are_zero_unless_it_is_active(client):
         return status.state, status.weight_on_bit, status.drive_enabled
 
     impacts, planes = client.listen("contact_force"), client.listen("nodal_plane")
-    assert change(client, CONFIGURE)
+    assert client.change(CONFIGURE)
     client.until(lambda: client.status and last() == (Status.STATE_INACTIVE, 0.0, False))
-    assert change(client, ACTIVATE)
+    assert client.change(ACTIVATE)
     client.until(lambda: last() == (Status.STATE_PAUSED, 8.0, True))
     client.step(0.5)
     client.command(WeightOnBit(force=20.0))
     client.until(lambda: client.status[-1].weight_on_bit == 20.0)
-    assert change(client, DEACTIVATE)
+    assert client.change(DEACTIVATE)
     client.until(lambda: last() == (Status.STATE_INACTIVE, 0.0, False))
     # The drill goes on: the motion that is left dies away, and nothing strikes any more.
     client.step(2.0)
@@ -112,23 +109,23 @@ def test_drive_and_weight_on_bit_are_zero_unless_it_is_active(client):
     assert hard_impacts(impacts, 3 * SECOND // 2) == []
     assert abs(planes[-1].velocity) < 1e-6
     # Commands begin again from the parameters.
-    assert change(client, ACTIVATE)
+    assert client.change(ACTIVATE)
     client.until(lambda: last() == (Status.STATE_PAUSED, 8.0, True))
     client.step(0.5)
     client.until(lambda: len(hard_impacts(impacts, 5 * SECOND // 2)) > 50)
 
 
 def test_commands_are_refused_counted_and_logged_while_it_is_inactive(client, drill):
-    assert change(client, CONFIGURE)
+    assert client.change(CONFIGURE)
     client.command(WeightOnBit(force=20.0))
     drill.wait_for_line("command refused: weight on bit: the drill is not active")
-    assert change(client, ACTIVATE)
+    assert client.change(ACTIVATE)
     client.until(lambda: client.status and client.status[-1].state == Status.STATE_PAUSED)
     assert client.status[-1].commands_rejected == 1
-    assert change(client, DEACTIVATE)
+    assert client.change(DEACTIVATE)
     client.command(Drive(enabled=True, voltage=50.0, frequency=16000.0))
     client.until(lambda: client.status[-1].commands_rejected == 2)
-    assert change(client, ACTIVATE)
+    assert client.change(ACTIVATE)
     client.until(lambda: client.status[-1].state == Status.STATE_PAUSED)
     last = client.status[-1]
     assert (last.weight_on_bit, last.drive_voltage) == (8.0, 100.0)
@@ -137,25 +134,25 @@ def test_commands_are_refused_counted_and_logged_while_it_is_inactive(client, dr
 
 @pytest.mark.parametrize("transition", [ACTIVATE, DEACTIVATE, CLEANUP, 77])
 def test_an_impossible_transition_is_answered_and_ends_nothing(client, drill, transition):
-    assert not change(client, transition)
+    assert not client.change(transition)
     drill.wait_for_line("request refused: the state unconfigured has no transition ")
     assert state_of(client) == "unconfigured"
     assert drill.running
 
 
 def test_after_a_clean_up_all_begins_again(client):
-    assert change(client, CONFIGURE)
-    assert change(client, ACTIVATE)
+    assert client.change(CONFIGURE)
+    assert client.change(ACTIVATE)
     assert client.step(0.5) == SECOND // 2
     assert client.inject("lost_preload").success
     client.command(WeightOnBit(force=20.0))
     client.until(lambda: client.status[-1].weight_on_bit == 20.0)
-    assert change(client, DEACTIVATE)
-    assert change(client, CLEANUP)
+    assert client.change(DEACTIVATE)
+    assert client.change(CLEANUP)
     client.until(lambda: client.status[-1].state == Status.STATE_STOPPED)
     client.until(lambda: client.node.count_publishers("/managed/status") == 0)
-    assert change(client, CONFIGURE)
-    assert change(client, ACTIVATE)
+    assert client.change(CONFIGURE)
+    assert client.change(ACTIVATE)
     client.until(lambda: client.status[-1].state == Status.STATE_PAUSED)
     last = client.status[-1]
     assert (last.weight_on_bit, last.active_faults, last.commands_accepted) == (8.0, 0, 0)
@@ -164,47 +161,45 @@ def test_after_a_clean_up_all_begins_again(client):
 
 def test_what_is_set_while_it_is_unconfigured_is_in_force_at_the_next_activation(client):
     def set_weight(force):
-        value = ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=force)
-        request = SetParameters.Request(parameters=[Parameter(name="weight_on_bit", value=value)])
-        return client.call(SetParameters, f"{NODE}/set_parameters", request).results[0].successful
+        return client.set_each(weight_on_bit=force)[0].successful
 
     assert set_weight(20.0)
-    assert change(client, CONFIGURE)
+    assert client.change(CONFIGURE)
     assert not set_weight(30.0)
-    assert change(client, ACTIVATE)
+    assert client.change(ACTIVATE)
     client.until(lambda: client.status and client.status[-1].weight_on_bit == 20.0)
-    assert change(client, DEACTIVATE)
-    assert change(client, CLEANUP)
+    assert client.change(DEACTIVATE)
+    assert client.change(CLEANUP)
     assert set_weight(10.0)
-    assert change(client, CONFIGURE)
-    assert change(client, ACTIVATE)
+    assert client.change(CONFIGURE)
+    assert client.change(ACTIVATE)
     client.until(lambda: client.status[-1].weight_on_bit == 10.0)
 
 
 def test_it_cannot_be_engaged_while_it_is_unconfigured(client, drill):
-    refused = client.call(SetBool, "engage", SetBool.Request(data=False))
+    refused = client.engage(False)
     assert (refused.success, refused.message) == (False, "the node has not been configured")
     drill.wait_for_line("request refused: the node has not been configured")
-    assert change(client, CONFIGURE)
-    assert client.call(SetBool, "engage", SetBool.Request(data=True)).success
+    assert client.change(CONFIGURE)
+    assert client.engage(True).success
 
 
 def test_a_transition_that_fails_says_why_and_can_be_tried_again(client, drill, scenario):
     text = scenario.read_text()
     scenario.unlink()
-    assert not change(client, CONFIGURE)
+    assert not client.change(CONFIGURE)
     drill.wait_for_line(f"on_configure: .*{scenario}")
     assert state_of(client) == "unconfigured"
     client.until(lambda: client.node.count_publishers("/managed/status") == 0)
     scenario.write_text(text)
-    assert change(client, CONFIGURE)
-    assert change(client, ACTIVATE)
+    assert client.change(CONFIGURE)
+    assert client.change(ACTIVATE)
     assert client.step(0.1) == SECOND // 10
 
 
 def test_a_reset_that_cannot_be_changes_nothing(client, drill, scenario):
-    assert change(client, CONFIGURE)
-    assert change(client, ACTIVATE)
+    assert client.change(CONFIGURE)
+    assert client.change(ACTIVATE)
     request = StepSimulation.Request(duration=duration(1000.0))
     step = client.call_async(StepSimulation, "simulation/step", request)
     client.until(lambda: client.status and client.status[-1].state == Status.STATE_RUNNING)
@@ -235,7 +230,7 @@ def test_a_shutdown_ends_the_process(start_drill, connect, before, transition):
     client.service(ChangeState, f"{node}/change_state")
     client.call(GetState, f"{node}/get_state", GetState.Request())
     for each in (*before, transition):
-        assert change(client, each, node)
+        assert client.change(each, node)
     # It is there a moment longer: a response gets lost if its sender leaves at once.
     state = client.call(GetState, f"{node}/get_state", GetState.Request()).current_state
     assert state.label == "finalized"

@@ -3,10 +3,8 @@
 import re
 
 import pytest
-from drill_client import stamps
-from lifecycle_msgs.msg import Transition
-from lifecycle_msgs.srv import ChangeState
-from rcl_interfaces.msg import Parameter, ParameterEvent, ParameterType, ParameterValue
+from drill_client import ACTIVATE, CONFIGURE, parameters, stamps
+from rcl_interfaces.msg import Parameter, ParameterEvent
 from rcl_interfaces.srv import (
     GetParameters,
     ListParameters,
@@ -16,7 +14,6 @@ from rcl_interfaces.srv import (
 from rclpy.qos import qos_profile_parameter_events
 from rpud_msgs.msg import Result, SimulationState, Status
 from rpud_msgs.srv import ResetSimulation
-from std_srvs.srv import SetBool
 
 from rpud_sim.simulation.configuration import CHANGEABLE
 
@@ -32,27 +29,9 @@ def drill(start_module_drill):
 def client(drill, connect):
     """To a drill in the rock, at time zero and paused."""
     client = connect("/changed")
-    assert all(result.successful for result in set_each(client, regime="drilling", gravity=9.81))
+    assert all(result.successful for result in client.set_each(regime="drilling", gravity=9.81))
     client.begin()
     return client
-
-
-def parameters(values):
-    kinds = {
-        float: (ParameterType.PARAMETER_DOUBLE, "double_value"),
-        str: (ParameterType.PARAMETER_STRING, "string_value"),
-        bool: (ParameterType.PARAMETER_BOOL, "bool_value"),
-    }
-    return [
-        Parameter(name=name, value=ParameterValue(type=kind, **{field: value}))
-        for name, value in values.items()
-        for kind, field in [kinds[type(value)]]
-    ]
-
-
-def set_each(client, **values):
-    request = SetParameters.Request(parameters=parameters(values))
-    return client.call(SetParameters, f"{NODE}/set_parameters", request).results
 
 
 def set_together(client, **values):
@@ -67,15 +46,10 @@ def get(client, *names):
     return [value.string_value or value.double_value for value in values]
 
 
-def engage(client, data):
-    response = client.call(SetBool, "engage", SetBool.Request(data=data))
-    assert response.success, response.message
-
-
 def test_what_is_fixed_is_refused_by_its_name_and_a_dump_of_all_is_loaded(client):
-    [result] = set_each(client, weight_on_bit=20.0)
+    [result] = client.set_each(weight_on_bit=20.0)
     assert result.reason == "weight_on_bit is read-only until the drill is cleaned up"
-    [result] = set_each(client, use_sim_time=True)
+    [result] = client.set_each(use_sim_time=True)
     assert result.reason == "use_sim_time is read-only until the drill is cleaned up"
     listed = client.call(ListParameters, f"{NODE}/list_parameters", ListParameters.Request())
     names = listed.result.names
@@ -105,13 +79,13 @@ def test_a_change_is_seen_in_the_motion_from_then_on(client):
 
 
 def test_the_regime_by_parameter_and_by_engage_are_one(client):
-    engage(client, False)
+    assert client.engage(False).success
     client.until(lambda: client.status[-1].regime == "free")
     assert get(client, "regime") == ["free"]
-    [result] = set_each(client, regime="drilling")
+    [result] = client.set_each(regime="drilling")
     assert result.successful
     client.until(lambda: client.status[-1].regime == "drilling")
-    engage(client, True)  # it is there already
+    assert client.engage(True).success  # it is there already
     assert get(client, "regime") == ["drilling"]
 
 
@@ -169,8 +143,8 @@ def test_a_reset_of_the_state_restores_the_parameters_of_the_start(client, begin
         ParameterEvent, events, heard.append, qos_profile_parameter_events
     )
     client.until(lambda: client.node.count_publishers(events))
-    assert all(result.successful for result in set_each(client, **CHANGED, real_time_factor=2.0))
-    engage(client, False)
+    assert all(result.successful for result in client.set_each(**CHANGED, real_time_factor=2.0))
+    assert client.engage(False).success
     client.until(lambda: client.status[-1].regime == "free")
     assert client.reset(ResetSimulation.Request.SCOPE_TIME).result == Result.RESULT_OK
     assert get(client, "regime", *CHANGED) == ["free", *CHANGED.values()]
@@ -178,7 +152,7 @@ def test_a_reset_of_the_state_restores_the_parameters_of_the_start(client, begin
     assert begin_again(client).result == Result.RESULT_OK
     # Who sets the pace of the simulation keeps it.
     assert get(client, "real_time_factor") == [2.0]
-    assert set_each(client, real_time_factor=1.0)[0].successful
+    assert client.set_each(real_time_factor=1.0)[0].successful
     assert get(client, *CHANGEABLE) == before
     client.until(lambda: client.status[-1].regime == "drilling")
 
@@ -194,16 +168,12 @@ def test_what_is_set_before_the_activation_is_in_force_and_restored(start_drill,
     start_drill("/early", "waiting for the transitions", autostart=False, start_paused=True)
     client = connect("/early")
 
-    def change(transition):
-        request = ChangeState.Request(transition=Transition(id=transition))
-        assert client.call(ChangeState, "drill_node/change_state", request).success
-
-    change(Transition.TRANSITION_CONFIGURE)
-    engage(client, False)
-    change(Transition.TRANSITION_ACTIVATE)
+    assert client.change(CONFIGURE)
+    assert client.engage(False).success
+    assert client.change(ACTIVATE)
     client.until(lambda: client.status and client.status[-1].state == Status.STATE_PAUSED)
     assert client.status[-1].regime == "free"
-    engage(client, True)
+    assert client.engage(True).success
     client.until(lambda: client.status[-1].regime == "drilling")
     assert client.reset().result == Result.RESULT_OK
     client.until(lambda: client.status[-1].regime == "free")

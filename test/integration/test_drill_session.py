@@ -10,7 +10,7 @@ from ament_index_python.packages import get_package_share_directory
 from drill_client import SECOND, TELEMETRY, nanoseconds, stamps, steps
 from rosbags.highlevel import AnyReader
 from rpud_msgs.msg import Status
-from support import PATIENCE, called, until
+from support import called, rpud, until
 
 import rpud_sim.bag
 from rpud_sim.bag.losses import RECORDING_RECORD
@@ -20,13 +20,7 @@ CONFIG = get_package_share_directory("rpud_sim") + "/config"
 
 def run(*words):
     """Run `rpud run` to its end; give exit code, standard output and standard error."""
-    done = subprocess.run(
-        ["rpud", "run", *map(str, words)],
-        capture_output=True,
-        text=True,
-        timeout=PATIENCE,
-        check=False,
-    )
+    done = rpud("run", *words)
     return done.returncode, done.stdout, done.stderr
 
 
@@ -86,6 +80,21 @@ def test_the_bag_has_every_sample_and_every_impact_from_the_first_on(heard):
     assert last.state == Status.STATE_STOPPED
     assert 0 <= last.impacts - len(impacts) <= 1
     assert last.weight_on_bit == 20.0
+
+
+def test_a_bag_without_ros_has_the_topics_of_a_recording(session, capsys, tmp_path):
+    """But for what only a node publishes: its states, and results of commands."""
+
+    def topics(path):
+        with rpud_sim.bag.open(path) as bag:
+            held = [summary for summary in bag.topics if summary.message_count]
+        topics = {summary.topic: summary.definition for summary in held}
+        of_node = ("/drill_node/", "/command_results")
+        return {it: topics[it] for it in topics if not any(word in it.name for word in of_node)}
+
+    offline = tmp_path / "offline"
+    assert called(capsys, "simulate", "--duration", 2, "--bag", offline)[0] == 0
+    assert topics(offline) == topics(session[0])
 
 
 def test_the_duration_is_simulation_time_to_the_nanosecond(heard):

@@ -5,8 +5,6 @@ from pathlib import Path
 
 import pytest
 from drill_client import SECOND, nanoseconds
-from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
-from rcl_interfaces.srv import SetParameters
 from rclpy.qos import QoSProfile
 from support import real_time_permitted
 
@@ -25,9 +23,7 @@ def client(drill, connect):
 
 
 def set_factor(client, factor):
-    value = ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=factor)
-    request = SetParameters.Request(parameters=[Parameter(name="real_time_factor", value=value)])
-    [result] = client.call(SetParameters, "/fast/drill_node/set_parameters", request).results
+    [result] = client.set_each(real_time_factor=factor)
     assert result.successful, result.reason
 
 

@@ -4,8 +4,6 @@ import time
 
 import pytest
 from drill_client import SECOND, TELEMETRY, nanoseconds, stamps, steps
-from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
-from rcl_interfaces.srv import SetParameters
 from rclpy.qos import QoSProfile, qos_profile_sensor_data
 from rpud_msgs.msg import Result, Status
 
@@ -79,9 +77,7 @@ def test_the_diagnostics_count_what_is_refused_and_say_why(client):
     assert not client.inject("no_such_kind").success
     client.until(lambda: latest("requests_refused") == str(before + 1))
     assert "no_such_kind" in latest("last_refusal")
-    value = ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=-1.0)
-    request = SetParameters.Request(parameters=[Parameter(name="weight_on_bit", value=value)])
-    [result] = client.call(SetParameters, "/listened/drill_node/set_parameters", request).results
+    [result] = client.set_each(weight_on_bit=-1.0)
     assert not result.successful
     client.until(lambda: latest("requests_refused") == str(before + 2))
     assert latest("last_refusal") == result.reason

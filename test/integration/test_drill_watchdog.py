@@ -30,12 +30,6 @@ def client(drill, connect):
     return client
 
 
-def at(client, stamp):
-    """Give the status of a simulation time."""
-    client.until(lambda: stamps(client.status[-1:])[0] == stamp)
-    return client.status[-1]
-
-
 def commands_diagnosed(client, level, message):
     def found():
         return any(
@@ -55,20 +49,20 @@ def test_without_commands_drive_and_weight_go_to_zero_by_a_ramp_and_come_back_wi
         forces = zip(stamps(impacts), (impact.peak_force for impact in impacts), strict=True)
         return [force for stamp, force in forces if stamp >= begin and force > 1.0]
 
-    last = at(client, client.step(0.5))
+    last = client.at(client.step(0.5))
     assert (last.commands_lost, last.weight_on_bit, last.drive_voltage) == (False, 8.0, 100.0)
-    last = at(client, client.step(0.1))
+    last = client.at(client.step(0.1))
     assert last.commands_lost
     assert last.weight_on_bit == pytest.approx(6.0)
     assert last.drive_voltage == pytest.approx(75.0)
-    last = at(client, client.step(0.2))
+    last = client.at(client.step(0.2))
     assert last.weight_on_bit == pytest.approx(2.0)
     assert last.drive_enabled
-    last = at(client, client.step(0.2))
+    last = client.at(client.step(0.2))
     assert (last.weight_on_bit, last.drive_enabled, last.commands_lost) == (0.0, False, True)
     commands_diagnosed(client, DiagnosticStatus.ERROR, "commands are lost: the drill is made safe")
     quiet = client.step(1.0)
-    at(client, client.step(1.0))
+    client.at(client.step(1.0))
     client.until(lambda: impacts)
     # What is left dies away: a mass at rest weighs 0.05 N.
     assert forces_since(quiet) == []
@@ -87,7 +81,7 @@ def test_without_commands_drive_and_weight_go_to_zero_by_a_ramp_and_come_back_wi
     [(1.0, "1.000 s old"), (1.499, "0.501 s old"), (2.501, "0.501 s ahead of the drill's time")],
 )
 def test_a_stale_command_is_refused_counted_and_changes_nothing(client, drill, stamp, said):
-    before = at(client, client.step(2.0))
+    before = client.at(client.step(2.0))
     message = WeightOnBit(force=15.0)
     seconds, rest = divmod(round(stamp * SECOND), SECOND)
     message.header.stamp = Time(sec=seconds, nanosec=rest)

@@ -1,9 +1,7 @@
 """Two drills of one name in one domain: both say so, and `rpud run` refuses to be the second."""
 
-import subprocess
-
 import pytest
-from support import PATIENCE
+from support import rpud
 
 pytestmark = pytest.mark.extended
 
@@ -17,13 +15,7 @@ def first(start_drill):
 
 def run(*words):
     """Run `rpud run` to its end; give exit code and standard error."""
-    done = subprocess.run(
-        ["rpud", "run", "--namespace", "twin", "--duration", "2.5", "--quiet", *words],
-        capture_output=True,
-        text=True,
-        timeout=PATIENCE,
-        check=False,
-    )
+    done = rpud("run", "--namespace", "twin", "--duration", "2.5", "--quiet", *words)
     return done.returncode, done.stderr
 
 

@@ -7,15 +7,12 @@ from pathlib import Path
 
 import pytest
 from altered_bags import altered
-from drill_client import Client
+from drill_client import ACTIVATE, CONFIGURE, DEACTIVATE, Client, end
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from lifecycle_msgs.msg import Transition
-from lifecycle_msgs.srv import ChangeState
 from rpud_msgs.msg import Drive, Result, Status, WeightOnBit
-from rpud_msgs.srv import ResetSimulation, RestoreSimulation, SaveSimulation
+from rpud_msgs.srv import ResetSimulation
 from sample_bags import PLAIN_PROVED, proved_messages
-from std_srvs.srv import SetBool
 from support import Process
 
 import rpud_sim.bag
@@ -25,7 +22,6 @@ from rpud_sim.inspection.offline_bag import write_fork
 from rpud_sim.inspection.verify.verification import verify
 
 JOURNAL = "/rpud/journal"
-ACTIVATE, DEACTIVATE = Transition.TRANSITION_ACTIVATE, Transition.TRANSITION_DEACTIVATE
 SCENARIO = """
 seed: 3
 faults:
@@ -54,28 +50,26 @@ def bag(start_module_drill, tmp_path_factory):
     drill = start_module_drill("/rpud", "waiting for the transitions", **options)
     with Process("rpud", "record", "--out", folder / "bag") as recorder, Client() as client:
         use(client, recorder)
-        drill.interrupt()
-        assert drill.wait() == 0, drill.output
-        recorder.interrupt()
-        assert recorder.wait() == 0, recorder.output
+        end(drill, recorder)
     return folder / "bag"
 
 
-def use(client, recorder):
-    def change(transition):
-        request = ChangeState.Request(transition=Transition(id=transition))
-        assert client.call(ChangeState, "drill_node/change_state", request).success
+def known(client, recorder, *others):
+    """Wait until the recorder hears all that is proved."""
+    for topic in (*PLAIN_PROVED, *others):
+        recorder.wait_for_line(f"subscribed /rpud/{topic} ")
+        client.until(lambda topic=topic: client.node.count_subscribers(f"/rpud/{topic}"))
 
+
+def use(client, recorder):
     def command(message, field, value):
         client.command(message)
         client.until(lambda: statuses and getattr(statuses[-1], field) == value)
 
     statuses = client.status
-    change(Transition.TRANSITION_CONFIGURE)
-    for topic in PLAIN_PROVED:
-        recorder.wait_for_line(f"subscribed /rpud/{topic} ")
-        client.until(lambda topic=topic: client.node.count_subscribers(f"/rpud/{topic}"))
-    change(ACTIVATE)
+    assert client.change(CONFIGURE)
+    known(client, recorder)
+    assert client.change(ACTIVATE)
     client.step(0.2)
     # A paused drill applies what is commanded at once.
     command(WeightOnBit(force=20.0), "weight_on_bit", 20.0)
@@ -87,7 +81,7 @@ def use(client, recorder):
     command(Drive(enabled=True, voltage=80.0, frequency=16050.0), "drive_frequency", 16050.0)
     client.step(0.1)
     for engaged in (False, True, False):  # the reset puts it into the rock again
-        assert client.call(SetBool, "engage", SetBool.Request(data=engaged)).success
+        assert client.engage(engaged).success
         client.step(0.05)
     client.step(0.2)  # the commands are lost, and go down to nothing
     assert client.until(lambda: statuses[-1].commands_lost)
@@ -98,9 +92,9 @@ def use(client, recorder):
     client.reset(ResetSimulation.Request.SCOPE_SPAWNED)
     command(WeightOnBit(force=15.0), "weight_on_bit", 15.0)
     client.step(0.1)
-    change(DEACTIVATE)
+    assert client.change(DEACTIVATE)
     client.step(0.05)
-    change(ACTIVATE)
+    assert client.change(ACTIVATE)
     client.step(0.1)
     assert statuses[-1].state != Status.STATE_INACTIVE
 
@@ -239,14 +233,9 @@ def test_a_recorder_that_is_started_after_a_reset(process, start_drill, connect,
     client.step(0.4)
     client.reset()
     recorder = process("rpud", "record", "--out", tmp_path / "bag")
-    for topic in (*PLAIN_PROVED, "journal"):
-        recorder.wait_for_line(f"subscribed /rpud/{topic} ")
-        client.until(lambda topic=topic: client.node.count_subscribers(f"/rpud/{topic}"))
+    known(client, recorder, "journal")
     client.step(1.5)
-    drill.interrupt()
-    assert drill.wait() == 0, drill.output
-    recorder.interrupt()
-    recorder.wait()
+    end(drill, recorder)
     verification = verify(tmp_path / "bag")
     assert verification.proved, verification
     assert verification.topics["/rpud/nodal_plane"].equal == 150
@@ -260,8 +249,7 @@ def test_a_recorder_that_is_started_after_a_stream_of_commands(
     drill = start_drill("/rpud", start_paused=True, publish_clock=True, real_time_factor=0.0)
     client = connect("/rpud")
     client.step(0.1)
-    save = SaveSimulation.Request(name="early")
-    assert client.call(SaveSimulation, "simulation/save", save).result.result == Result.RESULT_OK
+    assert client.save("early").result.result == Result.RESULT_OK
     sent = 0
 
     def taken():
@@ -275,18 +263,11 @@ def test_a_recorder_that_is_started_after_a_stream_of_commands(
             client.command(WeightOnBit(force=10.0 + 0.01 * sent))
         client.until(taken)
     recorder = process("rpud", "record", "--out", tmp_path / "bag")
-    for topic in (*PLAIN_PROVED, "journal"):
-        recorder.wait_for_line(f"subscribed /rpud/{topic} ")
-        client.until(lambda topic=topic: client.node.count_subscribers(f"/rpud/{topic}"))
+    known(client, recorder, "journal")
     client.step(0.5)
-    restore = RestoreSimulation.Request(name="early")
-    response = client.call(RestoreSimulation, "simulation/restore", restore)
-    assert response.result.result == Result.RESULT_OK
+    assert client.restore("early").result.result == Result.RESULT_OK
     client.step(0.5)
-    drill.interrupt()
-    assert drill.wait() == 0, drill.output
-    recorder.interrupt()
-    recorder.wait()
+    end(drill, recorder)
     verification = verify(tmp_path / "bag")
     assert verification.proved, verification
     assert verification.begins is not None

@@ -1,7 +1,7 @@
 """The standard interface of simulators, where `simulation_interfaces` is installed."""
 
 import pytest
-from drill_client import SECOND, stamps
+from drill_client import SECOND
 from rclpy.action import ActionClient
 from rpud_msgs.msg import Status
 
@@ -55,10 +55,6 @@ def step(client, steps):
     return client.call(StepSimulation, "step_simulation", request).result
 
 
-def reached(client, stamp):
-    client.until(lambda: stamps(client.status[-1:])[0] == stamp)
-
-
 def accepted(client, action, steps, feedback=None):
     sent = action.send_goal_async(SimulateSteps.Goal(steps=steps), feedback)
     client.until(sent.done)
@@ -92,12 +88,12 @@ def test_the_features_are_those_that_it_has(client):
 def test_a_step_is_a_period_of_the_telemetry(client):
     assert StepSimulation.Request().steps == 1
     assert step(client, 1).result == Result.RESULT_OK
-    reached(client, SECOND // 100)
+    client.at(SECOND // 100)
     assert step(client, 24).result == Result.RESULT_OK
-    reached(client, SECOND // 4)
+    client.at(SECOND // 4)
     client.step(0.001)
     assert step(client, 1).result == Result.RESULT_OK
-    reached(client, 26 * SECOND // 100)
+    client.at(26 * SECOND // 100)
 
 
 def test_states_follow_each_other_and_steps_are_refused_unless_paused(client):
@@ -132,7 +128,7 @@ def test_steps_as_an_action_report_each_one(client, action):
     steps = [(it.feedback.completed_steps, it.feedback.remaining_steps) for it in told]
     assert steps == [(number, 8 - number) for number in range(1, len(told) + 1)]
     assert steps
-    reached(client, 8 * SECOND // 100)
+    client.at(8 * SECOND // 100)
 
 
 def test_steps_as_an_action_can_be_cancelled_and_exclude_other_steps(client, action):

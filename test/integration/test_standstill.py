@@ -4,9 +4,7 @@ import os
 import signal
 
 import pytest
-from drill_client import stamps
-from lifecycle_msgs.msg import Transition
-from lifecycle_msgs.srv import ChangeState
+from drill_client import ACTIVATE, CONFIGURE, stamps
 from rpud_msgs.msg import Result, SimulationState
 from rpud_msgs.srv import GetDelivery
 from sample_bags import PLAIN_PROVED
@@ -23,10 +21,6 @@ def test_what_a_forgotten_recorder_misses_is_counted(start_drill, connect, proce
     start_drill("/rpud", "waiting for the transitions", autostart="false")
     client = connect("/rpud")
     recorder = process("recorder", "--out", tmp_path / "bag")
-
-    def change(transition):
-        request = ChangeState.Request(transition=Transition(id=transition))
-        assert client.call(ChangeState, "drill_node/change_state", request).success
 
     def delivery():
         return client.call(GetDelivery, "simulation/get_delivery", GetDelivery.Request())
@@ -55,12 +49,12 @@ def test_what_a_forgotten_recorder_misses_is_counted(start_drill, connect, proce
         set_state(SimulationState.STATE_PAUSED)
         client.until(has_all)
 
-    change(Transition.TRANSITION_CONFIGURE)
+    assert client.change(CONFIGURE)
     topics = delivery().topics
     streams = [name for name in topics if name not in RARE]
     client.until(has_all)
     early = published()
-    change(Transition.TRANSITION_ACTIVATE)
+    assert client.change(ACTIVATE)
     hear_all()
     set_state(SimulationState.STATE_PLAYING)
     os.kill(recorder.pid, signal.SIGSTOP)

@@ -26,33 +26,31 @@ def completed(prefix, **variables):
     return {name: value for name, value in environment.items() if name not in WHEELS}
 
 
-@pytest.mark.parametrize("variables", [{}, {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}])
-def test_the_wheels_use_loopback_alone(prefix, variables):
-    assert completed(prefix, **variables) == {
-        "AMENT_PREFIX_PATH": prefix,
-        "ROS_AUTOMATIC_DISCOVERY_RANGE": "SYSTEM_DEFAULT",
-        "FASTRTPS_DEFAULT_PROFILES_FILE": f"{prefix}/share/rpud_sim/config/fastdds_loopback.xml",
-    }
+LOCALHOST = {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
+MINE = {"FASTRTPS_DEFAULT_PROFILES_FILE": "mine.xml"}
 
 
 @pytest.mark.parametrize(
-    "variables",
+    ("variables", "added"),
     [
-        {"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET"},
-        {"ROS_AUTOMATIC_DISCOVERY_RANGE": "SYSTEM_DEFAULT", "FASTRTPS_DEFAULT_PROFILES_FILE": "a"},
+        ({}, None),
+        (LOCALHOST, None),
+        # What the user has said stays.
+        ({"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET"}, {}),
+        ({"ROS_AUTOMATIC_DISCOVERY_RANGE": "SYSTEM_DEFAULT"} | MINE, {}),
+        # Beside another profile or implementation, the range is this machine.
+        (MINE, LOCALHOST),
+        ({"RMW_IMPLEMENTATION": "rmw_cyclonedds_cpp"}, LOCALHOST),
     ],
 )
-def test_what_the_user_has_said_stays(prefix, variables):
-    assert completed(prefix, **variables) == {"AMENT_PREFIX_PATH": prefix} | variables
-
-
-@pytest.mark.parametrize(
-    "variables",
-    [{"FASTRTPS_DEFAULT_PROFILES_FILE": "mine.xml"}, {"RMW_IMPLEMENTATION": "rmw_cyclonedds_cpp"}],
-)
-def test_beside_another_profile_or_implementation_the_range_is_this_machine(prefix, variables):
-    expected = {"AMENT_PREFIX_PATH": prefix, "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
-    assert completed(prefix, **variables) == expected | variables
+def test_the_wheels_use_loopback_alone_unless_the_user_has_said_otherwise(prefix, variables, added):
+    if added is None:
+        profile = f"{prefix}/share/rpud_sim/config/fastdds_loopback.xml"
+        added = {
+            "ROS_AUTOMATIC_DISCOVERY_RANGE": "SYSTEM_DEFAULT",
+            "FASTRTPS_DEFAULT_PROFILES_FILE": profile,
+        }
+    assert completed(prefix, **variables) == {"AMENT_PREFIX_PATH": prefix} | variables | added
 
 
 def test_without_the_profile_the_range_is_this_machine(tmp_path):

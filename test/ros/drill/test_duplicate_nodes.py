@@ -23,6 +23,12 @@ input()
 """
 
 
+def assert_free(name, domain):
+    hold = NameHold(name, domain)
+    assert not hold.taken
+    hold.release()
+
+
 @pytest.fixture
 def ros():
     rclpy.init()
@@ -49,18 +55,12 @@ def test_a_name_is_held_once_until_it_is_released(name):
     second.release()  # it holds nothing: the first still does
     assert NameHold(name, DOMAIN).taken
     first.release()
-    third = NameHold(name, DOMAIN)
-    assert not third.taken
-    third.release()
+    assert_free(name, DOMAIN)
 
 
 def test_another_name_or_another_domain_is_no_hindrance(holder):
-    other = NameHold(f"{NAME}_2", DOMAIN)
-    assert not other.taken
-    other.release()
-    elsewhere = NameHold(NAME, DOMAIN + 1)
-    assert not elsewhere.taken
-    elsewhere.release()
+    assert_free(f"{NAME}_2", DOMAIN)
+    assert_free(NAME, DOMAIN + 1)
 
 
 def test_a_frozen_process_keeps_its_name_and_a_killed_one_does_not(holder):
@@ -68,9 +68,7 @@ def test_a_frozen_process_keeps_its_name_and_a_killed_one_does_not(holder):
     assert NameHold(NAME, DOMAIN).taken
     holder.kill()
     holder.wait()
-    hold = NameHold(NAME, DOMAIN)
-    assert not hold.taken
-    hold.release()
+    assert_free(NAME, DOMAIN)
 
 
 def test_a_drill_is_found_although_discovery_has_no_time(ros, monkeypatch):
@@ -106,9 +104,7 @@ def test_nodes_of_one_process_may_share_a_name(ros):
     second.close()
     assert NameHold(NAME, domain).taken  # by the first
     first.close()
-    last = NameHold(NAME, domain)
-    assert not last.taken
-    last.release()
+    assert_free(NAME, domain)
     node.destroy_node()
 
 

@@ -223,11 +223,6 @@ def test_a_trajectory_is_cut_where_constants_change(block):
         assert abs(nanoseconds(message.header.stamp) - ORIGIN - first) <= 0.5
 
 
-def test_no_segments_are_no_trajectory(block):
-    nothing = dataclasses.replace(block, covering=block.covering[-1:])
-    assert trajectories(nothing, 5, ORIGIN) == []
-
-
 def test_constants_of_contacts_and_events_are_those_of_the_model(block):
     from rpud_sim.model import segment
 

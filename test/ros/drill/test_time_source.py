@@ -15,25 +15,14 @@ from rpud_sim.ros.drill.pacer import TimeSource
 SECOND = 1_000_000_000
 
 
-@pytest.fixture(scope="module", autouse=True)
-def context():
-    rclpy.init()
-    yield
-    rclpy.try_shutdown()
-
-
 @pytest.fixture
-def node():
-    made = []
-
+def node(nodes):
     def create(use_sim_time):
         overrides = [Parameter("use_sim_time", value=use_sim_time)]
-        made.append(rclpy.create_node("drill_node", parameter_overrides=overrides))
-        return made[-1]
+        nodes.append(rclpy.create_node("drill_node", parameter_overrides=overrides))
+        return nodes[-1]
 
-    yield create
-    for each in made:
-        each.destroy_node()
+    return create
 
 
 class Clocked:

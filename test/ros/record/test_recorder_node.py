@@ -40,11 +40,14 @@ def record(nodes):
 
 
 def discovered(recorder, count):
-    def condition():
-        recorder.discover()
-        return recorder.topic_count == count
+    """Wait until the recorder knows so many topics, and give it."""
+    until(lambda: recorder.discover() or recorder.topic_count == count)
+    return recorder
 
-    return condition
+
+def heard(*publishers, by=1):
+    """Wait until each publisher has its subscriptions."""
+    until(lambda: all(each.get_subscription_count() == by for each in publishers))
 
 
 class Declarations:
@@ -83,9 +86,8 @@ def test_what_is_no_name_is_refused(record, topics, namespace):
 
 def test_a_message_comes_with_its_times_and_its_topic_s_declaration(peer, record):
     publisher = peer.create_publisher(String, "a", RELIABLE)
-    recorder = record()
-    until(discovered(recorder, 1))
-    until(lambda: publisher.get_subscription_count() == 1)
+    recorder = discovered(record(), 1)
+    heard(publisher)
     before = time.time_ns()
     publisher.publish(String(data="hello"))
     (topic, definition), message = take(recorder, 2)
@@ -101,9 +103,8 @@ def test_a_message_comes_with_its_times_and_its_topic_s_declaration(peer, record
 
 def test_messages_of_all_topics_are_in_the_order_in_which_they_were_received(peer, record):
     publishers = [peer.create_publisher(Int32, name, RELIABLE) for name in "abc"]
-    recorder = record()
-    until(discovered(recorder, 3))
-    until(lambda: all(publisher.get_subscription_count() == 1 for publisher in publishers))
+    recorder = discovered(record(), 3)
+    heard(*publishers)
     for number in range(99):
         publishers[number % 3].publish(Int32(data=number))
         if number % 10 == 0:
@@ -116,10 +117,8 @@ def test_messages_of_all_topics_are_in_the_order_in_which_they_were_received(pee
 
 def test_what_the_queue_refuses_is_counted_for_its_topic(peer, record):
     publishers = {name: peer.create_publisher(Int32, name, RELIABLE) for name in "ab"}
-    recorder = record(capacity=8 * 30)  # a serialized Int32 has eight bytes
-    until(discovered(recorder, 2))
-    for publisher in publishers.values():
-        until(lambda publisher=publisher: publisher.get_subscription_count() == 1)
+    recorder = discovered(record(capacity=8 * 30), 2)  # a serialized Int32 has eight bytes
+    heard(*publishers.values())
     for number in range(25):
         publishers["a"].publish(Int32(data=number))
     until(lambda: recorder.receive() or publishers["a"].wait_for_all_acked())
@@ -133,10 +132,9 @@ def test_what_the_queue_refuses_is_counted_for_its_topic(peer, record):
 
 def test_before_its_first_publisher_a_topic_is_recorded_as_its_subscribers_want(peer, record):
     peer.create_subscription(String, "command", lambda _: None, RELIABLE)
-    recorder = record()
-    until(discovered(recorder, 1))
+    recorder = discovered(record(), 1)
     publisher = peer.create_publisher(String, "command", RELIABLE)
-    until(lambda: publisher.get_subscription_count() == 2)
+    heard(publisher, by=2)
     publisher.publish(String(data="go"))
     _, message = take(recorder, 2)
     assert b"go" in message.data
@@ -145,8 +143,7 @@ def test_before_its_first_publisher_a_topic_is_recorded_as_its_subscribers_want(
 @pytest.mark.extended
 def test_what_a_new_publisher_sends_before_it_knows_the_recorder_is_lost(peer, record):
     peer.create_subscription(String, "command", lambda _: None, RELIABLE)
-    recorder = record()
-    until(discovered(recorder, 1))
+    recorder = discovered(record(), 1)
     # Until every publisher that is there would have been found.
     until(lambda: recorder.discover() or recorder._topics["/rpud/command"].gaps.from_first)
     publisher = peer.create_publisher(String, "command", SENSOR)  # which it cannot hear yet
@@ -161,8 +158,7 @@ def test_what_a_new_publisher_sends_before_it_knows_the_recorder_is_lost(peer, r
 
 def test_a_topic_without_a_message_is_declared_at_the_end(peer, record):
     peer.create_subscription(String, "command", lambda _: None, RELIABLE)
-    recorder = record()
-    until(discovered(recorder, 1))
+    recorder = discovered(record(), 1)
     recorder.finish()
     [(topic, _)] = items(recorder)
     assert topic.name == "/rpud/command"
@@ -172,8 +168,7 @@ def test_a_topic_without_a_message_is_declared_at_the_end(peer, record):
 
 def test_a_latched_message_is_recorded_by_a_recorder_that_comes_later(peer, record):
     peer.create_publisher(String, "status", LATCHED).publish(String(data="latched"))
-    recorder = record()
-    until(discovered(recorder, 1))
+    recorder = discovered(record(), 1)
     (topic, _), message = take(recorder, 2)
     assert b"latched" in message.data
     assert topic.offered_qos[0].durability == "transient_local"
@@ -181,18 +176,14 @@ def test_a_latched_message_is_recorded_by_a_recorder_that_comes_later(peer, reco
 
 def test_a_publisher_that_offers_less_is_recorded_as_well(peer, record):
     strong = peer.create_publisher(Int32, "a", RELIABLE)
-    recorder = record()
-    until(discovered(recorder, 1))
-    until(lambda: strong.get_subscription_count() == 1)
+    recorder = discovered(record(), 1)
+    heard(strong)
     strong.publish(Int32(data=1))
     strong.wait_for_all_acked()
     weak = peer.create_publisher(Int32, "a", SENSOR)
 
-    def heard_by_both():
-        recorder.discover()
-        return weak.get_subscription_count() == 1 and strong.get_subscription_count() == 1
-
-    until(heard_by_both)
+    until(lambda: recorder.discover() or weak.get_subscription_count() == 1)
+    heard(strong)
     weak.publish(Int32(data=2))
     strong.publish(Int32(data=3))
     _, *taken = take(recorder, 4)
@@ -205,7 +196,7 @@ def test_a_launch_file_s_namespace_is_recorded():
     try:
         assert recorder.get_namespace() == "/launched"
         recorder.create_publisher(String, "/launched/a", RELIABLE)
-        until(discovered(recorder, 1))
+        discovered(recorder, 1)
         assert recorder.losses.keys() == {"/launched/a"}
     finally:
         recorder.destroy_node()
@@ -214,8 +205,7 @@ def test_a_launch_file_s_namespace_is_recorded():
 
 def test_a_further_type_that_comes_later_is_named_too(peer, record, nodes):
     peer.create_publisher(String, "a", RELIABLE)
-    recorder = record()
-    until(discovered(recorder, 1))
+    recorder = discovered(record(), 1)
     assert recorder.further_types == []
     # One process has one type for a topic, unless it is two participants.
     other = rclpy.Context()
@@ -234,9 +224,8 @@ def test_a_further_type_that_comes_later_is_named_too(peer, record, nodes):
 
 def test_what_is_too_short_for_a_message_is_counted_and_not_recorded(peer, record):
     publisher = peer.create_publisher(Int32, "a", RELIABLE)
-    recorder = record()
-    until(discovered(recorder, 1))
-    until(lambda: publisher.get_subscription_count() == 1)
+    recorder = discovered(record(), 1)
+    heard(publisher)
     publisher.publish(Int32(data=1))
     publisher.publish(b"\x00\x01\x00")
     publisher.publish(Int32(data=2))
@@ -271,10 +260,10 @@ def test_a_name_that_never_appears_and_a_namespace_without_topics_are_failures(p
     )
     there = record(["contact_force", "/elsewhere/d"])
     peer.create_publisher(Int32, "/elsewhere/d", RELIABLE)
-    until(discovered(there, 2))
+    discovered(there, 2)
     assert there.complete
     assert failure(there, allow_empty=False) == "nothing came on 2 topics in /rpud"
-    until(lambda: publisher.get_subscription_count() == 1)
+    heard(publisher)
     publisher.publish(Int32(data=1))
     until(lambda: there.receive() or there.taken)
     assert failure(there, allow_empty=False) == ""
@@ -284,9 +273,8 @@ def test_a_name_that_never_appears_and_a_namespace_without_topics_are_failures(p
 def test_after_a_standstill_what_is_silent_is_subscribed_again(peer, record, capfd):
     silent = peer.create_publisher(Int32, "silent", LATCHED)
     talking = peer.create_publisher(Int32, "talking", RELIABLE)
-    recorder = record()
-    until(discovered(recorder, 2))
-    until(lambda: all(each.get_subscription_count() == 1 for each in (silent, talking)))
+    recorder = discovered(record(), 2)
+    heard(silent, talking)
     silent.publish(Int32(data=1))
     until(lambda: recorder.receive() or recorder.taken == 1)
     began = time.monotonic()
@@ -301,7 +289,7 @@ def test_after_a_standstill_what_is_silent_is_subscribed_again(peer, record, cap
     until(renewed)
     assert recorder.renewals == {"/rpud/silent": 1}
     assert "it stood still for 2." in capfd.readouterr().err
-    until(lambda: silent.get_subscription_count() == 1)
+    heard(silent)
     silent.publish(Int32(data=3))
 
     def numbers():
@@ -316,9 +304,8 @@ def test_after_a_standstill_what_is_silent_is_subscribed_again(peer, record, cap
 
 def test_all_topics_end_together(peer, record):
     publishers = [peer.create_publisher(Int32, name, RELIABLE) for name in ("a", "b")]
-    recorder = record()
-    until(discovered(recorder, 2))
-    until(lambda: all(publisher.get_subscription_count() == 1 for publisher in publishers))
+    recorder = discovered(record(), 2)
+    heard(*publishers)
     publishers[0].publish(Int32(data=1))
     recorder.end()
     for publisher in (*publishers, *publishers):

@@ -8,6 +8,7 @@ import time
 
 import pytest
 from sample_bags import CHAT, START, STRING_DEFINITION, TALK
+from support import PATIENCE, until
 
 import rpud_sim.bag
 from rpud_sim.bag import BagError, BagWriter, Message, QosProfile
@@ -20,99 +21,109 @@ def message(data=b"12345678", topic=TALK.name, log_time=START):
     return Message(topic, log_time, log_time, data)
 
 
-def test_the_thread_writes_all_that_was_queued(tmp_path):
-    intake = Intake()
-    with BagWriter(tmp_path / "run") as bag:
-        thread = WritingThread(intake, bag, 1.0, on_end=pytest.fail)
-        thread.start()
-        intake.declare(TALK, STRING_DEFINITION)
-        for number in range(1000):
-            intake.put(message(str(number).encode(), log_time=START + number))
-        intake.close()
-        thread.join(10.0)
-        assert thread.error is None
-    with rpud_sim.bag.open(tmp_path / "run") as bag:
+class Writing:
+    """A thread that writes what is queued into a bag of some kind."""
+
+    def __init__(self, path, kind=BagWriter, bound=1.0):
+        self.path, self.intake, self.ended = path, Intake(), threading.Event()
+        self.bag = kind(path)
+        self.thread = WritingThread(self.intake, self.bag, bound, on_end=self.ended.set)
+
+    def __enter__(self):
+        self.bag.__enter__()
+        self.thread.start()
+        self.intake.declare(TALK, STRING_DEFINITION)
+        return self
+
+    def __exit__(self, *error):
+        self.intake.close()
+        self.thread.join(PATIENCE)
+        self.bag.__exit__(*error)
+
+    def put(self, *messages):
+        for each in messages:
+            self.intake.put(each)
+
+    def failure(self):
+        assert self.ended.wait(PATIENCE)
+        return str(self.thread.error)
+
+
+@pytest.fixture
+def writing(tmp_path):
+    return lambda *arguments: Writing(tmp_path / "run", *arguments)
+
+
+def test_the_thread_writes_all_that_was_queued(writing):
+    with writing() as run:
+        run.put(*(message(str(number).encode(), log_time=START + number) for number in range(1000)))
+    assert (run.thread.error, run.ended.is_set()) == (None, False)
+    with rpud_sim.bag.open(run.path) as bag:
         assert [int(item.data) for item in bag.messages()] == list(range(1000))
 
 
-def test_a_failure_to_write_is_reported_at_once(tmp_path):
-    intake = Intake()
-    failed = threading.Event()
-    with BagWriter(tmp_path / "run") as bag:
-        thread = WritingThread(intake, bag, 1.0, on_end=failed.set)
-        thread.start()
-        intake.put(message(topic="/never/declared"))
-        assert failed.wait(10.0)
-        thread.join(10.0)
-    assert "/never/declared" in str(thread.error)
+def test_every_failure_to_write_is_reported_at_once(writing):
+    class Failing(BagWriter):
+        def write(self, topic, *rest):
+            if topic == TALK.name:
+                raise OverflowError("not foreseen")
+            super().write(topic, *rest)
+
+    with writing(Failing) as run:
+        run.put(message())
+        assert "not foreseen" in run.failure()
 
 
-def test_every_failure_is_reported(tmp_path):
-    class Bag(BagWriter):
-        def write(self, *_):
-            raise OverflowError("not foreseen")
-
-    intake = Intake()
-    failed = threading.Event()
-    with Bag(tmp_path / "run") as bag:
-        thread = WritingThread(intake, bag, 1.0, on_end=failed.set)
-        thread.start()
-        intake.put(message())
-        assert failed.wait(10.0)
-        thread.join(10.0)
-    assert "not foreseen" in str(thread.error)
+def test_a_topic_that_was_not_declared_is_an_error(writing):
+    with writing() as run:
+        run.put(message(topic="/never/declared"))
+        assert "/never/declared" in run.failure()
 
 
-def test_what_was_written_is_flushed_within_the_bound_without_more(tmp_path):
-    intake = Intake()
-    flushed = threading.Event()
+def test_what_was_written_is_flushed_within_the_bound_without_more(writing):
+    flushed = queue.Queue()
 
     class Bag(BagWriter):
         def flush(self):
             super().flush()
-            flushed.set()
+            flushed.put(self.message_count)
 
-    with Bag(tmp_path / "run") as bag:
-        flushed.clear()
-        thread = WritingThread(intake, bag, 0.02, on_end=pytest.fail)
-        thread.start()
-        intake.declare(TALK, STRING_DEFINITION)
-        intake.add_record("notes", {"weather": "fine"})
-        intake.put(message(b"safe", log_time=time.time_ns()))
-        size = bag.size
-        assert flushed.wait(10.0)
-        while bag.size == size:  # it may have been the flush before that message
-            flushed.clear()
-            assert flushed.wait(10.0)
-        intake.close()
-        thread.join(10.0)
-    with rpud_sim.bag.open(tmp_path / "run") as whole:
+    with writing(Bag, 0.02) as run:
+        run.intake.add_record("notes", {"weather": "fine"})
+        run.put(message(b"safe", log_time=time.time_ns()))
+        while not flushed.get(timeout=PATIENCE):  # a flush before that message
+            pass
+    with rpud_sim.bag.open(run.path) as whole:
         assert whole.records("notes") == [{"weather": "fine"}]
         assert whole.message_count == 1
 
 
-def test_a_full_disk_ends_the_recording_before_the_bag_is_torn(tmp_path):
+def test_a_full_disk_ends_the_recording_before_the_bag_is_torn(writing):
     class FullDisk(BagWriter):
         def reserve(self, size):
             return self.message_count < 3
 
-    intake = Intake()
-    ended = threading.Event()
-    with FullDisk(tmp_path / "run") as bag:
-        thread = WritingThread(intake, bag, 1.0, on_end=ended.set)
-        thread.start()
-        intake.declare(TALK, STRING_DEFINITION)
-        for number in range(10):
-            intake.put(message(log_time=START + number))
-        intake.do(BagWriter.split)  # a new file would need room, too
-        intake.close()
-        thread.join(10.0)
-        assert ended.is_set()
-        assert thread.error is None
-        assert thread.refusal == f"the disk of {tmp_path / 'run'} is full"
-        assert bag.file_count == 1
-    with rpud_sim.bag.open(tmp_path / "run") as whole:
+    with writing(FullDisk) as run:
+        run.put(*(message(log_time=START + number) for number in range(10)))
+        run.intake.do(BagWriter.split)  # a new file would need room, too
+        assert run.failure() == "None"
+    assert run.thread.refusal == f"the disk of {run.path} is full"
+    assert run.bag.file_count == 1
+    with rpud_sim.bag.open(run.path) as whole:
         assert whole.message_count == 3
+
+
+def test_a_disk_too_slow_for_the_bound_is_known(writing):
+    class SlowBag(BagWriter):
+        def flush(self):
+            super().flush()
+            if self.message_count:
+                time.sleep(0.3)
+
+    with writing(SlowBag, 0.1) as run:
+        run.put(message(log_time=time.time_ns()))
+        until(lambda: run.thread.exposure or not run.thread.is_alive())
+    assert run.thread.exposure >= 0.3
 
 
 def test_what_was_late_on_the_disk_is_said_and_no_cause():
@@ -129,29 +140,6 @@ def test_how_messages_were_lost_is_said_and_no_cause():
         "room, 1 damaged"
     )
     assert lost_text("/a", Losses(None, 3)).startswith("lost 3 messages on /a: 3 for which")
-
-
-def test_a_disk_too_slow_for_the_bound_is_known(tmp_path):
-    intake = Intake()
-    slow = threading.Event()
-
-    class SlowBag(BagWriter):
-        def flush(self):
-            super().flush()
-            if self.message_count:
-                slow.wait(0.3)
-
-    with SlowBag(tmp_path / "run") as bag:
-        thread = WritingThread(intake, bag, 0.1, on_end=pytest.fail)
-        thread.start()
-        intake.declare(TALK, STRING_DEFINITION)
-        intake.put(message(log_time=time.time_ns()))
-        while not thread.exposure:
-            assert thread.is_alive()
-            time.sleep(0.01)
-        intake.close()
-        thread.join(10.0)
-    assert thread.exposure >= 0.3
 
 
 def test_the_limit_holds_for_the_closed_bag(tmp_path):
