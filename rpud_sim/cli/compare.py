@@ -175,7 +175,7 @@ def _figure_lines(found: Comparison) -> Iterator[str]:
         yield ""
         yield printable(f"{window.name}: {window.spans}")
         rows = [
-            (each.quantity.shown.label, each.figure, letter, *each.texts, each.decision)
+            (each.compared.shown.label, each.figure, letter, *each.texts, each.decision)
             for quantity in window.quantities
             for letter, differences in zip(found.letters[1:], quantity.differences, strict=True)
             for place, each in enumerate(differences)

@@ -250,8 +250,10 @@ class RecentEnergy:
         return self._power(self._feed_account().coupling)
 
     def _power(self, energy: float) -> float:
+        if math.isnan(energy):
+            return math.nan  # a sum of NaN may have another sign on another processor
         if not self._blocks:
-            return 0.0 * abs(energy)  # what is unknown stays so before the start
+            return 0.0
         first, last = self._blocks[0], self._blocks[-1]
         return energy / ((last.end - int(first.starts[self._late()])) / SECOND)
 

@@ -59,6 +59,7 @@ def test_colcon_finds_both_and_nothing_is_a_link(tree):
     assert subprocess.call([sys.executable, check], stdout=subprocess.DEVNULL) == 0
 
 
+@pytest.mark.filterwarnings("ignore:nodes.Node.traverse:DeprecationWarning")  # by catkin_pkg
 @pytest.mark.parametrize("package", ["rpud_sim", "rpud_msgs"])
 def test_the_changelog_is_of_catkin_s_form_and_has_every_version(tree, package):
     changelog = get_changelog_from_path(str(tree / package), package)

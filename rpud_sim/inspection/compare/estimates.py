@@ -48,7 +48,7 @@ class Estimate:
 class FigureDifference:
     """Difference of one figure between a run and the reference."""
 
-    quantity: ComparedQuantity
+    compared: ComparedQuantity
     figure: str  # mean, median or p95
     reference: Estimate
     other: Estimate
@@ -66,9 +66,14 @@ class FigureDifference:
     decision: str
 
     @property
+    def quantity(self) -> str:
+        """Name of the quantity."""
+        return self.compared.name
+
+    @property
     def texts(self) -> tuple[str, str, str, str]:
         """Both figures, value and interval: relative, if known, or in the quantity's unit."""
-        shown = self.quantity.shown
+        shown = self.compared.shown
         figures = shown.text(self.reference.value), shown.text(self.other.value)
         value, low, high = self.value, self.low, self.high
         if math.isfinite(self.relative):

@@ -222,7 +222,7 @@ def _settings_line(found: Comparison) -> str:
 def _window(found: Comparison, window: WindowComparison) -> dict[str, Any]:
     rows = [
         (
-            each.quantity.shown.label,
+            each.compared.shown.label,
             FIGURES[each.figure],
             letter,
             *each.texts,
@@ -247,7 +247,7 @@ def _window(found: Comparison, window: WindowComparison) -> dict[str, Any]:
 
 
 def _values(quantity: QuantityComparison, letters: str) -> list[tuple[str, ...]]:
-    shown, rows = quantity.quantity.shown, []
+    shown, rows = quantity.compared.shown, []
     for letter, run in zip(letters, quantity.runs, strict=True):
         if run is None:
             rows.append((shown.label, letter, "0", *([_UNSET] * 8)))

@@ -98,7 +98,7 @@ def _difference_points(found: Comparison, rows: _Rows) -> Iterator[Points]:
 
 def _told(each: FigureDifference) -> str:
     one, other, value, interval = each.texts
-    figure = f"{each.quantity.shown.label}, {FIGURES[each.figure]}"
+    figure = f"{each.compared.shown.label}, {FIGURES[each.figure]}"
     return f"{figure}: {one} and {other}, {value} ({interval}): {each.decision}"
 
 
@@ -107,7 +107,7 @@ def _row_name(rows: _Rows, row: int) -> str:
     figure = next(FIGURES[each.figure] for each in runs if each)
     if row and rows[row - 1][0] is quantity:
         return figure
-    return f"{quantity.quantity.shown.label}, {figure}"
+    return f"{quantity.compared.shown.label}, {figure}"
 
 
 def _columns(rows: _Rows) -> tuple[tuple[str, tuple[str, ...]], ...]:
@@ -127,12 +127,12 @@ def distribution_plots(found: Comparison, window: WindowComparison) -> Iterator[
     There is none of a constant, and of a quantity that is averaged over the time.
     """
     for quantity in window.quantities:
-        if quantity.quantity.averaged:
+        if quantity.compared.averaged:
             continue
         series = []
         for number, run in enumerate(found.values):
             span = window.begins[number], window.ends[number]
-            values = series_of(run, quantity.quantity, *span)
+            values = series_of(run, quantity.compared, *span)
             series.append(np.empty(0) if values is None else values[np.isfinite(values)])
         if plot := _distribution(found, quantity, series):
             yield plot
@@ -151,7 +151,7 @@ def _distribution(
     edges = np.geomspace(low, high, _CLASSES + 1) if log else np.linspace(low, high, _CLASSES + 1)
     if not (np.diff(edges) > 0.0).all():
         return None
-    shown = quantity.quantity.shown
+    shown = quantity.compared.shown
     layers = []
     for number, values in enumerate(series):
         if len(values):

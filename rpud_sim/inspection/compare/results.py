@@ -40,10 +40,15 @@ class RunFigures:
 class QuantityComparison:
     """Comparison of one quantity in one window."""
 
-    quantity: ComparedQuantity
+    compared: ComparedQuantity
     runs: tuple[RunFigures | None, ...]  # figures of each run; None where a run has no values
     # of each run after the first from the first, for each tested figure
     differences: tuple[tuple[FigureDifference, ...], ...]
+
+    @property
+    def quantity(self) -> str:
+        """Name of the quantity."""
+        return self.compared.name
 
 
 @dataclass(frozen=True)
@@ -150,7 +155,7 @@ class Comparison:
             return f"{text}."
         most, where = max(differing, key=lambda pair: abs(math.log1p(pair[0].relative)))
         _, _, value, interval = most.texts
-        label = most.quantity.shown.label
+        label = most.compared.shown.label
         figure = "" if most.figure == MEAN else f" ({FIGURES[most.figure]})"
         segment = f" {where}" if len(self.windows) > 1 else ""
         return f"{text}, most of all {label}{figure}{segment}: {value}, from {interval}."
@@ -210,8 +215,8 @@ def content(found: Comparison) -> dict[str, Any]:
 
 def _quantity(each: QuantityComparison) -> dict[str, Any]:
     return {
-        "quantity": each.quantity.name,
-        "unit": each.quantity.unit,
+        "quantity": each.quantity,
+        "unit": each.compared.unit,
         "runs": [
             run
             and {

@@ -70,11 +70,11 @@ def test_values_stand_beside_their_rows_in_the_units_of_people(found):
     row = plot.y.categories.index("peak force, mean")
     assert plot.y.categories[row + 1 : row + 3] == ("median", "95 % quantile")
     cells = dict(plot.y.columns)
-    peak = next(q for q in found.windows[0].quantities if q.quantity.name == "peak_force")
+    peak = next(q for q in found.windows[0].quantities if q.quantity == "peak_force")
     one, other = (run.estimates["mean"].value for run in peak.runs)
     assert (cells["A"][row], cells["B"][row]) == (
-        peak.quantity.shown.text(one),
-        peak.quantity.shown.text(other),
+        peak.compared.shown.text(one),
+        peak.compared.shown.text(other),
     )
     assert cells["A"][row].endswith(" kN")
     assert re.fullmatch(r"[-+][\d.]+ %", cells["difference"][row])
@@ -86,8 +86,8 @@ def test_the_tables_are_behind_a_click(found):
     start = page.index("<details")
     assert "<table" not in page[:start]
     rate = found.windows[0].quantities[0]
-    one, other = (rate.quantity.shown.text(run.estimates["mean"].value) for run in rate.runs)
-    assert f"{rate.quantity.shown.label} mean B {one} {other}" in plain(page)
+    one, other = (rate.compared.shown.text(run.estimates["mean"].value) for run in rate.runs)
+    assert f"{rate.compared.shown.label} mean B {one} {other}" in plain(page)
     assert page.count("<details") == page.count("</details")
     assert " open" not in re.sub(r"<style>.*?</style>", "", page, flags=re.DOTALL)
 

@@ -147,7 +147,7 @@ def test_other_parameters_are_named_and_their_effect_is_found(made):
     assert any(each.decision == DIFFERS and each.relative > 0.1 for each in by_run[0])
     assert not any(each.decision == DIFFERS for each in by_run[1])
     assert found.differs
-    rate = next(q for q in found.windows[0].quantities if q.quantity.name == "impact_rate")
+    rate = next(q for q in found.windows[0].quantities if q.quantity == "impact_rate")
     with bags.open(made / "a") as bag:
         stamps = bag.arrays("/rpud/contact_force")["header.stamp"]
     begin, end = found.windows[0].begins[0], found.windows[0].ends[0]
@@ -249,7 +249,7 @@ def test_a_bag_without_journal_is_compared_by_its_stamps(made, tmp_path):
     path = altered(made / "a", tmp_path / "bare", unchanged, names)
     found = compare([path, made / "other"], settle=0.1)
     assert any("holds no journal" in text for text in found.warnings)
-    quantities = [q.quantity.name for q in found.windows[0].quantities if any(q.differences)]
+    quantities = [q.quantity for q in found.windows[0].quantities if any(q.differences)]
     assert "peak_force" in quantities
     assert "reacting_force" not in quantities
     assert states(found)["waveform"] == "not compared"
@@ -257,9 +257,9 @@ def test_a_bag_without_journal_is_compared_by_its_stamps(made, tmp_path):
 
 def test_too_short_a_time_decides_nothing(made):
     found = compare([made / "a", made / "other"], begin=1.0, end=1.11, settle=0.0)
-    forces = [each for each in found.differences if each.quantity.name == "nodal_plane_position"]
+    forces = [each for each in found.differences if each.quantity == "nodal_plane_position"]
     assert {each.decision for each in forces} == {"too few values"}
-    assert {each.decision for each in found.differences if "power" in each.quantity.name} <= {
+    assert {each.decision for each in found.differences if "power" in each.quantity} <= {
         "too few values",
         "no difference found",
     }
