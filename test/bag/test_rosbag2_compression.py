@@ -16,11 +16,11 @@ from sample_bags import (
     serialized_string,
     write_offline_bag,
 )
+from support import called
 
 import rpud_sim.bag
 from rpud_sim.bag import BagFormatError
 from rpud_sim.bag.recovery import recover
-from rpud_sim.cli.main import main
 from rpud_sim.simulation import preset
 
 COMPRESSION = {
@@ -58,13 +58,6 @@ def read_all(path):
     with rpud_sim.bag.open(path) as bag:
         assert bag.topics
         list(bag.messages())
-
-
-def called(*words):
-    """Call ``rpud`` and return the exit code."""
-    with pytest.raises(SystemExit) as caught:
-        main([str(word) for word in words])
-    return caught.value.code
 
 
 def write(path, storage, mode, count=10):
@@ -116,8 +109,7 @@ def test_every_way_to_record_is_read(tmp_path, storage, mode):
 @kinds
 def test_recovery_takes_plain_files_and_names_what_converts_others(tmp_path, capsys, storage, mode):
     path = write(tmp_path / "run", storage, mode)
-    code = called("recover", path, "--out", tmp_path / "out")
-    said = capsys.readouterr().err
+    code, _, said = called(capsys, "recover", path, "--out", tmp_path / "out")
     if (storage, mode) in PLAIN:
         assert code == 0
         with rpud_sim.bag.open(tmp_path / "out") as bag:
@@ -331,7 +323,6 @@ def test_a_drill_that_was_recorded_so_is_proved(tmp_path, capsys, drilled, stora
         }
         for message in bag.messages():
             writer.write(connections[message.topic], message.log_time, message.data)
-    code = called("verify", tmp_path / "run")
-    printed = capsys.readouterr()
-    assert (code, printed.err) == (0, ""), printed.out + printed.err
-    assert "messages are equal bit for bit" in printed.out
+    code, output, errors = called(capsys, "verify", tmp_path / "run")
+    assert (code, errors) == (0, ""), output + errors
+    assert "messages are equal bit for bit" in output

@@ -2,9 +2,9 @@
 
 import json
 import re
-import subprocess
 
 import pytest
+from support import rpud
 
 MICROGRAM = ("--regime", "free", "--set", "free_mass=1e-11")
 LINE = (
@@ -13,27 +13,17 @@ LINE = (
 )
 
 
-@pytest.fixture
-def rpud(tmp_path):
-    def call(*words):
-        return subprocess.run(
-            ["rpud", *words], capture_output=True, text=True, timeout=110, check=False, cwd=tmp_path
-        )
-
-    return call
-
-
-def test_simulate_ends_with_one_line(rpud):
+def test_simulate_ends_with_one_line():
     result = rpud("simulate", *MICROGRAM, "--duration", "10")
     assert result.returncode == 1
     assert re.fullmatch(f"rpud simulate: {LINE}", result.stderr.splitlines(keepends=True)[-1])
 
 
 @pytest.mark.extended
-def test_a_sweep_goes_on_and_notes_the_reason(rpud, tmp_path):
+def test_a_sweep_goes_on_and_notes_the_reason(tmp_path):
     (tmp_path / "sweep.yaml").write_text(
         "{design: grid, duration: 1, fixed: {regime: free}, swept: {free_mass: [1e-11, 5e-3]}}"
     )
-    result = rpud("sweep", "sweep.yaml", "--out", "out", "--json")
+    result = rpud("sweep", tmp_path / "sweep.yaml", "--out", tmp_path / "out", "--json")
     assert result.returncode == 0, result.stderr
     assert json.loads(result.stdout)["failures"] == 1

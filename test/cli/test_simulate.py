@@ -146,6 +146,10 @@ def test_the_table_has_every_figure_with_its_unit(simulate):
             "contact_model = 'x' is not one of printed, rayleigh, mode_shape, given",
         ),
         (["--set", "oops"], "'oops' is not of the form name=value"),
+        (
+            ["--set", "telemetry_rate=10"],
+            "telemetry_rate is a parameter of the drill node alone: see rpud run",
+        ),
         (["--config", "/missing.yaml"], "/missing.yaml: No such file or directory"),
         (
             ["--bag", "bag", "--repeat", "2"],
@@ -157,14 +161,6 @@ def test_what_cannot_be_used_is_one_line_and_exit_code_2(simulate, words, compla
     code, output, errors = simulate(*words)
     assert (code, output) == (2, "")
     assert errors == f"rpud simulate: {complaint}\n"
-
-
-def test_what_is_the_nodes_alone_is_refused_and_not_passed_over(simulate):
-    code, output, errors = simulate("--set", "telemetry_rate=10")
-    assert (code, output) == (2, "")
-    assert errors == (
-        "rpud simulate: telemetry_rate is a parameter of the drill node alone: see rpud run\n"
-    )
 
 
 def test_an_actuator_off_its_resonance_strikes_less(figures):

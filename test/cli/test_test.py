@@ -7,8 +7,8 @@ from xml.etree import ElementTree
 import pytest
 from altered_bags import altered, numbered
 from sample_bags import write_offline_bag
+from support import called
 
-from rpud_sim.cli.main import main
 from rpud_sim.simulation import preset
 from rpud_sim.verdicts import read_expectations
 
@@ -33,10 +33,7 @@ def rpud(capsys, tmp_path):
     def call(bag, entries, *words):
         path = tmp_path / "expect.yaml"
         path.write_text("expectations:\n" + "\n".join(entries))
-        with pytest.raises(SystemExit) as end:
-            main(["test", str(bag), "--expect", str(path), *map(str, words)])
-        printed = capsys.readouterr()
-        return end.value.code, printed.out, printed.err
+        return called(capsys, "test", bag, "--expect", path, *words)
 
     return call
 
@@ -108,12 +105,8 @@ def test_impossible_values_in_a_bag_give_1(bag, rpud, tmp_path):
 
 
 def test_a_bag_without_expectations_gives_2(bag, capsys):
-    with pytest.raises(SystemExit) as end:
-        main(["test", str(bag)])
-    assert end.value.code == 2
-    assert capsys.readouterr().err == (
-        "rpud test: a bag needs --expect FILE; see rpud test --help\n"
-    )
+    line = "rpud test: a bag needs --expect FILE; see rpud test --help\n"
+    assert called(capsys, "test", bag) == (2, "", line)
 
 
 def test_the_example_is_understood():

@@ -5,10 +5,10 @@ from itertools import pairwise
 
 import pytest
 from altered_bags import altered, edited, flipped, messages_of, numbered
+from support import called
 
 from rpud_sim.bag import BagWriter, Topic
 from rpud_sim.bag.definitions import find_definition
-from rpud_sim.cli.main import main
 from rpud_sim.inspection.offline_bag import write_fork
 from rpud_sim.inspection.recorded_journal import installed_codec
 from rpud_sim.inspection.verify.verification import verify
@@ -94,8 +94,9 @@ def test_verify_says_from_where_it_proves(late, capsys):
     assert 0.5 * SECOND < verification.begins <= 1.15 * SECOND
     assert verification.topics["/rpud/wrench"].equal == 480
     assert verification.total.before == verification.topics["/rpud/faults"].before == 1
-    assert exit_code("verify", late) == 0
-    assert f"proved from {verification.begins / SECOND:.9f} s on" in capsys.readouterr().out
+    code, output, _ = called(capsys, "verify", late)
+    assert code == 0
+    assert f"proved from {verification.begins / SECOND:.9f} s on" in output
 
 
 def test_commands_that_the_drill_took_and_the_bag_lacks_are_a_warning(tmp_path, late):
@@ -161,20 +162,15 @@ def test_a_journal_that_ends_early_is_no_difference(late, tmp_path, capsys, coun
     verification = verify(without_last_entries(late, tmp_path / "bag", count))
     assert verification.first_difference is None
     assert verification.undecided.startswith("the journal ends early")
-    assert exit_code("verify", tmp_path / "bag") == 1
-    assert "not decided: the journal ends early" in capsys.readouterr().out
+    code, output, _ = called(capsys, "verify", tmp_path / "bag")
+    assert code == 1
+    assert "not decided: the journal ends early" in output
 
 
 def test_a_flipped_bit_before_an_early_end_is_a_difference(late, tmp_path):
     change = numbered("wrench", 5, lambda m: [flipped(m.data, 60)])
     verification = verify(without_last_entries(late, tmp_path / "bag", 120, change))
     assert verification.first_difference.topic == "/rpud/wrench"
-
-
-def exit_code(*words):
-    with pytest.raises(SystemExit) as end:
-        main([str(word) for word in words])
-    return end.value.code
 
 
 def test_an_altered_state_is_a_difference_unless_it_is_the_first(late, tmp_path):
@@ -213,8 +209,8 @@ def test_a_state_that_no_drill_has_is_one_line(late, tmp_path, capsys, spoil):
         if fields["kind"] == "state":
             spoil(content["state"])
 
-    assert exit_code("verify", altered(late, tmp_path / "bag", edited(edit))) == 1
-    error = capsys.readouterr().err
+    code, _, error = called(capsys, "verify", altered(late, tmp_path / "bag", edited(edit)))
+    assert code == 1
     assert error.startswith("rpud verify: ")
     assert "cannot be done" in error
     assert error.count("\n") == 1
