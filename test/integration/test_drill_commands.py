@@ -1,10 +1,8 @@
 """Commands of a plain rclpy client to a drill in another process."""
 
-import re
-
 import pytest
 from drill_client import SECOND, nanoseconds
-from rpud_msgs.msg import Drive, WeightOnBit
+from rpud_msgs.msg import Drive
 
 
 @pytest.fixture(scope="module")
@@ -17,29 +15,6 @@ def client(drill, connect):
     client = connect("/commanded")
     client.until(lambda: client.status)
     return client
-
-
-def applied(status):
-    """Give all that a refused command must not change."""
-    return (
-        status.weight_on_bit,
-        status.weight_on_bit_applied,
-        status.drive_enabled,
-        status.drive_voltage,
-        status.drive_frequency,
-        status.drive_applied,
-        status.commands_accepted,
-    )
-
-
-def test_a_weight_on_bit_that_cannot_be_is_refused_counted_and_logged(client, drill):
-    before = client.status[-1]
-    client.command(WeightOnBit(force=1e9))
-    client.until(lambda: client.status[-1].commands_rejected == before.commands_rejected + 1)
-    assert applied(client.status[-1]) == applied(before)
-    drill.wait_for_line(
-        re.escape("command refused: weight_on_bit = 1e+09 N is outside its range [0, 1000] N")
-    )
 
 
 def test_applied_commands_come_back_with_the_time_at_which_they_took_effect(client):

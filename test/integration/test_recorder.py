@@ -14,7 +14,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.serialization import deserialize_message
 from rosbags.highlevel import AnyReader
 from rpud_msgs.msg import ContactForce
-from support import called
+from support import PATIENCE, called
 
 import rpud_sim.bag
 from rpud_sim.bag.manifest import MANIFEST_RECORD as MANIFEST
@@ -150,10 +150,10 @@ def ask():
 
     def call(name):
         client = node.create_client(rosbag_service(name), f"/rpud/recorder/{name}")
-        assert client.wait_for_service(10.0)
+        assert client.wait_for_service(PATIENCE)
         future = client.call_async(client.srv_type.Request())
         executor.add_node(node)
-        executor.spin_until_future_complete(future, 10.0)
+        executor.spin_until_future_complete(future, PATIENCE)
         executor.remove_node(node)
         assert future.done()
         return future.result()

@@ -10,7 +10,7 @@ import rclpy
 from rclpy.executors import MultiThreadedExecutor, SingleThreadedExecutor
 from rclpy.parameter import Parameter
 from rosgraph_msgs.msg import Clock
-from support import real_time_permitted, until
+from support import PATIENCE, real_time_permitted, until
 
 from rpud_sim.ros.threads import (
     Requests,
@@ -106,7 +106,7 @@ def test_what_waits_at_the_end_is_refused_and_so_is_all_that_comes():
 
     asker = threading.Thread(target=ask)
     asker.start()
-    assert waiting.wait(10.0)
+    assert waiting.wait(PATIENCE)
     requests.close()
     asker.join()
     assert refusals == ["the drill has stopped"]
@@ -134,7 +134,7 @@ def test_a_future_that_will_never_be_done_ends_with_the_thread():
 
     asker.start()
     requests.close()
-    asker.join(10.0)
+    asker.join(PATIENCE)
     assert len(refused) == 1
 
 

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from altered_bags import altered, unchanged
 from sample_bags import write_offline_bag
+from support import called
 
 import rpud_sim.bag as bags
 from rpud_sim.bag.cdr import Codec
-from rpud_sim.cli.main import main
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.inspection import InspectionError
@@ -178,16 +178,14 @@ def test_commands_and_faults_are_aligned_and_divide_the_time(made, tmp_path):
     assert any("faults differ" in text for text in found.warnings)
 
 
-def test_commands_that_differ_mix_causes(made, tmp_path):
+def test_commands_that_differ_mix_causes(made, tmp_path, capsys):
     paths = []
     for number, later in enumerate((1.0, 1.2)):
         file = tmp_path / f"{number}.yaml"
         file.write_text(COMMANDS.format(later=later))
         paths.append(tmp_path / f"forked{number}")
         words = ("--at", "0.4", "--commands", file, "--out", paths[-1])
-        with pytest.raises(SystemExit) as end:
-            main(["fork", str(made / "a"), *map(str, words)])
-        assert not end.value.code
+        assert called(capsys, "fork", made / "a", *words)[0] == 0
     found = compare(paths, settle=0.05)
     assert [event.times for event in found.commands] == [(0.9, 0.9), (1.4, 1.6)]
     assert len(found.windows) == 3

@@ -16,6 +16,7 @@ from rpud_msgs.msg import Feed as FeedMessage
 from rpud_msgs.msg import WeightOnBit as WeightOnBitMessage
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
+from support import PATIENCE
 
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.ros.drill.gate import Gate, arrival, to_feed
@@ -63,7 +64,7 @@ class Commander:
         self.until(lambda: all(p.get_subscription_count() for p in self.publishers.values()))
 
     def until(self, condition):
-        deadline = time.monotonic() + 30.0
+        deadline = time.monotonic() + PATIENCE
         while not condition():
             assert time.monotonic() < deadline, "it did not come true"
             self.executor.spin_once(timeout_sec=0.05)

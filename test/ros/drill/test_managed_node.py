@@ -8,7 +8,7 @@ from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
 from std_srvs.srv import Trigger
-from support import until
+from support import PATIENCE, until
 
 from rpud_sim.ros.drill.managed_node import ManagedNode
 
@@ -33,9 +33,9 @@ def call(node, kind, name, **fields):
     for each in (node, client_node):
         executor.add_node(each)
     try:
-        assert client.wait_for_service(10.0)
+        assert client.wait_for_service(PATIENCE)
         future = client.call_async(kind.Request(**fields))
-        executor.spin_until_future_complete(future, 10.0)
+        executor.spin_until_future_complete(future, PATIENCE)
         return future.result()
     finally:
         executor.shutdown()

@@ -9,7 +9,7 @@ from functools import partial
 import pytest
 from manual_clock import SECOND, ManualClock
 from rpud_msgs.msg import CommandResult
-from support import until
+from support import PATIENCE, until
 
 from rpud_sim.ros.drill import live_run, report
 from rpud_sim.ros.drill.duplicate_nodes import DuplicateNodes
@@ -383,7 +383,7 @@ def test_a_stop_ends_a_step_with_an_error_and_a_standstill_at_once(start):
     stepper.start()
     until(lambda: live.goal is not None)
     loop.stop()
-    stepper.join(10.0)
+    stepper.join(PATIENCE)
     assert failures == ["the drill has stopped"]
     assert loop.failure is None
 

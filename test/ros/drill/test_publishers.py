@@ -8,6 +8,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rpud_msgs.msg import ContactForce, Faults, NodalPlane, ReactingForce, Trajectory
 from sensor_msgs.msg import JointState
+from support import PATIENCE
 
 from rpud_sim.ros.drill.publishers import CLOCK, DrillPublishers
 from rpud_sim.simulation import Parameters
@@ -53,7 +54,7 @@ class Listener:
         return heard
 
     def until(self, condition):
-        deadline = time.monotonic() + 30.0
+        deadline = time.monotonic() + PATIENCE
         while not condition():
             assert time.monotonic() < deadline, "it did not come true"
             self.executor.spin_once(timeout_sec=0.05)

@@ -9,6 +9,7 @@ from builtin_interfaces.msg import Time
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
 from rosgraph_msgs.msg import Clock
+from support import PATIENCE
 
 from rpud_sim.ros.drill.pacer import TimeSource
 
@@ -37,7 +38,7 @@ class Clocked:
     def tell(self, nanoseconds):
         """Publish a time until the node's clock shows it."""
         sec, nanosec = divmod(nanoseconds, SECOND)
-        deadline = time.monotonic() + 30.0
+        deadline = time.monotonic() + PATIENCE
         while self.node.get_clock().now().nanoseconds != nanoseconds:
             assert time.monotonic() < deadline, "the clock did not come"
             self.publisher.publish(Clock(clock=Time(sec=sec, nanosec=nanosec)))
@@ -79,10 +80,10 @@ def test_a_follower_waits_for_the_first_time_and_serves_meanwhile(clocked):
     served = threading.Event()
     waiter = threading.Thread(target=source.wait, args=(threading.Event(), served.set))
     waiter.start()
-    assert served.wait(10.0)
+    assert served.wait(PATIENCE)
     assert waiter.is_alive()
     clocked.tell(7 * SECOND)
-    waiter.join(10.0)
+    waiter.join(PATIENCE)
     assert not waiter.is_alive()
     source.close()
 

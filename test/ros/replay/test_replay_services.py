@@ -4,6 +4,7 @@ import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from sample_bags import write_bag
 from std_srvs.srv import Trigger
+from support import PATIENCE
 
 import rpud_sim.bag
 from rpud_sim.ros.graph import rosbag_service
@@ -27,9 +28,9 @@ def test_a_request_that_raises_an_error_is_answered_and_counted(tmp_path, capfd)
 
         def ask(name):
             client = node.create_client(rosbag_service(name), f"~/{name}")
-            assert client.wait_for_service(10.0)
+            assert client.wait_for_service(PATIENCE)
             future = client.call_async(rosbag_service(name).Request())
-            executor.spin_until_future_complete(future, 10.0)
+            executor.spin_until_future_complete(future, PATIENCE)
             return future.result()
 
         try:
