@@ -19,11 +19,12 @@ from rpud_sim.inspection.recorded_drill import RecordedDrill, find_run
 from rpud_sim.simulation.changes import Change, Changes, apply_change, apply_parameters
 from rpud_sim.simulation.configuration import PARAMETERS, Settings, to_configuration
 from rpud_sim.simulation.faults import Fault, FaultError
-from rpud_sim.simulation.fields import Bookkeeping, Fields
+from rpud_sim.simulation.fields import Bookkeeping
 from rpud_sim.simulation.journal import JournalEntry
 from rpud_sim.simulation.rerun import JournalError, Rerun, Resumed, Start, repeat_change, resume
 from rpud_sim.simulation.run import Run
 from rpud_sim.simulation.telemetry import Entry
+from rpud_sim.simulation.topics import Fields
 
 # Parameters of a node that a live fork may have otherwise, for they change no bit.
 LIVE = ("autostart", "publish_clock", "start_paused", "thread_priority")

@@ -22,11 +22,11 @@ from rpud_sim.foundation.time import SECOND
 from rpud_sim.inspection.fork import Continuation, Fork, open_fork
 from rpud_sim.inspection.recorded_journal import installed_codec
 from rpud_sim.simulation.changes import Changes, Planned, apply_change
-from rpud_sim.simulation.fields import Bookkeeping, Fields
+from rpud_sim.simulation.fields import Bookkeeping
 from rpud_sim.simulation.journal import Journal
 from rpud_sim.simulation.run import Beginning, Run
 from rpud_sim.simulation.telemetry import Columns, Entry, Together
-from rpud_sim.simulation.topics import TOPICS, offered_topics
+from rpud_sim.simulation.topics import TOPICS, Fields, offered_topics
 from rpud_sim.simulation.topics import Topic as DrillTopic
 
 NAMESPACE = "/rpud"

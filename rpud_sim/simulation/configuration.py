@@ -25,7 +25,6 @@ from rpud_sim.foundation.yaml_files import open_yaml, parse_yaml
 from rpud_sim.model.parameters import QUANTITIES, Parameters, preset
 from rpud_sim.simulation.actuator import ActuatorParameters
 from rpud_sim.simulation.commands import Command, Drive, Feed
-from rpud_sim.simulation.scenario import Scenario, read_scenario
 
 _LEAST_REAL_TIME_FACTOR = 0.01
 
@@ -206,16 +205,6 @@ class Settings(ParameterGroup):
     def replace(self, changes: Mapping[str, Any]) -> Settings:
         """Return settings with some values changed."""
         return to_settings({**self.values(), **changes})
-
-    def read_scenario(self, seed: int | None = None) -> Scenario | None:
-        """Read the scenario, if there is one.
-
-        Args:
-            seed: in place of that of the settings. If both are zero, the scenario has its own.
-        """
-        if not self.scenario:
-            return None
-        return read_scenario(self.scenario, seed or self.seed or None)
 
 
 # Groups of parameters by their field in ``Configuration``.

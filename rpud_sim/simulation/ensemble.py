@@ -31,8 +31,9 @@ from rpud_sim.simulation.actuator import Actuator
 from rpud_sim.simulation.changes import Planned, apply_change
 from rpud_sim.simulation.commands import WeightOnBit
 from rpud_sim.simulation.configuration import Configuration, whole_configuration
-from rpud_sim.simulation.energy_account import EnergyAccount, FeedAccount, RecentEnergy
+from rpud_sim.simulation.energy_account import EnergyAccount, FeedAccount
 from rpud_sim.simulation.plant import rpud_constants
+from rpud_sim.simulation.recent_energy import RecentEnergy, account_of
 from rpud_sim.simulation.sampling import Times
 from rpud_sim.simulation.scenario import Scenario
 from rpud_sim.simulation.simulation import Simulation
@@ -251,7 +252,7 @@ def compile_kernels(
         statistics = Statistics()
         statistics.add(block)
         statistics.figures()
-        EnergyAccount.of(block)
+        account_of(block)
         block.sample(Times.from_nanoseconds(0))
         if not simulation.configuration.has_feed:  # whose steps change the weight on bit
             simulation.apply(WeightOnBit(0.5 * simulation.applied.weight_on_bit.force + 1.0))

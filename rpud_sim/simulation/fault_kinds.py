@@ -9,12 +9,13 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from rpud_sim.drilling.inputs import UNDISTURBED
 from rpud_sim.foundation.quantities import Quantity
 from rpud_sim.model.parameters import QUANTITIES
-from rpud_sim.simulation.signals import (
+from rpud_sim.simulation.configuration import Configuration
+from rpud_sim.simulation.stages import (
     Bias,
     Delayed,
     Garbage,
@@ -28,16 +29,12 @@ from rpud_sim.simulation.signals import (
 )
 from rpud_sim.simulation.topics import CHANNELS
 
-if TYPE_CHECKING:  # settings of a run have a scenario of faults
-    from rpud_sim.simulation.configuration import Configuration
-    from rpud_sim.simulation.faults import Fault
-
 # Sums of the effects of all faults, by the names of ``NO_EFFECT`` and ``Disturbances``.
 _Sums = dict[str, Any]
 # Adds the effect of a magnitude; the order of faults makes no difference.
 _Effect = Callable[[_Sums, float], None]
 # Why a fault would have no effect, or no meaning, on a drill; empty if it has.
-_Need = Callable[["Fault", "Configuration"], str]
+_Need = Callable[[float, Configuration], str]
 
 NO_EFFECT: Mapping[str, Any] = {
     "jammed": False,
@@ -139,9 +136,9 @@ def _drift(sums: _Sums, magnitude: float) -> None:
     sums["resonance_offset"] += magnitude
 
 
-def _resonance(fault: Fault, drill: Configuration) -> str:
+def _resonance(magnitude: float, drill: Configuration) -> str:
     actuator, allowed = drill.actuator, QUANTITIES["vibration_frequency"]
-    drifted = actuator.resonance_frequency + fault.magnitude
+    drifted = actuator.resonance_frequency + magnitude
     if actuator.actuator_model != "resonance":
         return f"needs actuator_model = resonance, which is {actuator.actuator_model}"
     if not allowed.minimum <= drifted <= allowed.maximum:
@@ -149,48 +146,48 @@ def _resonance(fault: Fault, drill: Configuration) -> str:
     return ""
 
 
-def _tracking(fault: Fault, drill: Configuration) -> str:
+def _tracking(magnitude: float, drill: Configuration) -> str:
     generator = drill.actuator.generator
     return "" if generator == "tracking" else f"needs generator = tracking, which is {generator}"
 
 
-def _rock(fault: Fault, drill: Configuration) -> str:
+def _rock(magnitude: float, drill: Configuration) -> str:
     if drill.rock.rock_model != "none" or drill.drilling.layers is not None:
         return ""
     return "needs a rock_model, which is none, or strata"
 
 
-def _rock_while_drilling(fault: Fault, drill: Configuration) -> str:
-    reason = _rock(fault, drill) if drill.parameters.regime == "drilling" else ""
+def _rock_while_drilling(magnitude: float, drill: Configuration) -> str:
+    reason = _rock(magnitude, drill) if drill.parameters.regime == "drilling" else ""
     return f"acts on the progress while drilling and {reason}" if reason else ""
 
 
-def _rotation(fault: Fault, drill: Configuration) -> str:
+def _rotation(magnitude: float, drill: Configuration) -> str:
     there = drill.rotation.rotation_model != "none"
     return "" if there else "needs a rotation_model, which is none"
 
 
-def _feed(fault: Fault, drill: Configuration) -> str:
+def _feed(magnitude: float, drill: Configuration) -> str:
     return "" if drill.has_feed else "needs a feed_model, which is none"
 
 
-def _hole(fault: Fault, drill: Configuration) -> str:
+def _hole(magnitude: float, drill: Configuration) -> str:
     there = drill.drilling.layers is not None
     return "" if there else "needs strata, or a rotation_model with a rock_model"
 
 
-def _softer_rock(fault: Fault, drill: Configuration) -> str:
+def _softer_rock(magnitude: float, drill: Configuration) -> str:
     layers = drill.drilling.layers
     softest = min(layer.strength for layer in layers.layers) if layers else 0.0
-    if fault.magnitude > softest:
+    if magnitude > softest:
         return ""
     return f"is not harder than any layer: the softest has a strength of {softest:g} Pa"
 
 
-def _wear(fault: Fault, drill: Configuration) -> str:
+def _wear(magnitude: float, drill: Configuration) -> str:
     layers = drill.drilling.layers
     blows_fail = layers is not None and any(each.threshold_energy for each in layers.layers)
-    if blows_fail or not _rotation(fault, drill):
+    if blows_fail or not _rotation(magnitude, drill):
         return ""
     return "needs a rotation_model, or strata with a threshold_energy"
 

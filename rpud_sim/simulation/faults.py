@@ -6,17 +6,15 @@ import dataclasses
 import math
 from collections import deque
 from collections.abc import Iterable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from rpud_sim.drilling.inputs import UNDISTURBED, Disturbances
 from rpud_sim.foundation.quantities import ParameterError, shown, suggestion
 from rpud_sim.foundation.shared import Shared
 from rpud_sim.model.parameters import QUANTITIES, Parameters
+from rpud_sim.simulation.configuration import Configuration
 from rpud_sim.simulation.fault_kinds import CHANNEL_NEEDS, KINDS, NO_EFFECT, Kind
 from rpud_sim.simulation.topics import CHANNELS, GROUND_TRUTH
-
-if TYPE_CHECKING:  # settings of a run have a scenario of faults
-    from rpud_sim.simulation.configuration import Configuration
 
 # A binding raises the damping ratio up to this. The closed forms of the paper need less than
 # critical damping, which is 1.
@@ -122,7 +120,7 @@ def check_supported(fault: Fault, configuration: Configuration) -> None:
     if fault.channel in CHANNEL_NEEDS:
         needs = (CHANNEL_NEEDS[fault.channel], *needs)
     for need in needs:
-        if reason := need(fault, configuration):
+        if reason := need(fault.magnitude, configuration):
             raise FaultError(f"{fault} cannot be honoured: it {reason}")
 
 

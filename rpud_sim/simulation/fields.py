@@ -31,9 +31,7 @@ from rpud_sim.simulation.faults import FaultLedger, FaultRecord
 from rpud_sim.simulation.journal import JournalEntry
 from rpud_sim.simulation.sampling import SEGMENT_ARRAYS, Samples
 from rpud_sim.simulation.simulation import Simulation
-from rpud_sim.simulation.topics import TOPICS
-
-Fields = dict[str, Any]
+from rpud_sim.simulation.topics import TOPICS, Fields
 
 # Joints of urdf/rpud.urdf, each of which moves one body along the drill axis: channels of its
 # position, velocity and effort; None for zero.

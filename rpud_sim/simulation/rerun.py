@@ -8,18 +8,18 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 from rpud_sim.foundation.quantities import ParameterError, did_you_mean, shown
-from rpud_sim.foundation.time import SECOND
+from rpud_sim.foundation.time import SECOND, split_fraction
 from rpud_sim.model.engine import EngineError
 from rpud_sim.simulation.block import boundaries_until, boundary
 from rpud_sim.simulation.changes import Planned
 from rpud_sim.simulation.commands import Drive, Feed, WeightOnBit
 from rpud_sim.simulation.configuration import Settings, to_configuration, to_values
 from rpud_sim.simulation.faults import Fault
-from rpud_sim.simulation.fields import Fields
 from rpud_sim.simulation.journal import Journal, JournalEntry
 from rpud_sim.simulation.run import Beginning, Run
-from rpud_sim.simulation.state import set_state
+from rpud_sim.simulation.state import StateReader
 from rpud_sim.simulation.telemetry import Entry, Together
+from rpud_sim.simulation.topics import Fields
 
 # Checkpoints that are kept. One takes well below a megabyte at the default rates.
 MOST_CHECKPOINTS = 16
@@ -145,7 +145,7 @@ class Rerun:
 
     def _run_in_state(self, entry: JournalEntry) -> Run:
         run = Run(Beginning.from_journal(entry.content["beginning"]), self._journal, self._wanted)
-        set_state(run, entry.time, entry.content["state"])
+        _set_state(run, entry.time, entry.content["state"])
         return run
 
     def advance_to(self, time: int) -> Iterator[Entry | Together]:
@@ -269,3 +269,25 @@ class Start:
         journal = Journal()
         journal.restart(int(self.journal[-1]["sequence"]) + 1)
         return journal
+
+
+def _set_state(run: Run, time: int, state: Mapping[str, Any]) -> None:
+    """Put a new run into a state of a run with the same beginning.
+
+    Raises:
+        ArithmeticError, LookupError, TypeError, ValueError: if it is no state at this time [ns].
+    """
+    beginning = to_values(run.beginning.settings.configuration)
+    configuration = to_configuration({**beginning, **state["parameters"]})
+    run.simulation._plant.engine.drain_covering()  # impacts of time zero are no part of it
+    StateReader(configuration).read(run, state["run"])
+    run.faults_published = bool(state["faults_published"])
+    plant = run.simulation._plant
+    began = plant.engine._state[0]
+    if (
+        run.time != time
+        or plant._instant != split_fraction(time)
+        or not plant.next_step > time
+        or not 0 <= began["seconds"] + began["fraction"] <= sum(plant._instant)
+    ):
+        raise ValueError("its times do not agree")

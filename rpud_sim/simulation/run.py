@@ -10,15 +10,15 @@ from typing import Any
 import numpy as np
 
 from rpud_sim.simulation.block import Block, boundaries_until, boundary
-from rpud_sim.simulation.configuration import Settings, to_settings
+from rpud_sim.simulation.configuration import Settings, to_settings, to_values
 from rpud_sim.simulation.control import Control
-from rpud_sim.simulation.energy_account import RecentEnergy
 from rpud_sim.simulation.faults import Fault
 from rpud_sim.simulation.fields import Bookkeeping, faults_fields, journal_fields, status_fields
 from rpud_sim.simulation.journal import Journal
-from rpud_sim.simulation.scenario import Scenario, ScheduledFault
+from rpud_sim.simulation.recent_energy import RecentEnergy
+from rpud_sim.simulation.scenario import Scenario, ScheduledFault, scenario_of
 from rpud_sim.simulation.simulation import Simulation, initial_phases
-from rpud_sim.simulation.state import state_of
+from rpud_sim.simulation.state import StateWriter
 from rpud_sim.simulation.telemetry import Entry, Stream, Telemetry, Together, messages_of
 from rpud_sim.simulation.versions import ENGINE, engine_versions
 
@@ -38,7 +38,7 @@ class Beginning:
         """Return the beginning that a seed draws; None for the seed of the settings."""
         seed = settings.seed if seed is None else seed
         return Beginning(
-            settings, initial_phases(1, seed or None)[0], seed, settings.read_scenario(seed)
+            settings, initial_phases(1, seed or None)[0], seed, scenario_of(settings, seed)
         )
 
     def to_journal(self) -> dict[str, Any]:
@@ -171,7 +171,17 @@ class Run:
         Nothing may be under way: the entries before it have acted, and those after it have not.
         """
         if self._journal is not None and (self._journal.state_due or not due):
-            self.note("state", beginning=self.beginning.to_journal(), state=state_of(self))
+            self.note("state", beginning=self.beginning.to_journal(), state=self.state())
+
+    def state(self) -> dict[str, Any]:
+        """Return the state between two blocks, as values for JSON."""
+        begun = to_values(self.beginning.settings.configuration)
+        now = to_values(self.simulation.configuration)
+        return {
+            "parameters": {name: value for name, value in now.items() if value != begun[name]},
+            "faults_published": self.faults_published,
+            "run": StateWriter().write(self),
+        }
 
     @property
     def faults_published(self) -> bool:

@@ -14,6 +14,7 @@ import numpy as np
 from rpud_sim.foundation.quantities import Quantity, shown
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.foundation.yaml_files import Cursor, cursor_at, open_yaml
+from rpud_sim.simulation.configuration import Settings
 from rpud_sim.simulation.fault_kinds import KINDS
 from rpud_sim.simulation.faults import Fault, FaultError, number_of
 
@@ -50,6 +51,16 @@ class Scenario:
     # in the order of their onsets; those of one kind on one channel do not overlap. If one
     # ends at the instant at which another begins, it ends first.
     faults: tuple[ScheduledFault, ...]
+
+
+def scenario_of(settings: Settings, seed: int | None = None) -> Scenario | None:
+    """Read the scenario of a run's settings; None if there is none.
+
+    ``seed`` takes the place of that of the settings. If both are zero, the scenario has its own.
+    """
+    if not settings.scenario:
+        return None
+    return read_scenario(settings.scenario, seed or settings.seed or None)
 
 
 def read_scenario(path: str | Path, seed: int | None = None) -> Scenario:

@@ -12,23 +12,19 @@ import sys
 from array import array
 from collections import deque
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from rpud_sim.drilling.rock import Strata
 from rpud_sim.foundation.parameters import ParameterGroup
-from rpud_sim.foundation.time import split_fraction
 from rpud_sim.model.drill import STATE, Drill
 from rpud_sim.model.parameters import Parameters
 from rpud_sim.model.segment import IMPACT, SEGMENT
 from rpud_sim.simulation.block import Block
-from rpud_sim.simulation.configuration import Configuration, to_configuration, to_values
+from rpud_sim.simulation.configuration import Configuration
 from rpud_sim.simulation.fault_kinds import KINDS
 from rpud_sim.simulation.topics import CHANNELS
-
-if TYPE_CHECKING:
-    from rpud_sim.simulation.run import Run
 
 _DTYPES: Mapping[str, np.dtype[Any]] = {
     "state": STATE,
@@ -66,40 +62,9 @@ _RATES = ("_rate", "_sample_rate", "_stream_period")
 _TYPES = {"float": float, "int": int, "bool": bool, "str": str}
 
 
-def state_of(run: Run) -> dict[str, Any]:
-    """Return the state of a run between two blocks."""
-    begun = to_values(run.beginning.settings.configuration)
-    now = to_values(run.simulation.configuration)
-    return {
-        "parameters": {name: value for name, value in now.items() if value != begun[name]},
-        "faults_published": run.faults_published,
-        "run": _Writer().write(run),
-    }
+class StateWriter:
+    """Writer of an object and all that it holds, as values for JSON."""
 
-
-def set_state(run: Run, time: int, state: Mapping[str, Any]) -> None:
-    """Put a new run into a state of a run with the same beginning.
-
-    Raises:
-        ArithmeticError, LookupError, TypeError, ValueError: if it is no state at this time [ns].
-    """
-    beginning = to_values(run.beginning.settings.configuration)
-    configuration = to_configuration({**beginning, **state["parameters"]})
-    run.simulation._plant.engine.drain_covering()  # impacts of time zero are no part of it
-    _Reader(configuration).read(run, state["run"])
-    run.faults_published = bool(state["faults_published"])
-    plant = run.simulation._plant
-    began = plant.engine._state[0]
-    if (
-        run.time != time
-        or plant._instant != split_fraction(time)
-        or not plant.next_step > time
-        or not 0 <= began["seconds"] + began["fraction"] <= sum(plant._instant)
-    ):
-        raise ValueError("its times do not agree")
-
-
-class _Writer:
     def __init__(self) -> None:
         self._seen: set[int] = set()  # objects that are written already
 
@@ -139,7 +104,9 @@ class _Writer:
         return {"object": _name(value), "of": attributes}
 
 
-class _Reader:
+class StateReader:
+    """Reader of written values into an object of the same beginning."""
+
     def __init__(self, configuration: Configuration) -> None:
         self._configuration = configuration
 

@@ -18,7 +18,6 @@ from rpud_sim.simulation.faults import FaultRecord
 from rpud_sim.simulation.fields import (
     PROCESS_TOPICS,
     SAMPLED,
-    Fields,
     actuator_state_fields,
     contact_force_fields,
     has_part,
@@ -34,7 +33,7 @@ from rpud_sim.simulation.fields import (
 )
 from rpud_sim.simulation.sampling import Times, join_samples
 from rpud_sim.simulation.signals import SignalFaults
-from rpud_sim.simulation.topics import CHANNELS
+from rpud_sim.simulation.topics import CHANNELS, Fields
 
 # A message: simulation time at which it is published [ns], topic, fields.
 Entry = tuple[int, str, Fields]

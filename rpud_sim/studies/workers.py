@@ -1,4 +1,4 @@
-"""Chunks of a study on its workers: local processes, or an existing Dask cluster.
+"""Chunks of a study on its workers: local processes.
 
 If a process is killed, only its current chunk runs again.
 """
@@ -50,30 +50,12 @@ def check_versions(expected: Mapping[str, str]) -> None:
             raise WorkerError(f"a worker has {name} {own[name]}, this machine {version}")
 
 
-def run_on_workers(
-    work: Callable[[_Chunk], _Outcome],
-    chunks: Iterable[_Chunk],
-    workers: int,
-    scheduler: str | None,
-    compile_kernels: Callable[[], object],
-) -> Generator[tuple[_Chunk, _Outcome], None, None]:
-    """Return an iterator over each chunk with its outcome, as they finish.
-
-    ``work`` is a function of a module; what it calls is compiled before local processes start, or
-    each would compile it. ``scheduler`` is the address of a Dask cluster to use instead of these.
-    """
-    if scheduler is not None:
-        from rpud_sim.studies.cluster import run_on_cluster
-
-        return run_on_cluster(chunks, scheduler, work)
-    compile_kernels()
-    return run_on_processes(work, chunks, workers)
-
-
 def run_on_processes(
     work: Callable[[_Chunk], _Outcome], chunks: Iterable[_Chunk], workers: int
 ) -> Generator[tuple[_Chunk, _Outcome], None, None]:
-    """Yield each chunk with its outcome, as they finish; see ``run_on_workers``.
+    """Yield each chunk with its outcome, as they finish.
+
+    ``work`` is a function of a module. Compile what it calls before, or each process would.
 
     ``concurrent.futures`` would end all processes when one is killed. Here each process has its
     own pipe: when it closes, either side knows that the other one has ended.

@@ -22,7 +22,7 @@ from rpud_sim.testing.errors import (
     SystemUnderTestError,
 )
 from rpud_sim.testing.expectations import verdict_line
-from rpud_sim.testing.plugin import give_back_drills, take_drill
+from rpud_sim.testing.item_drills import give_back_drills, take_drill
 from rpud_sim.verdicts import Expectation, Verdict
 from rpud_sim.verdicts.verdict import FAILED, PASSED, UNDECIDED
 

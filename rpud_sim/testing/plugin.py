@@ -14,11 +14,11 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from rpud_sim.testing.campaign_session import NAME, CampaignSession
+from rpud_sim.testing.item_drills import DRILLS, POOL, give_back_drills, take_drill
 
 if TYPE_CHECKING:
     from rpud_sim.testing.drill import Drill
-    from rpud_sim.testing.processes import Recording
-    from rpud_sim.testing.setup import DrillSetup
+    from rpud_sim.testing.recording import Recording
 
 _MARK = (
     "rpud(config=FILE, faults=FILE_OR_LIST, seed=N, namespace=NAME, **parameters): drill of the "
@@ -30,9 +30,7 @@ _VERDICT: Any = "verdict"
 
 
 class _Stash:
-    drills = pytest.StashKey[list[Any]]()
     error = pytest.StashKey[str]()
-    pool = pytest.StashKey[Any]()
     reports = pytest.StashKey[Any]()
 
 
@@ -86,7 +84,7 @@ def pytest_runtest_makereport(
     report = outcome.get_result()
     if call.when == "call" and call.excinfo and getattr(call.excinfo.value, "undecided", False):
         report.when = _VERDICT
-    drills = item.stash.get(_Stash.drills, [])
+    drills = item.stash.get(DRILLS, [])
     if not drills:
         return
     properties = []
@@ -118,29 +116,12 @@ def pytest_report_teststatus(report: pytest.TestReport) -> tuple[str, str, str] 
 @pytest.hookimpl(trylast=True)  # after the teardown of a test that was interrupted
 def pytest_sessionfinish(session: pytest.Session) -> None:
     """End the drills, and wait for the report pages."""
-    pool = session.config.stash.get(_Stash.pool, None)
+    pool = session.config.stash.get(POOL, None)
     if pool is not None:
         pool.close()
     reports = session.config.stash.get(_Stash.reports, None)
     if reports is not None:
         reports.finish()
-
-
-def take_drill(item: pytest.Item, setup: DrillSetup, folder: Path) -> Drill:
-    """Return a drill at time zero for a test, which leaves its artefacts."""
-    from rpud_sim.testing.setup import DrillPool
-
-    pool: DrillPool = item.config.stash.setdefault(_Stash.pool, DrillPool())
-    drill = pool.take(setup, folder)
-    item.stash.setdefault(_Stash.drills, []).append(drill)
-    return drill
-
-
-def give_back_drills(item: pytest.Item) -> None:
-    """Keep the drills of a test for the next ones."""
-    drills = item.stash.get(_Stash.drills, [])
-    while drills:
-        item.config.stash[_Stash.pool].give_back(drills.pop())
 
 
 @pytest.fixture
@@ -170,7 +151,7 @@ def drill(drill_factory: Callable[..., Drill]) -> Drill:
 @pytest.fixture
 def recording(drill: Drill, tmp_path: Path) -> Iterator[Recording]:
     """Record the test with the recorder; ``recording.stop()`` returns the path of the bag."""
-    from rpud_sim.testing.processes import Recording
+    from rpud_sim.testing.recording import Recording
 
     record = Recording(drill, tmp_path / "recording")
     yield record

@@ -10,8 +10,8 @@ from rpud_sim.drilling.borehole import BitParameters, cut, radius_of
 from rpud_sim.drilling.rock import preset_layer
 from rpud_sim.model.drill import derive
 from rpud_sim.simulation import Fault, Feed, Simulation, preset, to_configuration
-from rpud_sim.simulation.energy_account import EnergyAccount
 from rpud_sim.simulation.percussion import FORCE_WINDOW, PercussionMeter
+from rpud_sim.simulation.recent_energy import account_of
 
 SECOND = 1_000_000_000
 PERIOD = SECOND // 50  # of the force control
@@ -50,7 +50,7 @@ def test_the_accounts_of_a_run_through_strata_choking_and_an_inclusion_close(pla
     blocks += [*drill(simulation, 0.6, 15.0), *retract(simulation, 0.7)]
     simulation.inject(Fault("hard_inclusion", magnitude=2e8), SECOND // 2)
     blocks += [*drill(simulation, 3.0, 9.0)]
-    energy = functools.reduce(operator.add, map(EnergyAccount.of, blocks))
+    energy = functools.reduce(operator.add, map(account_of, blocks))
     feed = functools.reduce(operator.add, (block.feed for block in blocks))
     process = simulation.process
     work = process.rotation.work

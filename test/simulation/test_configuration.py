@@ -23,6 +23,7 @@ from rpud_sim.simulation.configuration import (
     to_configuration,
     to_settings,
 )
+from rpud_sim.simulation.scenario import scenario_of
 
 CONFIG = Path(__file__).parents[2] / "config"
 
@@ -206,19 +207,19 @@ def test_a_change_keeps_everything_else():
 
 def test_a_scenario_is_drawn_with_the_seed_that_is_given_and_otherwise_with_its_own(scenario):
     own = to_settings({"scenario": str(scenario)})
-    assert own.read_scenario().seed == 7
-    assert own.read_scenario(0) == own.read_scenario()
-    assert own.read_scenario(9).seed == 9
+    assert scenario_of(own).seed == 7
+    assert scenario_of(own, 0) == scenario_of(own)
+    assert scenario_of(own, 9).seed == 9
     seeded = to_settings({"scenario": str(scenario), "seed": 4})
-    assert seeded.read_scenario().seed == 4
-    assert seeded.read_scenario(9) == own.read_scenario(9) != own.read_scenario()
-    assert Settings().read_scenario() is None
+    assert scenario_of(seeded).seed == 4
+    assert scenario_of(seeded, 9) == scenario_of(own, 9) != scenario_of(own)
+    assert scenario_of(Settings()) is None
 
 
 def test_a_scenario_that_is_missing_is_named_when_it_is_read_and_not_before():
     settings = to_settings({"scenario": "/missing.yaml"})
     with pytest.raises(ParameterError, match=r"^/missing\.yaml: No such file or directory$"):
-        settings.read_scenario()
+        scenario_of(settings)
 
 
 @pytest.fixture

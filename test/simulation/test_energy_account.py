@@ -20,8 +20,9 @@ from rpud_sim.simulation.actuator import ActuatorParameters
 from rpud_sim.simulation.block import join_blocks
 from rpud_sim.simulation.commands import Drive, Feed, WeightOnBit
 from rpud_sim.simulation.configuration import Configuration, to_settings
-from rpud_sim.simulation.energy_account import EnergyAccount, RecentEnergy, mean_account
+from rpud_sim.simulation.energy_account import EnergyAccount, mean_account
 from rpud_sim.simulation.faults import Fault
+from rpud_sim.simulation.recent_energy import RecentEnergy, account_of
 from rpud_sim.simulation.simulation import Simulation
 from rpud_sim.viewer.report import terms
 
@@ -120,9 +121,9 @@ def test_the_account_closes(values, actuator, plan, phase):
     simulation = made(values, actuator, phase)
     account = EnergyAccount()
     for at, change in sorted(plan, key=lambda item: item[0]):
-        account += EnergyAccount.of(simulation.advance_to(at))
+        account += account_of(simulation.advance_to(at))
         put_into_force(simulation, change)
-    account += EnergyAccount.of(simulation.advance_to(SECOND * 3 // 10))
+    account += account_of(simulation.advance_to(SECOND * 3 // 10))
     assert abs(account.residual) <= 1e-9 * throughput(account) + 1e-15
     for name in ("load_damper", "drill_tool_damper", "release"):
         assert getattr(account, name) >= -1e-12 * throughput(account)
@@ -150,7 +151,7 @@ def test_a_weight_that_bends_a_soft_spring_far_leaves_no_residual(model, regime)
         actuator_restitution=0.3,
     )
     simulation = Simulation(Configuration(parameters, ActuatorParameters(model)), 0.3)
-    account = EnergyAccount.of(simulation.advance_to(SECOND // 10))
+    account = account_of(simulation.advance_to(SECOND // 10))
     assert abs(account.residual) <= 1e-10 * throughput(account)
 
 
@@ -160,7 +161,7 @@ def test_it_is_the_same_in_any_blocks():
         simulation = Simulation(preset("drilling"), 0.3)
         account = EnergyAccount()
         while simulation.time < SECOND:
-            account += EnergyAccount.of(simulation.advance_to(min(simulation.time + step, SECOND)))
+            account += account_of(simulation.advance_to(min(simulation.time + step, SECOND)))
         accounts.append(dataclasses.astuple(account))
     for other in accounts[1:]:
         assert other == pytest.approx(accounts[0], rel=1e-9, abs=1e-12, nan_ok=True)
@@ -173,7 +174,7 @@ def test_what_the_rotor_draws_is_electrical_too(stall_torque):
     simulation = Simulation(to_settings({**values, **rock}).configuration)
     account = EnergyAccount()
     for end in (3, 5):
-        account += EnergyAccount.of(simulation.advance_to(end * SECOND // 10))
+        account += account_of(simulation.advance_to(end * SECOND // 10))
         reading, rotation = simulation.actuator, simulation.process.rotation
         work = rotation.work
         assert work.drawn > work.drive >= 0.0
@@ -192,7 +193,7 @@ def test_what_the_rotor_draws_is_electrical_too(stall_torque):
 
 
 def test_the_gain_model_has_no_electrical_energy():
-    account = EnergyAccount.of(Simulation(preset("drilling")).advance_to(SECOND // 10))
+    account = account_of(Simulation(preset("drilling")).advance_to(SECOND // 10))
     assert math.isnan(account.electrical)
     content = json.loads(json.dumps(account.to_dict(), allow_nan=False))
     assert content["electrical"] is None
@@ -211,7 +212,7 @@ def test_powers_are_means_of_the_last_second_and_so_are_those_of_a_copy():
     blocks = [simulation.advance_to(number * SECOND // 200) for number in range(1, 300)]
     for block in blocks:
         recent.add(block)
-    total = EnergyAccount.of(join_blocks(blocks[-200:]))
+    total = account_of(join_blocks(blocks[-200:]))
     powers = recent.powers()
     assert powers["actuator_power"] == total.actuator_work / 1.0
     assert powers["load_damper_power"] == total.load_damper / 1.0

@@ -17,6 +17,7 @@ from rpud_sim.simulation.control import Control
 from rpud_sim.simulation.energy_account import EnergyAccount, FeedAccount
 from rpud_sim.simulation.fields import Bookkeeping
 from rpud_sim.simulation.journal import Journal
+from rpud_sim.simulation.recent_energy import account_of
 from rpud_sim.simulation.run import Beginning, Run
 from rpud_sim.simulation.telemetry import one_by_one
 
@@ -79,7 +80,7 @@ def residuals(simulation, times):
     energy, feed = EnergyAccount(), FeedAccount()
     for time in times:
         block = simulation.advance_to(time)
-        energy += EnergyAccount.of(block)
+        energy += account_of(block)
         feed += block.feed
     return energy, feed
 

@@ -10,7 +10,7 @@ import pytest
 
 from rpud_sim.simulation import Fault, Feed, Simulation, to_configuration
 from rpud_sim.simulation.commands import Drive, WeightOnBit
-from rpud_sim.simulation.energy_account import EnergyAccount
+from rpud_sim.simulation.recent_energy import account_of
 
 MILLISECOND = 1_000_000
 LAYERS = [
@@ -92,7 +92,7 @@ def drill(values, digest):
             for records in (block.covering, block.impacts):
                 for name in records.dtype.names:  # not the bytes between fields
                     digest.update(records[name].tobytes())
-            states = (block.process, block.feed, block.actuator, EnergyAccount.of(block))
+            states = (block.process, block.feed, block.actuator, account_of(block))
             digest.update(repr(states).encode())
             values = (simulation.depth, simulation.penetration_rate, simulation.weight_on_bit)
             digest.update(repr(values).encode())

@@ -22,7 +22,6 @@ from rpud_sim.simulation.rerun import (
 )
 from rpud_sim.simulation.run import Beginning, Run
 from rpud_sim.simulation.scenario import parse_scenario
-from rpud_sim.simulation.state import state_of
 from rpud_sim.simulation.telemetry import one_by_one
 
 MILLISECOND = 1_000_000
@@ -273,16 +272,16 @@ def test_a_run_goes_on_from_its_state_with_the_same_bits(name, faulty):
     run.note_state()
     last = [each for each in run.changes() if each[1] == "journal"]
     own = to_entry(last[-1])
-    text = json.dumps(state_of(run), sort_keys=True)
+    text = json.dumps(run.state(), sort_keys=True)
 
     began = Rerun()
     assert list(began.repeat(own)) == []
-    assert json.dumps(state_of(began.run), sort_keys=True) == text
+    assert json.dumps(began.run.state(), sort_keys=True) == text
     repeated = Rerun()
     for entry in (*entries, *last):
         for _ in repeated.repeat(to_entry(entry)):
             pass
-    assert json.dumps(state_of(repeated.run), sort_keys=True) == text
+    assert json.dumps(repeated.run.state(), sort_keys=True) == text
 
     end = 900 * MILLISECOND
     expected = repr([each for each in run.advance_to(end) if each[1] != "journal"])

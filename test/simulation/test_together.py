@@ -14,10 +14,10 @@ from rpud_sim.model.engine import Engine, EngineError
 from rpud_sim.model.parameters import preset
 from rpud_sim.simulation.commands import Drive, WeightOnBit
 from rpud_sim.simulation.configuration import to_settings
-from rpud_sim.simulation.energy_account import EnergyAccount
 from rpud_sim.simulation.faults import Fault
 from rpud_sim.simulation.fields import Bookkeeping
 from rpud_sim.simulation.journal import Journal
+from rpud_sim.simulation.recent_energy import account_of
 from rpud_sim.simulation.run import Beginning, Run
 from rpud_sim.simulation.sampling import Times
 from rpud_sim.simulation.scenario import Scenario, ScheduledFault
@@ -181,7 +181,7 @@ def test_a_span_is_its_blocks(values, ends, scenario):
         for field in dataclasses.fields(samples):
             values = getattr(samples, field.name)[number : number + 1]
             assert values.tobytes() == getattr(expected, field.name).tobytes()
-    account = EnergyAccount.of(span)
+    account = account_of(span)
     assert account.residual == pytest.approx(0.0, abs=1e-6)
 
 

@@ -11,7 +11,7 @@ import pytest
 
 from rpud_sim.studies.sweep.chunks import SweepChunk, design_points, make_chunks, simulate
 from rpud_sim.studies.sweep.specification_file import parse_specification
-from rpud_sim.studies.workers import WorkerError, run_on_processes, run_on_workers
+from rpud_sim.studies.workers import WorkerError, run_on_processes
 
 SPECIFICATION = parse_specification(
     {"design": "grid", "duration": 5.0, "swept": {"weight_on_bit": [5.0, 10.0, 15.0, 20.0, 25.0]}}
@@ -81,11 +81,3 @@ def test_closing_the_iterator_ends_the_workers(chunks):
     outcomes = run_on_processes(simulate, chunks, 2)
     next(outcomes)
     outcomes.close()
-
-
-def test_kernels_are_compiled_once_before_local_processes_start(chunks):
-    calls = []
-    outcomes = run_on_workers(simulate, chunks, 1, None, lambda: calls.append("compiled"))
-    assert calls == ["compiled"]
-    assert len(list(outcomes)) == len(chunks)
-    assert calls == ["compiled"]

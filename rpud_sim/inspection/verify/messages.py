@@ -16,8 +16,9 @@ from rpud_sim.bag.messages import MessageBlock
 from rpud_sim.foundation.time import join_seconds
 from rpud_sim.inspection.offline_bag import encoded_columns
 from rpud_sim.inspection.verify.coverage import Position
-from rpud_sim.simulation.fields import Fields, stamp_of
+from rpud_sim.simulation.fields import stamp_of
 from rpud_sim.simulation.telemetry import Columns, Together
+from rpud_sim.simulation.topics import Fields
 
 # Stamp [ns] and sequence number: unique within a topic, unless something is wrong.
 Key = tuple[int, int]

@@ -21,7 +21,7 @@ from rpud_sim.inspection.verify.messages import (
     without_padding,
 )
 from rpud_sim.inspection.verify.recorded_topics import RecordedMessages
-from rpud_sim.simulation.fields import Fields
+from rpud_sim.simulation.topics import Fields
 
 # Suspects kept of a topic: further ones show nothing that these do not.
 _MOST_SUSPECTS = 10_000

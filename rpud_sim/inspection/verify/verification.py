@@ -40,13 +40,12 @@ from rpud_sim.inspection.verify.topic_comparison import (
     TopicComparison,
 )
 from rpud_sim.simulation import EngineError
-from rpud_sim.simulation.fields import Fields, faults_fields, header_fields
+from rpud_sim.simulation.fields import faults_fields, header_fields
 from rpud_sim.simulation.journal import STARTS, JournalEntry
 from rpud_sim.simulation.rerun import JournalError, Rerun
 from rpud_sim.simulation.run import Run
-from rpud_sim.simulation.state import state_of
 from rpud_sim.simulation.telemetry import Entry, Together, one_by_one
-from rpud_sim.simulation.topics import PROVED, TOPICS
+from rpud_sim.simulation.topics import PROVED, TOPICS, Fields
 from rpud_sim.simulation.versions import other_engine
 
 # Time that is simulated beyond the last stamp: a block may end later [ns].
@@ -312,7 +311,7 @@ class _Proof:
     def _compare_state(self, message: Message, entry: JournalEntry, run: Run) -> None:
         # As texts, for NaN is not itself. The faults are published before or after the entry.
         texts = []
-        for state in (state_of(run), entry.content.get("state")):
+        for state in (run.state(), entry.content.get("state")):
             told = state if isinstance(state, dict) else {}
             texts.append(json.dumps({**told, "faults_published": None}, sort_keys=True))
         if texts[0] != texts[1]:

@@ -39,6 +39,7 @@ from rpud_sim.simulation.configuration import Settings, to_settings
 from rpud_sim.simulation.ensemble import compile_kernels
 from rpud_sim.simulation.faults import FaultRecord
 from rpud_sim.simulation.rerun import Start
+from rpud_sim.simulation.scenario import scenario_of
 from rpud_sim.simulation.statistics import Statistics
 from rpud_sim.simulation.topics import TOPICS
 
@@ -64,7 +65,7 @@ class DrillNode(ManagedNode):
         self.loop = PacingLoop()
         self._start = start
         self._drill_parameters = DrillParameters(self, self._apply_settings, self._fixed)
-        self.settings.read_scenario()  # a file that is missing ends the start, not the activation
+        scenario_of(self.settings)  # a file that is missing ends the start, not the activation
         begin = start.run.time if start else 0
         self._end = sys.maxsize if duration is None else begin + round(duration * SECOND)
         self._inbox = Inbox(self.get_logger(), self.loop.wake)

@@ -20,9 +20,9 @@ from rpud_sim.ros.graph import members_of, message_class
 from rpud_sim.simulation import fields
 from rpud_sim.simulation.fault_kinds import KINDS
 from rpud_sim.simulation.faults import Fault, FaultRecord
-from rpud_sim.simulation.fields import Fields, time_fields
+from rpud_sim.simulation.fields import time_fields
 from rpud_sim.simulation.telemetry import Stream
-from rpud_sim.simulation.topics import TOPICS, Topic
+from rpud_sim.simulation.topics import TOPICS, Fields, Topic
 
 Message = TypeVar("Message")
 
@@ -43,7 +43,7 @@ _AT_ONCE = Duration(nanoseconds=0)
 Encoded = tuple[str, bytes]  # topic and serialized message
 
 
-def filled(message: Message, values: fields.Fields) -> Message:
+def filled(message: Message, values: Fields) -> Message:
     """Set the message's fields, and those of the messages in it, and return it."""
     for name, value in values.items():
         if isinstance(value, dict):

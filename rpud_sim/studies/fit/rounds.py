@@ -26,7 +26,7 @@ from rpud_sim.studies.fit.posterior import Likelihood, Posterior, cut_off, sampl
 from rpud_sim.studies.fit.surrogate import Region, Surrogate, SurrogateError, fit_surrogate
 from rpud_sim.studies.fit.target_file import FitSpecification
 from rpud_sim.studies.store import StudyStore
-from rpud_sim.studies.workers import check_versions, run_on_workers
+from rpud_sim.studies.workers import check_versions, run_on_processes
 
 PARTICLES = 4096
 _CHUNK = 100.0  # simulated time in a chunk [s]: a fraction of a second of work
@@ -116,7 +116,8 @@ class FitFolder(StudyStore):
                 compile_members(configuration)
                 compile_kernels(configuration)  # of figures that are sampled
 
-            outcomes = run_on_workers(simulate, missing, self._workers, None, compile_first)
+            compile_first()
+            outcomes = run_on_processes(simulate, missing, self._workers)
             with contextlib.closing(outcomes):
                 for chunk, outcome in outcomes:
                     path = self._path(job, chunk)

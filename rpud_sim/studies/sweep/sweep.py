@@ -31,7 +31,7 @@ from rpud_sim.studies.sweep.chunks import (
 from rpud_sim.studies.sweep.indices import figure_indices
 from rpud_sim.studies.sweep.specification import SweepSpecification
 from rpud_sim.studies.sweep.sweep_page import error_name, sweep_page
-from rpud_sim.studies.workers import run_on_workers
+from rpud_sim.studies.workers import run_on_processes
 
 _CHUNKS = "chunks"
 _BAGS = "bags"
@@ -90,7 +90,13 @@ def run_sweep(
                     compile_kernels(drill, messages=bool(sweep.bags))
 
             chunks = make_chunks(sweep, points, finished)
-            outcomes = run_on_workers(simulate, chunks, workers, scheduler, compile_first)
+            if scheduler is not None:
+                from rpud_sim.studies.cluster import run_on_cluster
+
+                outcomes = run_on_cluster(chunks, scheduler, simulate)
+            else:
+                compile_first()  # or each process would
+                outcomes = run_on_processes(simulate, chunks, workers)
             with contextlib.closing(outcomes):
                 for chunk, outcome in outcomes:
                     folder.add(chunk, outcome)

@@ -1,0 +1,32 @@
+"""Drills of pytest's items: each takes its own from the pool of the process, and gives it back."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+if TYPE_CHECKING:  # pytest imports the plugin in every run, also where no test has a drill
+    from rpud_sim.testing.drill import Drill
+    from rpud_sim.testing.setup import DrillSetup
+
+DRILLS = pytest.StashKey[list[Any]]()  # of an item
+POOL = pytest.StashKey[Any]()  # of a configuration
+
+
+def take_drill(item: pytest.Item, setup: DrillSetup, folder: Path) -> Drill:
+    """Return a drill at time zero for a test, which leaves its artefacts."""
+    from rpud_sim.testing.setup import DrillPool
+
+    pool: DrillPool = item.config.stash.setdefault(POOL, DrillPool())
+    drill = pool.take(setup, folder)
+    item.stash.setdefault(DRILLS, []).append(drill)
+    return drill
+
+
+def give_back_drills(item: pytest.Item) -> None:
+    """Keep the drills of a test for the next ones."""
+    drills = item.stash.get(DRILLS, [])
+    while drills:
+        item.config.stash[POOL].give_back(drills.pop())
