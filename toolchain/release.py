@@ -1,7 +1,8 @@
 """``python -m toolchain.release``: make and check all files of a release, and publish nothing.
 
-It builds wheels and an archive of the sources, and lays both ROS packages side by side, because
-tools for releases do not look for a package inside of another one.
+It builds wheels and an archive of the sources, installs the wheels for each CPython found and
+drills with them, and lays both ROS packages side by side, because tools for releases do not look
+for a package inside of another one.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from xml.etree import ElementTree
 
 from toolchain import backend
 from toolchain.dist.messages import with_owner
+from toolchain.dist.pythons import find_pythons
 
 ROOT = Path(__file__).resolve().parents[1]
 _TWINE = "twine==6.2.0"
@@ -81,6 +83,10 @@ def main() -> int:
         venv.create(out / "venv", with_pip=True)
         pip = [out / "venv" / "bin" / "pip", "install", "--quiet", "--disable-pip-version-check"]
         subprocess.run([*pip, _TWINE], check=True)
+        for python in find_pythons([]):  # each installs the wheels, drills, records and proves
+            words = ("--extras", "ros,test", "--python", python.executable, "--wheels", files)
+            run = [sys.executable, "-m", "toolchain.dist.measure", *map(str, words)]
+            subprocess.run(run, cwd=ROOT, check=True)
         twine = [out / "venv" / "bin" / "twine", "check", "--strict", *sorted(files.iterdir())]
         subprocess.run(twine, check=True)
     except subprocess.CalledProcessError as error:

@@ -6,7 +6,7 @@ import dataclasses
 import math
 import operator
 from collections.abc import Iterable, Sequence
-from typing import Self
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,6 +15,9 @@ from rpud_sim.foundation.time import split_fraction
 from rpud_sim.model.energy import TERMS, RpudConstants
 from rpud_sim.model.segment import IMPACT, join_records
 from rpud_sim.model.tally import CLASSES, PART_ROOM, add_block, empty_tallies
+
+if TYPE_CHECKING:  # Python 3.10 has none
+    from typing_extensions import Self
 
 
 class _Terms(Shared):

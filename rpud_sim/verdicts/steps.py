@@ -146,7 +146,7 @@ def combine(parts: list[Steps], least: bool) -> Steps:
 
 
 def _known(steps: Steps) -> np.ndarray:
-    values = steps.values.copy()
+    values: np.ndarray = steps.values.copy()
     values[:, steps.absent] = UNKNOWN[:, None]
     return values
 

@@ -223,7 +223,7 @@ def _joined(entry: str) -> str:
 
 
 def _asset(name: str) -> str:
-    return files("rpud_sim.viewer").joinpath("share", name).read_text(encoding="utf-8")
+    return (files("rpud_sim.viewer") / "share" / name).read_text(encoding="utf-8")
 
 
 def _hash(text: str) -> str:

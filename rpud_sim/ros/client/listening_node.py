@@ -18,7 +18,7 @@ from rpud_sim.ros.starting import name_error, start_ros
 from rpud_sim.ros.threads import raised
 
 if TYPE_CHECKING:
-    from typing import Self
+    from typing_extensions import Self
 
 _WITH_INFO = Subscription.CallbackType.WithMessageInfo
 _MOST_AT_ONCE = 10_000  # messages of a topic; more would keep its owner from looking
