@@ -172,7 +172,8 @@ def messages_of(
     starts = np.concatenate([block.starts for block in blocks])
     logs = _same_times([block.log_times for block in blocks])
     times = logs if due is None else _same_times(due)
-    order = np.lexsort((starts, np.repeat(numbers, counts), times))
+    # Those that are earlier than their segment have one time there, and keep the order of blocks.
+    order = np.lexsort((starts, logs, np.repeat(numbers, counts), times))
     own = np.repeat(np.arange(len(blocks)), counts)[order].tolist()
     ends = starts + np.concatenate([block.sizes for block in blocks])
     sent = _same_times([block.publish_times for block in blocks])

@@ -61,6 +61,14 @@ def test_a_begin_beyond_int64_that_no_message_has_is_no_error():
     assert [message.log_time for message in messages_in_order([segment])] == [1, 2]
 
 
+def test_those_before_the_begin_of_their_segment_have_one_order():
+    times, starts, sizes = np.array([0, 9]), np.array([2, 0]), np.full(2, 2)
+    block = MessageBlock("/a", times, times, np.zeros(4, np.uint8), starts, sizes)
+    segment = BagSegment(9, 9, 4, frozenset({"/a"}), lambda topics: [block])
+    assert [block.log_times.tolist() for block in blocks_in_order([segment])] == [[0, 9]]
+    assert [message.log_time for message in messages_in_order([segment])] == [0, 9]
+
+
 def test_what_cannot_be_tables_is_looked_for_once(tmp_path):
     with rpud_sim.bag.open(write_bag(tmp_path / "run")) as bag:
         assert bag.left_out is bag.left_out
