@@ -1,5 +1,6 @@
 """The energy account of segments, against quadrature, and what it finds in a broken trajectory."""
 
+import sys
 from itertools import pairwise
 from types import SimpleNamespace
 
@@ -243,4 +244,5 @@ def test_the_integral_of_a_square_is_that_of_the_product_with_itself(
     expected = energy.product_integral.py_func(speed, rate, speed, rate, duration)
     # Of a decay of less than _SHORT it does not ask what is less.
     bound = 1e-12 + (energy._SHORT if abs(decay) * duration < energy._SHORT else 0.0)
-    assert found == pytest.approx(expected, rel=1e-12, abs=bound * abs(speed) ** 2 * duration)
+    least = bound * abs(speed) ** 2 * duration + sys.float_info.min
+    assert found == pytest.approx(expected, rel=1e-12, abs=least)

@@ -221,9 +221,9 @@ def test_no_landing_of_a_flying_mass_is_missed(
 
 @settings(max_examples=examples(300), deadline=None)
 @given(
-    value=st.floats(0.0, 1.0),
-    slope=st.floats(-10.0, 10.0),
-    bend=st.floats(-1e6, 1e6),
+    value=st.floats(0.0, 1.0, allow_subnormal=False),
+    slope=st.floats(-10.0, 10.0, allow_subnormal=False),
+    bend=st.floats(-1e6, 1e6, allow_subnormal=False),
     more=st.sampled_from([0.0, 1e-3, 10.0, 1e6]),
 )
 def test_a_step_ends_before_the_parabola_does(value, slope, bend, more):
