@@ -17,7 +17,7 @@ from rpud_sim.simulation.configuration import Settings, to_configuration, to_val
 from rpud_sim.simulation.faults import Fault
 from rpud_sim.simulation.journal import Journal, JournalEntry
 from rpud_sim.simulation.run import Beginning, Run
-from rpud_sim.simulation.state import StateReader
+from rpud_sim.simulation.state import read_state
 from rpud_sim.simulation.telemetry import Entry, Together
 from rpud_sim.simulation.topics import Fields
 
@@ -280,7 +280,7 @@ def _set_state(run: Run, time: int, state: Mapping[str, Any]) -> None:
     beginning = to_values(run.beginning.settings.configuration)
     configuration = to_configuration({**beginning, **state["parameters"]})
     run.simulation._plant.engine.drain_covering()  # impacts of time zero are no part of it
-    StateReader(configuration).read(run, state["run"])
+    read_state(run, state["run"], configuration)
     run.faults_published = bool(state["faults_published"])
     plant = run.simulation._plant
     began = plant.engine._state[0]

@@ -7,6 +7,7 @@ import pytest
 
 from rpud_sim.simulation import ActuatorParameters, Configuration, Parameters, fields
 from rpud_sim.simulation.block import boundary
+from rpud_sim.simulation.configuration import to_settings
 from rpud_sim.simulation.faults import Fault
 from rpud_sim.simulation.sampling import Times
 from rpud_sim.simulation.scenario import Scenario, ScheduledFault
@@ -27,7 +28,8 @@ def periods(rate, end=END):
 
 
 def made(telemetry_rate=100, sample_rate=50_000, block_duration=0.05, **options):
-    return Telemetry(telemetry_rate, sample_rate, block_duration, **options)
+    rates = {"telemetry_rate": telemetry_rate, "sample_rate": sample_rate}
+    return Telemetry(to_settings({**rates, "block_duration": block_duration}), **options)
 
 
 def everything(telemetry, block, faults):
