@@ -93,20 +93,6 @@ def _turned(sine, cosine, quarters):
 
 
 @compiled
-def sin_cos(angle):
-    """Return both for an angle [rad], within 1.6e-16; beyond 2.6e7 for one within 2 ulp of it."""
-    if not abs(angle) <= _GREATEST_ANGLE:
-        if not abs(angle) < math.inf:
-            return math.nan, math.nan
-        cycles = angle / _TWO_PI
-        angle = _TWO_PI * (cycles - ((cycles + _ROUND) - _ROUND))
-    quarters = (angle * _QUARTERS_PER_RADIAN + _ROUND) - _ROUND
-    r = ((angle - quarters * _QUARTER_1) - quarters * _QUARTER_2) - quarters * _QUARTER_3
-    sine, cosine = _sine_and_cosine(r)
-    return _turned(sine, cosine, int(quarters))
-
-
-@compiled
 def sin_cos_cycles(cycles):
     """Return sine and cosine of any number of cycles, each 2 pi; within 1.5e-16, and 2 ulp."""
     if not abs(cycles) < math.inf:
@@ -115,6 +101,21 @@ def sin_cos_cycles(cycles):
     part = cycles - ((cycles + _ROUND) - _ROUND)
     quarters = (4.0 * part + _ROUND) - _ROUND
     sine, cosine = _sine_and_cosine(_TWO_PI * (part - 0.25 * quarters))
+    return _turned(sine, cosine, int(quarters))
+
+
+@compiled
+def sin_cos(angle):
+    """Return sine and cosine of an angle [rad], within 1.6e-16.
+
+    Beyond 2.6e7 rad they are those of an angle within 2 ulp. Angles of the engine end with a
+    segment, after 10 ms: few reach a thousand.
+    """
+    if not abs(angle) <= _GREATEST_ANGLE:
+        return sin_cos_cycles(angle / _TWO_PI)
+    quarters = (angle * _QUARTERS_PER_RADIAN + _ROUND) - _ROUND
+    r = ((angle - quarters * _QUARTER_1) - quarters * _QUARTER_2) - quarters * _QUARTER_3
+    sine, cosine = _sine_and_cosine(r)
     return _turned(sine, cosine, int(quarters))
 
 
