@@ -169,7 +169,9 @@ def test_the_load_of_a_contact_is_the_integral_of_its_force(seed, contact, time)
     real = quad(lambda s: force(s) * math.cos(angle(s)), 0.0, time, limit=200)[0]
     imag = quad(lambda s: force(s) * math.sin(angle(s)), 0.0, time, limit=200)[0]
     assert integral == pytest.approx(complex(real, imag), rel=1e-6, abs=1e-9)
-    assert work == pytest.approx(actuator_work(segment, held_motion(segment, 0.0), time), rel=1e-9, abs=1e-12)
+    assert work == pytest.approx(
+        actuator_work(segment, held_motion(segment, 0.0), time), rel=1e-9, abs=1e-12
+    )
 
 
 def test_the_loaded_vibration_is_smaller():
