@@ -103,7 +103,7 @@ def _test_campaign(options: _Test) -> int:
         words += [f"{name}={value}"] if value else []
     listener = Listener()
     code = pytest.main(words, [listener])
-    outcomes = [each.outcome for found in listener.campaigns for each in found.requirements]
+    outcomes = [each for found in listener.campaigns for each in found.outcomes.values()]
     if code == pytest.ExitCode.INTERRUPTED:
         return ExitCode.INTERRUPTED
     if code in (pytest.ExitCode.USAGE_ERROR, pytest.ExitCode.NO_TESTS_COLLECTED):

@@ -2,6 +2,7 @@
 
 import math
 import sys
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -151,7 +152,7 @@ def check_meeting(found, limit, guard, samples):
     time, met, steps = found
     assert lowest(guard, time, samples) > -1.01 * TOUCHING
     if met:
-        assert float(guard(time)) < 1e-14
+        assert float(guard(time)) < 1e-14 + TIME_RESOLUTION * abs(float(guard(time, 1)))
     else:
         assert time == limit or steps == LONGEST_SEARCH
 
@@ -182,8 +183,8 @@ def test_no_strike_of_a_flying_mass_is_missed(
     segment.nodal_plane_decay_rate = decay
     segment.nodal_plane_sine = swing
 
-    def guard(times):
-        return gap(segment, FREE_MASS, TIP, times)
+    def guard(times, order=0):
+        return gap(segment, FREE_MASS, TIP, times, order)
 
     segment.free_mass_position -= min(float(guard(0.0)), 0.0)
     found = first_strike(segment, limit, turn_at(phase))
@@ -215,14 +216,14 @@ def test_no_landing_of_a_flying_mass_is_missed(
     segment.free_mass_position = cosine - clearance
     found = first_landing(segment, limit)
     samples = 200 + int(SAMPLES_PER_CYCLE * limit * angular / 6.0)
-    check_meeting(found, limit, lambda t: gap(segment, DRILL_TOOL, FREE_MASS, t), samples)
+    check_meeting(found, limit, partial(gap, segment, DRILL_TOOL, FREE_MASS), samples)
 
 
 @settings(max_examples=examples(300), deadline=None)
 @given(
-    value=st.floats(0.0, 1.0),
-    slope=st.floats(-10.0, 10.0),
-    bend=st.floats(-1e6, 1e6),
+    value=st.floats(0.0, 1.0, allow_subnormal=False),
+    slope=st.floats(-10.0, 10.0, allow_subnormal=False),
+    bend=st.floats(-1e6, 1e6, allow_subnormal=False),
     more=st.sampled_from([0.0, 1e-3, 10.0, 1e6]),
 )
 def test_a_step_ends_before_the_parabola_does(value, slope, bend, more):
@@ -260,7 +261,8 @@ def test_a_short_series_is_the_closed_form(angular, ratio, cosine, sine, share):
     found = soon_after(decay**2 + angular**2, 2.0 * decay, *start, time)
     size = math.hypot(cosine, sine)
     displacement, velocity = decaying_part(motion, time)
-    assert found[0] == pytest.approx(displacement, abs=1e-15 * size)
+    # Subnormal numbers have fewer bits.
+    assert found[0] == pytest.approx(displacement, abs=1e-15 * size + sys.float_info.min)
     assert found[1] == pytest.approx(velocity, abs=1e-12 * rate * size)
 
 
