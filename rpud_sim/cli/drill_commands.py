@@ -311,16 +311,16 @@ def _set(options: Any) -> ExitCode:
 )
 def _echo(options: Any) -> ExitCode:
     from rpud_sim.ros.client.listening_node import ListeningNode
-    from rpud_sim.ros.client.topic_listener import CUT, FieldPath, TopicListener, to_plain
+    from rpud_sim.ros.client.topic_listener import CUT, TopicListener, field_getter, to_plain
 
     with ListeningNode("rpud_echo", options.namespace, options.domain) as listening:
         listener = TopicListener(listening, options.topic, options.patience)
-        field = FieldPath(options.field, listener.kind) if options.field else None
+        field = field_getter(options.field, listener.kind) if options.field else None
         cut = None if options.full_length or options.json else CUT
         text = _json_text if options.json else _yaml_text()
 
         def show(message: Any) -> None:
-            value = message if field is None else field.value(message)
+            value = message if field is None else field(message)
             sys.stdout.write(text(None if value is None else to_plain(value, cut)))
 
         return _listen(listener, show, options)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import gc
 import importlib
-import math
 import os
 import sys
 from collections.abc import Iterator, Sequence
@@ -134,7 +133,7 @@ def _figures(
     planned: Sequence[Planned],
 ) -> dict[str, Any]:
     from rpud_sim.drilling.rock import NO_DEEPER
-    from rpud_sim.simulation.energy_account import mean_account, mean_feed_account
+    from rpud_sim.simulation.energy_account import mean_of
     from rpud_sim.simulation.ensemble import run_ensemble
 
     duration = options.duration
@@ -149,15 +148,12 @@ def _figures(
     deepest = max(member.get("depth") or 0.0 for member in ensemble.members)
     if deepest >= configuration.parameters.tool_length:
         _show(NO_DEEPER)
-    account = mean_account(list(ensemble.accounts))
+    account = mean_of(ensemble.accounts)
     figures["energy_account"] = account.to_dict()
-    if (feed := mean_feed_account(ensemble.feed_accounts)) is not None:
-        figures["feed_account"] = feed.to_dict(account.weight_on_bit_work)
+    if feeds := ensemble.feed_accounts:
+        figures["feed_account"] = mean_of(feeds).to_dict(account.weight_on_bit_work)
     if works := ensemble.rotor_works:
-        figures["rotation_account"] = {
-            name: math.fsum(getattr(work, name) for work in works) / len(works)
-            for name in dataclasses.asdict(works[0])
-        }
+        figures["rotation_account"] = dataclasses.asdict(mean_of(works))
     figures["regime"] = configuration.parameters.regime
     figures["repeat"] = options.repeat
     figures["seed"] = options.seed

@@ -22,11 +22,10 @@ from rpud_sim.ros.drill.inbox import Inbox
 from rpud_sim.ros.drill.pacer import Pacer, Punctuality
 from rpud_sim.ros.drill.publishers import RESULTS, DrillPublishers, nanoseconds_to_time
 from rpud_sim.simulation.block import Block, join_blocks
-from rpud_sim.simulation.ensemble import Figures
 from rpud_sim.simulation.faults import FaultRecord
 from rpud_sim.simulation.fields import Bookkeeping
 from rpud_sim.simulation.run import Run
-from rpud_sim.simulation.statistics import Statistics
+from rpud_sim.simulation.statistics import Figures, Statistics
 from rpud_sim.simulation.topics import MOUNT_FRAME, Fields
 
 # Power that the steps of the arm may lose or win, as a share of the work of actuator and feed.
