@@ -14,7 +14,7 @@ from pathlib import Path
 import rpud_sim.bag
 from rpud_sim.inspection.offline_bag import write_offline_bag
 from rpud_sim.simulation.changes import Planned
-from rpud_sim.simulation.commands import Feed, WeightOnBit
+from rpud_sim.simulation.commands import Drive, Feed, WeightOnBit
 from rpud_sim.simulation.configuration import to_settings
 from rpud_sim.simulation.ensemble import run_members
 from rpud_sim.simulation.faults import Fault
@@ -33,6 +33,7 @@ ARM = {
     "strata": "{layers: [{depth_from: 0.0, rock: regolith}, {depth_from: 0.00002, rock: chalk}]}",
     "initial_feed": 0.004,
 }
+AGILE = {**ARM, "feed_rate_limit": 0.04, "arm_play": 2e-4}
 DRILLS = {  # parameters, and simulated time [ms]
     "free": ({"regime": "free"}, 100),
     "drilling": ({}, 200),
@@ -41,33 +42,61 @@ DRILLS = {  # parameters, and simulated time [ms]
     "strata": ({"strata": "sandstone"}, 200),
     "arm": (ARM, 200),
     "faults": ({**RESONANCE, **ARM}, 200),
+    "arm before drilling": ({**AGILE, "regime": "free", "initial_feed": 0.01}, 200),
+    "slipping arm": ({**AGILE, "anchoring_force": 6.0}, 200),
+    "rigid arm": ({**AGILE, "arm_stiffness": 0.0, "bit_wear_rate": 1e-6}, 300),
+    "rotor": ({"rotation_model": "friction_drive", "rotor_stall_torque": 0.02, **ROCK}, 200),
 }
-FAULTS = (
-    Fault("noise", "reacting_force"),
-    Fault("noise", "contact_force"),
-    Fault("garbage", "contact_force"),
-    Fault("garbage", "drill_tool"),
-    Fault("intermittent", "wrench", 0.5),
-    Fault("delayed", "nodal_plane", 0.01),
-    Fault("binding"),
-    Fault("resonance_drift"),
-    Fault("lost_preload", magnitude=0.4),
-)
+FAULTS = {
+    "faults": (
+        Fault("noise", "reacting_force"),
+        Fault("noise", "contact_force"),
+        Fault("garbage", "contact_force"),
+        Fault("garbage", "drill_tool"),
+        Fault("intermittent", "wrench", 0.5),
+        Fault("delayed", "nodal_plane", 0.01),
+        Fault("binding"),
+        Fault("resonance_drift"),
+        Fault("lost_preload", magnitude=0.4),
+    ),
+    "rigid arm": (
+        Fault("worn_bit"),
+        Fault("hard_inclusion"),
+        Fault("corkscrewing", magnitude=0.005),
+        Fault("bit_walk"),
+        Fault("choking"),
+        Fault("hard_rock"),
+        Fault("drill_tool_binding"),
+        Fault("arm_slip"),
+        Fault("load_spring_binding"),
+        Fault("restitution_loss"),
+    ),
+    "slipping arm": (Fault("feed_stall"), Fault("free_mass_jammed")),
+}
 
 
 def beginning(name: str) -> Beginning:
     settings = to_settings(DRILLS[name][0])
     faults = tuple(
         ScheduledFault((10 + number) * MILLISECOND, (100 + number) * MILLISECOND, fault)
-        for number, fault in enumerate(FAULTS if name == "faults" else ())
+        for number, fault in enumerate(FAULTS.get(name, ()))
     )
     return Beginning(settings, 0.2, 3, Scenario(3, faults))
 
 
 def commands(name: str) -> list[Planned]:
-    if "feed_model" in DRILLS[name][0]:
-        return [Planned(5 * MILLISECOND, Feed("rate", 0.004))]
-    return [Planned(5 * MILLISECOND, WeightOnBit(12.0))]
+    values, _ = DRILLS[name]
+    if "feed_model" not in values:
+        return [Planned(5 * MILLISECOND, WeightOnBit(12.0))]
+    planned = [Planned(5 * MILLISECOND, Feed("rate", 0.004))]
+    if "feed_rate_limit" in values:
+        planned += [
+            Planned(140 * MILLISECOND, Feed("rate", -0.03)),
+            Planned(160 * MILLISECOND, Drive(False, 100.0, 16000.0)),
+            Planned(170 * MILLISECOND, Feed("position", 0.006)),
+            Planned(180 * MILLISECOND, Drive(True, 70.0, 16000.0)),
+        ]
+    return planned
 
 
 def digests(bag: Path) -> dict[str, str]:

@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from rpud_sim.drilling.mount import MountState
     from rpud_sim.drilling.rotor import RotorState
     from rpud_sim.ros.drill.report import Report
-    from rpud_sim.simulation.ensemble import Figures
     from rpud_sim.simulation.faults import FaultRecord
+    from rpud_sim.simulation.statistics import Figures
 
 Opened = TypeVar("Opened")
 

@@ -86,8 +86,8 @@ def reader_of(dtype: np.dtype[Any], *names: str) -> Callable[[np.ndarray], tuple
 def machine_code(kernel: Any, *examples: object) -> Callable[..., Any]:
     """Return a kernel as it is compiled for the types of examples; other types must not follow.
 
-    A call of the kernel itself looks at the type of each argument, which takes several times as
-    long as the motion of a millisecond.
+    The kernel itself looks at the type of each argument, for longer than a millisecond's motion
+    takes.
     """
     if not hasattr(kernel, "compile"):  # NUMBA_DISABLE_JIT
         code: Callable[..., Any] = kernel

@@ -20,12 +20,9 @@ ROCK_DAMPING_RATIO = 0.5
 class Drill(NamedTuple):
     """Constants of the drill in SI units.
 
-    While the free mass touches the drill tool, the tool counts as ``tool_mass`` on
-    ``tool_spring_rate`` with ``tool_damping``: m_dt on the restoring spring before drilling (eq.
-    (14)), m_eff,dt on the tool's own elasticity during drilling (eq. (29)).
-
-    A jammed free mass is wedged to the drill tool by cuttings: from its next contact with the tool
-    on, both are one body that only the actuator strikes.
+    The tool is m_dt on the restoring spring before drilling (eq. (14)), and m_eff,dt on its own
+    elasticity in the rock (eq. (29)). A jammed free mass is wedged to it by cuttings: from its next
+    contact on, both are one body that only the actuator strikes.
     """
 
     rpud_mass: float
@@ -45,12 +42,7 @@ class Drill(NamedTuple):
 
 
 def derive(parameters: Parameters, jammed: bool = False) -> Drill:
-    """Return the constants that the engine needs.
-
-    Args:
-        jammed: whether cuttings wedge the free mass to the drill tool. In the rock they then damp
-            the tool, which otherwise has no damping in a contact (eq. (29)).
-    """
+    """Return the constants that the engine needs; a jam in the rock damps the tool."""
     effective = effective_tool(parameters)
     in_rock = parameters.regime == "drilling"
     if in_rock:
@@ -138,9 +130,8 @@ SEATING_STEPS = 20
 def seating(before: Drill, after: Drill) -> list[tuple[float, Drill]]:
     """Return the constants of each step, with the time of the step after the change [s].
 
-    The last step has the requested constants. The steps before it are as before drilling: the
-    impacts of eqs. (11)-(13) and the suspension of eq. (14). Only the change of a free drill tool
-    to one in the rock takes steps; every other change takes effect at once.
+    A free drill tool gets into the rock in steps that are as before drilling: eqs. (11)-(14). Every
+    other change is one step.
     """
     if before.in_rock or not after.in_rock:
         return [(0.0, after)]

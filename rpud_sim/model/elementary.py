@@ -1,16 +1,13 @@
 """Elementary functions with the same bits on every machine.
 
-They use only additions, subtractions, multiplications, divisions and square roots of binary64,
-which IEEE 754 defines to the last bit. Sines, exponentials and logarithms of the C library and of
-NumPy differ between versions and between processors. Kernels inline these functions; without
-compilation the same code runs in Python. Order and grouping of the operations are part of their
-result.
+They use only what IEEE 754 defines to the last bit: additions, subtractions, multiplications,
+divisions and square roots of binary64. Their order and grouping are part of the result. The same
+code runs in kernels and in Python.
 
 Each function reduces its argument to a short range, in which a polynomial completes the first terms
-of the series; ``python toolchain/polynomials.py`` computes the polynomials. Errors are given in
-units in the last place (ulp) of the result. Odd and even functions are so exactly, except that they
-may lose the sign of a zero. NaN and infinity give what they give in C. Where a function rises, its
-results may fall by as much as their errors, which searches must allow.
+of the series (``toolchain/polynomials.py``). Errors are in units in the last place (ulp). Odd and
+even functions are so exactly, but for the sign of a zero. NaN and infinity give what they give in
+C. Where a function rises, its results may fall by as much as their errors.
 """
 
 import math
@@ -96,6 +93,18 @@ def _turned(sine, cosine, quarters):
 
 
 @compiled
+def sin_cos_cycles(cycles):
+    """Return sine and cosine of any number of cycles, each 2 pi; within 1.5e-16, and 2 ulp."""
+    if not abs(cycles) < math.inf:
+        return math.nan, math.nan
+    # Where this does not round to the nearest it is still off by a whole number.
+    part = cycles - ((cycles + _ROUND) - _ROUND)
+    quarters = (4.0 * part + _ROUND) - _ROUND
+    sine, cosine = _sine_and_cosine(_TWO_PI * (part - 0.25 * quarters))
+    return _turned(sine, cosine, int(quarters))
+
+
+@compiled
 def sin_cos(angle):
     """Return sine and cosine of an angle [rad], within 1.6e-16.
 
@@ -103,28 +112,10 @@ def sin_cos(angle):
     segment, after 10 ms: few reach a thousand.
     """
     if not abs(angle) <= _GREATEST_ANGLE:
-        if not abs(angle) < math.inf:
-            return math.nan, math.nan
-        cycles = angle / _TWO_PI
-        angle = _TWO_PI * (cycles - ((cycles + _ROUND) - _ROUND))
+        return sin_cos_cycles(angle / _TWO_PI)
     quarters = (angle * _QUARTERS_PER_RADIAN + _ROUND) - _ROUND
     r = ((angle - quarters * _QUARTER_1) - quarters * _QUARTER_2) - quarters * _QUARTER_3
     sine, cosine = _sine_and_cosine(r)
-    return _turned(sine, cosine, int(quarters))
-
-
-@compiled
-def sin_cos_cycles(cycles):
-    """Return sine and cosine of a number of cycles, each 2 pi; of any finite number.
-
-    Whole cycles are taken off exactly. Within 1.5e-16, and within 2 ulp.
-    """
-    if not abs(cycles) < math.inf:
-        return math.nan, math.nan
-    # Where this does not round to the nearest it is still off by a whole number.
-    part = cycles - ((cycles + _ROUND) - _ROUND)
-    quarters = (4.0 * part + _ROUND) - _ROUND
-    sine, cosine = _sine_and_cosine(_TWO_PI * (part - 0.25 * quarters))
     return _turned(sine, cosine, int(quarters))
 
 
@@ -349,10 +340,7 @@ def complex_size(number):
 
 @compiled
 def complex_quotient(number, divisor):
-    """Return the quotient of two complex numbers, by Smith's algorithm as CPython and Numba do.
-
-    NumPy, whose scalars take part without compilation, divides otherwise.
-    """
+    """Return the quotient of two complex numbers, by Smith's algorithm as CPython and Numba do."""
     if abs(divisor.real) >= abs(divisor.imag):
         ratio = divisor.imag / divisor.real
         size = divisor.real + divisor.imag * ratio

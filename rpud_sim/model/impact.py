@@ -1,8 +1,7 @@
 """Impact in progress: from the blow on the drill tool to the end of that contact.
 
-An impact ends when the contact opens, when the free mass strikes the drill tool again (the actuator
-drove it during the contact), or when the contact has come to rest. It also ends when the
-actuator strikes a free mass that is jammed on the drill tool, and when the rock is left.
+It ends when the contact opens or comes to rest, when the free mass strikes the tool again, when
+the actuator strikes a jammed free mass, and when the rock is left.
 """
 
 import math
@@ -38,10 +37,7 @@ def tip_integral(segment, time, turns):
 
 @compiled
 def drill_tool_of(segment, turns):
-    """Position [m] and velocity [m/s] of the drill tool in contact, given the ``Turns``.
-
-    The vibration's is needed in a contact of all three bodies alone.
-    """
+    """Position [m] and velocity [m/s] of the drill tool in contact, given the ``Turns``."""
     if segment.contact == CONTACT_BOTH:
         _, _, u_ut, v_ut = tip_motion(segment, turns.vibration, turns.nodal_plane)
         return u_ut, v_ut
@@ -53,8 +49,7 @@ def drill_tool_of(segment, turns):
 def contact_impulse(segment, time, start, end, turns):
     """Momentum that the drill tool receives in the first part of a segment in contact [N s].
 
-    Args:
-        start: position [m] and velocity [m/s] of the drill tool at its start.
+    ``start`` and ``end`` are position and velocity of the drill tool there.
     """
     u_start, v_start = start
     u_end, v_end = end
@@ -69,10 +64,7 @@ def contact_impulse(segment, time, start, end, turns):
 
 @compiled
 def energy_into_drill_tool(segment, time, start, end):
-    """Energy that the drill tool receives in the first part of a segment in contact [J].
-
-    Arguments as for ``contact_impulse``.
-    """
+    """Energy that the drill tool receives in the first part of a segment in contact [J]."""
     u_start, v_start = start
     u_end, v_end = end
     motion = segment.drill_tool_mass * (v_end - v_start) * (v_end + v_start)

@@ -1,14 +1,10 @@
 """Search for the end of the open segment: the only place that solves an equation numerically.
 
 A guard is a function of time that is positive while a segment lasts: the gap between two bodies,
-the force of a contact, or the deformation of the drill tool in the rock. Each comes with its
-derivatives at a time, and with bounds on them for the whole segment. Where the actuator's tip takes
-part, the guard is also at least its *envelope*: the guard without the steady vibration, less the
-most that the vibration takes from it.
-
-The search makes steps within which the guard is certain to stay positive (steps.py), one after
-another. It cannot pass a root, however near two roots are, and near a simple root the steps
-converge to it quadratically from the left.
+the force of a contact, or the deformation of the drill tool in the rock. The search makes steps
+within which it is certain to stay positive (steps.py), from bounds on its derivatives. It cannot
+pass a root, however near two roots are. A guard in which the tip takes part is also at least its
+*envelope*: itself without the steady vibration, less the most that the vibration takes from it.
 """
 
 import math
@@ -88,14 +84,10 @@ class Bounds(NamedTuple):
 
 @compiled
 def held_tip_motion(segment, tip, turn):
-    """Motion of the tip while the free mass is held against it.
+    """Motion of the tip that holds the free mass, given its ``tip_motion``.
 
-    Args:
-        tip: ``tip_motion`` at a time.
-
-    Returns:
-        Position [m] and velocity [m/s] without the steady vibration, and the whole acceleration
-        [m/s^2].
+    Position [m] and velocity [m/s] without the steady vibration, and the whole acceleration
+    [m/s^2].
     """
     u_np, v_np, u_ut, _ = tip
     omega = TWO_PI * segment.vibration_frequency
@@ -181,10 +173,7 @@ def force_of_swing(segment, swing):
 
 @compiled
 def guard_at(segment, end, time):
-    """The guard that ends a segment in the given way, at a time after its start.
-
-    All but those of the meetings that strike.py seeks.
-    """
+    """The guard that ends a segment in the given way; strike.py has those of the free mass."""
     if end == END_DRILL_TOOL_IMPACT:
         return gap_to_drill_tool(segment, time)
     if end == END_DRILL_TOOL_REST:
@@ -253,14 +242,10 @@ FIRST_SPAN = 1e-5
 
 @compiled
 def first_root(segment, end, limit):
-    """Time for which a guard stays positive, up to a limit [s].
+    """Seek the first root of a guard, up to a limit [s].
 
-    Args:
-        end: one of END_*, but not ``END_ACTUATOR_IMPACT``.
-
-    Returns:
-        The time until which it is certain to be positive, whether it is zero there, and the number
-        of steps.
+    Returns the time until which the guard is certain to be positive, whether it is zero there, and
+    the number of steps.
     """
     if segment.contact == 0 and end == END_DRILL_TOOL_IMPACT:
         return first_landing(segment, limit)
@@ -299,10 +284,7 @@ def fall_time(gap, velocity, gravity):
 
 @compiled
 def sooner_of(state, found, end, duration, event):
-    """Return the given duration and event, or what a search has found if it is sooner.
-
-    The steps of the search add to the state's effort.
-    """
+    """Return the given duration and event, or what a search has found if it is sooner."""
     time, met, steps = found
     state.effort += steps * STEP_EFFORT
     if time < duration:
@@ -320,8 +302,7 @@ def sooner(state, segment, end, duration, event):
 def sooner_release(state, segment, duration, event):
     """Return the given duration and event, or those of the three bodies' contact if sooner.
 
-    Either force may vanish long before the other: the search follows both by turns, in growing
-    spans.
+    Either force may vanish long before the other: both are followed by turns, in growing spans.
     """
     span = FIRST_SPAN
     while True:
@@ -335,13 +316,7 @@ def sooner_release(state, segment, duration, event):
 
 @compiled
 def next_event(drill, state, segment, turn):
-    """Find the end of the segment, and its duration [s].
-
-    ``turn`` is the ``PhaseSinCos`` of the vibration at the segment's start.
-
-    Returns:
-        The duration, and one of END_*.
-    """
+    """Return the duration of the segment [s] and what ends it, one of END_*."""
     duration = LONGEST_SEGMENT
     event = END_LIMIT
     change = math.inf

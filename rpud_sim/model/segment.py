@@ -1,8 +1,7 @@
 """Records of a trajectory: segments of closed-form motion, and impacts on the drill tool.
 
-A segment holds everything that is needed to evaluate every motion and force from its start to its
-end. It also holds the constants of the drill, which may differ in the next segment. NumPy arrays of
-these two dtypes leave the engine, are sampled, published and recorded.
+A segment holds all that gives motions and forces from its start to its end, with the constants of
+the drill, which may differ in the next one.
 """
 
 from collections.abc import Sequence
@@ -94,13 +93,9 @@ IMPACT = record_type(
 
 
 def join_records(records: Sequence[np.ndarray], dtype: np.dtype) -> np.ndarray:
-    """Return arrays of records as one immutable array.
+    """Return arrays of records as one array, immutable: kernels are compiled again for others.
 
-    It joins bytes, because NumPy joins structures slowly. They are immutable also when they are
-    fresh: kernels are compiled again for another type of array.
-
-    Args:
-        records: arrays of the dtype; none gives an empty array.
+    It joins bytes, because NumPy joins structures slowly.
     """
     buffers: Any = records  # NumPy declares no buffers before Python 3.12
     return np.frombuffer(b"".join(buffers), dtype)
@@ -180,11 +175,7 @@ def turns_at(segment, time):
 
 @compiled
 def turns_at_end(segment, is_released):
-    """Return the ``Turns`` at a segment's end.
-
-    Args:
-        is_released: whether a contact ends there for want of force.
-    """
+    """Return the ``Turns`` at a segment's end, where a contact may end for want of force."""
     time = segment.duration
     undamped = segment.contact == CONTACT_DRILL_TOOL and segment.drill_tool_decay_rate == 0.0
     if is_released and undamped and time > 0.0:
@@ -217,11 +208,7 @@ def tip_motion(segment, vibration, swing):
 
 @compiled
 def motion_at(segment, time):
-    """Motion of every body at a time after a segment's start.
-
-    Returns:
-        u_np, v_np, u_ut, v_ut, u_fm, v_fm, u_dt, v_dt [m, m/s], positive toward the rock.
-    """
+    """Motion at a time: u_np, v_np, u_ut, v_ut, u_fm, v_fm, u_dt, v_dt [m, m/s]."""
     return motion_of(segment, time, turns_at(segment, time))
 
 
@@ -245,10 +232,7 @@ def motion_of(segment, time, turns):
 
 @compiled
 def nodal_plane_integral(segment, time, start, turns):
-    """Integral of u_np over the first part of a segment [m s].
-
-    ``start`` is the ``PhaseSinCos`` at its start, ``turns`` the ``Turns`` at its end.
-    """
+    """Integral of u_np over a segment's first part [m s]; ``start`` is the turn at its start."""
     motion = nodal_plane_motion(segment)
     omega = TWO_PI * segment.vibration_frequency
     end = turns.vibration
@@ -282,10 +266,8 @@ def oscillators_of(drill):
 def nodal_plane_closed_form(drill, bodies, state, turn):
     """Return the ``Oscillation`` of the nodal plane.
 
-    Alone, or with the free mass in flight or on the drill tool, it obeys eq. (2) with the preload
-    W, and its weight if gravity acts on it. With the free mass (and the drill tool behind it) held
-    against the vibrating tip, their inertia and the drill tool's spring act on it as well, moved
-    by u_hv of eq. (1).
+    It obeys eq. (2) with the preload W, and its weight if gravity acts on it. Free mass and drill
+    tool that it holds against the vibrating tip add inertia and spring, moved by u_hv of eq. (1).
     """
     force = state.weight_on_bit + drill.rpud_weight
     if not state.contact & CONTACT_ACTUATOR:
@@ -328,10 +310,7 @@ def drill_tool_closed_form(drill, bodies, state):
 
 @compiled
 def begin_segment(drill, bodies, state, segment, turn):
-    """Write the closed form that follows from the state into a segment, all but its duration.
-
-    ``turn`` is the ``PhaseSinCos`` of the state's phase.
-    """
+    """Write the closed form that follows from the state into a segment, all but its duration."""
     segment.start_seconds = state.seconds
     segment.start_fraction = state.fraction
     segment.contact = state.contact

@@ -60,11 +60,9 @@ def is_clear(value, slope, second, time):
 
 @compiled
 def ends_at_root(value, slope, step, least_bend, most_bend):
-    """Whether a ``safe_step`` ends within TIME_RESOLUTION of a root.
+    """Whether a ``safe_step`` of the least bend ends within TIME_RESOLUTION of a root.
 
-    Args:
-        least_bend: that the step was made with.
-        most_bend: greatest second derivative within it.
+    ``most_bend`` is the greatest second derivative within it.
     """
     # There the parabola has this height times (2 / slope)^2.
     parabola = least_bend * least_bend * max(value, 0.0) * step * step

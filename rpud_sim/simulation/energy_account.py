@@ -1,4 +1,4 @@
-"""Energy accounts: joules by term of drill, feed and mount, and powers over the last second."""
+"""Energy accounts: joules by term, of the drill, and of its feed and mount."""
 
 from __future__ import annotations
 
@@ -6,15 +6,9 @@ import dataclasses
 import math
 import operator
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING
-
-import numpy as np
+from typing import TYPE_CHECKING, TypeVar
 
 from rpud_sim.foundation.shared import Shared
-from rpud_sim.foundation.time import split_fraction
-from rpud_sim.model.energy import TERMS, RpudConstants
-from rpud_sim.model.segment import IMPACT, join_records
-from rpud_sim.model.tally import CLASSES, PART_ROOM, add_block, empty_tallies
 
 if TYPE_CHECKING:  # Python 3.10 has none
     from typing_extensions import Self
@@ -32,9 +26,20 @@ class _Terms(Shared):
         return type(self)(*map(operator.sub, vars(self).values(), vars(other).values()))
 
 
-def absorbed(impacts: float, release: float, drill_tool_damper: float) -> float:
-    """Return what drill tool and rock took for good, from its terms [J]."""
-    return math.fsum((impacts, release, drill_tool_damper))
+Account = TypeVar("Account", bound=_Terms)
+Value = TypeVar("Value")
+
+
+def sum_accounts(accounts: Iterable[Account | None]) -> Account | None:
+    """Return the sum of accounts; None if there are none."""
+    there = [account for account in accounts if account is not None]
+    return sum(there[1:], there[0]) if there else None
+
+
+def mean_of(values: Sequence[Value]) -> Value:
+    """Return the mean of at least one dataclass of numbers, field by field."""
+    columns = zip(*(vars(value).values() for value in values), strict=True)
+    return type(values[0])(*(math.fsum(column) / len(values) for column in columns))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -62,31 +67,6 @@ class EnergyAccount(_Terms):
     stored: float = 0.0  # in motion and springs at the end, less that at the start
     electrical: float = 0.0  # drawn by the actuator; NaN where its model has no power
 
-    @staticmethod
-    def between(
-        start: int, end: int, covering: np.ndarray, rpud: RpudConstants, electrical: float = 0.0
-    ) -> EnergyAccount:
-        """Return the account of the time between two times [ns] that segments cover."""
-        tally = empty_tallies(1)
-        add_block(
-            rpud,
-            covering,
-            join_records([], IMPACT),
-            split_fraction(start),
-            split_fraction(end),
-            False,
-            tally,
-            np.zeros(CLASSES, np.int64),
-            np.zeros(PART_ROOM),
-        )
-        return EnergyAccount.from_tally(tally[0], electrical)
-
-    @staticmethod
-    def from_tally(tally: np.void, electrical: float) -> EnergyAccount:
-        """Return the account of a tally, with the electrical energy [J]."""
-        terms = zip(TERMS, tally["account"].tolist(), strict=True)
-        return EnergyAccount(**dict(terms), electrical=electrical)
-
     @property
     def inflow(self) -> float:
         """Everything that flowed in [J]."""
@@ -97,7 +77,7 @@ class EnergyAccount(_Terms):
     @property
     def absorbed(self) -> float:
         """What drill tool and rock took for good [J]."""
-        return absorbed(self.impacts, self.release, self.drill_tool_damper)
+        return math.fsum((self.impacts, self.release, self.drill_tool_damper))
 
     @property
     def lost(self) -> float:
@@ -113,14 +93,8 @@ class EnergyAccount(_Terms):
 
     def to_dict(self) -> dict[str, float | None]:
         """Return the terms and the residual by name, ready for JSON; None for what is unknown."""
-        terms = {**dataclasses.asdict(self), "residual": self.residual}
+        terms = {**vars(self), "residual": self.residual}
         return {name: value if math.isfinite(value) else None for name, value in terms.items()}
-
-
-def mean_account(accounts: list[EnergyAccount]) -> EnergyAccount:
-    """Return the mean of at least one account, term by term."""
-    table = np.array([dataclasses.astuple(account) for account in accounts])
-    return EnergyAccount(*table.mean(axis=0).tolist())
 
 
 @dataclasses.dataclass(frozen=True)
@@ -163,12 +137,15 @@ class FeedAccount(_Terms):
         Guide, host and rock take it, arm and load spring store it, or it is ``coupling``. What a
         changed load spring adds is taken off.
         """
-        values = tuple(vars(self).values())
-        return math.fsum((*values[_INFLOWS:], -self.spring_changes))
+        return math.fsum((*self._outflows, -self.spring_changes))
+
+    @property
+    def _outflows(self) -> tuple[float, ...]:
+        return tuple(vars(self).values())[3:]  # the terms before flow in
 
     def to_dict(self, weight_on_bit_work: float) -> dict[str, float]:
         """Return the terms and the residual by name, ready for JSON; see ``residual``."""
-        return {**dataclasses.asdict(self), "residual": self.residual(weight_on_bit_work)}
+        return {**vars(self), "residual": self.residual(weight_on_bit_work)}
 
     def residual(self, weight_on_bit_work: float) -> float:
         """Return what flowed in less where it went [J]; in a sound run rounding alone.
@@ -176,23 +153,5 @@ class FeedAccount(_Terms):
         Args:
             weight_on_bit_work: on the RPUD, as of the ``EnergyAccount`` of the same time [J].
         """
-        values = tuple(vars(self).values())
-        outflow = [-each for each in values[_INFLOWS:]]
-        return math.fsum((*values[:_INFLOWS], *outflow, -weight_on_bit_work))
-
-
-_INFLOWS = 3  # first terms of the account, which flow in
-
-
-def sum_accounts(accounts: Iterable[FeedAccount | None]) -> FeedAccount | None:
-    """Return the sum of accounts; None if there are none."""
-    there = [account for account in accounts if account is not None]
-    return sum(there[1:], there[0]) if there else None
-
-
-def mean_feed_account(accounts: Sequence[FeedAccount]) -> FeedAccount | None:
-    """Return the mean of accounts, term by term; None if there are none."""
-    if not accounts:
-        return None
-    columns = zip(*(vars(account).values() for account in accounts), strict=True)
-    return FeedAccount(*(math.fsum(column) / len(accounts) for column in columns))
+        inflows = (self.feed_work, self.host_work, self.spring_changes)
+        return math.fsum((*inflows, *(-each for each in self._outflows), -weight_on_bit_work))

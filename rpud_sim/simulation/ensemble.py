@@ -33,15 +33,19 @@ from rpud_sim.simulation.commands import WeightOnBit
 from rpud_sim.simulation.configuration import Configuration, whole_configuration
 from rpud_sim.simulation.energy_account import EnergyAccount, FeedAccount
 from rpud_sim.simulation.plant import rpud_constants
-from rpud_sim.simulation.recent_energy import RecentEnergy, account_of
 from rpud_sim.simulation.sampling import Times
 from rpud_sim.simulation.scenario import Scenario
 from rpud_sim.simulation.simulation import Simulation
-from rpud_sim.simulation.statistics import Statistics, figures_of
+from rpud_sim.simulation.statistics import (
+    Figures,
+    RecentEnergy,
+    Statistics,
+    account_of,
+    account_of_tally,
+    figures_of,
+)
 
 _FIRST_IMPACTS = 1024  # room for impacts; it doubles when it is too small
-
-Figures = dict[str, float | int | None]
 
 
 def runs_by_itself(configuration: Configuration, scenario: Scenario | None = None) -> bool:
@@ -167,7 +171,7 @@ class EnsembleRuns:
         figures = figures_of(tallies[number], self.time / SECOND, quantile)
         if not whole:
             return Member(figures)
-        return Member(figures, EnergyAccount.from_tally(tallies[number], self._electrical(number)))
+        return Member(figures, account_of_tally(tallies[number], self._electrical(number)))
 
     def _error(self, number: int) -> EngineError | None:
         status = int(self._statuses[number])

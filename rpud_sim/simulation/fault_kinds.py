@@ -1,56 +1,23 @@
-"""Kinds of faults of the drill and of its signals: what each is, needs and does.
+"""Kinds of faults of the drill and of its signals: what each is and needs.
 
-A physical fault changes the drill, so that every channel shows its effect through the physics. A
-signal fault changes the messages of one channel of a healthy drill. ``docs/reference/faults.md``
-explains the kinds and says where the effect of a magnitude is assumed.
+A physical fault changes the drill (``faults.effects_of``), so that every channel shows its effect
+through the physics. A signal fault changes the messages of one channel of a healthy drill
+(``signals.Stage``). ``docs/reference/faults.md`` explains the kinds and says where the effect of a
+magnitude is assumed.
 """
 
 from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Mapping
-from typing import Any
 
-from rpud_sim.drilling.inputs import UNDISTURBED
 from rpud_sim.foundation.quantities import Quantity
 from rpud_sim.model.parameters import QUANTITIES
 from rpud_sim.simulation.configuration import Configuration
-from rpud_sim.simulation.stages import (
-    Bias,
-    Delayed,
-    Garbage,
-    Intermittent,
-    Noise,
-    Off,
-    Slow,
-    Stage,
-    Stuck,
-    Wrong,
-)
 from rpud_sim.simulation.topics import CHANNELS
 
-# Sums of the effects of all faults, by the names of ``NO_EFFECT`` and ``Disturbances``.
-_Sums = dict[str, Any]
-# Adds the effect of a magnitude; the order of faults makes no difference.
-_Effect = Callable[[_Sums, float], None]
 # Why a fault would have no effect, or no meaning, on a drill; empty if it has.
 _Need = Callable[[float, Configuration], str]
-
-NO_EFFECT: Mapping[str, Any] = {
-    "jammed": False,
-    "lock_lost": False,
-    "resonance_offset": 0.0,
-    # factors on parameters
-    "load_spring": 1.0,
-    "restoring_spring": 1.0,
-    "restitution": 1.0,
-    "drill_tool_restitution": 1.0,
-    # factors on what the rock or the feed do
-    "progress": 1.0,
-    "binding": 1.0,
-    "clearing": 1.0,
-    **dataclasses.asdict(UNDISTURBED),
-}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -58,10 +25,6 @@ class Kind:
     """Kind of fault."""
 
     description: str  # one phrase
-    # of a signal fault, its stage in the pipeline of a channel; None for a fault of the drill
-    stage: type[Stage] | None = None
-    # of a fault of the drill, what it changes
-    effect: _Effect = lambda sums, magnitude: None
     needs: tuple[_Need, ...] = ()  # of the drill
     # meaning of its magnitude, None if it has none; without unit if the unit is the channel's
     magnitude: Quantity | None = None
@@ -72,11 +35,8 @@ class Kind:
     unchanging: float | None = None
     # whether the magnitude has the unit of the channel's main quantity
     in_channel_unit: bool = False
-
-    @property
-    def physical(self) -> bool:
-        """Whether it changes the drill; otherwise it changes the messages of a channel."""
-        return self.stage is None
+    # whether it changes the drill; otherwise it changes the messages of a channel
+    physical: bool = True
 
     def quantity_on(self, channel: str) -> Quantity | None:
         """Return the meaning of the magnitude on a channel; None if the kind has none."""
@@ -94,46 +54,6 @@ class Kind:
     def default_on(self, channel: str) -> float:
         """Return the magnitude that NaN stands for on a channel."""
         return self.default * CHANNELS[channel].scale if self.in_channel_unit else self.default
-
-
-def _factor(*names: str) -> _Effect:
-    def multiply(sums: _Sums, magnitude: float) -> None:
-        for name in names:
-            sums[name] *= magnitude
-
-    return multiply
-
-
-def _share_lost(*names: str) -> _Effect:
-    def reduce(sums: _Sums, magnitude: float) -> None:
-        for name in names:
-            sums[name] *= 1.0 - magnitude
-
-    return reduce
-
-
-def _greatest(name: str) -> _Effect:
-    def raise_to(sums: _Sums, magnitude: float) -> None:
-        sums[name] = max(sums[name], magnitude)
-
-    return raise_to
-
-
-def _switch(name: str) -> _Effect:
-    def switch_on(sums: _Sums, magnitude: float) -> None:
-        sums[name] = True
-
-    return switch_on
-
-
-def _bind_drill_tool(sums: _Sums, magnitude: float) -> None:
-    sums["restoring_spring"] *= magnitude
-    sums["progress"] /= magnitude
-    sums["binding"] /= magnitude
-
-
-def _drift(sums: _Sums, magnitude: float) -> None:
-    sums["resonance_offset"] += magnitude
 
 
 def _resonance(magnitude: float, drill: Configuration) -> str:
@@ -201,31 +121,25 @@ def _above_one(description: str, greatest: float = 1e3) -> Quantity:
 
 
 KINDS: Mapping[str, Kind] = {
-    "free_mass_jammed": Kind(
-        "the free mass is wedged to the drill tool and strikes it no more", effect=_switch("jammed")
-    ),
+    "free_mass_jammed": Kind("the free mass is wedged to the drill tool and strikes it no more"),
     "lost_preload": Kind(
         "the load spring pushes less than commanded",
-        effect=_share_lost("preload_factor"),
         magnitude=_above_zero("", "share of the weight on bit that is lost", 1.0),
         default=0.5,
     ),
     "load_spring_binding": Kind(
         "the RPUD binds in its linear guide",
-        effect=_factor("load_spring"),
         magnitude=_above_one("factor on the rate of the load spring"),
         default=5.0,
     ),
     "drill_tool_binding": Kind(
         "the bit binds in its hole",
-        effect=_bind_drill_tool,
         needs=(_rock_while_drilling,),
         magnitude=_above_one("factor on the rate of the restoring spring, divisor of the progress"),
         default=5.0,
     ),
     "choking": Kind(
         "cuttings clog the hole",
-        effect=_share_lost("progress", "clearing", "drill_tool_restitution"),
         needs=(_rock,),
         magnitude=_above_zero(
             "", "share lost of the progress and of the drill tool's restitution", 1.0
@@ -234,14 +148,12 @@ KINDS: Mapping[str, Kind] = {
     ),
     "hard_rock": Kind(
         "the bit meets harder rock",
-        effect=_factor("hardness"),
         needs=(_rock,),
         magnitude=_above_one("factor on the specific energy of the rock"),
         default=3.0,
     ),
     "resonance_drift": Kind(
         "the resonance of the actuator has moved",
-        effect=_drift,
         needs=(_resonance,),
         magnitude=Quantity("Hz", "offset of the resonance frequency", -1e4, 1e4),
         default=-200.0,
@@ -249,98 +161,88 @@ KINDS: Mapping[str, Kind] = {
     ),
     "restitution_loss": Kind(
         "the impacts are less elastic",
-        effect=_factor("restitution"),
         magnitude=Quantity("", "factor on both coefficients of restitution", 0.0, 1.0, below=True),
         default=0.5,
     ),
     "generator_lock_loss": Kind(
         "the generator tracks no more and runs at the commanded frequency",
-        effect=_switch("lock_lost"),
         needs=(_tracking,),
     ),
     "binding": Kind(
         "friction along the tool in its hole resists the rotation",
-        effect=_greatest("extra_torque"),
         needs=(_rotation, _hole),
         magnitude=_above_zero("N m", "torque of the friction", 100.0),
         default=0.05,
     ),
     "hard_inclusion": Kind(
         "the bit meets a stone that is harder than its layer",
-        effect=_greatest("inclusion_strength"),
         needs=(_hole, _softer_rock),
         magnitude=_above_zero("Pa", "strength of the stone", 1e9),
         default=2e8,
     ),
     "corkscrewing": Kind(
         "rock protrudes into the flutes, along which the tool screws itself in",
-        effect=_greatest("screw_torque"),
         needs=(_rotation, _hole),
         magnitude=_above_zero("N m", "torque of the rock that protrudes", 100.0),
         default=0.02,
     ),
     "bit_walk": Kind(
         "the bit walks sideways until its hole guides it",
-        effect=_greatest("side_walk"),
         needs=(_hole,),
         magnitude=_above_zero("m/s", "rate at which the bit walks", 0.1),
         default=5e-4,
     ),
-    "feed_stall": Kind(
-        "the drive of the feed stands still", effect=_switch("feed_stalled"), needs=(_feed,)
-    ),
+    "feed_stall": Kind("the drive of the feed stands still", needs=(_feed,)),
     "arm_slip": Kind(
         "the host of the arm slips away from the rock",
-        effect=_greatest("arm_slip_rate"),
         needs=(_feed,),
         magnitude=_above_zero("m/s", "rate at which the host slips", 0.1),
         default=2e-4,
     ),
     "worn_bit": Kind(
         "the bit is worn",
-        effect=_greatest("worn_factor"),
         needs=(_hole, _wear),
         magnitude=_above_one("factor on the area of its wear flats", 1e4),
         default=3.0,
     ),
-    "off": Kind("nothing is published", Off),
-    "stuck": Kind("the values last published are repeated with new stamps", Stuck),
-    "garbage": Kind("random bit patterns in place of every value", Garbage),
+    "off": Kind("nothing is published", physical=False),
+    "stuck": Kind("the values last published are repeated with new stamps", physical=False),
+    "garbage": Kind("random bit patterns in place of every value", physical=False),
     "wrong": Kind(
         "plausible values that are consistently wrong",
-        Wrong,
+        physical=False,
         magnitude=Quantity("", "factor on every measured number", -10.0, 10.0),
         default=0.5,
         unchanging=1.0,
     ),
     "slow": Kind(
         "messages go out at a lower rate",
-        Slow,
+        physical=False,
         magnitude=_above_zero("s", "period in which at most one message goes out", 1e3),
         default=0.5,
     ),
     "delayed": Kind(
         "every message comes late",
-        Delayed,
+        physical=False,
         magnitude=_above_zero("s", "time by which a message is late", 10.0),
         default=0.5,
     ),
     "intermittent": Kind(
         "messages are lost at random",
-        Intermittent,
+        physical=False,
         magnitude=_above_zero("", "probability that a message is lost", 1.0),
         default=0.5,
     ),
     "noise": Kind(
         "Gaussian noise on the main quantity",
-        Noise,
+        physical=False,
         magnitude=_above_zero("", "standard deviation", 1e6),
         default=1.0,
         in_channel_unit=True,
     ),
     "bias": Kind(
         "a constant offset on the main quantity",
-        Bias,
+        physical=False,
         magnitude=Quantity("", "offset", -1e6, 1e6),
         default=1.0,
         unchanging=0.0,

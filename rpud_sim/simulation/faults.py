@@ -13,7 +13,7 @@ from rpud_sim.foundation.quantities import ParameterError, shown, suggestion
 from rpud_sim.foundation.shared import Shared
 from rpud_sim.model.parameters import QUANTITIES, Parameters
 from rpud_sim.simulation.configuration import Configuration
-from rpud_sim.simulation.fault_kinds import CHANNEL_NEEDS, KINDS, NO_EFFECT, Kind
+from rpud_sim.simulation.fault_kinds import CHANNEL_NEEDS, KINDS, Kind
 from rpud_sim.simulation.topics import CHANNELS, GROUND_TRUTH
 
 # A binding raises the damping ratio up to this. The closed forms of the paper need less than
@@ -154,35 +154,44 @@ class FaultEffects:
 def effects_of(faults: Iterable[Fault], parameters: Parameters) -> FaultEffects:
     """Return the effects of any faults; signal faults do not change the drill.
 
-    Factors of several faults multiply and offsets add, so that their order does not matter. A
-    binding by a factor f means that the same force moves a body 1/f as far, and takes the damping
-    ratio xi to 1 - (1 - xi)/f, up to ``MOST_DAMPING_RATIO`` (assumed). A parameter that would leave
-    its range takes the end of the range.
+    There is one fault of a kind at most. A binding by a factor f means that the same force moves a
+    body 1/f as far, and takes the damping ratio xi to 1 - (1 - xi)/f, up to ``MOST_DAMPING_RATIO``
+    (assumed). A parameter that would leave its range takes the end of the range.
     """
-    sums = dict(NO_EFFECT)
-    for fault in faults:
-        fault.declared.effect(sums, fault.magnitude)
-    both, drill_tool = sums["restitution"], sums["drill_tool_restitution"]
-    load, restoring = sums["load_spring"], sums["restoring_spring"]
+    given = {fault.kind: fault.magnitude for fault in faults}
+    spring, tool = given.get("load_spring_binding", 1.0), given.get("drill_tool_binding", 1.0)
+    clear = 1.0 - given.get("choking", 0.0)
+    elastic = given.get("restitution_loss", 1.0)
     wanted = {
-        "load_spring_rate": parameters.load_spring_rate * load,
-        "rpud_damping_ratio": _bound(parameters.rpud_damping_ratio, load),
-        "restoring_spring_rate": parameters.restoring_spring_rate * restoring,
-        "drill_tool_damping_ratio": _bound(parameters.drill_tool_damping_ratio, restoring),
-        "actuator_restitution": parameters.actuator_restitution * both,
-        "drill_tool_restitution": parameters.drill_tool_restitution * both * drill_tool,
+        "load_spring_rate": parameters.load_spring_rate * spring,
+        "rpud_damping_ratio": _bound(parameters.rpud_damping_ratio, spring),
+        "restoring_spring_rate": parameters.restoring_spring_rate * tool,
+        "drill_tool_damping_ratio": _bound(parameters.drill_tool_damping_ratio, tool),
+        "actuator_restitution": parameters.actuator_restitution * elastic,
+        "drill_tool_restitution": parameters.drill_tool_restitution * elastic * clear,
     }
     limited = {name: min(value, _most(parameters, name)) for name, value in wanted.items()}
-    disturbed = {field.name: sums[field.name] for field in dataclasses.fields(Disturbances)}
-    disturbed.update(progress=sums["binding"], clogged=1.0 - sums["clearing"])
     return FaultEffects(
         parameters.replace(**limited),
         parameters.load_spring_rate,
-        sums["jammed"],
-        sums["progress"],
-        sums["resonance_offset"],
-        sums["lock_lost"],
-        Disturbances(**disturbed),
+        jammed="free_mass_jammed" in given,
+        progress_factor=clear / tool,
+        resonance_offset=given.get("resonance_drift", 0.0),
+        lock_lost="generator_lock_loss" in given,
+        disturbances=Disturbances(
+            hardness=given.get("hard_rock", 1.0),
+            progress=1.0 / tool,
+            clearing=clear,
+            clogged=1.0 - clear,
+            inclusion_strength=given.get("hard_inclusion", 0.0),
+            extra_torque=given.get("binding", 0.0),
+            feed_stalled="feed_stall" in given,
+            arm_slip_rate=given.get("arm_slip", 0.0),
+            side_walk=given.get("bit_walk", 0.0),
+            worn_factor=given.get("worn_bit", 1.0),
+            screw_torque=given.get("corkscrewing", 0.0),
+            preload_factor=1.0 - given.get("lost_preload", 0.0),
+        ),
     )
 
 

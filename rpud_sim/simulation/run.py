@@ -15,10 +15,10 @@ from rpud_sim.simulation.control import Control
 from rpud_sim.simulation.faults import Fault
 from rpud_sim.simulation.fields import Bookkeeping, faults_fields, journal_fields, status_fields
 from rpud_sim.simulation.journal import Journal
-from rpud_sim.simulation.recent_energy import RecentEnergy
 from rpud_sim.simulation.scenario import Scenario, ScheduledFault, scenario_of
 from rpud_sim.simulation.simulation import Simulation, initial_phases
 from rpud_sim.simulation.state import StateWriter
+from rpud_sim.simulation.statistics import RecentEnergy
 from rpud_sim.simulation.telemetry import Entry, Stream, Telemetry, Together, messages_of
 from rpud_sim.simulation.versions import ENGINE, engine_versions
 

@@ -23,8 +23,8 @@ from rpud_sim.model.parameters import Parameters
 from rpud_sim.model.segment import IMPACT, SEGMENT
 from rpud_sim.simulation.block import Block
 from rpud_sim.simulation.configuration import Configuration
-from rpud_sim.simulation.fault_kinds import KINDS
-from rpud_sim.simulation.topics import CHANNELS
+from rpud_sim.simulation.faults import Fault
+from rpud_sim.simulation.signals import Stage
 
 _DTYPES: Mapping[str, np.dtype[Any]] = {
     "state": STATE,
@@ -42,11 +42,6 @@ _PACKED = {
 }
 # Records that wait for the next block, by the attribute that holds them.
 _WAITING = {"_segments": SEGMENT, "_impacts": IMPACT}
-_STAGES = {
-    f"{kind.stage.__module__}.{kind.stage.__name__}": kind.stage
-    for kind in KINDS.values()
-    if kind.stage
-}
 # Attributes that are no state: what a run gets from its owner, room for results, and what is kept
 # so that it need not be calculated again. What commands do is in the simulation.
 _LEFT_OUT = frozenset(
@@ -163,9 +158,8 @@ class StateReader:
         return found(**values)
 
     def _object(self, old: Any, name: str, trees: Mapping[str, Any]) -> Any:
-        if name in _STAGES:
-            channel = next(iter(CHANNELS.values()))
-            old = _STAGES[name](channel, 0.0, np.random.default_rng(0), None)
+        if name == f"{Stage.__module__}.{Stage.__name__}":
+            old = Stage(Fault("off", "wrench"), np.random.default_rng(0), None)
         if old is None or _name(old) != name:
             raise ValueError(f"{name:.80} does not belong to the state")
         held = vars(old)

@@ -1,7 +1,10 @@
-"""Statistics of a run, accumulated block by block."""
+"""Figures and energies of a run, accumulated block by block."""
 
 from __future__ import annotations
 
+import math
+from collections import deque
+from itertools import chain, islice
 from types import MappingProxyType
 
 import numpy as np
@@ -9,7 +12,8 @@ import numpy as np
 from rpud_sim.drilling.rotor import RotorWork
 from rpud_sim.foundation.time import SECOND, split_fraction
 from rpud_sim.model.elementary import power
-from rpud_sim.model.energy import DRILL_TOOL_DAMPER, IMPACTS, RELEASE
+from rpud_sim.model.energy import TERMS, RpudConstants
+from rpud_sim.model.segment import IMPACT, SEGMENT, join_records
 from rpud_sim.model.tally import (
     CLASSES,
     CLASSES_PER_DECADE,
@@ -22,7 +26,7 @@ from rpud_sim.model.tally import (
     empty_tallies,
 )
 from rpud_sim.simulation.block import Block
-from rpud_sim.simulation.energy_account import EnergyAccount, FeedAccount, absorbed, sum_accounts
+from rpud_sim.simulation.energy_account import EnergyAccount, FeedAccount, sum_accounts
 
 # Names and units of the figures.
 FIGURES = MappingProxyType(
@@ -42,23 +46,16 @@ FIGURES = MappingProxyType(
         "reacting_force_mean": "N",
     }
 )
+Figures = dict[str, float | int | None]
 
 
-def force_of(number: int) -> float | None:
-    """Return the contact force of a class [N]; None for a negative number."""
-    if number < 0:
-        return None
-    decades, part = divmod(number, CLASSES_PER_DECADE)
-    return float(LEAST_FORCE * float(f"1e{decades}") * power(10.0, part / CLASSES_PER_DECADE))
-
-
-def figures_of(tally: np.void, duration: float, quantile: int) -> dict[str, float | int | None]:
+def figures_of(tally: np.void, duration: float, quantile: int) -> Figures:
     """Return duration and ``FIGURES`` in SI units; None if there is nothing to average.
 
     ``quantile`` is the class of the 99 % quantile of the contact force, -1 for none.
     """
     totals = dict(zip(TALLY.names or (), tally.item(), strict=True))
-    account, count = tally["account"].tolist(), totals["impacts"]
+    count = totals["impacts"]
 
     def rate(total: float) -> float | None:
         return total / duration if duration > 0.0 else None
@@ -73,17 +70,21 @@ def figures_of(tally: np.void, duration: float, quantile: int) -> dict[str, floa
         "actuator_impact_rate": rate(totals["actuator_impacts"]),
         "impact_velocity_mean": mean(totals["impact_velocity"]),
         "contact_force_mean": mean(totals["contact_force"]),
-        "contact_force_p99": force_of(quantile),
+        "contact_force_p99": _force_of(quantile) if quantile >= 0 else None,
         "contact_force_max": totals["contact_force_max"] if count else None,
         "contact_duration_mean": mean(totals["contact_duration"]),
         "squeezed_impact_rate": rate(totals["squeezed"]),
         "kinetic_energy_rate": rate(totals["energy"]),
         "energy_transferred_rate": rate(totals["energy_transferred"]),
-        "energy_absorbed_rate": rate(
-            absorbed(account[IMPACTS], account[RELEASE], account[DRILL_TOOL_DAMPER])
-        ),
+        "energy_absorbed_rate": rate(account_of_tally(tally).absorbed),
         "reacting_force_mean": rate(totals["reacting_impulse"]),
     }
+
+
+def _force_of(number: int) -> float:
+    """Return the contact force of a class [N]."""
+    decades, part = divmod(number, CLASSES_PER_DECADE)
+    return float(LEAST_FORCE * float(f"1e{decades}") * power(10.0, part / CLASSES_PER_DECADE))
 
 
 class Statistics:
@@ -118,7 +119,7 @@ class Statistics:
     @property
     def account(self) -> EnergyAccount:
         """The energy account of the blocks so far."""
-        return EnergyAccount.from_tally(self._tally[0], self._electrical)
+        return account_of_tally(self._tally[0], self._electrical)
 
     def add(self, block: Block) -> None:
         """Add what happened in a block."""
@@ -128,17 +129,9 @@ class Statistics:
         self.feed = sum_accounts((self.feed, block.feed))
         rotor = block.process.rotation
         self.rotation = rotor.work if rotor else None
-        add_block(
-            block.rpud,
-            block.covering,
-            block.impacts,
-            split_fraction(block.start),
-            split_fraction(block.end),
-            counts,
-            self._tally,
-            self._classes,
-            self._part,
-        )
+        times = split_fraction(block.start), split_fraction(block.end)
+        sums = (self._tally, self._classes, self._part)
+        add_block(block.rpud, block.covering, block.impacts, *times, counts, *sums)
 
     @property
     def sums(self) -> tuple[np.ndarray, np.ndarray]:
@@ -160,17 +153,97 @@ class Statistics:
         self._duration += other._duration
         self._electrical += other._electrical
         self.feed = sum_accounts((self.feed, other.feed))
-        one, another = self._tally, other._tally
-        least, most = int(another["lowest_class"][0]), int(another["highest_class"][0])
+        least, most = np.minimum, np.maximum
+        extremes = {"lowest_class": least, "highest_class": most, "contact_force_max": most}
         for name in TALLY.names or ():
-            combine = {"lowest_class": np.minimum, "highest_class": np.maximum}.get(name, np.add)
-            one[name] = (np.maximum if name == "contact_force_max" else combine)(
-                one[name], another[name]
-            )
-        if least <= most:
-            self._classes[least : most + 1] += other._classes[least : most + 1]
+            self._tally[name] = extremes.get(name, np.add)(self._tally[name], other._tally[name])
+        self._classes += other._classes
 
-    def figures(self) -> dict[str, float | int | None]:
+    def figures(self) -> Figures:
         """Return duration and ``FIGURES`` in SI units; None if there is nothing to average."""
         quantile = class_at(self._tally, self._classes, QUANTILE)
         return figures_of(self._tally[0], self.duration, quantile)
+
+
+def account_of_tally(tally: np.void, electrical: float = 0.0) -> EnergyAccount:
+    """Return the account of a tally, with the electrical energy [J]."""
+    terms = zip(TERMS, tally["account"].tolist(), strict=True)
+    return EnergyAccount(**dict(terms), electrical=electrical)
+
+
+def account_between(
+    start: int, end: int, covering: np.ndarray, rpud: RpudConstants, electrical: float = 0.0
+) -> EnergyAccount:
+    """Return the account of the time between two times [ns] that segments cover."""
+    tally, classes, part = empty_tallies(1), np.zeros(CLASSES, np.int64), np.zeros(PART_ROOM)
+    times = split_fraction(start), split_fraction(end)
+    add_block(rpud, covering, join_records([], IMPACT), *times, False, tally, classes, part)
+    return account_of_tally(tally[0], electrical)
+
+
+def account_of(block: Block) -> EnergyAccount:
+    """Return the account of a block."""
+    times = (block.start, block.end)
+    return account_between(*times, block.covering, block.rpud, block.electrical_energy)
+
+
+class RecentEnergy:
+    """Mean powers over the blocks of the last second of simulation time."""
+
+    def __init__(self, has_feed: bool = False) -> None:
+        self._no_feed = FeedAccount(*[0.0 if has_feed else math.nan] * len(vars(FeedAccount())))
+        self._blocks: deque[Block] = deque()
+
+    def add(self, block: Block) -> None:
+        """Add a block that follows."""
+        self._blocks.append(block)
+        while self._blocks[0].end <= block.end - SECOND:
+            self._blocks.popleft()
+
+    def powers(self) -> dict[str, float]:
+        """Return mean powers by their name in ``rpud_msgs/Status`` [W]; zero before the start.
+
+        ``actuator_power + weight_power + change_power`` is ``load_damper_power + collision_power +
+        absorbed_power + stored_power``, and with a feed ``feed_power`` is ``mount_power +
+        weight_on_bit_power``. Without one the first two of these are NaN.
+        """
+        total, feed, seconds = self._last_second()
+        energies = {
+            "actuator_power": total.actuator_work,
+            "weight_power": total.weight_on_bit_work + total.gravity_work,
+            "change_power": total.changes,
+            "load_damper_power": total.load_damper,
+            "collision_power": total.actuator_collisions + total.contact_resolution,
+            "absorbed_power": total.absorbed,
+            "stored_power": total.stored,
+            "weight_on_bit_power": total.weight_on_bit_work,
+            "feed_power": feed.work,
+            "mount_power": feed.kept,
+        }
+        return {name: _power(energy, seconds) for name, energy in energies.items()}
+
+    def coupling_power(self) -> float:
+        """Return the mean power of ``FeedAccount.coupling`` [W]; NaN without a feed."""
+        _, feed, seconds = self._last_second()
+        return _power(feed.coupling, seconds)
+
+    def _last_second(self) -> tuple[EnergyAccount, FeedAccount, float]:
+        """Return the accounts of the parts of the last second, and the time of these [s]."""
+        if not self._blocks:
+            return EnergyAccount(), self._no_feed, math.inf
+        first, *others = self._blocks
+        last = self._blocks[-1]
+        # Parts of the first block that ended before.
+        late = int(np.searchsorted(first.ends, last.end - SECOND, side="right"))
+        start = int(first.starts[late])
+        finished = [first.segments[first.opened[late] :], *(block.segments for block in others)]
+        covering = join_records([*finished, last.open_segment], SEGMENT)
+        # One by one, so that they have the same bits however they came.
+        feeds = islice(chain.from_iterable(block.feeds for block in self._blocks), late, None)
+        total = account_between(start, last.end, covering, last.rpud)
+        return total, sum(feeds, self._no_feed), (last.end - start) / SECOND
+
+
+def _power(energy: float, seconds: float) -> float:
+    # A quotient of NaN may have another sign on another processor.
+    return math.nan if math.isnan(energy) else energy / seconds

@@ -1,28 +1,17 @@
-"""Runs of a campaign: their flights, their outcomes, and the tests that pytest sees in them."""
+"""Flight of one run of a campaign beside the system under test, and its outcome."""
 
 from __future__ import annotations
 
 import dataclasses
-import json
 import math
 import time
-from collections.abc import Iterator, Sequence
-from pathlib import Path
+from collections.abc import Mapping, Sequence
 from typing import Any
 
-import pytest
-
-from rpud_sim.foundation.quantities import ParameterError
-from rpud_sim.testing.campaign_file import Campaign, CampaignRun, CampaignSystem, read_campaign
+from rpud_sim.testing.campaign_file import CampaignRun, CampaignSystem
 from rpud_sim.testing.drill import Drill
-from rpud_sim.testing.errors import (
-    DrillError,
-    ExpectationFailedError,
-    LostMessagesError,
-    SystemUnderTestError,
-)
+from rpud_sim.testing.errors import DrillError, ExpectationFailedError, SystemUnderTestError
 from rpud_sim.testing.expectations import verdict_line
-from rpud_sim.testing.item_drills import give_back_drills, take_drill
 from rpud_sim.verdicts import Expectation, Verdict
 from rpud_sim.verdicts.verdict import FAILED, PASSED, UNDECIDED
 
@@ -56,14 +45,10 @@ class RunOutcome:
             if verdict.outcome == FAILED
         ]
 
-    def to_json(self) -> str:
-        return json.dumps(dataclasses.asdict(self))
 
-
-def outcome_from_json(text: str) -> RunOutcome:
-    content = json.loads(text)
-    verdicts = tuple(Verdict(**each) for each in content.pop("verdicts"))
-    return RunOutcome(**content, verdicts=verdicts)
+def outcome_from_dict(content: Mapping[str, Any]) -> RunOutcome:
+    verdicts = tuple(Verdict(**each) for each in content["verdicts"])
+    return RunOutcome(content["ending"], content["reached"], content["text"], verdicts)
 
 
 def outcome_of(
@@ -72,7 +57,7 @@ def outcome_of(
     """Return an outcome with the verdict on the system under test itself."""
     outcome = {COMPLETED: PASSED, BROKEN: UNDECIDED}.get(ending, FAILED)
     reason = text.partition("\n")[0] or ENDINGS[ending]
-    system = Verdict(SYSTEM, "", outcome, None, "", reached, None, reason)
+    system = Verdict(SYSTEM, "", outcome, at=reached, text=reason)
     return RunOutcome(ending, reached, text, (system, *verdicts))
 
 
@@ -80,59 +65,49 @@ def fly(
     drill: Drill, run: CampaignRun, system: CampaignSystem, expectations: Sequence[Expectation]
 ) -> RunOutcome:
     """Step the drill through a run beside the system under test, and judge what was published."""
-    ending, text = _step_through(drill, run, system, expectations)
-    if ending == COMPLETED:
-        return outcome_of(ending, drill.time, text, _judge(drill, expectations))
-    if not drill.alive:
-        raise DrillError(f"the drill has ended; its last lines:\n{drill.output}")
-    # Without all their topics, nothing was published on which expectations could be judged.
-    listening = not _missing_topics(drill, expectations)
-    verdicts = _judge(drill, expectations) if listening else ()
-    reached = drill.time
-    return outcome_of(ending, reached, text, [_cut_short(each, reached) for each in verdicts])
+    topics = {topic for each in expectations for topic in each.topics}
+    ending, text = COMPLETED, ""
+    try:
+        _step_through(drill, run.duration, system, topics)
+    except SystemUnderTestError as error:
+        ending, text = error.kind, str(error)
+        if not drill.alive:
+            raise DrillError(f"the drill has ended; its last lines:\n{drill.output}") from error
+        if _missing(drill, topics):  # it ended before there was something to judge
+            return outcome_of(ending, drill.time, text)
+    try:
+        verdicts = drill.expect(*expectations)
+    except ExpectationFailedError as failed:
+        verdicts = failed.verdicts
+    if ending != COMPLETED:
+        verdicts = tuple(_cut_short(each, drill.time) for each in verdicts)
+    return outcome_of(ending, drill.time, text, verdicts)
 
 
-def _step_through(
-    drill: Drill, run: CampaignRun, system: CampaignSystem, expectations: Sequence[Expectation]
-) -> tuple[str, str]:
-    """Return the ending, and the reason if the run ended early."""
+def _step_through(drill: Drill, duration: float, system: CampaignSystem, topics: set[str]) -> None:
     deadline = time.monotonic() + system.run_timeout
     drill.with_answers(*system.answers, period=system.period, timeout=system.answer_timeout)
-    try:
-        drill.start(
-            *system.command,
-            name=system.name,
-            hears=system.hears,
-            ready=system.ready or None,
-            timeout=system.start_timeout,
-        )
-        for topic in _missing_topics(drill, expectations):
-            drill.listen(topic)
-        duration = run.scenario.duration
-        for number in range(1, math.ceil(duration / system.period - 1e-9) + 1):
-            if time.monotonic() > deadline:
-                return "late", (
-                    f"the run has reached {drill.time:.3f} s of simulation time after "
-                    f"{system.run_timeout:g} s"
-                )
-            drill.step(min(number * system.period, duration) - drill.time)
-    except SystemUnderTestError as error:
-        return error.kind, str(error)
-    return COMPLETED, ""
+    drill.start(
+        *system.command,
+        name=system.name,
+        hears=system.hears,
+        ready=system.ready or None,
+        timeout=system.start_timeout,
+    )
+    for topic in _missing(drill, topics):
+        drill.listen(topic)
+    for number in range(1, math.ceil(duration / system.period - 1e-9) + 1):
+        if time.monotonic() > deadline:
+            reached = f"{drill.time:.3f} s of simulation time"
+            text = f"the run has reached {reached} after {system.run_timeout:g} s"
+            raise SystemUnderTestError(system.name, "late", text)
+        drill.step(min(number * system.period, duration) - drill.time)
 
 
-def _missing_topics(drill: Drill, expectations: Sequence[Expectation]) -> list[str]:
+def _missing(drill: Drill, topics: set[str]) -> list[str]:
     """Return the topics of expectations that are not listened to yet."""
     heard = [name.removeprefix(f"{drill.namespace}/") for name in drill.heard]
-    topics = {topic for expectation in expectations for topic in expectation.topics}
     return sorted(topics - {*heard, *drill.heard})
-
-
-def _judge(drill: Drill, expectations: Sequence[Expectation]) -> tuple[Verdict, ...]:
-    try:
-        return drill.expect(*expectations)
-    except ExpectationFailedError as error:
-        return error.verdicts
 
 
 def _cut_short(verdict: Verdict, reached: float) -> Verdict:
@@ -141,55 +116,3 @@ def _cut_short(verdict: Verdict, reached: float) -> Verdict:
         return verdict
     text = f"the run ended early, at {reached:.9g} s; until then: {verdict.text}"
     return dataclasses.replace(verdict, outcome=UNDECIDED, margin=None, unit="", text=text)
-
-
-class RunFailedError(AssertionError):
-    """Run of a campaign in which a verdict failed."""
-
-
-class CampaignFile(pytest.File):
-    """Campaign file: an item for each run."""
-
-    def collect(self) -> Iterator[CampaignItem]:
-        try:
-            campaign = read_campaign(self.path)
-        except ParameterError as error:
-            raise self.CollectError(str(error)) from None
-        for run in campaign.runs:
-            yield CampaignItem.from_parent(self, name=run.name, run=run, campaign=campaign)
-
-
-class CampaignItem(pytest.Item):
-    """Run of a campaign."""
-
-    def __init__(self, run: CampaignRun, campaign: Campaign, **options: Any) -> None:
-        super().__init__(**options)
-        self._run, self._campaign = run, campaign
-        self.rpud_outcome: RunOutcome | None = None
-
-    def runtest(self) -> None:
-        """Fly the run; a failed verdict fails the test.
-
-        An undecided one may be decided by another run; see ``CampaignSession``.
-        """
-        system = self._campaign.system
-        try:
-            drill = take_drill(self, self._run.setup, system.folder)
-            self.rpud_outcome = fly(drill, self._run, system, self._campaign.expectations)
-        except (DrillError, LostMessagesError, ParameterError) as error:
-            self.rpud_outcome = outcome_of(BROKEN, 0.0, str(error))
-            raise
-        if failures := self.rpud_outcome.failures:
-            raise RunFailedError("\n".join(failures))
-
-    def teardown(self) -> None:
-        give_back_drills(self)
-
-    def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: Any = None) -> Any:
-        """Return the reasons without a traceback into this package."""
-        if isinstance(excinfo.value, AssertionError | DrillError | ParameterError):
-            return str(excinfo.value)
-        return super().repr_failure(excinfo, style)
-
-    def reportinfo(self) -> tuple[Path, int, str]:
-        return self.path, 0, self.name

@@ -1,33 +1,87 @@
-"""Plugin of pytest for campaigns: collects their files, gathers outcomes, writes their pages.
+"""Campaigns in pytest: their files and runs as tests, their outcomes, and the pages of results.
 
 pytest loads this module in every run, so it imports nothing heavy before it finds a campaign.
 """
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import re
-from collections.abc import Generator
+from collections.abc import Generator, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pytest
 
+from rpud_sim.foundation.quantities import ParameterError
+from rpud_sim.foundation.terminal import printable
 from rpud_sim.foundation.whole_folder import whole_file
+from rpud_sim.testing.errors import DrillError, LostMessagesError
+from rpud_sim.testing.item_drills import give_back_drills, take_drill
 
 if TYPE_CHECKING:
+    from rpud_sim.testing.campaign_file import Campaign, CampaignRun
     from rpud_sim.testing.campaign_results import CampaignResults
+    from rpud_sim.testing.campaign_runs import RunOutcome
 
-_SUFFIXES = (".yaml", ".yml")
 NAME = "rpud_campaigns"  # of the plugin, by which its results are found
-
 # Keys that together only campaigns have.
-_KEYS = (
-    *(re.compile(rb"^%b:" % key, re.M) for key in (b"system", b"scenarios", b"expectations")),
-    re.compile(rb"\banswers:"),
-)
+_KEYS = (rb"^system:", rb"^scenarios:", rb"^expectations:", rb"\banswers:")
 _LONGEST = 100_000  # bytes that a campaign file may have
-_UNSAFE = re.compile(r"[^\w.=+-]+")
+
+
+class RunFailedError(AssertionError):
+    """Run of a campaign in which a verdict failed."""
+
+
+class CampaignFile(pytest.File):
+    """Campaign file: an item for each run."""
+
+    def collect(self) -> Iterator[CampaignItem]:
+        from rpud_sim.testing.campaign_file import read_campaign
+
+        try:
+            campaign = read_campaign(self.path)
+        except ParameterError as error:
+            raise self.CollectError(str(error)) from None
+        for run in campaign.runs:
+            yield CampaignItem.from_parent(self, name=run.name, run=run, campaign=campaign)
+
+
+class CampaignItem(pytest.Item):
+    """Run of a campaign."""
+
+    def __init__(self, run: CampaignRun, campaign: Campaign, **options: Any) -> None:
+        super().__init__(**options)
+        self._run, self._campaign = run, campaign
+        self.rpud_outcome: RunOutcome | None = None
+
+    def runtest(self) -> None:
+        """Fly the run; a failed verdict fails the test, an undecided one another run may decide."""
+        from rpud_sim.testing.campaign_runs import BROKEN, fly, outcome_of
+
+        system = self._campaign.system
+        try:
+            drill = take_drill(self, self._run.setup, system.folder)
+            self.rpud_outcome = fly(drill, self._run, system, self._campaign.expectations)
+        except (DrillError, LostMessagesError, ParameterError) as error:
+            self.rpud_outcome = outcome_of(BROKEN, 0.0, str(error))
+            raise
+        if failures := self.rpud_outcome.failures:
+            raise RunFailedError("\n".join(failures))
+
+    def teardown(self) -> None:
+        give_back_drills(self)
+
+    def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: Any = None) -> Any:
+        """Return the reasons without a traceback into this package."""
+        if isinstance(excinfo.value, AssertionError | DrillError | ParameterError):
+            return str(excinfo.value)
+        return super().repr_failure(excinfo, style)
+
+    def reportinfo(self) -> tuple[Path, int, str]:
+        return self.path, 0, self.name
 
 
 class CampaignSession:
@@ -36,61 +90,65 @@ class CampaignSession:
     def __init__(self, config: pytest.Config) -> None:
         self.results: dict[str, CampaignResults] = {}  # by the path of the campaign's page
         self._config = config
-        self._reports: dict[str, dict[str, Any]] = {}  # of each run, by the name of its test
+        self._runs: dict[str, dict[str, Any]] = {}  # what is reported of each, by its test's name
 
-    def pytest_collect_file(
-        self, file_path: Path, parent: pytest.Collector
-    ) -> pytest.Collector | None:
-        if file_path.suffix not in _SUFFIXES or not _is_campaign(file_path):
+    def pytest_collect_file(self, file_path: Path, parent: pytest.Collector) -> CampaignFile | None:
+        if file_path.suffix not in (".yaml", ".yml"):
             return None
-        from rpud_sim.testing.campaign_runs import CampaignFile
-
+        try:
+            with file_path.open("rb") as file:
+                content = file.read(_LONGEST + 1)
+        except OSError:
+            return None
+        if len(content) > _LONGEST or not all(re.search(key, content, re.M) for key in _KEYS):
+            return None
         return CampaignFile.from_parent(parent, path=file_path)
 
     @pytest.hookimpl(hookwrapper=True)
     def pytest_runtest_makereport(
         self, item: pytest.Item, call: pytest.CallInfo[None]
     ) -> Generator[None, Any, None]:
-        """Add the outcome of a run to its report, which may come from another process."""
+        """Add the outcome of a run to its report, which may go to another process."""
         result = yield
         outcome = getattr(item, "rpud_outcome", None)
         if call.when == "call" and outcome is not None:
-            result.get_result().rpud_run = {
-                "file": str(item.path),
-                "name": item.name,
-                "outcome": outcome.to_json(),
-            }
+            run = {"file": str(item.path), "name": item.name, **dataclasses.asdict(outcome)}
+            result.get_result().rpud_run = run
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
         """Keep the outcome of a run, and the place of its artefacts."""
         run = getattr(report, "rpud_run", None)
         if run is not None:
-            self._reports[report.nodeid] = {**run, "wall_time": report.duration}
-        elif report.when == "teardown" and report.nodeid in self._reports:
-            self._reports[report.nodeid].update(report.user_properties)
+            self._runs[report.nodeid] = {**run, "wall_time": report.duration}
+        elif report.when == "teardown" and report.nodeid in self._runs:
+            self._runs[report.nodeid].update(report.user_properties)
 
     @pytest.hookimpl(tryfirst=True)  # before the results of pytest are written
     def pytest_sessionfinish(self, session: pytest.Session) -> None:
         """Write the page and the results of each campaign of which a run was flown."""
-        if not self._reports or hasattr(self._config, "workerinput"):
+        if not self._runs or hasattr(self._config, "workerinput"):
             return
         from rpud_sim.testing.campaign_results import campaign_page, results_from_reports
 
         folder = self._config.getoption("rpud_artefacts")
-        for file in dict.fromkeys(each["file"] for each in self._reports.values()):
-            reports = {test: each for test, each in self._reports.items() if each["file"] == file}
-            place = Path(self._config.rootpath, folder)
-            results = results_from_reports(Path(file), reports.values(), place)
-            file_id = next(iter(reports)).partition("::")[0]
-            name = file_id.replace("/", "-")
-            page = place / _UNSAFE.sub("_", Path(name).with_suffix(".html").name)
+        place = Path(self._config.rootpath, folder)
+        for file in dict.fromkeys(each["file"] for each in self._runs.values()):
+            runs = {test: each for test, each in self._runs.items() if each["file"] == file}
+            results = results_from_reports(Path(file), list(runs.values()), place)
+            file_id = next(iter(runs)).partition("::")[0]
+            name = re.sub(r"[^\w.=+-]+", "_", file_id.replace("/", "-"))
+            page = (place / name).with_suffix(".html")
             self.results[str(page)] = results
             self._report_undecided(session, file_id, results)
             if folder:
                 place.mkdir(parents=True, exist_ok=True)
-                _write(page, campaign_page(results))
-                content = json.dumps(results.to_dict(), indent=2)
-                _write(page.with_suffix(".json"), content + "\n")
+                content = json.dumps(results.to_dict(), indent=2) + "\n"
+                for path, text in (
+                    (page, campaign_page(results)),
+                    (page.with_suffix(".json"), content),
+                ):
+                    with whole_file(path) as unfinished:
+                        unfinished.write_text(text, encoding="utf-8")
 
     def _report_undecided(
         self, session: pytest.Session, file_id: str, results: CampaignResults
@@ -111,25 +169,11 @@ class CampaignSession:
 
     def pytest_terminal_summary(self, terminalreporter: Any) -> None:
         """Print the matrix of requirements by faults of each campaign."""
-        from rpud_sim.foundation.terminal import printable
-
         for page, results in self.results.items():
             terminalreporter.write_sep("=", f"campaign {printable(results.campaign.name)}")
-            for line in results.lines():
+            lines = [
+                *results.lines(),
+                *([page] if self._config.getoption("rpud_artefacts") else []),
+            ]
+            for line in lines:
                 terminalreporter.write_line(printable(line))
-            if self._config.getoption("rpud_artefacts"):
-                terminalreporter.write_line(printable(page))
-
-
-def _is_campaign(file: Path) -> bool:
-    try:
-        with file.open("rb") as stream:
-            content = stream.read(_LONGEST + 1)
-    except OSError:
-        return False
-    return len(content) <= _LONGEST and all(key.search(content) for key in _KEYS)
-
-
-def _write(file: Path, text: str) -> None:
-    with whole_file(file) as unfinished:
-        unfinished.write_text(text, encoding="utf-8")

@@ -10,7 +10,13 @@ from typing import TYPE_CHECKING, Any
 
 import yaml
 
-from rpud_sim.foundation.quantities import ParameterError, did_you_mean, shown, shown_name
+from rpud_sim.foundation.quantities import (
+    ParameterError,
+    did_you_mean,
+    shown,
+    shown_name,
+    suggestion,
+)
 from rpud_sim.foundation.yaml_files import open_yaml
 from rpud_sim.simulation.configuration import (
     PARAMETERS,
@@ -65,13 +71,14 @@ def drill_setup(options: Mapping[str, Any], folders: Sequence[Path] = ()) -> Dri
                 f"{shown_name(name)} is neither a parameter of the drill nor one of "
                 f"{', '.join(_OWN)}; {did_you_mean(name, known)}"
             )
+    folders = (*folders, Path())
     values: dict[str, Any] = {}
     faults = options.get("faults")
     if options.get("config") is not None:
-        file = _find(options["config"], "config", folders)
+        file = find_file(options["config"], "config", folders)
         values = read_parameter_file(file)
         if values.get("scenario") and faults is None:
-            faults = _find(values["scenario"], "scenario", (file.parent, *folders))
+            faults = find_file(values["scenario"], "scenario", (file.parent, *folders))
     values.update((name, options[name]) for name in options if name not in _OWN)
     if options.get("seed") is not None:
         values["seed"] = options["seed"]
@@ -86,15 +93,19 @@ def drill_setup(options: Mapping[str, Any], folders: Sequence[Path] = ()) -> Dri
     return DrillSetup(values, settings.seed, scenario, namespace)
 
 
-def _find(given: Any, name: str, folders: Sequence[Path]) -> Path:
+def find_file(given: Any, name: str, folders: Sequence[Path]) -> Path:
+    """Return the file of a path that may be relative to one of some folders."""
     if not isinstance(given, str | Path):
         raise ParameterError(f"{name} = {shown(given)} is not a path")
-    places = [folder / given for folder in (*folders, Path())]
-    found = next((place for place in places if place.is_file()), None)
-    if found is None:
-        looked = ", ".join(dict.fromkeys(str(place) for place in places))
-        raise ParameterError(f"{name} = {shown(str(given))} is no file: looked for {looked}")
-    return found.resolve()
+    places = [folder / given for folder in folders]
+    for place in places:
+        if place.is_file():
+            return place.resolve()
+    parents = [place.parent for place in places if place.parent.is_dir()]
+    beside = [each.name for parent in parents for each in parent.iterdir()]
+    looked = ", ".join(dict.fromkeys(map(str, places)))
+    hint = suggestion(Path(given).name, beside)
+    raise ParameterError(f"{name} = {shown(str(given))} is no file: looked for {looked}{hint}")
 
 
 def _scenario(faults: Any, folders: Sequence[Path], configuration: Configuration) -> str:
@@ -104,7 +115,7 @@ def _scenario(faults: Any, folders: Sequence[Path], configuration: Configuration
             f"{did_you_mean(faults, KINDS)}"
         )
     if isinstance(faults, Path) or (isinstance(faults, str) and faults not in KINDS):
-        file = _find(faults, "faults", folders)
+        file = find_file(faults, "faults", folders)
         content = open_yaml(file, truth_values=False).value
         name = str(file)
     else:

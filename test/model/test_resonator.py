@@ -13,7 +13,7 @@ from support import examples
 from rpud_sim.model import resonator
 from rpud_sim.model.closed_form import advance_phase, harmonic_vibration
 from rpud_sim.model.drill import STATE, derive
-from rpud_sim.model.energy import actuator_work
+from rpud_sim.model.energy import actuator_work, held_motion
 from rpud_sim.model.engine import Engine
 from rpud_sim.model.parameters import preset
 from rpud_sim.model.resonator import Resonance
@@ -169,7 +169,9 @@ def test_the_load_of_a_contact_is_the_integral_of_its_force(seed, contact, time)
     real = quad(lambda s: force(s) * math.cos(angle(s)), 0.0, time, limit=200)[0]
     imag = quad(lambda s: force(s) * math.sin(angle(s)), 0.0, time, limit=200)[0]
     assert integral == pytest.approx(complex(real, imag), rel=1e-6, abs=1e-9)
-    assert work == pytest.approx(actuator_work(segment, 0.0, time), rel=1e-9, abs=1e-12)
+    assert work == pytest.approx(
+        actuator_work(segment, held_motion(segment, 0.0), time), rel=1e-9, abs=1e-12
+    )
 
 
 def test_the_loaded_vibration_is_smaller():

@@ -11,7 +11,7 @@ from rpud_sim.drilling.rock import preset_layer
 from rpud_sim.model.drill import derive
 from rpud_sim.simulation import Fault, Feed, Simulation, preset, to_configuration
 from rpud_sim.simulation.percussion import FORCE_WINDOW, PercussionMeter
-from rpud_sim.simulation.recent_energy import account_of
+from rpud_sim.simulation.statistics import account_of
 
 SECOND = 1_000_000_000
 PERIOD = SECOND // 50  # of the force control

@@ -20,10 +20,10 @@ from rpud_sim.simulation.actuator import ActuatorParameters
 from rpud_sim.simulation.block import join_blocks
 from rpud_sim.simulation.commands import Drive, Feed, WeightOnBit
 from rpud_sim.simulation.configuration import Configuration, to_settings
-from rpud_sim.simulation.energy_account import EnergyAccount, mean_account
+from rpud_sim.simulation.energy_account import EnergyAccount, mean_of
 from rpud_sim.simulation.faults import Fault
-from rpud_sim.simulation.recent_energy import RecentEnergy, account_of
 from rpud_sim.simulation.simulation import Simulation
+from rpud_sim.simulation.statistics import RecentEnergy, account_of
 from rpud_sim.viewer.report import terms
 
 SECOND = 1_000_000_000
@@ -203,7 +203,7 @@ def test_the_gain_model_has_no_electrical_energy():
 
 def test_the_mean_is_term_by_term():
     one, other = EnergyAccount(actuator_work=1.0, stored=3.0), EnergyAccount(actuator_work=2.0)
-    assert mean_account([one, other]) == EnergyAccount(actuator_work=1.5, stored=1.5)
+    assert mean_of([one, other]) == EnergyAccount(actuator_work=1.5, stored=1.5)
 
 
 def test_powers_are_means_of_the_last_second_and_so_are_those_of_a_copy():

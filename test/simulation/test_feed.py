@@ -17,8 +17,8 @@ from rpud_sim.simulation.control import Control
 from rpud_sim.simulation.energy_account import EnergyAccount, FeedAccount
 from rpud_sim.simulation.fields import Bookkeeping
 from rpud_sim.simulation.journal import Journal
-from rpud_sim.simulation.recent_energy import account_of
 from rpud_sim.simulation.run import Beginning, Run
+from rpud_sim.simulation.statistics import account_of
 from rpud_sim.simulation.telemetry import one_by_one
 
 MILLISECOND = 1_000_000

@@ -17,11 +17,11 @@ from rpud_sim.simulation.configuration import to_settings
 from rpud_sim.simulation.faults import Fault
 from rpud_sim.simulation.fields import Bookkeeping
 from rpud_sim.simulation.journal import Journal
-from rpud_sim.simulation.recent_energy import account_of
 from rpud_sim.simulation.run import Beginning, Run
 from rpud_sim.simulation.sampling import Times
 from rpud_sim.simulation.scenario import Scenario, ScheduledFault
 from rpud_sim.simulation.simulation import Simulation
+from rpud_sim.simulation.statistics import account_of
 from rpud_sim.simulation.telemetry import Together, one_by_one
 from rpud_sim.simulation.topics import TOPICS
 

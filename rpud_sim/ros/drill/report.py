@@ -18,11 +18,10 @@ from rpud_sim.ros.drill.duplicate_nodes import DuplicateNodes
 from rpud_sim.ros.drill.pacer import Pacer
 from rpud_sim.ros.drill.publishers import RESULTS, DrillPublishers
 from rpud_sim.simulation.block import Block, join_blocks
-from rpud_sim.simulation.ensemble import Figures
 from rpud_sim.simulation.faults import FaultRecord
 from rpud_sim.simulation.fields import Bookkeeping, time_fields
 from rpud_sim.simulation.run import Run
-from rpud_sim.simulation.statistics import Statistics
+from rpud_sim.simulation.statistics import Figures, Statistics
 from rpud_sim.simulation.topics import MOUNT_FRAME, Fields
 
 # Power that the steps of the arm may lose or win, as a share of the work of actuator and feed.

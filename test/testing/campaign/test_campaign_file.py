@@ -51,8 +51,8 @@ def test_the_plan_has_every_combination_once(tmp_path):
     assert len(campaign.runs) == 3 * 3 * 2
     assert campaign.runs[0].name == "nominal free_mass=0.004 seed=1"
     assert len({run.name for run in campaign.runs}) == len(campaign.runs)
-    scenarios = dict.fromkeys(run.scenario for run in campaign.runs)
-    assert [(each.name, each.faults, each.duration) for each in scenarios] == [
+    scenarios = dict.fromkeys((run.scenario, run.faults, run.duration) for run in campaign.runs)
+    assert list(scenarios) == [
         ("nominal", (), 2.0),
         ("noisy", ("noise on wrench",), 2.0),
         ("jammed", ("free_mass_jammed", "off on wrench"), 3.0),
@@ -64,19 +64,18 @@ def test_the_plan_has_every_combination_once(tmp_path):
     }
     assert campaign.name == "campaign"
     assert campaign.system.command[0] == sys.executable
-    assert campaign.system.command_line.startswith("python supervisor.py --ros-args")
 
 
 @pytest.mark.parametrize(
     ("old", "new", "line", "words"),
     [
         ("seeds:", "seads:", 9, "'seads': did you mean seeds?"),
-        ("seeds: [1, 2]", "seeds: [1, 1]", 9, "seeds has a number twice"),
-        ("supervisor.py", "supervisr.py", 4, "is no file in .* (did you mean supervisor.py?)"),
+        ("seeds: [1, 2]", "seeds: [1, 1]", 9, ".* has a value twice"),
+        ("supervisor.py", "supervisr.py", 4, "is no file: .* (did you mean supervisor.py?)"),
         ("python supervisor.py", "pyhton supervisor.py", 4, "no program 'pyhton' on the PATH"),
         ("weight_on_bit]", "weight_on_bitt]", 5, "did you mean command/weight_on_bit?"),
-        ("[command/weight_on_bit]", "[status]", 5, "status is a topic of the drill itself"),
-        ("[command/weight_on_bit]", "[]", 5, "answers names no topic"),
+        ("[command/weight_on_bit]", "[status]", 5, "is a topic of the drill itself"),
+        ("[command/weight_on_bit]", "[]", 5, "is no list of values"),
         ("drive_enabled: true", "start_paused: true", 7, "runs in lockstep"),
         ("drive_enabled: true", "seed: 3", 7, "seed cannot be set here: give seeds"),
         ("faults.yaml", "fault.yaml", 13, "did you mean faults.yaml?"),
