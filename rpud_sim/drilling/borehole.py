@@ -123,7 +123,6 @@ def cut(
 
 
 def radius_of(area: float) -> float:
-    """Return the radius of a circle [m] of an area [m^2]."""
     return math.sqrt(area / math.pi)
 
 
@@ -220,7 +219,6 @@ class RecentDrilling:
 
     @property
     def penetration_rate(self) -> float:
-        """Mean rate of penetration [m/s]."""
         time = self._change_of(self._times)
         return self._change_of(self._depths) / time if time > 0.0 else 0.0
 
@@ -277,7 +275,6 @@ class Borehole:
 
     @property
     def state(self) -> BoreholeState:
-        """State at the last step."""
         new, blunt = self._bit.bit_wear_flat, self._bit.bit_blunt_flat
         worn = min(self._wear_flat * self._worn_factor, max(self._area, new))
         filling = self._cuttings.filling(self._tip, self._clogged)
@@ -293,7 +290,6 @@ class Borehole:
 
     @property
     def depth(self) -> float:
-        """Depth of the hole [m]."""
         return self._depth
 
     @property
@@ -302,7 +298,6 @@ class Borehole:
         return math.inf if self._through else self._depth
 
     def resistance(self, percussion: Percussion, disturbances: Disturbances) -> Resistance:
-        """Return the torque against the rotation of the drill tool."""
         if not (percussion.in_rock or self._tip > 0.0):
             return NO_RESISTANCE
         done = NO_CUT

@@ -99,7 +99,6 @@ class MountParameters(ParameterGroup):
             )
 
     def check(self, motion: Feed) -> None:
-        """Check that the feed can make a motion."""
         limit = self.feed_rate_limit
         if motion.mode == RATE and not -limit <= motion.value <= limit:
             raise ParameterError(
@@ -196,7 +195,6 @@ class Mount:
 
     @property
     def state(self) -> MountState:
-        """State at the last step."""
         rest = self._rest
         work = MountWork(
             self._feed_work,

@@ -132,7 +132,6 @@ class Strata(Shared):
 
 
 def preset_layer(rock: str, depth_from: float = 0.0) -> Layer:
-    """Return a layer of a rock of ``ROCKS``."""
     if not (isinstance(rock, str) and rock in ROCKS):
         raise ParameterError(f"rock = {shown(rock)} is unknown; {did_you_mean(rock, ROCKS)}")
     return Layer(name=rock, depth_from=depth_from, **ROCKS[rock])

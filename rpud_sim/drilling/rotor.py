@@ -121,7 +121,6 @@ class Rotor:
 
     @property
     def state(self) -> RotorState:
-        """State at the last step."""
         work = RotorWork(
             self._drawn,
             self._driven,
@@ -204,7 +203,6 @@ class _Decay(NamedTuple):
 
 
 def _decay_in(time: float, decay: float) -> _Decay:
-    """Return the decay in a time [s] at a rate [1/s]."""
     return _Decay(
         time,
         -exponential_minus_one(-decay * time) / decay,

@@ -135,12 +135,7 @@ THREE = Strata(
 
 @pytest.mark.parametrize(
     ("energy", "depth", "name"),  # of the layers: 20 mJ, 200 mJ, 1000 mJ
-    [
-        (0.02, 1e-3, "middle"),
-        (0.12, 1.5e-3, "middle"),
-        (0.72, 2.25e-3, "hard"),
-        (1.5, 2.5e-3, ""),
-    ],
+    [(0.02, 1e-3, "middle"), (0.12, 1.5e-3, "middle"), (0.72, 2.25e-3, "hard"), (1.5, 2.5e-3, "")],
 )
 def test_layers_are_crossed_at_their_depths_also_within_one_step(energy, depth, name):
     for steps in ([[energy]], [[energy / 7]] * 7):
