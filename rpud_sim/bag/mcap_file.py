@@ -2,55 +2,41 @@
 
 from __future__ import annotations
 
-import os
 import re
-import zlib
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager, suppress
-from functools import cache, cached_property, lru_cache, partial
+from functools import cached_property, lru_cache, partial
 from pathlib import Path
-from typing import BinaryIO
 
+import numpy as np
 from mcap.opcode import Opcode
-from mcap.records import (
-    Channel,
-    ChunkIndex,
-    Footer,
-    Metadata,
-    MetadataIndex,
-    Schema,
-    Statistics,
-)
-from mcap.summary import Summary
+from mcap.records import Channel, Chunk, Metadata, Schema
 
-from rpud_sim.bag.chunks import chunk_blocks, stretch_blocks
+from rpud_sim.bag.contents import Contents, Part, contents_of_closed, walked_contents
 from rpud_sim.bag.errors import BagError, BagFormatError
-from rpud_sim.bag.messages import REPEATED_KEY, BagSegment, MessageBlock
+from rpud_sim.bag.messages import LATEST, REPEATED_KEY, BagSegment, MessageBlock, items
 from rpud_sim.bag.metadata import Topic, TopicSummary, load_offered_qos
 from rpud_sim.bag.records import (
+    HEAD,
     MAGIC,
+    MESSAGE,
     RECORD,
-    message_index_times,
+    RecordFile,
+    message_index,
     parse,
-    parse_chunk_index,
-    read_record,
     reading,
+    records_in,
+    uncompressed,
 )
-from rpud_sim.bag.scan import RecordWalk
-
-# Greatest summary section [bytes]; that of an hour's recording has less than one MiB.
-SUMMARY_LIMIT = 64 * 2**20
 
 RECORDS_LIMIT = 64 * 2**20  # greatest size of all metadata records of one name together [bytes]
 
-_REMEDY = "rpud recover makes a whole bag of it"
-_FOOTER_SIZE = RECORD.size + 20
 _COMMENT = re.compile(r"#.*")
 _NO_SCHEMA = Schema(id=0, data=b"", encoding="", name="")
 
 
 class McapFile:
-    """Open MCAP file with its summary section; ``shown`` is its name in errors.
+    """Open MCAP file; ``shown`` is its name in errors.
 
     With ``repeats`` it includes messages that the file repeats of the previous one. With
     ``unclosed`` a file that was not closed, or lost its end, is read up to its last whole record.
@@ -67,29 +53,37 @@ class McapFile:
         self._shown = shown or path
         self.closed = True  # whether the file was closed
         with reading(self._shown):
-            self._stream: BinaryIO = path.open("rb")
+            self._stream = path.open("rb")
         try:
             with reading(self._shown):
-                self.size = os.fstat(self._stream.fileno()).st_size
+                self._file = RecordFile(self._stream)
+                self.size = self._file.size
                 try:
-                    _check_ends(self._stream, self.size, self._shown)
-                    self._index = _read_summary(self._stream, self.size)
-                    self.statistics = _checked_statistics(self._index)
+                    self._contents = contents_of_closed(self._file, self._shown)
                 except BagFormatError:
-                    if not unclosed or not self._walk.end > len(MAGIC):
+                    if not unclosed or not self._walked.end > len(MAGIC):
                         raise
                     self.closed = False
-                    self._index = self._walk.summary
-                    self.statistics = _checked_statistics(self._index)
+                    self._contents = self._walked
         except BaseException:
             self._stream.close()
             raise
-        self.schemas = self._index.schemas
+        self.schemas, self.counts = self._contents.schemas, self._contents.counts
+        self.start_time, self.end_time = self._contents.first, self._contents.last
         self.channels = {
             number: channel
-            for number, channel in self._index.channels.items()
+            for number, channel in self._contents.channels.items()
             if repeats or REPEATED_KEY not in channel.metadata
         }
+        left_out = self._contents.channels.keys() - self.channels.keys()
+        repeated = sum(self.counts.get(number, 0) for number in left_out)
+        self.message_count = self._contents.message_count - repeated
+        # Compressions of the chunks; an empty text for those without.
+        self.compressions = {each.compression or "" for each in self._contents.parts}
+        # Of each topic; each publisher may have had its own.
+        self.topic_channels: dict[str, list[Channel]] = {}
+        for channel in self.channels.values():
+            self.topic_channels.setdefault(channel.topic, []).append(channel)
 
     def __enter__(self) -> McapFile:
         return self
@@ -97,42 +91,13 @@ class McapFile:
     def __exit__(self, *_: object) -> None:
         self._stream.close()
 
-    @property
-    def message_count(self) -> int:
-        """Messages of the channels."""
-        counts = self.statistics.channel_message_counts
-        left_out = self._index.channels.keys() - self.channels.keys()
-        return self.statistics.message_count - sum(counts.get(number, 0) for number in left_out)
-
-    @property
-    def start_time(self) -> int:
-        """Log time of the first message [ns]."""
-        return self.statistics.message_start_time
-
-    @property
-    def end_time(self) -> int:
-        """Log time of the last message [ns]."""
-        return self.statistics.message_end_time
-
-    @property
-    def compressions(self) -> set[str]:
-        """Compressions of the chunks; an empty text for those without."""
-        return {index.compression for index in self._index.chunk_indexes}
-
-    @cached_property
-    def topic_channels(self) -> dict[str, list[Channel]]:
-        """Channels of each topic; each publisher may have had its own."""
-        found: dict[str, list[Channel]] = {}
-        for channel in self.channels.values():
-            found.setdefault(channel.topic, []).append(channel)
-        return found
-
     def records(self, name: str) -> Iterator[dict[str, str]]:
-        offsets = {index.offset for index in self._index.metadata_indexes if index.name == name}
+        """Yield the content of the metadata records of a name."""
+        offsets = {offset for one, offset in self._contents.metadata if one == name}
         total = 0
         with self._reading():
             for offset in sorted(offsets):
-                found = read_record(self._stream, offset, self.size)
+                found = self._file.record(offset)
                 record = parse(found)
                 total += len(found.content)
                 if not isinstance(record, Metadata):
@@ -148,7 +113,6 @@ class McapFile:
             channels = self.topic_channels[name]
             schema = self.schemas.get(channels[0].schema_id, _NO_SCHEMA)
             first, last = self._span({channel.id for channel in channels})
-            counts = self.statistics.channel_message_counts
             return TopicSummary(
                 topic=Topic(
                     name=name,
@@ -157,7 +121,7 @@ class McapFile:
                     offered_qos=_offered_qos(channels[0].metadata.get("offered_qos_profiles", "")),
                     serialization_format=channels[0].message_encoding,
                 ),
-                message_count=sum(counts.get(channel.id, 0) for channel in channels),
+                message_count=sum(self.counts.get(channel.id, 0) for channel in channels),
                 first_time=first,
                 last_time=last,
                 definition=self._definitions.get(schema.id),
@@ -166,52 +130,38 @@ class McapFile:
 
     def segments(self) -> Iterator[BagSegment]:
         """Yield the parts that can be read by themselves, in the order of the file."""
+        contents = self._contents
         with self._reading():
-            walk = None if self.closed and self._index.chunk_indexes else self._walk
-        everything = frozenset(self.topic_channels)
-        for chunk in (walk.summary if walk else self._index).chunk_indexes:
-            held = chunk.message_index_offsets
-            yield BagSegment(
-                chunk.message_start_time,
-                chunk.message_end_time,
-                chunk.uncompressed_size,
-                self._names(held) if held else everything,
-                partial(self._blocks, partial(chunk_blocks, self._stream, chunk)),
-            )
-        for stretch in walk.stretches if walk else ():
-            read = partial(stretch_blocks, self._stream, stretch.start, stretch.end)
-            yield BagSegment(
-                stretch.first,
-                stretch.last,
-                stretch.end - stretch.start,
-                self._names(stretch.channels),
-                partial(self._blocks, read),
-            )
-        if walk and self.closed and not walk.whole:
-            yield BagSegment(self.end_time, self.end_time, 0, everything, self._no_blocks)
+            if self.closed and not contents.parts:
+                contents = self._walked
+                if not contents.whole:
+                    raise BagFormatError("its messages do not end as they should")
+        channels, everything = self.channels, frozenset(self.topic_channels)
+        for part in contents.parts:
+            held = [
+                channels[each].topic for each in part.indexes or part.counts if each in channels
+            ]
+            known = part.indexes or part.compression is None
+            topics = frozenset(held) if known else everything
+            blocks = partial(self._blocks, part)
+            yield BagSegment(part.first, part.last, part.size, topics, blocks)
 
-    def _names(self, numbers: Iterable[int]) -> frozenset[str]:
-        channels = self.channels
-        return frozenset(channels[number].topic for number in numbers if number in channels)
-
-    def _blocks(
-        self,
-        read: Callable[[Mapping[int, str]], list[MessageBlock]],
-        topics: Collection[str] | None,
-    ) -> list[MessageBlock]:
-        names = {
+    def _blocks(self, part: Part, topics: Collection[str] | None) -> list[MessageBlock]:
+        """Return the messages of a part, a block for each topic in the order of log times."""
+        wanted = {
             number: channel.topic
             for number, channel in self.channels.items()
             if topics is None or channel.topic in topics
         }
         with self._reading():
-            return read(names)
-
-    def _no_blocks(self, topics: Collection[str] | None) -> list[MessageBlock]:
-        """Say why a file without chunks cannot be read to its end."""
-        with self._reading():
-            read_record(self._stream, self._walk.end, self.size - len(MAGIC))
-            raise BagFormatError("its messages do not end as they should")
+            if part.compression is None:
+                content = self._file.content(part.start, part.end - part.start)
+            else:
+                chunk = parse(self._file.record(part.start, part.end))
+                if not isinstance(chunk, Chunk) or chunk.uncompressed_size != part.size:
+                    raise BagFormatError("a chunk is not what its index says")
+                content = uncompressed(chunk)
+            return _blocks_in(content, wanted)
 
     @contextmanager
     def _reading(self) -> Iterator[None]:
@@ -221,8 +171,8 @@ class McapFile:
             yield
 
     @cached_property
-    def _walk(self) -> RecordWalk:
-        return RecordWalk(self._stream, self.size)
+    def _walked(self) -> Contents:
+        return walked_contents(self._file)
 
     @cached_property
     def _definitions(self) -> dict[int, str]:
@@ -239,11 +189,12 @@ class McapFile:
         return channel.message_encoding, schema.name, _without_comments(text)
 
     @cached_property
-    def _chunks_of(self) -> dict[int, list[ChunkIndex]]:
-        found: dict[int, list[ChunkIndex]] = {}
-        for index in self._index.chunk_indexes:
-            for channel in index.message_index_offsets:
-                found.setdefault(channel, []).append(index)
+    def _parts_of(self) -> dict[int, list[Part]]:
+        """Parts that have an index of a channel."""
+        found: dict[int, list[Part]] = {}
+        for part in self._contents.parts:
+            for channel in part.indexes:
+                found.setdefault(channel, []).append(part)
         return found
 
     def _span(self, channels: set[int]) -> tuple[int | None, int | None]:
@@ -251,36 +202,28 @@ class McapFile:
 
         It reads as few message indexes as possible: files have thousands.
         """
-        holding = {
-            index.chunk_start_offset: index
-            for channel in channels
-            for index in self._chunks_of.get(channel, ())
-        }
-        extremes = cache(lambda place: self._extremes(holding[place], channels))
-        earliest: list[int] = []
-        for index in sorted(holding.values(), key=lambda index: index.message_start_time):
-            if earliest and index.message_start_time >= min(earliest):
+        parts = {part.start: part for each in channels for part in self._parts_of.get(each, ())}
+        firsts: list[int] = []
+        for part in sorted(parts.values(), key=lambda part: part.first):
+            if firsts and part.first >= min(firsts):
                 break
-            earliest += extremes(index.chunk_start_offset)[:1]
-        latest: list[int] = []
-        for index in sorted(holding.values(), key=lambda index: -index.message_end_time):
-            if latest and index.message_end_time <= max(latest):
+            firsts += self._extremes(part, channels)[:1]
+        lasts: list[int] = []
+        for part in sorted(parts.values(), key=lambda part: -part.last):
+            if lasts and part.last <= max(lasts):
                 break
-            latest += extremes(index.chunk_start_offset)[1:]
-        return min(earliest, default=None), max(latest, default=None)
+            lasts += self._extremes(part, channels)[1:]
+        return min(firsts, default=None), max(lasts, default=None)
 
-    def _extremes(self, index: ChunkIndex, channels: set[int]) -> list[int]:
-        """Return the first and the last log time of channels in a chunk; empty without messages."""
-        extremes: list[int] = []
-        offsets = index.message_index_offsets
-        for channel in channels:
-            if channel not in offsets:  # a set operation would visit all channels of the chunk
-                continue
-            _, times = message_index_times(read_record(self._stream, offsets[channel], self.size))
-            for time in times:
-                first, last = extremes or (time, time)
-                extremes = [min(time, first), max(time, last)]
-        return extremes
+    def _extremes(self, part: Part, channels: set[int]) -> list[int]:
+        """Return the first and the last log time of channels in a part; empty without messages."""
+        # A set operation would visit all channels of the part.
+        offsets = [part.indexes[each] for each in channels if each in part.indexes]
+        indexes = (message_index(self._file.record(offset))[1] for offset in offsets)
+        times = [index["log_time"] for index in indexes if len(index)]
+        if not times:
+            return []
+        return [int(min(map(np.min, times))), int(max(map(np.max, times)))]
 
 
 # Thousands of channels share a few texts.
@@ -292,69 +235,32 @@ def _without_comments(definition: str) -> str:
     return " ".join(_COMMENT.sub("", definition).split())
 
 
-def _check_ends(stream: BinaryIO, size: int, name: object) -> None:
-    """Check that a file begins and ends as a closed MCAP file; ``size`` is in bytes."""
-    stream.seek(0)
-    if stream.read(len(MAGIC)) != MAGIC:
-        raise BagFormatError(f"{name} is not an MCAP file")
-    stream.seek(max(0, size - len(MAGIC)))
-    if size < 2 * len(MAGIC) or stream.read() != MAGIC:
-        raise BagFormatError(f"{name} is cut off: it was not closed, or lost its end; {_REMEDY}")
+def _blocks_in(content: bytes, topics: dict[int, str]) -> list[MessageBlock]:
+    """Return the messages among records, a block for each topic in the order of log times.
 
-
-def _read_summary(stream: BinaryIO, size: int) -> Summary:
-    """Return the summary section of a file of ``size`` bytes that ends as it should."""
-    end = size - len(MAGIC) - _FOOTER_SIZE
-    footer = parse(read_record(stream, end, size - len(MAGIC)))
-    if not isinstance(footer, Footer) or not 0 < footer.summary_start <= end:
-        raise BagFormatError(f"it has no summary section; {_REMEDY}")
-    if end - footer.summary_start > SUMMARY_LIMIT:
-        raise BagFormatError(f"its summary section has more than {SUMMARY_LIMIT} bytes")
-    stream.seek(footer.summary_start)
-    # The checksum covers everything before itself; it is the footer's last field.
-    content = stream.read(size - len(MAGIC) - 4 - footer.summary_start)
-    if footer.summary_crc not in (0, zlib.crc32(content)):
-        raise BagFormatError("the checksum of its summary section is wrong")
-    summary = Summary()
-    offset = footer.summary_start
-    while offset < end:
-        found = read_record(stream, offset, end)
-        offset = found.end
-        if found.opcode == Opcode.CHUNK_INDEX:
-            summary.chunk_indexes.append(parse_chunk_index(found))
-            continue
-        record = parse(found)
-        if isinstance(record, Statistics):
-            summary.statistics = record
-        elif isinstance(record, Schema):
-            summary.schemas[record.id] = record
-        elif isinstance(record, Channel):
-            summary.channels[record.id] = record
-        elif isinstance(record, MetadataIndex):
-            summary.metadata_indexes.append(record)
-    place = 0
-    for index in sorted(summary.chunk_indexes, key=lambda index: index.chunk_start_offset):
-        if index.chunk_start_offset < place:
-            raise BagFormatError("its chunks overlap each other")
-        place = index.chunk_start_offset + index.chunk_length
-    if place > footer.summary_start:
-        raise BagFormatError("a chunk reaches beyond the file's data")
-    return summary
-
-
-def _checked_statistics(summary: Summary) -> Statistics:
-    """Return the statistics of a summary section that names everything they count.
-
-    The format makes each part of the section optional. Topics would be missing unnoticed if a part
-    were absent.
+    ``topics`` has the names of the channels to read, by their numbers.
     """
-    statistics = summary.statistics
-    if statistics is None:
-        raise BagFormatError(f"its summary section has no statistics; {_REMEDY}")
-    channels = summary.channels
-    counted = statistics.channel_message_counts.keys()
-    if statistics.channel_count > len(channels) or not counted <= channels.keys():
-        raise BagFormatError(f"its summary section lacks channels; {_REMEDY}")
-    if not {channel.schema_id for channel in channels.values()} <= {0, *summary.schemas}:
-        raise BagFormatError(f"its summary section lacks schemas; {_REMEDY}")
-    return statistics
+    data = np.frombuffer(content, np.uint8)
+    starts = [start for opcode, start, _ in records_in(content) if opcode == Opcode.MESSAGE]
+    places = np.array(starts, np.int64) - RECORD.size
+    heads = items(data, HEAD)[places] if starts else np.empty(0, HEAD)
+    names: dict[str, int] = {}
+    held = np.bincount(heads["channel"])
+    numbers = np.full(len(held), -1)  # of the topic of each channel; -1 if it is not wanted
+    for channel in np.flatnonzero(held).tolist():
+        if channel in topics:
+            numbers[channel] = names.setdefault(topics[channel], len(names))
+    of_message = numbers[heads["channel"]]
+    order = np.lexsort((heads["log_time"], of_message))
+    cuts = np.searchsorted(of_message[order], np.arange(len(names) + 1))
+    blocks = []
+    for number, name in enumerate(names):
+        rows = order[cuts[number] : cuts[number + 1]]
+        logs, sent = (_times(heads[each][rows]) for each in ("log_time", "publish_time"))
+        sizes = heads["length"][rows].astype(np.int64) - MESSAGE.size
+        blocks.append(MessageBlock(name, logs, sent, data, places[rows] + HEAD.itemsize, sizes))
+    return blocks
+
+
+def _times(times: np.ndarray) -> np.ndarray:
+    return times.astype(np.uint64 if (times > np.uint64(LATEST)).any() else np.int64)

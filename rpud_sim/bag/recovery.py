@@ -40,7 +40,7 @@ from rpud_sim.bag.metadata import (
     read_document,
 )
 from rpud_sim.bag.reader import BagReader
-from rpud_sim.bag.records import reading
+from rpud_sim.bag.records import RecordFile, reading
 from rpud_sim.bag.scan import Damage, MissingMessages, Scan
 from rpud_sim.bag.storage_files import SUFFIXES, in_order, storage_files
 from rpud_sim.bag.writer import BagWriter
@@ -153,7 +153,6 @@ def recover(
         recovered.add_custom_data(document.custom_data if document else {})
         for file in files:
             _FileRecovery(file, recovered, file == files[0]).run(progress)
-        recovered.count_gaps()
         bag.add_record(RECOVERY_RECORD, {"account": json.dumps(recovery.to_mapping())})
         bag.close()
         with BagReader(bag.path) as whole:
@@ -193,7 +192,7 @@ def files_to_recover(torn: str | os.PathLike[str]) -> list[Path]:
 
 def _holds_records(file: Path) -> bool:
     with reading(file), file.open("rb") as stream:
-        scan = Scan(stream, os.fstat(stream.fileno()).st_size)
+        scan = Scan(RecordFile(stream))
         return scan.begins or any(not isinstance(item, Damage) for item in scan)
 
 
@@ -212,7 +211,7 @@ class _RecoveredBag:
         self.bag, self.recovery = bag, recovery
         self._listed = 0  # characters of metadata.yaml, at most
         self._numbers: dict[tuple[Any, ...], int] = {}
-        self._gaps: dict[int, tuple[str, SequenceGaps]] = {}  # topic and gaps of each channel
+        self._gaps: dict[int, SequenceGaps] = {}  # of channels whose messages have numbers
 
     def number(self, channel: Channel, schema: Schema | None) -> int:
         """Return the number of a file's channel in the new bag, declared if it is new."""
@@ -229,32 +228,44 @@ class _RecoveredBag:
         account = self.recovery.topics[topic]
         account.recovered += 1
         account.unchecked += not checked
-        if number in self._gaps and (sequence := sequence_number(message.data)) is not None:
-            self._gaps[number][1].note(sequence)
-
-    def count_gaps(self) -> None:
-        for name, gaps in self._gaps.values():
-            topic = self.recovery.topic(name)
-            topic.gaps = (topic.gaps or 0) + gaps.missing
+        gaps = self._gaps.get(number)
+        if gaps is not None:
+            before = gaps.missing
+            gaps.note(sequence_number(message.data))
+            account.gaps = (account.gaps or 0) + gaps.missing - before
 
     def add_custom_data(self, content: Mapping[str, str]) -> None:
         """Add custom data, or note in the account that it is too large."""
         size = _characters(content)
         if size <= _CUSTOM_DATA_LIMIT:
             self.bag.custom_data.update(content)
-            return
-        self.recovery.note(
-            f"custom data of {size} characters is left out: at most {_CUSTOM_DATA_LIMIT}"
-        )
+        else:
+            reason = f"is left out: at most {_CUSTOM_DATA_LIMIT}"
+            self.recovery.note(f"custom data of {size} characters {reason}")
 
     def _declare(self, channel: Channel, schema: Schema | None) -> int:
-        type_name = schema.name if schema else ""
-        schema, definition = self._readable(schema)
-        metadata, offers = self._offers(channel)
+        """Declare a channel without what no bag can have: the account has the reasons."""
+        definition, metadata = "", dict(channel.metadata)
+        offers: tuple[QosProfile, ...] = ()
+        if schema is not None and schema.encoding == "ros2msg":
+            try:
+                definition = schema.data.decode()
+            except UnicodeDecodeError:
+                name = f"{schema.name:.80}"
+                self.recovery.note(f"the definition of {name} is left out: it is not UTF-8")
+                schema = Schema(id=schema.id, name=schema.name, encoding="", data=b"")
+        try:
+            offers = load_offered_qos(metadata.get(_OFFERS, ""))
+            if load_offered_qos(dump_offered_qos(offers)) != offers:
+                raise BagFormatError("they cannot be written as they were read")
+        except BagFormatError as error:
+            self.recovery.note(f"the offers on {channel.topic:.200} are left out: {error}")
+            offers = ()
+            del metadata[_OFFERS]
         topic = Topic(
             name=channel.topic,
-            type=type_name,
-            type_hash=channel.metadata.get("topic_type_hash", ""),
+            type=schema.name if schema else "",
+            type_hash=metadata.get("topic_type_hash", ""),
             offered_qos=offers,
             serialization_format=channel.message_encoding,
         )
@@ -263,32 +274,11 @@ class _RecoveredBag:
         if self._listed > _LISTED_LIMIT:
             raise BagFormatError("its topics are more than the metadata of a bag can list")
         number = self.bag.add_channel(topic, schema, metadata)
+        account = self.recovery.topic(topic.name, topic.type)
         if numbers_messages(definition):
-            self._gaps[number] = (channel.topic, SequenceGaps(lambda: max(1, len(offers))))
-        self.recovery.topic(channel.topic, type_name)
+            self._gaps[number] = SequenceGaps(lambda: max(1, len(offers)))
+            account.gaps = account.gaps or 0
         return number
-
-    def _readable(self, schema: Schema | None) -> tuple[Schema | None, str]:
-        """Return a schema without a definition that is not UTF-8, and its ``ros2msg`` text."""
-        if schema is None or schema.encoding != "ros2msg":
-            return schema, ""
-        try:
-            return schema, schema.data.decode()
-        except UnicodeDecodeError:
-            self.recovery.note(f"the definition of {schema.name:.80} is left out: it is not UTF-8")
-            return Schema(id=schema.id, name=schema.name, encoding="", data=b""), ""
-
-    def _offers(self, channel: Channel) -> tuple[dict[str, str], tuple[QosProfile, ...]]:
-        """Return a channel's metadata and its offers, both without offers that are unreadable."""
-        try:
-            offers = load_offered_qos(channel.metadata.get(_OFFERS, ""))
-            if load_offered_qos(dump_offered_qos(offers)) == offers:
-                return channel.metadata, offers
-            reason = "they cannot be written as they were read"
-        except BagFormatError as error:
-            reason = str(error)
-        self.recovery.note(f"the offers on {channel.topic:.200} are left out: {reason}")
-        return {key: text for key, text in channel.metadata.items() if key != _OFFERS}, ()
 
 
 class _FileRecovery:
@@ -299,7 +289,6 @@ class _FileRecovery:
         self._recovery = out.recovery
         self._schemas: dict[int, Schema] = {}
         self._channels: dict[int, Channel] = {}
-        self._sure: set[tuple[type, int]] = set()  # declarations with a checksum
         self._declared = 0
         self._numbers: dict[int, int] = {}  # of the file's channels in the new bag
         self._found: Counter[int] = Counter()  # messages of each channel
@@ -311,7 +300,7 @@ class _FileRecovery:
         """Recover the file; call ``progress`` with the bytes read since the last call."""
         expected = self._read_summary()
         with reading(self._file), self._file.open("rb") as stream:
-            scan = Scan(stream, os.fstat(stream.fileno()).st_size)
+            scan = Scan(RecordFile(stream))
             before = 0
             for item in scan:
                 if isinstance(item, Damage):
@@ -319,11 +308,15 @@ class _FileRecovery:
                     end = item.offset + item.size
                     self._note(f"byte {item.offset} to {end} {item.reason}")
                 elif isinstance(item, MissingMessages):
-                    self._missing[item.channel] += item.count
+                    self._missing[item.channel] += item.messages
                 elif isinstance(item.record, Message):
                     self._add_message(item.record, item.checked)
-                else:
-                    self._add_record(item.record, item.checked)
+                elif isinstance(item.record, Schema | Channel):
+                    self._declare(item.record, item.checked)
+                elif isinstance(item.record, Attachment):
+                    self._out.bag.add_attachment(item.record)
+                elif isinstance(item.record, Metadata):
+                    self._add_metadata(item.record)
                 progress(scan.position - before)
                 before = scan.position
             progress(scan.position - before)
@@ -341,33 +334,26 @@ class _FileRecovery:
                     self._declare(schema, True)
                 for channel in file.channels.values():
                     self._declare(channel, True)
-                return file.statistics.channel_message_counts
+                return file.counts
         except BagError:
             return {}
 
-    def _add_record(self, record: Any, checked: bool) -> None:
-        if isinstance(record, Schema | Channel):
-            self._declare(record, checked)
-        elif isinstance(record, Attachment):
-            self._out.bag.add_attachment(record)
-        elif isinstance(record, Metadata) and record.name == RECORD_NAME:
-            with suppress(BagFormatError):  # the new bag has its own; only custom data is kept
+    def _add_metadata(self, record: Metadata) -> None:
+        if record.name == RECORD_NAME:  # the new bag has its own; only custom data is kept
+            with suppress(BagFormatError):
                 content = metadata_from_record(record.metadata.get(RECORD_KEY, ""))
                 self._out.add_custom_data(content.custom_data)
-        elif isinstance(record, Metadata):
-            try:
-                self._add_metadata(record)
-            except BagFormatError as error:
-                self._note(f"a record is left out: {error}")
-
-    def _add_metadata(self, record: Metadata) -> None:
-        """Copy a record. Raise BagFormatError if the new bag cannot hold it."""
-        size = _characters(record.metadata)
-        if self._kept + size > _KEPT_LIMIT:
-            raise BagFormatError(f"all together have more than {_KEPT_LIMIT} characters")
-        if record.name == LOSSES_RECORD:
-            for name, losses in losses_from_record(record.metadata).items():
-                self._recovery.topic(name).recording_losses = losses
+            return
+        try:
+            size = _characters(record.metadata)
+            if self._kept + size > _KEPT_LIMIT:
+                raise BagFormatError(f"all together have more than {_KEPT_LIMIT} characters")
+            if record.name == LOSSES_RECORD:
+                for name, losses in losses_from_record(record.metadata).items():
+                    self._recovery.topic(name).recording_losses = losses
+        except BagFormatError as error:
+            self._note(f"a record is left out: {error}")
+            return
         if record.name == RECORDING_RECORD:
             with suppress(ValueError):
                 self._recovery.max_loss = float(record.metadata.get("max_loss", ""))
@@ -375,22 +361,15 @@ class _FileRecovery:
         self._out.bag.add_record(record.name, record.metadata)
 
     def _declare(self, record: Schema | Channel, checked: bool) -> None:
+        """Note a declaration; one with a checksum replaces others of its number."""
         known: dict[int, Any] = self._schemas if isinstance(record, Schema) else self._channels
-        key = (type(record), record.id)
-        if key in self._sure and not checked:
-            return
-        if checked:
-            self._sure.add(key)
-        if known.get(record.id) == record:
+        if record.id in known and (not checked or known[record.id] == record):
             return
         self._declared += len(repr(record))
         if self._declared > _DECLARED_LIMIT:
             raise BagFormatError(f"{self._file} declares more than {_DECLARED_LIMIT} bytes")
         known[record.id] = record
-        if isinstance(record, Schema):
-            self._numbers.clear()
-        else:
-            self._numbers.pop(record.id, None)
+        self._numbers.clear()
 
     def _add_message(self, message: Message, checked: bool) -> None:
         channel = self._channels.get(message.channel_id)
@@ -405,11 +384,10 @@ class _FileRecovery:
         return self._repeats or REPEATED_KEY not in channel.metadata
 
     def _number(self, channel: Channel) -> int:
-        number = self._numbers.get(channel.id)
-        if number is None:
-            number = self._out.number(channel, self._schemas.get(channel.schema_id))
-            self._numbers[channel.id] = number
-        return number
+        if channel.id not in self._numbers:
+            schema = self._schemas.get(channel.schema_id)
+            self._numbers[channel.id] = self._out.number(channel, schema)
+        return self._numbers[channel.id]
 
     def _account(self, expected: Mapping[int, int]) -> None:
         for number, channel in self._channels.items():

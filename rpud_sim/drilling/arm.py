@@ -1,16 +1,10 @@
 """Arm: quasi-static motion of a mount between a feed and the load spring, in closed form.
 
-The mount has no mass of its own. With its guide's viscous friction c_a and the damping c_1 of the
-load spring it moves as
-
-    (c_a + c_1) dx/dt = A(x) - L(x)
-
-where A is the force of the arm, toward the rock, and L that of the drill, away from it. A is that
-of a spring of stiffness k_a behind a play; its host slips where it would exceed the anchoring
-force. L is k_1 (x - o), o the origin of the RPUD's displacement, less the mean k_1 u_np + c_1 v_np
-during a step. A - L falls with x and is linear between its knots, so that the mount moves in one
-direction during a step: by an exponential between two knots, which it reaches at the time of a
-logarithm.
+The mount has no mass: (c_a + c_1) dx/dt = A(x) - L(x), c_a the friction of its guide, c_1 the
+damping of the load spring. A is the force of a spring k_a behind a play, whose host slips at the
+anchoring force. L is k_1 (x - o), o the origin of the RPUD's displacement, less the mean k_1 u_np +
+c_1 v_np during a step. A - L falls with x, linearly between its knots, so the mount moves in one
+direction, by an exponential from knot to knot.
 """
 
 from __future__ import annotations
@@ -47,7 +41,6 @@ class Arm:
         return behind if behind < 0.0 else 0.0
 
     def stored(self, deflection: float) -> float:
-        """Return the energy of the arm's spring [J]."""
         stretch = self.stretch(deflection)
         return 0.5 * self.stiffness * stretch * stretch
 
@@ -81,12 +74,10 @@ class Move(NamedTuple):
 
 
 def drift(arm: Arm, load: Load, position: float, rest: float, interval: float) -> Move:
-    """Return the motion of the mount in an interval in which nothing else moves.
+    """Return the motion of the mount in an interval [s] in which nothing else moves.
 
-    Args:
-        position: of the mount at the beginning, within the arm's reach of its place at rest [m].
-        rest: place of the mount at which the arm is not deflected [m].
-        interval: length [s]; infinite for the equilibrium.
+    It begins within the arm's reach of ``rest``, where the arm is not deflected; an infinite
+    interval gives the equilibrium.
     """
     start = position
     reach, half_play = arm.reach, arm.half_play
@@ -136,9 +127,6 @@ def shift(arm: Arm, load: Load, position: float, rest: float, new_rest: float) -
 
     A rigid arm carries the mount along; the host slips where that takes more than the anchoring
     force. Another arm is deflected.
-
-    Args:
-        new_rest: that place afterwards, unless the host slips [m].
     """
     if arm.stiffness > 0.0:
         before = arm.stored(position - rest)

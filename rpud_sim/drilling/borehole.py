@@ -94,7 +94,7 @@ def cut(
     wear_flat: float,
     hardness: float = 1.0,
 ) -> Cut:
-    """Return how a bit cuts, after Detournay and Defourny (1992).
+    """Return how a bit cuts under a weight [N], after Detournay and Defourny (1992).
 
     With specific energy eps, strength sigma, radius a, depth of cut d, wear flat A_f, d_c the
     contact depth:
@@ -102,13 +102,7 @@ def cut(
         W = zeta eps a d + F_f          T = eps a^2 d / 2 + mu gamma a F_f / 2
         F_f = sigma A_f min(d / d_c, 1)
 
-    so that 2 T / (a^2 d) = (1 - mu gamma zeta) eps + mu gamma W / (a d), their equation for E and
-    S. Up to d_c the wear flats come to bear (phase I of Detournay, Richard and Shepherd, 2008);
-    beyond it more weight cuts deeper (II).
-
-    Args:
-        weight_on_bit: toward the rock [N]; without it there is no cut.
-        hardness: factor on specific energy and strength of the rock.
+    ``hardness`` is a factor on eps and sigma.
     """
     if not weight_on_bit > 0.0:
         return NO_CUT
@@ -129,22 +123,14 @@ def cut(
 
 
 def radius_of(area: float) -> float:
-    """Return the radius of a circle [m] of an area [m^2]."""
     return math.sqrt(area / math.pi)
 
 
 class Cuttings:
-    """Volume of cuttings in the flutes of the tool.
+    """Volume V of cuttings in the flutes of the tool, which hold their area times the depth.
 
-    The flutes along the tool in the hole hold their area times its depth. Cuttings come in at the
-    bottom at a rate q and rise at a speed v, which rotation and impacts give and friction on the
-    wall lowers with depth. They leave at the top:
-
-        dV/dt = q - V v / depth
-
-    with the closed form of an exponential during a step. So the flutes fill up with depth, and
-    empty with the rate of rotation. A tool that is drawn back takes with it what its flutes hold
-    outside the hole.
+    They come in at the bottom at a rate q and rise at a speed v, by rotation and impacts:
+    dV/dt = q - V v / depth. A tool that is drawn back takes with it what is outside the hole.
     """
 
     def __init__(self, bit: BitParameters) -> None:
@@ -169,20 +155,15 @@ class Cuttings:
         return free if free < 1.0 else 1.0
 
     def torque(self, depth: float, clogged: float = 0.0) -> float:
-        """Return the torque that resists the rotation [N m].
-
-        It is proportional to the depth of the tool in the hole [m] and to the filling (assumed).
-        """
+        """Return the torque that resists the rotation [N m], in proportion to depth and filling."""
         return self._bit.flute_torque * depth * self.filling(depth, clogged)
 
     def step(
         self, produced: float, turned: float, impacts: float, depth: float, clearing: float
     ) -> None:
-        """Let cuttings come in and leave during an impact or a part of a turn.
+        """Let cuttings of a volume of rock [m^3] come in, and leave by impacts or a part of a turn.
 
-        Args:
-            produced: volume of the rock that they come from [m^3].
-            clearing: factor on the speed at which cuttings rise, 0 to 1.
+        ``clearing`` is a factor on the speed at which they rise, 0 to 1.
         """
         bit = self._bit
         if depth <= 0.0:
@@ -238,16 +219,11 @@ class RecentDrilling:
 
     @property
     def penetration_rate(self) -> float:
-        """Mean rate of penetration [m/s]."""
         time = self._change_of(self._times)
         return self._change_of(self._depths) / time if time > 0.0 else 0.0
 
     def specific_energy(self, area: float) -> float:
-        """Return energy over volume [J/m^3], after Teale (1965); NaN if there was no progress.
-
-        e = F / A + 2 pi N T / (A u), to which the energy of the impacts is added: the mean of force
-        times way, torque times angle and energy of impacts, over the volume of the hole.
-        """
+        """Return energy over volume [J/m^3], after Teale (1965); NaN if there was no progress."""
         deeper = self._change_of(self._depths)
         return self._change_of(self._energies) / (area * deeper) if deeper > 0.0 else math.nan
 
@@ -272,15 +248,10 @@ class BoreholeState:
 
 
 class Borehole:
-    """Borehole in strata.
+    """Borehole in strata, at most as deep as the drill tool is long [m].
 
     Each impact deepens it by its energy above the threshold of the layer, and rotation by the depth
-    of its cut in each turn (``bit.cut``). Cuttings in the flutes hold both up (``cuttings``). When
-    it is as deep as the drill tool is long, the drill stands on the face of the rock, and nothing
-    presses the bit to the bottom.
-
-    Args:
-        deepest: length of the drill tool [m].
+    of its ``cut`` in each turn; cuttings in the flutes hold both up.
     """
 
     def __init__(
@@ -304,7 +275,6 @@ class Borehole:
 
     @property
     def state(self) -> BoreholeState:
-        """State at the last step."""
         new, blunt = self._bit.bit_wear_flat, self._bit.bit_blunt_flat
         worn = min(self._wear_flat * self._worn_factor, max(self._area, new))
         filling = self._cuttings.filling(self._tip, self._clogged)
@@ -320,7 +290,6 @@ class Borehole:
 
     @property
     def depth(self) -> float:
-        """Depth of the hole [m]."""
         return self._depth
 
     @property
@@ -329,7 +298,6 @@ class Borehole:
         return math.inf if self._through else self._depth
 
     def resistance(self, percussion: Percussion, disturbances: Disturbances) -> Resistance:
-        """Return the torque against the rotation of the drill tool."""
         if not (percussion.in_rock or self._tip > 0.0):
             return NO_RESISTANCE
         done = NO_CUT
@@ -425,11 +393,7 @@ class Borehole:
                 self._layer += not self._through
 
     def _wear(self, friction_work: float, layer: Layer) -> None:
-        """Widen the wear flats, which together have the area of one circle.
-
-        In the CERCHAR test the diameter of the flat grows with the distance slid under a constant
-        force, so it grows here with the friction work, and the area with its square.
-        """
+        """Widen the wear flats: their diameter grows with the friction work, as of CERCHAR."""
         grown = self._bit.bit_wear_rate * layer.abrasiveness * friction_work
         if grown:
             most = max(self._area, self._bit.bit_wear_flat)

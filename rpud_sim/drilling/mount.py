@@ -37,13 +37,7 @@ class Feed:
         object.__setattr__(self, "value", quantity.check(f"feed {self.mode}", self.value))
 
     def reduced(self, share: float) -> Feed:
-        """Return what is left of it while commands are lost.
-
-        A rate falls with the share; a position is given up, and the feed stops.
-
-        Args:
-            share: of the commands that acts, 0 to 1.
-        """
+        """Return what is left of it while a share of the commands acts: a position is given up."""
         if share == 1.0:
             return self
         return Feed(RATE, self.value * share if self.mode == RATE else 0.0)
@@ -105,7 +99,6 @@ class MountParameters(ParameterGroup):
             )
 
     def check(self, motion: Feed) -> None:
-        """Check that the feed can make a motion."""
         limit = self.feed_rate_limit
         if motion.mode == RATE and not -limit <= motion.value <= limit:
             raise ParameterError(
@@ -167,11 +160,11 @@ class Advance(NamedTuple):
 class Mount:
     """Mount of the drill on a feed.
 
-    The load spring is compressed by what mount and hole leave it: W = k_1 (x - p). Its damping acts
-    on the velocity of the RPUD relative to the mount. The tool gets into the rock where x is beyond
-    the bottom p of the hole, and leaves it ``contact_release`` before it. From then on the drill's
-    displacements count from the mount, x = o: each step moves this origin and leaves the bodies
-    where they are. They go along with the drive of the feed alone.
+    The load spring is compressed by what mount and hole leave it: W = k_1 (x - p). The tool gets
+    into the rock where x is beyond the bottom p of the hole, and leaves it ``contact_release``
+    before it. From then on the drill's displacements count from the mount, x = o: each step moves
+    this origin and leaves the bodies where they are. They go along with the drive of the feed
+    alone.
     """
 
     def __init__(
@@ -202,7 +195,6 @@ class Mount:
 
     @property
     def state(self) -> MountState:
-        """State at the last step."""
         rest = self._rest
         work = MountWork(
             self._feed_work,
@@ -244,13 +236,9 @@ class Mount:
         load_spring_rate: float,
         disturbances: Disturbances,
     ) -> None:
-        """Move for one step.
+        """Move for one step, to a hole whose bottom [m] is infinite if there is none.
 
-        The arm moves under the hole and the feed of the step before. Then the hole has its new
-        depth, and the feed has moved.
-
-        Args:
-            bottom: depth of the hole at the end [m]; infinite if there is no bottom.
+        The arm moves under the hole and the feed of the step before; then both have moved.
         """
         spring_rate = load_spring_rate * disturbances.preload_factor
         damping = percussion.load_damping
@@ -307,9 +295,8 @@ class Mount:
     def _arrive(self, load: Load, bottom: float, way: float, interval: float, reach: float) -> None:
         """Note what follows from the place that the mount has reached.
 
-        Args:
-            way: of the mount in the step, as the bodies see it [m].
-            reach: how far the RPUD comes until the next step, from the origin [m].
+        ``way`` is that of the mount as the bodies see it, ``reach`` how far the RPUD comes until
+        the next step, from the origin [m].
         """
         was_in_contact, self.bottom = self.in_contact, bottom
         if self.position > bottom or load.origin + reach > bottom:

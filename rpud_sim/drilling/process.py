@@ -44,7 +44,6 @@ class DrillingParameters:
 
     @property
     def active(self) -> bool:
-        """Whether there is anything to step."""
         rotates = self.rotation.rotation_model != "none"
         return rotates or self.mount.feed_model != "none" or bool(self.strata.strata)
 
@@ -101,7 +100,6 @@ class Process:
 
     @property
     def state(self) -> ProcessState:
-        """State at the last step."""
         return ProcessState(
             self._time,
             self._rotor.state if self._rotor else None,
@@ -139,7 +137,6 @@ class Process:
 
     @property
     def depth(self) -> float | None:
-        """Depth of the hole [m]; None without a borehole."""
         return self._borehole.depth if self._borehole else None
 
     @property
@@ -158,7 +155,6 @@ class Process:
     def step(
         self, percussion: Percussion, surroundings: Surroundings, disturbances: Disturbances
     ) -> None:
-        """Take the step that is due at ``next_step``."""
         interval = self.interval / SECOND
         mount, borehole = self._mount, self._borehole
         if self._follows_rock and surroundings.hardness != 1.0:

@@ -132,7 +132,6 @@ class Strata(Shared):
 
 
 def preset_layer(rock: str, depth_from: float = 0.0) -> Layer:
-    """Return a layer of a rock of ``ROCKS``."""
     if not (isinstance(rock, str) and rock in ROCKS):
         raise ParameterError(f"rock = {shown(rock)} is unknown; {did_you_mean(rock, ROCKS)}")
     return Layer(name=rock, depth_from=depth_from, **ROCKS[rock])
@@ -142,8 +141,8 @@ def preset_layer(rock: str, depth_from: float = 0.0) -> Layer:
 def inclusion_in(layer: Layer, strength: float) -> Layer:
     """Return the rock of a stone in a layer, nowhere softer than the layer.
 
-    Its specific energy is its strength, as Teale (1965) found, and its threshold energy that of
-    basalt in proportion to the strength (assumed).
+    Its specific energy is its strength, its threshold energy basalt's in proportion to it
+    (assumed).
     """
     basalt = ROCKS["basalt"]
     threshold = basalt["threshold_energy"] * strength / basalt["strength"]
@@ -156,24 +155,13 @@ def inclusion_in(layer: Layer, strength: float) -> Layer:
 
 
 def uniform_strata(specific_energy: float) -> Strata:
-    """Return one layer without end, with the specific energy [J/m^3] as its strength.
-
-    It has no threshold energy and does not wear the bit, as the rock of ``RockParameters``.
-    """
+    """Return one layer without end, with the specific energy [J/m^3] as its strength."""
     strength = min(max(specific_energy, STRENGTH.minimum), STRENGTH.maximum)
     return Strata((Layer("rock", 0.0, specific_energy, strength),))
 
 
 def find_strata(choice: str) -> Strata:
-    """Return the strata that a parameter chooses.
-
-    Args:
-        choice: the name of a rock for one layer without end, YAML in one line that begins with a
-            brace, or the path of a file.
-
-    Raises:
-        ParameterError: if the strata cannot be used; one line.
-    """
+    """Return the strata of a rock's name, of one line of YAML in braces, or of a file."""
     if choice in ROCKS:
         return Strata((preset_layer(choice),))
     if choice.lstrip().startswith("{"):
@@ -233,8 +221,7 @@ def _range(key: str) -> str:
 class StrataParameters(ParameterGroup):
     """Choice of the strata.
 
-    A file is read when this is made, and its content in one line takes the place of its path. So
-    journals and bags have the layers, and need the file no more.
+    A file is read when this is made, and its content in one line takes the place of its path.
     """
 
     strata: str = text(
@@ -291,14 +278,10 @@ class RockParameters(ParameterGroup):
 
 
 class Progress:
-    """Depth of the hole, from the impacts on the drill tool while it is in the rock.
+    """Depth of the hole by percussion alone; depth and rate are NaN without a rock model.
 
-    Each impact deepens the hole by the energy that it leaves in drill tool and rock, times the
-    share that breaks the rock, over specific energy and area. One after which the free mass has
-    taken energy from the drill tool breaks nothing. Without a rock model depth and rate are NaN.
-
-    Args:
-        deepest: greatest depth of the hole, the length of the drill tool [m].
+    Each impact deepens it by the energy that it leaves in drill tool and rock, times the share that
+    breaks the rock, over specific energy and area. At most it is as deep as the tool is long [m].
     """
 
     def __init__(self, parameters: RockParameters, deepest: float) -> None:
@@ -317,13 +300,9 @@ class Progress:
         return self._depth
 
     def add(self, impacts: np.ndarray, hardness: float = 1.0, clearing: float = 1.0) -> None:
-        """Deepen the hole by impacts; the result does not depend on how blocks divide them.
+        """Deepen the hole by impacts, in order; how blocks divide them makes no difference.
 
-        Args:
-            impacts: ``IMPACT`` records, in order, after those of the last call.
-            hardness: factor on the specific energy, above 0; greater than 1 in hard rock.
-            clearing: factor on the progress, from 0 to 1; less than 1 when cuttings choke the
-                hole.
+        ``hardness`` is a factor on the specific energy, ``clearing`` one on the progress.
         """
         if not (self._modelled and len(impacts)):
             return
@@ -340,13 +319,7 @@ class Progress:
         self._times, self._depths = self._times[recent:], self._depths[recent:]
 
     def penetration_rate(self, time: int) -> float:
-        """Return the mean rate over the last second, or the time since zero if shorter [m/s].
-
-        It is NaN without a rock model.
-
-        Args:
-            time: the end of that second [ns], not before the last impact.
-        """
+        """Return the mean rate of the second before a time [ns], or since zero if shorter [m/s]."""
         if not self._modelled:
             return math.nan
         recent = np.searchsorted(self._times, time - RATE_WINDOW, side="right")

@@ -96,21 +96,13 @@ class RotationParameters(ParameterGroup):
 
 
 class Rotor:
-    """Rotation of the drill tool.
+    """Rotation of the drill tool: J dw/dt = T_d - T, T all torques that resist, constant in a step.
 
-    The drive has the linear curve of an ultrasonic motor, with the vibration's amplitude a over its
-    nominal value:
-
-        T_d = T_stall (a - w / w_0)
-        J dw/dt = T_d - T                T: all torques that resist, constant during a step
-
-    So voltage, detuning and load of the actuator act through a. The motion is an exponential. It
-    ends at its exact time, so the result does not depend on how steps with the same torques divide
-    the time. The tool stops where the rate reaches zero, and starts when the torque of the drive at
-    rest exceeds the resistance. It never turns backward: all that resists is passive.
-
-    The surface of the stack moves at a w_0. So it gives T_d a w_0, and the slip between it and the
-    rotor heats by T_d (a w_0 - w).
+    The drive has the linear curve of an ultrasonic motor, T_d = T_stall (a - w / w_0), a the
+    vibration's amplitude over its nominal value. The tool stops at the exact time at which the rate
+    reaches zero, starts when the torque of the drive at rest exceeds the resistance, and never
+    turns backward. The stack's surface moves at a w_0: it gives T_d a w_0, of which the slip
+    becomes heat.
     """
 
     def __init__(self, parameters: RotationParameters) -> None:
@@ -129,7 +121,6 @@ class Rotor:
 
     @property
     def state(self) -> RotorState:
-        """State at the last step."""
         work = RotorWork(
             self._drawn,
             self._driven,
@@ -150,18 +141,11 @@ class Rotor:
 
     @property
     def draw(self) -> tuple[float, float]:
-        """Power that the stack gives to the drive [W], and its energy since time zero [J].
-
-        The power is negative while the rotor is faster than the stack.
-        """
+        """Power of the stack on the drive [W], negative if slower, and its energy so far [J]."""
         return self._drive_torque * (self._rate + self._drive_torque / self._slope), self._drawn
 
     def step(self, interval: float, amplitude_ratio: float, resistance: Resistance) -> Turned:
-        """Turn for one step and return what the borehole needs of it.
-
-        Args:
-            amplitude_ratio: amplitude of the vibration over its nominal value, not negative.
-        """
+        """Turn for one step at an amplitude over nominal; return what the borehole needs of it."""
         cutting, friction, flutes, faults = resistance
         torque = cutting + friction + flutes + faults
         turned, rate, drive = self._turn(interval, amplitude_ratio, torque)
@@ -186,11 +170,7 @@ class Rotor:
     def _turn(
         self, interval: float, amplitude_ratio: float, torque: float
     ) -> tuple[float, float, float]:
-        """Return angle [rad], rate at the end [rad/s] and work of the drive [J].
-
-        The rate goes to its steady value by an exponential, until the time is over or the tool
-        stands still.
-        """
+        """Return angle [rad], rate at the end [rad/s] and work of the drive [J]."""
         rate = self._rate
         if rate == 0.0 and self._drive_torque_at(amplitude_ratio, rate) <= torque:
             return 0.0, 0.0, 0.0
@@ -223,7 +203,6 @@ class _Decay(NamedTuple):
 
 
 def _decay_in(time: float, decay: float) -> _Decay:
-    """Return the decay in a time [s] at a rate [1/s]."""
     return _Decay(
         time,
         -exponential_minus_one(-decay * time) / decay,

@@ -1,10 +1,9 @@
 """Compilation of kernels with Numba: one piece of machine code for all that a kernel calls.
 
-Numba compiles a function for each call from another one down to machine code of its own, with an
-entry for Python, once for each combination of types and of literal numbers. It then links it into
-the caller and optimises it again. Only a kernel, which Python calls, needs all that. The rules that
-it calls are therefore only lowered to LLVM's intermediate code here, once for all integers, and
-optimised where they end up: in the kernel. That takes a third of the time and gives the same bits.
+Numba compiles each called function to machine code of its own, once for each combination of types
+and literals, links it into the caller and optimises it again. Here the rules that a kernel calls
+are only lowered to intermediate code, once for all integers, and optimised in the kernel. That
+takes a third of the time and gives the same bits.
 
 The target processor is ours alone: other Numba code in the same process is compiled as always.
 """
@@ -222,8 +221,7 @@ def _load(content: Any, target_context: Any) -> Any:
 def kernel_compiler(store: KernelStore, room: Path) -> Callable[[Callable[..., Any]], Any]:
     """Return the decorator of functions that are compiled when they are first called.
 
-    Args:
-        room: folder of the sources that every kernel comes from, beside its own file.
+    Every kernel comes from the sources in the folder ``room``, beside its own file.
     """
     own = tuple(sorted(Path(__file__).parent.glob("*.py")))
     shared = tuple(sorted(room.glob("*.py")))

@@ -33,11 +33,7 @@ class Target:
 
 
 def choose_target(cpu: str, features: str) -> Target:
-    """Return the baseline if a processor has it, otherwise the processor itself.
-
-    Args:
-        features: its instructions as LLVM writes them, such as ``+sse4.2,-avx2``.
-    """
+    """Return the baseline if a processor's features (``+ssse3,-avx``) have it, otherwise itself."""
     present = {name[1:] for name in features.split(",") if name.startswith("+")}
     lacking = tuple(sorted(BASELINE_FEATURES - present))
     return Target(cpu, features, lacking) if lacking else Target(BASELINE)

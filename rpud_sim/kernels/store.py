@@ -1,11 +1,8 @@
 """Files of compiled kernels, found by what they were compiled from and for.
 
-A file's name ends with a digest of everything that its machine code depends on: the texts of the
-sources, the types of the arguments, the target processor, and the versions of Python, Numba and
-LLVM. Times of files play no part, because an installation changes them.
-
-A kernel is code that runs. Its digest tells whether the file is whole, not who has written it: what
-somebody else may write is not read.
+A file's name ends with a digest of all that its code depends on: texts of the sources, types of the
+arguments, processor, and versions of Python, Numba and LLVM; not times of files, which an
+installation changes. A kernel is code that runs: what somebody else may write is not read.
 """
 
 from __future__ import annotations
@@ -53,12 +50,7 @@ def digest_of_sources(files: tuple[Path, ...]) -> str:
 
 
 def kernel_name(function: str, signature: str, cpu: str, options: str, sources: str) -> str:
-    """Return the name of a kernel's file.
-
-    Args:
-        options: its instructions, and how the code is optimised.
-        sources: digest of all texts that the kernel comes from.
-    """
+    """Return the name of a kernel's file; ``sources`` is a digest of all texts it comes from."""
     python = sys.implementation.cache_tag
     numpy_major = np.__version__.partition(".")[0]
     versions = (_FORMAT, python, numba.__version__, llvmlite.__version__, numpy_major)
@@ -79,11 +71,7 @@ def _digest(text: str) -> str:
 
 
 class KernelStore:
-    """Folders that kernels are read from and written to.
-
-    Args:
-        folders: in the order of search. A new kernel goes to the first that can be written to.
-    """
+    """Folders that kernels are read from; a new one goes to the first that can be written to."""
 
     def __init__(self, folders: Sequence[Path]) -> None:
         self.folders = tuple(folders)  # the same

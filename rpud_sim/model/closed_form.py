@@ -1,13 +1,7 @@
 """Closed forms of the harmonic vibration, eqs. (1) and (3), and of bodies on springs.
 
-Every suspended body of the drill obeys, with phase angle phi = 2 pi f t,
-
-    m x'' + c x' + k x = F + H_s sin(phi) + H_c cos(phi)
-
-as in eqs. (2), (8), (9) and (14)-(16). The nodal plane alone has F = W (the preload of the load
-spring) and H = 0; while the free mass is held against the vibrating tip, the vibration appears on
-the right-hand side. The closed form is kept as an ``Oscillation``: offset F/k, a decaying part as
-in eq. (8), and a steady vibration.
+Every suspended body obeys m x'' + c x' + k x = F + H_s sin(phi) + H_c cos(phi), phi = 2 pi f t, as
+in eqs. (2), (8), (9) and (14)-(16). H = 0, unless the free mass is held against the vibrating tip.
 """
 
 import math
@@ -28,7 +22,6 @@ class PhaseSinCos(NamedTuple):
 
 @compiled
 def turn_at(phase):
-    """Return the ``PhaseSinCos`` of a phase [cycles]."""
     sine, cosine = sin_cos_cycles(phase)
     return PhaseSinCos(sine, cosine)
 
@@ -40,19 +33,6 @@ def vibration_of(amplitude, frequency, turn):
 
 
 @compiled
-def harmonic_vibration(amplitude, frequency, phase):
-    """Displacement and velocity of the harmonic vibration, eq. (1).
-
-    Args:
-        phase: f_0 t [cycles]; kept in cycles because one cycle is a whole number.
-
-    Returns:
-        u_hv [m] and v_hv [m/s], positive toward the rock.
-    """
-    return vibration_of(amplitude, frequency, turn_at(phase))
-
-
-@compiled
 def advance_phase(phase, frequency, duration):
     """Phase after a duration [s], from 0 to 1 [cycles]."""
     advanced = phase + frequency * duration
@@ -61,10 +41,7 @@ def advance_phase(phase, frequency, duration):
 
 @compiled
 def time_to_zero_displacement(phase, frequency):
-    """Time until the vibration next passes through zero displacement [s], never zero.
-
-    At such an instant the amplitude can change without moving the actuator's tip.
-    """
+    """Time until the vibration is next zero, where its amplitude may change [s]; never zero."""
     half_cycles = 2.0 * phase
     return 0.5 * (math.floor(half_cycles) + 1.0 - half_cycles) / frequency
 
@@ -104,7 +81,6 @@ def damping_coefficient(damping_ratio, mass, spring_rate):
 
 @compiled
 def oscillator(mass, damping, spring_rate):
-    """Return the ``Oscillator`` of a mass on a damped spring."""
     a = 0.5 * damping / mass
     w = math.sqrt(spring_rate / mass - a * a)
     return Oscillator(mass, damping, spring_rate, a, w, 1.0 / spring_rate, 1.0 / w)
@@ -112,11 +88,7 @@ def oscillator(mass, damping, spring_rate):
 
 @compiled
 def free_vibration(body, force, position, velocity):
-    """Closed form of an ``Oscillator`` under a constant force, eqs. (8)-(9) and (15)-(16).
-
-    Args:
-        force: F [N].
-    """
+    """Closed form of an ``Oscillator`` under a constant force, eqs. (8)-(9) and (15)-(16)."""
     a = body.decay_rate
     w = body.angular_frequency
     offset = force * body.compliance
@@ -127,12 +99,7 @@ def free_vibration(body, force, position, velocity):
 
 @compiled
 def driven_vibration(body, force, force_sine, force_cosine, frequency, turn, position, velocity):
-    """Closed form of an ``Oscillator`` that also feels the harmonic vibration.
-
-    Args:
-        force_sine: H_s [N].
-        force_cosine: H_c [N].
-    """
+    """Closed form of an ``Oscillator`` that also feels the vibration, by the forces H_s and H_c."""
     omega = TWO_PI * frequency
     stiffness = body.spring_rate - body.mass * omega * omega
     resistance = body.damping * omega
@@ -142,15 +109,8 @@ def driven_vibration(body, force, force_sine, force_cosine, frequency, turn, pos
     steady = vibration_sine * turn.sine + vibration_cosine * turn.cosine
     steady_rate = omega * (vibration_sine * turn.cosine - vibration_cosine * turn.sine)
     free = free_vibration(body, force, position - steady, velocity - steady_rate)
-    return Oscillation(
-        free.offset,
-        free.decay_rate,
-        free.angular_frequency,
-        free.cosine,
-        free.sine,
-        vibration_sine,
-        vibration_cosine,
-    )
+    offset, a, w, A_1, A_2, _, _ = free
+    return Oscillation(offset, a, w, A_1, A_2, vibration_sine, vibration_cosine)
 
 
 class DecayingSinCos(NamedTuple):

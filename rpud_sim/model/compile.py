@@ -29,6 +29,11 @@ def record_type(fields: list[Any]) -> np.dtype[Any]:
     return np.dtype((np.record, plain)) if config.DISABLE_JIT else plain
 
 
+def floats(*names: str) -> list[Any]:
+    """Return fields of a record that are numbers of double precision."""
+    return [(name, np.float64) for name in names]
+
+
 def compilation_notice() -> str:
     """Return the line that says why the model is compiled, and where the kernels are kept."""
     return notice(this_target(), STORE)
@@ -86,8 +91,8 @@ def reader_of(dtype: np.dtype[Any], *names: str) -> Callable[[np.ndarray], tuple
 def machine_code(kernel: Any, *examples: object) -> Callable[..., Any]:
     """Return a kernel as it is compiled for the types of examples; other types must not follow.
 
-    A call of the kernel itself looks at the type of each argument, which takes several times as
-    long as the motion of a millisecond.
+    The kernel itself looks at the type of each argument, for longer than a millisecond's motion
+    takes.
     """
     if not hasattr(kernel, "compile"):  # NUMBA_DISABLE_JIT
         code: Callable[..., Any] = kernel

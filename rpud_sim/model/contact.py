@@ -1,7 +1,6 @@
 """Collisions, eqs. (4)-(7), (11)-(13), (21), and the contact in the rock, eqs. (20)-(39).
 
-The bottom of the drill tool is fixed; its two sections are springs. From the impact on, free mass
-and drill tool move as one body of mass m_fmdt = m_fm + m_eff,dt on the spring k_eff,dt.
+From the impact on, free mass and drill tool are one body m_fmdt = m_fm + m_eff,dt on k_eff,dt.
 """
 
 from __future__ import annotations
@@ -35,11 +34,7 @@ def effective_tool(parameters: Parameters) -> EffectiveTool:
 
 @compiled
 def collide(mass_1, velocity_1, mass_2, velocity_2, restitution):
-    """Velocities after a collision, eqs. (6) and (13).
-
-    Momentum is conserved, eqs. (4) and (11), and the closing velocity is returned with the
-    coefficient of restitution, eqs. (5) and (12).
-    """
+    """Velocities after a collision, eqs. (6) and (13)."""
     whole = 1.0 / (mass_1 + mass_2)
     after_1 = (mass_1 - restitution * mass_2) * velocity_1
     after_1 += (1.0 + restitution) * mass_2 * velocity_2
@@ -86,8 +81,7 @@ class UndisturbedContact(NamedTuple):
     def time_of_maximum(self) -> float:
         """t_max - t_j, when compression and contact force are greatest [s], eq. (38).
 
-        The principal value of the arctangent printed in the paper is negative; this is the first
-        maximum after the impact.
+        The paper prints the principal value, which is negative; this is the first maximum.
         """
         omega, _, along, across = self._swing
         angle: float = arc_tangent(across, along)
@@ -131,11 +125,7 @@ def release_time(cosine, sine, angular_frequency, gravity):
     """Time until the contact force returns to zero [s]; infinite for a mass at rest on the tool.
 
     The deformation about its rest is cosine cos(w s) + sine sin(w s). The force vanishes where the
-    acceleration reaches that of gravity; for a real impact this is some attoseconds to picoseconds
-    after eq. (39).
-
-    Args:
-        angular_frequency: w = omega_fmdt [rad/s].
+    acceleration reaches that of gravity, attoseconds to picoseconds after eq. (39).
     """
     lift = gravity / (angular_frequency * angular_frequency)
     square = cosine * cosine + sine * sine - lift * lift
@@ -170,9 +160,8 @@ def release_turn(cosine, sine, angular_frequency, gravity):
 def half_sine_impulse(mass_1, mass_2, restitution, closing_velocity, spring_rate):
     """Estimate the force of a collision: peak force [N], duration [s] and impulse [N s].
 
-    Section III of the paper treats the impact on the drill tool as instantaneous and gives no
-    contact force. Here the impulse of eq. (13) is spread over a half sine whose duration is that
-    of the two masses on the drill tool's effective spring. This is an estimate added to the paper.
+    An addition to the paper, whose Section III has none: the impulse of eq. (13) as a half sine, as
+    long as that of the two masses on the drill tool's spring.
     """
     reduced_mass = mass_1 * mass_2 / (mass_1 + mass_2)
     impulse = (1.0 + restitution) * reduced_mass * closing_velocity

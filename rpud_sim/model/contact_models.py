@@ -14,29 +14,21 @@ class EffectiveTool(NamedTuple):
 
 
 def printed_tool(k_1: float, k_2: float, m_1: float, m_2: float) -> EffectiveTool:
-    """The drill tool with eqs. (22) and (27) as printed.
-
-    The two terms of eq. (22) belong to two different mode shapes; ``mode_shape_tool`` and
-    ``rayleigh_tool`` are the consistent forms of each.
-    """
+    """The drill tool with eqs. (22) and (27) as printed, whose terms belong to two mode shapes."""
     both = k_1 + k_2
     mass = (k_1 * k_1 + 3.0 * k_1 * k_2 + 3.0 * k_2 * k_2) * m_1 + k_1 * k_1 * m_2
     return EffectiveTool(mass / (3.0 * both * both), (k_1 * k_1 - k_1 * k_2 + k_2 * k_2) / both)
 
 
 def rayleigh_tool(k_1: float, k_2: float, m_1: float, m_2: float) -> EffectiveTool:
-    """The drill tool by Rayleigh's method: the static shape of two springs in series.
-
-    That shape has f(L_dt1) = k_1 / (k_1 + k_2) and the spring rate k_1 k_2 / (k_1 + k_2).
-    """
+    """The drill tool by Rayleigh's method: two springs in series, f(L_dt1) = k_1 / (k_1 + k_2)."""
     return EffectiveTool(_mass_of_shape(k_1 / (k_1 + k_2), m_1, m_2), k_1 * k_2 / (k_1 + k_2))
 
 
 def mode_shape_tool(k_1: float, k_2: float, m_1: float, m_2: float) -> EffectiveTool:
-    """The drill tool with the mode shape of eq. (24) as printed, in mass and spring rate.
+    """The drill tool with the mode shape of eq. (24), f(L_dt1) = k_2 / (k_1 + k_2), throughout.
 
-    That shape has f(L_dt1) = k_2 / (k_1 + k_2). Its strain energy, eq. (26), gives the spring rate
-    of eq. (27), and its kinetic energy, eq. (25), the mass that eq. (22) has with one index
+    Eq. (26) then gives the spring rate of eq. (27), and (25) the mass of (22) with one index
     changed.
     """
     mass = _mass_of_shape(k_2 / (k_1 + k_2), m_1, m_2)

@@ -1,16 +1,13 @@
 """Elementary functions with the same bits on every machine.
 
-They use only additions, subtractions, multiplications, divisions and square roots of binary64,
-which IEEE 754 defines to the last bit. Sines, exponentials and logarithms of the C library and of
-NumPy differ between versions and between processors. Kernels inline these functions; without
-compilation the same code runs in Python. Order and grouping of the operations are part of their
-result.
+They use only what IEEE 754 defines to the last bit: additions, subtractions, multiplications,
+divisions and square roots of binary64. Their order and grouping are part of the result. The same
+code runs in kernels and in Python.
 
 Each function reduces its argument to a short range, in which a polynomial completes the first terms
-of the series; ``python toolchain/polynomials.py`` computes the polynomials. Errors are given in
-units in the last place (ulp) of the result. Odd and even functions are so exactly, except that they
-may lose the sign of a zero. NaN and infinity give what they give in C. Where a function rises, its
-results may fall by as much as their errors, which searches must allow.
+of the series (``toolchain/polynomials.py``). Errors are in units in the last place (ulp). Odd and
+even functions are so exactly, but for the sign of a zero. NaN and infinity give what they give in
+C. Where a function rises, its results may fall by as much as their errors.
 """
 
 import math
@@ -97,10 +94,7 @@ def _turned(sine, cosine, quarters):
 
 @compiled
 def sin_cos_cycles(cycles):
-    """Return sine and cosine of a number of cycles, each 2 pi; of any finite number.
-
-    Whole cycles are taken off exactly. Within 1.5e-16, and within 2 ulp.
-    """
+    """Return sine and cosine of any number of cycles, each 2 pi; within 1.5e-16, and 2 ulp."""
     if not abs(cycles) < math.inf:
         return math.nan, math.nan
     # Where this does not round to the nearest it is still off by a whole number.
@@ -127,7 +121,6 @@ def sin_cos(angle):
 
 @compiled
 def _power_of_two(exponent):
-    """Return 2**exponent, for -1022 to 1023."""
     places = exponent + 1024
     return float(_FAR_POWERS[places >> 6]) * float(_NEAR_POWERS[places & 63])
 
@@ -326,7 +319,6 @@ def hypotenuse(x, y):
 
 @compiled
 def complex_exponential(exponent):
-    """Return exp of a complex number."""
     size = exponential(exponent.real)
     sine, cosine = sin_cos(exponent.imag)
     return complex(size * cosine, size * sine)
@@ -334,22 +326,17 @@ def complex_exponential(exponent):
 
 @compiled
 def complex_phase(number):
-    """Return the angle of a complex number, from -pi to pi [rad]."""
     return arc_tangent(number.imag, number.real)
 
 
 @compiled
 def complex_size(number):
-    """Return the absolute value of a complex number."""
     return hypotenuse(number.real, number.imag)
 
 
 @compiled
 def complex_quotient(number, divisor):
-    """Return the quotient of two complex numbers, by Smith's algorithm as CPython and Numba do.
-
-    NumPy, whose scalars take part without compilation, divides otherwise.
-    """
+    """Return the quotient of two complex numbers, by Smith's algorithm as CPython and Numba do."""
     if abs(divisor.real) >= abs(divisor.imag):
         ratio = divisor.imag / divisor.real
         size = divisor.real + divisor.imag * ratio

@@ -1,9 +1,8 @@
 """Energy account of a trajectory: work, losses and what is stored, from its closed forms.
 
-The account is an audit. It takes no number from the engine but the segments: within a segment it
-integrates powers in closed form, and at an event it takes impulses from the velocities before and
-after. So its residual shows every segment that breaks its equation of motion, and every event that
-breaks the conservation of momentum.
+It is an audit: it takes nothing from the engine but the segments. It integrates powers, and takes
+impulses from the velocities at an event. So its residual shows every segment that breaks its
+equation of motion, and every event that breaks the conservation of momentum.
 
 Within a segment every power is a product of sums of ``Re(z exp(rate s))``, complex ``z`` and rate.
 """
@@ -76,7 +75,6 @@ class Growth(NamedTuple):
 
 @compiled
 def growth_over(rate, duration):
-    """Return the ``Growth`` of exp(rate s) over a duration, with a complex rate [1/s]."""
     size = exponential_minus_one(rate.real * duration)
     half, cosine = sin_cos(0.5 * rate.imag * duration)
     real = size - (size + 1.0) * (2.0 * half * half)
@@ -103,11 +101,7 @@ def product_integral(first, first_rate, second, second_rate, duration):
 
 @compiled
 def decaying_square_integral(amplitude, rate, duration, growth):
-    """Integral of the square of the derivative of Re(amplitude exp(rate s)).
-
-    Args:
-        growth: ``growth_over`` the duration.
-    """
+    """Integral of the square of the derivative of Re(amplitude exp(rate s)), with its growth."""
     twice = rate.real + rate.real
     mean = duration
     if abs(twice) * duration >= _SHORT:
@@ -137,14 +131,19 @@ def decaying_from(motion, start):
     return (amplitude * complex_exponential(rate * start) if start > 0.0 else amplitude), rate
 
 
-@compiled
-def held_parts(segment, start):
-    """Parts of the motion of a tip that holds the free mass, from a time on; all complex.
+class HeldMotion(NamedTuple):
+    """Motion of a tip that holds the free mass, from a time on, in complex parts."""
 
-    Returns:
-        Amplitude [m] and rate [1/s] of the nodal plane's decaying part, amplitudes [m] of the
-        steady vibration of nodal plane and tip, turn exp(i phi) and rate [1/s] of the vibration.
-    """
+    decaying: complex  # amplitude of the nodal plane's decaying part [m]
+    rate: complex  # at which it decays [1/s]
+    steady: complex  # amplitude of the nodal plane's steady vibration [m]
+    tip: complex  # that of the tip's [m]
+    turn: complex  # exp(i phi)
+    omega: complex  # rate of the vibration [1/s]
+
+
+@compiled
+def held_motion(segment, start):
     motion = nodal_plane_motion(segment)
     decaying, rate = decaying_from(motion, start)
     sine, cosine = vibration_turn(segment, start)
@@ -152,19 +151,7 @@ def held_parts(segment, start):
     steady = complex(motion.vibration_cosine, -motion.vibration_sine) * turn
     omega = complex(0.0, TWO_PI * segment.vibration_frequency)
     tip = steady + complex(0.0, -segment.vibration_amplitude) * turn
-    return decaying, rate, steady, tip, turn, omega
-
-
-@compiled
-def load_damper_loss(segment, start, end):
-    """Energy that the damping of the load spring takes in a part of a segment [J].
-
-    While the free mass is held against the tip; ``free_travels`` has it otherwise.
-    """
-    decaying, rate, steady, _, _, omega = held_parts(segment, start)
-    return segment.load_spring_damping * square_integral(
-        rate * decaying, rate, omega * steady, omega, end - start
-    )
+    return HeldMotion(decaying, rate, steady, tip, turn, omega)
 
 
 @compiled
@@ -174,9 +161,9 @@ def drill_tool_damper_loss(segment, start, end):
         return 0.0
     duration = end - start
     if segment.contact == CONTACT_BOTH:
-        decaying, rate, _, tip, _, omega = held_parts(segment, start)
+        held = held_motion(segment, start)
         return segment.drill_tool_damping * square_integral(
-            rate * decaying, rate, omega * tip, omega, duration
+            held.rate * held.decaying, held.rate, held.omega * held.tip, held.omega, duration
         )
     if segment.drill_tool_cosine == 0.0 and segment.drill_tool_sine == 0.0:
         return 0.0
@@ -186,51 +173,51 @@ def drill_tool_damper_loss(segment, start, end):
 
 
 @compiled
-def force_parts(segment, decaying, rate, tip, omega):
+def force_parts(segment, held):
     """Force of the tip on what it holds [N]: constant, and amplitudes of decay and vibration."""
+    rate, omega = held.rate, held.omega
     mass, damping, spring_rate, force = load_of(segment, True)
     constant = spring_rate * segment.nodal_plane_offset - force
-    slow = (mass * rate * rate + damping * rate + spring_rate) * decaying
-    fast = (mass * omega * omega + damping * omega + spring_rate) * tip
+    slow = (mass * rate * rate + damping * rate + spring_rate) * held.decaying
+    fast = (mass * omega * omega + damping * omega + spring_rate) * held.tip
     return constant, slow, fast
 
 
 @compiled
-def actuator_work(segment, start, end):
-    """Work of the vibration on the free mass, held against the tip, in a part of a segment [J].
+def actuator_work(segment, held, duration):
+    """Work of the vibration on the free mass that the tip holds [J].
 
-    The integral of N v_hv: N is the force of the tip on the free mass, v_hv the velocity of the
-    harmonic vibration, eq. (1). The work of the nodal plane's own motion stays among the bodies.
+    The integral of N v_hv, N the force of the tip; the nodal plane's work stays among the bodies.
     """
-    decaying, rate, _, tip, turn, omega = held_parts(segment, start)
-    constant, slow, fast = force_parts(segment, decaying, rate, tip, omega)
-    velocity = abs(omega.imag) * segment.vibration_amplitude * turn
-    duration = end - start
+    constant, slow, fast = force_parts(segment, held)
+    omega = held.omega
+    velocity = abs(omega.imag) * segment.vibration_amplitude * held.turn
     return (
         constant * (velocity * exponential_integral(omega, duration)).real
-        + product_integral(slow, rate, velocity, omega, duration)
+        + product_integral(slow, held.rate, velocity, omega, duration)
         + product_integral(fast, omega, velocity, omega, duration)
     )
 
 
 @compiled
-def held_travels(segment, start, end):
-    """Ways of nodal plane and free mass, which is held against the tip, in a part of a segment [m].
+def held_travels(segment, held, duration):
+    """Ways of nodal plane and held free mass [m], and the loss of the load spring's damping [J].
 
-    Positions would not do: they lose the digits of the deflection that a constant force gives a
-    soft spring, and the work of the force with them.
+    Differences of positions would lose the digits that the deflection of a soft spring takes.
     """
-    duration = end - start
-    decaying, rate, steady, _, turn, omega = held_parts(segment, start)
+    decaying, rate, steady, _, turn, omega = held
     swing = growth_over(omega, duration).whole
     nodal_plane = (decaying * growth_over(rate, duration).whole).real + (steady * swing).real
     vibration = complex(0.0, -segment.vibration_amplitude) * turn
-    return nodal_plane, nodal_plane + (vibration * swing).real
+    loss = segment.load_spring_damping * square_integral(
+        rate * decaying, rate, omega * steady, omega, duration
+    )
+    return nodal_plane, nodal_plane + (vibration * swing).real, loss
 
 
 @compiled
 def free_travels(segment, start, end):
-    """Return the same of a free mass off the tip, and the loss of the load spring's damping [J]."""
+    """Return the same of a free mass off the tip."""
     duration = end - start
     decaying, rate = decaying_from(nodal_plane_motion(segment), start)
     growth = growth_over(rate, duration)
@@ -265,9 +252,9 @@ def add_motion(rpud, segment, start, end, whole, account):
     if not whole:
         return
     if segment.contact & CONTACT_ACTUATOR:
-        nodal_plane, free_mass = held_travels(segment, start, end)
-        account[ACTUATOR_WORK] += actuator_work(segment, start, end)
-        loss = load_damper_loss(segment, start, end)
+        held, duration = held_motion(segment, start), end - start
+        nodal_plane, free_mass, loss = held_travels(segment, held, duration)
+        account[ACTUATOR_WORK] += actuator_work(segment, held, duration)
     else:
         nodal_plane, free_mass, loss = free_travels(segment, start, end)
     account[WEIGHT_ON_BIT_WORK] += segment.weight_on_bit * nodal_plane
@@ -282,13 +269,9 @@ def add_motion(rpud, segment, start, end, whole, account):
 def withdrawal_work(segment, tool_spring_rate, motion, passed):
     """Work on the springs of the drill while their mount withdraws from the bodies [J].
 
-    The spring of the rock does not move with the mount.
-
-    Args:
-        segment: that begins, or whose motion it is.
-        tool_spring_rate: of the drill tool on the other side of this instant [N/m].
-        motion: before it.
-        passed: way by which the origin of all displacements passes the bodies [m].
+    The spring of the rock does not move with the mount. ``motion`` is that before it, ``passed``
+    the way by which the origin of all displacements passes the bodies [m], and ``tool_spring_rate``
+    that of the drill tool on the other side of this instant [N/m].
     """
     u_np, _, _, _, _, _, u_dt, _ = motion
     softer = min(segment.drill_tool_spring_rate, tool_spring_rate)
@@ -308,14 +291,9 @@ def rests(segment):
 
 @compiled
 def add_change(before, after, motion, begun, account):
-    """Add what new constants and a new origin do to the energy of springs and drill tool.
+    """Add what new constants and a new origin do to springs and drill tool; returns the motion.
 
-    Args:
-        motion: ``motion_at`` the instant, before it.
-        begun: the same after it and after the collisions at the instant.
-
-    Returns:
-        The motion after it.
+    ``motion`` is ``motion_at`` the instant, ``begun`` that after it and after its collisions.
     """
     # Nothing else moves the nodal plane at once, or stops a drill tool away from zero.
     commanded = after.event & EVENT_COMMAND
@@ -360,12 +338,7 @@ def add_rest(segment, after, ended, account):
 
 @compiled
 def add_event(rpud, before, after, segment, account):
-    """Add the collisions and the release at an event.
-
-    Args:
-        before: ``motion_at`` the event, before it.
-        segment: that begins with it.
-    """
+    """Add the collisions and the release at the event that begins a segment, given the motions."""
     _, np_before, _, _, _, fm_before, u_before, dt_before = before
     _, np_after, _, ut_after, _, fm_after, u_after, dt_after = after
     tool_mass, tool_spring_rate = segment.drill_tool_mass, segment.drill_tool_spring_rate
@@ -394,10 +367,3 @@ def add_event(rpud, before, after, segment, account):
     both = min(abs(from_tip), abs(on_tool)) > segment.free_mass * SAME_VELOCITY
     account[IMPACTS if both else ACTUATOR_COLLISIONS] += from_tip * (tip - fm)
     account[IMPACTS] += on_tool * (fm - 0.5 * (dt_before + dt_after))
-
-
-@compiled
-def time_in(segment, seconds, fraction):
-    """Time from a segment's start to a time, at least zero and at most its duration [s]."""
-    time = float(seconds - segment.start_seconds) + (fraction - segment.start_fraction)
-    return min(max(time, 0.0), segment.duration)

@@ -21,15 +21,6 @@ from rpud_sim.model.tolerances import EVENT_BUDGET, LONGEST_STANDSTILL
 _MOST_VALUES = 4
 _USUAL = 30.0
 
-# Parameters that act on the motion, always and by what holds the drill tool.
-_ALWAYS = ("rpud_mass", "free_mass")
-_BEFORE_DRILLING = ("drill_tool_mass",)
-_GIVEN = ("effective_tool_mass", "effective_tool_spring_rate")
-_SECTIONS = (
-    *("elastic_modulus", "section_1_length", "section_1_area"),
-    *("section_2_length", "section_2_area", "drill_tool_density"),
-)
-
 # Segments that there is room for at first, and at most for those to come; the room grows when it is
 # too small. A long block comes in one piece.
 _LEAST_ROOM = 256
@@ -45,6 +36,13 @@ _time = reader_of(STATE, "seconds", "fraction")
 _amplitude = reader_of(STATE, "amplitude")
 
 
+# Fields of the state that a ``Resonance`` sets.
+_OF_RESONANCE = (
+    *("decay_time", "resistance", "amplitude_per_volt"),
+    *("voltage", "drive_frequency", "resonance_frequency"),
+)
+
+
 class EngineError(ExpectedError, RuntimeError):
     """Failure of the engine; the text is one line with the time and the likely parameters."""
 
@@ -52,7 +50,6 @@ class EngineError(ExpectedError, RuntimeError):
 def initial_state(
     parameters: Parameters, initial_phase: float, drive: bool, resonance: Resonance | None
 ) -> np.ndarray:
-    """Return the ``STATE`` before time zero, shape (1,); see ``Engine``."""
     state = np.zeros(1, STATE)
     amplitude = parameters.vibration_amplitude if drive else 0.0
     state["phase"] = initial_phase % 1.0
@@ -64,60 +61,40 @@ def initial_state(
         state["resonant"] = 1
         state["amplitude"] = state["target_amplitude"] = 0.0
         state["drive_phase"] = state["phase"]
-        state["decay_time"] = resonance.decay_time
-        state["resistance"] = resonance.resistance
-        state["amplitude_per_volt"] = resonance.amplitude_per_volt
-        state["voltage"] = resonance.voltage
-        state["drive_frequency"] = resonance.drive_frequency
-        state["resonance_frequency"] = resonance.frequency
+        for name, value in zip(_OF_RESONANCE, resonance, strict=True):
+            state[name] = value
     return state
 
 
-def failure(status: int, parameters: Parameters, drill: Drill, state: np.ndarray) -> EngineError:
-    """Return the error of an advance that failed."""
+def failure(status: int, parameters: Parameters, drill: Drill, states: np.ndarray) -> EngineError:
+    """Return the error of an advance that failed, with the values furthest from their defaults."""
     reason = {
         STALLED: f"more than {LONGEST_STANDSTILL} events at one instant",
         OVERLOADED: f"events exceed their budget of {EVENT_BUDGET:g} in a simulated second",
     }.get(status, "the motion cannot be computed in double precision")
-    time = float(state[0]["seconds"] + state[0]["fraction"])
-    unusual = ", ".join(_unusual_values(parameters, drill, state[0]))
-    return EngineError(f"{reason} at {time:.6g} s, with {unusual}")
-
-
-def _unusual_values(parameters: Parameters, drill: Drill, state: np.void) -> list[str]:
-    """Return the values in force that are furthest from the default, furthest first.
-
-    They are at least one text such as ``free_mass = 1e-09 kg (default: 0.005)``.
-    """
-    given = parameters.contact_model == "given"
-    tool = (_GIVEN if given else _SECTIONS) if drill.in_rock else _BEFORE_DRILLING
-    values = {name: float(getattr(parameters, name)) for name in (*_ALWAYS, *tool)}
-    values["load_spring_rate"] = drill.load_spring_rate
-    values["gravity"] = drill.gravity
+    state = states[0]
+    values = {name: float(getattr(parameters, name)) for name in QUANTITIES}
+    values["load_spring_rate"], values["gravity"] = drill.load_spring_rate, drill.gravity
     values["weight_on_bit"] = float(state["weight_on_bit"])
     values["vibration_amplitude"] = float(state["amplitude"])
     values["vibration_frequency"] = float(state["frequency"])
-    if not drill.in_rock:
-        values["restoring_spring_rate"] = drill.tool_spring_rate
     ranked = []
     for name, value in values.items():
+        usual = getattr(Parameters, name)
         if value > 0.0:  # zero is usual: a drill without gravity, weight or drive
-            usual = getattr(Parameters, name)
-            text = f"{name} = {value:.4g} {QUANTITIES[name].unit} (default: {usual:g})"
-            ranked.append((max(value / usual, usual / value), text))
+            text = f"{name} = {value:.4g} {QUANTITIES[name].unit}".rstrip()
+            ranked.append((max(value / usual, usual / value), f"{text} (default: {usual:g})"))
     ranked.sort(reverse=True)
-    far = [text for factor, text in ranked if factor > _USUAL]
-    return (far or [text for _, text in ranked[:1]])[:_MOST_VALUES]
+    far = [text for factor, text in ranked if factor > _USUAL] or [ranked[0][1]]
+    time = float(state["seconds"] + state["fraction"])
+    return EngineError(f"{reason} at {time:.6g} s, with {', '.join(far[:_MOST_VALUES])}")
 
 
 class Engine:
     """Motion of the drill from time zero on, event by event.
 
-    All records since the last drain are written one after the other into the same room.
-
-    Args:
-        initial_phase: of the vibration [cycles].
-        resonance: of the vibration, which starts at rest; None if its amplitude is prescribed.
+    The vibration starts at a phase [cycles], from rest if it is a resonance. Without a drive its
+    amplitude is zero.
     """
 
     def __init__(
@@ -163,7 +140,6 @@ class Engine:
 
     @property
     def amplitude(self) -> float:
-        """Amplitude of the vibration at the last event [m]."""
         amplitude: float = _amplitude(self._state)[0]
         return amplitude
 
@@ -173,32 +149,23 @@ class Engine:
         return bool(self._seating)
 
     def impacts_from(self, number: int) -> np.ndarray:
-        """Return the impacts that finished since the last drain, from a number on.
-
-        They are valid until the next advance.
-        """
+        """Return the impacts finished since the last drain, from a number on, until it advances."""
         return self._impact_room[number : self._struck]
 
     def account(self, seconds: int, fraction: float) -> ResonatorEnergy:
-        """Return envelope and energies of the resonance at a time, not before the last event.
-
-        They are zero if the vibration is prescribed.
-        """
+        """Return envelope and energies of a resonance, else zeros, not before the last event."""
         if not self._state["resonant"][0]:
             return ResonatorEnergy(0j, 0.0, 0.0, 0.0, 0.0, 0.0)
         return account(self._state[0], self._open_segment[0], self.ahead(seconds, fraction))
 
     def ahead(self, seconds: int, fraction: float) -> float:
-        """Time from the start of the open segment to a time [s]."""
         start_seconds, start_fraction = _time(self._state)
         return float(seconds - start_seconds) + (fraction - start_fraction)
 
     def advance(self, seconds: int, fraction: float) -> None:
         """Advance to a time, whole seconds and a fraction from 0 to 1; not back.
 
-        Raises:
-            EngineError: if events follow each other without time passing or exceed their budget, or
-                if the motion is no longer finite.
+        ``EngineError``: the events exceed their budget, or the motion is no longer finite.
         """
         if self._reached == (seconds, fraction):
             return
@@ -212,10 +179,8 @@ class Engine:
     def advance_through(self, seconds: np.ndarray, fractions: np.ndarray) -> np.ndarray | None:
         """Advance to times one after the other, in one call of a kernel.
 
-        Returns:
-            The numbers of segments and of impacts since the last ``drain`` that were finished at
-            each time, shape (times, 2). None if the engine cannot advance so: then it has not
-            moved, and ``advance`` shows why.
+        Return how many segments and impacts since the last drain were finished at each time, shape
+        (times, 2). None if the engine cannot advance so and has not moved: ``advance`` shows why.
         """
         if self._seating and self._seating[0][0] <= (seconds[-1], fractions[-1]):
             return None
@@ -243,16 +208,11 @@ class Engine:
     ) -> None:
         """Advance to a time and go on from there with other commands, and with another drill.
 
-        Positions and velocities and the phase of the vibration stay continuous; the amplitude
-        changes when the vibration next passes through zero. The rock takes hold of a free drill
-        tool step by step (``drill.seating``), unless it touches it.
-
-        Args:
-            commands: weight on bit [N], vibration amplitude [m] and vibration frequency [Hz]; of a
-                resonance weight on bit [N], voltage [V] and drive frequency [Hz].
-            resonance_frequency: of a resonance [Hz].
-            passed: way by which the origin of all displacements passes the bodies [m].
-            touches: whether the rock is at zero now, and stops a tool whose actuator is behind.
+        The commands are weight on bit [N], vibration amplitude [m] and frequency [Hz]; of a
+        resonance weight on bit, voltage [V] and drive frequency. Positions, velocities and phase
+        stay continuous; the amplitude changes at the next zero of the vibration. The rock takes
+        hold of a free tool step by step (``seating``), unless it ``touches`` it and the actuator is
+        behind. The origin of all displacements passes the bodies by the way ``passed`` [m].
         """
         self.advance(seconds, fraction)
         if drill != self._target:
@@ -297,7 +257,6 @@ class Engine:
         return room[: count + 1], impacts
 
     def _commands(self) -> tuple[float, ...]:
-        """What is in force, as a change takes it."""
         state = self._state[0]
         names: tuple[str, ...] = ("target_amplitude", "frequency")
         if state["resonant"]:

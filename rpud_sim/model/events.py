@@ -19,17 +19,12 @@ from rpud_sim.model.resets import close_gaps, exchange_momentum, join_held_bodie
 from rpud_sim.model.resonator import (
     begin_resonance,
     change_drive,
-    contact_load,
     hold,
     load_by_contact,
-    move_resonance,
     update,
 )
 from rpud_sim.model.search import (
-    END_ACTUATOR_IMPACT,
-    END_ACTUATOR_RELEASE,
     END_AMPLITUDE,
-    END_DRILL_TOOL_IMPACT,
     END_DRILL_TOOL_RELEASE,
     END_DRILL_TOOL_REST,
     END_LIMIT,
@@ -62,61 +57,44 @@ from rpud_sim.model.tolerances import (
 
 # How an advance ends: at the requested time, with no room for more results, in a standstill, or
 # with more events than their budget. And that it has not ended yet.
-DONE = 0
-FULL = 1
-STALLED = 2
-OVERLOADED = 3
-GOES_ON = 4
+DONE, FULL, STALLED, OVERLOADED, GOES_ON = range(5)
 
-
-@compiled
-def carry_over(time):
-    """Whole seconds in a fraction, and what is left of it."""
-    whole = math.floor(time)
-    return int(whole), time - whole
-
-
-@compiled
-def move_state(state, segment, time, turns):
-    """Move the state to a time after the start of its segment, given the ``Turns`` there."""
-    u_np, v_np, _, _, u_fm, v_fm, u_dt, v_dt = motion_of(segment, time, turns)
-    state.u_np, state.v_np = u_np, v_np
-    state.u_fm, state.v_fm = u_fm, v_fm
-    state.u_dt, state.v_dt = u_dt, v_dt
-    seconds, fraction = carry_over(state.fraction + time)
-    state.seconds += seconds
-    state.fraction = fraction
-    state.phase = advance_phase(state.phase, state.frequency, time)
-    state.effort = max(state.effort - EVENT_BUDGET * time, 0.0)
+# Of each END_* but END_LIMIT: pairs whose approach ends, contacts that open for want of force, and
+# EVENT_* bits of what is known to happen.
+HAPPENS = (
+    (CONTACT_ACTUATOR, 0, 0),
+    (CONTACT_DRILL_TOOL, 0, 0),
+    (0, CONTACT_ACTUATOR, EVENT_RELEASE),
+    (0, CONTACT_DRILL_TOOL, EVENT_RELEASE),
+    (0, 0, EVENT_RELEASE),
+    (0, 0, EVENT_COMMAND),
+)
 
 
 @compiled
 def end_segment(state, segment, impact, time, turns):
-    """Follow the open segment to a time after its start, and move the state there.
-
-    ``turns`` are the ``Turns`` at that time.
-    """
+    """Follow the open segment to a time after its start, and move the state there."""
     if state.impact_open:
         follow_impact(segment, impact, time, turns)
-    move_state(state, segment, time, turns)
+    u_np, v_np, _, _, u_fm, v_fm, u_dt, v_dt = motion_of(segment, time, turns)
+    state.u_np, state.v_np = u_np, v_np
+    state.u_fm, state.v_fm = u_fm, v_fm
+    state.u_dt, state.v_dt = u_dt, v_dt
+    fraction = state.fraction + time
+    whole = math.floor(fraction)
+    state.seconds += int(whole)
+    state.fraction = fraction - whole
+    state.phase = advance_phase(state.phase, state.frequency, time)
+    state.effort = max(state.effort - EVENT_BUDGET * time, 0.0)
     if state.resonant:
-        integral, work = contact_load(segment, time)
-        move_resonance(state, time)
-        load_by_contact(state, integral, work)
+        load_by_contact(state, segment, time)
 
 
 @compiled
 def settle(drill, state, impact, impacts, count, turn, met, opened, event):
-    """Resolve what happens at the state's instant.
+    """Resolve what happens at the state's instant, given the EVENT_* bits that are known.
 
-    Args:
-        turn: ``PhaseSinCos`` of the vibration.
-        met: CONTACT_* bits of pairs whose approach ends here.
-        opened: CONTACT_* bits of contacts that end here for want of force.
-        event: EVENT_* bits of what is already known to happen.
-
-    Returns:
-        The number of finished impacts, and the ``PhaseSinCos`` of the vibration.
+    Returns the number of finished impacts, and the ``PhaseSinCos`` of the vibration.
     """
     v_np = state.v_np
     closed = close_gaps(state, met, turn)
@@ -174,15 +152,9 @@ def open_segment(drill, bodies, state, segment, turn):
 
 @compiled
 def pass_event(drill, bodies, state, segment, after, impact, impacts, count, turns):
-    """Go through the event that ends a segment, and write the segment after it.
+    """Go through the event that ends a segment, and write the segment ``after`` it (or over it).
 
-    Args:
-        after: may be the same record.
-        turns: ``Turns`` at the segment's end.
-
-    Returns:
-        The number of finished impacts, and the ``PhaseSinCos`` of the vibration at the start of the
-        segment after it.
+    Returns the number of finished impacts, and the ``PhaseSinCos`` at the start of that segment.
     """
     end = state.next_event
     end_segment(state, segment, impact, segment.duration, turns)
@@ -194,15 +166,7 @@ def pass_event(drill, bodies, state, segment, after, impact, impacts, count, tur
             count += 1
             state.impact_open = 0
     else:
-        event = 0
-        met = 0
-        opened = 0
-        if end == END_ACTUATOR_IMPACT:
-            met = CONTACT_ACTUATOR
-        elif end == END_DRILL_TOOL_IMPACT:
-            met = CONTACT_DRILL_TOOL
-        elif end == END_AMPLITUDE:
-            event = EVENT_COMMAND
+        if end == END_AMPLITUDE:
             if state.resonant:
                 update(state)
             else:
@@ -210,16 +174,10 @@ def pass_event(drill, bodies, state, segment, after, impact, impacts, count, tur
                 # The sine is exactly zero here, so that the tip does not jump.
                 state.phase = 0.5 if 0.25 < state.phase < 0.75 else 0.0
             turn = turn_at(state.phase)
-        elif end == END_ACTUATOR_RELEASE:
-            opened = CONTACT_ACTUATOR
-            event = EVENT_RELEASE
-        elif end == END_DRILL_TOOL_RELEASE:
-            opened = CONTACT_DRILL_TOOL
-            event = EVENT_RELEASE
         elif end == END_DRILL_TOOL_REST:
             state.u_dt = 0.0
             state.v_dt = 0.0
-            event = EVENT_RELEASE
+        met, opened, event = HAPPENS[end]
         count, turn = settle(drill, state, impact, impacts, count, turn, met, opened, event)
     # Called in one place alone, so that it is compiled into the loop.
     open_segment(drill, bodies, state, after, turn)
@@ -247,15 +205,10 @@ def advance(
 ):
     """Advance to times one after the other, as far as the room for results reaches.
 
-    Args:
-        seconds: whole seconds of the times, in ascending order; ``fractions`` are the rest.
-        segments: room for finished segments and the open one.
-        impacts: room for finished impacts, at least two more than segments.
-        counts: gets the numbers of segments and impacts that are finished at each time.
-        begun: how many of the times, segments and impacts are there already.
-
-    Returns:
-        DONE, FULL, STALLED or OVERLOADED, and the numbers of times, segments and impacts.
+    ``segments`` is room for finished segments and the open one, ``impacts`` for two more.
+    ``counts`` gets the numbers of both that are finished at each time. ``begun`` and, after DONE,
+    FULL, STALLED or OVERLOADED, the result are the numbers of times, segments and impacts that are
+    there.
     """
     state = states[0]
     impact = open_impacts[0]
@@ -288,14 +241,11 @@ def advance(
 
 @compiled
 def interrupt(drill, states, open_segments, open_impacts, time, segments, impacts, new):
-    """End the open segment early, at a time after its start, and go on with what is new.
+    """End the open segment early, and go on with what is new; returns the finished impacts' number.
 
-    Args:
-        time: after the segment's start [s].
-        new: weight on bit [N], vibration amplitude [m], frequency [Hz] and resonance frequency
-            [Hz] from here on; with a resonance the voltage [V] instead of the amplitude. Then the
-            way by which the origin of all displacements passes the bodies [m], and whether the
-            drill tool meets rock at zero.
+    New are weight on bit [N], amplitude [m] (voltage [V] of a resonance), frequency and resonance
+    frequency [Hz], the way by which the origin of all displacements passes the bodies [m], and
+    whether the drill tool meets rock at zero.
     """
     state = states[0]
     segment = open_segments[0]

@@ -1,17 +1,11 @@
 """Resets: the collisions at one instant, and the contacts that remain closed after it.
 
-    find the pairs that touch
-    repeat until no touching pair approaches:
-        actuator and free mass collide by eqs. (4)-(7)
-        free mass and drill tool collide by eqs. (11)-(13), or share their momentum by eq. (21) in
-        the rock
-    a jammed free mass that touches the drill tool is one body with it
-    keep the contacts that would close again at once, if their forces then push
+Touching pairs collide until none approaches: actuator and free mass by eqs. (4)-(7), free mass and
+drill tool by eqs. (11)-(13), or by eq. (21) in the rock and when jammed. Then the contacts that
+would close again at once are kept, if their forces push.
 
-A free mass that chatters comes to rest in finite time. That is recognised when its next bounce
-would be lower than ``LOWEST_BOUNCE``: the contact is then kept, and left again when its force
-vanishes or another body strikes. The velocity that this takes away is that of such a bounce, at
-most sqrt(2 a LOWEST_BOUNCE) under an acceleration a.
+A chattering free mass comes to rest in finite time: where its next bounce would be lower than
+``LOWEST_BOUNCE`` the contact is kept, until its force vanishes or another body strikes.
 """
 
 import math
@@ -45,11 +39,7 @@ class Collisions(NamedTuple):
 
 @compiled
 def close_gaps(state, met, turn):
-    """Find the pairs that touch, and push overlapping ones apart; never moves the nodal plane.
-
-    Args:
-        met: CONTACT_* bits of pairs whose approach has just ended.
-    """
+    """Find the pairs that touch, and push overlapping ones apart; never moves the nodal plane."""
     u_hv, _ = vibration_of(state.amplitude, state.frequency, turn)
     u_ut = state.u_np + u_hv
     closed = 0
@@ -128,7 +118,6 @@ def exchange_momentum(drill, state, closed, turn):
 
 @compiled
 def tip_acceleration(drill, state, contact, turn):
-    """Acceleration of the actuator's tip under the given contact [m/s^2]."""
     u_hv, v_hv = vibration_of(state.amplitude, state.frequency, turn)
     omega = TWO_PI * state.frequency
     mass = drill.rpud_mass
@@ -146,7 +135,6 @@ def tip_acceleration(drill, state, contact, turn):
 
 @compiled
 def tool_acceleration(drill, state, contact):
-    """Acceleration of the drill tool under the given contact, the actuator apart [m/s^2]."""
     mass = drill.tool_mass
     force = -drill.tool_spring_rate * state.u_dt - drill.tool_damping * state.v_dt
     if contact == CONTACT_DRILL_TOOL:
@@ -159,7 +147,6 @@ def tool_acceleration(drill, state, contact):
 
 @compiled
 def pushes(force):
-    """Whether a contact force is one that keeps its contact closed."""
     return force >= -0.5 * WEAKEST_PULL
 
 
@@ -178,8 +165,7 @@ def returns_at_once(separation, closing_acceleration):
 def hold_both(drill, state, v_ut, v_hv, stay, turn):
     """Keep all three bodies together if both contacts push; one that is jammed need not.
 
-    Args:
-        stay: whether both pairs stay together; if not, the free mass may still be caged.
+    ``stay``: whether both pairs stay together; if not, the free mass may still be caged.
     """
     separate = state.v_np
     pair = common_velocity(drill.free_mass, state.v_fm, drill.tool_mass, state.v_dt)
@@ -242,9 +228,6 @@ def lasting_contact(drill, state, closed, opened, drill_tool_struck, turn):
 
     At most one combination of contacts has only pushing forces and no gap that closes again. Only
     pairs that separate slowly enough can be in it.
-
-    Args:
-        opened: CONTACT_* bits of contacts that end at this instant.
     """
     closed &= ~opened
     if not closed:

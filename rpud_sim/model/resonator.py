@@ -5,25 +5,21 @@ voltage across the motional resistance R in the frame of the drive:
 
     dz/dt = (V - (1 + j delta) z) / tau,  delta = 2 pi (f - f_r) tau
 
-The vibration that the bodies feel has the amplitude s abs(z) and the phase of the drive plus that
-of z; s is the amplitude per volt. So the energy that the branch stores, tau abs(z)^2 / 4 R, is that
-of a modal mass M at the tip: M = tau / (2 R (s Omega)^2). The rest of the branch's energy is drawn,
-V Re(z) / 2 R, and heat, abs(z)^2 / 2 R, both in closed form.
+The bodies feel the amplitude s abs(z) and the phase of the drive plus that of z. The branch stores
+tau abs(z)^2 / 4 R, the energy of a modal mass M = tau / (2 R (s Omega)^2) at the tip, draws
+V Re(z) / 2 R and heats by abs(z)^2 / 2 R. drawn = heat + work + stored - owed, by construction.
 
-- A blow on the tip changes velocity and energy of the vibration at once, exactly. A vibration at
-  rest stays at rest.
+- A blow on the tip changes velocity and energy of the vibration at once, unless it is at rest.
 - A contact that lasts feels the vibration as it is. Its work is owed and taken at the next update.
 - An update, at a zero of the vibration, gives the bodies the amplitude of the envelope, and the
-  frequency that turns their vibration to the phase of the envelope until the next update.
-
-drawn = heat + work + stored - owed holds at every time, by construction. If a contact takes more
-than is stored, the vibration rests, and does no work, until the drive has made up for it.
+  frequency that turns their vibration to the envelope's phase until the next update. If more is
+  owed than stored, the vibration rests until the drive has made up for it.
 """
 
 import math
 from typing import NamedTuple
 
-from rpud_sim.model.closed_form import TWO_PI, advance_phase, harmonic_vibration
+from rpud_sim.model.closed_form import TWO_PI, advance_phase, turn_at, vibration_of
 from rpud_sim.model.compile import compiled
 from rpud_sim.model.elementary import (
     arc_tangent,
@@ -34,7 +30,7 @@ from rpud_sim.model.elementary import (
     hypotenuse,
     sin_cos_cycles,
 )
-from rpud_sim.model.energy import exponential_integral, force_parts, held_parts
+from rpud_sim.model.energy import exponential_integral, force_parts, held_motion
 from rpud_sim.model.segment import CONTACT_ACTUATOR
 from rpud_sim.model.tolerances import LOWEST_BOUNCE, SAME_PHASE, STEADY, UPDATES_PER_DECAY
 
@@ -105,11 +101,7 @@ def course(state):
 
 @compiled
 def envelope_after(state, time):
-    """Envelope without further contacts.
-
-    Returns:
-        The envelope [V], and the energies drawn and turned to heat since its last change [J].
-    """
+    """Envelope without further contacts [V], and energies drawn and turned to heat so far [J]."""
     elapsed = state.envelope_age + time
     rate, end = course(state)
     away = complex(state.envelope_real, state.envelope_imag) - end
@@ -142,7 +134,6 @@ def account(state, segment, time):
 
 @compiled
 def set_envelope(state, envelope):
-    """Write an envelope that holds at the state's time."""
     state.envelope_real = envelope.real
     state.envelope_imag = envelope.imag
     state.envelope_age = 0.0
@@ -150,7 +141,6 @@ def set_envelope(state, envelope):
 
 @compiled
 def bring_envelope(state):
-    """Bring envelope and energies to the state's time."""
     envelope, drawn, heat = envelope_after(state, 0.0)
     state.drawn += drawn
     state.heat += heat
@@ -167,11 +157,9 @@ def replace_envelope(state, before, after):
 
 @compiled
 def load(state, impulse, work):
-    """Let the bodies load the envelope.
+    """Let the bodies load the envelope, by work on them [J] and by an impulse.
 
-    Args:
-        impulse: integral of the force on the free mass, turned by the drive's phase [N s].
-        work: of the vibration on the bodies [J].
+    The impulse is the integral of the force on the free mass, turned by the drive's phase [N s].
     """
     before = bring_envelope(state)
     omega = TWO_PI * state.frequency
@@ -198,7 +186,7 @@ def blow(drill, state, impulse):
     The tip stays where it is; amplitude and phase of the vibration follow from its velocity.
     """
     omega = TWO_PI * state.frequency
-    u_hv, v_hv = harmonic_vibration(state.amplitude, state.frequency, state.phase)
+    u_hv, v_hv = vibration_of(state.amplitude, state.frequency, turn_at(state.phase))
     after = v_hv - impulse * omega * omega * compliance(state)
     state.v_np -= impulse / drill.rpud_mass
     load(state, impulse * drive_turn(state), 0.5 * impulse * (v_hv + after))
@@ -210,38 +198,35 @@ def blow(drill, state, impulse):
 
 @compiled
 def hold(drill, state, v_np, blow_impulse):
-    """ResonatorEnergy for bodies that were given one velocity.
+    """Take the impulse of bodies that were given one velocity, joining that of the blow [N s].
 
-    The vibration keeps its velocity, and gives the work of an impulse that joins the blow.
-
-    Args:
-        blow_impulse: of the blow at the same instant [N s].
+    The vibration keeps its velocity.
     """
     impulse = drill.rpud_mass * (v_np - state.v_np)
     omega = TWO_PI * state.frequency
-    _, v_hv = harmonic_vibration(state.amplitude, state.frequency, state.phase)
+    _, v_hv = vibration_of(state.amplitude, state.frequency, turn_at(state.phase))
     mean = v_hv + omega * omega * compliance(state) * (blow_impulse + 0.5 * impulse)
     load(state, impulse * drive_turn(state), impulse * mean)
 
 
 @compiled
 def contact_load(segment, time):
-    """Load of a contact that lasts, over the first part of the open segment.
+    """Load of a lasting contact over the first part of the open segment: impulse and work.
 
-    Returns:
-        Integral of the tip's force on the free mass times exp(j 2 pi phase) [N s], and the work of
-        the vibration on the bodies [J].
+    The integral of the tip's force on the free mass times exp(j 2 pi phase) [N s], and the work of
+    the vibration on the bodies [J].
     """
     if not segment.contact & CONTACT_ACTUATOR or segment.vibration_amplitude == 0.0:
         return complex(0.0, 0.0), 0.0
-    decaying, rate, _, tip, turn, omega = held_parts(segment, 0.0)
-    constant, slow, fast = force_parts(segment, decaying, rate, tip, omega)
+    held = held_motion(segment, 0.0)
+    rate, omega = held.rate, held.omega
+    constant, slow, fast = force_parts(segment, held)
     integral = 0.5 * slow * exponential_integral(rate + omega, time)
     integral += 0.5 * slow.conjugate() * exponential_integral(rate.conjugate() + omega, time)
     integral += 0.5 * fast * exponential_integral(2.0 * omega, time)
     integral += 0.5 * fast.conjugate() * time
     integral += constant * exponential_integral(omega, time)
-    integral *= turn
+    integral *= held.turn
     return integral, omega.imag * segment.vibration_amplitude * integral.real
 
 
@@ -254,8 +239,10 @@ def move_resonance(state, time):
 
 
 @compiled
-def load_by_contact(state, integral, work):
-    """Let the contact of the segment that ended load the envelope, given ``contact_load``."""
+def load_by_contact(state, segment, time):
+    """Move the resonance to a time, and let the contact of the segment till then load it."""
+    integral, work = contact_load(segment, time)
+    move_resonance(state, time)
     if work != 0.0 or integral != 0.0:
         sine, cosine = sin_cos_cycles(state.phase)
         turn = complex(cosine, sine)
@@ -264,10 +251,7 @@ def load_by_contact(state, integral, work):
 
 @compiled
 def update_interval(state, frequency):
-    """Time from one update to the next [s]: half cycles, few against the decay time.
-
-    The small envelope of a drill that nearly stalls changes by a small part of itself.
-    """
+    """Time from one update to the next [s]: half cycles, fewer where the envelope is small."""
     envelope = complex(state.envelope_real, state.envelope_imag)
     _, end = course(state)
     away = complex_size(end - envelope)
@@ -315,7 +299,6 @@ def plan(state):
 
 @compiled
 def begin_resonance(state):
-    """Begin from rest under the drive."""
     state.frequency = state.drive_frequency
     state.steady = 1 if state.voltage == 0.0 else 0
     plan(state)

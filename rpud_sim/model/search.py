@@ -1,14 +1,10 @@
 """Search for the end of the open segment: the only place that solves an equation numerically.
 
 A guard is a function of time that is positive while a segment lasts: the gap between two bodies,
-the force of a contact, or the deformation of the drill tool in the rock. Each comes with its
-derivatives at a time, and with bounds on them for the whole segment. Where the actuator's tip takes
-part, the guard is also at least its *envelope*: the guard without the steady vibration, less the
-most that the vibration takes from it.
-
-The search makes steps within which the guard is certain to stay positive (steps.py), one after
-another. It cannot pass a root, however near two roots are, and near a simple root the steps
-converge to it quadratically from the left.
+the force of a contact, or the deformation of the drill tool in the rock. The search makes steps
+within which it is certain to stay positive (steps.py), from bounds on its derivatives. It cannot
+pass a root, however near two roots are. A guard in which the tip takes part is also at least its
+*envelope*: itself without the steady vibration, less the most that the vibration takes from it.
 """
 
 import math
@@ -44,10 +40,10 @@ from rpud_sim.model.steps import (
     MET,
     after_step,
     bent_step,
-    envelope_step,
     going_on,
     is_above,
     is_root,
+    safe_step,
 )
 from rpud_sim.model.strike import first_landing, first_strike
 from rpud_sim.model.tolerances import (
@@ -87,37 +83,6 @@ class Bounds(NamedTuple):
 
 
 @compiled
-def held_tip_motion(segment, tip, turn):
-    """Motion of the tip while the free mass is held against it.
-
-    Args:
-        tip: ``tip_motion`` at a time.
-
-    Returns:
-        Position [m] and velocity [m/s] without the steady vibration, and the whole acceleration
-        [m/s^2].
-    """
-    u_np, v_np, u_ut, _ = tip
-    omega = TWO_PI * segment.vibration_frequency
-    in_phase = segment.nodal_plane_vibration_sine
-    in_quadrature = segment.nodal_plane_vibration_cosine
-    position = u_np - (in_phase * turn.sine + in_quadrature * turn.cosine)
-    velocity = v_np - omega * (in_phase * turn.cosine - in_quadrature * turn.sine)
-    acceleration, _ = decaying_derivatives(
-        nodal_plane_motion(segment), position - segment.nodal_plane_offset, velocity
-    )
-    return position, velocity, acceleration - omega * omega * (u_ut - position)
-
-
-@compiled
-def tip_amplitude(segment):
-    """Amplitude of the tip's steady vibration [m]."""
-    in_phase = segment.nodal_plane_vibration_sine + segment.vibration_amplitude
-    in_quadrature = segment.nodal_plane_vibration_cosine
-    return math.sqrt(in_phase * in_phase + in_quadrature * in_quadrature)
-
-
-@compiled
 def gap_to_drill_tool(segment, time):
     """Gap u_dt - u_fm between drill tool and free mass, which the actuator touches."""
     motion = drill_tool_motion(segment)
@@ -125,12 +90,18 @@ def gap_to_drill_tool(segment, time):
     u_dt = segment.drill_tool_offset + displacement
     acceleration, _ = decaying_derivatives(motion, displacement, v_dt)
     turn = vibration_turn(segment, time)
-    tip = tip_motion(segment, turn, nodal_plane_swing(segment, time))
-    position, velocity, tip_acceleration = held_tip_motion(segment, tip, turn)
-    _, _, u_fm, v_fm = tip
-    return Guard(
-        u_dt - u_fm, v_dt - v_fm, acceleration - tip_acceleration, u_dt - position, v_dt - velocity
+    u_np, v_np, u_fm, v_fm = tip_motion(segment, turn, nodal_plane_swing(segment, time))
+    omega = TWO_PI * segment.vibration_frequency
+    in_phase = segment.nodal_plane_vibration_sine
+    in_quadrature = segment.nodal_plane_vibration_cosine
+    # Of the tip without the steady vibration; the acceleration is the whole.
+    position = u_np - (in_phase * turn.sine + in_quadrature * turn.cosine)
+    velocity = v_np - omega * (in_phase * turn.cosine - in_quadrature * turn.sine)
+    slow, _ = decaying_derivatives(
+        nodal_plane_motion(segment), position - segment.nodal_plane_offset, velocity
     )
+    curvature = acceleration - (slow - omega * omega * (u_fm - position))
+    return Guard(u_dt - u_fm, v_dt - v_fm, curvature, u_dt - position, v_dt - velocity)
 
 
 @compiled
@@ -150,21 +121,16 @@ def force_from_tip(load, segment, time):
     u = in_phase * sine + in_quadrature * cosine
     v = omega * (in_phase * cosine - in_quadrature * sine)
     stiffness = spring_rate - mass * omega * omega
-    return Guard(
-        slow + stiffness * u + damping * v,
-        slow_slope + stiffness * v - damping * omega * omega * u,
-        0.0,
-        slow,
-        slow_slope,
-    )
+    value = slow + stiffness * u + damping * v
+    slope = slow_slope + stiffness * v - damping * omega * omega * u
+    return Guard(value, slope, 0.0, slow, slow_slope)
 
 
 @compiled
 def force_on_drill_tool(segment, time):
     """Force of the contact of free mass and drill tool: value [N] and slope [N/s]."""
     if segment.contact == CONTACT_BOTH:
-        load = load_of(segment, False)
-        force = force_from_tip(load, segment, time)
+        force = force_from_tip(load_of(segment, False), segment, time)
         return force.value, force.slope
     return force_of_swing(segment, drill_tool_swing(segment, time))
 
@@ -181,10 +147,7 @@ def force_of_swing(segment, swing):
 
 @compiled
 def guard_at(segment, end, time):
-    """The guard that ends a segment in the given way, at a time after its start.
-
-    All but those of the meetings that strike.py seeks.
-    """
+    """The guard that ends a segment in the given way; strike.py has those of the free mass."""
     if end == END_DRILL_TOOL_IMPACT:
         return gap_to_drill_tool(segment, time)
     if end == END_DRILL_TOOL_REST:
@@ -206,7 +169,6 @@ def bounds_of(motion):
 
 @compiled
 def positive_bounds(second, third, slow_second, vibration):
-    """Return ``Bounds`` that are fit to divide by."""
     return Bounds(
         max(second, LEAST_BOUND), max(third, LEAST_BOUND), max(slow_second, LEAST_BOUND), vibration
     )
@@ -222,7 +184,9 @@ def guard_bounds(segment, end):
         return positive_bounds(segment.free_mass * dt_rate * dt_third, math.inf, 0.0, 0.0)
     np_rate, np_second, np_third = bounds_of(nodal_plane_motion(segment))
     omega = TWO_PI * segment.vibration_frequency
-    amplitude = tip_amplitude(segment)
+    in_phase = segment.nodal_plane_vibration_sine + segment.vibration_amplitude
+    in_quadrature = segment.nodal_plane_vibration_cosine
+    amplitude = math.sqrt(in_phase * in_phase + in_quadrature * in_quadrature)
     vibration_second = omega * omega * amplitude
     if end == END_DRILL_TOOL_IMPACT:
         slow = np_second + dt_second
@@ -237,35 +201,24 @@ def guard_bounds(segment, end):
     return positive_bounds(slow + vibration, math.inf, slow, force)
 
 
-@compiled
-def allowance_of(end):
-    """Return how far below zero a guard may be that was not yet as far above zero."""
-    if end == END_DRILL_TOOL_IMPACT:
-        return TOUCHING
-    if end == END_DRILL_TOOL_REST:
-        return 0.0
-    return WEAKEST_PULL
-
-
 # How far two forces are followed at first [s].
 FIRST_SPAN = 1e-5
 
 
 @compiled
 def first_root(segment, end, limit):
-    """Time for which a guard stays positive, up to a limit [s].
+    """Seek the first root of a guard, up to a limit [s].
 
-    Args:
-        end: one of END_*, but not ``END_ACTUATOR_IMPACT``.
-
-    Returns:
-        The time until which it is certain to be positive, whether it is zero there, and the number
-        of steps.
+    Returns the time until which the guard is certain to be positive, whether it is zero there, and
+    the number of steps.
     """
     if segment.contact == 0 and end == END_DRILL_TOOL_IMPACT:
         return first_landing(segment, limit)
     bounds = guard_bounds(segment, end)
-    allowance = allowance_of(end)
+    # How far below zero a guard may be that was not yet as far above zero.
+    allowance = TOUCHING if end == END_DRILL_TOOL_IMPACT else WEAKEST_PULL
+    if end == END_DRILL_TOOL_REST:
+        allowance = 0.0
     time = 0.0
     for number in range(LONGEST_SEARCH):
         guard = guard_at(segment, end, time)
@@ -274,7 +227,9 @@ def first_root(segment, end, limit):
             allowance = 0.0
         value = guard.value + allowance
         envelope = guard.slow - bounds.vibration
-        longest = envelope_step(envelope, guard.slow_slope, bounds.slow_second)
+        longest = 0.0
+        if envelope > 0.0:
+            longest = safe_step(envelope, guard.slow_slope, -bounds.slow_second)
         step = bent_step(value, slope, guard.curvature, bounds.second, bounds.third)
         step = going_on(step, slope, longest)
         time, outcome = after_step(time, step, is_root(value, slope, step), limit)
@@ -299,10 +254,7 @@ def fall_time(gap, velocity, gravity):
 
 @compiled
 def sooner_of(state, found, end, duration, event):
-    """Return the given duration and event, or what a search has found if it is sooner.
-
-    The steps of the search add to the state's effort.
-    """
+    """Return the given duration and event, or what a search has found if it is sooner."""
     time, met, steps = found
     state.effort += steps * STEP_EFFORT
     if time < duration:
@@ -312,7 +264,6 @@ def sooner_of(state, found, end, duration, event):
 
 @compiled
 def sooner(state, segment, end, duration, event):
-    """Return the given duration and event, or those of a guard if they are sooner."""
     return sooner_of(state, first_root(segment, end, duration), end, duration, event)
 
 
@@ -320,8 +271,7 @@ def sooner(state, segment, end, duration, event):
 def sooner_release(state, segment, duration, event):
     """Return the given duration and event, or those of the three bodies' contact if sooner.
 
-    Either force may vanish long before the other: the search follows both by turns, in growing
-    spans.
+    Either force may vanish long before the other: both are followed by turns, in growing spans.
     """
     span = FIRST_SPAN
     while True:
@@ -335,13 +285,7 @@ def sooner_release(state, segment, duration, event):
 
 @compiled
 def next_event(drill, state, segment, turn):
-    """Find the end of the segment, and its duration [s].
-
-    ``turn`` is the ``PhaseSinCos`` of the vibration at the segment's start.
-
-    Returns:
-        The duration, and one of END_*.
-    """
+    """Return the duration of the segment [s] and what ends it, one of END_*."""
     duration = LONGEST_SEGMENT
     event = END_LIMIT
     change = math.inf

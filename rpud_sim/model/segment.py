@@ -1,8 +1,7 @@
 """Records of a trajectory: segments of closed-form motion, and impacts on the drill tool.
 
-A segment holds everything that is needed to evaluate every motion and force from its start to its
-end. It also holds the constants of the drill, which may differ in the next segment. NumPy arrays of
-these two dtypes leave the engine, are sampled, published and recorded.
+A segment holds all that gives motions and forces from its start to its end, with the constants of
+the drill, which may differ in the next one.
 """
 
 from collections.abc import Sequence
@@ -24,7 +23,7 @@ from rpud_sim.model.closed_form import (
     swung_integral,
     turn_at,
 )
-from rpud_sim.model.compile import compiled, record_type
+from rpud_sim.model.compile import compiled, floats, record_type
 from rpud_sim.model.contact import release_turn
 
 # Bodies in contact with the free mass during a segment: bits, both may be set.
@@ -41,13 +40,8 @@ EVENT_LIMIT = 16
 
 # Constants of the drill during a segment.
 CONSTANTS = (
-    "load_spring_rate",
-    "load_spring_damping",
-    "free_mass",
-    "drill_tool_mass",
-    "drill_tool_spring_rate",
-    "drill_tool_damping",
-    "gravity",
+    *("load_spring_rate", "load_spring_damping", "free_mass", "drill_tool_mass"),
+    *("drill_tool_spring_rate", "drill_tool_damping", "gravity"),
 )
 
 _OSCILLATION = ("offset", "decay_rate", "angular_frequency", "cosine", "sine")
@@ -58,22 +52,15 @@ _OSCILLATION = ("offset", "decay_rate", "angular_frequency", "cosine", "sine")
 SEGMENT = record_type(
     [
         ("start_seconds", np.int64),
-        ("start_fraction", np.float64),
-        ("duration", np.float64),
+        *floats("start_fraction", "duration"),
         ("contact", np.uint8),
         ("event", np.uint8),
-        ("vibration_phase", np.float64),
-        ("vibration_frequency", np.float64),
-        ("vibration_amplitude", np.float64),
-        ("weight_on_bit", np.float64),
-        *((f"nodal_plane_{name}", np.float64) for name in _OSCILLATION),
-        ("nodal_plane_vibration_sine", np.float64),
-        ("nodal_plane_vibration_cosine", np.float64),
-        ("free_mass_position", np.float64),
-        ("free_mass_velocity", np.float64),
-        ("free_mass_acceleration", np.float64),
-        *((f"drill_tool_{name}", np.float64) for name in _OSCILLATION),
-        *((name, np.float64) for name in CONSTANTS),
+        *floats("vibration_phase", "vibration_frequency", "vibration_amplitude", "weight_on_bit"),
+        *floats(*(f"nodal_plane_{name}" for name in _OSCILLATION)),
+        *floats("nodal_plane_vibration_sine", "nodal_plane_vibration_cosine"),
+        *floats("free_mass_position", "free_mass_velocity", "free_mass_acceleration"),
+        *floats(*(f"drill_tool_{name}" for name in _OSCILLATION)),
+        *floats(*CONSTANTS),
     ]
 )
 
@@ -81,26 +68,17 @@ IMPACT = record_type(
     [
         ("sequence", np.uint64),
         ("seconds", np.int64),
-        ("fraction", np.float64),
-        ("peak_force", np.float64),
-        ("contact_duration", np.float64),
-        ("impact_velocity", np.float64),
-        ("impulse", np.float64),
-        ("energy", np.float64),
-        ("energy_transferred", np.float64),
+        *floats("fraction", "peak_force", "contact_duration", "impact_velocity", "impulse"),
+        *floats("energy", "energy_transferred"),
         ("squeezed", np.bool_),
     ]
 )
 
 
 def join_records(records: Sequence[np.ndarray], dtype: np.dtype) -> np.ndarray:
-    """Return arrays of records as one immutable array.
+    """Return arrays of records as one array, immutable: kernels are compiled again for others.
 
-    It joins bytes, because NumPy joins structures slowly. They are immutable also when they are
-    fresh: kernels are compiled again for another type of array.
-
-    Args:
-        records: arrays of the dtype; none gives an empty array.
+    It joins bytes, because NumPy joins structures slowly.
     """
     buffers: Any = records  # NumPy declares no buffers before Python 3.12
     return np.frombuffer(b"".join(buffers), dtype)
@@ -108,7 +86,6 @@ def join_records(records: Sequence[np.ndarray], dtype: np.dtype) -> np.ndarray:
 
 @compiled
 def nodal_plane_motion(segment):
-    """Return the ``Oscillation`` of the nodal plane in a segment."""
     return Oscillation(
         segment.nodal_plane_offset,
         segment.nodal_plane_decay_rate,
@@ -122,7 +99,6 @@ def nodal_plane_motion(segment):
 
 @compiled
 def drill_tool_motion(segment):
-    """Return the ``Oscillation`` of the drill tool in a segment."""
     return Oscillation(
         segment.drill_tool_offset,
         segment.drill_tool_decay_rate,
@@ -152,25 +128,21 @@ class Turns(NamedTuple):
 
 @compiled
 def vibration_turn(segment, time):
-    """Return the ``PhaseSinCos`` of the vibration at a time after a segment's start."""
     return turn_at(segment.vibration_phase + segment.vibration_frequency * time)
 
 
 @compiled
 def nodal_plane_swing(segment, time):
-    """Return the ``DecayingSinCos`` of the nodal plane at a time after a segment's start."""
     return swing_at(segment.nodal_plane_decay_rate, segment.nodal_plane_angular_frequency, time)
 
 
 @compiled
 def drill_tool_swing(segment, time):
-    """Return the ``DecayingSinCos`` of the drill tool at a time after a segment's start."""
     return swing_at(segment.drill_tool_decay_rate, segment.drill_tool_angular_frequency, time)
 
 
 @compiled
 def turns_at(segment, time):
-    """Return the ``Turns`` at a time after a segment's start."""
     return Turns(
         vibration_turn(segment, time),
         nodal_plane_swing(segment, time),
@@ -180,11 +152,7 @@ def turns_at(segment, time):
 
 @compiled
 def turns_at_end(segment, is_released):
-    """Return the ``Turns`` at a segment's end.
-
-    Args:
-        is_released: whether a contact ends there for want of force.
-    """
+    """Return the ``Turns`` at a segment's end, where a contact may end for want of force."""
     time = segment.duration
     undamped = segment.contact == CONTACT_DRILL_TOOL and segment.drill_tool_decay_rate == 0.0
     if is_released and undamped and time > 0.0:
@@ -217,11 +185,7 @@ def tip_motion(segment, vibration, swing):
 
 @compiled
 def motion_at(segment, time):
-    """Motion of every body at a time after a segment's start.
-
-    Returns:
-        u_np, v_np, u_ut, v_ut, u_fm, v_fm, u_dt, v_dt [m, m/s], positive toward the rock.
-    """
+    """Motion at a time: u_np, v_np, u_ut, v_ut, u_fm, v_fm, u_dt, v_dt [m, m/s]."""
     return motion_of(segment, time, turns_at(segment, time))
 
 
@@ -245,10 +209,7 @@ def motion_of(segment, time, turns):
 
 @compiled
 def nodal_plane_integral(segment, time, start, turns):
-    """Integral of u_np over the first part of a segment [m s].
-
-    ``start`` is the ``PhaseSinCos`` at its start, ``turns`` the ``Turns`` at its end.
-    """
+    """Integral of u_np over a segment's first part [m s]; ``start`` is the turn at its start."""
     motion = nodal_plane_motion(segment)
     omega = TWO_PI * segment.vibration_frequency
     end = turns.vibration
@@ -269,7 +230,6 @@ class Oscillators(NamedTuple):
 
 @compiled
 def oscillators_of(drill):
-    """Return the ``Oscillators`` of a drill."""
     damping, spring_rate = drill.tool_damping, drill.tool_spring_rate
     return Oscillators(
         oscillator(drill.rpud_mass, drill.rpud_damping, drill.load_spring_rate),
@@ -282,10 +242,8 @@ def oscillators_of(drill):
 def nodal_plane_closed_form(drill, bodies, state, turn):
     """Return the ``Oscillation`` of the nodal plane.
 
-    Alone, or with the free mass in flight or on the drill tool, it obeys eq. (2) with the preload
-    W, and its weight if gravity acts on it. With the free mass (and the drill tool behind it) held
-    against the vibrating tip, their inertia and the drill tool's spring act on it as well, moved
-    by u_hv of eq. (1).
+    It obeys eq. (2) with the preload W, and its weight if gravity acts on it. Free mass and drill
+    tool that it holds against the vibrating tip add inertia and spring, moved by u_hv of eq. (1).
     """
     force = state.weight_on_bit + drill.rpud_weight
     if not state.contact & CONTACT_ACTUATOR:
@@ -328,10 +286,7 @@ def drill_tool_closed_form(drill, bodies, state):
 
 @compiled
 def begin_segment(drill, bodies, state, segment, turn):
-    """Write the closed form that follows from the state into a segment, all but its duration.
-
-    ``turn`` is the ``PhaseSinCos`` of the state's phase.
-    """
+    """Write the closed form that follows from the state into a segment, all but its duration."""
     segment.start_seconds = state.seconds
     segment.start_fraction = state.fraction
     segment.contact = state.contact
@@ -377,7 +332,6 @@ class Load(NamedTuple):
 
 @compiled
 def load_of(segment, with_free_mass):
-    """The ``Load`` behind the tip, or behind the free mass that the tip moves."""
     mass = damping = spring_rate = force = 0.0
     if with_free_mass:
         mass += segment.free_mass

@@ -60,11 +60,9 @@ def is_clear(value, slope, second, time):
 
 @compiled
 def ends_at_root(value, slope, step, least_bend, most_bend):
-    """Whether a ``safe_step`` ends within TIME_RESOLUTION of a root.
+    """Whether a ``safe_step`` of the least bend ends within TIME_RESOLUTION of a root.
 
-    Args:
-        least_bend: that the step was made with.
-        most_bend: greatest second derivative within it.
+    ``most_bend`` is the greatest second derivative within it.
     """
     # There the parabola has this height times (2 / slope)^2.
     parabola = least_bend * least_bend * max(value, 0.0) * step * step
@@ -101,12 +99,6 @@ def is_above(value, slope, second, allowance):
     if slope <= 0.0 or value > allowance:
         return value > allowance
     return slope * slope > 2.0 * second * (allowance - value)
-
-
-@compiled
-def envelope_step(envelope, slow_slope, slow_second):
-    """Time within which an envelope cannot reach zero [s]; zero if it is not above it."""
-    return safe_step(envelope, slow_slope, -slow_second) if envelope > 0.0 else 0.0
 
 
 @compiled

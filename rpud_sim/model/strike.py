@@ -1,11 +1,8 @@
 """Search for the meetings of the free mass: the engine's most frequent ones.
 
-They make steps within which the bodies cannot meet, as every search does (steps.py), from bounds
-that only these gaps have.
-
-- The tip's vibration bends the gap by Omega^2 A sin(phi), and nothing else does much. Its phase is
-  known, so the least that this can be up to another phase is so without a bound on its change.
-- The swing of the drill tool dies away, and with it the bounds on its derivatives.
+They make steps within which the bodies cannot meet (steps.py), from bounds that only these gaps
+have. The tip's vibration bends the gap by Omega^2 A sin(phi), of which the least up to another
+phase is known. The swing of the drill tool dies away, and with it the bounds on its derivatives.
 """
 
 import math
@@ -68,14 +65,10 @@ _ROUND = 6755399441055744.0  # 1.5 * 2**52
 
 @compiled
 def _vibrating_step(value, slope, sine, cycles, period, peak, slow_second):
-    """Return the ``Step`` of a gap that a vibrating tip bends.
+    """Return the ``Step`` of a gap that a vibrating tip bends, by at most ``peak`` = Omega^2 A.
 
-    Args:
-        sine: of the vibration's phase.
-        cycles: that phase.
-        period: of the vibration [s].
-        peak: Omega^2 A [m/s^2].
-        slow_second: bound on the second derivative without the vibration [m/s^2].
+    ``sine`` is that of the vibration's phase ``cycles``, ``slow_second`` bounds all else that
+    bends.
     """
     # From -1/4 to 3/4, so that the sine rises up to 1/4 and falls from there on.
     phase = cycles - ((cycles - 0.25 + _ROUND) - _ROUND)
@@ -94,12 +87,7 @@ def _vibrating_step(value, slope, sine, cycles, period, peak, slow_second):
 
 @compiled
 def soon_after(square, damping, displacement, velocity, time):
-    """Decaying part and its rate a short time later, by its series.
-
-    Args:
-        square: omega_n^2 [1/s^2].
-        damping: 2 a [1/s].
-    """
+    """Decaying part and its rate soon after by their series; omega_n^2 and 2 a are given."""
     second = -square * displacement - damping * velocity
     third = -square * velocity - damping * second
     fourth = -square * second - damping * third
@@ -127,15 +115,7 @@ def turned_by(turn, angle):
 
 @compiled
 def first_strike(segment, limit, turn):
-    """Find when the actuator strikes the free mass, which does not touch it, up to a limit [s].
-
-    Args:
-        turn: ``PhaseSinCos`` of the vibration at the segment's start.
-
-    Returns:
-        The time until which the gap is certain to be open, whether it closes there, and the number
-        of steps.
-    """
+    """Find when the actuator strikes the free mass, which does not touch it, as ``first_root``."""
     frequency = segment.vibration_frequency
     amplitude = segment.vibration_amplitude
     omega = TWO_PI * frequency
@@ -217,11 +197,7 @@ def first_strike(segment, limit, turn):
 
 @compiled
 def first_landing(segment, limit):
-    """Find when the free mass in flight meets the moving drill tool, up to a limit [s].
-
-    Returns:
-        The same as ``first_strike``.
-    """
+    """Find when the free mass in flight meets the moving drill tool, as ``first_root``."""
     tool = drill_tool_motion(segment)
     rate = undamped_frequency(tool)
     gravity = segment.free_mass_acceleration

@@ -1,8 +1,7 @@
 """Tally of a run: sums over its segments and impacts, added in compiled code.
 
-The sums are those of a trajectory's records. They are added in the same order for a block whose
-records are kept (``add_block``) and for members of an ensemble, which keep none
-(``advance_members``).
+They are added in the same order for a block whose records are kept (``add_block``) and for members
+of an ensemble, which keep none (``advance_members``).
 """
 
 import math
@@ -10,7 +9,7 @@ import math
 import numpy as np
 
 from rpud_sim.model.closed_form import NO_SWING, turn_at
-from rpud_sim.model.compile import compiled, record_type
+from rpud_sim.model.compile import compiled, floats, record_type
 from rpud_sim.model.elementary import decimal_logarithm
 from rpud_sim.model.energy import (
     STORED,
@@ -20,7 +19,6 @@ from rpud_sim.model.energy import (
     add_motion,
     add_rest,
     stored_energy,
-    time_in,
 )
 from rpud_sim.model.events import DONE, FULL, GOES_ON, pass_event, start, status_before
 from rpud_sim.model.search import END_DRILL_TOOL_RELEASE
@@ -67,10 +65,7 @@ def _sum_of_128(values):
 
 @compiled
 def pairwise_sum(values):
-    """Sum of values in the order of ``numpy.sum``, which halves them until 128 are left.
-
-    A plain sum would round differently, and a run's figures would no longer be those of its bag.
-    """
+    """Sum of values in the order of ``numpy.sum``, which halves them until 128 are left."""
     count = len(values)
     if count <= 128:
         return _sum_of_128(values) + 0.0  # it begins with zero, so that no sum is -0.0
@@ -82,19 +77,11 @@ def pairwise_sum(values):
 # What happened in the parts of a run that were added, and the account of the part in progress.
 TALLY = record_type(
     [
-        ("events", np.int64),
-        ("actuator_impacts", np.int64),
-        ("impacts", np.int64),
-        ("squeezed", np.int64),
-        ("lowest_class", np.int64),  # of the contact forces, see ``add_forces``
+        *((name, np.int64) for name in ("events", "actuator_impacts", "impacts", "squeezed")),
+        ("lowest_class", np.int64),  # of the contact forces, see ``add_impacts``
         ("highest_class", np.int64),
-        ("contact_force_max", np.float64),
-        ("impact_velocity", np.float64),
-        ("contact_force", np.float64),
-        ("contact_duration", np.float64),
-        ("energy", np.float64),
-        ("energy_transferred", np.float64),
-        ("reacting_impulse", np.float64),
+        *floats("contact_force_max", "impact_velocity", "contact_force", "contact_duration"),
+        *floats("energy", "energy_transferred", "reacting_impulse"),
         ("account", np.float64, (len(TERMS),)),
     ]
 )
@@ -117,7 +104,6 @@ _HAPPENED = EVENT_ACTUATOR_IMPACT | EVENT_DRILL_TOOL_IMPACT | EVENT_RELEASE
 
 
 def empty_tallies(count: int) -> np.ndarray:
-    """Return tallies of nothing, shape (count,)."""
     tallies = np.zeros(count, TALLY)
     tallies["lowest_class"] = CLASSES
     tallies["highest_class"] = -1
@@ -126,26 +112,32 @@ def empty_tallies(count: int) -> np.ndarray:
 
 
 @compiled
-def reacting_impulse(segment, start, end, u_start, u_end, turn, turns):
-    """Integral of R = W - k_1 u_np - c_1 v_np over a part of a segment [N s].
+def time_in(segment, seconds, fraction):
+    """Time from a segment's start to a time, at least zero and at most its duration [s]."""
+    time = float(seconds - segment.start_seconds) + (fraction - segment.start_fraction)
+    return min(max(time, 0.0), segment.duration)
 
-    Args:
-        start: of the part, since the segment's start [s].
-        end: of the part [s].
-    """
+
+@compiled
+def add_until(rpud, segment, end, motion, turn, turns, whole, part):
+    """Add a segment from the part's offset to a time, given motion and ``Turns`` there."""
+    start = part[OFFSET]
+    if not end > start:
+        return
+    add_motion(rpud, segment, start, end, whole, part)
+    # The integral of R = W - k_1 u_np - c_1 v_np.
     position = nodal_plane_integral(segment, end, turn, turns)
     if start > 0.0:
         position -= nodal_plane_integral(segment, start, turn, turns_at(segment, start))
-    return (
+    part[IMPULSE] += (
         segment.weight_on_bit * (end - start)
         - segment.load_spring_rate * position
-        - segment.load_spring_damping * (u_end - u_start)
+        - segment.load_spring_damping * (motion[0] - part[POSITION])
     )
 
 
 @compiled
 def count_event(segment, tally):
-    """Count the event that began a segment."""
     if segment.event & _HAPPENED:
         tally.events += 1
     if segment.event & EVENT_ACTUATOR_IMPACT:
@@ -154,10 +146,7 @@ def count_event(segment, tally):
 
 @compiled
 def begin_part(rpud, segment, seconds, fraction, counts, tally, part):
-    """Begin a part of a run within its first segment.
-
-    ``counts``: whether the segment begins with the part, so that its event counts.
-    """
+    """Begin a part of a run within its first segment, whose event may count."""
     part[:] = 0.0
     offset = time_in(segment, seconds, fraction)
     motion = motion_at(segment, offset)
@@ -172,20 +161,12 @@ def begin_part(rpud, segment, seconds, fraction, counts, tally, part):
 def add_ended(rpud, segment, after, turn, turns, turn_after, whole, tally, part):
     """Add a segment from the part's offset on, and the event that ends it.
 
-    Args:
-        after: the segment after it.
-        turn: ``PhaseSinCos`` at its start.
-        turns: ``Turns`` at its end.
-        turn_after: ``PhaseSinCos`` at the start of the segment after it.
+    ``turn`` is at its start, ``turns`` at its end, and ``turn_after`` at the start of the one
+    after.
     """
-    offset = part[OFFSET]
     end = segment.duration
     ended = motion_of(segment, end, turns)
-    if end > offset:
-        add_motion(rpud, segment, offset, end, whole, part)
-        part[IMPULSE] += reacting_impulse(
-            segment, offset, end, part[POSITION], ended[0], turn, turns
-        )
+    add_until(rpud, segment, end, ended, turn, turns, whole, part)
     motion = motion_of(after, 0.0, Turns(turn_after, NO_SWING, NO_SWING))
     changed = add_change(segment, after, ended, motion, part)
     rested = add_rest(segment, after, changed, part)
@@ -198,15 +179,11 @@ def add_ended(rpud, segment, after, turn, turns, turn_after, whole, tally, part)
 @compiled
 def finish_part(rpud, segment, seconds, fraction, whole, tally, part):
     """Add the open segment up to the end of a part of a run, and the part to the tally."""
-    offset = part[OFFSET]
     end = time_in(segment, seconds, fraction)
-    motion = motion_at(segment, end)
-    if end > offset:
-        add_motion(rpud, segment, offset, end, whole, part)
-        turn, turns = turn_at(segment.vibration_phase), turns_at(segment, end)
-        part[IMPULSE] += reacting_impulse(
-            segment, offset, end, part[POSITION], motion[0], turn, turns
-        )
+    turns = turns_at(segment, end)
+    motion = motion_of(segment, end, turns)
+    turn = turn_at(segment.vibration_phase)
+    add_until(rpud, segment, end, motion, turn, turns, whole, part)
     part[STORED] += stored_energy(segment, motion, rpud.mass)
     tally.reacting_impulse += part[IMPULSE]
     for i in range(len(TERMS)):
@@ -214,20 +191,8 @@ def finish_part(rpud, segment, seconds, fraction, whole, tally, part):
 
 
 @compiled
-def class_of(force):
-    """Number of a contact force's class [N]."""
-    if not force > LEAST_FORCE:
-        return 0
-    decades = decimal_logarithm(min(force, GREATEST_FORCE) / LEAST_FORCE)
-    return int(np.rint(decades * CLASSES_PER_DECADE))
-
-
-@compiled
 def add_impacts(impacts, tally, classes):
-    """Add the impacts of a part of a run.
-
-    ``classes`` counts the contact forces in each class, shape (CLASSES,).
-    """
+    """Add the impacts of a part of a run, and count their forces in classes, shape (CLASSES,)."""
     if not len(impacts):
         return
     tally.impacts += len(impacts)
@@ -241,7 +206,10 @@ def add_impacts(impacts, tally, classes):
         tally.contact_force_max = max(tally.contact_force_max, force)
         if impacts[i].squeezed:
             tally.squeezed += 1
-        number = class_of(force)
+        number = 0
+        if force > LEAST_FORCE:
+            decades = decimal_logarithm(min(force, GREATEST_FORCE) / LEAST_FORCE)
+            number = int(np.rint(decades * CLASSES_PER_DECADE))
         classes[number] += 1
         tally.lowest_class = min(tally.lowest_class, number)
         tally.highest_class = max(tally.highest_class, number)
@@ -251,11 +219,9 @@ def add_impacts(impacts, tally, classes):
 def add_block(rpud, covering, impacts, begin, until, counts, tallies, classes, part):
     """Add what happened between two times, whole seconds and fraction each, to a tally.
 
-    Args:
-        covering: ``SEGMENT`` records that cover these times; the last one is open.
-        counts: whether the event of the first segment counts.
-        classes: of the contact forces, shape (CLASSES,).
-        part: room for the block's own sums, shape (PART_ROOM,).
+    ``covering`` are the segments of these times, the last one open; ``counts``: whether the event
+    of the first counts. ``classes`` count contact forces, ``part`` is room for the block's own
+    sums.
     """
     tally = tallies[0]
     last = len(covering) - 1
@@ -292,47 +258,7 @@ NOT_FINITE = 10
 
 
 @compiled
-def _advance_member(
-    drill, rpud, state, segments, impact, until, added, whole, impacts, count, tally, part
-):
-    """Advance a member until its open segment reaches beyond a time, or impacts lack room.
-
-    It does what ``events.advance`` and ``add_block`` do, with the same bits, but keeps no segments.
-    So what the engine computes at an event serves the sums as well.
-
-    Args:
-        segments: the open one, and room for the one after it.
-        added: whether anything is added.
-        whole: whether the account is whole.
-
-    Returns:
-        DONE, FULL, STALLED or OVERLOADED, and the number of finished impacts.
-    """
-    bodies = oscillators_of(drill)
-    turn = turn_at(segments[0].vibration_phase)
-    opened = 0
-    while True:
-        segment = segments[opened]
-        is_full = len(impacts) - count < _IMPACTS_OF_EVENT
-        status = status_before(state, segment, until[0], until[1], is_full)
-        if status != GOES_ON:
-            segments[0] = segment
-            return status, count
-        opened = 1 - opened
-        after = segments[opened]
-        turns = turns_at_end(segment, state.next_event == END_DRILL_TOOL_RELEASE)
-        # Called in one place alone, so that it is compiled into the loop.
-        count, turn_after = pass_event(
-            drill, bodies, state, segment, after, impact, impacts, count, turns
-        )
-        if added:
-            add_ended(rpud, segment, after, turn, turns, turn_after, whole, tally, part)
-        turn = turn_after
-
-
-@compiled
 def _is_finite(state):
-    """Whether the numbers are finite that all others of the state follow from."""
     zero = 0.0 * state.u_np + 0.0 * state.v_np + 0.0 * state.u_fm + 0.0 * state.v_fm
     zero += 0.0 * state.u_dt + 0.0 * state.v_dt
     zero += 0.0 * state.amplitude + 0.0 * state.frequency + 0.0 * state.owed
@@ -343,66 +269,66 @@ def _is_finite(state):
 def advance_members(drill, rpud, members, begin, until, options, room, progress):
     """Advance members of an ensemble one after another, and add what happens to their tallies.
 
-    Args:
-        members: ``STATE``, open ``SEGMENT``, open ``IMPACT``, ``TALLY``, status and class of the 99
-            % quantile of each, arrays of shape (members,). The status is that of
-            ``events.advance``, or NOT_FINITE.
-        begin: whole seconds and fraction of the time at which they are.
-        until: the same of the time to advance to.
-        options: whether the members begin now, whether they end then, whether anything is added,
-            whether the event of the first segment counts, and whether the account is whole. Several
-            members must begin and end in one call, as they share the classes.
-        room: for impacts, for two segments, for the classes of contact forces, and for the sums of
-            the part in progress.
-        progress: member to go on with, how many impacts it has, -1 before it is its turn, and how
-            many the last one had.
+    It does what ``events.advance`` and ``add_block`` do, with the same bits, but keeps no segments.
 
-    Returns:
-        Whether all members are there. If not, the room for impacts is too small: call again with
-        more, which holds the present ones.
+    ``members`` are arrays of their ``STATE``, open ``SEGMENT`` and ``IMPACT``, ``TALLY``, status
+    and class of the 99 % quantile. They advance from ``begin`` to ``until``, whole seconds and
+    fraction. ``options``: whether they begin now and end then (in one call, as they share the
+    classes), whether anything is added, whether the event of the first segment counts, whether the
+    account is whole. ``room`` is for impacts, two segments, the classes and a part's sums.
+    ``progress``: the member to go on with, its impacts (-1 before its turn), and those of the last
+    one.
+
+    Returns whether all are there; if not, call again with more room for impacts.
     """
     states, open_segments, open_impacts, tallies, statuses, quantiles = members
     starts, ends, added, counts, whole = options
     impacts, segments, classes, part = room
+    bodies = oscillators_of(drill)
     while progress[0] < len(states):
-        i = progress[0]
-        state, opened, impact = states[i : i + 1], open_segments[i : i + 1], open_impacts[i : i + 1]
-        tally = tallies[i]
-        if progress[1] < 0:
-            progress[1] = 0
+        i, count = progress[0], progress[1]
+        opened, tally = open_segments[i : i + 1], tallies[i]
+        if count < 0:
+            count = 0
             if starts:
-                progress[1] = start(drill, state, opened, impact, impacts)
+                count = start(drill, states[i : i + 1], opened, open_impacts[i : i + 1], impacts)
             if added:
                 begin_part(rpud, opened[0], begin[0], begin[1], counts, tally, part)
+        state, impact = states[i], open_impacts[i]
         segments[0] = opened[0]
-        status, progress[1] = _advance_member(
-            drill,
-            rpud,
-            state[0],
-            segments,
-            impact[0],
-            until,
-            added,
-            whole,
-            impacts,
-            progress[1],
-            tally,
-            part,
-        )
-        opened[0] = segments[0]
+        turn = turn_at(segments[0].vibration_phase)
+        j = 0  # the open segment
+        while True:
+            segment = segments[j]
+            is_full = len(impacts) - count < _IMPACTS_OF_EVENT
+            status = status_before(state, segment, until[0], until[1], is_full)
+            if status != GOES_ON:
+                break
+            j = 1 - j
+            after = segments[j]
+            turns = turns_at_end(segment, state.next_event == END_DRILL_TOOL_RELEASE)
+            # Called in one place alone, so that it is compiled into the loop.
+            count, turn_after = pass_event(
+                drill, bodies, state, segment, after, impact, impacts, count, turns
+            )
+            if added:
+                add_ended(rpud, segment, after, turn, turns, turn_after, whole, tally, part)
+            turn = turn_after
+        opened[0] = segments[j]
+        progress[1] = count
         if status == FULL:
             return False
-        if status == DONE and not _is_finite(state[0]):
+        if status == DONE and not _is_finite(state):
             status = NOT_FINITE
         statuses[i] = status
         if added and status == DONE:
             finish_part(rpud, opened[0], until[0], until[1], whole, tally, part)
-            add_impacts(impacts[: progress[1]], tally, classes)
+            add_impacts(impacts[:count], tally, classes)
         if ends:
             quantiles[i] = class_at(tallies[i : i + 1], classes, QUANTILE)
             if tally.impacts:
                 classes[tally.lowest_class : tally.highest_class + 1] = 0
         progress[0] += 1
-        progress[2] = progress[1]
+        progress[2] = count
         progress[1] = -1
     return True

@@ -1,10 +1,9 @@
 """Tolerances of the engine: how finely it resolves contacts.
 
-Bodies nearer than ``TOUCHING`` touch. They may overlap by that until they have been further apart,
-and no bounce lower than ``LOWEST_BOUNCE`` is resolved, so that bodies that neither press nor part
-cost nothing. In the same way a contact that begins without force opens when it pulls by
-``WEAKEST_PULL``. A gap that has been open and a contact that has pressed end at zero exactly,
-within ``TIME_RESOLUTION``.
+Bodies may overlap by ``TOUCHING`` until they have been further apart, and a contact that begins
+without force opens when it pulls by ``WEAKEST_PULL``: so bodies that neither press nor part cost
+nothing. A gap that has been open and a contact that has pressed end at zero exactly, within
+``TIME_RESOLUTION``.
 """
 
 # Bodies that are nearer than this touch; they may overlap by as much before they collide [m].

@@ -74,12 +74,12 @@ GIGABYTE = 2**30
 HUGE = 2**62
 COMPLAINTS = {
     "zstd bomb that says so": "at most",
-    "zstd bomb that lies": "damaged",
-    "zstd frame of petabytes": "not as large as it says",
+    "zstd bomb that lies": "not as large as it says",
+    "zstd frame of petabytes": "damaged",
     "lz4 bomb that lies": "not as large as it says",
     "chunk of petabytes": "at most",
-    "record of petabytes": "reaches beyond its place",
-    "channel of gigabytes": "reaches beyond its place",
+    "record of petabytes": "do not end as they should",
+    "channel of gigabytes": "do not end as they should",
     "string of gigabytes": "a length inside a record reaches beyond it",
     "one chunk without an end": "overlap each other",
     "chunks that all overlap in time": "overlap in time",

@@ -12,7 +12,6 @@ from scipy.integrate import quad
 from support import examples
 
 from rpud_sim.model import energy, tally
-from rpud_sim.model.closed_form import harmonic_vibration
 from rpud_sim.model.engine import Engine
 from rpud_sim.model.parameters import preset
 from rpud_sim.model.search import force_on_drill_tool
@@ -71,11 +70,7 @@ def motion_added(segment, start, end):
     return added
 
 
-def test_every_contact_is_there():
-    assert sorted(CONTACTS) == [0, ACTUATOR, DRILL_TOOL, BOTH]
-
-
-@pytest.mark.parametrize("contact", sorted(CONTACTS))
+@pytest.mark.parametrize("contact", [0, ACTUATOR, DRILL_TOOL, BOTH])
 @pytest.mark.parametrize("share", [0.0, 0.4])
 def test_the_dampers_take_the_integral_of_c_v_squared(contact, share):
     segment = CONTACTS[contact]
@@ -92,7 +87,7 @@ def test_the_dampers_take_the_integral_of_c_v_squared(contact, share):
         assert added[term] == pytest.approx(expected, rel=1e-7, abs=1e-18)
 
 
-@pytest.mark.parametrize("contact", sorted(CONTACTS))
+@pytest.mark.parametrize("contact", [0, ACTUATOR, DRILL_TOOL, BOTH])
 def test_the_actuator_s_work_is_the_integral_of_its_force_and_the_vibration(contact):
     segment = CONTACTS[contact]
     end = min(segment["duration"], 2e-4)
@@ -107,10 +102,8 @@ def test_the_actuator_s_work_is_the_integral_of_its_force_and_the_vibration(cont
 
     def power(time):
         phase = segment["vibration_phase"] + segment["vibration_frequency"] * time
-        _, v_hv = harmonic_vibration(
-            segment["vibration_amplitude"], segment["vibration_frequency"], phase
-        )
-        return force(time) * v_hv
+        omega = 2.0 * np.pi * segment["vibration_frequency"]
+        return force(time) * omega * segment["vibration_amplitude"] * np.cos(2.0 * np.pi * phase)
 
     expected = quad(power, 0.0, end, limit=500, epsrel=1e-7)[0] if contact & ACTUATOR else 0.0
     size = quad(lambda time: abs(power(time)), 0.0, end, limit=500, epsrel=1e-4)[0]

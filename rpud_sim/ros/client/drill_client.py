@@ -3,44 +3,37 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any, TypeVar
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 from builtin_interfaces.msg import Duration, Time
+from rcl_interfaces.msg import SetParametersResult
 from rcl_interfaces.srv import SetParametersAtomically
 from rclpy.parameter import Parameter
-from rpud_msgs.msg import Drive, Fault, Feed, Result, SimulationState, Status, WeightOnBit
-from rpud_msgs.srv import (
-    ClearFault,
-    GetDelivery,
-    InjectFault,
-    ListFaults,
-    ResetSimulation,
-    RunToTime,
-    SetSimulationState,
-    StepSimulation,
-)
+from rpud_msgs import msg, srv
+from rpud_msgs.msg import Fault, Feed, Status
 from std_srvs.srv import SetBool
 
-from rpud_sim.foundation.quantities import ParameterError, Quantity, did_you_mean, shown
+from rpud_sim.foundation.quantities import ParameterError, Quantity, Text, did_you_mean, shown
 from rpud_sim.foundation.time import SECOND, join_seconds, split_seconds
 from rpud_sim.ros.client.drill_connection import SECONDS, DrillConnection
 from rpud_sim.ros.client.listening_node import RefusedError
-from rpud_sim.ros.client.telemetry import Telemetry
+from rpud_sim.ros.client.telemetry import Sink, Telemetry
 
 PATIENCE = 10.0  # time limit of a client, unless it is given another one [s]
 
 # What a reset may restart, by name.
 SCOPES: Mapping[str, int] = {
-    "all": ResetSimulation.Request.SCOPE_ALL,
-    "time": ResetSimulation.Request.SCOPE_TIME,
-    "state": ResetSimulation.Request.SCOPE_STATE,
-    "faults": ResetSimulation.Request.SCOPE_SPAWNED,
+    "all": srv.ResetSimulation.Request.SCOPE_ALL,
+    "time": srv.ResetSimulation.Request.SCOPE_TIME,
+    "state": srv.ResetSimulation.Request.SCOPE_STATE,
+    "faults": srv.ResetSimulation.Request.SCOPE_SPAWNED,
 }
+_ALREADY = srv.SetSimulationState.Response.ALREADY_IN_TARGET_STATE
 _SEED = Quantity("", "a seed", 0, 2**32 - 1, whole=True)
+_FAULT_KIND = Text("kind of a fault", "a kind of fault")
+_CHANNEL = Text("topic of a faulty signal", "a topic")
 _FAULT_NUMBER = Quantity("", "the number of a fault", 1, 2**32 - 1, whole=True)
-
-Value = TypeVar("Value")
 
 
 class DrillClient(DrillConnection):
@@ -86,16 +79,16 @@ class DrillClient(DrillConnection):
         """Messages that the drill had published on each topic when the last step ended."""
         return self._published
 
-    def delivery(self, nodes: Sequence[str] = ()) -> GetDelivery.Response:
+    def delivery(self, nodes: Sequence[str] = ()) -> srv.GetDelivery.Response:
         """Return what the drill has published, and who has discovered it.
 
         It asks these nodes, by full names, whether they know the drill: ask again until all have
         answered.
         """
-        request = GetDelivery.Request(nodes=nodes)
+        request = srv.GetDelivery.Request(nodes=nodes)
         return self._call("simulation/get_delivery", request, repeat=True)
 
-    def telemetry(self, sinks: Mapping[str, Callable[[int, tuple[Any, ...]], object]]) -> Telemetry:
+    def telemetry(self, sinks: Mapping[str, Sink]) -> Telemetry:
         """Subscribe to fast topics, whose messages are decoded in a few microseconds.
 
         ``sinks`` has, by topic, a function of the stamp [ns] and the values, as ``Telemetry`` has
@@ -107,7 +100,7 @@ class DrillClient(DrillConnection):
 
     def press(self, force: float) -> None:
         """Command a weight on bit [N]."""
-        self._command("weight_on_bit", WeightOnBit(force=_number("force", force)))
+        self._command("weight_on_bit", msg.WeightOnBit(force=_number("force", force)))
 
     def drive(
         self, enabled: bool = True, voltage: float | None = None, frequency: float | None = None
@@ -115,7 +108,7 @@ class DrillClient(DrillConnection):
         """Command amplitude [V] and frequency [Hz], None as they are, or switch the drive off."""
         status = self.status
         present = (status.drive_voltage, status.drive_frequency) if enabled else (0.0, 0.0)
-        message = Drive(
+        message = msg.Drive(
             enabled=bool(enabled),
             voltage=present[0] if voltage is None else _number("voltage", voltage),
             frequency=present[1] if frequency is None else _number("frequency", frequency),
@@ -138,7 +131,7 @@ class DrillClient(DrillConnection):
 
     def engage(self, on: bool = True) -> None:
         """Put the drill tool into the rock, or take it out."""
-        _check_success(self._call("engage", SetBool.Request(data=bool(on)), repeat=True))
+        self._ask("engage", SetBool.Request(data=bool(on)), repeat=True)
         regime = Status.REGIME_DRILLING if on else Status.REGIME_FREE
         self.until(lambda: self.status.regime == regime, what=f"no status said {regime}")
 
@@ -148,10 +141,15 @@ class DrillClient(DrillConnection):
         request = SetParametersAtomically.Request(
             parameters=[parameter.to_parameter_msg() for parameter in parameters]
         )
-        name = "set_parameters_atomically"
-        result = self._call_node(name, SetParametersAtomically, request).result
-        if not result.successful:
-            raise RefusedError(result.reason)
+        nodes = self.until(
+            lambda: list(filter(None, self.publishers)),
+            what="the name of the drill's node was not discovered",
+        )
+        name = f"{nodes[0]}/set_parameters_atomically"
+        if name not in self._clients:
+            self._clients[name] = self.node.create_client(SetParametersAtomically, name)
+            self._introduce(self._patience)
+        self._ask(name, request, repeat=True)
 
     # Faults: a call returns when the topic ``faults`` shows the change.
 
@@ -169,14 +167,13 @@ class DrillClient(DrillConnection):
         simulation time [s] it ends by itself; None for never.
         """
         fault = Fault(
-            kind=_text("kind", kind),
-            channel=_text("channel", channel),
+            kind=_FAULT_KIND.check("kind", kind),
+            channel=_CHANNEL.check("channel", channel),
             magnitude=math.nan if magnitude is None else _number("magnitude", magnitude),
         )
-        sec, nanosec = _split("duration", 0.0 if duration is None else duration)
-        request = InjectFault.Request(fault=fault, duration=Duration(sec=sec, nanosec=nanosec))
-        response = _check_success(self._call("inject_fault", request))
-        number = int(response.number)
+        lasting = _time(Duration, "duration", 0.0 if duration is None else duration)
+        request = srv.InjectFault.Request(fault=fault, duration=lasting)
+        number = int(self._ask("inject_fault", request).number)
         self.until(
             lambda: any(each.number == number for each in self.faults),
             what=f"the topic faults did not show fault {number}",
@@ -185,54 +182,49 @@ class DrillClient(DrillConnection):
 
     def clear(self, which: int | str = "all") -> list[int]:
         """End active faults now: ``which`` is a number, a kind or ``all``. Return their numbers."""
-        numbers = self._active(which)
+        if not isinstance(which, str):
+            numbers = [int(_FAULT_NUMBER.check("fault", which))]
+        else:
+            active = self.list_faults().faults
+            numbers = [int(each.number) for each in active if which in ("all", each.kind)]
+            if not active and which != "all":
+                raise RefusedError("no fault is active")
+            if active and not numbers:
+                hint = did_you_mean(which, sorted({each.kind for each in active}))
+                raise RefusedError(f"no fault {shown(which)} is active; {hint}")
         for number in [0] if which == "all" else numbers:
-            _check_success(self._call("clear_fault", ClearFault.Request(number=number)))
+            self._ask("clear_fault", srv.ClearFault.Request(number=number))
         self.until(
             lambda: not any(each.active and each.number in numbers for each in self.faults),
             what="the topic faults did not show the end",
         )
         return numbers
 
-    def list_faults(self) -> ListFaults.Response:
+    def list_faults(self) -> srv.ListFaults.Response:
         """Return the active faults, and the kinds and channels that can be injected now."""
-        return self._call("list_faults", ListFaults.Request(), repeat=True)
-
-    def _active(self, which: int | str) -> list[int]:
-        if not isinstance(which, str):
-            return [int(_FAULT_NUMBER.check("fault", which))]
-        active = self.list_faults().faults
-        numbers = [int(each.number) for each in active if which in ("all", each.kind)]
-        if not numbers and which != "all":
-            if not active:
-                raise RefusedError("no fault is active")
-            hint = did_you_mean(which, sorted({each.kind for each in active}))
-            raise RefusedError(f"no fault {shown(which)} is active; {hint}")
-        return numbers
+        return self._call("list_faults", srv.ListFaults.Request(), repeat=True)
 
     # Simulation time: a call returns when the topic ``status`` shows the change.
 
     def pause(self) -> None:
         """Let simulation time stand still; a step that is under way is interrupted."""
-        self._set_state(SimulationState.STATE_PAUSED, Status.STATE_PAUSED)
+        self._set_state(msg.SimulationState.STATE_PAUSED, Status.STATE_PAUSED)
 
     def play(self) -> None:
         """Let simulation time pass by itself."""
-        self._set_state(SimulationState.STATE_PLAYING, Status.STATE_RUNNING)
+        self._set_state(msg.SimulationState.STATE_PLAYING, Status.STATE_RUNNING)
 
     def step(self, seconds: float) -> float:
         """Advance a paused drill, and return the stamp that it reached [s].
 
         Its status and all messages of that time that have arrived are taken before this returns.
         """
-        sec, nanosec = _split("step", seconds)
-        request = StepSimulation.Request(duration=Duration(sec=sec, nanosec=nanosec))
+        request = srv.StepSimulation.Request(duration=_time(Duration, "step", seconds))
         return self._advance("simulation/step", request)
 
     def run_to(self, stamp: float) -> float:
         """Advance a paused drill to a stamp [s], and return the stamp that it reached [s]."""
-        sec, nanosec = _split("time", stamp)
-        request = RunToTime.Request(time=Time(sec=sec, nanosec=nanosec))
+        request = srv.RunToTime.Request(time=_time(Time, "time", stamp))
         return self._advance("simulation/run_to", request)
 
     def reset(self, scope: str | int = "all", seed: int | None = None) -> None:
@@ -247,28 +239,24 @@ class DrillClient(DrillConnection):
                 f"scope = {shown(scope)} is unknown; {did_you_mean(scope, SCOPES)}"
             )
         bits = SCOPES[scope] if isinstance(scope, str) else int(scope)
-        request = ResetSimulation.Request(scope=bits)
+        request = srv.ResetSimulation.Request(scope=bits)
         if seed is not None:
             request.reseed, request.seed = True, int(_SEED.check("seed", seed))
-        before, count = self.status, self._statuses
-        _check_result(self._call("simulation/reset", request).result)
-        self.until(
-            lambda: self._statuses > count and _is_reset(self.status, before, bits),
-            what="no status showed the reset",
-        )
+        self._ask("simulation/reset", request)
+        # The drill published the status before it answered; they have no common order here.
+        delivery = self.delivery()
+        number = dict(zip(delivery.topics, delivery.published, strict=True))["status"]
+        self.until(lambda: self.status_number >= number, what="no status showed the reset")
         self.take()
 
     def _set_state(self, state: int, name: str) -> None:
-        request = SetSimulationState.Request(state=SimulationState(state=state))
-        result = self._call("simulation/set_state", request, repeat=True).result
-        if result.result != SetSimulationState.Response.ALREADY_IN_TARGET_STATE:
-            _check_result(result)
+        request = srv.SetSimulationState.Request(state=msg.SimulationState(state=state))
+        self._ask("simulation/set_state", request, repeat=True)
         states = (name, Status.STATE_INACTIVE)  # which says nothing about its time
         self.until(lambda: self.status.state in states, what=f"no status said {name}")
 
     def _advance(self, name: str, request: Any) -> float:
-        response = self._call(name, request)
-        _check_result(response.result)
+        response = self._ask(name, request)
         self._published = dict(zip(response.topics, response.published, strict=True))
         reached = join_seconds(response.time.sec, response.time.nanosec)
         self.until(
@@ -276,6 +264,20 @@ class DrillClient(DrillConnection):
         )
         self.take()
         return reached / SECOND
+
+    def _ask(self, name: str, request: Any, repeat: bool = False) -> Any:
+        """Call a service and return its response, or raise the drill's reason not to do it."""
+        response = self._call(name, request, repeat)
+        result = getattr(response, "result", response)
+        if isinstance(result, msg.Result):
+            if result.result not in (result.RESULT_OK, _ALREADY):
+                raise RefusedError(result.error_message, result.result)
+        elif isinstance(result, SetParametersResult):
+            if not result.successful:
+                raise RefusedError(result.reason)
+        elif not result.success:
+            raise RefusedError(result.message)
+        return response
 
 
 # Arguments as fields of messages; the drill itself checks their ranges.
@@ -288,44 +290,13 @@ def _number(name: str, value: Any) -> float:
         raise ParameterError(f"{name} = {shown(value)} is not a number") from None
 
 
-def _text(name: str, value: Any) -> str:
-    if not isinstance(value, str):
-        raise ParameterError(f"{name} = {shown(value)} is not a text")
-    return value
-
-
-def _split(name: str, seconds: Any) -> tuple[int, int]:
-    """Return seconds as whole ones and the nanoseconds of the rest, as a message has them."""
-    return split_seconds(min(round(SECONDS.check(name, seconds) * SECOND), 2**31 * SECOND - 1))
+def _time(kind: Any, name: str, seconds: Any) -> Any:
+    """Return seconds as a message of whole ones and the nanoseconds of the rest."""
+    total = min(round(SECONDS.check(name, seconds) * SECOND), 2**31 * SECOND - 1)
+    sec, nanosec = split_seconds(total)
+    return kind(sec=sec, nanosec=nanosec)
 
 
 def _stamp_of(status: Status) -> int:
     """Return the stamp of a status [ns]."""
     return join_seconds(status.header.stamp.sec, status.header.stamp.nanosec)
-
-
-def _check_success(response: Any) -> Any:
-    if not response.success:
-        raise RefusedError(response.message)
-    return response
-
-
-def _check_result(result: Result) -> None:
-    if result.result != Result.RESULT_OK:
-        raise RefusedError(result.error_message, result.result)
-
-
-def _is_reset(status: Status, before: Status, bits: int) -> bool:
-    """Return whether a status is one of after a reset.
-
-    The drill publishes it before it answers, but a topic and a service have no common order.
-    """
-    if status.state == Status.STATE_RUNNING:
-        return True  # its counters and stamps rise again at once
-    request = ResetSimulation.Request
-    bits = bits or request.SCOPE_ALL
-    counts = status.commands_accepted + status.commands_rejected
-    began_again = _stamp_of(status) != _stamp_of(before) or _stamp_of(status) == 0
-    return (not bits & request.SCOPE_STATE or counts == 0) and (
-        not bits & request.SCOPE_TIME or began_again
-    )

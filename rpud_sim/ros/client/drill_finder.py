@@ -33,7 +33,7 @@ class DrillFinder(ListeningNode):
         The state is ``silent`` if it publishes none any more, and empty before the first.
         """
         namespaces = drill_namespaces(self.node)
-        for gone in set(self._statuses).difference(namespaces):
+        for gone in self._statuses.keys() - set(namespaces):
             self.unsubscribe(self._statuses.pop(gone))
             self._heard.pop(gone, None)
         for namespace in namespaces:
@@ -46,8 +46,7 @@ class DrillFinder(ListeningNode):
         def heard(status: Status) -> None:
             self._heard[namespace] = time.monotonic(), status
 
-        topic = f"{namespace.rstrip('/')}/status"
-        return self.subscribe(Status, topic, heard, _LATCHED)
+        return self.subscribe(Status, f"{namespace.rstrip('/')}/status", heard, _LATCHED)
 
     def _drill(self, namespace: str) -> dict[str, Any]:
         now, known = time.monotonic(), namespace in self._heard
@@ -73,9 +72,8 @@ def drill_namespaces(node: Node) -> list[str]:
 
 def no_drill(node: Node, namespace: str, domain_id: int, patience: float) -> str:
     """Return one line that says that there is no drill in a namespace, and where there are some."""
-    text = f"no drill in {namespace} of ROS domain {domain_id} within {patience:g} s; "
     others = [each for each in drill_namespaces(node) if each != namespace]
-    if not others:
-        return f"{text}there is none in the whole domain: `rpud run` starts one"
-    where = "there is one in" if len(others) == 1 else "there are some in"
-    return f"{text}{where} {', '.join(others)}{suggestion(namespace, others)}"
+    where = "there is none in the whole domain: `rpud run` starts one"
+    if others:
+        where = f"there is one in {', '.join(others)}{suggestion(namespace, others)}"
+    return f"no drill in {namespace} of ROS domain {domain_id} within {patience:g} s; {where}"

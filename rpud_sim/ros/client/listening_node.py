@@ -7,7 +7,6 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import rclpy
-from rclpy.client import Client
 from rclpy.exceptions import NameValidationException
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import QoSProfile
@@ -20,10 +19,9 @@ from rpud_sim.ros.threads import raised
 if TYPE_CHECKING:
     from typing_extensions import Self
 
+POLL_PERIOD = 0.02  # between looks at the graph, which wakes no executor [s]
 _WITH_INFO = Subscription.CallbackType.WithMessageInfo
 _MOST_AT_ONCE = 10_000  # messages of a topic; more would keep its owner from looking
-_POLL_PERIOD = 0.02  # between looks at the graph, which wakes no executor [s]
-_REPETITION = 2.0  # of a request that may be repeated [s]
 
 Value = TypeVar("Value")
 
@@ -52,11 +50,7 @@ class NoAnswerError(ClientError, TimeoutError):
 
 
 class ListeningNode:
-    """Node that hears messages while its owner waits for something.
-
-    Messages and responses are taken only inside `until`, `call` and `settle`, by the thread that
-    calls them. Other contexts of the process are not touched.
-    """
+    """Node that takes messages while its owner waits, in the thread that waits."""
 
     def __init__(self, name: str, namespace: str, domain_id: int | None = None) -> None:
         self._subscriptions: list[Subscription] = []
@@ -96,15 +90,10 @@ class ListeningNode:
             rclpy.shutdown(context=self._context)
 
     def subscribe(
-        self,
-        kind: Any,
-        topic: str,
-        heard: Callable[..., Any],
-        qos: QoSProfile,
-        **options: Any,
+        self, kind: Any, topic: str, heard: Callable[..., Any], qos: QoSProfile, raw: bool = False
     ) -> Subscription:
         """Call ``heard`` with each message of a topic, and with its info if it takes two."""
-        subscription = self.node.create_subscription(kind, topic, heard, qos, **options)
+        subscription = self.node.create_subscription(kind, topic, heard, qos, raw=raw)
         self._subscriptions.append(subscription)
         return subscription
 
@@ -113,7 +102,7 @@ class ListeningNode:
         self.node.destroy_subscription(subscription)
 
     def spin(self, seconds: float) -> None:
-        """Take the messages that have arrived, or wait some seconds for the next one."""
+        """Take what has arrived, or wait some seconds for the next message or response."""
         self.check()
         try:
             self._executor.spin_once(timeout_sec=seconds)
@@ -123,8 +112,9 @@ class ListeningNode:
         self.settle()
 
     def settle(self) -> None:
-        # An executor returns also where others than messages woke it.
+        """Take the messages that have arrived, without a wait."""
         for subscription in self._subscriptions:
+            with_info = subscription._callback_type is _WITH_INFO
             try:
                 with subscription.handle:
                     take = subscription.handle.take_message
@@ -132,54 +122,15 @@ class ListeningNode:
                         taken = take(subscription.msg_type, subscription.raw)
                         if taken is None:
                             break
-                        with_info = subscription._callback_type is _WITH_INFO
                         subscription.callback(*(taken if with_info else taken[:1]))
             except RuntimeError as error:
                 self.node.get_logger().warning(raised(error))
 
     def until(self, condition: Callable[[], Value], patience: float, what: str) -> Value:
-        """Take messages until a condition holds within the patience [s], and return its value.
-
-        It is looked at after each message, and 50 times a second.
-        """
+        """Take messages until a condition holds within the patience [s], and return its value."""
         deadline = time.monotonic() + patience
         while not (value := condition()):
             if time.monotonic() >= deadline:
                 raise NoAnswerError(f"{what} within {patience:g} s")
-            self.spin(_POLL_PERIOD)
+            self.spin(POLL_PERIOD)
         return value
-
-    def call(
-        self,
-        client: Client,
-        request: Any,
-        patience: float,
-        signs: Callable[[], object] = lambda: None,
-        repeat: bool = False,
-    ) -> Any:
-        """Call a service and return its response.
-
-        It may take the patience [s] after each new value of ``signs`` of life: some requests take
-        long. With ``repeat`` it is sent again and again, since the server drops a response for a
-        client that it has not discovered yet; not for a request that must act only once.
-        """
-        service = self.node.resolve_service_name(client.srv_name)
-        self.until(client.service_is_ready, patience, f"service {service} did not appear")
-        futures = [client.call_async(request)]
-        quiet_since = sent = time.monotonic()
-        seen = signs()
-        try:
-            while not any(future.done() for future in futures):
-                self.spin(_POLL_PERIOD)
-                now = time.monotonic()
-                if (sign := signs()) != seen:
-                    seen, quiet_since = sign, now
-                if now - quiet_since >= patience:
-                    raise NoAnswerError(f"service {service} did not answer within {patience:g} s")
-                if repeat and now - sent >= _REPETITION:
-                    futures.append(client.call_async(request))
-                    sent = now
-            return next(future.result() for future in futures if future.done())
-        finally:
-            for future in futures:
-                client.remove_pending_request(future)

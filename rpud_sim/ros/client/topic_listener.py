@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import re
 import time
-from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from typing import Any
 
@@ -25,8 +24,8 @@ from rpud_sim.ros.starting import name_error
 CUT = 128  # elements of an array, or characters of a text, that are shown unless all are wanted
 
 _PART = re.compile(r"([A-Za-z]\w*)((?:\[\d+\])*)")
-_ELEMENT = re.compile(r"sequence<(.+?)(?:, *\d+)?>|(.+)\[\d+\]")
 _MESSAGE = re.compile(r"(\w+)/(\w+)")
+_ELEMENT = re.compile(r"sequence<(.+?)(?:, *\d+)?>|(.+)\[\d+\]")
 _DEPTH = 5_000  # messages that may wait for a listener; Fast DDS keeps no more
 _PUBLISHER_WAIT = 1.0  # for a publisher of a topic that has a subscription [s]
 _REFRESH_PERIOD = 0.5  # between looks at the publishers [s]
@@ -35,23 +34,29 @@ _REFRESH_PERIOD = 0.5  # between looks at the publishers [s]
 class TopicListener:
     """Subscription to a topic, and its messages in the order in which they came.
 
-    The name is absolute or relative to the node's namespace; it waits ``patience`` for the topic
-    [s]. A topic that is missing, or has several types or one that is not installed, is a
-    ClientError.
+    The name is absolute or relative to the node's namespace; without a class of messages it waits
+    ``patience`` for the topic [s]. A topic that is missing is a NoAnswerError, one that has several
+    types or one that is not installed a ClientError. ``qos`` is what the publishers offer if None.
     """
 
-    def __init__(self, listening: ListeningNode, topic: str, patience: float) -> None:
+    def __init__(
+        self,
+        listening: ListeningNode,
+        topic: str,
+        patience: float,
+        kind: Any = None,
+        qos: QoSProfile | None = None,
+    ) -> None:
         self._listening = listening
         self._node = listening.node
         self.topic = absolute_name(self._node, topic)  # absolute name
-        self.kind = self._find(patience)  # class of the messages
+        self.kind = kind or self._find(patience)  # class of the messages
         self._gaps = SequenceGaps(lambda: self._node.count_publishers(self.topic))
-        self._messages: deque[Any] = deque()
+        self.messages: list[Any] = []  # that have come and were not taken
         self._heard = False
-        self._subscription: Subscription | None = None
-        self._request: QoSProfile | None = None
-        self._due = 0.0
-        self._refresh()
+        self._request = qos or listening_qos(offers_of_topic(self._node, self.topic))
+        self._subscription = self._subscribe()
+        self._looked_at = time.monotonic()
 
     @property
     def lost(self) -> int:
@@ -62,56 +67,49 @@ class TopicListener:
         """Return the messages that have come, or wait some seconds for the next one."""
         deadline = time.monotonic() + seconds
         while True:
-            if time.monotonic() >= self._due:
+            now = time.monotonic()
+            if now >= self._looked_at + _REFRESH_PERIOD:
+                self._looked_at = now
                 self._refresh()
-            self._listening.spin(min(0.1, max(0.0, deadline - time.monotonic())))
-            if self._messages or time.monotonic() >= deadline:
-                messages = list(self._messages)
-                self._messages.clear()
+            self._listening.spin(min(0.1, max(0.0, deadline - now)))
+            if self.messages or time.monotonic() >= deadline:
+                messages = self.messages.copy()
+                self.messages.clear()
                 return messages
 
     def _find(self, patience: float) -> Any:
-        node, topic = self._node, self.topic
+        node, topic, until = self._node, self.topic, self._listening.until
         try:
-            types = self._listening.until(lambda: types_of_topic(node, topic), patience, "")
+            types = until(lambda: types_of_topic(node, topic), patience, "")
         except NoAnswerError:
-            names = [name for name, _ in node.get_topic_names_and_types()]
-            hint = did_you_mean(topic, names)
-            raise ClientError(f"no topic {topic} within {patience:g} s; {hint}") from None
+            hint = did_you_mean(topic, [name for name, _ in node.get_topic_names_and_types()])
+            raise NoAnswerError(f"no topic {topic} within {patience:g} s; {hint}") from None
         if len(types) > 1:
             raise ClientError(f"topic {topic} has several types: {', '.join(types)}")
+        # A subscription may be discovered before the publisher, whose QoS decides.
+        with suppress(NoAnswerError):
+            until(lambda: offers_of_topic(node, topic), min(patience, _PUBLISHER_WAIT), "")
         try:
-            kind = message_class(types[0])
+            return message_class(types[0])
         except UnknownTypeError as error:
             raise ClientError(f"topic {topic}: {error}") from error
-        # A subscription may be discovered before the publisher, whose QoS decides.
-        limit = min(patience, _PUBLISHER_WAIT)
-        with suppress(NoAnswerError):
-            self._listening.until(lambda: offers_of_topic(node, topic), limit, "")
-        return kind
+
+    def _subscribe(self) -> Subscription:
+        return self._listening.subscribe(self.kind, self.topic, self._hear, self._request)
 
     def _refresh(self) -> None:
-        self._due = time.monotonic() + _REFRESH_PERIOD
+        """Subscribe again if the publishers offer less, or more before the first message."""
         request = listening_qos(offers_of_topic(self._node, self.topic))
-        before = self._request
-        if before is not None:
-            same = (request.reliability, request.durability) == (
-                before.reliability,
-                before.durability,
-            )
-            # A stronger request would give latched messages a second time.
-            if same or (self._heard and is_satisfied(before, [request])):
-                return
-        if self._subscription is not None:
+        # A stronger one would give latched messages a second time.
+        stays = self._heard or is_satisfied(request, [self._request])
+        if not (stays and is_satisfied(self._request, [request])):
+            self._request = request
             self._listening.unsubscribe(self._subscription)
-        self._request = request
-        self._subscription = self._listening.subscribe(
-            self.kind, self.topic, self._on_message, request
-        )
+            self._subscription = self._subscribe()
 
-    def _on_message(self, message: Any, info: dict[str, Any]) -> None:
+    def _hear(self, message: Any, info: dict[str, Any]) -> None:
         self._heard = True
-        self._messages.append(message)
+        self.messages.append(message)
         self._gaps.note(info["publication_sequence_number"])
 
 
@@ -145,58 +143,57 @@ def listening_qos(offers: Sequence[QoSProfile]) -> QoSProfile:
 def to_plain(value: Any, cut: int | None = None) -> Any:
     """Convert a message or a field to plain values; arrays and texts end at ``cut`` in ``...``."""
     if hasattr(value, "get_fields_and_field_types"):
-        return {
-            name: to_plain(getattr(value, name), cut) for name in value.get_fields_and_field_types()
-        }
+        names = value.get_fields_and_field_types()
+        return {name: to_plain(getattr(value, name), cut) for name in names}
+    if isinstance(value, bytes) and len(value) == 1:
+        return value[0]
+    if not hasattr(value, "__len__"):
+        return value.item() if hasattr(value, "item") else value  # a number, also of NumPy
+    kept = value[:cut]
     if isinstance(value, str):
-        return value if cut is None or len(value) <= cut else value[:cut] + "..."
-    if isinstance(value, bytes):
-        return value[0] if len(value) == 1 else list(value)
-    if isinstance(value, (bool, int, float)):
-        return value
-    if not hasattr(value, "__len__"):  # NumPy's numbers
-        return value.item()
-    kept = value if cut is None else value[:cut]
+        return kept if len(kept) == len(value) else kept + "..."
     plain = kept.tolist() if hasattr(kept, "tolist") else [to_plain(each, cut) for each in kept]
     return plain if len(kept) == len(value) else [*plain, "..."]
 
 
-class FieldPath:
-    """Path to a field of a message, such as ``header.stamp.sec`` or ``faults[0].kind``."""
+def field_getter(text: str, kind: Any) -> Callable[[Any], Any]:
+    """Return what gets a field of a message of this class, or None if an array is too short.
 
-    def __init__(self, text: str, kind: Any) -> None:
-        self._steps: list[str | int] = []
-        described = ""
-        for part in text.split("."):
-            match = _PART.fullmatch(part)
-            if match is None:
-                raise ParameterError(
-                    f"field {shown(text)} is not a path such as header.stamp or faults[0].kind"
-                )
-            name, indices = match.groups()
-            fields = {} if kind is None else kind.get_fields_and_field_types()
-            if name not in fields:
-                hint = did_you_mean(name, fields) if fields else f"{described} has no fields"
-                raise ParameterError(f"field {shown(text)}: there is no {shown(name)}; {hint}")
-            self._steps.append(name)
-            described = fields[name]
-            for index in re.findall(r"\d+", indices):
-                element = _ELEMENT.fullmatch(described)
-                if element is None:
-                    raise ParameterError(f"field {shown(text)}: {described} is not an array")
-                described = element[1] or element[2]
-                self._steps.append(int(index))
-            message = _MESSAGE.fullmatch(described)
-            kind = message_class(f"{message[1]}/msg/{message[2]}") if message else None
+    The text is a path such as ``header.stamp.sec`` or ``faults[0].kind``.
+    """
+    steps: list[str | int] = []
+    described = kind.__name__
+    for part in text.split("."):
+        match = _PART.fullmatch(part)
+        if match is None:
+            raise ParameterError(
+                f"field {shown(text)} is not a path such as header.stamp or faults[0].kind"
+            )
+        name, indices = match.groups()
+        if steps:
+            member = _MESSAGE.fullmatch(described)
+            kind = message_class(f"{member[1]}/msg/{member[2]}") if member else None
+        fields = kind.get_fields_and_field_types() if kind else {}
+        if name not in fields:
+            hint = did_you_mean(name, fields) if fields else f"{described} has no fields"
+            raise ParameterError(f"field {shown(text)}: there is no {shown(name)}; {hint}")
+        steps.append(name)
+        described = fields[name]
+        for index in re.findall(r"\d+", indices):
+            element = _ELEMENT.fullmatch(described)
+            if element is None:
+                raise ParameterError(f"field {shown(text)}: {described} is not an array")
+            described = element[1] or element[2]
+            steps.append(int(index))
 
-    def value(self, message: Any) -> Any:
-        """Return the field of a message; None if an array is too short."""
-        value = message
-        for step in self._steps:
+    def get(message: Any) -> Any:
+        for step in steps:
             if isinstance(step, str):
-                value = getattr(value, step)
-            elif step < len(value):
-                value = value[step]
+                message = getattr(message, step)
+            elif step < len(message):
+                message = message[step]
             else:
                 return None
-        return value
+        return message
+
+    return get

@@ -23,14 +23,13 @@ from rclpy.validate_namespace import validate_namespace
 from rpud_sim.foundation.quantities import ExpectedError
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.ros.drill import standard_services
+from rpud_sim.ros.drill.commands import Gate, Inbox
 from rpud_sim.ros.drill.duplicate_nodes import DuplicateNodes, DuplicateSearch
-from rpud_sim.ros.drill.gate import Gate
-from rpud_sim.ros.drill.inbox import Inbox
 from rpud_sim.ros.drill.live_run import LiveRun
 from rpud_sim.ros.drill.managed_node import DrillParameters, ManagedNode, log_exceptions
 from rpud_sim.ros.drill.pacing_loop import PacingLoop
 from rpud_sim.ros.drill.report import REPORT_PERIOD, Report
-from rpud_sim.ros.drill.services import DeliveryServer, FaultServer, SimulationServer
+from rpud_sim.ros.drill.services import DeliveryServer, DrillServices
 from rpud_sim.ros.drill.standard_services import StandardServer
 from rpud_sim.ros.starting import StartError, name_error, start_ros
 from rpud_sim.ros.stopping import StopRequest, limit_end, limited_end
@@ -72,10 +71,9 @@ class DrillNode(ManagedNode):
         self._namesakes = DuplicateNodes(self)
         self._sent: Counter[str] | None = None
         self._gate = Gate(self, lambda: self.settings, self._inbox, self._now)
-        services = SimulationServer(self, self.loop)
+        services = DrillServices(self, self.loop, lambda: self.settings)
         if standard_services.INSTALLED:
             StandardServer(self, services)
-        FaultServer(self, self.loop, lambda: self.settings)
         DeliveryServer(self, self.loop)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(REPORT_PERIOD, self._report_before_start, clock=steady)
@@ -119,12 +117,12 @@ class DrillNode(ManagedNode):
     def prepare(self) -> None:
         """Configure, with ``autostart`` and unless it has: its topics are there then."""
         if self.settings.autostart and self.loop.live is None:
-            self.complete(self.trigger_configure)
+            _complete(self.trigger_configure)
 
     def start(self) -> None:
         self.prepare()
         if self.settings.autostart:
-            self.complete(self.trigger_activate)
+            _complete(self.trigger_activate)
         else:
             self.get_logger().info("waiting for the transitions configure and activate")
 
@@ -137,14 +135,8 @@ class DrillNode(ManagedNode):
         """Prepare everything; nothing moves yet."""
         compile_kernels(self.settings.configuration.parameters, self.get_logger().info)
         live = LiveRun(
-            self,
-            self.settings,
-            self._inbox,
-            self._namesakes,
-            self._drill_parameters.restore,
-            self._end,
-            self._sent,
-            self._start,
+            *(self, self.settings, self._inbox, self._namesakes, self._drill_parameters.restore),
+            *(self._end, self._sent, self._start),
         )
         self.loop.configure(live)
         # A garbage collection of all that lives by now would make blocks late.
@@ -159,32 +151,31 @@ class DrillNode(ManagedNode):
             self.loop.start(self.settings)
         else:
             self._let_commands_act(True)
-        self._gate.open(True)
+        self._gate.opened = True
         self.get_logger().info("the drill is active")
         return TransitionCallbackReturn.SUCCESS
 
     @log_exceptions
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Make drive and weight on bit zero; the drill goes on without them."""
-        self._gate.open(False)
+        self._gate.opened = False
         self._let_commands_act(False)
         return TransitionCallbackReturn.SUCCESS
 
     @log_exceptions
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
-        self._gate.open(False)
+        self._gate.opened = False
         self.loop.clean_up()
         gc.unfreeze()
         return TransitionCallbackReturn.SUCCESS
 
-    @log_exceptions
     def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Remove what a failed transition has left; it can be configured again."""
         return self.on_cleanup(state)
 
     @log_exceptions
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
-        self._gate.open(False)
+        self._gate.opened = False
         self.loop.quit()
         return TransitionCallbackReturn.SUCCESS
 
@@ -197,7 +188,7 @@ class DrillNode(ManagedNode):
         self._inbox.refuse_request(reason)
 
     def _let_commands_act(self, active: bool) -> None:
-        self.loop.request(lambda live: live.act(lambda run: run.control.activate(active)))
+        self.loop.request(lambda live: live.activate(active))
 
     def _report_before_start(self) -> None:
         if (live := self.loop.live) is None:
@@ -221,6 +212,11 @@ class DrillNode(ManagedNode):
             with contextlib.suppress(StoppedError):  # there is nothing left to change
                 # By then the settings may be later ones, of a reset.
                 self.loop.request(lambda live: live.configure(self.settings))
+
+
+def _complete(trigger: Callable[[], TransitionCallbackReturn]) -> None:
+    if trigger() != TransitionCallbackReturn.SUCCESS:
+        raise RuntimeError("the drill cannot be started; the log says why")
 
 
 def drill(ros_arguments: Sequence[str], with_parent: bool = False) -> None:

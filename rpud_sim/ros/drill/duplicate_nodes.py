@@ -16,7 +16,6 @@ from rclpy.node import Node
 
 _DISCOVERY = 0.6  # that the middleware may take to find another node of this machine [s]
 _ANSWER = 2.0  # that a node may take to answer; one that was killed never does [s]
-_POLL_PERIOD = 0.01  # [s]
 
 
 class NameHold:
@@ -29,22 +28,17 @@ class NameHold:
     def __init__(self, name: str, domain: int) -> None:
         # Whether a living process of this machine holds the name, in the same domain.
         self.taken = False
-        self._socket: socket.socket | None = None
         if sys.platform != "linux":
+            self.release = lambda: None
             return
         digest = hashlib.sha256(f"{domain} {name}".encode()).hexdigest()  # names may be too long
-        self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
-        weakref.finalize(self, self._socket.close)
+        held = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+        self.release = weakref.finalize(self, held.close)
         try:
-            self._socket.bind(f"\0rpud_sim/{digest}")
+            held.bind(f"\0rpud_sim/{digest}")
         except OSError as error:  # where a sandbox forbids it, discovery has to do
             self.taken = error.errno == errno.EADDRINUSE
             self.release()
-
-    def release(self) -> None:
-        if self._socket is not None:
-            self._socket.close()
-            self._socket = None
 
 
 class DuplicateNodes:
@@ -55,9 +49,7 @@ class DuplicateNodes:
         self._name = (node.get_name(), node.get_namespace())
         self._count = 0
         self._hold = NameHold(node.get_fully_qualified_name(), node.context.get_domain_id())
-
-    def close(self) -> None:
-        self._hold.release()
+        self.close = self._hold.release
 
     def count(self) -> int:
         """Return how many other nodes have the name; one that was killed counts for 20 s more."""
@@ -91,6 +83,7 @@ class DuplicateSearch:
         self._name = (name, namespace)
         self.name = f"{namespace.rstrip('/')}/{name}"  # full name that is searched for
         self._hold = NameHold(self.name, self._node.context.get_domain_id())
+        self.close = self._hold.release
         self._end = time.monotonic() + _DISCOVERY
 
     def finish(self) -> bool:
@@ -98,16 +91,13 @@ class DuplicateSearch:
         try:
             if self._hold.taken:
                 return True
-            while not (found := self._name in self._node.get_node_names_and_namespaces()):
+            while self._name not in self._node.get_node_names_and_namespaces():
                 if time.monotonic() >= self._end:
-                    break
-                time.sleep(_POLL_PERIOD)
-            return found and self._answers()
+                    return False
+                time.sleep(0.01)
+            return self._answers()
         finally:
             self._node.destroy_node()
-
-    def close(self) -> None:
-        self._hold.release()
 
     def _answers(self) -> bool:
         client = self._node.create_client(GetState, f"{self._name[0]}/get_state")

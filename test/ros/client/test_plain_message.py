@@ -16,7 +16,7 @@ from support import examples
 
 from rpud_sim.foundation.json_values import finite_values
 from rpud_sim.foundation.quantities import ParameterError
-from rpud_sim.ros.client.topic_listener import CUT, FieldPath, to_plain
+from rpud_sim.ros.client.topic_listener import CUT, field_getter, to_plain
 
 FAULTS = Faults(
     header=Header(stamp=Time(sec=3)),
@@ -53,12 +53,12 @@ def test_json_has_every_message_with_null_for_what_is_no_number(values, text):
 
 
 def test_a_path_leads_through_messages_and_arrays():
-    assert FieldPath("header.stamp.sec", Faults).value(FAULTS) == 3
-    assert FieldPath("faults[1].kind", Faults).value(FAULTS) == "noise"
-    assert FieldPath("faults[2].kind", Faults).value(FAULTS) is None
-    bounded = FieldPath("floating_point_range[0].step", ParameterDescriptor)
-    assert bounded.value(ParameterDescriptor()) is None
-    assert FieldPath("covariance[35]", PoseWithCovariance).value(PoseWithCovariance()) == 0.0
+    assert field_getter("header.stamp.sec", Faults)(FAULTS) == 3
+    assert field_getter("faults[1].kind", Faults)(FAULTS) == "noise"
+    assert field_getter("faults[2].kind", Faults)(FAULTS) is None
+    bounded = field_getter("floating_point_range[0].step", ParameterDescriptor)
+    assert bounded(ParameterDescriptor()) is None
+    assert field_getter("covariance[35]", PoseWithCovariance)(PoseWithCovariance()) == 0.0
 
 
 @pytest.mark.parametrize(
@@ -75,5 +75,5 @@ def test_a_path_leads_through_messages_and_arrays():
 )
 def test_a_field_that_is_not_there_is_one_line(path, kind, reason):
     with pytest.raises(ParameterError, match=r"^field '.*$") as error:
-        FieldPath(path, kind)
+        field_getter(path, kind)
     assert reason in str(error.value)

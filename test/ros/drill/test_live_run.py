@@ -8,13 +8,11 @@ import rclpy
 from rclpy.clock import ClockType
 from rclpy.parameter import Parameter
 from rclpy.time import Time
-from rpud_msgs.msg import CommandResult
 
 from rpud_sim.foundation.quantities import ParameterError
+from rpud_sim.ros.drill.commands import Inbox, result_of
 from rpud_sim.ros.drill.duplicate_nodes import DuplicateNodes
-from rpud_sim.ros.drill.inbox import Inbox
 from rpud_sim.ros.drill.live_run import InterruptedStepError, LiveRun
-from rpud_sim.ros.drill.pacing_loop import PacingLoop
 from rpud_sim.simulation.commands import WeightOnBit
 from rpud_sim.simulation.configuration import Settings
 
@@ -54,9 +52,8 @@ def own_clock(make):
 
 
 def finish_step(live):
-    loop = PacingLoop()
     while live.goal is not None:
-        loop.turn(live)
+        live.turn()
 
 
 @pytest.mark.parametrize(
@@ -79,7 +76,7 @@ def test_the_state_is_that_of_the_last_change(live, changes, playing, at_start, 
 
 def test_without_commands_that_act_the_state_is_inactive(live):
     live.play()
-    live.act(lambda run: run.control.activate(False))
+    live.activate(False)
     assert (live.state, live.reporter.last.status["state"]) == ("inactive", "inactive")
 
 
@@ -107,7 +104,7 @@ def test_a_step_reports_at_every_second_of_its_own_time(live, monkeypatch):
 
 
 def test_commands_that_came_before_a_step_act_before_it_and_are_reported(live):
-    live.inbox.accept(WeightOnBit(33.0), CommandResult(kind="weight_on_bit"))
+    live.inbox.accept(WeightOnBit(33.0), result_of("weight_on_bit"))
     live.step(GOAL)
     assert live.run.time == 0
     assert live.reporter.last.status["weight_on_bit"] == 33.0
@@ -151,7 +148,7 @@ def test_whatever_comes_before_the_goal_interrupts_a_step(live, change, reason):
     live.save("here")
     step = live.step(GOAL)
     change(live)
-    with pytest.raises(InterruptedStepError, match=f"^{reason}$"):
+    with pytest.raises(InterruptedStepError, match=f"^interrupted: {reason}$"):
         step.result(0.0)
     assert live.goal is None
     live.interrupt("nothing is under way any more")

@@ -29,6 +29,7 @@ from rpud_sim.drilling.rock import RockParameters
 from rpud_sim.model.segment import CONSTANTS, SEGMENT
 from rpud_sim.ros.drill import publishers
 from rpud_sim.ros.drill.publishers import filled
+from rpud_sim.ros.drill.services import message_to_fault
 from rpud_sim.ros.graph import members_of
 from rpud_sim.simulation import fields, preset
 from rpud_sim.simulation.actuator import ActuatorParameters
@@ -284,24 +285,24 @@ def test_the_ledger_is_said_record_by_record():
     assert [nanoseconds(fault.onset) - ORIGIN for fault in message.faults] == [3, 5]
     assert nanoseconds(over.clear) == ORIGIN + SECOND + 4
     assert lasting.clear == Time()
-    assert publishers.record_to_fault(ledger.active[0], ORIGIN) == lasting
+    assert filled(FaultMessage(), fields.fault_fields(ledger.active[0], ORIGIN)) == lasting
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_an_empty_fault_is_the_default_unless_zero_is_a_magnitude(kind):
     channel = "" if KINDS[kind].physical else "wrench"
-    asked = publishers.message_to_fault(FaultMessage(kind=kind, channel=channel))
+    asked = message_to_fault(FaultMessage(kind=kind, channel=channel))
     if kind in ("restitution_loss", "wrong"):
         assert asked == Fault(kind, channel, 0.0) != Fault(kind, channel)
     else:
         assert asked == Fault(kind, channel)
     default = FaultMessage(kind=kind, channel=channel, magnitude=math.nan)
-    assert publishers.message_to_fault(default) == Fault(kind, channel)
+    assert message_to_fault(default) == Fault(kind, channel)
 
 
 def test_a_magnitude_is_taken_at_its_word():
     asked = FaultMessage(kind="bias", channel="wrench", magnitude=-2.0)
-    assert publishers.message_to_fault(asked) == Fault("bias", "wrench", -2.0)
+    assert message_to_fault(asked) == Fault("bias", "wrench", -2.0)
     for kind, magnitude in (("rusty", 0.0), ("choking", 2.0), ("choking", math.inf)):
         with pytest.raises(FaultError):
-            publishers.message_to_fault(FaultMessage(kind=kind, magnitude=magnitude))
+            message_to_fault(FaultMessage(kind=kind, magnitude=magnitude))

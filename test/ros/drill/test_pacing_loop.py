@@ -8,12 +8,11 @@ from functools import partial
 
 import pytest
 from manual_clock import SECOND, ManualClock
-from rpud_msgs.msg import CommandResult
 from support import PATIENCE, until
 
 from rpud_sim.ros.drill import live_run, report
+from rpud_sim.ros.drill.commands import Inbox, result_of
 from rpud_sim.ros.drill.duplicate_nodes import DuplicateNodes
-from rpud_sim.ros.drill.inbox import Inbox
 from rpud_sim.ros.drill.live_run import InterruptedStepError, LiveRun
 from rpud_sim.ros.drill.pacer import Pacer
 from rpud_sim.ros.drill.pacing_loop import PacingLoop
@@ -28,7 +27,7 @@ PERIOD = 10 * MILLISECOND
 LEAD = 10 * MILLISECOND
 START = 17 * SECOND
 
-GIVEN = CommandResult(kind="weight_on_bit")
+GIVEN = result_of("weight_on_bit")
 
 
 class Publishers(DrillPublishers):
@@ -69,13 +68,12 @@ class Drill:
         settings = Settings(real_time_factor=factor)
         namesakes = DuplicateNodes(node)
         self.live = LiveRun(node, settings, self.inbox, namesakes, sent=Counter())
-        self.live.pacer = Pacer(100, clock=self.clock, sleep=self.clock.sleep)
+        self.live.pacer = Pacer(100, None, self.clock, self.clock.sleep)
         self.publishers, self.reporter = self.live.publishers, self.live.reporter
-        self.loop = PacingLoop()
         self.live.begin(settings)
 
     def turn(self):
-        return self.loop.turn(self.live)
+        return self.live.turn()
 
     def advance(self):
         """Do what is due, waiting for it as the thread does, and give the simulation time."""
@@ -105,8 +103,8 @@ def test_blocks_are_computed_ahead_of_their_deadlines_and_published_at_them(dril
         [START + number * PERIOD for number in (1, 2, 3)], abs=2
     )
     timing = drill.live.pacer.read()
-    assert (timing.deadlines_missed, timing.lag) == (0, 0.0)
-    assert timing.lateness_max == pytest.approx(0.0, abs=1e-8)
+    assert (timing["deadlines_missed"], timing["lag"]) == (0, 0.0)
+    assert timing["lateness_max"] == pytest.approx(0.0, abs=1e-8)
 
 
 def test_a_block_ends_when_it_is_published_and_what_acts_after_it_is_not_its_lateness(
@@ -123,7 +121,7 @@ def test_a_block_ends_when_it_is_published_and_what_acts_after_it_is_not_its_lat
     monkeypatch.setattr(drill.inbox, "drain", slow)
     drill.advance()
     assert drill.clock.now >= START + PERIOD + 3 * MILLISECOND
-    assert drill.live.pacer.read().lateness_max == pytest.approx(0.0, abs=1e-8)
+    assert drill.live.pacer.read()["lateness_max"] == pytest.approx(0.0, abs=1e-8)
 
 
 def test_a_command_that_comes_while_a_block_waits_acts_at_its_end(drill):
@@ -236,9 +234,7 @@ def test_impacts_are_published_within_a_period_of_their_stamps(drill):
     drill.live.play()
     for _ in range(20):
         drill.advance()
-    drill.reporter.end_period()
-    drill.live.report()
-    delays = drill.reporter.last.impact_delays
+    delays = drill.reporter.impact_delays
     assert delays.count == drill.live.run.simulation.impact_count > 0
     assert 0.0 < delays.quantile(0.5) <= delays.quantile(0.99) <= delays.greatest <= PERIOD / SECOND
 
@@ -384,7 +380,7 @@ def test_a_stop_ends_a_step_with_an_error_and_a_standstill_at_once(start):
     until(lambda: live.goal is not None)
     loop.stop()
     stepper.join(PATIENCE)
-    assert failures == ["the drill has stopped"]
+    assert failures == ["interrupted: the drill has stopped"]
     assert loop.failure is None
 
 
@@ -400,7 +396,7 @@ def test_an_error_ends_it_and_every_request(start, tmp_path):
     def fail():
         raise OSError("the disk is gone")
 
-    live.follow_clock = fail
+    live.turn = fail
     until(lambda: loop.finished)
     assert str(loop.failure) == "the disk is gone"
     with pytest.raises(StoppedError):

@@ -1,6 +1,7 @@
 """The node of the replayer publishes what it can, and names what it cannot. Over real DDS."""
 
 import dataclasses
+import threading
 from pathlib import Path
 
 import pytest
@@ -8,10 +9,13 @@ import rclpy
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from rpud_msgs.msg import ContactForce
 from sample_bags import CHAT, TALK, write_bag
-from support import until
+from support import PATIENCE, until
 
 import rpud_sim.bag
 from rpud_sim.bag import QosProfile
+from rpud_sim.ros.graph import rosbag_service
+from rpud_sim.ros.replay.playback import Plan, Playback
+from rpud_sim.ros.replay.replayer import offer_services
 from rpud_sim.ros.replay.replayer_node import Replayer
 
 DATA = Path(__file__).parents[2] / "data"
@@ -118,3 +122,31 @@ def test_messages_of_an_earlier_release_arrive_with_what_they_have(replay, relea
     subscriber.destroy_node()
     assert received[0].peak_force == expected > 0.0
     assert (received[0].energy_transferred == 0.0) == (release == "0.1.0")
+
+
+def test_a_request_that_raises_an_error_is_answered_and_counted(replay, tmp_path, capfd):
+    with rpud_sim.bag.open(write_bag(tmp_path / "asked")) as bag:
+        node = replay(*bag.topics)
+        plan = Plan(bag.start_time, bag.end_time, paused=True)
+        playback = Playback(lambda position: bag.messages(node.topic_names), plan, node)
+        offer_services(node, playback)
+        thread = threading.Thread(target=playback.run)
+        thread.start()
+
+        def ask(name):
+            client = node.create_client(rosbag_service(name), f"~/{name}")
+            assert client.wait_for_service(PATIENCE)
+            future = client.call_async(rosbag_service(name).Request())
+            rclpy.spin_until_future_complete(node, future, timeout_sec=PATIENCE)
+            return future.result()
+
+        try:
+            for publisher in list(node.publishers):
+                node.destroy_publisher(publisher)  # publishing raises an error from now on
+            assert not ask("play_next").success
+            assert node.failures == 1
+            assert "request failed: play_next: it raised RCLError" in capfd.readouterr().err
+            assert ask("is_paused").paused
+        finally:
+            playback.stop()
+            thread.join()
