@@ -13,7 +13,15 @@ from support import examples, refusal
 from rpud_sim.drilling.borehole import BitParameters, cut, radius_of
 from rpud_sim.drilling.rock import preset_layer
 from rpud_sim.model.drill import derive
-from rpud_sim.simulation import Fault, Feed, Simulation, WeightOnBit, preset, to_configuration
+from rpud_sim.simulation import (
+    Drive,
+    Fault,
+    Feed,
+    Simulation,
+    WeightOnBit,
+    preset,
+    to_configuration,
+)
 from rpud_sim.simulation.configuration import to_settings
 from rpud_sim.simulation.control import Control
 from rpud_sim.simulation.energy_account import EnergyAccount, FeedAccount
@@ -203,6 +211,11 @@ def test_the_bit_cuts_with_the_force_that_the_impacts_give_the_rock(weight):
     ("values", "command", "reason"),
     [
         ({}, Feed("rate", 1e-3), "a feed cannot be commanded with feed_model = none"),
+        (
+            {"nominal_voltage": 10.0},
+            Drive(True, 900.0, 16e3),
+            "vibration_amplitude at drive voltage",
+        ),
         (ARM, WeightOnBit(3.0), "weight_on_bit cannot be commanded with feed_model = arm"),
         (ARM, Feed("rate", 0.1), "feed rate = 0.1 m/s is outside its range"),
         (ARM, Feed("position", 0.9), "feed position = 0.9 m is outside its range"),
