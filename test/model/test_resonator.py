@@ -151,13 +151,10 @@ def test_a_blow_moves_no_tip_and_takes_its_work_from_the_vibration(phase, impuls
 def test_the_load_of_a_contact_is_the_integral_of_its_force(seed, contact, time):
     random = np.random.default_rng(seed)
     segment = np.zeros(1, SEGMENT)[0]
+    fixed = {"contact": contact, "vibration_frequency": 16000.0, "vibration_amplitude": 1e-5}
+    fixed |= {"nodal_plane_angular_frequency": 1e5, "drill_tool_spring_rate": 1e7}
     for name in SEGMENT.names:
-        segment[name] = random.random()
-    segment["contact"] = contact
-    segment["vibration_frequency"] = 16000.0
-    segment["nodal_plane_angular_frequency"] = 1e5
-    segment["vibration_amplitude"] = 1e-5
-    segment["drill_tool_spring_rate"] = 1e7
+        segment[name] = fixed.get(name, random.random())
 
     def force(s):
         return force_from_tip(load_of(segment, True), segment, s).value
