@@ -41,7 +41,6 @@ class Arm:
         return behind if behind < 0.0 else 0.0
 
     def stored(self, deflection: float) -> float:
-        """Return the energy of the arm's spring [J]."""
         stretch = self.stretch(deflection)
         return 0.5 * self.stiffness * stretch * stretch
 

@@ -121,7 +121,6 @@ def sin_cos(angle):
 
 @compiled
 def _power_of_two(exponent):
-    """Return 2**exponent, for -1022 to 1023."""
     places = exponent + 1024
     return float(_FAR_POWERS[places >> 6]) * float(_NEAR_POWERS[places & 63])
 
@@ -320,7 +319,6 @@ def hypotenuse(x, y):
 
 @compiled
 def complex_exponential(exponent):
-    """Return exp of a complex number."""
     size = exponential(exponent.real)
     sine, cosine = sin_cos(exponent.imag)
     return complex(size * cosine, size * sine)
@@ -328,13 +326,11 @@ def complex_exponential(exponent):
 
 @compiled
 def complex_phase(number):
-    """Return the angle of a complex number, from -pi to pi [rad]."""
     return arc_tangent(number.imag, number.real)
 
 
 @compiled
 def complex_size(number):
-    """Return the absolute value of a complex number."""
     return hypotenuse(number.real, number.imag)
 
 

@@ -50,7 +50,6 @@ class EngineError(ExpectedError, RuntimeError):
 def initial_state(
     parameters: Parameters, initial_phase: float, drive: bool, resonance: Resonance | None
 ) -> np.ndarray:
-    """Return the ``STATE`` before time zero, shape (1,); see ``Engine``."""
     state = np.zeros(1, STATE)
     amplitude = parameters.vibration_amplitude if drive else 0.0
     state["phase"] = initial_phase % 1.0
@@ -141,7 +140,6 @@ class Engine:
 
     @property
     def amplitude(self) -> float:
-        """Amplitude of the vibration at the last event [m]."""
         amplitude: float = _amplitude(self._state)[0]
         return amplitude
 
@@ -161,7 +159,6 @@ class Engine:
         return account(self._state[0], self._open_segment[0], self.ahead(seconds, fraction))
 
     def ahead(self, seconds: int, fraction: float) -> float:
-        """Time from the start of the open segment to a time [s]."""
         start_seconds, start_fraction = _time(self._state)
         return float(seconds - start_seconds) + (fraction - start_fraction)
 
@@ -260,7 +257,6 @@ class Engine:
         return room[: count + 1], impacts
 
     def _commands(self) -> tuple[float, ...]:
-        """What is in force, as a change takes it."""
         state = self._state[0]
         names: tuple[str, ...] = ("target_amplitude", "frequency")
         if state["resonant"]:

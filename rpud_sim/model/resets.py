@@ -118,7 +118,6 @@ def exchange_momentum(drill, state, closed, turn):
 
 @compiled
 def tip_acceleration(drill, state, contact, turn):
-    """Acceleration of the actuator's tip under the given contact [m/s^2]."""
     u_hv, v_hv = vibration_of(state.amplitude, state.frequency, turn)
     omega = TWO_PI * state.frequency
     mass = drill.rpud_mass
@@ -136,7 +135,6 @@ def tip_acceleration(drill, state, contact, turn):
 
 @compiled
 def tool_acceleration(drill, state, contact):
-    """Acceleration of the drill tool under the given contact, the actuator apart [m/s^2]."""
     mass = drill.tool_mass
     force = -drill.tool_spring_rate * state.u_dt - drill.tool_damping * state.v_dt
     if contact == CONTACT_DRILL_TOOL:
@@ -149,7 +147,6 @@ def tool_acceleration(drill, state, contact):
 
 @compiled
 def pushes(force):
-    """Whether a contact force is one that keeps its contact closed."""
     return force >= -0.5 * WEAKEST_PULL
 
 

@@ -40,9 +40,8 @@ def nodal_plane_position(segment: np.ndarray, seconds: int, fraction: float) -> 
     )
     elapsed = float(seconds - start) + (fraction - rest)
     turned_sine, turned_cosine = sin_cos(omega * elapsed)
-    position: float = offset + exponential(-decay * elapsed) * (
-        cosine * turned_cosine + sine * turned_sine
-    )
+    swing = cosine * turned_cosine + sine * turned_sine
+    position: float = offset + exponential(-decay * elapsed) * swing
     if in_phase or in_quadrature:
         turned_sine, turned_cosine = sin_cos_cycles(phase + frequency * elapsed)
         position += in_phase * turned_sine + in_quadrature * turned_cosine

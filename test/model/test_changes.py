@@ -113,7 +113,7 @@ def outcome(regime, planned, stops):
     try:
         return [part.tobytes() for part in run(regime, planned, stops)]
     except EngineError as error:
-        return [str(error)]
+        return str(error)
 
 
 @settings(max_examples=examples(30), suppress_health_check=[HealthCheck.too_slow])
@@ -123,9 +123,7 @@ def outcome(regime, planned, stops):
     stops=st.lists(st.floats(0.0, 0.3), min_size=1, max_size=10),
 )
 def test_it_does_not_matter_where_a_caller_stops(regime, planned, stops):
-    one, other = outcome(regime, planned, []), outcome(regime, planned, stops)
-    for part, again in zip(one, other, strict=True):
-        assert part == again
+    assert outcome(regime, planned, []) == outcome(regime, planned, stops)
 
 
 FREE, DRILLING = tables("free").replace(weight_on_bit=10.0), tables("drilling")
@@ -169,26 +167,24 @@ def test_the_rock_lifts_a_drill_that_rests_on_its_tool_without_throwing_it():
     check_trajectory(segments)
 
 
-def instant(regime, wanted, begun=0.5):
-    """Give a time in the middle of a segment that the condition wants, after the time given."""
+def instant(regime, wanted):
+    """Give a time in the middle of a segment that the condition wants, in the second half."""
     engine = Engine(tables(regime), 0.2)
+    engine.advance(0, 0.5)
+    engine.drain()
     engine.advance(1, 0.0)
-    for segment in engine.drain()[0]:
-        start = segment["start_seconds"] + segment["start_fraction"]
-        if start > begun and segment["duration"] > 1e-6 and wanted(segment):
-            return start + 0.5 * segment["duration"]
-    raise AssertionError("there is no such segment")
+    segment = next(each for each in engine.drain()[0][1:] if wanted(each))
+    return segment["start_fraction"] + 0.5 * segment["duration"]
 
 
 def test_an_impact_in_progress_is_reported_over_a_change_of_constants():
     at = instant("drilling", lambda segment: segment["contact"] == 2)
     engine = Engine(DRILLING, 0.2)
-    engine.advance(0, at)
-    engine.change(0, at, derive(DRILLING.replace(elastic_modulus=0.5e11, free_mass=7e-3)), COMMANDS)
+    changed = derive(DRILLING.replace(elastic_modulus=0.5e11, free_mass=7e-3))
+    engine.change(0, at, changed, COMMANDS)
     engine.advance(1, 0.0)
     segments, impacts = engine.drain()
-    starts = impacts["seconds"] + impacts["fraction"]
-    impact = impacts[np.flatnonzero(starts < at)[-1]]
+    impact = impacts[np.flatnonzero(impacts["fraction"] < at)[-1]]
     end = impact["fraction"] + impact["contact_duration"]
     assert impact["fraction"] < at < end
     times = np.linspace(impact["fraction"], end, 200_001)
@@ -196,19 +192,17 @@ def test_an_impact_in_progress_is_reported_over_a_change_of_constants():
     assert impact["peak_force"] == pytest.approx(found.max(), rel=1e-3)
     # Less the blow itself, which is instantaneous: eq. (21).
     tool = derive(DRILLING).tool_mass
-    blow = impact["impact_velocity"] * 5e-3 * tool / (5e-3 + tool)
-    assert impact["impulse"] - blow == pytest.approx(
-        found.mean() * impact["contact_duration"], rel=1e-3
-    )
+    pushed = impact["impulse"] - impact["impact_velocity"] * 5e-3 * tool / (5e-3 + tool)
+    assert pushed == pytest.approx(found.mean() * impact["contact_duration"], rel=1e-3)
 
 
 def test_an_impact_in_progress_ends_where_the_rock_is_left():
     at = instant("drilling", lambda segment: segment["contact"] == 2)
     engine = Engine(DRILLING, 0.2)
     engine.change(0, at, derive(FREE), COMMANDS)
-    _, impacts = engine.drain()
-    assert impacts["fraction"][-1] + impacts["contact_duration"][-1] == pytest.approx(at, abs=1e-12)
-    assert impacts["peak_force"][-1] > 0.0
+    impact = engine.drain()[1][-1]
+    assert impact["fraction"] + impact["contact_duration"] == pytest.approx(at, abs=1e-12)
+    assert impact["peak_force"] > 0.0
 
 
 @pytest.mark.parametrize("regime", REGIMES)
@@ -260,13 +254,3 @@ def test_the_actuator_strikes_a_jammed_mass_and_the_tool_as_one_body():
         assert w_2 - w_1 == pytest.approx(0.7 * (v_1 - v_2), abs=1e-8)
         checked += 1
     assert checked > 100
-
-
-def test_a_jam_in_the_rock_takes_the_hammering_from_the_mount():
-    """The reacting force falls to the weight on bit; the actuator strikes far more often."""
-    healthy, jammed = Engine(DRILLING, 0.2), Engine(DRILLING, 0.2)
-    jammed.change(0, 0.0, derive(DRILLING, jammed=True), COMMANDS)
-    for engine in (healthy, jammed):
-        engine.advance(2, 0.0)
-    assert reacting_force(jammed, 12) == pytest.approx(10.0, abs=0.5)
-    assert reacting_force(healthy, 12) > 15.0

@@ -138,17 +138,22 @@ def test_impacts_are_exact_to_a_picosecond(case):
     assert checked > 25
 
 
-def hanging_mass(clearance, velocity=0.0):
+def hanging_mass(clearance, velocity=0.0, **fields):
     """Make a segment in which the mass hangs by a clearance ahead of a vibrating tip."""
-    segment = np.zeros(1, SEGMENT)[0]
-    segment["vibration_frequency"] = 16000.0
-    segment["vibration_amplitude"] = 35e-6
-    segment["vibration_phase"] = 0.9
-    segment["nodal_plane_angular_frequency"] = 40.0
-    segment["free_mass_position"] = 35e-6 + clearance
-    segment["free_mass_velocity"] = velocity
-    segment["duration"] = 2e-4
-    return np.rec.array(np.array([segment], SEGMENT))[0]
+    segment = np.zeros(1, SEGMENT).view(np.recarray)[0]
+    fields = {
+        "vibration_frequency": 16000.0,
+        "vibration_amplitude": 35e-6,
+        "vibration_phase": 0.9,
+        "nodal_plane_angular_frequency": 40.0,
+        "free_mass_position": 35e-6 + clearance,
+        "free_mass_velocity": velocity,
+        "duration": 2e-4,
+        **fields,
+    }
+    for name, value in fields.items():
+        segment[name] = value
+    return segment
 
 
 def strike_of(segment, limit):
@@ -182,15 +187,17 @@ def check_meeting(found, limit, guard, samples):
 def test_no_strike_of_a_flying_mass_is_missed(
     clearance, velocity, acceleration, amplitude, frequency, angular, decay, swing, phase, limit
 ):
-    segment = hanging_mass(clearance, velocity)
-    segment.free_mass_acceleration = acceleration
-    segment.gravity = acceleration
-    segment.vibration_amplitude = amplitude
-    segment.vibration_frequency = frequency
-    segment.vibration_phase = phase
-    segment.nodal_plane_angular_frequency = angular
-    segment.nodal_plane_decay_rate = decay
-    segment.nodal_plane_sine = swing
+    segment = hanging_mass(
+        clearance,
+        velocity,
+        free_mass_acceleration=acceleration,
+        vibration_amplitude=amplitude,
+        vibration_frequency=frequency,
+        vibration_phase=phase,
+        nodal_plane_angular_frequency=angular,
+        nodal_plane_decay_rate=decay,
+        nodal_plane_sine=swing,
+    )
 
     def guard(times, order=0):
         return gap(segment, FREE_MASS, TIP, times, order)
@@ -215,14 +222,16 @@ def test_no_strike_of_a_flying_mass_is_missed(
 def test_no_landing_of_a_flying_mass_is_missed(
     clearance, velocity, acceleration, angular, damping, cosine, sine, limit
 ):
-    segment = hanging_mass(0.0, velocity)
-    segment.free_mass_acceleration = acceleration
-    segment.gravity = acceleration
-    segment.drill_tool_angular_frequency = angular
-    segment.drill_tool_decay_rate = damping * angular
-    segment.drill_tool_cosine = cosine
-    segment.drill_tool_sine = sine
-    segment.free_mass_position = cosine - clearance
+    segment = hanging_mass(
+        0.0,
+        velocity,
+        free_mass_acceleration=acceleration,
+        free_mass_position=cosine - clearance,
+        drill_tool_angular_frequency=angular,
+        drill_tool_decay_rate=damping * angular,
+        drill_tool_cosine=cosine,
+        drill_tool_sine=sine,
+    )
     found = first_landing(segment, limit)
     samples = 200 + int(SAMPLES_PER_CYCLE * limit * angular / 6.0)
     check_meeting(found, limit, partial(gap, segment, DRILL_TOOL, FREE_MASS), samples)

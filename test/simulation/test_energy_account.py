@@ -155,18 +155,6 @@ def test_a_weight_that_bends_a_soft_spring_far_leaves_no_residual(model, regime)
     assert abs(account.residual) <= 1e-10 * throughput(account)
 
 
-def test_it_is_the_same_in_any_blocks():
-    accounts = []
-    for step in (SECOND, SECOND // 100, 12_345_678):
-        simulation = Simulation(preset("drilling"), 0.3)
-        account = EnergyAccount()
-        while simulation.time < SECOND:
-            account += account_of(simulation.advance_to(min(simulation.time + step, SECOND)))
-        accounts.append(dataclasses.astuple(account))
-    for other in accounts[1:]:
-        assert other == pytest.approx(accounts[0], rel=1e-9, abs=1e-12, nan_ok=True)
-
-
 @pytest.mark.parametrize("stall_torque", [0.1, 0.01])  # it turns, it stalls
 def test_what_the_rotor_draws_is_electrical_too(stall_torque):
     values = {"actuator_model": "resonance", "rotation_model": "friction_drive"}
@@ -214,13 +202,17 @@ def test_powers_are_means_of_the_last_second_and_so_are_those_of_a_copy():
         recent.add(block)
     total = account_of(join_blocks(blocks[-200:]))
     powers = recent.powers()
+    for name in ("load_damper", "absorbed", "stored"):
+        assert powers[f"{name}_power"] == getattr(total, name) / 1.0
     assert powers["actuator_power"] == total.actuator_work / 1.0
-    assert powers["load_damper_power"] == total.load_damper / 1.0
-    assert powers["absorbed_power"] == total.absorbed / 1.0
-    assert powers["stored_power"] == total.stored / 1.0
+    # Without a feed its powers are unknown.
+    assert math.isnan(powers["feed_power"])
+    assert math.isnan(powers["mount_power"])
     copied = copy.deepcopy(recent)
+    recent.add(simulation.advance_to(simulation.time))  # a step of no length
+    assert repr(recent.powers()) == repr(powers)
     recent.add(simulation.advance_to(2 * SECOND))
-    assert copied.powers() == pytest.approx(powers, abs=0.0, nan_ok=True)
+    assert repr(copied.powers()) == repr(powers)
     assert recent.powers()["actuator_power"] != powers["actuator_power"]
 
 
@@ -269,19 +261,3 @@ def test_powers_with_a_feed_are_the_same_from_a_span():
     other.add(join_blocks(blocks[:80]))
     other.add(join_blocks(blocks[80:]))
     assert other.powers() == one.powers()
-
-
-def test_without_a_feed_its_powers_are_unknown():
-    powers = RecentEnergy().powers()
-    assert math.isnan(powers["feed_power"])
-    assert math.isnan(powers["mount_power"])
-    assert powers["weight_on_bit_power"] == 0.0
-
-
-def test_a_step_of_no_length_leaves_the_powers():
-    simulation = Simulation(Configuration())
-    recent = RecentEnergy()
-    recent.add(simulation.advance_to(SECOND // 2))
-    powers = recent.powers()
-    recent.add(simulation.advance_to(SECOND // 2))
-    assert recent.powers() == pytest.approx(powers, nan_ok=True)

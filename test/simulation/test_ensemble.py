@@ -64,9 +64,6 @@ def test_a_rock_has_depth_and_rate_among_the_figures():
     simulation.advance_to(500_000_000)
     assert found["depth"] == simulation.depth > 0.0
     assert found["penetration_rate"] == simulation.depth / 0.5
-    ensemble = run_ensemble(configuration, 0.5, [0.25, 0.5])
-    assert {"depth", "penetration_rate"} <= ensemble.mean().keys()
-    assert {"depth", "penetration_rate"} <= ensemble.standard_error().keys()
     assert "depth" not in run_ensemble(PARAMETERS, 0.1, [0.25]).mean()
 
 
@@ -76,30 +73,18 @@ def test_every_member_has_the_scenario_s_faults():
     assert all(member["drill_tool_impact_rate"] <= 2.0 for member in ensemble.members)
 
 
-def member(value):
-    return {"duration": 2.0} | dict.fromkeys(FIGURES, value)
+def test_means_and_standard_errors_are_those_of_the_members_that_have_a_figure():
+    def found(*values):
+        members = tuple({"duration": 2.0} | dict.fromkeys(FIGURES, value) for value in values)
+        ensemble = Ensemble((0.1,) * len(values), members, (), 1.0)
+        assert ensemble.mean()["duration"] == 2.0
+        return ensemble.mean()["events"], ensemble.standard_error()["events"]
 
-
-def test_means_and_standard_errors_are_those_of_the_members():
-    ensemble = Ensemble((0.1, 0.2, 0.3), (member(1.0), member(2.0), member(6.0)), (), 1.0)
-    assert ensemble.mean() == {"duration": 2.0} | dict.fromkeys(FIGURES, 3.0)
-    expected = math.sqrt((4.0 + 1.0 + 9.0) / 2.0 / 3.0)
-    assert ensemble.standard_error() == pytest.approx(dict.fromkeys(FIGURES, expected))
-
-
-def test_members_without_a_figure_are_left_out_of_its_mean():
-    ensemble = Ensemble((0.1, 0.2, 0.3), (member(None), member(2.0), member(4.0)), (), 1.0)
-    assert ensemble.mean()["contact_force_mean"] == 3.0
-    assert ensemble.standard_error()["contact_force_mean"] == pytest.approx(1.0)
-    empty = Ensemble((0.1,), (member(None),), (), 1.0)
-    assert empty.mean()["contact_force_mean"] is None
-
-
-def test_one_member_has_its_own_figures_and_no_error():
-    ensemble = Ensemble((0.1,), (member(5),), (), 1.0)
-    assert ensemble.mean()["events"] == 5
-    assert type(ensemble.mean()["events"]) is int
-    assert ensemble.standard_error() == dict.fromkeys(FIGURES)
+    error = math.sqrt((4.0 + 1.0 + 9.0) / 2.0 / 3.0)
+    assert found(1.0, 2.0, 6.0) == (3.0, pytest.approx(error))
+    assert found(None, 2.0, 4.0) == (3.0, pytest.approx(1.0))
+    assert found(None) == (None, None)
+    assert repr(found(5)) == "(5, None)"  # and no float
 
 
 # What runs in a drill, from the first command to a waveform; prints the kernels that it compiles.
@@ -156,40 +141,29 @@ def test_nothing_is_left_to_compile_once_a_drill_runs():
     assert run.stdout == "set()\n"
 
 
-@pytest.mark.parametrize("long", [True, False])
-def test_a_compilation_that_takes_long_is_reported(monkeypatch, long):
-    told = threading.Event()
+@pytest.mark.parametrize(
+    ("compiles", "limit", "reported"),
+    [(True, 0.01, True), (True, 3600.0, False), (False, 0.0, False)],
+    ids=["long", "short", "cached"],  # however busy the machine is
+)
+def test_a_compilation_that_takes_long_is_reported(monkeypatch, compiles, limit, reported):
+    told, lines = threading.Event(), []
 
-    class Compiling(Statistics):
+    class Slow(Statistics):
         def add(self, block):
-            assert numba.njit(lambda: 1)() == 1
-            assert told.wait(10.0)
+            if compiles:
+                assert numba.njit(lambda: 1)() == 1
+            assert told.wait(10.0 if reported else 0.5) == reported
 
     def tell(line):
         lines.append(line)
         told.set()
 
-    lines = []
-    if not long:
-        told.set()
-    monkeypatch.setattr(ensemble, "Statistics", Compiling)
-    monkeypatch.setattr(compile, "_LONG", 0.01 if long else 3600.0)
-    compile_kernels(PARAMETERS, tell)
-    assert lines == [compilation_notice()] * long
-
-
-def test_cached_kernels_are_not_reported_however_busy_the_machine_is(monkeypatch):
-    told = threading.Event()
-
-    class Slow(Statistics):
-        def add(self, block):
-            told.wait(0.5)  # longer than the notice needs
-
     compile_kernels(PARAMETERS)
     monkeypatch.setattr(ensemble, "Statistics", Slow)
-    monkeypatch.setattr(compile, "_LONG", 0.0)
-    compile_kernels(PARAMETERS, lambda line: told.set())
-    assert not told.is_set()
+    monkeypatch.setattr(compile, "_LONG", limit)
+    compile_kernels(PARAMETERS, tell)
+    assert lines == [compilation_notice()] * reported
 
 
 MILLISECOND = 1_000_000

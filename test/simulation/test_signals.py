@@ -15,7 +15,7 @@ from rpud_sim.simulation import Parameters, fields
 from rpud_sim.simulation.commands import Feed
 from rpud_sim.simulation.configuration import to_configuration
 from rpud_sim.simulation.fault_kinds import KINDS
-from rpud_sim.simulation.faults import Fault, FaultLedger, FaultRecord
+from rpud_sim.simulation.faults import Fault, FaultRecord
 from rpud_sim.simulation.fields import process_fields
 from rpud_sim.simulation.sampling import Times
 from rpud_sim.simulation.signals import SignalFaults
@@ -53,15 +53,13 @@ def run():
 
 def _slow_processes(times):
     """The messages of rotation and mount of a drill whose feed moves."""
-    drill = to_configuration(
-        {
-            "rotation_model": "friction_drive",
-            "feed_model": "arm",
-            "rock_model": "specific_energy",
-            "initial_feed": 0.01,
-        }
-    )
-    simulation = Simulation(drill)
+    drill = {
+        "rotation_model": "friction_drive",
+        "feed_model": "arm",
+        "rock_model": "specific_energy",
+        "initial_feed": 0.01,
+    }
+    simulation = Simulation(to_configuration(drill))
     simulation.apply(Feed(RATE, 1e-3))
     messages = {"rotation": [], "mount": []}
     for time in times:
@@ -140,28 +138,33 @@ def test_a_fault_touches_measurements_alone_and_only_while_it_lasts(run, kind, c
     )
 
 
-def test_a_stuck_channel_repeats_what_it_said_last(run):
-    given = record("stuck", "drill_tool", onset=30 * MILLISECOND)
-    published = send(SignalFaults(), "drill_tool", run["drill_tool"], (given,))
-    before = run["drill_tool"][29][1]
-    assert len(published) == len(run["drill_tool"])
-    for _, message in published[30:]:
-        for name in ("displacement", "velocity", "in_contact"):
-            assert message[name] == before[name]
+def test_a_stuck_channel_repeats_what_it_said_last_or_first(run):
+    for onset in (0, 30):
+        given = record("stuck", "drill_tool", onset=onset * MILLISECOND)
+        published = send(SignalFaults(), "drill_tool", run["drill_tool"], (given,))
+        before = run["drill_tool"][max(onset - 1, 0)][1]
+        assert len(published) == len(run["drill_tool"])
+        for _, message in published[onset:]:
+            for name in ("displacement", "velocity", "in_contact"):
+                assert message[name] == before[name]
 
 
-def test_a_channel_that_is_stuck_from_the_start_repeats_its_first_message(run):
-    published = send(SignalFaults(), "wrench", run["wrench"], (record("stuck", "wrench"),))
-    assert len({*main_values(published, "wrench")}) == 1
+def forces(value_of, count):
+    """Give messages of the reacting force, one each millisecond."""
+    return [
+        (time, {"header": fields.header_fields("reacting_force", ORIGIN + time), "force": value})
+        for time, value in ((n * MILLISECOND, value_of(n)) for n in range(count))
+    ]
+
+
+def said(messages, *records):
+    """Give times [ms] and forces that the faulty channel publishes."""
+    published = send(SignalFaults(), "reacting_force", messages, records)
+    return [time // MILLISECOND for time, _ in published], main_values(published, "reacting_force")
 
 
 def test_garbage_is_now_and_then_not_finite_and_otherwise_of_any_size():
-    message = {"header": fields.header_fields("reacting_force", 0), "force": 20.0}
-    messages = [(time, message) for time in range(2000)]
-    published = send(
-        SignalFaults(), "reacting_force", messages, (record("garbage", "reacting_force"),)
-    )
-    values = main_values(published, "reacting_force")
+    _, values = said(forces(lambda n: 20.0, 2000), record("garbage", "reacting_force"))
     assert np.isnan(values).any()
     assert np.isposinf(values).any()
     assert np.isneginf(values).any()
@@ -171,26 +174,16 @@ def test_garbage_is_now_and_then_not_finite_and_otherwise_of_any_size():
     assert np.mean(sizes < 1e-100) > 0.2
 
 
-def test_wrong_scales_every_measured_number(run):
-    published = send(
-        SignalFaults(), "contact_force", run["contact_force"], (record("wrong", "contact_force"),)
-    )
+def test_wrong_scales_every_number_and_bias_moves_the_main_one(run):
+    [wrong] = [record("wrong", "contact_force")]
+    published = send(SignalFaults(), "contact_force", run["contact_force"], (wrong,))
     for (_, out), (_, true) in zip(published, run["contact_force"], strict=True):
         for (name,) in CHANNELS["contact_force"].numbers:
             assert out[name] == 0.5 * true[name]
-
-
-def steps(value_of, count):
-    return [
-        (
-            time,
-            {
-                "header": fields.header_fields("reacting_force", ORIGIN + time),
-                "force": value_of(time),
-            },
-        )
-        for time in (number * MILLISECOND for number in range(count))
-    ]
+    published = send(SignalFaults(), "wrench", run["wrench"], (record("bias", "wrench", 3.0),))
+    moved = main_values(published, "wrench") - main_values(run["wrench"], "wrench")
+    np.testing.assert_allclose(moved, 3.0, rtol=1e-12)
+    assert all(message["wrench"]["force"]["x"] == 0.0 for _, message in published)
 
 
 @given(
@@ -198,15 +191,12 @@ def steps(value_of, count):
     times=st.lists(st.integers(0, 100), unique=True, min_size=1).map(sorted),
 )
 def test_a_slow_channel_never_says_more_and_never_less(period, times):
-    message = {"header": fields.header_fields("reacting_force", 0), "force": 1.0}
-    messages = [(time * MILLISECOND, message) for time in times]
-    given = record("slow", "reacting_force", period * 1e-3)
-    published = send(SignalFaults(), "reacting_force", messages, (given,))
-    said = [time // MILLISECOND for time, _ in published]
-    assert said[0] == times[0]
-    assert all(after - before >= period for before, after in itertools.pairwise(said))
+    messages = [forces(float, 101)[time] for time in times]
+    told, _ = said(messages, record("slow", "reacting_force", period * 1e-3))
+    assert told[0] == times[0]
+    assert all(after - before >= period for before, after in itertools.pairwise(told))
     for time in times:  # what was lost came too early after one that went out
-        assert time in said or any(0 < time - other < period for other in said)
+        assert time in told or any(0 < time - other < period for other in told)
 
 
 @pytest.mark.parametrize("channel", CHANNELS)
@@ -245,65 +235,33 @@ def test_late_messages_come_although_the_channel_falls_silent():
 
 
 def test_an_intermittent_channel_loses_its_share():
-    messages = steps(float, 2000)
-    given = record("intermittent", "reacting_force", 0.3)
-    kept = len(send(SignalFaults(), "reacting_force", messages, (given,)))
-    assert kept == pytest.approx(0.7 * 2000, abs=5 * math.sqrt(2000 * 0.3 * 0.7))
+    kept, _ = said(forces(float, 2000), record("intermittent", "reacting_force", 0.3))
+    assert len(kept) == pytest.approx(0.7 * 2000, abs=5 * math.sqrt(2000 * 0.3 * 0.7))
 
 
-def test_noise_has_its_standard_deviation_and_touches_the_main_quantity_alone():
-    messages = [
-        (
-            time,
-            {
-                "header": fields.header_fields("reacting_force", time),
-                "position": 1.0,
-                "velocity": 2.0,
-            },
-        )
-        for time in range(4000)
-    ]
-    published = send(
-        SignalFaults(), "nodal_plane", messages, (record("noise", "nodal_plane", 0.25),)
-    )
-    values = main_values(published, "nodal_plane")
+def test_noise_has_its_standard_deviation():
+    _, values = said(forces(lambda n: 1.0, 4000), record("noise", "reacting_force", 0.25))
     assert values.mean() == pytest.approx(1.0, abs=5 * 0.25 / math.sqrt(4000))
     assert values.std() == pytest.approx(0.25, rel=0.1)
-    assert all(message["velocity"] == 2.0 for _, message in published)
-
-
-def test_bias_is_added_to_the_force_along_the_drill(run):
-    given = (record("bias", "wrench", 3.0),)
-    published = send(SignalFaults(), "wrench", run["wrench"], given)
-    np.testing.assert_array_equal(
-        main_values(published, "wrench"), main_values(run["wrench"], "wrench") + 3.0
-    )
-    assert all(message["wrench"]["force"]["x"] == 0.0 for _, message in published)
 
 
 def test_faults_on_one_channel_act_in_the_order_of_injection():
-    messages = steps(lambda time: 10.0, 3)
-    bias = Fault("bias", "reacting_force", 1.0)
-    wrong = Fault("wrong", "reacting_force", 2.0)
-    for order, value in (((bias, wrong), 22.0), ((wrong, bias), 21.0)):
-        faults = FaultLedger()
-        for fault in order:
-            faults.inject(0, fault)
-        for records in (faults.active, faults.active[::-1]):
-            published = send(SignalFaults(), "reacting_force", messages, records)
-            assert (main_values(published, "reacting_force") == value).all()
+    messages = forces(lambda n: 10.0, 3)
+    for order, value in ((("bias", "wrong"), 22.0), (("wrong", "bias"), 21.0)):
+        sizes = {"bias": 1.0, "wrong": 2.0}
+        records = [
+            record(kind, "reacting_force", sizes[kind], number=number)
+            for number, kind in enumerate(order, 1)
+        ]
+        for given_now in (records, records[::-1]):
+            assert (said(messages, *given_now)[1] == value).all()
 
 
 def test_what_waited_passes_the_faults_behind_the_one_that_ended():
-    signals = SignalFaults()
     delayed = record("delayed", "reacting_force", 1.0, clear=MILLISECOND, number=1)
     bias = record("bias", "reacting_force", 1.0, number=2)
-    messages = steps(lambda time: 10.0, 2)
-    published = send(signals, "reacting_force", messages, (delayed, bias))
-    assert [(time, message["force"]) for time, message in published] == [
-        (MILLISECOND, 11.0),
-        (MILLISECOND, 11.0),
-    ]
+    told, values = said(forces(lambda n: 10.0, 2), delayed, bias)
+    assert (told, values.tolist()) == ([1, 1], [11.0, 11.0])
 
 
 KINDS_ON_CHANNELS = st.tuples(st.sampled_from(SIGNAL), st.sampled_from(sorted(CHANNELS)))

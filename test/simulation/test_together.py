@@ -111,31 +111,30 @@ def test_together_they_are_the_same_as_one_by_one(values, scenario, steps):
     assert told(values, scenario, steps, Run.advance_together) == expected
 
 
-def test_a_fault_that_begins_at_once_is_done_block_by_block():
-    values = {"regime": "drilling"}
-    for channel in ("", "wrench"):
-        kind = Fault("off", channel) if channel else Fault("lost_preload", "", 0.5)
-        scenario = Scenario(0, (ScheduledFault(0, 300 * MILLISECOND, kind),))
-        expected = told(values, scenario, [], Run.advance_to)
-        assert told(values, scenario, [], Run.advance_together) == expected
+@pytest.mark.parametrize("fault", [Fault("off", "wrench"), Fault("lost_preload", "", 0.5)])
+def test_a_fault_that_begins_at_once_is_done_block_by_block(fault):
+    scenario = Scenario(0, (ScheduledFault(0, 300 * MILLISECOND, fault),))
+    expected = told({}, scenario, [], Run.advance_to)
+    assert told({}, scenario, [], Run.advance_together) == expected
+
+
+def spans(values, *times):
+    """Give what a run without changes gives together, up to each time, and the rest."""
+    run = Run(Beginning(to_settings(values)), Journal())
+    run.begin(ORIGIN)
+    return [list(run.advance_together(time)) for time in times]
 
 
 @pytest.mark.parametrize("model", ["gain", "resonance"])
 def test_without_changes_almost_all_come_together(model):
-    values = {"regime": "drilling", "actuator_model": model}
-    run = Run(Beginning(to_settings(values)), Journal())
-    run.begin(0)
-    found = list(run.advance_together(3 * SECOND))
+    [found] = spans({"actuator_model": model}, 3 * SECOND)
     assert sum(isinstance(each, Together) for each in found) == 2
     assert len(found) < 10  # the rest are entries of the journal and the faults
 
 
 def test_a_stop_between_two_blocks_is_made_up_for_block_by_block():
-    values = {"regime": "drilling", "telemetry_rate": 100, "block_duration": 0.1}
-    run = Run(Beginning(to_settings(values)), Journal())
-    run.begin(0)
-    list(run.advance_together(123_456_789))
-    found = list(run.advance_together(SECOND))
+    values = {"telemetry_rate": 100, "block_duration": 0.1}
+    _, found = spans(values, 123_456_789, SECOND)
     assert isinstance(found[-1], Together)
     assert found[-1].end == SECOND
     assert len(found[-1].ends) == 80
@@ -144,9 +143,8 @@ def test_a_stop_between_two_blocks_is_made_up_for_block_by_block():
 @given(VALUES.filter(lambda values: values["block_duration"] * values["telemetry_rate"] >= 1))
 @settings(max_examples=10)
 def test_serialized_by_the_block_they_are_the_same(values):
-    run = Run(Beginning(to_settings(values)), Journal())
-    run.begin(ORIGIN)
-    for found in run.advance_together(SECOND):
+    [messages] = spans(values, SECOND)
+    for found in messages:
         if not isinstance(found, Together):
             continue
         placed = [
