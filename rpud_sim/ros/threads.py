@@ -1,17 +1,73 @@
-"""Threads with deadlines, and executors that give way to them."""
+"""Threads with deadlines, requests to them from others, and executors that give way to them."""
 
 from __future__ import annotations
 
 import gc
 import os
 import sys
+import threading
+from collections import deque
 from collections.abc import Callable, Iterator
+from concurrent.futures import Future
+from concurrent.futures import TimeoutError as FutureTimeoutError
 from contextlib import contextmanager
+from typing import Any
 
 from rclpy.executors import Executor
 
+_POLL_PERIOD = 0.1  # between checks that requests are served [s]
 _LONGEST_WAIT = 0.1  # for a callback that is ready [s]
 _SWITCH_INTERVAL = 1e-4  # after which Python lets another thread go on, 5 ms by default [s]
+
+
+class StoppedError(RuntimeError):
+    """A request that cannot be served: the thread has ended, or has not begun."""
+
+
+class Requests:
+    """Queue of actions for the thread that serves them; ``notify`` is called for each."""
+
+    def __init__(self, notify: Callable[[], None]) -> None:
+        self._notify = notify
+        self._waiting: deque[tuple[Callable[[], Any], Future[Any]]] = deque()
+        self._closed = False
+        self._server: threading.Thread | None = None
+
+    def do(self, action: Callable[[], Any]) -> Any:
+        """Have an action done; return what it returns, raise what it raises.
+
+        If it returns a Future, wait for that, and return its result. The serving thread itself does
+        an action at once. If it serves no more, this raises a StoppedError.
+        """
+        if threading.current_thread() is self._server:
+            return action()
+        result: Any = Future()
+        self._waiting.append((action, result))
+        self._notify()
+        while isinstance(result, Future):
+            closed = self._closed
+            try:
+                result = result.result(_POLL_PERIOD)
+            except FutureTimeoutError:
+                if result.done():  # just now, or with a timeout of its own
+                    result = result.result()
+                elif closed:
+                    raise StoppedError("the drill has stopped") from None
+        return result
+
+    def serve(self) -> None:
+        """Do what waits; the calling thread is the serving one."""
+        self._server = threading.current_thread()
+        while self._waiting:
+            action, result = self._waiting.popleft()
+            try:
+                result.set_result(action())
+            except Exception as error:  # for the thread that asked
+                result.set_exception(error)
+
+    def close(self) -> None:
+        """Serve no more: whoever waits is told so."""
+        self._closed = True
 
 
 def schedule_thread(priority: int) -> str:

@@ -19,7 +19,7 @@ from rpud_msgs.msg import CommandResult
 from rpud_msgs.srv import SetSimulationState
 
 from rpud_sim.ros.drill.drill_node import DrillNode
-from rpud_sim.ros.drill.pacing_loop import StoppedError
+from rpud_sim.ros.threads import StoppedError
 from rpud_sim.simulation.commands import Drive, WeightOnBit
 from rpud_sim.simulation.configuration import CHANGEABLE
 

@@ -1,8 +1,9 @@
-"""A thread has the priority that it asks for, and an executor survives the network."""
+"""One thread serves requests, has the priority that it asks for, and survives the network."""
 
 import os
 import sys
-from concurrent.futures import ThreadPoolExecutor
+import threading
+from concurrent.futures import Future, ThreadPoolExecutor
 
 import pytest
 import rclpy
@@ -11,7 +12,71 @@ from rclpy.parameter import Parameter
 from rosgraph_msgs.msg import Clock
 from support import real_time_permitted, until
 
-from rpud_sim.ros.threads import quick_switches, schedule_thread, serve
+from rpud_sim.ros.threads import Requests, StoppedError, quick_switches, schedule_thread, serve
+
+
+@pytest.fixture
+def requests():
+    """Requests that a thread serves, as the pacing thread does."""
+    waking = threading.Event()
+    requests = Requests(waking.set)
+    stop = threading.Event()
+
+    def run():
+        while not stop.is_set():
+            requests.serve()
+            waking.wait(0.1)
+        requests.close()
+
+    with ThreadPoolExecutor(1) as pool:
+        pool.submit(run)
+        yield requests
+        stop.set()
+
+
+def test_an_action_is_done_in_the_other_thread_and_answered(requests):
+    server = requests.do(threading.current_thread)
+    assert server is not threading.current_thread()
+    # The server does its own requests at once, and waits for no Future: it would wait for itself.
+    assert requests.do(lambda: requests.do(threading.current_thread)) is server
+    assert requests.do(lambda: requests.do(Future).done()) is False
+    done = []
+    with ThreadPoolExecutor(50) as askers:
+        ask = [
+            askers.submit(requests.do, lambda number=number: done.append(number) or -number)
+            for number in range(50)
+        ]
+    assert [each.result() for each in ask] == [-number for number in range(50)]
+    assert sorted(done) == list(range(50))
+
+
+@pytest.mark.parametrize("kind", [ValueError, TimeoutError, KeyError])
+def test_what_an_action_raises_belongs_to_whoever_asked(requests, kind):
+    def fail():
+        raise kind("of its own")
+
+    with pytest.raises(kind, match="of its own"):
+        requests.do(fail)
+    assert requests.do(lambda: "still there") == "still there"
+
+
+def test_an_action_that_returns_a_future_is_answered_with_its_result(requests):
+    future = Future()
+    timer = threading.Timer(0.2, future.set_result, [3])
+    timer.start()
+    assert requests.do(lambda: future) == 3
+
+
+@pytest.mark.parametrize("served", [False, True])
+def test_what_waits_at_the_end_is_refused_and_so_is_all_that_comes(served):
+    requests = Requests(lambda: served and requests.serve())
+    with ThreadPoolExecutor(1) as pool:
+        asker = pool.submit(requests.do, Future)  # a Future that will never be done
+        requests.close()
+        with pytest.raises(StoppedError, match="the drill has stopped"):
+            asker.result()
+        with pytest.raises(StoppedError, match="the drill has stopped"):
+            pool.submit(requests.do, Future).result()
 
 
 @pytest.fixture

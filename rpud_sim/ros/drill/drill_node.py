@@ -27,13 +27,13 @@ from rpud_sim.ros.drill.commands import CommandTopic, Inbox
 from rpud_sim.ros.drill.duplicate_nodes import DuplicateNodes, NameHold
 from rpud_sim.ros.drill.live_run import LiveRun
 from rpud_sim.ros.drill.managed_node import DrillParameters, ManagedNode, log_exceptions
-from rpud_sim.ros.drill.pacing_loop import PacingLoop, StoppedError
+from rpud_sim.ros.drill.pacing_loop import PacingLoop
 from rpud_sim.ros.drill.report import REPORT_PERIOD, Report
 from rpud_sim.ros.drill.services import DeliveryServer, DrillServices
 from rpud_sim.ros.drill.standard_services import StandardServer
 from rpud_sim.ros.starting import StartError, name_error, start_ros
 from rpud_sim.ros.stopping import StopRequest, limit_end, limited_end
-from rpud_sim.ros.threads import quick_switches, serve
+from rpud_sim.ros.threads import StoppedError, quick_switches, serve
 from rpud_sim.simulation.configuration import Settings
 from rpud_sim.simulation.ensemble import compile_kernels
 from rpud_sim.simulation.faults import FaultRecord

@@ -5,23 +5,16 @@ from __future__ import annotations
 import math
 import threading
 import time
-from collections import deque
 from collections.abc import Callable
-from concurrent.futures import Future
-from concurrent.futures import TimeoutError as FutureTimeoutError
 from typing import Any
 
 from rpud_sim.ros.drill.live_run import LiveRun
+from rpud_sim.ros.threads import Requests, StoppedError
 from rpud_sim.simulation.configuration import Settings
 
-_POLL_PERIOD = 0.1  # between checks that the thread is still alive [s]
 _LONGEST_WAIT = 0.5  # so that a stop is noticed whatever happens to the event [s]
 _LAST_RESPONSE = 1.0  # for the response to a client that ends the process, to arrive [s]
 _ACKNOWLEDGEMENT = 1.0  # that the last messages may take to reach their subscribers [s]
-
-
-class StoppedError(RuntimeError):
-    """A request that cannot be served: the thread has ended, or has not begun."""
 
 
 class PacingLoop:
@@ -35,7 +28,7 @@ class PacingLoop:
         self.wake = self._waking.set  # to be called when there is something to do
         self._stop = threading.Event()
         self._finished = threading.Event()
-        self._requests: deque[tuple[Callable[[LiveRun], Any], Future[Any]]] = deque()
+        self._requests = Requests(self.wake)
         self._quit_at = math.inf
 
     @property
@@ -58,34 +51,16 @@ class PacingLoop:
         """Begin, active, with settings that may have changed: simulation time zero is now."""
         assert self.live is not None  # an inactive node is configured
         self.live.begin(settings)
-        self._requests.clear()
-        self._thread = threading.Thread(target=self._run, args=(self.live,), name="pacing")
+        self._requests = Requests(self.wake)
+        arguments = (self.live, self._requests)
+        self._thread = threading.Thread(target=self._run, args=arguments, name="pacing")
         self._thread.start()
 
     def request(self, action: Callable[[LiveRun], Any]) -> Any:
-        """Have something done between two blocks; return what it returns, raise what it raises.
-
-        If it returns a Future, wait for that, and return its result. The thread itself does an
-        action at once. If it has ended, or has not begun, it raises a StoppedError.
-        """
-        thread, live = self._thread, self.live
-        if thread is None or live is None:
+        """Have something done between two blocks; see ``Requests.do``."""
+        if (live := self.begun) is None:
             raise StoppedError("the node has not been activated")
-        if threading.current_thread() is thread:
-            return action(live)
-        result: Any = Future()
-        self._requests.append((action, result))
-        self.wake()
-        while isinstance(result, Future):
-            alive = thread.is_alive()
-            try:
-                result = result.result(_POLL_PERIOD)
-            except FutureTimeoutError:
-                if result.done():  # just now, or with a timeout of its own
-                    result = result.result()
-                elif not alive:
-                    raise StoppedError("the drill has stopped") from None
-        return result
+        return self._requests.do(lambda: action(live))
 
     def quit(self) -> None:
         """End the drilling now, at a client's request, and the process a little later.
@@ -115,20 +90,12 @@ class PacingLoop:
         self._stop.set()
         self.wake()
 
-    def _run(self, live: LiveRun) -> None:
-        def serve() -> None:
-            while self._requests:
-                action, result = self._requests.popleft()
-                try:
-                    result.set_result(action(live))
-                except Exception as error:  # for the thread that asked
-                    result.set_exception(error)
-
+    def _run(self, live: LiveRun, requests: Requests) -> None:
         # Any error must end the process too, or it would go on in silence.
         try:
-            live.start_time(self._stop, serve)
+            live.start_time(self._stop, requests.serve)
             while not (self._stop.is_set() or live.finished):
-                serve()
+                requests.serve()
                 if (idle := live.turn()) > 0.0:
                     self._waking.wait(min(idle, _LONGEST_WAIT))
                     self._waking.clear()
@@ -139,3 +106,4 @@ class PacingLoop:
             if not self._stop.is_set():
                 self._finished.set()
             live.interrupt("the drill has stopped")
+            requests.close()

@@ -31,9 +31,10 @@ from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.foundation.time import SECOND, join_seconds
 from rpud_sim.ros.drill.live_run import LONGEST_STEP, InterruptedStepError, LiveRun, Reached
 from rpud_sim.ros.drill.managed_node import ManagedNode
-from rpud_sim.ros.drill.pacing_loop import PacingLoop, StoppedError
+from rpud_sim.ros.drill.pacing_loop import PacingLoop
 from rpud_sim.ros.drill.publishers import filled, nanoseconds_to_time
 from rpud_sim.ros.graph import DiscoveryProbe
+from rpud_sim.ros.threads import StoppedError
 from rpud_sim.simulation.configuration import Settings
 from rpud_sim.simulation.fault_kinds import KINDS
 from rpud_sim.simulation.faults import Fault, FaultError, check_kind

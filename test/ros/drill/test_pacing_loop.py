@@ -15,9 +15,10 @@ from rpud_sim.ros.drill.commands import Inbox, result_of
 from rpud_sim.ros.drill.duplicate_nodes import DuplicateNodes
 from rpud_sim.ros.drill.live_run import InterruptedStepError, LiveRun
 from rpud_sim.ros.drill.pacer import Pacer
-from rpud_sim.ros.drill.pacing_loop import PacingLoop, StoppedError
+from rpud_sim.ros.drill.pacing_loop import PacingLoop
 from rpud_sim.ros.drill.publishers import DrillPublishers
 from rpud_sim.ros.drill.report import CHANGE_PERIOD
+from rpud_sim.ros.threads import StoppedError
 from rpud_sim.simulation.commands import WeightOnBit
 from rpud_sim.simulation.configuration import Settings
 
