@@ -36,7 +36,7 @@ class Outcome:
         default_factory=lambda: {way: Tally() for way in WAYS}
     )
     harms: list[str] = dataclasses.field(default_factory=list)
-    blocks: int = 0
+    time: int = 0  # simulated [ns]
     deadlines_missed: int = 0
     lag: float = 0.0  # at the end [s]
     growth: int = 0  # of memory after the warm-up [byte]
@@ -73,7 +73,7 @@ def run(
         progress()
     outcome.growth = resident() - warm
     timekeeper.wait()
-    outcome.blocks, outcome.deadlines_missed, outcome.lag = timekeeper.totals()
+    outcome.time, outcome.deadlines_missed, outcome.lag = timekeeper.totals()
     return outcome
 
 
@@ -120,27 +120,27 @@ class Timekeeper:
     def look(self) -> None:
         """Take the latest report."""
         report = self._drill.node.report
-        if report.timing.blocks < self._latest.timing.blocks:
+        if report.time < self._latest.time:
             self._before += self._counted()
         self._latest = report
 
     def wait(self) -> None:
         """Let the drill be until it has reported twice, at last of a second that was its own."""
         for _ in range(2):
-            timing = self._latest.timing
+            figures = self._latest.figures
             deadline = time.monotonic() + 10.0
-            while self._latest.timing is timing and time.monotonic() < deadline:
+            while self._latest.figures is figures and time.monotonic() < deadline:
                 time.sleep(0.01)
                 self.look()
 
     def totals(self) -> tuple[int, int, float]:
-        """Give the blocks, the deadlines missed, and the lag at the end [s]."""
+        """Give the simulated time [ns], the deadlines missed, and the lag at the end [s]."""
         total = self._before + self._counted()
-        return total["blocks"], total["missed"], self._latest.timing.lag
+        return total["time"], total["missed"], self._latest.status["lag"]
 
     def _counted(self) -> Counter[str]:
-        timing = self._latest.timing
-        return Counter(blocks=timing.blocks, missed=timing.deadlines_missed)
+        status = self._latest.status
+        return Counter(time=self._latest.time, missed=status["deadlines_missed"])
 
 
 def resident() -> int:
