@@ -62,7 +62,7 @@ def _attack_drill(inputs: int, seed: int) -> bool:
         print(f"exceptions and changes by refused inputs: {len(outcome.harms)}")
         print(f"growth of memory after the first fifth: {outcome.growth / 1e6:.1f} MB")
         print(
-            f"simulated {1e-9 * outcome.time:.0f} s, deadlines missed {outcome.deadlines_missed}, "
+            f"blocks {outcome.blocks}, deadlines missed {outcome.deadlines_missed}, "
             f"lag at the end {outcome.lag:g} s"
         )
         for harm in outcome.harms[:20]:

@@ -36,7 +36,7 @@ class Outcome:
         default_factory=lambda: {way: Tally() for way in WAYS}
     )
     harms: list[str] = dataclasses.field(default_factory=list)
-    time: int = 0  # simulated [ns]
+    blocks: int = 0
     deadlines_missed: int = 0
     lag: float = 0.0  # at the end [s]
     growth: int = 0  # of memory after the warm-up [byte]
@@ -73,7 +73,7 @@ def run(
         progress()
     outcome.growth = resident() - warm
     timekeeper.wait()
-    outcome.time, outcome.deadlines_missed, outcome.lag = timekeeper.totals()
+    outcome.blocks, outcome.deadlines_missed, outcome.lag = timekeeper.totals()
     return outcome
 
 
@@ -120,27 +120,27 @@ class Timekeeper:
     def look(self) -> None:
         """Take the latest report."""
         report = self._drill.node.report
-        if report.time < self._latest.time:
+        if report.measured["blocks"] < self._latest.measured["blocks"]:
             self._before += self._counted()
         self._latest = report
 
     def wait(self) -> None:
         """Let the drill be until it has reported twice, at last of a second that was its own."""
         for _ in range(2):
-            figures = self._latest.figures
+            timing = self._latest.measured
             deadline = time.monotonic() + 10.0
-            while self._latest.figures is figures and time.monotonic() < deadline:
+            while self._latest.measured is timing and time.monotonic() < deadline:
                 time.sleep(0.01)
                 self.look()
 
     def totals(self) -> tuple[int, int, float]:
-        """Give the simulated time [ns], the deadlines missed, and the lag at the end [s]."""
+        """Give the blocks, the deadlines missed, and the lag at the end [s]."""
         total = self._before + self._counted()
-        return total["time"], total["missed"], self._latest.status["lag"]
+        return total["blocks"], total["missed"], self._latest.measured["lag"]
 
     def _counted(self) -> Counter[str]:
-        status = self._latest.status
-        return Counter(time=self._latest.time, missed=status["deadlines_missed"])
+        timing = self._latest.measured
+        return Counter(blocks=timing["blocks"], missed=timing["deadlines_missed"])
 
 
 def resident() -> int:
