@@ -201,18 +201,16 @@ class RecentDrilling:
 
     def add(self, interval: float, depth: float, energy: float) -> None:
         """Add a step, with the depth of the hole [m] and the energy spent [J] at its end."""
-        time = self._times[self._now] + interval
+        values = (self._times[self._now] + interval, depth, energy)
+        rings = (self._times, self._depths, self._energies)
         steps = len(self._times)
-        if (steps - 0.5) * interval < WINDOW:
-            self._now += 1
-            self._times.append(time)
-            self._depths.append(depth)
-            self._energies.append(energy)
-            return
-        self._now = (self._now + 1) % steps
-        self._times[self._now] = time
-        self._depths[self._now] = depth
-        self._energies[self._now] = energy
+        grows = (steps - 0.5) * interval < WINDOW
+        self._now = self._now + 1 if grows else (self._now + 1) % steps
+        for ring, value in zip(rings, values, strict=True):
+            if grows:
+                ring.append(value)
+            else:
+                ring[self._now] = value
 
     def _change_of(self, ring: array[float]) -> float:
         return ring[self._now] - ring[(self._now + 1) % len(ring)]

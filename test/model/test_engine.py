@@ -2,7 +2,6 @@
 
 import copy
 import math
-from itertools import pairwise
 from types import SimpleNamespace
 
 import numpy as np
@@ -12,19 +11,13 @@ from drill_configurations import tables
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rpud_sim.model.compile import reader_of
-from rpud_sim.model.drill import STATE, derive
+from rpud_sim.model.drill import derive
 from rpud_sim.model.engine import Engine, EngineError
 from rpud_sim.model.impact import open_impact
 from rpud_sim.model.parameters import preset
 from rpud_sim.model.resets import Collisions
 from rpud_sim.model.segment import (
     CONTACT_BOTH,
-    EVENT_ACTUATOR_IMPACT,
-    EVENT_DRILL_TOOL_IMPACT,
-    IMPACT,
-    SEGMENT,
-    motion_at,
 )
 
 REGIMES = ("free", "drilling")
@@ -52,43 +45,12 @@ def test_every_gap_is_closed_at_the_start(phase, regime):
 
 
 @pytest.mark.parametrize("regime", REGIMES)
-@pytest.mark.parametrize("restitution", [1.0, 0.7])
-def test_collisions_keep_momentum_and_restitution_and_lose_energy(regime, restitution):
-    parameters = preset(regime).replace(
-        actuator_restitution=restitution, drill_tool_restitution=restitution
-    )
-    drill = derive(parameters)
-    segments, _ = run(parameters, 1.0)
-    tool, struck = (restitution, (0, 0)) if regime == "free" else (0.0, (0, 2))
-    seen = {EVENT_ACTUATOR_IMPACT: 0, EVENT_DRILL_TOOL_IMPACT: 0}
-    for before, after in pairwise(segments):
-        _, _, _, tip, _, mass, _, rock = motion_at(before, before["duration"])
-        _, _, _, tip_after, _, mass_after, _, rock_after = motion_at(after, 0.0)
-        event = int(after["event"])
-        if event == EVENT_ACTUATOR_IMPACT and before["contact"] == after["contact"] == 0:
-            m_1, m_2 = drill.rpud_mass, drill.free_mass
-            v_1, v_2, w_1, w_2 = tip, mass, tip_after, mass_after
-        elif event == EVENT_DRILL_TOOL_IMPACT and (before["contact"], after["contact"]) == struck:
-            m_1, m_2 = drill.free_mass, drill.tool_mass
-            v_1, v_2, w_1, w_2 = mass, rock, mass_after, rock_after
-        else:
-            continue
-        e = drill.actuator_restitution if event == EVENT_ACTUATOR_IMPACT else tool
-        seen[event] += 1
-        assert m_1 * w_1 + m_2 * w_2 == pytest.approx(m_1 * v_1 + m_2 * v_2, abs=1e-12)
-        assert w_2 - w_1 == pytest.approx(e * (v_1 - v_2), abs=1e-8)
-        lost = m_1 * v_1**2 + m_2 * v_2**2 - m_1 * w_1**2 - m_2 * w_2**2
-        assert lost > -1e-8 if e == 1 else lost > 0
-    assert min(seen.values()) > 100
-
-
-@pytest.mark.parametrize("regime", REGIMES)
 @pytest.mark.parametrize("weight", [0.0, 10.0])
 def test_without_drive_everything_comes_to_rest(regime, weight):
     parameters = preset(regime).replace(weight_on_bit=weight, gravity=9.81)
+    drill = derive(parameters)
     engine = Engine(parameters, 0.2)
-    engine.advance(1, 0.0)
-    engine.change(1, 0.0, derive(parameters), (weight, 0.0, 16000.0))
+    engine.change(1, 0.0, drill, (weight, 0.0, 16000.0))
     engine.advance(8, 0.0)
     engine.drain()
     engine.advance(9, 0.0)
@@ -98,11 +60,8 @@ def test_without_drive_everything_comes_to_rest(regime, weight):
     # Nothing damps a mass that rests on rock: what is left is a trembling of nanometres.
     assert len(impacts) < 100
     assert (impacts["impact_velocity"] < 1e-4).all()
-    assert last["vibration_amplitude"] == 0.0
-    assert last["contact"] & 2
-    assert abs(motion(last, TIP, 0.0, 1)) < 1e-3
-    assert abs(motion(last, FREE_MASS, 0.0, 1)) < 1e-3
-    drill = derive(parameters)
+    assert (last["vibration_amplitude"], last["contact"] & 2) == (0.0, 2)
+    assert max(abs(motion(last, body, 0.0, 1)) for body in (TIP, FREE_MASS)) < 1e-3
     stiffness = drill.tool_spring_rate + (drill.load_spring_rate if weight else 0.0)
     sag = (weight + drill.free_mass * drill.gravity) / stiffness
     assert motion(last, DRILL_TOOL, 0.0) == pytest.approx(sag, abs=2e-8)
@@ -165,19 +124,6 @@ def test_a_long_block_is_the_same_in_one_piece_and_joined_and_stays_as_it_is(pie
     assert (drained[0] == drained[1]).all()
 
 
-def test_room_is_used_again_when_nobody_looks_at_it():
-    engine = Engine(preset("drilling"), 0.0)
-    held = []
-    for second in range(1, 8):
-        engine.advance(second, 0.0)
-        covering, _ = engine.drain_covering()
-        assert not covering.flags.writeable
-        if second > 3:
-            held.append((covering, covering.copy()))
-    for covering, content in held:
-        np.testing.assert_array_equal(covering, content)
-
-
 def test_impacts_are_counted_and_seen_before_they_are_drained():
     engine = Engine(preset("drilling"))
     found = []
@@ -206,14 +152,3 @@ def test_a_copy_goes_on_by_itself():
         each.advance(0, 0.05)
     one, two = ([part.tolist() for part in each.drain_covering()] for each in (engine, other))
     assert one == two
-
-
-def test_fields_are_read_from_the_first_record():
-    generator = np.random.default_rng(3)
-    for dtype in (STATE, SEGMENT, IMPACT):
-        records = np.zeros(2, dtype)
-        wide = [name for name in dtype.names if dtype[name].str[1:] in ("f8", "i8")]
-        for name in wide:
-            records[name] = generator.integers(-1000, 1000, 2)
-        assert reader_of(dtype, *wide)(records) == tuple(records[name][0] for name in wide)
-        assert reader_of(dtype, wide[-1])(records) == (records[wide[-1]][0],)

@@ -9,6 +9,7 @@ from collections import deque
 from collections.abc import Callable, Mapping
 from typing import Any
 
+from builtin_interfaces.msg import Time
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.impl.rcutils_logger import RcutilsLogger
 from rclpy.node import Node
@@ -89,7 +90,7 @@ def _to_feed(message: FeedMessage) -> Feed:
 
 
 # Topics of commands: type, and the command that a message has.
-_TOPICS: Mapping[str, tuple[type, Callable[[Any], Command | None]]] = {
+TOPICS: Mapping[str, tuple[type, Callable[[Any], Command | None]]] = {
     "command/weight_on_bit": (WeightOnBitMessage, lambda message: WeightOnBit(message.force)),
     "command/drive": (
         DriveMessage,
@@ -116,8 +117,9 @@ class Inbox:
     """
 
     def __init__(self, logger: RcutilsLogger, notify: Callable[[], None] = lambda: None) -> None:
-        self._logger = logger
+        self.opened = False  # whether commands are accepted, which each topic asks
         self.notify = notify
+        self._logger = logger
         self._waiting: deque[tuple[int, Command, Fields]] = deque()
         self._results: deque[Fields] = deque(maxlen=_MOST_RESULTS)  # not published yet
         self._results_changed = False
@@ -216,8 +218,8 @@ class Inbox:
             self._logger.warning("more is refused in this second, and counted")
 
 
-class Gate:
-    """Subscriptions to the commands, which checks them; an invalid one is refused with a reason.
+class CommandTopic:
+    """Subscription to one topic of commands; an invalid one is refused with a reason.
 
     ``settings`` gives the settings in force, ``now`` the stamp of a command that is given now [ns].
     """
@@ -225,59 +227,23 @@ class Gate:
     def __init__(
         self,
         node: Node,
-        settings: Callable[[], Settings],
+        topic: str,
         inbox: Inbox,
+        settings: Callable[[], Settings],
         now: Callable[[], int],
     ) -> None:
-        self.opened = False  # whether commands are accepted
+        self._name = topic.removeprefix("command/")
+        self._type, self._convert = TOPICS[topic]
+        self._inbox = inbox
         self._settings = settings
         self._now = now
-        for topic in _TOPICS:
-            _CommandTopic(node, topic, self.check, inbox)
-
-    def check(self, topic: str, message: Any) -> Command | None:
-        """Return the command of a message, None if it has none, or raise a ParameterError."""
-        command = _TOPICS[topic][1](message)
-        if command is None:  # the hardware interface publishes while no controller commands
-            return None
-        kind, settings = topic.removeprefix("command/"), self._settings()
-        if not self.opened:
-            raise ParameterError(f"{kind}: the drill is not active")
-        timeout = settings.command_timeout
-        given = join_seconds(message.header.stamp.sec, message.header.stamp.nanosec)
-        age = (self._now() - given) / SECOND
-        # A stamp of zero means that there is none.
-        if timeout and given and not -timeout <= age <= timeout:
-            what = f"{age:.3f} s old" if age > 0 else f"{-age:.3f} s ahead of the drill's time"
-            raise ParameterError(f"{kind} is stale: its stamp is {what}; allowed is {timeout:g} s")
-        settings.configuration.check(command)
-        return command
-
-
-class _CommandTopic:
-    """Subscription to one topic of commands; counts those that the middleware overwrote."""
-
-    def __init__(
-        self,
-        node: Node,
-        topic: str,
-        check: Callable[[str, Any], Command | None],
-        inbox: Inbox,
-    ) -> None:
-        self._topic = topic
-        self._kind = _TOPICS[topic][0]
-        self._check = check
-        self._inbox = inbox
         self._overwritten = 0  # as the middleware counts: not those of a queue of its reader
-        self._counted = 0
+        self._counted = 0  # as discarded
         # rclpy passes the times of a message to a callback with two arguments.
         callback: Any = self._on_message
         # Raw: the middleware would drop a malformed payload without a count.
         self._subscription = node.create_subscription(
-            self._kind,
-            topic,
-            callback,
-            COMMAND_QOS,
+            *(self._type, topic, callback, COMMAND_QOS),
             raw=True,
             event_callbacks=SubscriptionEventCallbacks(message_lost=self._on_lost),
         )
@@ -292,26 +258,39 @@ class _CommandTopic:
                 if taken is None:
                     break
                 self._read(*taken)
-                taken = handle.take_message(self._kind, True)
+                taken = handle.take_message(self._type, True)
         self._count_discarded()
 
     def _read(self, payload: bytes, information: Mapping[str, Any]) -> None:
         self._gaps.note(information["publication_sequence_number"])
-        kind = self._topic.removeprefix("command/")
+        result = result_of(self._name)
         try:
-            message = deserialize_message(payload, self._kind)
+            message = deserialize_message(payload, self._type)
         except Exception:  # RMWError, or what the conversion to Python raises
-            reason = f"{kind}: a payload of {len(payload)} bytes is malformed"
-            self._inbox.refuse(result_of(kind), reason)
+            reason = f"{self._name}: a payload of {len(payload)} bytes is malformed"
+            self._inbox.refuse(result, reason)
             return
-        result = result_of(kind, message.header)
         try:
-            command = self._check(self._topic, message)
+            result = result_of(self._name, message.header)
+            # None first: the hardware interface publishes while no controller commands.
+            if (command := self._convert(message)) is not None:
+                self._check(command, message.header.stamp)
+                self._inbox.accept(command, result, arrival(information))
         except ParameterError as error:
             self._inbox.refuse(result, str(error))
-        else:
-            if command is not None:
-                self._inbox.accept(command, result, arrival(information))
+
+    def _check(self, command: Command, stamp: Time) -> None:
+        if not self._inbox.opened:
+            raise ParameterError(f"{self._name}: the drill is not active")
+        settings, given = self._settings(), join_seconds(stamp.sec, stamp.nanosec)
+        age, timeout = (self._now() - given) / SECOND, settings.command_timeout
+        # A stamp of zero means that there is none.
+        if timeout and given and not -timeout <= age <= timeout:
+            what = f"{age:.3f} s old" if age > 0 else f"{-age:.3f} s ahead of the drill's time"
+            raise ParameterError(
+                f"{self._name} is stale: its stamp is {what}; allowed is {timeout:g} s"
+            )
+        settings.configuration.check(command)
 
     def _on_lost(self, event: Any) -> None:
         self._overwritten = event.total_count

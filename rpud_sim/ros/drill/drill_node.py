@@ -8,7 +8,7 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, closing, contextmanager
+from contextlib import contextmanager
 from typing import Any
 
 import rclpy
@@ -16,15 +16,15 @@ from rclpy.clock import Clock, ClockType
 from rclpy.exceptions import InvalidNamespaceException, ParameterException
 from rclpy.executors import MultiThreadedExecutor
 from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
-from rclpy.logging import get_logger
 from rclpy.parameter import Parameter
 from rclpy.validate_namespace import validate_namespace
 
 from rpud_sim.foundation.quantities import ExpectedError
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.ros.drill import standard_services
-from rpud_sim.ros.drill.commands import Gate, Inbox
-from rpud_sim.ros.drill.duplicate_nodes import DuplicateNodes, DuplicateSearch
+from rpud_sim.ros.drill.commands import TOPICS as COMMAND_TOPICS
+from rpud_sim.ros.drill.commands import CommandTopic, Inbox
+from rpud_sim.ros.drill.duplicate_nodes import DuplicateNodes, NameHold
 from rpud_sim.ros.drill.live_run import LiveRun
 from rpud_sim.ros.drill.managed_node import DrillParameters, ManagedNode, log_exceptions
 from rpud_sim.ros.drill.pacing_loop import PacingLoop
@@ -34,7 +34,7 @@ from rpud_sim.ros.drill.standard_services import StandardServer
 from rpud_sim.ros.starting import StartError, name_error, start_ros
 from rpud_sim.ros.stopping import StopRequest, limit_end, limited_end
 from rpud_sim.ros.threads import StoppedError, quick_switches, serve
-from rpud_sim.simulation.configuration import Settings, to_settings
+from rpud_sim.simulation.configuration import Settings
 from rpud_sim.simulation.ensemble import compile_kernels
 from rpud_sim.simulation.faults import FaultRecord
 from rpud_sim.simulation.rerun import Start
@@ -70,7 +70,8 @@ class DrillNode(ManagedNode):
         self._inbox = Inbox(self.get_logger(), self.loop.wake)
         self._namesakes = DuplicateNodes(self)
         self._sent: Counter[str] | None = None
-        self._gate = Gate(self, lambda: self.settings, self._inbox, self._now)
+        for topic in COMMAND_TOPICS:
+            CommandTopic(self, topic, self._inbox, lambda: self.settings, self._now)
         services = DrillServices(self, self.loop, lambda: self.settings)
         if standard_services.INSTALLED:
             StandardServer(self, services)
@@ -151,20 +152,20 @@ class DrillNode(ManagedNode):
             self.loop.start(self.settings)
         else:
             self._let_commands_act(True)
-        self._gate.opened = True
+        self._inbox.opened = True
         self.get_logger().info("the drill is active")
         return TransitionCallbackReturn.SUCCESS
 
     @log_exceptions
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Make drive and weight on bit zero; the drill goes on without them."""
-        self._gate.opened = False
+        self._inbox.opened = False
         self._let_commands_act(False)
         return TransitionCallbackReturn.SUCCESS
 
     @log_exceptions
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
-        self._gate.opened = False
+        self._inbox.opened = False
         self.loop.clean_up()
         gc.unfreeze()
         return TransitionCallbackReturn.SUCCESS
@@ -175,7 +176,7 @@ class DrillNode(ManagedNode):
 
     @log_exceptions
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
-        self._gate.opened = False
+        self._inbox.opened = False
         self.loop.quit()
         return TransitionCallbackReturn.SUCCESS
 
@@ -283,31 +284,30 @@ def open_drill(
     DuplicateError otherwise. ``start`` is a state to begin in, whose settings are ``values``; None
     for time zero.
     """
-    settings = to_settings(values)
     try:
         validate_namespace(f"/{namespace.removeprefix('/')}")
     except InvalidNamespaceException as error:
         raise name_error(error) from error
     start_ros()
-    with ExitStack() as stack:
-        stack.callback(rclpy.try_shutdown)
-        if not allow_duplicate:
-            search = stack.enter_context(closing(DuplicateSearch(NAME, namespace)))
-            # Meanwhile, so that the search costs no time.
-            compile_kernels(settings.configuration.parameters, get_logger(NAME).info)
-            if search.finish():
-                raise DuplicateError(
-                    f"a drill named {search.name} runs already: choose another --namespace, "
-                    "or give --allow-duplicate"
-                )
+    name = f"/{namespace.strip('/')}/{NAME}".replace("//", "/")
+    hold = NameHold(name, rclpy.get_default_context().get_domain_id())
+    try:
+        if hold.taken and not allow_duplicate:
+            raise DuplicateError(
+                f"a drill named {name} runs already: choose another --namespace, "
+                "or give --allow-duplicate"
+            )
         overrides = [Parameter(name, value=value) for name, value in values.items()]
         yield DrillNode(duration, start, namespace=namespace, parameter_overrides=overrides)
+    finally:
+        hold.release()
+        rclpy.try_shutdown()
 
 
 def await_recorder(node: DrillNode, stop: StopRequest) -> None:
     """Wait until every topic of the drill has a subscriber; log the topics that have none."""
     end = time.monotonic() + _DISCOVERY_TIME
-    while node.unheard and time.monotonic() < end and not stop.wait(0.01):
+    while (unheard := node.unheard) and time.monotonic() < end and not stop.wait(0.01):
         pass
-    if node.unheard and not stop.requested:
-        node.get_logger().warning(f"not heard by the recorder: {', '.join(node.unheard)}")
+    if unheard and not stop.requested:
+        node.get_logger().warning(f"not heard by the recorder: {', '.join(unheard)}")

@@ -6,16 +6,9 @@ import errno
 import hashlib
 import socket
 import sys
-import time
 import weakref
 
-import rclpy
-from lifecycle_msgs.srv import GetState
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
-
-_DISCOVERY = 0.6  # that the middleware may take to find another node of this machine [s]
-_ANSWER = 2.0  # that a node may take to answer; one that was killed never does [s]
 
 
 class NameHold:
@@ -36,7 +29,7 @@ class NameHold:
         self.release = weakref.finalize(self, held.close)
         try:
             held.bind(f"\0rpud_sim/{digest}")
-        except OSError as error:  # where a sandbox forbids it, discovery has to do
+        except OSError as error:  # a sandbox may forbid it
             self.taken = error.errno == errno.EADDRINUSE
             self.release()
 
@@ -62,52 +55,3 @@ class DuplicateNodes:
                 "of them answer the same requests; start each in a namespace of its own"
             )
         return self._count
-
-
-class DuplicateSearch:
-    """Search for a living drill of a name, before one of that name is made.
-
-    It holds the name from now on, so of two that search at the same time one finds the other.
-    """
-
-    def __init__(self, name: str, namespace: str) -> None:
-        # The context's global arguments rename nodes; this one must keep its own name.
-        self._node = rclpy.create_node(
-            f"{name}_search",
-            namespace=namespace,
-            use_global_arguments=False,
-            enable_rosout=False,
-            start_parameter_services=False,
-        )
-        namespace = self._node.get_namespace()
-        self._name = (name, namespace)
-        self.name = f"{namespace.rstrip('/')}/{name}"  # full name that is searched for
-        self._hold = NameHold(self.name, self._node.context.get_domain_id())
-        self.close = self._hold.release
-        self._end = time.monotonic() + _DISCOVERY
-
-    def finish(self) -> bool:
-        """Return whether one runs on this machine, or is found within 0.6 s and answers."""
-        try:
-            if self._hold.taken:
-                return True
-            while self._name not in self._node.get_node_names_and_namespaces():
-                if time.monotonic() >= self._end:
-                    return False
-                time.sleep(0.01)
-            return self._answers()
-        finally:
-            self._node.destroy_node()
-
-    def _answers(self) -> bool:
-        client = self._node.create_client(GetState, f"{self._name[0]}/get_state")
-        executor = SingleThreadedExecutor()
-        executor.add_node(self._node)
-        try:
-            if not client.wait_for_service(_ANSWER):
-                return False
-            future = client.call_async(GetState.Request())
-            executor.spin_until_future_complete(future, _ANSWER)
-            return future.done()
-        finally:
-            executor.shutdown()

@@ -45,13 +45,13 @@ class PacingLoop:
         """Take a live run, which nothing moves yet."""
         self.live = live
         self._stop.clear()
-        self._requests = Requests(self.wake)
         live.announce()
 
     def start(self, settings: Settings) -> None:
         """Begin, active, with settings that may have changed: simulation time zero is now."""
         assert self.live is not None  # an inactive node is configured
         self.live.begin(settings)
+        self._requests = Requests(self.wake)
         arguments = (self.live, self._requests)
         self._thread = threading.Thread(target=self._run, args=arguments, name="pacing")
         self._thread.start()

@@ -20,7 +20,14 @@ from std_msgs.msg import Header
 from support import PATIENCE
 
 from rpud_sim.foundation.quantities import ParameterError
-from rpud_sim.ros.drill.commands import Gate, Inbox, arrival, joints_to_feed, result_of
+from rpud_sim.ros.drill.commands import (
+    TOPICS,
+    CommandTopic,
+    Inbox,
+    arrival,
+    joints_to_feed,
+    result_of,
+)
 from rpud_sim.simulation.commands import Drive, Feed, WeightOnBit
 from rpud_sim.simulation.configuration import Settings
 
@@ -34,24 +41,18 @@ GIVEN = result_of("weight_on_bit")
 
 
 class Commander:
-    """A gate, and publishers of commands."""
+    """The topics of commands, and their publishers."""
 
     def __init__(self, drill, client):
         self.inbox = Inbox(drill.get_logger())
         self.settings = Settings()
-        self.gate = Gate(drill, lambda: self.settings, self.inbox, lambda: NOW)
-        self.gate.opened = True
+        self.inbox.opened = True
         self.executor = SingleThreadedExecutor()
         self.executor.add_node(drill)
-        self.publishers = {
-            kind: client.create_publisher(kind, topic, 10)
-            for kind, topic in (
-                (WeightOnBitMessage, "command/weight_on_bit"),
-                (DriveMessage, "command/drive"),
-                (FeedMessage, "command/feed"),
-                (JointState, "joint_commands"),
-            )
-        }
+        self.publishers = {}
+        for topic, (kind, _) in TOPICS.items():
+            CommandTopic(drill, topic, self.inbox, lambda: self.settings, lambda: NOW)
+            self.publishers[kind] = client.create_publisher(kind, topic, 10)
         self.until(lambda: all(p.get_subscription_count() for p in self.publishers.values()))
 
     def until(self, condition):
@@ -145,7 +146,7 @@ def test_a_fresh_stamp_and_none_are_taken_and_any_without_a_timeout(commander, s
 
 
 def test_a_closed_gate_refuses_everything(commander):
-    commander.gate.opened = False
+    commander.inbox.opened = False
     assert commander.give(WeightOnBitMessage()) == "weight_on_bit: the drill is not active"
     assert commander.give(DriveMessage()) == "drive: the drill is not active"
 
