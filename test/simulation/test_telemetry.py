@@ -1,6 +1,8 @@
 """What goes out of the blocks of a run is complete, at its times, and does not depend on them."""
 
 import itertools
+from collections import defaultdict
+from itertools import chain
 
 import numpy as np
 import pytest
@@ -32,25 +34,18 @@ def made(telemetry_rate=100, sample_rate=50_000, block_duration=0.05, **options)
     return Telemetry(to_settings({**rates, "block_duration": block_duration}), **options)
 
 
-def everything(telemetry, block, faults):
-    yield from telemetry.prompt(block, faults)
-    yield from messages_of(telemetry.streams(block))
-
-
 def told(telemetry, times, faults=(), simulation=None):
     """Everything that goes out until the last of the times, as (time, message) by topic."""
-    if simulation is None:
-        simulation = Simulation(Parameters(), scenario=Scenario(0, tuple(faults)))
-    found = {}
+    simulation = simulation or Simulation(Parameters(), scenario=Scenario(0, tuple(faults)))
+    found = defaultdict(list)
     for time in times:
         block = simulation.advance_to(time)
-        for out, topic, values in everything(
-            telemetry, block, simulation.faults.since(block.start)
-        ):
+        prompt = telemetry.prompt(block, simulation.faults.since(block.start))
+        for out, topic, values in chain(prompt, messages_of(telemetry.streams(block))):
             assert block.start <= out <= block.end
-            found.setdefault(topic, []).append((out, values))
+            found[topic].append((out, values))
     for out, topic, values in telemetry.flush():
-        found.setdefault(topic, []).append((out, values))
+        found[topic].append((out, values))
     return found
 
 
