@@ -55,9 +55,9 @@ from rpud_sim.model.tolerances import (
     SLOWEST_IMPACT,
 )
 
-# How an advance ends: at the requested time, with no room for more results, in a standstill, or
-# with more events than their budget. And that it has not ended yet.
-DONE, FULL, STALLED, OVERLOADED, GOES_ON = range(5)
+# How an advance ends: at the requested time, with no room for more results, in a standstill, with
+# more events than their budget, or with a motion that is not finite. And that it has not ended yet.
+DONE, FULL, STALLED, OVERLOADED, NOT_FINITE, GOES_ON = range(6)
 
 # Of each END_* but END_LIMIT: pairs whose approach ends, contacts that open for want of force, and
 # EVENT_* bits of what is known to happen.
@@ -200,15 +200,23 @@ def status_before(state, segment, seconds, fraction, is_full):
 
 
 @compiled
+def checked(status, state):
+    """Return a status, or NOT_FINITE where numbers that all others follow from are not finite."""
+    zero = 0.0 * state.u_np + 0.0 * state.v_np + 0.0 * state.u_fm + 0.0 * state.v_fm
+    zero += 0.0 * state.u_dt + 0.0 * state.v_dt
+    zero += 0.0 * state.amplitude + 0.0 * state.frequency + 0.0 * state.owed
+    return status if status != DONE or zero == 0.0 else NOT_FINITE
+
+
+@compiled
 def advance(
     drill, states, open_segments, open_impacts, seconds, fractions, segments, impacts, counts, begun
 ):
     """Advance to times one after the other, as far as the room for results reaches.
 
     ``segments`` is room for finished segments and the open one, ``impacts`` for two more.
-    ``counts`` gets the numbers of both that are finished at each time. ``begun`` and, after DONE,
-    FULL, STALLED or OVERLOADED, the result are the numbers of times, segments and impacts that are
-    there.
+    ``counts`` gets the numbers of both that are finished at each time. ``begun`` and, after the
+    status, the result are the numbers of times, segments and impacts that are there.
     """
     state = states[0]
     impact = open_impacts[0]
@@ -236,7 +244,7 @@ def advance(
         counts[reached, 1] = struck
         reached += 1
     open_segments[0] = segments[written]
-    return status, reached, written, struck
+    return checked(status, state), reached, written, struck
 
 
 @compiled

@@ -20,7 +20,7 @@ from rpud_sim.model.energy import (
     add_rest,
     stored_energy,
 )
-from rpud_sim.model.events import DONE, FULL, GOES_ON, pass_event, start, status_before
+from rpud_sim.model.events import DONE, FULL, GOES_ON, checked, pass_event, start, status_before
 from rpud_sim.model.search import END_DRILL_TOOL_RELEASE
 from rpud_sim.model.segment import (
     EVENT_ACTUATOR_IMPACT,
@@ -253,17 +253,6 @@ def class_at(tallies, classes, share):
 # Impacts that one event can end.
 _IMPACTS_OF_EVENT = 2
 
-# How an advance of members ends beside those of the engine: with a motion that is not finite.
-NOT_FINITE = 10
-
-
-@compiled
-def _is_finite(state):
-    zero = 0.0 * state.u_np + 0.0 * state.v_np + 0.0 * state.u_fm + 0.0 * state.v_fm
-    zero += 0.0 * state.u_dt + 0.0 * state.v_dt
-    zero += 0.0 * state.amplitude + 0.0 * state.frequency + 0.0 * state.owed
-    return zero == 0.0
-
 
 @compiled
 def advance_members(drill, rpud, members, begin, until, options, room, progress):
@@ -318,8 +307,7 @@ def advance_members(drill, rpud, members, begin, until, options, room, progress)
         progress[1] = count
         if status == FULL:
             return False
-        if status == DONE and not _is_finite(state):
-            status = NOT_FINITE
+        status = checked(status, state)
         statuses[i] = status
         if added and status == DONE:
             finish_part(rpud, opened[0], until[0], until[1], whole, tally, part)

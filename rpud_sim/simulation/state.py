@@ -46,7 +46,7 @@ _LEFT_OUT = frozenset(
         *("beginning", "control", "_journal", "_wanted", "_on_block", "_recent_energy"),
         *("_published_faults", "_refusals", "_parameters"),
         *("_telemetry_rate", "_sample_rate", "_stream_period"),
-        *("_capacity", "_goal", "_rooms", "_segment_room", "_impact_room", "_written"),
+        *("_goal", "_segment_room", "_impact_room", "_written"),
         *("_struck", "_advance_code", "_interrupt_code"),
     )
 )

@@ -212,22 +212,22 @@ def test_a_jammed_mass_strikes_the_tool_no_more(regime, drive):
     engine = Engine(parameters, 0.2)
     engine.advance(0, 0.5)
     engine.drain()
+    found = []
     engine.change(0, 0.5, derive(parameters, jammed=True), (10.0, drive, 16000.0))
-    engine.advance(0, 0.6)
-    joined, impacts = engine.drain()
-    assert len(impacts) <= 2  # the one in progress, and the one that wedges it
-    check_trajectory(joined)
-    engine.advance(3, 0.0)
-    segments, impacts = engine.drain()
-    assert len(impacts) == 0
+    for seconds, fraction in ((0, 0.6), (2, 0.0), (3, 0.0)):
+        engine.advance(seconds, fraction)
+        found.append(engine.drain())
+        check_trajectory(found[-1][0])
+    # The one in progress, and the one that wedges it.
+    struck = [len(impacts) for _, impacts in found]
+    assert struck[0] <= 2
+    assert struck[1:] == [0, 0]
+    segments = found[-1][0]
     assert (segments["contact"] & 2 == 2).all()
-    assert len(segments) < 2.4 * 50_000
-    check_trajectory(segments)
     if drive:
         assert np.count_nonzero(segments["event"] & 1) > 10
     else:
-        assert np.count_nonzero(segments["start_seconds"] == 2) < 110  # it has come to rest
-
+        assert len(segments) < 110  # it has come to rest
     engine.change(3, 0.0, derive(parameters), COMMANDS)
     engine.advance(4, 0.0)
     segments, impacts = engine.drain()

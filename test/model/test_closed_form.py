@@ -15,14 +15,12 @@ from rpud_sim.model.closed_form import (
     driven_vibration,
     free_vibration,
     oscillator,
-    reacting_force,
     swing_at,
     swung_integral,
     time_to_zero_displacement,
     turn_at,
     vibration_of,
 )
-from rpud_sim.model.segment import fall
 
 
 @given(st.floats(0.0, 1.0, exclude_max=True), st.floats(100.0, 2e5), st.floats(0.0, 0.01))
@@ -91,14 +89,3 @@ def test_velocity_derivatives_and_integral_agree_with_the_displacement():
     assert jerk == pytest.approx((far - 2 * (after - before)) / (2 * step**3), rel=1e-3)
     swing = swing_at(motion.decay_rate, motion.angular_frequency, time)
     assert swung_integral(motion, swing) == pytest.approx(quad(displacement, 0, time)[0])
-
-
-def test_reacting_force_at_rest_is_the_weight_on_bit():
-    assert reacting_force(10.0, 2000.0, 44.7, 0.0, 0.0) == 10.0
-    assert reacting_force(0.0, 2000.0, 40.0, -1e-3, -0.1) == pytest.approx(6.0)
-
-
-@pytest.mark.parametrize("gravity", [0.0, 9.81])
-def test_fall_is_uniformly_accelerated(gravity):
-    expected = (-0.01 - 2.0 * 0.3 + 0.5 * gravity * 0.09, -2.0 + gravity * 0.3)
-    assert fall(-0.01, -2.0, gravity, 0.3) == pytest.approx(expected)

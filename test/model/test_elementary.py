@@ -15,9 +15,6 @@ from hypothesis import strategies as st
 from rpud_sim.model import elementary
 from rpud_sim.model.elementary import (
     arc_tangent,
-    complex_exponential,
-    complex_phase,
-    complex_size,
     decimal_logarithm,
     exponential,
     exponential_minus_one,
@@ -158,17 +155,6 @@ def test_error_of_angle_and_size_of_a_point(y, x):
 def test_error_of_powers(base, exponent):
     bound = 2.0 + 1.5 * abs(exponent * math.log(base))
     assert error(power, mpmath.power, base, exponent)[1] <= bound
-
-
-@settings(max_examples=300)
-@given(NEAR_ONE, st.floats(-100.0, 100.0))
-def test_complex_functions_are_those_of_the_parts(real, imaginary):
-    number = complex(real, imaginary)
-    sine_of, cosine_of = sin_cos(imaginary)
-    size = exponential(real)
-    assert complex_exponential(number) == complex(size * cosine_of, size * sine_of)
-    assert complex_phase(number) == arc_tangent(imaginary, real)
-    assert complex_size(number) == hypotenuse(real, imaginary)
 
 
 @given(ANGLES)

@@ -124,19 +124,6 @@ def test_a_long_block_is_the_same_in_one_piece_and_joined_and_stays_as_it_is(pie
     assert (drained[0] == drained[1]).all()
 
 
-def test_room_is_used_again_when_nobody_looks_at_it():
-    engine = Engine(preset("drilling"), 0.0)
-    held = []
-    for second in range(1, 8):
-        engine.advance(second, 0.0)
-        covering, _ = engine.drain_covering()
-        assert not covering.flags.writeable
-        if second > 3:
-            held.append((covering, covering.copy()))
-    for covering, content in held:
-        np.testing.assert_array_equal(covering, content)
-
-
 def test_impacts_are_counted_and_seen_before_they_are_drained():
     engine = Engine(preset("drilling"))
     found = []

@@ -14,14 +14,13 @@ from hypothesis import strategies as st
 from scipy.optimize import brentq, minimize_scalar
 from support import examples
 
-from rpud_sim.model.closed_form import Oscillation, decaying_part, turn_at
+from rpud_sim.model.closed_form import turn_at
 from rpud_sim.model.drill import derive
 from rpud_sim.model.engine import Engine
 from rpud_sim.model.parameters import preset
-from rpud_sim.model.search import fall_time
 from rpud_sim.model.segment import SEGMENT
 from rpud_sim.model.steps import ends_at_root, safe_step
-from rpud_sim.model.strike import first_landing, first_strike, soon_after
+from rpud_sim.model.strike import first_landing, first_strike
 from rpud_sim.model.tolerances import LONGEST_SEARCH, TIME_RESOLUTION, TOUCHING, WEAKEST_PULL
 
 SAMPLES_PER_CYCLE = 40
@@ -262,27 +261,6 @@ def test_a_step_ends_before_the_parabola_does(value, slope, bend, more):
         assert parabola(step, bend + more) <= TIME_RESOLUTION * falls + rounding
 
 
-@settings(max_examples=examples(300), deadline=None)
-@given(
-    angular=st.floats(1.0, 1e8),
-    ratio=st.floats(0.0, 10.0),
-    cosine=st.builds(operator.mul, SIGNS, up_to(1.0)),
-    sine=st.builds(operator.mul, SIGNS, up_to(1.0)),
-    share=st.floats(0.0, 1.0),
-)
-def test_a_short_series_is_the_closed_form(angular, ratio, cosine, sine, share):
-    decay = ratio * angular
-    motion = Oscillation(0.0, decay, angular, cosine, sine, 0.0, 0.0)
-    rate = math.hypot(decay, angular)
-    time = share * 2e-3 / rate
-    start = decaying_part(motion, 0.0)
-    found = soon_after(decay**2 + angular**2, 2.0 * decay, *start, time)
-    size = math.hypot(cosine, sine)
-    displacement, velocity = decaying_part(motion, time)
-    assert found[0] == pytest.approx(displacement, abs=1e-15 * size)
-    assert found[1] == pytest.approx(velocity, abs=1e-12 * rate * size)
-
-
 @pytest.mark.parametrize("clearance", [1e-15, 1e-13, 1e-11, 1e-8])
 def test_a_tip_that_just_misses_does_not_strike(clearance):
     time, struck = strike_of(hanging_mass(clearance), 1e-3)
@@ -298,10 +276,3 @@ def test_of_two_roots_in_one_cycle_the_first_is_found(depth):
     # Where the tip just touches, the gap is flat: a picometre counts there, not a picosecond.
     assert time < crest
     assert time == pytest.approx(crest - before, abs=1e-12 if depth > 1e-10 else 2e-10)
-
-
-@pytest.mark.parametrize(("velocity", "gravity"), [(0.0, 9.81), (-0.3, 9.81), (2.0, 0.0)])
-def test_fall_onto_a_tool_at_rest(velocity, gravity):
-    time = fall_time(1e-3, velocity, gravity)
-    assert velocity * time + 0.5 * gravity * time**2 == pytest.approx(1e-3)
-    assert fall_time(1e-3, min(velocity, 0.0), 0.0) == math.inf
