@@ -149,10 +149,7 @@ class Plant:
         return covering, impacts
 
     def _set_aside(self) -> None:
-        """Keep what happened for the next ``drain``.
-
-        Impacts up to now act under the conditions so far.
-        """
+        """Keep what happened for the next ``drain``: impacts acted under the conditions so far."""
         covering, impacts = self._drain_engine()
         self._segments.append(covering[:-1])
         self._impacts.append(impacts)

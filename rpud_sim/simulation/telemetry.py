@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from functools import partial
 from itertools import chain
 from operator import itemgetter
-from typing import Any
 
 import numpy as np
 
@@ -113,17 +112,18 @@ def one_by_one(found: Iterable[Entry | Together]) -> Iterator[Entry]:
 
 def row_of(fields: Fields, number: int) -> Fields:
     """Return the fields of one message of columns."""
-    return {name: _value(column, number) for name, column in fields.items()}
-
-
-def _value(column: Any, number: int) -> Any:
-    if isinstance(column, np.ndarray):
-        return column.item(number) if column.ndim == 1 else to_array(column[number])
-    if isinstance(column, dict):
-        return row_of(column, number)
-    if isinstance(column, Ragged):
-        return to_array(column.sequence(number))
-    return list(column) if isinstance(column, list) else column
+    row = {}
+    for name, column in fields.items():
+        kind = type(column)
+        if kind is np.ndarray:
+            row[name] = column.item(number) if column.ndim == 1 else to_array(column[number])
+        elif kind is dict:
+            row[name] = row_of(column, number)
+        elif kind is Ragged:
+            row[name] = to_array(column.sequence(number))
+        else:
+            row[name] = list(column) if kind is list else column
+    return row
 
 
 # Simulation time of the blocks that are done together, about [ns]: more takes more memory, and

@@ -199,31 +199,6 @@ def test_a_slow_channel_never_says_more_and_never_less(period, times):
         assert time in told or any(0 < time - other < period for other in told)
 
 
-@pytest.mark.parametrize("channel", CHANNELS)
-def test_delayed_messages_come_late_in_order_and_all_of_them(run, channel):
-    signals = SignalFaults()
-    given = record("delayed", channel, 10e-3, onset=20 * MILLISECOND, clear=70 * MILLISECOND)
-    published = []
-    by_time = dict(run[channel])
-    for time in sorted({*by_time, *range(0, 101 * MILLISECOND, MILLISECOND)}):
-        if time in by_time:
-            published += [
-                (time, out) for out in signals.apply(channel, time, by_time[time], (given,))
-            ]
-        for late_channel, out in signals.release(time, (given,)):
-            assert late_channel == channel
-            published.append((time, out))
-    assert [id(out) for _, out in published] == [id(message) for _, message in run[channel]]
-    for time, out in published:
-        stamp = fields.stamp_of(out) - ORIGIN
-        if not given.lasts_at(stamp):
-            assert time == stamp
-        elif stamp < 60 * MILLISECOND:
-            assert stamp + 10 * MILLISECOND <= time < stamp + 11 * MILLISECOND
-        else:  # the end of the fault sets free what waits
-            assert 70 * MILLISECOND <= time < 71 * MILLISECOND
-
-
 def test_late_messages_come_although_the_channel_falls_silent():
     signals = SignalFaults()
     given = (record("delayed", "contact_force", 1.0),)

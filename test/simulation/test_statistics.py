@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from hypothesis import example, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from support import examples
 
@@ -54,41 +54,34 @@ def block(request):
     return Simulation(preset(request.param)).advance_to(END)
 
 
-def test_counts_are_those_of_the_events(block):
-    found = figures([block])
+def test_figures_are_those_of_events_and_impacts(block):
+    found, impacts = figures([block]), block.impacts
     event = np.append(block.segments["event"], block.open_segment["event"])
     assert found["duration"] == 0.5
     assert found["events"] == np.count_nonzero(event & 7)
     assert found["actuator_impact_rate"] == np.count_nonzero(event & 1) / 0.5
     # An impact counts when its contact has ended.
-    begun = np.count_nonzero(event & 2)
-    assert begun - 1 <= found["drill_tool_impact_rate"] * 0.5 <= begun
-    assert found["drill_tool_impact_rate"] == len(block.impacts) / 0.5
-
-
-def test_means_are_those_of_the_impacts(block):
-    found, impacts = figures([block]), block.impacts
-    assert found["impact_velocity_mean"] == pytest.approx(impacts["impact_velocity"].mean())
-    assert found["contact_force_mean"] == pytest.approx(impacts["peak_force"].mean())
-    assert found["contact_force_max"] == impacts["peak_force"].max()
-    assert found["contact_duration_mean"] == pytest.approx(impacts["contact_duration"].mean())
-    assert found["kinetic_energy_rate"] == pytest.approx(impacts["energy"].sum() / 0.5)
-    transferred = impacts["energy_transferred"].sum() / 0.5
-    assert found["energy_transferred_rate"] == pytest.approx(transferred)
+    assert np.count_nonzero(event & 2) - len(impacts) in (0, 1)
+    assert found["drill_tool_impact_rate"] == len(impacts) / 0.5
     assert found["squeezed_impact_rate"] == impacts["squeezed"].sum() / 0.5
-    exact = np.quantile(impacts["peak_force"], 0.99, method="inverted_cdf")
-    assert found["contact_force_p99"] == pytest.approx(exact, rel=1.2e-3)
-
-
-def impacts_of(forces):
-    impacts = np.zeros(len(forces), IMPACT)
-    for name in ("peak_force", "impact_velocity", "contact_duration", "energy"):
-        impacts[name] = forces
-    return impacts
+    assert found["contact_force_max"] == impacts["peak_force"].max()
+    for name, column in (
+        ("impact_velocity_mean", "impact_velocity"),
+        ("contact_force_mean", "peak_force"),
+        ("contact_duration_mean", "contact_duration"),
+    ):
+        assert found[name] == pytest.approx(impacts[column].mean())
+    for name, column in (
+        ("kinetic_energy_rate", "energy"),
+        ("energy_transferred_rate", "energy_transferred"),
+    ):
+        assert found[name] == pytest.approx(impacts[column].sum() / 0.5)
 
 
 def with_impacts(block, forces):
-    return dataclasses.replace(block, impacts=join_records([impacts_of(forces)], IMPACT))
+    impacts = np.zeros(len(forces), IMPACT)
+    impacts["peak_force"] = forces
+    return dataclasses.replace(block, impacts=join_records([impacts], IMPACT))
 
 
 @given(st.lists(st.floats(0.0, 1e6), min_size=1, max_size=300))
@@ -102,18 +95,6 @@ def test_a_quantile_is_that_of_all_forces_however_they_are_counted(quiet_block, 
     assert found == pytest.approx(exact, rel=1.2e-3, abs=1e-6)
     parts[0].merge(parts[1])
     assert parts[0].figures()["contact_force_p99"] == found
-
-
-@given(st.lists(st.floats(-1e300, 1e300), max_size=1000))
-@example([0.1 * i for i in range(5000)])
-@example([1.0 / (i + 1) for i in range(129)])
-def test_sums_over_impacts_are_those_of_numpy(quiet_block, values):
-    statistics = Statistics()
-    statistics.add(with_impacts(quiet_block, values))
-    found = statistics.sums[0][0]["impact_velocity"]
-    with np.errstate(over="ignore", invalid="ignore"):
-        expected = impacts_of(values)["impact_velocity"].sum()
-    np.testing.assert_array_equal(found, expected, strict=False)
 
 
 @pytest.fixture(scope="module")
@@ -134,28 +115,16 @@ def test_the_mean_reacting_force_of_a_part_is_that_of_the_part():
     assert figures([part])["reacting_force_mean"] == pytest.approx(mean, rel=1e-5)
 
 
-def test_the_reacting_force_of_a_drill_at_rest_is_what_rests_on_it():
-    simulation = Simulation(Configuration(preset("drilling"), drive_enabled=False))
-    simulation.advance_to(5 * SECOND)
-    found = figures([simulation.advance_to(6 * SECOND)])
-    assert found["events"] == 0
-    assert found["drill_tool_impact_rate"] == found["kinetic_energy_rate"] == 0.0
-    # Preload less the spring's deflection, which is that of the drill tool under load: tiny.
-    assert found["reacting_force_mean"] == pytest.approx(8.0, rel=1e-3)
-
-
 def test_nothing_to_average_is_none_and_not_zero():
     nothing = Statistics().figures()
-    assert nothing.keys() == {"duration", *FIGURES}
-    assert nothing["duration"] == 0.0
-    assert nothing["events"] == 0
-    for name in {*FIGURES} - {"events"}:
-        assert nothing[name] is None, name
+    assert nothing == {"duration": 0.0, **dict.fromkeys(FIGURES), "events": 0}
     quiet = Simulation(Configuration(preset("drilling"), drive_enabled=False))
-    quiet.advance_to(SECOND)
-    found = figures([quiet.advance_to(2 * SECOND)])
+    quiet.advance_to(5 * SECOND)
+    found = figures([quiet.advance_to(6 * SECOND)])
+    assert found["events"] == found["drill_tool_impact_rate"] == found["kinetic_energy_rate"] == 0
     assert found["contact_force_mean"] is found["contact_force_max"] is None
-    assert found["impact_velocity_mean"] is found["contact_duration_mean"] is None
+    # Preload less the spring's deflection, which is that of the drill tool under load: tiny.
+    assert found["reacting_force_mean"] == pytest.approx(8.0, rel=1e-3)
 
 
 @pytest.mark.parametrize("regime", ["free", "drilling"])

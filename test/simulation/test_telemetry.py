@@ -125,34 +125,26 @@ def test_streams_come_in_blocks_without_a_gap_and_the_rest_at_the_end():
 FAULTS = (
     ScheduledFault(0, None, Fault("noise", "wrench")),
     ScheduledFault(20 * MILLISECOND, 95 * MILLISECOND, Fault("delayed", "nodal_plane", 0.03)),
-    ScheduledFault(33_333_333, 120 * MILLISECOND, Fault("intermittent", "contact_force", 0.5)),
     ScheduledFault(50 * MILLISECOND, None, Fault("slow", "drill_tool", 0.025)),
     ScheduledFault(70 * MILLISECOND, 130 * MILLISECOND, Fault("off", "reacting_force")),
-    ScheduledFault(100 * MILLISECOND, None, Fault("lost_preload")),
 )
 
 
 def test_faults_act_on_their_channel_and_the_ground_truth_stays():
-    healthy, faulty = (told(made(), periods(100), faults) for faults in ((), FAULTS[:-1]))
-    for topic in ("waveform", "trajectory", "joint_states"):
+    healthy, faulty = (told(made(), periods(100), faults) for faults in ((), FAULTS))
+    for topic in ("waveform", "trajectory", "joint_states", "contact_force"):
         assert repr(faulty[topic]) == repr(healthy[topic])
+    assert stamps(faulty["wrench"]) == stamps(healthy["wrench"])
+    assert faulty["wrench"] != healthy["wrench"]
     silent = [time for time in periods(100) if 70 * MILLISECOND <= time < 130 * MILLISECOND]
     kept = [message for message in healthy["reacting_force"] if message[0] not in silent]
     assert faulty["reacting_force"] == kept
     slow = [time // MILLISECOND for time, _ in faulty["drill_tool"]]
     assert slow == [10, 20, 30, 40, 50, 80, 110, 140, 170, 200]
-    lost = len(healthy["contact_force"]) - len(faulty["contact_force"])
-    assert 0 < lost < len(healthy["contact_force"])
-    assert stamps(faulty["wrench"]) == stamps(healthy["wrench"])
-    assert faulty["wrench"] != healthy["wrench"]
-    late = [
-        (time - stamp) // MILLISECOND
-        for (time, _), stamp in zip(
-            faulty["nodal_plane"], stamps(faulty["nodal_plane"]), strict=True
-        )
-    ]
     # The fault begins with the sample at 20 ms; its end, seen at 100 ms, lets go what waits.
-    assert late == [0] + [30] * 5 + [30, 20, 10] + [0] * 11
+    times = [time for time, _ in faulty["nodal_plane"]]
+    late = (np.array(times) - stamps(faulty["nodal_plane"])) // MILLISECOND
+    assert late.tolist() == [0] + [30] * 5 + [30, 20, 10] + [0] * 11
     assert stamps(faulty["nodal_plane"]) == periods(100)
 
 

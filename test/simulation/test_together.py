@@ -12,7 +12,7 @@ from rpud_sim.bag.definitions import find_definition
 from rpud_sim.inspection.offline_bag import encoded
 from rpud_sim.model.engine import Engine, EngineError
 from rpud_sim.model.parameters import preset
-from rpud_sim.simulation.commands import Drive, WeightOnBit
+from rpud_sim.simulation.commands import Drive, Feed, WeightOnBit
 from rpud_sim.simulation.configuration import to_settings
 from rpud_sim.simulation.faults import Fault
 from rpud_sim.simulation.fields import Bookkeeping
@@ -42,6 +42,8 @@ VALUES = st.fixed_dictionaries(
         "actuator_model": st.just("resonance"),
         "rock_model": st.just("specific_energy"),
         "command_timeout": st.just(0.1),
+        "feed_model": st.just("arm"),
+        "initial_feed": st.just(0.004),
     },
 )
 FAULTS = st.builds(
@@ -92,6 +94,8 @@ def told(values, scenario, steps, advance):
                 record.fault.channel != change.channel for record in run.simulation.faults.active
             ):
                 run.simulation.inject(change, 50 * MILLISECOND * (number % 2))
+        elif isinstance(change, WeightOnBit) and values.get("feed_model"):
+            run.control.apply(Feed("rate", 1e-4 * change.force))
         elif change is not None:
             run.control.apply(change)
         messages += serialized(run.changes())
