@@ -11,6 +11,8 @@ from drill_configurations import tables
 from hypothesis import given
 from hypothesis import strategies as st
 
+from rpud_sim.model.contact import single_contact
+from rpud_sim.model.contact_models import CONTACT_MODELS
 from rpud_sim.model.drill import derive
 from rpud_sim.model.engine import Engine, EngineError
 from rpud_sim.model.impact import open_impact
@@ -152,3 +154,25 @@ def test_a_copy_goes_on_by_itself():
         each.advance(0, 0.05)
     one, two = ([part.tolist() for part in each.drain_covering()] for each in (engine, other))
     assert one == two
+
+
+@pytest.mark.parametrize("model", CONTACT_MODELS)
+def test_an_undisturbed_impact_of_the_engine_is_a_single_contact(model):
+    """Eqs. (21) and (36)-(39) against what the engine does with the same blow."""
+    parameters = preset("drilling").replace(contact_model=model, gravity=0.0)
+    engine = Engine(parameters, 0.2)
+    engine.advance(5, 0.0)
+    impacts = engine.drain()[1][1:]  # the first one is the start, the actuator upon the free mass
+    velocities = impacts["impact_velocity"]
+    contacts = [single_contact(parameters, float(velocity)) for velocity in velocities]
+    durations = np.array([contact.duration for contact in contacts])
+    alone = np.abs(impacts["contact_duration"] / durations - 1.0) < 1e-6
+    assert np.count_nonzero(alone) > 0.5 * len(impacts)
+    energies = 0.5 * 5e-3 * velocities**2
+    assert impacts["energy"][alone] == pytest.approx(energies[alone])
+    forces = np.array([contact.peak_force for contact in contacts])
+    assert impacts["peak_force"][alone] == pytest.approx(forces[alone], rel=1e-6)
+    # What the mass brought, and what the tool's elasticity gave it back.
+    together = 5e-3 / (5e-3 + contacts[0].tool_mass)
+    impulses = 5e-3 * (1.0 + together) * velocities
+    assert impacts["impulse"][alone] == pytest.approx(impulses[alone], rel=1e-3)
