@@ -137,7 +137,7 @@ def summary_text(
 
 
 def _parts(report: Report) -> dict[str, tuple[str, ...]]:
-    status, timing = report.status, report.timing
+    status = report.status
     kinds = [record.fault.kind for record in report.faults]
     weight = QUANTITIES["weight_on_bit"].text(status["weight_on_bit"])
     drive = "" if status["drive_enabled"] else "drive off"
@@ -160,8 +160,8 @@ def _parts(report: Report) -> dict[str, tuple[str, ...]]:
         "faults": _faults_texts(kinds),
         "refused": (f"{refused} refused" if refused else "",),
         "dropped": (f"{dropped} messages dropped", f"{dropped} dropped") if dropped else ("",),
-        "late": (f"late {QUANTITIES['lateness'].text(timing.lateness_max)}", ""),
-        "factor": (f"x{timing.real_time_factor:.3f}", ""),
+        "late": (f"late {QUANTITIES['lateness'].text(status['lateness_max'])}", ""),
+        "factor": (f"x{status['real_time_factor']:.3f}", ""),
     }
 
 

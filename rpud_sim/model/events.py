@@ -19,10 +19,8 @@ from rpud_sim.model.resets import close_gaps, exchange_momentum, join_held_bodie
 from rpud_sim.model.resonator import (
     begin_resonance,
     change_drive,
-    contact_load,
     hold,
     load_by_contact,
-    move_resonance,
     update,
 )
 from rpud_sim.model.search import (
@@ -57,14 +55,9 @@ from rpud_sim.model.tolerances import (
     SLOWEST_IMPACT,
 )
 
-# How an advance ends: at the requested time, with no room for more results, in a standstill, or
-# with more events than their budget. And that it has not ended yet.
-DONE = 0
-FULL = 1
-STALLED = 2
-OVERLOADED = 3
-GOES_ON = 4
-
+# How an advance ends: at the requested time, with no room for more results, in a standstill, with
+# more events than their budget, or with a motion that is not finite. And that it has not ended yet.
+DONE, FULL, STALLED, OVERLOADED, NOT_FINITE, GOES_ON = range(6)
 
 # Of each END_* but END_LIMIT: pairs whose approach ends, contacts that open for want of force, and
 # EVENT_* bits of what is known to happen.
@@ -79,36 +72,22 @@ HAPPENS = (
 
 
 @compiled
-def carry_over(time):
-    """Whole seconds in a fraction, and what is left of it."""
-    whole = math.floor(time)
-    return int(whole), time - whole
-
-
-@compiled
-def move_state(state, segment, time, turns):
-    """Move the state to a time after the start of its segment, given the ``Turns`` there."""
-    u_np, v_np, _, _, u_fm, v_fm, u_dt, v_dt = motion_of(segment, time, turns)
-    state.u_np, state.v_np = u_np, v_np
-    state.u_fm, state.v_fm = u_fm, v_fm
-    state.u_dt, state.v_dt = u_dt, v_dt
-    seconds, fraction = carry_over(state.fraction + time)
-    state.seconds += seconds
-    state.fraction = fraction
-    state.phase = advance_phase(state.phase, state.frequency, time)
-    state.effort = max(state.effort - EVENT_BUDGET * time, 0.0)
-
-
-@compiled
 def end_segment(state, segment, impact, time, turns):
     """Follow the open segment to a time after its start, and move the state there."""
     if state.impact_open:
         follow_impact(segment, impact, time, turns)
-    move_state(state, segment, time, turns)
+    u_np, v_np, _, _, u_fm, v_fm, u_dt, v_dt = motion_of(segment, time, turns)
+    state.u_np, state.v_np = u_np, v_np
+    state.u_fm, state.v_fm = u_fm, v_fm
+    state.u_dt, state.v_dt = u_dt, v_dt
+    fraction = state.fraction + time
+    whole = math.floor(fraction)
+    state.seconds += int(whole)
+    state.fraction = fraction - whole
+    state.phase = advance_phase(state.phase, state.frequency, time)
+    state.effort = max(state.effort - EVENT_BUDGET * time, 0.0)
     if state.resonant:
-        integral, work = contact_load(segment, time)
-        move_resonance(state, time)
-        load_by_contact(state, integral, work)
+        load_by_contact(state, segment, time)
 
 
 @compiled
@@ -221,15 +200,23 @@ def status_before(state, segment, seconds, fraction, is_full):
 
 
 @compiled
+def checked(status, state):
+    """Return a status, or NOT_FINITE where numbers that all others follow from are not finite."""
+    zero = 0.0 * state.u_np + 0.0 * state.v_np + 0.0 * state.u_fm + 0.0 * state.v_fm
+    zero += 0.0 * state.u_dt + 0.0 * state.v_dt
+    zero += 0.0 * state.amplitude + 0.0 * state.frequency + 0.0 * state.owed
+    return status if status != DONE or zero == 0.0 else NOT_FINITE
+
+
+@compiled
 def advance(
     drill, states, open_segments, open_impacts, seconds, fractions, segments, impacts, counts, begun
 ):
     """Advance to times one after the other, as far as the room for results reaches.
 
     ``segments`` is room for finished segments and the open one, ``impacts`` for two more.
-    ``counts`` gets the numbers of both that are finished at each time. ``begun`` and, after DONE,
-    FULL, STALLED or OVERLOADED, the result are the numbers of times, segments and impacts that are
-    there.
+    ``counts`` gets the numbers of both that are finished at each time. ``begun`` and, after the
+    status, the result are the numbers of times, segments and impacts that are there.
     """
     state = states[0]
     impact = open_impacts[0]
@@ -257,7 +244,7 @@ def advance(
         counts[reached, 1] = struck
         reached += 1
     open_segments[0] = segments[written]
-    return status, reached, written, struck
+    return checked(status, state), reached, written, struck
 
 
 @compiled

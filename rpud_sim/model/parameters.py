@@ -135,7 +135,6 @@ class Parameters(ParameterGroup):
         return self.section_1_length + self.section_2_length
 
     def replace(self, **changes: Any) -> Parameters:
-        """Return a copy with some values changed."""
         for name in changes:
             if name not in NAMES:
                 raise ParameterError(

@@ -79,9 +79,13 @@ class Changes:
         """Return both; the other's values of parameters win."""
         return Changes(
             {**self.parameters, **other.parameters},
-            tuple(sorted((*self.planned, *other.planned), key=lambda planned: planned.delay)),
+            _in_order((*self.planned, *other.planned)),
             self.replaces_commands or other.replaces_commands,
         )
+
+
+def _in_order(planned: Iterable[Planned]) -> tuple[Planned, ...]:
+    return tuple(sorted(planned, key=lambda each: each.delay))
 
 
 def parameter_changes(values: Mapping[str, Any], fixed: Sequence[str] = ()) -> Changes:
@@ -134,11 +138,9 @@ def read_commands(path: str | Path) -> Changes:
     top = open_yaml(path, truth_values=False)
     entries = top.file_mapping("a scenario")
     content = {key: entry.value for key, entry in entries.items() if key != "commands"}
-    if "commands" in entries:
-        content.setdefault("faults", [])
-    faults = Changes(planned=_injections(content, str(path)))
     if "commands" not in entries:
-        return faults
+        return Changes(planned=_injections(content, str(path)))
+    faults = Changes(planned=_injections({"faults": [], **content}, str(path)))
     planned = parse_commands(entries["commands"].sequence("command {number}"))
     return Changes(planned=planned, replaces_commands=True) + faults
 
@@ -149,7 +151,7 @@ def parse_commands(entries: Iterable[Cursor]) -> tuple[Planned, ...]:
     for entry in entries:
         with entry.errors():
             planned += _commands(entry)
-    return tuple(sorted(planned, key=lambda each: each.delay))
+    return _in_order(planned)
 
 
 def check_commands(planned: Sequence[Planned], configuration: Configuration) -> None:
@@ -160,10 +162,10 @@ def check_commands(planned: Sequence[Planned], configuration: Configuration) -> 
             continue
         try:
             command = _command(each.change, drive)
-            drive = command if isinstance(command, Drive) else drive
             configuration.check(command)
         except ParameterError as error:
             raise ParameterError(f"command at {each.delay / SECOND:g} s: {error}") from None
+        drive = command if isinstance(command, Drive) else drive
 
 
 def _injections(content: Mapping[Any, Any], name: str) -> tuple[Planned, ...]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 import dataclasses
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -17,7 +17,7 @@ from rpud_sim.simulation.fields import Bookkeeping, faults_fields, journal_field
 from rpud_sim.simulation.journal import Journal
 from rpud_sim.simulation.scenario import Scenario, ScheduledFault, scenario_of
 from rpud_sim.simulation.simulation import Simulation, initial_phases
-from rpud_sim.simulation.state import StateWriter
+from rpud_sim.simulation.state import write_state
 from rpud_sim.simulation.statistics import RecentEnergy
 from rpud_sim.simulation.telemetry import Entry, Stream, Telemetry, Together, messages_of
 from rpud_sim.simulation.versions import ENGINE, engine_versions
@@ -37,9 +37,8 @@ class Beginning:
     def drawn(settings: Settings, seed: int | None = None) -> Beginning:
         """Return the beginning that a seed draws; None for the seed of the settings."""
         seed = settings.seed if seed is None else seed
-        return Beginning(
-            settings, initial_phases(1, seed or None)[0], seed, scenario_of(settings, seed)
-        )
+        [phase] = initial_phases(1, seed or None)
+        return Beginning(settings, phase, seed, scenario_of(settings, seed))
 
     def to_journal(self) -> dict[str, Any]:
         """Return the content of a journal's entry ``begin``."""
@@ -48,11 +47,7 @@ class Beginning:
             "initial_phase": self.initial_phase,
             "seed": self.seed,
             "faults": [
-                {
-                    **dataclasses.asdict(planned.fault),
-                    "onset": planned.onset,
-                    "clear": planned.clear,
-                }
+                {**vars(planned.fault), "onset": planned.onset, "clear": planned.clear}
                 for planned in (self.scenario.faults if self.scenario else ())
             ],
             "engine": ENGINE,
@@ -66,20 +61,18 @@ class Beginning:
         Raises:
             ArithmeticError, LookupError, TypeError, ValueError: if the content is unusable.
         """
-        faults = tuple(
+        faults = [
             ScheduledFault(
                 planned["onset"],
                 planned["clear"],
                 Fault(planned["kind"], planned["channel"], planned["magnitude"]),
             )
             for planned in content["faults"]
-        )
-        return Beginning(
-            to_settings(content["parameters"]),
-            float(content["initial_phase"]),
-            content["seed"],
-            Scenario(content["seed"], faults),
-        )
+        ]
+        seed = content["seed"]
+        settings = to_settings(content["parameters"])
+        phase = float(content["initial_phase"])
+        return Beginning(settings, phase, seed, Scenario(seed, tuple(faults)))
 
 
 class Run:
@@ -110,10 +103,7 @@ class Run:
         self._journal = journal
         self._wanted = wanted
         self._on_block = on_block
-        self._rate = settings.telemetry_rate
-        self._telemetry = Telemetry(
-            self._rate, settings.sample_rate, settings.block_duration, wanted, beginning.seed
-        )
+        self._telemetry = Telemetry(settings, beginning.seed, wanted)
         self.simulation = Simulation(
             settings.configuration, beginning.initial_phase, beginning.scenario, journal
         )
@@ -137,7 +127,8 @@ class Run:
     @property
     def next_boundary(self) -> int:
         """Time at which the present block ends, unless a caller stops before it [ns]."""
-        return boundary(boundaries_until(self.time, self._rate) + 1, self._rate)
+        rate = self.beginning.settings.telemetry_rate
+        return boundary(boundaries_until(self.time, rate) + 1, rate)
 
     def begin(self, origin: int) -> None:
         """Start the journal, let commands act, and give simulation time zero its stamp [ns]."""
@@ -155,15 +146,10 @@ class Run:
 
         It has other arguments of ``Run`` where given; a journal only if this run has one.
         """
-        shared: list[tuple[Any, Any]] = [
-            (self.beginning, None),
-            (self._journal, journal),
-            (self._wanted, wanted),
-            (self._on_block, on_block),
-        ]
-        return copy.deepcopy(
-            self, {id(own): own if other is None else other for own, other in shared if own}
-        )
+        own = (self.beginning, self._journal, self._wanted, self._on_block)
+        others = (None, journal, wanted, on_block)
+        pairs: Iterable[tuple[Any, Any]] = zip(own, others, strict=True)
+        return copy.deepcopy(self, {id(one): other or one for one, other in pairs if one})
 
     def note_state(self, *, due: bool = False) -> None:
         """Append the state to the journal, so that a reader can begin there; ``due`` if it is time.
@@ -180,7 +166,7 @@ class Run:
         return {
             "parameters": {name: value for name, value in now.items() if value != begun[name]},
             "faults_published": self.faults_published,
-            "run": StateWriter().write(self),
+            "run": write_state(self),
         }
 
     @property
@@ -283,15 +269,10 @@ class Run:
 
     def status(self, state: str, bookkeeping: Bookkeeping) -> Entry:
         """Return the status message of the present time."""
-        return (
-            self.time,
-            "status",
-            {
-                **status_fields(self.simulation, self.origin, state, bookkeeping),
-                **self._recent_energy.powers(),
-                "journal_entries": self._journal.count if self._journal is not None else 0,
-            },
-        )
+        fields = status_fields(self.simulation, self.origin, state, bookkeeping)
+        entries = self._journal.count if self._journal is not None else 0
+        powers = self._recent_energy.powers()
+        return self.time, "status", {**fields, **powers, "journal_entries": entries}
 
     @property
     def coupling_power(self) -> float:

@@ -54,10 +54,7 @@ class Scenario:
 
 
 def scenario_of(settings: Settings, seed: int | None = None) -> Scenario | None:
-    """Read the scenario of a run's settings; None if there is none.
-
-    ``seed`` takes the place of that of the settings. If both are zero, the scenario has its own.
-    """
+    """Read the scenario of settings; a seed, theirs if it is zero, takes the place of its own."""
     if not settings.scenario:
         return None
     return read_scenario(settings.scenario, seed or settings.seed or None)

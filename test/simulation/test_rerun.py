@@ -1,8 +1,7 @@
 """A simulation run again from its journal gives the same messages, bit for bit."""
 
-import itertools
 import json
-from contextlib import suppress
+from contextlib import nullcontext, suppress
 
 import pytest
 from hypothesis import given, settings
@@ -38,25 +37,40 @@ SCENARIO = parse_scenario(
     },
     "scenario",
 )
+DRILLS = {
+    "drilling": {},
+    "free": {"regime": "free"},
+    "resonance": {"actuator_model": "resonance", "rock_model": "specific_energy"},
+    "tracking": {"actuator_model": "resonance", "generator": "tracking"},
+    "rotation": {"rotation_model": "friction_drive", "rock_model": "specific_energy"},
+    "arm": {"feed_model": "arm", "strata": "regolith", "rotation_model": "friction_drive"},
+}
 
 
-def started(values, journal):
-    """Give a run that has begun, with its journal."""
-    run = Run(Beginning(to_settings({**values, **RATES}), 0.3, 5, SCENARIO), journal)
+def started(values, scenario=None):
+    run = Run(Beginning(to_settings(values), 0.3, 5, scenario), Journal())
     run.begin(1_000_000_007)
     return run
 
 
-def heard(messages, entries):
-    """Give messages but those of the journal, whose entries are kept, and of the ground truth."""
-    for time, topic, values in messages:
-        if topic == "journal":
-            content = json.loads(values["content"])
-            entries.append(
-                JournalEntry(values["sequence"], content.pop("time"), values["kind"], content)
-            )
-        elif topic != "faults":
-            yield time, topic, values
+def to_entry(message):
+    """Return the entry of a message as a bag's reader has it."""
+    _, _, fields = message
+    content = json.loads(fields["content"])
+    return JournalEntry(fields["sequence"], content.pop("time"), fields["kind"], content)
+
+
+def split(messages):
+    """Give texts in which NaN equals NaN, of messages but journal and faults, and the entries."""
+    messages = list(one_by_one(messages))
+    told = [repr(each) for each in messages if each[1] not in ("journal", "faults")]
+    return told, [to_entry(each) for each in messages if each[1] == "journal"]
+
+
+def again(entries):
+    """Give a rerun of entries that went through a bag, and its messages."""
+    rerun = Rerun()
+    return rerun, split(message for entry in entries for message in rerun.repeat(entry))[0]
 
 
 def act(simulation, number, value):
@@ -75,61 +89,44 @@ def act(simulation, number, value):
         simulation.clear_all()
 
 
-def again(entries):
-    """Give the messages of a rerun, of entries that went through a bag; ground truth aside."""
-    rerun = Rerun()
-    for entry in entries:
-        messages = one_by_one(rerun.repeat(entry))
-        yield from (item for item in messages if item[1] != "faults")
-
-
-def bits(items):
-    """Give messages so that NaN equals NaN, and nothing else what has other bits."""
-    return [repr(item) for item in items]
+LENGTHS = st.integers(1, 30 * MILLISECOND)
 
 
 @settings(max_examples=15)
 @given(
     regime=st.sampled_from(["free", "drilling"]),
-    steps=st.lists(
-        st.tuples(
-            st.integers(1, 30 * MILLISECOND), st.integers(0, 4), st.floats(0.0, 1.0, width=64)
-        ),
-        max_size=8,
-    ),
+    steps=st.lists(st.tuples(LENGTHS, st.integers(0, 4), st.floats(0.0, 1.0)), max_size=8),
 )
 def test_whatever_was_done_is_done_again(regime, steps):
-    run, entries, given_out = started({"regime": regime}, Journal()), [], []
+    run, messages = started({**RATES, "regime": regime}, SCENARIO), []
     for length, number, value in steps:
-        given_out += heard(run.advance_to(run.time + length), entries)
+        messages += run.advance_to(run.time + length)
         with suppress(FaultError):  # it may be there already
             act(run.simulation, number, value)
-    given_out += heard(run.advance_to(run.time + 31 * MILLISECOND), entries)
-    given_out += heard(run.flush("end"), entries)
-    assert bits(again(entries)) == bits(given_out)
+    messages += [*run.advance_to(run.time + 31 * MILLISECOND), *run.flush("end")]
+    told, entries = split(messages)
+    assert again(entries)[1] == told
 
 
 def test_one_other_bit_in_a_command_gives_another_trajectory():
-    run, entries = started({}, Journal()), []
+    run = started(RATES)
     run.simulation.apply(WeightOnBit(20.0))
-    messages = itertools.chain(run.advance_to(50 * MILLISECOND), run.flush("end"))
-    given_out = list(heard(messages, entries))
-    assert bits(again(entries)) == bits(given_out)
-    place = next(i for i, entry in enumerate(entries) if entry.kind == "weight_on_bit")
+    told, entries = split([*run.advance_to(50 * MILLISECOND), *run.flush("end")])
+    assert again(entries)[1] == told
+    place = [entry.kind for entry in entries].index("weight_on_bit")
     entries[place] = JournalEntry(place, 0, "weight_on_bit", {"force": 20.000000000000004})
-    assert bits(again(entries)) != bits(given_out)
+    assert again(entries)[1] != told
 
 
 def test_a_change_that_is_refused_is_not_noted():
-    journal = Journal()
-    simulation = started({}, journal).simulation
-    simulation.inject(Fault("lost_preload"))
-    journal.drain()
+    run = started(RATES)
+    run.simulation.inject(Fault("lost_preload"))
+    list(run.changes())
     with pytest.raises(FaultError):
-        simulation.inject(Fault("lost_preload"))
+        run.simulation.inject(Fault("lost_preload"))
     with pytest.raises(FaultError):
-        simulation.clear(99)
-    assert journal.drain() == []
+        run.simulation.clear(99)
+    assert list(run.changes()) == []
 
 
 BEGIN = {"parameters": {**RATES, "regime": "free"}, "initial_phase": 0.0, "seed": 0, "faults": []}
@@ -138,125 +135,73 @@ BEGIN = {"parameters": {**RATES, "regime": "free"}, "initial_phase": 0.0, "seed"
 @pytest.mark.parametrize(
     ("kind", "time", "content", "reason"),
     [
-        ("explode", 0, {}, "there is no such kind"),
-        ("weight_on_bit", 0, {"force": -1.0}, "weight_on_bit = -1 N is outside its range"),
-        ("weight_on_bit", 0, {}, "KeyError"),
-        ("clear", 0, {"number": 3}, "there is no fault 3"),
+        ("explode", 5, {}, "there is no such kind"),
+        ("stop", 4, {}, "before that of the one before it"),
+        ("weight_on_bit", 5, {"force": -1.0}, "weight_on_bit = -1 N is outside its range"),
+        ("weight_on_bit", 5, {}, "KeyError"),
+        ("clear", 5, {"number": 3}, "there is no fault 3"),
         ("begin", 0, {"parameters": {}}, "KeyError"),
         ("begin", 0, {**BEGIN, "parameters": {**RATES, "telemetry_rate": 0}}, "outside its range"),
     ],
 )
 def test_an_entry_that_cannot_be_done_is_named(kind, time, content, reason):
-    rerun = Rerun()
-    assert list(rerun.repeat(JournalEntry(0, 0, "begin", BEGIN))) == []
-    with pytest.raises(JournalError, match=rf"^journal entry 1 \({kind}\) cannot be done: .*") as e:
-        list(rerun.repeat(JournalEntry(1, time, kind, content)))
+    rerun, _ = again([JournalEntry(0, 0, "begin", BEGIN), JournalEntry(1, 5, "stop", {})])
+    with pytest.raises(JournalError, match=rf"^journal entry 2 \({kind}\) cannot be done: .*") as e:
+        list(rerun.repeat(JournalEntry(2, time, kind, content)))
     assert reason in str(e.value)
-
-
-def test_time_does_not_go_back_and_nothing_comes_before_the_beginning():
-    rerun = Rerun()
     with pytest.raises(JournalError, match="nothing has begun"):
-        list(rerun.repeat(JournalEntry(0, 0, "stop", {})))
-    list(rerun.repeat(JournalEntry(0, 0, "begin", BEGIN)))
-    list(rerun.repeat(JournalEntry(1, 5, "stop", {})))
-    with pytest.raises(JournalError, match="before that of the one before it"):
-        list(rerun.repeat(JournalEntry(2, 4, "stop", {})))
-
-
-RESONANCE = {
-    "actuator_model": "resonance",
-    "generator": "tracking",
-    "rock_model": "specific_energy",
-}
-
-
-FED = {
-    "feed_model": "arm",
-    "initial_feed": 0.004,
-    "rock_model": "specific_energy",
-    "rotation_model": "friction_drive",
-}
-
-
-def launched(values):
-    run = Run(Beginning(to_settings(values), 0.3, 5), Journal())
-    run.begin(7)
-    for kind in ("noise", "intermittent", "garbage", "delayed"):
-        run.simulation.inject(Fault(kind, "contact_force"), 40 * MILLISECOND)
-    return run
+        again([JournalEntry(0, 0, "stop", {})])
 
 
 def go_on(run):
-    """Go on and change something; return all messages as texts, in which NaN equals NaN."""
+    """Go on and change something; return all messages as texts."""
     messages = list(run.advance_to(run.time + 15 * MILLISECOND))
     fed = run.simulation.configuration.has_feed
     run.control.apply(Feed("rate", -1e-3) if fed else WeightOnBit(17.0))
-    messages += run.advance_to(run.time + 33 * MILLISECOND)
-    return [repr(message) for message in messages if message[1] != "journal"]
+    return split([*messages, *run.advance_to(run.time + 33 * MILLISECOND)])[0]
 
 
 @settings(max_examples=8)
-@given(time=st.integers(0, 50 * MILLISECOND), values=st.sampled_from([{}, RESONANCE, FED]))
-def test_a_copy_goes_on_like_its_run_and_by_itself(time, values):
-    run = launched(values)
+@given(
+    time=st.integers(0, 50 * MILLISECOND),
+    values=st.sampled_from([DRILLS[name] for name in ("drilling", "tracking", "arm")]),
+)
+def test_copies_and_checkpoints_go_on_like_their_run_and_by_themselves(time, values):
+    run, checkpoints = started(values), Checkpoints()
+    for kind in ("noise", "intermittent", "garbage", "delayed"):
+        run.simulation.inject(Fault(kind, "contact_force"), 40 * MILLISECOND)
     list(run.advance_to(time))
-    first, second = run.copy(Journal()), run.copy(Journal())
-    found = go_on(first)
-    assert run.time == time
-    assert go_on(second) == found
-    assert go_on(run) == found
-
-
-def test_a_checkpoint_stays_as_it_was_saved():
-    run, checkpoints = launched({}), Checkpoints()
-    list(run.advance_to(11 * MILLISECOND))
     checkpoints.save("here", run)
-    found = go_on(checkpoints.find("here"))
-    assert go_on(checkpoints.find("here")) == found
+    copies = [run.copy(Journal()), run.copy(Journal())]
+    expected = go_on(run)
+    assert all(go_on(each) == expected for each in copies)
+    found = checkpoints.find("here")
+    assert found.time == time
+    first = go_on(found)
+    assert go_on(checkpoints.find("here")) == first
     assert checkpoints.names == ("here",)
 
 
-def test_a_name_is_checked_and_an_unknown_one_gets_a_hint():
-    run, checkpoints = launched({}), Checkpoints()
-    with pytest.raises(CheckpointError, match="no checkpoint 'a'; none was saved"):
+def test_names_and_number_of_checkpoints_are_checked():
+    run, checkpoints = started({}), Checkpoints()
+
+    def refused(reason):
+        return pytest.raises(CheckpointError, match=reason) if reason else nullcontext()
+
+    with refused("no checkpoint 'a'; none was saved"):
         checkpoints.find("a")
-    checkpoints.save("before_the_rock", run)
-    with pytest.raises(CheckpointError, match=r"'before_rock'; did you mean before_the_rock\?"):
-        checkpoints.find("before_rock")
-    for name in ("", "a b", "x" * 65, "a/b", "a\n"):
-        with pytest.raises(CheckpointError, match="is no name of a checkpoint"):
+    names = [f"rock{number}" for number in range(MOST_CHECKPOINTS)]
+    for name, reason in (
+        *((each, "is no name of a checkpoint") for each in ("", "a b", "x" * 65, "a/b", "a\n")),
+        *((each, "") for each in names),
+        ("more", "one more than 16 checkpoints: .* such as rock0"),
+        ("rock0", ""),
+    ):
+        with refused(reason):
             checkpoints.save(name, run)
-
-
-def test_their_number_is_bounded():
-    run, checkpoints = launched({}), Checkpoints()
-    for number in range(MOST_CHECKPOINTS):
-        checkpoints.save(f"c{number}", run)
-    with pytest.raises(CheckpointError, match=r"one more than 16 checkpoints: .* such as c0"):
-        checkpoints.save("more", run)
-    checkpoints.save("c0", run)
-    assert checkpoints.names[-1] == "c0"
-
-
-DRILLS = {
-    "drilling": {},
-    "free": {"regime": "free"},
-    "resonance": {"actuator_model": "resonance", "rock_model": "specific_energy"},
-    "tracking": {"actuator_model": "resonance", "generator": "tracking"},
-    "rotation": {"rotation_model": "friction_drive", "rock_model": "specific_energy"},
-    "arm": {"feed_model": "arm", "strata": "regolith", "rotation_model": "friction_drive"},
-}
-
-
-def every_fault(run):
-    """Inject each fault that the drill can have, on two channels where it acts on one."""
-    for name, kind in KINDS.items():
-        for channel in ("",) if kind.physical else ("wrench", "contact_force"):
-            try:
-                run.simulation.inject(Fault(name, channel), 400 * MILLISECOND)
-            except FaultError:
-                continue
+    assert checkpoints.names == (*names[1:], "rock0")
+    with refused(r"'roc0'; did you mean rock0\?"):
+        checkpoints.find("roc0")
 
 
 @pytest.mark.parametrize("faulty", [False, True])
@@ -264,32 +209,19 @@ def every_fault(run):
 def test_a_run_goes_on_from_its_state_with_the_same_bits(name, faulty):
     run = Run(Beginning.drawn(to_settings(DRILLS[name])), Journal())
     run.begin(5)
-    entries = [each for each in run.advance_to(330 * MILLISECOND) if each[1] == "journal"]
-    if faulty:
-        every_fault(run)
+    messages = list(run.advance_to(330 * MILLISECOND))
+    for kind in KINDS if faulty else ():
+        for channel in ("",) if KINDS[kind].physical else ("wrench", "contact_force"):
+            with suppress(FaultError):  # not of this drill
+                run.simulation.inject(Fault(kind, channel), 400 * MILLISECOND)
     run.control.apply(Feed("rate", 1e-4) if name == "arm" else WeightOnBit(11.0))
-    entries += [each for each in run.advance_to(371 * MILLISECOND) if each[1] == "journal"]
+    messages += run.advance_to(371 * MILLISECOND)
     run.note_state()
-    last = [each for each in run.changes() if each[1] == "journal"]
-    own = to_entry(last[-1])
+    _, entries = split([*messages, *run.changes()])
     text = json.dumps(run.state(), sort_keys=True)
-
-    began = Rerun()
-    assert list(began.repeat(own)) == []
-    assert json.dumps(began.run.state(), sort_keys=True) == text
-    repeated = Rerun()
-    for entry in (*entries, *last):
-        for _ in repeated.repeat(to_entry(entry)):
-            pass
-    assert json.dumps(repeated.run.state(), sort_keys=True) == text
-
+    began, told = again(entries[-1:])
+    assert told == []
+    for rerun in (began, again(entries)[0]):
+        assert json.dumps(rerun.run.state(), sort_keys=True) == text
     end = 900 * MILLISECOND
-    expected = repr([each for each in run.advance_to(end) if each[1] != "journal"])
-    assert repr(list(one_by_one(began.advance_to(end)))) == expected
-
-
-def to_entry(message):
-    """Return the entry of a message as a bag's reader has it."""
-    _, _, fields = message
-    content = json.loads(fields["content"])
-    return JournalEntry(fields["sequence"], content.pop("time"), fields["kind"], content)
+    assert split(began.advance_to(end))[0] == split(run.advance_to(end))[0]
