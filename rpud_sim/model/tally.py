@@ -49,14 +49,8 @@ def _sum_of_128(values):
     e, f, g, h = values[4], values[5], values[6], values[7]
     whole = count - count % 8
     for i in range(8, whole, 8):
-        a += values[i]
-        b += values[i + 1]
-        c += values[i + 2]
-        d += values[i + 3]
-        e += values[i + 4]
-        f += values[i + 5]
-        g += values[i + 6]
-        h += values[i + 7]
+        a, b, c, d = a + values[i], b + values[i + 1], c + values[i + 2], d + values[i + 3]
+        e, f, g, h = e + values[i + 4], f + values[i + 5], g + values[i + 6], h + values[i + 7]
     total = ((a + b) + (c + d)) + ((e + f) + (g + h))
     for i in range(whole, count):
         total += values[i]
