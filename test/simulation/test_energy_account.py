@@ -131,8 +131,8 @@ def test_the_account_closes(values, actuator, plan, phase):
             put_into_force(simulation, change)
         account += account_of(simulation.advance_to(SECOND * 3 // 10))
     except EngineError as error:  # the hardest springs have too many events
-        assert "events exceed their budget" in str(error)
-        return
+        assume("events exceed their budget" not in str(error))
+        raise
     assert abs(account.residual) <= 1e-9 * throughput(account) + 1e-13
     for name in ("load_damper", "drill_tool_damper", "release"):
         assert getattr(account, name) >= -1e-12 * throughput(account)
