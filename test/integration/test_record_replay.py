@@ -16,7 +16,6 @@ from rclpy.qos import ReliabilityPolicy
 from rclpy.serialization import deserialize_message, serialize_message
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import QosDurability, QosReliability
-from rosgraph_msgs.msg import Clock
 from rpud_msgs.msg import ContactForce, NodalPlane, Status
 from support import PATIENCE, called, until
 
@@ -283,25 +282,6 @@ def test_a_recorder_says_when_the_disk_is_full(process, program, tmp_path):
     recorded = numbers(contents(tmp_path / "whole")[CONTACT_FORCE])
     assert recorded == list(range(len(recorded)))
     assert len(recorded) > 100
-
-
-def test_a_replay_loops_gives_the_time_and_keeps_latched_topics(process, program, bag):
-    replayer = process("replayer", bag, "--loop", "--clock", "50", "--rate", "4")
-    replayer.wait_for_line("replaying .*bag: 3 topics, 1.0 s at 4 times real time")
-    expected = (f"{STATUS}=1", f"{CONTACT_FORCE}=150", "/clock=20")
-    listener = program("listener", "--expect", *expected)
-    heard = stop(listener)
-    replayer.interrupt()
-    assert finished(replayer)
-    replayer.wait_for_line(r"replayed \d+ messages")
-    stamps = [deserialize_message(bytes.fromhex(item), Clock).clock for item in heard["/clock"]]
-    times = [stamp.sec * SECOND + stamp.nanosec for stamp in stamps]
-    assert all(START <= at <= START + SECOND for at in times)
-    # At 50 Hz and four times real time a tick is 80 ms of the bag. A new pass begins at the start.
-    steps = {after - before for before, after in itertools.pairwise(times)}
-    assert 80_000_000 in steps
-    sequences = numbers(heard[CONTACT_FORCE])
-    assert {(before + 1) % 100 for before in sequences[:-1]} == set(sequences[1:])
 
 
 def test_a_replay_of_no_bag_is_one_line(capsys, bag, tmp_path):

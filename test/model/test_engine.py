@@ -1,6 +1,5 @@
 """The engine in the whole parameter space: exact, associative, never stuck."""
 
-import copy
 import math
 from types import SimpleNamespace
 
@@ -108,22 +107,17 @@ def test_an_impact_is_squeezed_if_the_tip_pressed_meanwhile():
     assert impacts["squeezed"][np.argmax(impacts["peak_force"])]
 
 
-@pytest.mark.parametrize("pieces", [1, 3])
-def test_a_long_block_is_the_same_in_one_piece_and_joined_and_stays_as_it_is(pieces):
-    drained = []
-    for count in (1, pieces):
-        engine = Engine(preset("drilling"), 0.3)
-        engine.advance(1, 0.0)
-        engine.drain()
-        for piece in range(1, count + 1):
-            engine.advance(1 + piece // count, piece / count % 1.0)
-        covering, _ = engine.drain_covering()
-        before = covering.copy()
-        engine.advance(3, 0.0)
-        assert (covering == before).all()
-        assert not covering.flags.writeable
-        drained.append(np.concatenate([before, engine.drain_covering()[0]]))
-    assert (drained[0] == drained[1]).all()
+def test_blocks_are_parts_of_one_and_stay_as_they_are():
+    whole, parts = Engine(preset("drilling"), 0.3), Engine(preset("drilling"), 0.3)
+    whole.advance(3, 0.0)
+    blocks = []
+    for end in (0.25, 1.0, 3.0):
+        parts.advance(*divmod(end, 1.0))
+        block, _ = parts.drain()
+        assert not block.flags.writeable
+        blocks.append((block, block.copy()))
+    assert all((block == content).all() for block, content in blocks)
+    assert (np.concatenate([content for _, content in blocks]) == whole.drain()[0]).all()
 
 
 def test_impacts_are_counted_and_seen_before_they_are_drained():
@@ -144,16 +138,6 @@ def test_an_impact_in_the_rock_is_squeezed_only_if_a_contact_of_all_three_lasts(
     open_impact.py_func(derive(preset("drilling")), state, impact, Collisions(1, 1, 1, 1, 1, 1))
     assert state.impact_open
     assert not impact.squeezed
-
-
-def test_a_copy_goes_on_by_itself():
-    engine = Engine(preset("drilling"))
-    engine.advance(0, 0.01)
-    other = copy.deepcopy(engine)
-    for each in (engine, other):
-        each.advance(0, 0.05)
-    one, two = ([part.tolist() for part in each.drain_covering()] for each in (engine, other))
-    assert one == two
 
 
 @pytest.mark.parametrize("model", CONTACT_MODELS)
