@@ -19,8 +19,8 @@ from rpud_sim.simulation.commands import Feed
         (parameter_changes, {"free_mas": 1}, "did you mean free_mass"),
         (parameter_changes, {"free_mass": 1}, "free_mass cannot change during a run"),
         (parse_injections, ["nois,channel=wrench"], "did you mean noise"),
-        (parse_injections, ["noise,chanel=wrench"], "did you mean channel"),
-        (parse_injections, ["noise,channel=wrench,magnitude=x"], "is not a number"),
+        (parse_injections, ["noise,chanel=wrench"], "'chanel' is not one of kind, channel"),
+        (parse_injections, ["noise,channel=wrench,magnitude=x"], "= 'x' N is outside its range"),
     ],
 )
 def test_a_change_that_cannot_be_is_named(make, given, reason):

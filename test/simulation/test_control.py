@@ -11,7 +11,7 @@ from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.simulation import Parameters
 from rpud_sim.simulation.commands import Drive, WeightOnBit
 from rpud_sim.simulation.configuration import Configuration
-from rpud_sim.simulation.control import Control
+from rpud_sim.simulation.run import Control
 from rpud_sim.simulation.simulation import Simulation
 
 SECOND = 1_000_000_000
