@@ -9,7 +9,6 @@ import time
 from pathlib import Path
 
 import pytest
-import rclpy
 from rclpy.duration import Duration
 from rclpy.qos import QoSProfile as MiddlewareProfile
 from rclpy.qos import ReliabilityPolicy
@@ -37,17 +36,6 @@ STATUS = "/rpud/status"
 def program(process):
     """Start one of the programs beside this file."""
     return lambda name, *words: process(sys.executable, HERE / f"{name}.py", *map(str, words))
-
-
-@pytest.fixture
-def node():
-    """A node of this process beside the programs."""
-    context = rclpy.Context()
-    rclpy.init(context=context)
-    node = rclpy.create_node("talker", context=context, namespace="/rpud")
-    yield node
-    node.destroy_node()
-    rclpy.shutdown(context=context)
 
 
 def contents(path):
@@ -189,7 +177,8 @@ def test_a_recorder_that_ends_by_itself_in_the_middle_has_no_gap(process, progra
     assert began < sent[0] < times[-1] < time.time_ns()
 
 
-def test_what_is_lost_on_the_way_is_counted(process, node, tmp_path):
+def test_what_is_lost_on_the_way_is_counted(process, connect, tmp_path):
+    node = connect("/rpud").node
     recorder = process("recorder", "--out", tmp_path / "run")
     unsure = MiddlewareProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
     planes = node.create_publisher(NodalPlane, "nodal_plane", unsure)

@@ -177,8 +177,11 @@ def _replay(
         if not stop.requested:
             for name in node.wait_for_acknowledgement(_ACKNOWLEDGEMENT_TIME):
                 node.get_logger().warning(f"a subscriber of {name} has not confirmed all messages")
-            # Best-effort messages have no acknowledgement, and may still be on their way.
-            stop.wait(_SETTLING_TIME)
+            # Best-effort messages have no acknowledgement, and may still be on their way; whoever
+            # asks now learns that the replay has ended.
+            settled_at = time.monotonic() + _SETTLING_TIME
+            while time.monotonic() < settled_at and not stop.requested:
+                serve(executor, node.count_failure)
     executor.shutdown()
     failures = f", {node.failures} requests failed" if node.failures else ""
     return (
