@@ -8,8 +8,6 @@ import pytest
 from direct_drill import arm_forces, resonant_amplitude
 from scipy.stats import t
 
-from rpud_sim.drilling.inputs import UNDISTURBED, Disturbances, Percussion
-from rpud_sim.drilling.mount import Feed, Mount, MountParameters
 from rpud_sim.drilling.process import Process
 from rpud_sim.drilling.rock import RockParameters, preset_layer
 from rpud_sim.model.engine import EngineError
@@ -172,20 +170,6 @@ def test_percussion_gives_the_depth_of_its_single_impacts_at_any_step(
             assert simulation.depth > depth
         else:  # the longest contacts go on through several steps
             assert np.max(block.impacts["contact_duration"]) > 2e-5
-
-
-def test_the_drive_of_the_feed_is_where_it_is_at_any_step():
-    def moved(steps):  # in a millisecond
-        mount = Mount(MountParameters("arm"), 2000.0, has_rock=False)
-        for motion in (Feed("rate", 3e-3), Feed("position", -1e-3), Feed("rate", -5e-3)):
-            mount.motion = motion
-            for step in range(700 * steps):
-                stalled = Disturbances(feed_stalled=True) if step < 50 * steps else UNDISTURBED
-                mount.step(1e-3 / steps, math.inf, Percussion(), 2000.0, stalled)
-            yield mount.state.feed
-
-    assert [*moved(1)] == pytest.approx([*moved(2)], rel=1e-12)
-    assert next(moved(1)) == pytest.approx(0.65 * 3e-3)
 
 
 def test_the_temperature(monkeypatch):

@@ -4,7 +4,6 @@ import dataclasses
 import itertools
 from collections import defaultdict
 from contextlib import suppress
-from itertools import chain
 
 import numpy as np
 import pytest
@@ -16,7 +15,7 @@ from rpud_sim.bag.definitions import find_definition
 from rpud_sim.inspection.offline_bag import encoded
 from rpud_sim.model.engine import Engine, EngineError
 from rpud_sim.model.parameters import preset
-from rpud_sim.simulation import ActuatorParameters, Configuration, Parameters, fields
+from rpud_sim.simulation import Parameters, fields
 from rpud_sim.simulation.block import boundary
 from rpud_sim.simulation.commands import Drive, Feed, WeightOnBit
 from rpud_sim.simulation.configuration import to_settings
@@ -28,7 +27,7 @@ from rpud_sim.simulation.sampling import Times
 from rpud_sim.simulation.scenario import Scenario, ScheduledFault
 from rpud_sim.simulation.simulation import Simulation
 from rpud_sim.simulation.statistics import account_of
-from rpud_sim.simulation.telemetry import Telemetry, Together, messages_of, one_by_one
+from rpud_sim.simulation.telemetry import Together, one_by_one
 from rpud_sim.simulation.topics import TOPICS
 
 SECOND = 1_000_000_000
@@ -44,23 +43,18 @@ def periods(rate, end=END):
     return list(itertools.takewhile(lambda time: time <= end, (boundary(n, rate) for n in numbers)))
 
 
-def made(telemetry_rate=100, sample_rate=50_000, block_duration=0.05, **options):
-    rates = {"telemetry_rate": telemetry_rate, "sample_rate": sample_rate}
-    return Telemetry(to_settings({**rates, "block_duration": block_duration}), **options)
+def started(values=None, faults=(), **options):
+    run = Run(Beginning(to_settings(values or {}), scenario=Scenario(0, tuple(faults))), **options)
+    run.begin(ORIGIN)
+    return run
 
 
-def published(telemetry, times, faults=(), simulation=None):
+def published(run, *times):
     """Everything that goes out until the last of the times, as (time, message) by topic."""
-    simulation = simulation or Simulation(Parameters(), scenario=Scenario(0, tuple(faults)))
     found = defaultdict(list)
-    for time in times:
-        block = simulation.advance_to(time)
-        prompt = telemetry.prompt(block, simulation.faults.since(block.start))
-        for out, topic, values in chain(prompt, messages_of(telemetry.streams(block))):
-            assert block.start <= out <= block.end
-            found[topic].append((out, values))
-    for out, topic, values in telemetry.flush():
-        found[topic].append((out, values))
+    for messages in (*map(run.advance_to, times), run.flush()):
+        for time, topic, values in messages:
+            found[topic].append((time, values))
     return found
 
 
@@ -70,25 +64,27 @@ def stamps(messages):
 
 @pytest.mark.parametrize("rate", [100, 333, 1000])
 def test_sensors_are_sampled_at_the_boundaries_alone(rate):
-    times = sorted({*periods(rate), *range(7_654_321, END, 7_654_321), END})
-    telemetry = made(rate)
-    telemetry.origin = ORIGIN
-    found = published(telemetry, times)
-    whole = Simulation(Parameters()).advance_to(END)
+    found = published(started({"telemetry_rate": rate}), *range(7_654_321, END, 7_654_321), END)
     due = periods(rate)
+    whole = Simulation(Parameters()).advance_to(END)
     samples = whole.sample(Times.from_nanoseconds(np.array(due)))
     for topic in (*SENSORS, "joint_states"):
         assert [time for time, _ in found[topic]] == due
         assert stamps(found[topic]) == [ORIGIN + time for time in due]
-    for index, (_, values) in enumerate(found["nodal_plane"]):
-        assert values["position"] == samples.nodal_plane_position[index]
+    positions = [values["position"] for _, values in found["nodal_plane"]]
+    assert positions == samples.nodal_plane_position.tolist()
+    # Every impact is told once and in order.
+    for name in ("sequence", "peak_force"):
+        assert [values[name] for _, values in found["contact_force"]] == whole.impacts[
+            name
+        ].tolist()
+    times = [time for time, _ in found["contact_force"]]
+    assert times == sorted(times)
 
 
 def test_the_state_of_the_actuator_is_complete_and_its_powers_add_up():
-    resonant = ActuatorParameters(actuator_model="resonance")
-    times = sorted({*periods(100), *range(7_654_321, END, 7_654_321), END})
-    simulation = Simulation(Configuration(actuator=resonant))
-    states = published(made(), times, simulation=simulation)["actuator_state"]
+    run = started({"actuator_model": "resonance"})
+    states = published(run, *range(7_654_321, END, 7_654_321), END)["actuator_state"]
     assert [time for time, _ in states] == periods(100)
     work = sum(values["mechanical_power"] * 0.01 for _, values in states)
     last = states[-1][1]
@@ -97,39 +93,28 @@ def test_the_state_of_the_actuator_is_complete_and_its_powers_add_up():
     assert last["impedance"] == pytest.approx(last["voltage"] / last["current"])
     power = 0.5 * last["voltage"] * last["current"] * np.cos(last["phase"])
     assert last["electrical_power"] == pytest.approx(power)
-    unknown = published(made(), times)["actuator_state"][-1][1]
+    unknown = published(started(), END)["actuator_state"][-1][1]
     assert (unknown["voltage"], unknown["amplitude"]) == (100.0, 20e-6)
-    assert np.isnan(
-        [unknown["current"], unknown["electrical_power"], unknown["mechanical_power"]]
-    ).all()
-
-
-def test_every_impact_is_told_once_and_in_order():
-    found = published(made(), [*periods(100), END])["contact_force"]
-    impacts = Simulation(Parameters()).advance_to(END).impacts
-    for name in ("sequence", "peak_force"):
-        assert [values[name] for _, values in found] == impacts[name].tolist()
-    times = [time for time, _ in found]
-    assert times == sorted(times)
+    assert all(np.isnan(unknown[f"{name}_power"]) for name in ("electrical", "mechanical"))
+    assert np.isnan(unknown["current"])
 
 
 def test_streams_come_in_blocks_without_a_gap_and_the_rest_at_the_end():
     end = END - 3_210_987
-    found = published(made(100, 48_000, 0.03), [*periods(100, end), end])
+    found = published(started({"sample_rate": 48_000, "block_duration": 0.03}), end)
     whole = Simulation(Parameters()).advance_to(end)
     ends = [30, 60, 90, 120, 150, 180]
     assert [time for time, _ in found["waveform"]] == [ms * MILLISECOND for ms in ends] + [end]
-    lengths = [len(values["contact_force"]) for _, values in found["waveform"]]
-    assert lengths[:-1] == [1440] * 6
-    sequences = [values["sequence"] for _, values in found["waveform"]]
-    assert sequences == [0, *itertools.accumulate(lengths[:-1])]
-    samples = whole.sample(Times.from_grid(0, sum(lengths), 48_000))
+    for topic, name in (("waveform", "contact_force"), ("trajectory", "duration")):
+        lengths = [len(values[name]) for _, values in found[topic]]
+        sequences = [values["sequence"] for _, values in found[topic]]
+        assert sequences == [0, *itertools.accumulate(lengths[:-1])]
+        if topic == "waveform":
+            assert lengths[:-1] == [1440] * 6
+            samples = whole.sample(Times.from_grid(0, sum(lengths), 48_000))
     forces = np.concatenate([values["contact_force"] for _, values in found["waveform"]])
     assert (forces == samples.contact_force).all()
-    counts = [len(values["duration"]) for _, values in found["trajectory"]]
-    sequences = [values["sequence"] for _, values in found["trajectory"]]
-    assert sequences == [0, *itertools.accumulate(counts[:-1])]
-    assert sum(counts) == len(whole.segments)
+    assert sum(lengths) == len(whole.segments)
 
 
 PLANNED = (
@@ -141,7 +126,7 @@ PLANNED = (
 
 
 def test_faults_act_on_their_channel_and_the_ground_truth_stays():
-    healthy, faulty = (published(made(), periods(100), faults) for faults in ((), PLANNED))
+    healthy, faulty = (published(started(faults=each), END) for each in ((), PLANNED))
     for topic in ("waveform", "trajectory", "joint_states", "contact_force"):
         assert repr(faulty[topic]) == repr(healthy[topic])
     assert stamps(faulty["wrench"]) == stamps(healthy["wrench"])
@@ -153,25 +138,23 @@ def test_faults_act_on_their_channel_and_the_ground_truth_stays():
     assert slow == [10, 20, 30, 40, 50, 80, 110, 140, 170, 200]
     # The fault begins with the sample at 20 ms; its end, seen at 100 ms, lets go what waits.
     times = [time for time, _ in faulty["nodal_plane"]]
-    late = (np.array(times) - stamps(faulty["nodal_plane"])) // MILLISECOND
+    made = np.array(stamps(faulty["nodal_plane"])) - ORIGIN
+    late = (np.array(times) - made) // MILLISECOND
     assert late.tolist() == [0] + [30] * 5 + [30, 20, 10] + [0] * 11
-    assert stamps(faulty["nodal_plane"]) == periods(100)
+    assert made.tolist() == periods(100)
 
 
 def test_what_has_no_listener_is_left_out_but_counted():
     heard = set()
-    telemetry = made(wanted=heard.__contains__)
-    simulation = Simulation(Parameters())
-    found = published(telemetry, periods(100, END // 2), simulation=simulation)
-    assert set(found) == {*SENSORS, "contact_force"}
+    run = started(wanted=heard.__contains__)
+    found = published(run, END // 2)
+    assert set(found) == {*SENSORS, "contact_force", "faults"}
     heard |= {"trajectory", "waveform", "joint_states"}
-    telemetry.origin = ORIGIN  # another place changes stamps and nothing else
-    more = published(telemetry, periods(100)[10:], simulation=simulation)
+    more = published(run, END)
     before = len(Simulation(Parameters()).advance_to(END // 2).segments)
     assert more["trajectory"][0][1]["sequence"] == before
     assert more["waveform"][0][1]["sequence"] == 5000
     assert stamps(more["waveform"])[0] == ORIGIN + END // 2
-    assert stamps(more["joint_states"])[0] == ORIGIN + END // 2 + 10 * MILLISECOND
     assert len(more["joint_states"]) == 10
 
 
