@@ -135,7 +135,7 @@ def summary_text(
 
 def _parts(report: Report) -> dict[str, tuple[str, ...]]:
     """Return the parts of a live line, each from its longest form to its shortest."""
-    status, timing, process = report.status, report.timing, report.process
+    status, process = report.status, report.process
     kinds = [record.fault.kind for record in report.faults]
     weight = _shown("weight_on_bit", status["weight_on_bit"])
     parts: dict[str, tuple[str, ...]] = {
@@ -165,8 +165,8 @@ def _parts(report: Report) -> dict[str, tuple[str, ...]]:
         parts["refused"] = (f"{refused} refused",)
     if dropped := status["messages_dropped"]:
         parts["dropped"] = (f"{dropped} messages dropped", f"{dropped} dropped")
-    parts["late"] = (f"late {_shown('lateness', timing.lateness_max)}", "")
-    parts["factor"] = (f"x{timing.real_time_factor:.3f}", "")
+    parts["late"] = (f"late {_shown('lateness', status['lateness_max'])}", "")
+    parts["factor"] = (f"x{status['real_time_factor']:.3f}", "")
     return parts
 
 

@@ -99,7 +99,6 @@ class MountParameters(ParameterGroup):
             )
 
     def check(self, motion: Feed) -> None:
-        """Check that the feed can make a motion."""
         limit = self.feed_rate_limit
         if motion.mode == RATE and not -limit <= motion.value <= limit:
             raise ParameterError(
@@ -196,27 +195,14 @@ class Mount:
 
     @property
     def state(self) -> MountState:
-        """State at the last step."""
         rest = self._rest
-        work = MountWork(
-            self._feed_work,
-            self._damper_loss,
-            self._slip_loss,
-            self._host_work,
-            self._arm.stored(self.position - rest),
-            self._drill_work,
-        )
-        return MountState(
-            self.position,
-            self._feed,
-            self._rate,
-            arm_force(self._arm, self._load, self.position, rest),
-            self.weight_on_bit,
-            self.in_contact,
-            self._slip,
-            self.bottom,
-            work,
-        )
+        stored = self._arm.stored(self.position - rest)
+        force = arm_force(self._arm, self._load, self.position, rest)
+        lost = (self._damper_loss, self._slip_loss)
+        work = MountWork(self._feed_work, *lost, self._host_work, stored, self._drill_work)
+        drive = (self.position, self._feed, self._rate)
+        contact = (self.weight_on_bit, self.in_contact)
+        return MountState(*drive, force, *contact, self._slip, self.bottom, work)
 
     @property
     def weight_on_bit(self) -> float:
@@ -250,19 +236,12 @@ class Mount:
         load = Load(spring_rate, damping, self._load.origin, push)
         self._take(drift(self._arm, load, self.position, self._rest, interval), damping)
         if disturbances.arm_slip_rate:
-            rest = self._rest
-            self._slip -= disturbances.arm_slip_rate * interval
-            moved = shift(self._arm, load, self.position, rest, self._rest)
-            self._take(moved)
-            self._host_work += moved.shift_work
+            slip = self._slip - disturbances.arm_slip_rate * interval
+            self._host_work += self._shift(load, self._feed, slip)
         feed = self._next_feed(interval, disturbances.feed_stalled)
         self._rate = (feed - self._feed) / interval
         if feed != self._feed:
-            rest = self._rest
-            self._feed = feed
-            moved = shift(self._arm, load, self.position, rest, self._rest)
-            self._take(moved)
-            self._feed_work += moved.shift_work
+            self._feed_work += self._shift(load, feed, self._slip)
         way = self.position - position
         if not self.in_contact:
             way = (self.position - self._feed) - deflection
@@ -272,6 +251,14 @@ class Mount:
     def _rest(self) -> float:
         """Place of the mount at which the arm is not deflected [m]."""
         return self._feed + self._slip
+
+    def _shift(self, load: Load, feed: float, slip: float) -> float:
+        """Move feed and host at once; return the work of what moves them [J]."""
+        rest = self._rest
+        self._feed, self._slip = feed, slip
+        moved = shift(self._arm, load, self.position, rest, self._rest)
+        self._take(moved)
+        return moved.shift_work
 
     def _take(self, moved: Move, load_damping: float = 0.0) -> None:
         self.position, slipped, damper, slip, work, _ = moved
