@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 from rpud_sim.cli.options import JSON, RUN, command
-from rpud_sim.cli.output import cell, print_result, progress_bar, table
+from rpud_sim.cli.output import print_result, progress_bar, table
 from rpud_sim.cli.program import ExitCode
 from rpud_sim.foundation.options import SECONDS, option, positional
 from rpud_sim.foundation.quantities import Quantity
@@ -14,10 +14,9 @@ from rpud_sim.foundation.terminal import complain, printable
 
 if TYPE_CHECKING:
     from rpud_sim.inspection.compare import Comparison
-    from rpud_sim.inspection.compare.same_bits import TopicBits
 
 _PERCENT = Quantity("%", "a relative difference", 0.0, 100.0, exclusive=True, below=True)
-_MOST_LINES = 40  # of commands or faults; the page and --json have all
+_MOST_LINES = 40  # of a table of settings; the page and --json have all
 
 
 @command(
@@ -109,62 +108,33 @@ def _run(options: Any) -> int:
 
 
 def _lines(found: Comparison, page: str | None) -> Iterator[str]:
-    for letter, name, drill, values in zip(
-        found.letters, found.names, found.drills, found.values, strict=True
-    ):
-        where = f"{drill.namespace or '/'}, run {drill.number} of {drill.runs}"
-        yield printable(f"{letter}  {name}: {where}, {values.begin:.6g} to {values.end:.6g} s")
-    for title, settings in (("parameter", found.parameters), ("version", found.versions)):
-        if settings:
+    from rpud_sim.inspection.compare.estimates import DIFFERS, UNDECIDED
+    from rpud_sim.inspection.compare.results import bits_line, figure_table, setting_tables
+
+    for letter, name, run in zip(found.letters, found.names, found.values, strict=True):
+        where = f"{run.drill.namespace or '/'}, run {run.drill.number} of {run.drill.runs}"
+        yield printable(f"{letter}  {name}: {where}, {run.begin:.6g} to {run.end:.6g} s")
+    for _, head, rows in setting_tables(found):
+        if rows:
             yield ""
-            rows = [(e.name, *(value or "-" for value in e.values), e.unit) for e in settings]
-            yield from table((title, *found.letters, ""), rows, left=1)
-    for title, events in (("command", found.commands), ("fault", found.faults)):
-        if events:
-            yield ""
-            rows = [(e.text, *(cell(time, ".6f") for time in e.times)) for e in events]
-            head = (title, *(f"{letter} [s]" for letter in found.letters))
             yield from table(head, rows[:_MOST_LINES], left=1)
-            if len(events) > _MOST_LINES:
-                yield f"and {len(events) - _MOST_LINES} more"
+        if len(rows) > _MOST_LINES:
+            yield f"and {len(rows) - _MOST_LINES} more"
     yield ""
     for letter, bits in zip(found.letters[1:], found.bits, strict=True):
-        yield _bits_line(letter, bits)
-    yield from _figure_lines(found)
+        yield printable(f"{letter}: {bits_line(bits)}")
+    for number, window in enumerate(found.windows):
+        yield ""
+        yield printable(f"{window.name}: {window.spans}")
+        chosen = (
+            each
+            for each in found.differences
+            if each.window == number
+            and (each.figure == "mean" or each.decision in (DIFFERS, UNDECIDED))
+        )
+        _, head, rows = figure_table(found, chosen)
+        yield from table(head, rows, left=3)
     yield ""
     yield found.verdict
     if page:
         yield f"page: {page}"
-
-
-def _bits_line(letter: str, bits: Sequence[TopicBits]) -> str:
-    from rpud_sim.inspection.compare.same_bits import EQUAL, first_different
-
-    if first := first_different(bits):
-        what = f"{first.field} " if first.field else ""
-        return printable(
-            f"{letter}: bits differ from A from {first.time or 0.0:.9f} s on: {first.topic} {what}"
-            f"is {first.other:.60}, in A {first.reference:.60}"
-        )
-    equal = [topic.messages for topic in bits if topic.state == EQUAL]
-    if equal:
-        return f"{letter}: equal bits: all {sum(equal)} messages on {len(equal)} topics"
-    return f"{letter}: no bits to compare"
-
-
-def _figure_lines(found: Comparison) -> Iterator[str]:
-    """Yield the first figure of each quantity, and all that differ or are undecided."""
-    from rpud_sim.inspection.compare.estimates import DIFFERS, UNDECIDED
-
-    for window in found.windows:
-        yield ""
-        yield printable(f"{window.name}: {window.spans}")
-        rows = [
-            (each.compared.shown.label, each.figure, letter, *each.texts, each.decision)
-            for quantity in window.quantities
-            for letter, differences in zip(found.letters[1:], quantity.differences, strict=True)
-            for place, each in enumerate(differences)
-            if place == 0 or each.decision in (DIFFERS, UNDECIDED)
-        ]
-        head = ("quantity", "figure", "run", "A", "value", "difference", "95 % interval", "")
-        yield from table(head, rows, left=3)

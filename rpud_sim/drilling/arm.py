@@ -89,30 +89,22 @@ def drift(arm: Arm, load: Load, position: float, rest: float, interval: float) -
         if net == 0.0:
             break
         away = 1.0 if net > 0.0 else -1.0
-        distance = math.inf
-        for knot in knots:
-            ahead = (knot - position) * away
-            if 0.0 < ahead < distance:
-                distance = ahead
-        middle = position + away * (0.5 * distance if distance < math.inf else 1.0)
-        steepness = _steepness(arm, load, middle - rest)
-        length = _duration(damping, net * away, steepness, distance)
-        if length > interval:
-            length = interval
-        if length < interval:
-            way = distance
-        elif steepness == 0.0:
-            way = min(net * away * length / damping, distance)
-        else:
-            end = -exponential_minus_one(-steepness * length / damping)
-            way = net * away / steepness * end
-            if way > distance:
-                way = distance
+        ways = [way for knot in knots if (way := (knot - position) * away) > 0.0]
+        distance = min(ways, default=math.inf)
+        deflection = position + away * (0.5 * distance if ways else 1.0) - rest
+        between = arm.half_play < abs(deflection) < reach
+        # By which A - L falls with the position, up to the next knot [N/m].
+        steepness = load.spring_rate + arm.stiffness if between else load.spring_rate
+        length = min(_duration(damping, net * away, steepness, distance), interval)
         if steepness == 0.0:
             damper += net * net * length / damping
+            way = net * away * length / damping
         else:
             decay = -exponential_minus_one(-2.0 * steepness * length / damping)
             damper += 0.5 * net * net / steepness * decay
+            end = -exponential_minus_one(-steepness * length / damping)
+            way = net * away / steepness * end
+        way = distance if length < interval else min(way, distance)
         position += away * way
         interval -= length
         if length == math.inf:
@@ -156,10 +148,7 @@ def _net_force(arm: Arm, load: Load, position: float, rest: float) -> float:
     driving = -load.force(position)
     if arm.stiffness > 0.0:
         elastic = arm.stiffness * arm.stretch(position - rest)
-        if elastic > arm.anchoring:
-            elastic = arm.anchoring
-        elif elastic < -arm.anchoring:
-            elastic = -arm.anchoring
+        elastic = min(max(elastic, -arm.anchoring), arm.anchoring)
         return driving - elastic
     if _in_play(arm, position, rest, driving):
         return driving
@@ -173,13 +162,6 @@ def _in_play(arm: Arm, position: float, rest: float, driving: float) -> bool:
     if driving > 0.0:
         return position < rest + arm.half_play
     return position > rest - arm.half_play
-
-
-def _steepness(arm: Arm, load: Load, deflection: float) -> float:
-    """Return by how much A - L falls with the position between two knots [N/m]."""
-    if arm.half_play < abs(deflection) < arm.reach:
-        return load.spring_rate + arm.stiffness
-    return load.spring_rate
 
 
 def _duration(damping: float, net: float, steepness: float, distance: float) -> float:

@@ -20,7 +20,7 @@ from rpud_sim.foundation.parameters import (
     quantities,
     text,
 )
-from rpud_sim.foundation.quantities import ParameterError, Quantity, did_you_mean, shown, shown_name
+from rpud_sim.foundation.quantities import ParameterError, Quantity, did_you_mean, shown
 from rpud_sim.foundation.shared import Shared
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.foundation.yaml_files import Cursor, cursor_at, open_yaml, parse_yaml
@@ -172,35 +172,25 @@ def _strata_at(content: Cursor) -> Strata:
     whole = cursor_at(content.value, content.source.file)  # errors without a line
     content.file_mapping("a file of strata")
     given = content.mapping(("layers", "bottom"))
-    layers = []
-    for entry in given.get("layers", whole.get("layers")).sequence("layer {number}"):
-        with entry.errors():
-            layers.append(_layer(entry.value))
+    entries = given.get("layers", whole.get("layers")).sequence("layer {number}")
+    layers = tuple(map(_layer_at, entries))
     with whole.errors():
         bottom = BOTTOM.check("bottom", given["bottom"].value) if "bottom" in given else math.inf
-        return Strata(tuple(layers), bottom)
+        return Strata(layers, bottom)
 
 
-def _layer(entry: Any) -> Layer:
-    if not isinstance(entry, Mapping):
-        raise ParameterError(f"{shown(entry)} is not a mapping")
-    for key in entry:
-        if key not in _LAYER_KEYS:
-            raise ParameterError(f"{shown_name(key)} is unknown; {did_you_mean(key, _LAYER_KEYS)}")
-    if "depth_from" not in entry:
-        raise ParameterError(f"depth_from is missing; {_range('depth_from')}")
-    given = {key: value for key, value in entry.items() if key != "rock"}
-    if "rock" in entry:
-        return dataclasses.replace(preset_layer(entry["rock"]), **given)
-    for key in declarations(Layer):
-        if key not in given:
-            known = f"; {_range(key)}" if key in LAYER_QUANTITIES else ""
-            raise ParameterError(f"{key} is missing, and so is a rock that would give it{known}")
-    return Layer(**given)
-
-
-def _range(key: str) -> str:
-    return f"its range is {LAYER_QUANTITIES[key].range}"
+def _layer_at(entry: Cursor) -> Layer:
+    found = entry.mapping(_LAYER_KEYS, unknown="{shown} is unknown; {hint}")
+    if "rock" in found:
+        entry.mapping(needed=("depth_from",))
+    else:
+        missing = "{name} is missing, and so is a rock that would give it"
+        entry.mapping(needed=declarations(Layer), missing=missing)
+    given = {key: cell.value for key, cell in found.items() if key != "rock"}
+    with entry.errors():
+        if "rock" in found:
+            return dataclasses.replace(preset_layer(found["rock"].value), **given)
+        return Layer(**given)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -109,14 +109,17 @@ class Engine:
         # A time to advance to, and what is finished there
         self._goal = (np.zeros(1, np.int64), np.zeros(1), np.zeros((1, 2), np.int64))
         self._reached: tuple[int, float] | None = None  # time that an advance has reached
-        records = (self._drill, self._state, self._open_segment, self._open_impact)
         rooms = (self._segment_room, self._impact_room)
         seconds, fractions, counts = self._goal
         self._advance_code = machine_code(
-            advance, *records, seconds, fractions, *rooms, counts, (0, 0, 0)
+            advance, *self._records, seconds, fractions, *rooms, counts, (0, 0, 0)
         )
-        self._interrupt_code = machine_code(interrupt, *records, 0.0, *rooms, (0.0,) * 6)
-        self._struck = start(*records, self._impact_room)
+        self._interrupt_code = machine_code(interrupt, *self._records, 0.0, *rooms, (0.0,) * 6)
+        self._struck = start(*self._records, self._impact_room)
+
+    @property
+    def _records(self) -> tuple[Drill, np.ndarray, np.ndarray, np.ndarray]:
+        return self._drill, self._state, self._open_segment, self._open_impact
 
     @property
     def open_segment(self) -> np.ndarray:
@@ -254,17 +257,10 @@ class Engine:
         """Advance to times one after the other; counts get what is finished at each of them."""
         status, reached = FULL, 0
         while status == FULL:
+            rooms = (self._segment_room, self._impact_room)
+            begun = (reached, self._written, self._struck)
             status, reached, self._written, self._struck = self._advance_code(
-                self._drill,
-                self._state,
-                self._open_segment,
-                self._open_impact,
-                seconds,
-                fractions,
-                self._segment_room,
-                self._impact_room,
-                counts,
-                (reached, self._written, self._struck),
+                *self._records, seconds, fractions, *rooms, counts, begun
             )
             if status == FULL:
                 self._make_room(2 * len(self._segment_room))
@@ -278,16 +274,10 @@ class Engine:
         self._reached = None
         if self._written + 1 >= len(self._segment_room):
             self._make_room(2 * len(self._segment_room))
-        self._struck += self._interrupt_code(
-            drill,
-            self._state,
-            self._open_segment,
-            self._open_impact,
-            self.ahead(seconds, fraction),
-            self._segment_room[self._written : self._written + 1],
-            self._impact_room[self._struck :],
-            commands,
-        )
+        segment = self._segment_room[self._written : self._written + 1]
+        rooms = (segment, self._impact_room[self._struck :])
+        time = self.ahead(seconds, fraction)
+        self._struck += self._interrupt_code(*self._records, time, *rooms, commands)
         self._written += 1
 
     def _make_room(self, count: int) -> None:

@@ -12,17 +12,11 @@ start, however many calls it takes to reach it.
 
 import math
 
+from rpud_sim.model import resonator, tolerances
 from rpud_sim.model.closed_form import advance_phase, turn_at
 from rpud_sim.model.compile import compiled
 from rpud_sim.model.impact import follow_impact, open_impact
 from rpud_sim.model.resets import close_gaps, exchange_momentum, join_held_bodies, lasting_contact
-from rpud_sim.model.resonator import (
-    begin_resonance,
-    change_drive,
-    hold,
-    load_by_contact,
-    update,
-)
 from rpud_sim.model.search import (
     END_AMPLITUDE,
     END_DRILL_TOOL_RELEASE,
@@ -43,16 +37,6 @@ from rpud_sim.model.segment import (
     oscillators_of,
     turns_at,
     turns_at_end,
-)
-from rpud_sim.model.tolerances import (
-    EVENT_BUDGET,
-    GREATEST_EFFORT,
-    LEAST_DEFORMATION,
-    LONGEST_SEGMENT,
-    LONGEST_STANDSTILL,
-    SAME_VELOCITY,
-    SHORTEST_SEGMENT,
-    SLOWEST_IMPACT,
 )
 
 # How an advance ends: at the requested time, with no room for more results, in a standstill, with
@@ -85,9 +69,9 @@ def end_segment(state, segment, impact, time, turns):
     state.seconds += int(whole)
     state.fraction = fraction - whole
     state.phase = advance_phase(state.phase, state.frequency, time)
-    state.effort = max(state.effort - EVENT_BUDGET * time, 0.0)
+    state.effort = max(state.effort - tolerances.EVENT_BUDGET * time, 0.0)
     if state.resonant:
-        load_by_contact(state, segment, time)
+        resonator.load_by_contact(state, segment, time)
 
 
 @compiled
@@ -109,12 +93,12 @@ def settle(drill, state, impact, impacts, count, turn, met, opened, event):
         drill, state, closed, opened, collisions.drill_tool_struck, turn
     )
     if state.resonant and state.v_np != alone:
-        hold(drill, state, alone, drill.rpud_mass * (v_np - alone))
+        resonator.hold(drill, state, alone, drill.rpud_mass * (v_np - alone))
     in_contact = state.contact & CONTACT_DRILL_TOOL
     join_held_bodies(state, turn)
-    if collisions.actuator_struck or abs(state.v_np - v_np) > SAME_VELOCITY:
+    if collisions.actuator_struck or abs(state.v_np - v_np) > tolerances.SAME_VELOCITY:
         event |= EVENT_ACTUATOR_IMPACT
-    impacted = collisions.drill_tool_struck and collisions.impact_velocity > SLOWEST_IMPACT
+    impacted = collisions.impact_velocity > tolerances.SLOWEST_IMPACT
     if impacted:
         event |= EVENT_DRILL_TOOL_IMPACT
     over = impacted or not in_contact or not drill.in_rock
@@ -129,12 +113,11 @@ def settle(drill, state, impact, impacts, count, turn, met, opened, event):
             impacts[count] = impact
             count += 1
     if drill.in_rock:
-        slow = abs(state.v_dt) <= SAME_VELOCITY
-        unbent = state.u_dt <= (LEAST_DEFORMATION if slow else 0.0)
+        slow = abs(state.v_dt) <= tolerances.SAME_VELOCITY
+        unbent = state.u_dt <= (tolerances.LEAST_DEFORMATION if slow else 0.0)
         state.tool_at_rest = not in_contact and unbent
         if state.tool_at_rest:
-            state.u_dt = 0.0
-            state.v_dt = 0.0
+            state.u_dt = state.v_dt = 0.0
     state.event = event
     return count, turn
 
@@ -147,7 +130,7 @@ def open_segment(drill, bodies, state, segment, turn):
     duration, end = next_event(drill, state, segment, turn)
     segment.duration = duration
     state.next_event = end
-    state.standstill = state.standstill + 1 if duration <= SHORTEST_SEGMENT else 0
+    state.standstill = state.standstill + 1 if duration <= tolerances.SHORTEST_SEGMENT else 0
 
 
 @compiled
@@ -161,22 +144,21 @@ def pass_event(drill, bodies, state, segment, after, impact, impacts, count, tur
     turn = turns.vibration
     if end == END_LIMIT:
         state.event = EVENT_LIMIT
-        if state.impact_open and impact.contact_duration >= LONGEST_SEGMENT:
+        if state.impact_open and impact.contact_duration >= tolerances.LONGEST_SEGMENT:
             impacts[count] = impact
             count += 1
             state.impact_open = 0
     else:
         if end == END_AMPLITUDE:
             if state.resonant:
-                update(state)
+                resonator.update(state)
             else:
                 state.amplitude = state.target_amplitude
                 # The sine is exactly zero here, so that the tip does not jump.
                 state.phase = 0.5 if 0.25 < state.phase < 0.75 else 0.0
             turn = turn_at(state.phase)
         elif end == END_DRILL_TOOL_REST:
-            state.u_dt = 0.0
-            state.v_dt = 0.0
+            state.u_dt = state.v_dt = 0.0
         met, opened, event = HAPPENS[end]
         count, turn = settle(drill, state, impact, impacts, count, turn, met, opened, event)
     # Called in one place alone, so that it is compiled into the loop.
@@ -192,9 +174,9 @@ def status_before(state, segment, seconds, fraction, is_full):
         return DONE
     if is_full:
         return FULL
-    if state.standstill > LONGEST_STANDSTILL:
+    if state.standstill > tolerances.LONGEST_STANDSTILL:
         return STALLED
-    if state.effort > GREATEST_EFFORT:
+    if state.effort > tolerances.GREATEST_EFFORT:
         return OVERLOADED
     return GOES_ON
 
@@ -268,10 +250,9 @@ def interrupt(drill, states, open_segments, open_impacts, time, segments, impact
     state.u_dt -= passed
     if grips:
         state.u_fm = min(state.u_fm, 0.0)
-        state.u_dt = 0.0
-        state.v_dt = 0.0
+        state.u_dt = state.v_dt = 0.0
     if state.resonant:
-        change_drive(state, level, frequency, resonance_frequency)
+        resonator.change_drive(state, level, frequency, resonance_frequency)
     else:
         state.target_amplitude = level
         state.frequency = frequency
@@ -288,7 +269,7 @@ def start(drill, states, open_segments, open_impacts, impacts):
     """Begin with every gap closed and every body at rest; returns the finished impacts' number."""
     state = states[0]
     if state.resonant:
-        begin_resonance(state)
+        resonator.begin_resonance(state)
     turn = turn_at(state.phase)
     state.u_np = -state.amplitude * turn.sine
     count, turn = settle(drill, state, open_impacts[0], impacts, 0, turn, 0, 0, 0)

@@ -10,6 +10,7 @@ pass a root, however near two roots are. A guard in which the tip takes part is 
 import math
 from typing import NamedTuple
 
+from rpud_sim.model import steps, tolerances
 from rpud_sim.model.closed_form import (
     TWO_PI,
     decaying_amplitude,
@@ -34,25 +35,7 @@ from rpud_sim.model.segment import (
     tip_motion,
     vibration_turn,
 )
-from rpud_sim.model.steps import (
-    GOES_ON,
-    LEAST_BOUND,
-    MET,
-    after_step,
-    bent_step,
-    going_on,
-    is_above,
-    is_root,
-    safe_step,
-)
 from rpud_sim.model.strike import first_landing, first_strike
-from rpud_sim.model.tolerances import (
-    LONGEST_SEARCH,
-    LONGEST_SEGMENT,
-    STEP_EFFORT,
-    TOUCHING,
-    WEAKEST_PULL,
-)
 
 # What ends a segment: a guard that reaches zero, a change of amplitude, or its greatest length.
 END_ACTUATOR_IMPACT, END_DRILL_TOOL_IMPACT = 0, 1
@@ -169,9 +152,8 @@ def bounds_of(motion):
 
 @compiled
 def positive_bounds(second, third, slow_second, vibration):
-    return Bounds(
-        max(second, LEAST_BOUND), max(third, LEAST_BOUND), max(slow_second, LEAST_BOUND), vibration
-    )
+    least = steps.LEAST_BOUND
+    return Bounds(max(second, least), max(third, least), max(slow_second, least), vibration)
 
 
 @compiled
@@ -216,26 +198,26 @@ def first_root(segment, end, limit):
         return first_landing(segment, limit)
     bounds = guard_bounds(segment, end)
     # How far below zero a guard may be that was not yet as far above zero.
-    allowance = TOUCHING if end == END_DRILL_TOOL_IMPACT else WEAKEST_PULL
+    allowance = tolerances.TOUCHING if end == END_DRILL_TOOL_IMPACT else tolerances.WEAKEST_PULL
     if end == END_DRILL_TOOL_REST:
         allowance = 0.0
     time = 0.0
-    for number in range(LONGEST_SEARCH):
+    for number in range(tolerances.LONGEST_SEARCH):
         guard = guard_at(segment, end, time)
         slope = guard.slope
-        if allowance > 0.0 and is_above(guard.value, slope, bounds.second, allowance):
+        if allowance > 0.0 and steps.is_above(guard.value, slope, bounds.second, allowance):
             allowance = 0.0
         value = guard.value + allowance
         envelope = guard.slow - bounds.vibration
         longest = 0.0
         if envelope > 0.0:
-            longest = safe_step(envelope, guard.slow_slope, -bounds.slow_second)
-        step = bent_step(value, slope, guard.curvature, bounds.second, bounds.third)
-        step = going_on(step, slope, longest)
-        time, outcome = after_step(time, step, is_root(value, slope, step), limit)
-        if outcome != GOES_ON:
-            return time, outcome == MET, number + 1
-    return time, False, LONGEST_SEARCH
+            longest = steps.safe_step(envelope, guard.slow_slope, -bounds.slow_second)
+        step = steps.bent_step(value, slope, guard.curvature, bounds.second, bounds.third)
+        step = steps.going_on(step, slope, longest)
+        time, outcome = steps.after_step(time, step, steps.is_root(value, slope, step), limit)
+        if outcome != steps.GOES_ON:
+            return time, outcome == steps.MET, number + 1
+    return time, False, tolerances.LONGEST_SEARCH
 
 
 @compiled
@@ -243,8 +225,8 @@ def fall_time(gap, velocity, gravity):
     """Time in which the free mass falls onto a tool at rest [s]; infinite if it does not."""
     if velocity <= 0.0 and gravity == 0.0:
         return math.inf
-    if velocity <= 0.0 and gap + velocity * velocity / (2.0 * gravity) <= TOUCHING:
-        gap += TOUCHING
+    if velocity <= 0.0 and gap + velocity * velocity / (2.0 * gravity) <= tolerances.TOUCHING:
+        gap += tolerances.TOUCHING
     gap = max(gap, 0.0)
     speed = math.sqrt(velocity * velocity + 2.0 * gravity * gap)
     if velocity > 0.0:
@@ -255,8 +237,8 @@ def fall_time(gap, velocity, gravity):
 @compiled
 def sooner_of(state, found, end, duration, event):
     """Return the given duration and event, or what a search has found if it is sooner."""
-    time, met, steps = found
-    state.effort += steps * STEP_EFFORT
+    time, met, count = found
+    state.effort += count * tolerances.STEP_EFFORT
     if time < duration:
         return time, end if met else END_LIMIT
     return duration, event
@@ -286,7 +268,7 @@ def sooner_release(state, segment, duration, event):
 @compiled
 def next_event(drill, state, segment, turn):
     """Return the duration of the segment [s] and what ends it, one of END_*."""
-    duration = LONGEST_SEGMENT
+    duration = tolerances.LONGEST_SEGMENT
     event = END_LIMIT
     change = math.inf
     if state.resonant and not state.steady:

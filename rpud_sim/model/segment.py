@@ -27,16 +27,11 @@ from rpud_sim.model.compile import compiled, floats, record_type
 from rpud_sim.model.contact import release_turn
 
 # Bodies in contact with the free mass during a segment: bits, both may be set.
-CONTACT_ACTUATOR = 1
-CONTACT_DRILL_TOOL = 2
-CONTACT_BOTH = CONTACT_ACTUATOR | CONTACT_DRILL_TOOL
+CONTACT_ACTUATOR, CONTACT_DRILL_TOOL, CONTACT_BOTH = 1, 2, 3
 
 # What began a segment: bits.
-EVENT_ACTUATOR_IMPACT = 1
-EVENT_DRILL_TOOL_IMPACT = 2
-EVENT_RELEASE = 4
-EVENT_COMMAND = 8
-EVENT_LIMIT = 16
+EVENT_ACTUATOR_IMPACT, EVENT_DRILL_TOOL_IMPACT = 1, 2
+EVENT_RELEASE, EVENT_COMMAND, EVENT_LIMIT = 4, 8, 16
 
 # Constants of the drill during a segment.
 CONSTANTS = (
@@ -248,28 +243,18 @@ def nodal_plane_closed_form(drill, bodies, state, turn):
     force = state.weight_on_bit + drill.rpud_weight
     if not state.contact & CONTACT_ACTUATOR:
         return free_vibration(bodies.nodal_plane, force, state.u_np, state.v_np)
-    carried = drill.free_mass
-    damping = 0.0
-    spring_rate = 0.0
+    carried, damping, spring_rate = drill.free_mass, 0.0, 0.0
     if state.contact == CONTACT_BOTH:
         carried += drill.tool_mass
-        damping = drill.tool_damping
-        spring_rate = drill.tool_spring_rate
+        damping, spring_rate = drill.tool_damping, drill.tool_spring_rate
     omega = TWO_PI * state.frequency
-    body = oscillator(
-        drill.rpud_mass + carried,
-        drill.rpud_damping + damping,
-        drill.load_spring_rate + spring_rate,
-    )
+    mass, total_damping = drill.rpud_mass + carried, drill.rpud_damping + damping
+    body = oscillator(mass, total_damping, drill.load_spring_rate + spring_rate)
+    force += drill.free_mass * drill.gravity
+    in_phase = (carried * omega * omega - spring_rate) * state.amplitude
+    across = -damping * omega * state.amplitude
     return driven_vibration(
-        body,
-        force + drill.free_mass * drill.gravity,
-        (carried * omega * omega - spring_rate) * state.amplitude,
-        -damping * omega * state.amplitude,
-        state.frequency,
-        turn,
-        state.u_np,
-        state.v_np,
+        body, force, in_phase, across, state.frequency, turn, state.u_np, state.v_np
     )
 
 

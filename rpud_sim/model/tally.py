@@ -8,18 +8,10 @@ import math
 
 import numpy as np
 
+from rpud_sim.model import energy
 from rpud_sim.model.closed_form import NO_SWING, turn_at
 from rpud_sim.model.compile import compiled, floats, record_type
 from rpud_sim.model.elementary import decimal_logarithm
-from rpud_sim.model.energy import (
-    STORED,
-    TERMS,
-    add_change,
-    add_event,
-    add_motion,
-    add_rest,
-    stored_energy,
-)
 from rpud_sim.model.events import DONE, FULL, GOES_ON, checked, pass_event, start, status_before
 from rpud_sim.model.search import END_DRILL_TOOL_RELEASE
 from rpud_sim.model.segment import (
@@ -49,14 +41,8 @@ def _sum_of_128(values):
     e, f, g, h = values[4], values[5], values[6], values[7]
     whole = count - count % 8
     for i in range(8, whole, 8):
-        a += values[i]
-        b += values[i + 1]
-        c += values[i + 2]
-        d += values[i + 3]
-        e += values[i + 4]
-        f += values[i + 5]
-        g += values[i + 6]
-        h += values[i + 7]
+        a, b, c, d = a + values[i], b + values[i + 1], c + values[i + 2], d + values[i + 3]
+        e, f, g, h = e + values[i + 4], f + values[i + 5], g + values[i + 6], h + values[i + 7]
     total = ((a + b) + (c + d)) + ((e + f) + (g + h))
     for i in range(whole, count):
         total += values[i]
@@ -82,7 +68,7 @@ TALLY = record_type(
         ("highest_class", np.int64),
         *floats("contact_force_max", "impact_velocity", "contact_force", "contact_duration"),
         *floats("energy", "energy_transferred", "reacting_impulse"),
-        ("account", np.float64, (len(TERMS),)),
+        ("account", np.float64, (len(energy.TERMS),)),
     ]
 )
 
@@ -95,7 +81,7 @@ QUANTILE = 0.99  # of the contact forces, that is one of the figures
 
 # Sums of the part of a run in progress: its account, its impulse, and of its first segment that is
 # not yet added the time from which on it counts [s], and u_np there [m].
-IMPULSE = len(TERMS)
+IMPULSE = len(energy.TERMS)
 OFFSET = IMPULSE + 1
 POSITION = IMPULSE + 2
 PART_ROOM = IMPULSE + 3
@@ -124,7 +110,7 @@ def add_until(rpud, segment, end, motion, turn, turns, whole, part):
     start = part[OFFSET]
     if not end > start:
         return
-    add_motion(rpud, segment, start, end, whole, part)
+    energy.add_motion(rpud, segment, start, end, whole, part)
     # The integral of R = W - k_1 u_np - c_1 v_np.
     position = nodal_plane_integral(segment, end, turn, turns)
     if start > 0.0:
@@ -150,7 +136,7 @@ def begin_part(rpud, segment, seconds, fraction, counts, tally, part):
     part[:] = 0.0
     offset = time_in(segment, seconds, fraction)
     motion = motion_at(segment, offset)
-    part[STORED] -= stored_energy(segment, motion, rpud.mass)
+    part[energy.STORED] -= energy.stored_energy(segment, motion, rpud.mass)
     part[OFFSET] = offset
     part[POSITION] = motion[0]
     if counts:
@@ -168,9 +154,9 @@ def add_ended(rpud, segment, after, turn, turns, turn_after, whole, tally, part)
     ended = motion_of(segment, end, turns)
     add_until(rpud, segment, end, ended, turn, turns, whole, part)
     motion = motion_of(after, 0.0, Turns(turn_after, NO_SWING, NO_SWING))
-    changed = add_change(segment, after, ended, motion, part)
-    rested = add_rest(segment, after, changed, part)
-    add_event(rpud, rested, motion, after, part)
+    changed = energy.add_change(segment, after, ended, motion, part)
+    rested = energy.add_rest(segment, after, changed, part)
+    energy.add_event(rpud, rested, motion, after, part)
     count_event(after, tally)
     part[OFFSET] = 0.0
     part[POSITION] = motion[0]
@@ -184,9 +170,9 @@ def finish_part(rpud, segment, seconds, fraction, whole, tally, part):
     motion = motion_of(segment, end, turns)
     turn = turn_at(segment.vibration_phase)
     add_until(rpud, segment, end, motion, turn, turns, whole, part)
-    part[STORED] += stored_energy(segment, motion, rpud.mass)
+    part[energy.STORED] += energy.stored_energy(segment, motion, rpud.mass)
     tally.reacting_impulse += part[IMPULSE]
-    for i in range(len(TERMS)):
+    for i in range(len(energy.TERMS)):
         tally.account[i] += part[i]
 
 

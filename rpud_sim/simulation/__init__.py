@@ -34,14 +34,13 @@ from rpud_sim.simulation.configuration import (
     to_configuration,
     to_settings,
 )
-from rpud_sim.simulation.control import Control
 from rpud_sim.simulation.energy_account import FeedAccount
 from rpud_sim.simulation.ensemble import Ensemble, compile_kernels, run_ensemble
 from rpud_sim.simulation.fault_kinds import KINDS
 from rpud_sim.simulation.faults import Fault, FaultError, FaultLedger, FaultRecord
 from rpud_sim.simulation.fields import Bookkeeping
 from rpud_sim.simulation.journal import Journal, JournalEntry
-from rpud_sim.simulation.run import Beginning, Run
+from rpud_sim.simulation.run import Beginning, Control, Run
 from rpud_sim.simulation.sampling import Samples, Times
 from rpud_sim.simulation.scenario import Scenario, ScheduledFault, read_scenario
 from rpud_sim.simulation.simulation import Simulation, initial_phases

@@ -7,11 +7,17 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from rpud_sim.foundation.quantities import ParameterError, did_you_mean, shown, shown_name
+from rpud_sim.foundation.quantities import ParameterError, did_you_mean, shown_name
 from rpud_sim.foundation.time import SECOND
-from rpud_sim.foundation.yaml_files import Cursor, open_yaml, parse_yaml
+from rpud_sim.foundation.yaml_files import Cursor, open_yaml
 from rpud_sim.simulation.commands import Command, Drive, Feed, WeightOnBit
-from rpud_sim.simulation.configuration import CHANGEABLE, PARAMETERS, Configuration, Settings
+from rpud_sim.simulation.configuration import (
+    CHANGEABLE,
+    PARAMETERS,
+    Configuration,
+    Settings,
+    parse_assignment,
+)
 from rpud_sim.simulation.faults import Fault
 from rpud_sim.simulation.run import Run
 from rpud_sim.simulation.scenario import ONSET, parse_scenario
@@ -22,7 +28,6 @@ COMMANDED = ("weight_on_bit", "drive_enabled")
 
 _COMMAND_KEYS = ("time", "weight_on_bit", "drive", "feed")
 _DRIVE_KEYS = ("enabled", "voltage", "frequency")
-_INJECT_KEYS = ("channel", "onset", "duration", "magnitude")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -89,11 +94,9 @@ def _in_order(planned: Iterable[Planned]) -> tuple[Planned, ...]:
 
 
 def parameter_changes(values: Mapping[str, Any], fixed: Sequence[str] = ()) -> Changes:
-    """Return the changes of ``--set``.
+    """Return the changes of ``--set``, values by name; those of ``fixed`` may be given too.
 
-    Args:
-        values: by name; what a fork takes is checked later, with the other values of the run.
-        fixed: names that may be given too.
+    What a fork takes is checked later, with the other values of the run.
     """
     allowed = (*CHANGEABLE, *COMMANDED, *fixed)
     for name in values:
@@ -110,23 +113,13 @@ def parameter_changes(values: Mapping[str, Any], fixed: Sequence[str] = ()) -> C
 def parse_injections(texts: Sequence[str]) -> Changes:
     """Return the faults of ``--inject``: kinds with commas and keys of a scenario's entry.
 
-    Args:
-        texts: such as ``noise,channel=wrench,magnitude=0.5``; without ``onset`` a fault begins at
-            the instant of the fork.
+    A text is such as ``noise,channel=wrench,magnitude=0.5``; without ``onset`` a fault begins at
+    the instant of the fork.
     """
     entries = []
     for text in texts:
         kind, *rest = text.split(",")
-        entry: dict[str, Any] = {"kind": kind, "onset": 0.0}
-        for item in rest:
-            name, equals, value = item.partition("=")
-            if not equals or name not in _INJECT_KEYS:
-                hint = did_you_mean(name, _INJECT_KEYS)
-                raise ParameterError(
-                    f"--inject {shown(text)}: {shown(item)} is not key=value; {hint}"
-                )
-            entry[name] = parse_yaml(value)
-        entries.append(entry)
+        entries.append({"onset": 0.0, **dict(map(parse_assignment, rest)), "kind": kind})
     return Changes(planned=_injections({"faults": entries}, "--inject"))
 
 

@@ -25,16 +25,6 @@ class FaultError(ParameterError):
     """Unusable fault; the text says why, in one line."""
 
 
-def number_of(value: Any) -> float | None:
-    """Return a value as a float, infinite if it is too large; None if it is no number."""
-    if isinstance(value, bool) or not isinstance(value, (int, float)):
-        return None
-    try:
-        return float(value)
-    except OverflowError:
-        return math.inf if value > 0 else -math.inf
-
-
 def check_kind(kind: Any, possible: Iterable[str]) -> None:
     """Raise a FaultError for a kind that does not exist, with the nearest and the possible ones."""
     if not (isinstance(kind, str) and kind in KINDS):
@@ -92,21 +82,19 @@ class Fault:
         )
 
     def _checked_magnitude(self) -> float:
-        kind = self.declared
+        kind, given = self.declared, self.magnitude
         quantity = kind.quantity_on(self.channel)
-        number = number_of(self.magnitude)
-        if number is None:
-            raise FaultError(f"magnitude of {self} = {shown(self.magnitude)} is not a number")
+        left_open = isinstance(given, float) and math.isnan(given)
         if quantity is None:
-            if not (math.isnan(number) or number == 0.0):
-                raise FaultError(f"{self} has no magnitude, given {number:g}")
+            if not (left_open or given == 0.0):
+                raise FaultError(f"{self} has no magnitude, given {shown(given)}")
             return 0.0
         default = kind.default_on(self.channel)
-        if math.isnan(number):
+        if left_open:
             return default
         hint = f"NaN stands for the default {default:g} {quantity.unit}".rstrip()
         try:
-            quantity.check(f"magnitude of {self}", number)
+            number = float(quantity.check(f"magnitude of {self}", given))
         except ParameterError as error:
             raise FaultError(f"{error}; {hint}") from None
         if number == kind.unchanging:

@@ -76,12 +76,7 @@ class PercussionMeter:
     def read(
         self, interval: float, position: float, weight_on_bit: float, drill: Drill, amplitude: float
     ) -> Percussion:
-        """Return the percussion since the last call.
-
-        Args:
-            interval: since the last call [s].
-            weight_on_bit: W since the last call [N].
-        """
+        """Return the percussion in the interval [s] since the last call; W was constant [N]."""
         mean = 0.5 * (self._position + position)
         velocity = (position - self._position) / interval
         force = weight_on_bit - drill.load_spring_rate * mean - drill.rpud_damping * velocity
@@ -102,12 +97,8 @@ class LoadSpring:
     """Energy of the load spring between mount and RPUD, from step to step.
 
     Its force is k_1 (s - u_np), with s = W / k_1 the compression by mount and rock, and c_1 times
-    the relative velocity. s changes at the steps alone, by the mount and by the hole.
-
-    Args:
-        stored: energy of the arm at time zero [J].
-        compression: s at time zero [m].
-        spring_rate: with which the load spring pushes, at time zero [N/m].
+    the relative velocity. s changes at the steps alone, by the mount and by the hole. At time zero
+    the arm has stored energy [J], and the load spring pushes with its rate [N/m].
     """
 
     def __init__(

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from rpud_sim.kernels.processor import BASELINE, Target, notice
-from rpud_sim.kernels.store import KernelStore, digest_of_sources, kernel_name, user_folders
+from rpud_sim.kernels.store import KernelStore, kernel_name, user_folders
 
 WHAT = ("room.f", "(float64,)", "x86-64-v2", "", "sources")
 NAME = kernel_name(*WHAT)
@@ -93,20 +93,6 @@ def test_no_part_of_a_file_is_left_when_the_disk_is_full(store, monkeypatch):
     monkeypatch.setattr("pathlib.Path.write_bytes", full)
     assert store.write(NAME, pickle.dumps(1)) is None
     assert not list(store.folders[1].iterdir())
-
-
-def test_only_names_and_texts_of_sources_count_not_their_times(tmp_path):
-    def digest(name, text, time):
-        file = tmp_path / name
-        file.write_text(text)
-        os.utime(file, (time, time))
-        digest_of_sources.cache_clear()
-        return digest_of_sources((file,))
-
-    first = digest("a.py", "x = 1", 1000)
-    assert digest("a.py", "x = 1", 2000) == first
-    assert digest("a.py", "x = 2", 1000) != first
-    assert digest("b.py", "x = 1", 1000) != first
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,5 @@
 """The engine in the whole parameter space: exact, associative, never stuck."""
 
-import copy
 import math
 from types import SimpleNamespace
 
@@ -11,6 +10,8 @@ from drill_configurations import tables
 from hypothesis import given
 from hypothesis import strategies as st
 
+from rpud_sim.model.contact import single_contact
+from rpud_sim.model.contact_models import CONTACT_MODELS
 from rpud_sim.model.drill import derive
 from rpud_sim.model.engine import Engine, EngineError
 from rpud_sim.model.impact import open_impact
@@ -106,22 +107,17 @@ def test_an_impact_is_squeezed_if_the_tip_pressed_meanwhile():
     assert impacts["squeezed"][np.argmax(impacts["peak_force"])]
 
 
-@pytest.mark.parametrize("pieces", [1, 3])
-def test_a_long_block_is_the_same_in_one_piece_and_joined_and_stays_as_it_is(pieces):
-    drained = []
-    for count in (1, pieces):
-        engine = Engine(preset("drilling"), 0.3)
-        engine.advance(1, 0.0)
-        engine.drain()
-        for piece in range(1, count + 1):
-            engine.advance(1 + piece // count, piece / count % 1.0)
-        covering, _ = engine.drain_covering()
-        before = covering.copy()
-        engine.advance(3, 0.0)
-        assert (covering == before).all()
-        assert not covering.flags.writeable
-        drained.append(np.concatenate([before, engine.drain_covering()[0]]))
-    assert (drained[0] == drained[1]).all()
+def test_blocks_are_parts_of_one_and_stay_as_they_are():
+    whole, parts = Engine(preset("drilling"), 0.3), Engine(preset("drilling"), 0.3)
+    whole.advance(3, 0.0)
+    blocks = []
+    for end in (0.25, 1.0, 3.0):
+        parts.advance(*divmod(end, 1.0))
+        block, _ = parts.drain()
+        assert not block.flags.writeable
+        blocks.append((block, block.copy()))
+    assert all((block == content).all() for block, content in blocks)
+    assert (np.concatenate([content for _, content in blocks]) == whole.drain()[0]).all()
 
 
 def test_impacts_are_counted_and_seen_before_they_are_drained():
@@ -144,11 +140,23 @@ def test_an_impact_in_the_rock_is_squeezed_only_if_a_contact_of_all_three_lasts(
     assert not impact.squeezed
 
 
-def test_a_copy_goes_on_by_itself():
-    engine = Engine(preset("drilling"))
-    engine.advance(0, 0.01)
-    other = copy.deepcopy(engine)
-    for each in (engine, other):
-        each.advance(0, 0.05)
-    one, two = ([part.tolist() for part in each.drain_covering()] for each in (engine, other))
-    assert one == two
+@pytest.mark.parametrize("model", CONTACT_MODELS)
+def test_an_undisturbed_impact_of_the_engine_is_a_single_contact(model):
+    """Eqs. (21) and (36)-(39) against what the engine does with the same blow."""
+    parameters = preset("drilling").replace(contact_model=model, gravity=0.0)
+    engine = Engine(parameters, 0.2)
+    engine.advance(5, 0.0)
+    impacts = engine.drain()[1][1:]  # the first one is the start, the actuator upon the free mass
+    velocities = impacts["impact_velocity"]
+    contacts = [single_contact(parameters, float(velocity)) for velocity in velocities]
+    durations = np.array([contact.duration for contact in contacts])
+    alone = np.abs(impacts["contact_duration"] / durations - 1.0) < 1e-6
+    assert np.count_nonzero(alone) > 0.5 * len(impacts)
+    energies = 0.5 * 5e-3 * velocities**2
+    assert impacts["energy"][alone] == pytest.approx(energies[alone])
+    forces = np.array([contact.peak_force for contact in contacts])
+    assert impacts["peak_force"][alone] == pytest.approx(forces[alone], rel=1e-6)
+    # What the mass brought, and what the tool's elasticity gave it back.
+    together = 5e-3 / (5e-3 + contacts[0].tool_mass)
+    impulses = 5e-3 * (1.0 + together) * velocities
+    assert impacts["impulse"][alone] == pytest.approx(impulses[alone], rel=1e-3)

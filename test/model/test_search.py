@@ -137,7 +137,7 @@ def test_impacts_are_exact_to_a_picosecond(case):
     assert checked > 25
 
 
-def hanging_mass(clearance, velocity=0.0, **fields):
+def hanging_mass(clearance, **fields):
     """Make a segment in which the mass hangs by a clearance ahead of a vibrating tip."""
     segment = np.zeros(1, SEGMENT).view(np.recarray)[0]
     fields = {
@@ -146,7 +146,6 @@ def hanging_mass(clearance, velocity=0.0, **fields):
         "vibration_phase": 0.9,
         "nodal_plane_angular_frequency": 40.0,
         "free_mass_position": 35e-6 + clearance,
-        "free_mass_velocity": velocity,
         "duration": 2e-4,
         **fields,
     }
@@ -170,70 +169,55 @@ def check_meeting(found, limit, guard, samples):
         assert time == limit or steps == LONGEST_SEARCH
 
 
+FLYING = {
+    "free_mass_velocity": st.floats(-10.0, 10.0),
+    "free_mass_acceleration": st.sampled_from([0.0, 9.81, 500.0]),
+}
+TIPS = {
+    "vibration_amplitude": st.sampled_from([0.0, 1e-9, 35e-6, 1e-3]),
+    "vibration_frequency": st.sampled_from([50.0, 16000.0, 2e5]),
+    "vibration_phase": st.floats(0.0, 1.0),
+    "nodal_plane_angular_frequency": st.sampled_from([1e-3, 40.0, 3e4]),
+    "nodal_plane_decay_rate": st.sampled_from([0.0, 20.0, 1e4]),
+    "nodal_plane_sine": st.floats(-1e-3, 1e-3),
+}
+TOOLS = {
+    "drill_tool_angular_frequency": st.sampled_from([1.0, 970.0, 3e4, 1e6]),
+    "drill_tool_cosine": st.floats(-1e-3, 1e-3),
+    "drill_tool_sine": st.floats(-1e-3, 1e-3),
+}
+LIMITS = st.sampled_from([1e-5, 1e-3, 1e-2])
+
+
 @settings(max_examples=examples(300), deadline=None)
 @given(
     clearance=st.one_of(st.floats(-7e-5, 1e-10), st.floats(0.0, 2e-3)),
-    velocity=st.floats(-10.0, 10.0),
-    acceleration=st.sampled_from([0.0, 9.81, 500.0]),
-    amplitude=st.sampled_from([0.0, 1e-9, 35e-6, 1e-3]),
-    frequency=st.sampled_from([50.0, 16000.0, 2e5]),
-    angular=st.sampled_from([1e-3, 40.0, 3e4]),
-    decay=st.sampled_from([0.0, 20.0, 1e4]),
-    swing=st.floats(-1e-3, 1e-3),
-    phase=st.floats(0.0, 1.0),
-    limit=st.sampled_from([1e-5, 1e-3, 1e-2]),
+    fields=st.fixed_dictionaries({**FLYING, **TIPS}),
+    limit=LIMITS,
 )
-def test_no_strike_of_a_flying_mass_is_missed(
-    clearance, velocity, acceleration, amplitude, frequency, angular, decay, swing, phase, limit
-):
-    segment = hanging_mass(
-        clearance,
-        velocity,
-        free_mass_acceleration=acceleration,
-        vibration_amplitude=amplitude,
-        vibration_frequency=frequency,
-        vibration_phase=phase,
-        nodal_plane_angular_frequency=angular,
-        nodal_plane_decay_rate=decay,
-        nodal_plane_sine=swing,
-    )
-
-    def guard(times, order=0):
-        return gap(segment, FREE_MASS, TIP, times, order)
-
+def test_no_strike_of_a_flying_mass_is_missed(clearance, fields, limit):
+    segment = hanging_mass(clearance, **fields)
+    guard = partial(gap, segment, FREE_MASS, TIP)
     segment.free_mass_position -= min(float(guard(0.0)), 0.0)
-    found = first_strike(segment, limit, turn_at(phase))
-    cycles = limit * max(frequency, angular / 6.0)
-    check_meeting(found, limit, guard, 200 + int(SAMPLES_PER_CYCLE * cycles))
+    found = first_strike(segment, limit, turn_at(segment.vibration_phase))
+    fastest = max(segment.vibration_frequency, segment.nodal_plane_angular_frequency / 6.0)
+    check_meeting(found, limit, guard, 200 + int(SAMPLES_PER_CYCLE * limit * fastest))
 
 
 @settings(max_examples=examples(300), deadline=None)
 @given(
     clearance=st.one_of(st.just(0.0), st.floats(0.0, 1e-10), st.floats(0.0, 2e-3)),
-    velocity=st.floats(-10.0, 10.0),
-    acceleration=st.sampled_from([0.0, 9.81, 500.0]),
-    angular=st.sampled_from([1.0, 970.0, 3e4, 1e6]),
     damping=st.sampled_from([0.0, 0.01, 0.6, 10.0]),
-    cosine=st.floats(-1e-3, 1e-3),
-    sine=st.floats(-1e-3, 1e-3),
-    limit=st.sampled_from([1e-5, 1e-3, 1e-2]),
+    fields=st.fixed_dictionaries({**FLYING, **TOOLS}),
+    limit=LIMITS,
 )
-def test_no_landing_of_a_flying_mass_is_missed(
-    clearance, velocity, acceleration, angular, damping, cosine, sine, limit
-):
-    segment = hanging_mass(
-        0.0,
-        velocity,
-        free_mass_acceleration=acceleration,
-        free_mass_position=cosine - clearance,
-        drill_tool_angular_frequency=angular,
-        drill_tool_decay_rate=damping * angular,
-        drill_tool_cosine=cosine,
-        drill_tool_sine=sine,
-    )
-    found = first_landing(segment, limit)
+def test_no_landing_of_a_flying_mass_is_missed(clearance, damping, fields, limit):
+    angular = fields["drill_tool_angular_frequency"]
+    segment = hanging_mass(0.0, **fields, drill_tool_decay_rate=damping * angular)
+    segment.free_mass_position = segment.drill_tool_cosine - clearance
     samples = 200 + int(SAMPLES_PER_CYCLE * limit * angular / 6.0)
-    check_meeting(found, limit, partial(gap, segment, DRILL_TOOL, FREE_MASS), samples)
+    guard = partial(gap, segment, DRILL_TOOL, FREE_MASS)
+    check_meeting(first_landing(segment, limit), limit, guard, samples)
 
 
 @settings(max_examples=examples(300), deadline=None)

@@ -11,7 +11,6 @@ from rpud_sim.simulation.configuration import to_configuration
 from rpud_sim.simulation.fault_kinds import KINDS
 from rpud_sim.simulation.faults import Fault, check_supported
 from rpud_sim.simulation.scenario import (
-    GREATEST_SEED,
     Scenario,
     ScheduledFault,
     parse_scenario,
@@ -108,8 +107,8 @@ def test_what_one_entry_draws_does_not_depend_on_the_others(file):
         ("faults: [", " is not YAML: while parsing"),
         ("{}", ": faults = None is not a list"),
         ("fault: []", ": 'fault' is not one of seed, faults"),
-        ("{seed: -1, faults: []}", ": seed = -1 is not a whole number in its range [0, "),
-        ("{seed: true, faults: []}", ": seed = 'true' is not a whole number"),
+        ("{seed: -1, faults: []}", ": seed = -1 is outside its range [0, "),
+        ("{seed: true, faults: []}", ": seed = 'true' is outside its range"),
         ("{seed: 0x" + "f" * 5000 + ", faults: []}", ": seed = a number too long to show is"),
         ("faults: [3]", ": entry 1: 3 is not a mapping"),
         ("faults: [{kind: choking}]", ": entry 1: onset is missing"),
@@ -130,9 +129,9 @@ def test_a_mistake_in_the_file_is_one_line_that_finds_it(file, text, complaint):
     [
         ("until", 3, "'until' is not one of kind,"),
         ("onset", -1, "onset = -1 s is outside its range [0, 1e+06] s"),
-        ("onset", float("nan"), "onset = nan is not a number"),
+        ("onset", float("nan"), "onset = nan s is outside its range"),
         ("duration", 0, "duration = 0 s is outside its range [1e-09, 1e+06] s"),
-        ("magnitude", {"uniform": [float("nan"), 1]}, "magnitude of choking = nan is not a number"),
+        ("magnitude", {"uniform": [float("nan"), 1]}, "magnitude of choking, uniform, = nan is"),
         ("onset", {"normal": [1, 2]}, "onset = {'normal': [1, 2]} is neither a number nor uniform"),
         ("onset", {"uniform": [1]}, "onset = {'uniform': [1]} is neither"),
         ("onset", {"uniform": [3, 1]}, "onset = uniform: [3, 1] has its least above its most"),
@@ -144,7 +143,7 @@ def test_a_mistake_in_an_entry_is_one_line_that_finds_it(key, value, complaint):
     assert refusal(parse_scenario, content, "f").startswith(f"f: entry 1: {complaint}")
 
 
-@pytest.mark.parametrize("seed", [-1, 1.0, True, "7", GREATEST_SEED + 1])
+@pytest.mark.parametrize("seed", [-1, 1.5, True, "7", 2**63])
 def test_a_seed_that_is_none_is_refused(seed):
     assert ": seed = " in refusal(read_scenario, CONFIG / "faults.yaml", seed)
 

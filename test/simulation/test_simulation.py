@@ -231,17 +231,14 @@ def test_rotation_deepens_the_hole_and_leaves_every_bit_of_the_percussion():
     assert alone.process.rotation is alone.process.borehole is None
 
 
-@pytest.mark.parametrize(
-    ("voltage", "frequency"), [(100.0, 16000.0), (50.0, 16000.0), (100.0, 16100.0), (0.0, 16000.0)]
-)
-def test_voltage_and_detuning_slow_the_rotation(voltage, frequency):
+def test_a_smaller_amplitude_slows_the_rotation():
     resonant = {"rotation_model": "friction_drive", "actuator_model": "resonance", "regime": "free"}
     simulation = simulate(**resonant)
-    simulation.apply(Drive(True, voltage, frequency))
+    simulation.apply(Drive(True, 100.0, 16100.0))
     simulation.advance_to(SECOND // 2)
     ratio = simulation.actuator.amplitude / 35e-6
+    assert ratio < 0.6
     assert simulation.process.rotation.rate == pytest.approx(15.0 * ratio, abs=0.5)
-    assert (ratio > 0.7) == (voltage == 100.0 and frequency == 16000.0)
 
 
 def test_rotation_in_the_rock_of_the_parameters_cuts_it_and_follows_its_change():

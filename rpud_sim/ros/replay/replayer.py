@@ -18,7 +18,7 @@ from rpud_sim.foundation.quantities import ExpectedError, ParameterError, sugges
 from rpud_sim.foundation.terminal import printable
 from rpud_sim.foundation.time import SECOND, join_seconds
 from rpud_sim.ros.graph import fill_known, rosbag_service
-from rpud_sim.ros.replay.playback import Messages, Plan, Playback, RefusedError, read_ahead
+from rpud_sim.ros.replay.playback import Messages, Plan, Playback, PlaybackError, read_ahead
 from rpud_sim.ros.replay.replay_options import DISCOVERY_TIME, ReplayOptions
 from rpud_sim.ros.replay.replayer_node import Replayer
 from rpud_sim.ros.starting import StartError, start_ros
@@ -67,7 +67,7 @@ def _answer(node: Replayer, playback: Playback, name: str, request: Any, respons
     try:
         result = playback.do(lambda each: _ACTIONS[name](each, request))
         fields = {"success": True, **(result or {})}
-    except RefusedError as error:
+    except PlaybackError as error:
         node.get_logger().warning(f"{name} is refused: {error}")
         fields = {"success": False, "message": str(error)}
     except Exception as error:  # out of the executor it would leave a client without answer
@@ -177,8 +177,11 @@ def _replay(
         if not stop.requested:
             for name in node.wait_for_acknowledgement(_ACKNOWLEDGEMENT_TIME):
                 node.get_logger().warning(f"a subscriber of {name} has not confirmed all messages")
-            # Best-effort messages have no acknowledgement, and may still be on their way.
-            stop.wait(_SETTLING_TIME)
+            # Best-effort messages have no acknowledgement, and may still be on their way; whoever
+            # asks now learns that the replay has ended.
+            settled_at = time.monotonic() + _SETTLING_TIME
+            while time.monotonic() < settled_at and not stop.requested:
+                serve(executor, node.count_failure)
     executor.shutdown()
     failures = f", {node.failures} requests failed" if node.failures else ""
     return (

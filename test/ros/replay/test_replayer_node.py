@@ -32,8 +32,8 @@ def replay():
     rclpy.init()
     nodes = []
 
-    def start(*topics, with_clock=False):
-        nodes.append(Replayer(topics, with_clock=with_clock))
+    def start(*topics, with_clock=False, remap=()):
+        nodes.append(Replayer(topics, with_clock=with_clock, remappings=remap))
         return nodes[-1]
 
     yield start
@@ -86,6 +86,13 @@ def test_there_is_one_clock(replay, summaries, capfd):
     assert node.topic_names == []
     assert len(node.get_publishers_info_by_topic("/clock")) == 1
     assert "the bag's own /clock is left out" in capfd.readouterr().err
+
+
+def test_two_types_do_not_share_a_name(replay, summaries, capfd):
+    other = changed(summaries[TALK.name], name="/other", type="std_msgs/msg/Int32", type_hash="")
+    node = replay(summaries[TALK.name], other, remap=[f"/other:={TALK.name}"])
+    assert node.topic_names == [TALK.name]
+    assert f"/other: it is a std_msgs/msg/Int32, and {TALK.name} is a" in capfd.readouterr().err
 
 
 @pytest.mark.parametrize("durability", ["volatile", "transient_local"])
