@@ -11,7 +11,7 @@ from support import refusal
 
 from rpud_sim.drilling.inputs import Disturbances
 from rpud_sim.model.parameters import QUANTITIES
-from rpud_sim.simulation import Parameters, preset
+from rpud_sim.simulation import Parameters
 from rpud_sim.simulation.configuration import to_configuration
 from rpud_sim.simulation.fault_kinds import KINDS
 from rpud_sim.simulation.faults import (
@@ -149,8 +149,7 @@ def under(*faults, **parameters):
 
 def test_signal_faults_leave_the_drill_as_it_is():
     signals = [Fault(name, "wrench") for name in SIGNAL]
-    for acting in ((), signals):
-        assert effects_of(acting, preset("drilling")) == healthy(preset("drilling"))
+    assert under(*signals) == under() == healthy(Parameters())
 
 
 @pytest.mark.parametrize(

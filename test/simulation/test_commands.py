@@ -1,15 +1,21 @@
-"""Commands are checked when they are made, and act unless lost or while the drill is inactive."""
+"""Commands are checked when they are made or read, and act unless lost or while inactive."""
 
 import math
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from support import examples
+from support import examples, refusal
 
-from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.simulation import Parameters
-from rpud_sim.simulation.commands import Drive, WeightOnBit
+from rpud_sim.simulation.changes import (
+    Changes,
+    Planned,
+    parameter_changes,
+    parse_injections,
+    read_commands,
+)
+from rpud_sim.simulation.commands import Drive, Feed, WeightOnBit
 from rpud_sim.simulation.configuration import Configuration
 from rpud_sim.simulation.run import Control
 from rpud_sim.simulation.simulation import Simulation
@@ -135,18 +141,71 @@ def test_it_never_acts_more_than_commanded_and_not_at_all_while_inactive(events)
     "value", [math.nan, math.inf, True, "30", None, [30.0], 10**400, -1.0, 1e9]
 )
 def test_a_value_outside_its_range_is_refused_even_when_off(enabled, value):
-    for make, unit in (
-        (lambda: WeightOnBit(value), r"weight_on_bit = .* N is outside its range \[0, 1000\] N"),
-        (lambda: Drive(enabled, value, 16000.0), r"drive voltage = .* V is outside its range"),
-        (lambda: Drive(enabled, 100.0, value), r"drive frequency = .* Hz is outside its range"),
-    ):
-        with pytest.raises(ParameterError, match=f"^{unit}"):
-            make()
+    assert "N is outside its range [0, 1000] N" in refusal(WeightOnBit, value)
+    voltage = refusal(Drive, enabled, value, 16000.0)
+    frequency = refusal(Drive, enabled, 100.0, value)
+    for found, name in ((voltage, "drive voltage"), (frequency, "drive frequency")):
+        assert found.startswith(f"{name} = ")
+        assert "is outside its range" in found
 
 
 def test_a_drive_that_is_on_needs_a_frequency_and_one_that_is_off_does_not():
-    with pytest.raises(ParameterError, match=r"^drive frequency = 0 Hz is outside its range"):
-        Drive(True, 100.0, 0.0)
+    assert refusal(Drive, True, 100.0, 0.0).startswith(
+        "drive frequency = 0 Hz is outside its range"
+    )
     assert repr(Drive(False, 0, 0)) == repr(Drive(False, 0.0, -0.0)) == repr(OFF)
-    with pytest.raises(ParameterError, match=r"drive enabled = 1 is not true or false"):
-        Drive(1, 100.0, 16000.0)
+    assert refusal(Drive, 1, 100.0, 16000.0) == "drive enabled = 1 is not true or false"
+
+
+@pytest.mark.parametrize(
+    ("make", "given", "reason"),
+    [
+        (parameter_changes, {"free_mas": 1}, "did you mean free_mass"),
+        (parameter_changes, {"free_mass": 1}, "free_mass cannot change during a run"),
+        (parse_injections, ["nois,channel=wrench"], "did you mean noise"),
+        (parse_injections, ["noise,chanel=wrench"], "'chanel' is not one of kind, channel"),
+        (parse_injections, ["noise,channel=wrench,magnitude=x"], "= 'x' N is outside its range"),
+    ],
+)
+def test_a_change_that_cannot_be_is_named(make, given, reason):
+    assert reason in refusal(make, given)
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("[]", "is not a scenario"),
+        ("comands: []", "'comands' is not one of seed, faults"),
+        ("commands: 3", "commands = 3 is not a list"),
+        ("commands: [{time: 1}]", "command 1: it needs a time, and weight_on_bit, drive or feed"),
+        ("commands: [{time: -1, weight_on_bit: 2}]", "command 1: time = -1 s is outside"),
+        ("commands: [{time: 1, weight_on_bit: -2}]", "weight_on_bit = -2 N is outside"),
+        ("commands: [{time: 1, weigth: 2}]", "'weigth' is not one of"),
+        ("commands: [{time: 1, drive: {enabled: maybe}}]", "'maybe' is not true or false"),
+        ("commands: [{time: 1, drive: {frequency: .nan}}]", "drive frequency = nan"),
+        ("commands: [{time: 1, feed: 0.1}]", "command 1: feed"),
+        ("commands: [{time: 1, feed: {rate: 1, position: 2}}]", "command 1: feed"),
+        ("commands: [{time: 1, feed: {rate: fast}}]", "command 1: feed"),
+    ],
+)
+def test_a_command_file_that_cannot_be_is_named(tmp_path, text, reason):
+    path = tmp_path / "commands.yaml"
+    path.write_text(text)
+    found = refusal(read_commands, path)
+    assert found.startswith(str(path))
+    assert reason in found
+
+
+def test_a_command_file_holds_feeds(tmp_path):
+    file = tmp_path / "commands.yaml"
+    file.write_text(
+        "commands:\n- {time: 0.5, feed: {position: 0.002}}\n- {time: 0, feed: {rate: 1.0e-3}}\n"
+    )
+    planned = (Planned(0, Feed("rate", 1e-3)), Planned(500_000_000, Feed("position", 2e-3)))
+    assert read_commands(file) == Changes(planned=planned, replaces_commands=True)
+
+
+def test_nothing_differs_without_changes():
+    assert Changes().empty
+    assert not Changes(replaces_commands=True).empty
+    assert (Changes() + Changes()).empty
