@@ -168,28 +168,30 @@ def point_plot(
     """Return the plot of a figure over an axis; words of an axis stand below each other."""
     points = independent(sweep, points)
     spread, shown, along = sweep.axes[name], figure_quantity(figure), axis_quantity(sweep, name)
-    turn = -1 if _is_choice(spread) else 1
+    choices = _is_choice(spread)
     found = np.array(list(marginal_means(sweep, points, name, figure))).reshape(-1, 3)
     at, mean, half = found.T
     plots = len(sweep.axes) * len(sweep.figures)
     every = -(-len(points["point"]) // max(1, min(_MOST_PLOT_DOTS, _MOST_DOTS // plots)))
-    dots = along.scale * _places(points[name], spread), shown.scale * points[figure]
+    places = _places(points[name], spread)[::every]
+    dots = along.scale * places, shown.scale * points[figure][::every]
     marks = along.scale * at, shown.scale * mean
+    if choices:
+        dots, marks = dots[::-1], marks[::-1]
     ends = shown.scale * (mean - half), shown.scale * (mean + half)
+    label = "mean with its 95 % interval"
     layers = (
-        Points("single points", *(each[::every] for each in dots[::turn]), size=2.5, color="muted"),
-        Points(
-            "mean with its 95 % interval", *marks[::turn], *ends, across=turn < 0, joined=turn > 0
-        ),
+        Points("single points", *dots, size=2.5, color="muted"),
+        Points(label, *marks, *ends, across=choices, joined=not choices),
     )
-    least, greatest = (shown.text(f(mean)) if len(mean) else NONE for f in (np.min, np.max))
-    alt = f"Mean from {least} to {greatest}." if len(mean) else "No point has this figure."
-    if turn < 0:
+    alt = "No point has this figure."
+    if len(mean):
+        alt = f"Mean from {shown.text(mean.min())} to {shown.text(mean.max())}."
+    if choices:
         words = tuple(map(str, spread.levels()))
         axes = Axis(categories=words, flipped=True), Axis(figure, shown.unit)
-        return Plot(
-            f"{figure} by {name}", layers, alt, *axes, max(_HEIGHT, _ROW * len(words)), _WIDTH
-        )
+        title, height = f"{figure} by {name}", max(_HEIGHT, _ROW * len(words))
+        return Plot(title, layers, alt, *axes, height, _WIDTH)
     log = isinstance(spread, Range) and spread.scale == "log"
     axes = Axis(unit=shown.unit), Axis(name, along.unit, log)
     return Plot(figure, layers, alt, *axes, _HEIGHT, _WIDTH)
