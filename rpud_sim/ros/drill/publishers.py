@@ -57,14 +57,11 @@ class DrillPublishers:
         self,
         node: Node,
         publish_clock: bool,
-        sent: Counter[str] | None = None,
         offered: Mapping[str, DrillTopic] = TOPICS,
     ) -> None:
         self._node = node
         self._offered = offered  # topics of the node's namespace
-        # counts of the messages of each topic, None for no count. With a count topics
-        # without a subscriber are published too.
-        self.sent = sent
+        self.complete = False  # whether topics without a subscriber are published too
         self.dropped = 0  # messages that the middleware did not accept
         # whether to wait for reliable subscribers before overwriting messages they lack
         self.patient = False
@@ -107,14 +104,14 @@ class DrillPublishers:
         return all(self._acknowledged(name, 0.0) for name in self._offered)
 
     def wanted(self, topic: str) -> bool:
-        """Return whether to publish a topic: it has had a subscriber, or messages are counted.
+        """Return whether to publish a topic: it has had a subscriber, or all are complete.
 
         A subscriber that stood still is dropped. The numbers of the messages tell it what it lost,
         so they are published meanwhile.
         """
         if topic not in self._wanted and self._publishers[topic].get_subscription_count():
             self._wanted.add(topic)
-        return self.sent is not None or topic in self._wanted
+        return self.complete or topic in self._wanted
 
     def encode(self, entries: Iterable[tuple[int, str, Fields]]) -> list[Encoded]:
         """Serialize messages: ``(time, topic, fields)`` as a run yields them."""
@@ -184,8 +181,6 @@ class DrillPublishers:
                 wait = _STATUS_WAIT if self._awaits_status else 0.0
                 self._awaits_status = self._acknowledged(name, wait)
             self._publish_raw[name](message)
-            if self.sent is not None:
-                self.sent[name] += 1
             self._unacknowledged[name] += 1
             self._published[name] += 1
             topic = self._topics[name]
