@@ -17,6 +17,7 @@ import pytest
 from ament_index_python.packages import get_package_share_directory
 
 from rpud_sim.cli.main import main
+from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.simulation.fields import trajectory_cuts, trajectory_fields
 from rpud_sim.simulation.telemetry import row_of
 
@@ -60,6 +61,19 @@ def until(condition: Callable[[], Value]) -> Value:
         assert time.monotonic() < deadline, "it did not come true"
         time.sleep(0.002)
     return value
+
+
+def refusal(make: Callable[..., object], *arguments: object) -> str:
+    """Give the one line with which arguments are refused; empty if they are not."""
+    try:
+        make(*arguments)
+    except ParameterError as error:
+        text = str(error)
+    else:
+        return ""
+    assert text
+    assert "\n" not in text
+    return text
 
 
 def rpud(*words: object) -> subprocess.CompletedProcess[str]:

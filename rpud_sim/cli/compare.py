@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
 
-from rpud_sim.cli.options import RUN, JsonOptions, command
-from rpud_sim.cli.output import print_json, progress_bar, table
+from rpud_sim.cli.options import JSON, RUN, command
+from rpud_sim.cli.output import print_result, progress_bar, table
 from rpud_sim.cli.program import ExitCode
 from rpud_sim.foundation.options import SECONDS, option, positional
 from rpud_sim.foundation.quantities import Quantity
@@ -15,73 +14,68 @@ from rpud_sim.foundation.terminal import complain, printable
 
 if TYPE_CHECKING:
     from rpud_sim.inspection.compare import Comparison
-    from rpud_sim.inspection.compare.same_bits import TopicBits
 
 _PERCENT = Quantity("%", "a relative difference", 0.0, 100.0, exclusive=True, below=True)
-_MOST_LINES = 40  # of commands or faults; the page and --json have all
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Compare(JsonOptions):
-    bag: str = positional("A", "bag of the reference: a folder or one MCAP file")
-    others: Sequence[str] = positional("B", "bags to compare with it, up to 5", nargs="+")
-    begin: float = option(
-        0.0,
-        "compare distributions from this simulation time on (default: 0)",
-        SECONDS,
-        flag="--from",
-    )
-    end: float | None = option(
-        None,
-        "compare distributions up to this simulation time (default: end of the shortest run)",
-        SECONDS,
-        flag="--to",
-    )
-    settle: float = option(
-        0.5,
-        "leave out so much time after the start, and after each command and fault "
-        "(default: %(default)s)",
-        SECONDS,
-    )
-    tolerance: float | None = option(
-        None,
-        "relative difference that does not matter: decide whether runs are equivalent",
-        _PERCENT,
-    )
-    run_numbers: Sequence[int] = option(
-        (),
-        "run in a bag with several, from 1; give it once, or once for each bag",
-        RUN,
-        flag="--run",
-        append=True,
-    )
-    namespaces: Sequence[str] = option(
-        (),
-        "drill in a bag with several; give it once, or once for each bag",
-        flag="--namespace",
-        action="append",
-        metavar="NAME",
-    )
-    quantities: Sequence[str] = option(
-        (),
-        "compare only this quantity, such as peak_force; can be repeated (default: all)",
-        flag="--quantity",
-        action="append",
-        metavar="NAME",
-    )
-    out: str | None = option(None, "also write a page: a new HTML file", metavar="FILE")
+_MOST_LINES = 40  # of a table of settings; the page and --json have all
 
 
 @command(
     "compare",
     "bags/before bags/after --tolerance 5 --out compare.html",
     "compare runs: settings, commands, bits and distributions",
-    _Compare,
     "The first run is the reference. Exit codes: 0 no difference found, or all within the "
     "tolerance, 3 a figure differs or a part of a bag is damaged, 1 it cannot be decided or "
     "failed, 2 wrong call.",
+    JSON,
+    bag=positional("A", "bag of the reference: a folder or one MCAP file"),
+    others=positional("B", "bags to compare with it, up to 5", nargs="+"),
+    begin=option(
+        0.0,
+        "compare distributions from this simulation time on (default: 0)",
+        SECONDS,
+        flag="--from",
+    ),
+    end=option(
+        None,
+        "compare distributions up to this simulation time (default: end of the shortest run)",
+        SECONDS,
+        flag="--to",
+    ),
+    settle=option(
+        0.5,
+        "leave out so much time after the start, and after each command and fault "
+        "(default: %(default)s)",
+        SECONDS,
+    ),
+    tolerance=option(
+        None,
+        "relative difference that does not matter: decide whether runs are equivalent",
+        _PERCENT,
+    ),
+    run_numbers=option(
+        (),
+        "run in a bag with several, from 1; give it once, or once for each bag",
+        RUN,
+        flag="--run",
+        append=True,
+    ),
+    namespaces=option(
+        (),
+        "drill in a bag with several; give it once, or once for each bag",
+        flag="--namespace",
+        action="append",
+        metavar="NAME",
+    ),
+    quantities=option(
+        (),
+        "compare only this quantity, such as peak_force; can be repeated (default: all)",
+        flag="--quantity",
+        action="append",
+        metavar="NAME",
+    ),
+    out=option(None, "also write a page: a new HTML file", metavar="FILE"),
 )
-def _run(options: _Compare) -> int:
+def _run(options: Any) -> int:
     from rpud_sim.inspection.compare import compare
     from rpud_sim.inspection.compare.results import content
 
@@ -90,17 +84,13 @@ def _run(options: _Compare) -> int:
         from rpud_sim.inspection.output import check_new_file
 
         check_new_file(options.out)
+    names = ("begin", "end", "settle", "run_numbers", "namespaces", "quantities")
     with progress_bar(" messages", scaled=True) as bar:
         found = compare(
             [options.bag, *options.others],
-            begin=options.begin,
-            end=options.end,
-            settle=options.settle,
             tolerance=(options.tolerance or 0.0) / 100.0,
-            run_numbers=options.run_numbers,
-            namespaces=options.namespaces,
-            quantities=options.quantities,
             report=bar.update,
+            **{name: getattr(options, name) for name in names},
         )
     for warning in found.warnings:
         complain("rpud compare", warning)
@@ -109,77 +99,42 @@ def _run(options: _Compare) -> int:
             complain("rpud compare", f"{name}: left out {part}: {reason}")
     if options.out:
         write_page(found, options.out)
-    if options.json:
-        print_json({**content(found), "out": options.out})
-    else:
-        print("\n".join([*_lines(found), *([f"page: {options.out}"] if options.out else [])]))
+    print_result(
+        options, {**content(found), "out": options.out}, lambda: _lines(found, options.out)
+    )
     if found.damaged or found.differs:
         return ExitCode.INCOMPLETE
     return ExitCode.FAILED if found.undecided and not found.equal_bits else ExitCode.DONE
 
 
-def _lines(found: Comparison) -> Iterator[str]:
-    for number, name in enumerate(found.names):
-        drill, values = found.drills[number], found.values[number]
-        where = f"{drill.namespace or '/'}, run {drill.number} of {drill.runs}"
-        yield printable(
-            f"{found.letters[number]}  {name}: {where}, {values.begin:.6g} to {values.end:.6g} s"
-        )
-    for title, settings in (("parameter", found.parameters), ("version", found.versions)):
-        if settings:
+def _lines(found: Comparison, page: str | None) -> Iterator[str]:
+    from rpud_sim.inspection.compare.estimates import DIFFERS, UNDECIDED
+    from rpud_sim.inspection.compare.results import bits_line, figure_table, setting_tables
+
+    for letter, name, run in zip(found.letters, found.names, found.values, strict=True):
+        where = f"{run.drill.namespace or '/'}, run {run.drill.number} of {run.drill.runs}"
+        yield printable(f"{letter}  {name}: {where}, {run.begin:.6g} to {run.end:.6g} s")
+    for _, head, rows in setting_tables(found):
+        if rows:
             yield ""
-            rows = [
-                (each.name, *(value or "-" for value in each.values), each.unit)
-                for each in settings
-            ]
-            yield from table((title, *found.letters, ""), rows, left=1)
-    for title, events in (("command", found.commands), ("fault", found.faults)):
-        if events:
-            yield ""
-            rows = [
-                (each.text, *("-" if time is None else f"{time:.6f}" for time in each.times))
-                for each in events[:_MOST_LINES]
-            ]
-            yield from table((title, *(f"{head} [s]" for head in found.letters)), rows, left=1)
-            if len(events) > _MOST_LINES:
-                yield f"and {len(events) - _MOST_LINES} more"
+            yield from table(head, rows[:_MOST_LINES], left=1)
+        if len(rows) > _MOST_LINES:
+            yield f"and {len(rows) - _MOST_LINES} more"
     yield ""
     for letter, bits in zip(found.letters[1:], found.bits, strict=True):
-        yield _bits_line(letter, bits)
-    yield from _figure_lines(found)
-    yield ""
-    yield found.verdict
-
-
-def _bits_line(letter: str, bits: Sequence[TopicBits]) -> str:
-    from rpud_sim.inspection.compare.same_bits import EQUAL, first_different
-
-    if first := first_different(bits):
-        what = f"{first.field} " if first.field else ""
-        return printable(
-            f"{letter}: bits differ from A from {first.time or 0.0:.9f} s on: {first.topic} {what}"
-            f"is {first.other:.60}, in A {first.reference:.60}"
-        )
-    equal = [topic for topic in bits if topic.state == EQUAL]
-    if equal:
-        messages = sum(topic.messages for topic in equal)
-        return f"{letter}: equal bits: all {messages} messages on {len(equal)} topics"
-    return f"{letter}: no bits to compare"
-
-
-def _figure_lines(found: Comparison) -> Iterator[str]:
-    """Yield the first figure of each quantity, and all that differ or are undecided."""
-    from rpud_sim.inspection.compare.estimates import DIFFERS, UNDECIDED
-
-    for window in found.windows:
+        yield printable(f"{letter}: {bits_line(bits)}")
+    for number, window in enumerate(found.windows):
         yield ""
         yield printable(f"{window.name}: {window.spans}")
-        rows = [
-            (each.compared.shown.label, each.figure, letter, *each.texts, each.decision)
-            for quantity in window.quantities
-            for letter, differences in zip(found.letters[1:], quantity.differences, strict=True)
-            for place, each in enumerate(differences)
-            if place == 0 or each.decision in (DIFFERS, UNDECIDED)
-        ]
-        head = ("quantity", "figure", "run", "A", "value", "difference", "95 % interval", "")
+        chosen = (
+            each
+            for each in found.differences
+            if each.window == number
+            and (each.figure == "mean" or each.decision in (DIFFERS, UNDECIDED))
+        )
+        _, head, rows = figure_table(found, chosen)
         yield from table(head, rows, left=3)
+    yield ""
+    yield found.verdict
+    if page:
+        yield f"page: {page}"

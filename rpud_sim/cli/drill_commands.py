@@ -7,12 +7,11 @@ import json
 import math
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from rpud_sim.cli.options import AT_MOST_ONE, EXACTLY_ONE, PlaceOptions, command
+from rpud_sim.cli.options import AT_MOST_ONE, EXACTLY_ONE, PLACE, Fields, command
 from rpud_sim.cli.output import table
 from rpud_sim.cli.program import CommandError, ExitCode
 from rpud_sim.foundation.options import POSITIVE_SECONDS, option, positional
@@ -32,7 +31,7 @@ _Act = TypeVar("_Act", bound=Callable[..., str])  # takes the drill and the opti
 
 
 def _number(text: str) -> float:
-    """Return a finite number, whose range the drill checks; a type for argparse."""
+    """Return a finite number, whose range the drill checks."""
     try:
         value = float(text)
     except ValueError:
@@ -42,20 +41,19 @@ def _number(text: str) -> float:
     return value
 
 
-@dataclass(frozen=True, kw_only=True)
-class DrillOptions(PlaceOptions):
-    """Options of every command on a running drill."""
-
-    patience: float = option(
+_DRILL: Fields = {  # options of every command on a running drill
+    **PLACE,
+    "patience": option(
         5.0,
         "fail if there is no drill or no answer within that many seconds (default: %(default)g)",
         POSITIVE_SECONDS,
         last=True,
-    )
+    ),
+}
 
 
 @contextmanager
-def _connected_drill(name: str, options: DrillOptions) -> Iterator[DrillClient]:
+def _connected_drill(name: str, options: Any) -> Iterator[DrillClient]:
     """Connect a command to its drill; each error becomes one line."""
     from rpud_sim.ros.client import DrillClient, RefusedError
 
@@ -71,14 +69,14 @@ def _connected_drill(name: str, options: DrillOptions) -> Iterator[DrillClient]:
             raise CommandError(f"the drill refuses: {error}") from error
 
 
-def _acting(name: str, example: str, text: str, kind: type[DrillOptions]) -> Callable[[_Act], _Act]:
-    """Declare a command that acts on a running drill and prints one text."""
+def _acting(name: str, example: str, text: str, **own: Any) -> Callable[[_Act], _Act]:
+    """Declare a command that acts on a running drill, with own options, and prints one text."""
 
     def declare(act: _Act) -> _Act:
-        @command(name, example, text, kind)
-        def run(options: DrillOptions) -> ExitCode:
+        @command(name, example, text, "", _DRILL, **own)
+        def run(options: Any) -> ExitCode:
             with _connected_drill(name, options) as drill:
-                said = act(drill, options)
+                said = act(drill, **{each: getattr(options, each) for each in own})
             print(said)
             return ExitCode.DONE
 
@@ -87,118 +85,93 @@ def _acting(name: str, example: str, text: str, kind: type[DrillOptions]) -> Cal
     return declare
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Press(DrillOptions):
-    force: float = positional("FORCE", "weight on bit in newtons", type=_number)
+def _quantity(text: str, metavar: str, **words: Any) -> Any:
+    return option(None, text, type=_number, metavar=metavar, **words)
 
 
-@_acting("press", "30", "press a running drill onto the rock with a weight on bit", _Press)
-def _press(drill: DrillClient, options: _Press) -> str:
-    drill.press(options.force)
-    return f"weight on bit: {options.force:g} N"
+@_acting(
+    "press",
+    "30",
+    "press a running drill onto the rock with a weight on bit",
+    force=positional("FORCE", "weight on bit in newtons", type=_number),
+)
+def _press(drill: DrillClient, force: float) -> str:
+    drill.press(force)
+    return f"weight on bit: {force:g} N"
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Drive(DrillOptions):
-    off: bool = option(False, "do not drive the actuator")
-    voltage: float | None = option(
-        None, "amplitude in volts (default: the present one)", type=_number, metavar="V"
-    )
-    frequency: float | None = option(
-        None, "in hertz (default: the present one)", type=_number, metavar="HZ"
-    )
-
-
-@_acting("drive", "--voltage 80", "drive the actuator of a running drill, or switch it off", _Drive)
-def _drive(drill: DrillClient, options: _Drive) -> str:
-    drill.drive(not options.off, options.voltage, options.frequency)
+@_acting(
+    "drive",
+    "--voltage 80",
+    "drive the actuator of a running drill, or switch it off",
+    off=option(False, "do not drive the actuator"),
+    voltage=_quantity("amplitude in volts (default: the present one)", "V"),
+    frequency=_quantity("in hertz (default: the present one)", "HZ"),
+)
+def _drive(drill: DrillClient, off: bool, voltage: float | None, frequency: float | None) -> str:
+    drill.drive(not off, voltage, frequency)
     status = drill.status
     state = "on" if status.drive_enabled else "off"
     return f"drive: {state}, {status.drive_voltage:g} V, {status.drive_frequency:g} Hz"
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Feed(DrillOptions):
-    rate: float | None = option(
-        None,
-        "toward the rock in m/s; 0 holds the mount",
-        type=_number,
-        metavar="V",
-        group=EXACTLY_ONE,
-    )
-    position: float | None = option(
-        None, "along the drill axis in metres", type=_number, metavar="X", group=EXACTLY_ONE
-    )
+@_acting(
+    "feed",
+    "--rate 0.0005",
+    "feed a running drill on an arm toward the rock, or retract it",
+    rate=_quantity("toward the rock in m/s; 0 holds the mount", "V", group=EXACTLY_ONE),
+    position=_quantity("along the drill axis in metres", "X", group=EXACTLY_ONE),
+)
+def _feed(drill: DrillClient, rate: float | None, position: float | None) -> str:
+    drill.feed(rate, position)
+    return f"feed: to {position:g} m" if rate is None else f"feed: {rate:g} m/s"
 
 
 @_acting(
-    "feed", "--rate 0.0005", "feed a running drill on an arm toward the rock, or retract it", _Feed
+    "engage",
+    "--off",
+    "put the tool of a running drill into the rock, or take it out",
+    off=option(False, "take the tool out of the rock"),
 )
-def _feed(drill: DrillClient, options: _Feed) -> str:
-    drill.feed(options.rate, options.position)
-    if options.rate is not None:
-        return f"feed: {options.rate:g} m/s"
-    return f"feed: to {options.position:g} m"
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Engage(DrillOptions):
-    off: bool = option(False, "take the tool out of the rock")
-
-
-@_acting(
-    "engage", "--off", "put the tool of a running drill into the rock, or take it out", _Engage
-)
-def _engage(drill: DrillClient, options: _Engage) -> str:
-    drill.engage(not options.off)
+def _engage(drill: DrillClient, off: bool) -> str:
+    drill.engage(not off)
     return f"regime: {drill.status.regime}"
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Inject(DrillOptions):
-    kind: str | None = positional(
-        "KIND",
-        "kind of the fault; `rpud inject --list` lists those that are possible",
-        nargs="?",
-    )
-    channel: str = option(
-        "",
-        "topic with the faulty signal, such as reacting_force; only for signal faults",
-        metavar="C",
-    )
-    magnitude: float | None = option(
-        None,
-        "how much, in the unit of the kind (default: that of the kind)",
-        type=_number,
-        metavar="M",
-    )
-    duration: float | None = option(
-        None,
-        "end the fault after that many seconds of simulation time (default: never)",
-        POSITIVE_SECONDS,
-        flag="--for",
-    )
-    list: bool = option(
-        False, "list the active faults, and the kinds and channels that are possible now"
-    )
-    json: bool = option(False, "print the list as one JSON object")
-
-    def __post_init__(self) -> None:
-        if (self.kind is None) != self.list:
-            raise CommandError("needs either KIND or --list", ExitCode.USAGE)
 
 
 @_acting(
     "inject",
     "free_mass_jammed --for 5",
     "inject a fault into a running drill, or list its faults",
-    _Inject,
+    kind=positional(
+        "KIND",
+        "kind of the fault; `rpud inject --list` lists those that are possible",
+        nargs="?",
+        group=EXACTLY_ONE,
+    ),
+    channel=option(
+        "",
+        "topic with the faulty signal, such as reacting_force; only for signal faults",
+        metavar="C",
+    ),
+    magnitude=_quantity("how much, in the unit of the kind (default: that of the kind)", "M"),
+    duration=option(
+        None,
+        "end the fault after that many seconds of simulation time (default: never)",
+        POSITIVE_SECONDS,
+        flag="--for",
+    ),
+    list=option(
+        False,
+        "list the active faults, and the kinds and channels that are possible now",
+        group=EXACTLY_ONE,
+    ),
+    json=option(False, "print the list as one JSON object"),
 )
-def _inject(drill: DrillClient, options: _Inject) -> str:
-    if options.kind is None:
-        return _faults(drill, options.json)
-    fault = drill.inject(options.kind, options.channel, options.magnitude, options.duration)
-    return f"fault {fault}: {' on '.join(filter(None, (options.kind, options.channel)))}"
+def _inject(drill: DrillClient, kind: str | None, list: bool, json: bool, **fault: Any) -> str:
+    if kind is None:
+        return _faults(drill, json)
+    number = drill.inject(kind, **fault)
+    return f"fault {number}: {' on '.join(filter(None, (kind, fault['channel'])))}"
 
 
 def _faults(drill: DrillClient, as_json: bool) -> str:
@@ -237,121 +210,106 @@ def _faults(drill: DrillClient, as_json: bool) -> str:
     )
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Clear(DrillOptions):
-    fault: str | None = positional("FAULT", "number of a fault, or a kind of faults", nargs="?")
-    all: bool = option(False, "end all faults")
-
-    def __post_init__(self) -> None:
-        if (self.fault is None) != self.all:
-            raise CommandError("needs either FAULT or --all", ExitCode.USAGE)
-
-
-@_acting("clear", "free_mass_jammed", "end faults of a running drill", _Clear)
-def _clear(drill: DrillClient, options: _Clear) -> str:
-    which = "all" if options.fault is None else options.fault
+@_acting(
+    "clear",
+    "free_mass_jammed",
+    "end faults of a running drill",
+    fault=positional(
+        "FAULT", "number of a fault, or a kind of faults", nargs="?", group=EXACTLY_ONE
+    ),
+    all=option(False, "end all faults", group=EXACTLY_ONE),
+)
+def _clear(drill: DrillClient, fault: str | None, all: bool) -> str:
+    which = "all" if fault is None else fault
     cleared = drill.clear(int(which) if which.isdecimal() else which)
     return f"cleared: {printable(', '.join(map(str, cleared)) or 'no fault was active')}"
 
 
-@_acting(
-    "pause",
-    "",
-    "let the time of a running drill stand still, so that it can be stepped",
-    DrillOptions,
-)
-def _pause(drill: DrillClient, options: DrillOptions) -> str:
+@_acting("pause", "", "let the time of a running drill stand still, so that it can be stepped")
+def _pause(drill: DrillClient) -> str:
     drill.pause()
     return f"state: {drill.status.state}"
 
 
-@_acting("play", "", "let the time of a paused drill pass", DrillOptions)
-def _play(drill: DrillClient, options: DrillOptions) -> str:
+@_acting("play", "", "let the time of a paused drill pass")
+def _play(drill: DrillClient) -> str:
     drill.play()
     return f"state: {drill.status.state}"
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Step(DrillOptions):
-    seconds: float = positional("SECONDS", "of simulation time", type=_number)
+@_acting(
+    "step",
+    "0.1",
+    "advance a paused drill by some seconds of simulation time",
+    seconds=positional("SECONDS", "of simulation time", type=_number),
+)
+def _step(drill: DrillClient, seconds: float) -> str:
+    return f"time: {drill.step(seconds):.9f} s"
 
 
-@_acting("step", "0.1", "advance a paused drill by some seconds of simulation time", _Step)
-def _step(drill: DrillClient, options: _Step) -> str:
-    return f"time: {drill.step(options.seconds):.9f} s"
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Reset(DrillOptions):
-    scope: str = option(
+@_acting(
+    "reset",
+    "--seed 7",
+    "let a running drill begin again",
+    scope=option(
         "all",
         "what begins again (default: %(default)s)",
         choices=("all", "time", "state", "faults"),
-    )
-    seed: int | None = option(
+    ),
+    seed=option(
         None, "of phase, scenario and noise from here on (default: the present one)", _SEED
-    )
-
-
-@_acting("reset", "--seed 7", "let a running drill begin again", _Reset)
-def _reset(drill: DrillClient, options: _Reset) -> str:
-    drill.reset(options.scope, options.seed)
+    ),
+)
+def _reset(drill: DrillClient, scope: str, seed: int | None) -> str:
+    drill.reset(scope, seed)
     return f"state: {drill.status.state}, time: {drill.time:.9f} s"
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Set(DrillOptions):
-    assignments: Sequence[str] = positional(
+@command(
+    "set",
+    "real_time_factor=0.5",
+    "set parameters of a running drill",
+    "",
+    _DRILL,
+    assignments=positional(
         "NAME=VALUE",
         "a parameter that may change while the drill runs, in SI units",
         nargs="+",
-    )
+    ),
+)
+def _set(options: Any) -> ExitCode:
+    from rpud_sim.simulation.configuration import parse_assignment
 
-    def __post_init__(self) -> None:
-        self.values()  # a mistake ends before the drill is looked for
-
-    def values(self) -> dict[str, Any]:
-        from rpud_sim.simulation.configuration import parse_assignment
-
-        return dict(map(parse_assignment, self.assignments))
-
-
-@_acting("set", "real_time_factor=0.5", "set parameters of a running drill", _Set)
-def _set(drill: DrillClient, options: _Set) -> str:
-    values = options.values()
-    drill.set_parameters(**values)
-    return printable(", ".join(f"{name}: {value}" for name, value in values.items()))
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Echo(DrillOptions):
-    topic: str = positional("TOPIC", "name, relative to the namespace or absolute")
-    once: bool = option(False, "end after one message", group=AT_MOST_ONE)
-    count: int | None = option(
-        None,
-        "end after that many messages (default: at SIGINT or SIGTERM)",
-        _COUNT,
-        group=AT_MOST_ONE,
-    )
-    duration: float | None = option(None, "end after that many seconds", POSITIVE_SECONDS)
-    json: bool = option(False, "print one line of JSON per message")
-    field: str | None = option(
-        None, "print only this field, such as header.stamp.sec", metavar="PATH"
-    )
-    full_length: bool = option(
-        False, "print arrays and texts in full; otherwise YAML cuts them after 128 elements"
-    )
+    values = dict(map(parse_assignment, options.assignments))  # before the drill is looked for
+    with _connected_drill("set", options) as drill:
+        drill.set_parameters(**values)
+    print(printable(", ".join(f"{name}: {value}" for name, value in values.items())))
+    return ExitCode.DONE
 
 
 @command(
     "echo",
     "status --once",
     "print the messages of a topic, of any installed type",
-    _Echo,
     "Each message is a YAML document. The subscription asks for what the publishers offer, so a "
     "latched topic gives its last messages. Lost messages are counted on standard error.",
+    _DRILL,
+    topic=positional("TOPIC", "name, relative to the namespace or absolute"),
+    once=option(False, "end after one message", group=AT_MOST_ONE),
+    count=option(
+        None,
+        "end after that many messages (default: at SIGINT or SIGTERM)",
+        _COUNT,
+        group=AT_MOST_ONE,
+    ),
+    duration=option(None, "end after that many seconds", POSITIVE_SECONDS),
+    json=option(False, "print one line of JSON per message"),
+    field=option(None, "print only this field, such as header.stamp.sec", metavar="PATH"),
+    full_length=option(
+        False, "print arrays and texts in full; otherwise YAML cuts them after 128 elements"
+    ),
 )
-def _echo(options: _Echo) -> ExitCode:
+def _echo(options: Any) -> ExitCode:
     from rpud_sim.ros.client.listening_node import ListeningNode
     from rpud_sim.ros.client.topic_listener import CUT, TopicListener, field_getter, to_plain
 
@@ -368,7 +326,7 @@ def _echo(options: _Echo) -> ExitCode:
         return _listen(listener, show, options)
 
 
-def _listen(listener: TopicListener, show: Callable[[Any], None], options: _Echo) -> ExitCode:
+def _listen(listener: TopicListener, show: Callable[[Any], None], options: Any) -> ExitCode:
     from rpud_sim.ros.stopping import StopRequest
 
     wanted = 1 if options.once else options.count

@@ -9,12 +9,20 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
-from rpud_sim.cli.options import Parser, add_options, command, options_from, split_ros_arguments
+from rpud_sim.cli.options import (
+    Fields,
+    Parser,
+    add_options,
+    command,
+    fields_of,
+    options_from,
+    split_ros_arguments,
+)
 from rpud_sim.cli.output import progress_bar, status_line
 from rpud_sim.cli.program import CommandError, ExitCode, failing, report_errors, run_program
 from rpud_sim.foundation.options import parent_flag
@@ -29,7 +37,7 @@ _REPLAY_BAR = "{desc}: {percentage:3.0f}%|{bar}| {n:.1f}/{total:.1f} s{postfix}"
     "record",
     "--out bags/first --duration 10",
     "record ROS topics into a bag that rosbag2 reads",
-    RecordOptions,
+    shared=RecordOptions,
 )
 def _record(options: RecordOptions, ros_arguments: Sequence[str] = ()) -> int:
     from rpud_sim.ros.record import recorder
@@ -47,7 +55,7 @@ def _record(options: RecordOptions, ros_arguments: Sequence[str] = ()) -> int:
     "replay",
     "bags/first --rate 0.5",
     "publish a bag's messages with their types, QoS and timing",
-    ReplayOptions,
+    shared=ReplayOptions,
 )
 def _replay(options: ReplayOptions, ros_arguments: Sequence[str] = ()) -> int:
     from rpud_sim.ros.replay import replayer
@@ -57,12 +65,7 @@ def _replay(options: ReplayOptions, ros_arguments: Sequence[str] = ()) -> int:
     return ExitCode.DONE
 
 
-@dataclass(frozen=True, kw_only=True)
-class _NodeOptions:
-    with_parent: bool = parent_flag()
-
-
-def _drill(options: _NodeOptions, ros_arguments: Sequence[str]) -> int:
+def _drill(options: Any, ros_arguments: Sequence[str]) -> int:
     from rpud_sim.ros.drill.drill_node import drill
 
     with failing(RuntimeError):
@@ -71,32 +74,33 @@ def _drill(options: _NodeOptions, ros_arguments: Sequence[str]) -> int:
 
 
 def drill_node() -> None:
-    parser = Parser(
-        prog="drill_node",
-        description="A drill in soft real time.",
-        epilog="example: drill_node --ros-args -r __ns:=/rpud --params-file config/free.yaml",
-    )
-    _execute(parser, "drill_node", _NodeOptions, _drill)
+    example = "example: drill_node --ros-args -r __ns:=/rpud --params-file config/free.yaml"
+    parser = Parser("drill_node", description="A drill in soft real time.", epilog=example)
+    _execute(parser, "drill_node", {"with_parent": parent_flag()}, SimpleNamespace, _drill)
 
 
 def recorder() -> None:
-    parser = Parser(prog="recorder", description="Recorder of ROS topics.")
-    _execute(parser, "rpud record", RecordOptions, _record)
+    parser = Parser("recorder", description="Recorder of ROS topics.")
+    _execute(parser, "rpud record", fields_of(RecordOptions), RecordOptions, _record)
 
 
 def replayer() -> None:
-    parser = Parser(prog="replayer", description="Replayer of bags.")
-    _execute(parser, "rpud replay", ReplayOptions, _replay)
+    parser = Parser("replayer", description="Replayer of bags.")
+    _execute(parser, "rpud replay", fields_of(ReplayOptions), ReplayOptions, _replay)
 
 
 def _execute(
-    parser: Parser, same_as: str, kind: type[Any], run: Callable[[Any, Sequence[str]], int]
+    parser: Parser,
+    same_as: str,
+    fields: Fields,
+    kind: Callable[..., Any],
+    run: Callable[[Any, Sequence[str]], int],
 ) -> None:
     """Run an executable; its expected errors name the command that it is the same as."""
-    add_options(parser, kind)
+    add_options(parser, fields)
 
     def execute() -> int:
         words, ros_arguments = split_ros_arguments(sys.argv[1:])
-        return run(options_from(parser.parse_args(words), kind), ros_arguments)
+        return run(options_from(parser.parse_args(words), fields, kind), ros_arguments)
 
     run_program(parser.prog, lambda: report_errors(same_as, execute))

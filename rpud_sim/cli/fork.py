@@ -3,85 +3,71 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from rpud_sim.cli.live_line import logging_above
-from rpud_sim.cli.options import BagOptions, command, run_number_option
-from rpud_sim.cli.output import print_json, progress_bar
+from rpud_sim.cli.options import ASSIGNMENT, BAG, command, run_number_option
+from rpud_sim.cli.output import print_result, progress_bar
 from rpud_sim.cli.program import ExitCode
 from rpud_sim.foundation.options import POSITIVE_SECONDS, SECONDS, option, required
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.foundation.terminal import complain, printable
 
 if TYPE_CHECKING:
-    from rpud_sim.inspection.offline_bag import ForkedBag
     from rpud_sim.simulation.changes import Changes
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Fork(BagOptions):
-    at: float = required(
-        "instant of the fork: simulation time since the beginning of the run", quantity=SECONDS
-    )
-    duration: float | None = option(
-        None,
-        "go on for that many seconds (default: to the end of the recorded run; live: until "
-        "SIGINT or SIGTERM)",
-        POSITIVE_SECONDS,
-    )
-    assignments: Sequence[str] = option(
-        (),
-        "another value of a parameter from the instant on; can be repeated",
-        flag="--set",
-        action="append",
-        metavar="NAME=VALUE",
-    )
-    inject: Sequence[str] = option(
-        (),
-        "inject a fault at the instant; keys are channel, magnitude, duration and onset, the "
-        "seconds from the instant to the fault; can be repeated",
-        action="append",
-        metavar="KIND[,KEY=VALUE...]",
-    )
-    commands: str | None = option(
-        None,
-        "a scenario with faults, and with commands that replace the recorded ones; its times "
-        "count from the instant",
-        metavar="FILE",
-    )
-    out: str | None = option(None, "write a new bag; with --live record it", metavar="DIR")
-    live: bool = option(False, "go on as a drill node, on ROS topics")
-    run: int = run_number_option()
-    topic: str | None = option(None, "topic of the journal, if there are several", metavar="NAME")
-    namespace: str | None = option(
-        None, "with --live: namespace of the node (default: the recorded one)"
-    )
-    quiet: bool = option(False, "with --live: no live line")
 
 
 @command(
     "fork",
     "bags/first --at 1.5 --inject hard_rock,magnitude=5 --out bags/harder",
     "go on from any instant of a recorded run, with other commands, parameters or faults",
-    _Fork,
     "Without a change the new bag equals the rest of the recorded one, bit for bit. A recorded "
     "change after the instant is repeated, unless the fork has its own; a live drill repeats none.",
+    BAG,
+    at=required(
+        "instant of the fork: simulation time since the beginning of the run", quantity=SECONDS
+    ),
+    duration=option(
+        None,
+        "go on for that many seconds (default: to the end of the recorded run; live: until "
+        "SIGINT or SIGTERM)",
+        POSITIVE_SECONDS,
+    ),
+    assignments=option(
+        (), "another value of a parameter from the instant on; can be repeated", **ASSIGNMENT
+    ),
+    inject=option(
+        (),
+        "inject a fault at the instant; keys are channel, magnitude, duration and onset, the "
+        "seconds from the instant to the fault; can be repeated",
+        action="append",
+        metavar="KIND[,KEY=VALUE...]",
+    ),
+    commands=option(
+        None,
+        "a scenario with faults, and with commands that replace the recorded ones; its times "
+        "count from the instant",
+        metavar="FILE",
+    ),
+    out=option(None, "write a new bag; with --live record it", metavar="DIR"),
+    live=option(False, "go on as a drill node, on ROS topics"),
+    run=run_number_option(),
+    topic=option(None, "topic of the journal, if there are several", metavar="NAME"),
+    namespace=option(None, "with --live: namespace of the node (default: the recorded one)"),
+    quiet=option(False, "with --live: no live line"),
 )
-def _run(options: _Fork) -> int:
-    if options.live:
-        if options.json:
-            raise ParameterError("--json goes with a bag, not with --live")
-        return _live(options, _changes(options))
-    if not options.out:
+def _run(options: Any) -> int:
+    if options.live and options.json:
+        raise ParameterError("--json goes with a bag, not with --live")
+    if not (options.live or options.out):
         raise ParameterError("where to? give --out DIR, or --live")
-    if options.namespace or options.quiet:
+    if not options.live and (options.namespace or options.quiet):
         raise ParameterError("--namespace and --quiet go with --live")
-    return _to_bag(options, options.out, _changes(options))
+    changes = _changes(options)
+    return _live(options, changes) if options.live else _to_bag(options, changes)
 
 
-def _changes(options: _Fork) -> Changes:
+def _changes(options: Any) -> Changes:
     from rpud_sim.inspection.fork import LIVE
     from rpud_sim.simulation.changes import (
         Changes,
@@ -97,13 +83,13 @@ def _changes(options: _Fork) -> Changes:
     return changes + (read_commands(options.commands) if options.commands else Changes())
 
 
-def _to_bag(options: _Fork, out: str, changes: Changes) -> int:
+def _to_bag(options: Any, changes: Changes) -> int:
     from rpud_sim.inspection.offline_bag import write_fork
 
     with progress_bar(" s") as bar:
         forked = write_fork(
             options.bag,
-            out,
+            options.out,
             options.at,
             options.duration,
             changes,
@@ -113,19 +99,16 @@ def _to_bag(options: _Fork, out: str, changes: Changes) -> int:
         )
     for warning in forked.warnings:
         complain("rpud fork", warning)
-    print_json(dataclasses.asdict(forked)) if options.json else print(_account(forked))
-    return ExitCode.DONE
-
-
-def _account(forked: ForkedBag) -> str:
     how = "with changes" if forked.changed else "without a change"
-    return (
+    said = (
         f"forked {printable(forked.source)} at {forked.at:.9g} s {how}: {forked.duration:.9g} s "
         f"and {forked.messages} messages in {printable(forked.path)}"
     )
+    print_result(options, dataclasses.asdict(forked), lambda: [said])
+    return ExitCode.DONE
 
 
-def _live(options: _Fork, changes: Changes) -> int:
+def _live(options: Any, changes: Changes) -> int:
     from rpud_sim.cli.run import drill
     from rpud_sim.inspection.fork import live_start, open_fork
     from rpud_sim.ros.drill.drill_node import open_drill

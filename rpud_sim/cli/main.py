@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import dataclasses
 import importlib
 import sys
 from collections.abc import Iterable, Mapping, Sequence
@@ -67,7 +66,7 @@ def build_parser(names: Iterable[str] = COMMANDS) -> argparse.ArgumentParser:
             description=f"{each.help[0].upper()}{each.help[1:]}. {each.details}",
             epilog=f"example: {each.example}",
         )
-        add_options(subparser, each.options)
+        add_options(subparser, each.fields)
     return parser
 
 
@@ -107,12 +106,10 @@ def execute(words: Sequence[str]) -> int:
 def _run(parser: argparse.ArgumentParser, words: Sequence[str]) -> int:
     arguments, further = parser.parse_known_args(words)
     chosen = DECLARED[arguments.command]
-    options = options_from(arguments, chosen.options)
-    if further:
-        if not hasattr(chosen.options, "further"):
-            parser.error(f"unrecognized arguments: {' '.join(further)}")
-        options = dataclasses.replace(options, further=further)
-    return chosen.run(options)
+    if further and "further" not in chosen.fields:
+        parser.error(f"unrecognized arguments: {' '.join(further)}")
+    arguments.further = further
+    return chosen.run(options_from(arguments, chosen.fields, chosen.kind))
 
 
 def main(words: Sequence[str] | None = None) -> None:

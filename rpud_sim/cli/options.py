@@ -1,11 +1,12 @@
-"""Commands, and the command line of each, which is generated from its options object."""
+"""Commands, and the command line of each, which follows from the declarations of its options."""
 
 from __future__ import annotations
 
 import argparse
 import dataclasses
-from collections.abc import Callable, Sequence
-from typing import Any, NoReturn, TypeVar
+from collections.abc import Callable, Mapping
+from types import MappingProxyType, SimpleNamespace
+from typing import Any, NamedTuple, NoReturn, TypeAlias, TypeVar
 
 from rpud_sim.foundation.options import DOMAIN, bag_argument, option
 from rpud_sim.foundation.quantities import Quantity
@@ -18,18 +19,18 @@ AT_MOST_ONE, EXACTLY_ONE = "at most one", "exactly one"
 
 _METAVARS = {"": "N", "%": "PERCENT"}  # of units that are no word
 
-_Options = TypeVar("_Options")
+Fields: TypeAlias = Mapping[str, Any]  # declarations of options by name, in their order
 
 
-@dataclasses.dataclass(frozen=True)
-class Command:
+class Command(NamedTuple):
     """Command of ``rpud``."""
 
     example: str  # call of it
     help: str  # what it does
-    options: type[Any]  # frozen dataclass whose fields declare the arguments
+    fields: Fields  # its arguments
     run: Callable[[Any], int]  # takes the options, returns the exit code
     details: str  # sentences for its own help
+    kind: Callable[..., Any]  # makes the options of their values by name
 
 
 DECLARED: dict[str, Command] = {}
@@ -39,70 +40,63 @@ _Run = TypeVar("_Run", bound=Callable[[Any], int])
 
 
 def command(
-    name: str, example: str, text: str, kind: type[Any], details: str = ""
+    name: str,
+    example: str,
+    text: str,
+    details: str = "",
+    shared: Fields | type[Any] = MappingProxyType({}),
+    **own: Any,
 ) -> Callable[[_Run], _Run]:
-    """Declare the function of a command: the words of an example, its help, and its options."""
+    """Declare the function of a command: the words of an example, its help, and its options.
+
+    ``shared`` are options that others have, too, or a dataclass with all of them; ``own`` are
+    further ones.
+    """
+    fields = fields_of(shared) if isinstance(shared, type) else {**shared, **own}
+    kind: Callable[..., Any] = shared if isinstance(shared, type) else SimpleNamespace
 
     def declare(run: _Run) -> _Run:
-        DECLARED[name] = Command(f"rpud {name} {example}".rstrip(), text, kind, run, details)
+        DECLARED[name] = Command(
+            f"rpud {name} {example}".rstrip(), text, fields, run, details, kind
+        )
         return run
 
     return declare
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class JsonOptions:
-    """Options of a command that prints text or JSON."""
-
-    json: bool = option(False, "print one JSON object", last=True)
+def fields_of(kind: type[Any]) -> Fields:
+    """Return the declarations of a dataclass of options."""
+    return {field.name: field for field in dataclasses.fields(kind)}
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class BagOptions(JsonOptions):
-    """Options of a command that reads a bag."""
-
-    bag: str = bag_argument()
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class PlaceOptions:
-    """Options that say where a drill runs."""
-
-    namespace: str = option("/rpud", "namespace of the drill (default: %(default)s)", last=True)
-    domain: int | None = option(
-        None, "ROS domain (default: ROS_DOMAIN_ID, or 0)", DOMAIN, last=True
-    )
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class ParameterOptions:
-    """Options that give parameters of a drill."""
-
-    regime: str | None = option(
+JSON: Fields = {"json": option(False, "print one JSON object", last=True)}
+BAG: Fields = {**JSON, "bag": bag_argument()}
+# Where a drill runs.
+PLACE: Fields = {
+    "namespace": option("/rpud", "namespace of the drill (default: %(default)s)", last=True),
+    "domain": option(None, "ROS domain (default: ROS_DOMAIN_ID, or 0)", DOMAIN, last=True),
+}
+ASSIGNMENT: dict[str, Any] = {"flag": "--set", "action": "append", "metavar": "NAME=VALUE"}
+PARAMETERS: Fields = {
+    "regime": option(
         None,
         "free is before drilling, drilling is in the rock (default: drilling)",
         choices=("free", "drilling"),
-    )
-    config: str | None = option(
-        None, "a ROS parameter file, such as config/drilling.yaml", metavar="FILE"
-    )
-    assignments: Sequence[str] = option(
-        (),
-        "set one parameter, in SI units; can be repeated",
-        flag="--set",
-        action="append",
-        metavar="NAME=VALUE",
-    )
+    ),
+    "config": option(None, "a ROS parameter file, such as config/drilling.yaml", metavar="FILE"),
+    "assignments": option((), "set one parameter, in SI units; can be repeated", **ASSIGNMENT),
+}
 
-    def values(self) -> dict[str, Any]:
-        """Return the given parameters by name: the file's, then --regime, then each --set."""
-        from rpud_sim.simulation.configuration import parse_assignment, read_parameter_file
 
-        values = read_parameter_file(self.config) if self.config else {}
-        if self.regime:
-            values["regime"] = self.regime
-        values.update(parse_assignment(text) for text in self.assignments)
-        return values
+def parameter_values(options: Any) -> dict[str, Any]:
+    """Return the given parameters: those of the file, then --regime, then each --set."""
+    from rpud_sim.simulation.configuration import parse_assignment, read_parameter_file
+
+    values = read_parameter_file(options.config) if options.config else {}
+    if options.regime:
+        values["regime"] = options.regime
+    values.update(parse_assignment(text) for text in options.assignments)
+    return values
 
 
 def run_number_option(condition: str = "") -> int:
@@ -155,12 +149,12 @@ def _parse_number(text: Any) -> Any:
     return text
 
 
-def add_options(parser: argparse.ArgumentParser, kind: type[Any]) -> None:
-    """Declare the arguments of an options object, in the order of its fields."""
+def add_options(parser: argparse.ArgumentParser, fields: Fields) -> None:
+    """Declare arguments, in the order of their fields."""
     groups: dict[str, argparse._ActionsContainer] = {"": parser}
-    declared = [field for field in dataclasses.fields(kind) if field.metadata]
-    for field in sorted(declared, key=lambda each: each.metadata.get("last", False)):
-        words = {name: word for name, word in field.metadata.items() if name != "last"}
+    declared = [(name, field) for name, field in fields.items() if field.metadata]
+    for name, field in sorted(declared, key=lambda each: each[1].metadata.get("last", False)):
+        words = {key: word for key, word in field.metadata.items() if key != "last"}
         group = words.pop("group", "")
         if group not in groups:
             groups[group] = (
@@ -169,9 +163,9 @@ def add_options(parser: argparse.ArgumentParser, kind: type[Any]) -> None:
                 else parser.add_argument_group(group)
             )
         if words.pop("positional", False):
-            groups[group].add_argument(field.name, **words)
+            groups[group].add_argument(name, **words)
             continue
-        flag = words.pop("flag", f"--{field.name.replace('_', '-')}")
+        flag = words.pop("flag", f"--{name.replace('_', '-')}")
         if isinstance(field.default, bool):
             words["action"] = "store_true"
         elif not words.get("required"):
@@ -179,14 +173,14 @@ def add_options(parser: argparse.ArgumentParser, kind: type[Any]) -> None:
         if "quantity" in words:
             unit = words["quantity"].unit
             words = {"action": _Number, "metavar": _METAVARS.get(unit, unit.upper()), **words}
-        groups[group].add_argument(flag, dest=field.name, **words)
+        groups[group].add_argument(flag, dest=name, **words)
 
 
-def options_from(arguments: argparse.Namespace, kind: type[_Options]) -> _Options:
-    """Return the options object of parsed arguments."""
-    given = {name: value for name, value in vars(arguments).items() if value is not None}
-    fields = dataclasses.fields(kind)  # type: ignore[arg-type]  # any dataclass
-    return kind(**{field.name: given[field.name] for field in fields if field.name in given})
+def options_from(arguments: argparse.Namespace, fields: Fields, kind: Callable[..., Any]) -> Any:
+    """Return the options of parsed arguments; one that is not given has its default."""
+    values = {name: field.default for name, field in fields.items()}
+    values.update((n, v) for n, v in vars(arguments).items() if n in fields and v is not None)
+    return kind(**values)
 
 
 def split_ros_arguments(words: list[str]) -> tuple[list[str], list[str]]:

@@ -18,21 +18,22 @@ _DELAY = 2.0  # s, until a terminal shows a bar
 _LINE_PERIOD = 10.0  # s between two lines where there is no terminal
 
 
+def cell(value: Any, form: str = "", none: str = "-") -> str:
+    """Return a value of a table, in a format; a dash for None."""
+    return none if value is None else f"{value:{form}}"
+
+
 def table(head: Sequence[str], rows: Iterable[Sequence[Any]], left: int) -> list[str]:
     """Return the lines of a table, aligned and printable, ``left`` columns to the left."""
-    cells = [[printable(cell) for cell in row] for row in (head, *rows)]
+    cells = [[printable(cell(value)) for value in row] for row in (head, *rows)]
     widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
-    return [
-        "  ".join(
-            cell.ljust(width) if number < left else cell.rjust(width)
-            for number, (cell, width) in enumerate(zip(row, widths, strict=True))
-        )
-        for row in cells
-    ]
+    forms = ["<" if number < left else ">" for number in range(len(widths))]
+    return ["  ".join(map("{:{}{}}".format, row, forms, widths)) for row in cells]
 
 
-def print_json(content: Any) -> None:
-    print(json.dumps(content, indent=2))
+def print_result(options: Any, content: Any, lines: Callable[[], Iterable[str]]) -> None:
+    """Print the result of a command: with --json its content, otherwise some lines."""
+    print(json.dumps(content, indent=2) if options.json else "\n".join(lines()))
 
 
 class _Lines:

@@ -9,11 +9,10 @@ import signal
 import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from rpud_sim.cli.live_line import LiveLine, logging_above, summary_text
-from rpud_sim.cli.options import ParameterOptions, command
+from rpud_sim.cli.options import PARAMETERS, command, parameter_values
 from rpud_sim.cli.program import CommandError, ExitCode, failing
 from rpud_sim.cli.watch import DEFAULT_PORT, PORT
 from rpud_sim.foundation.child_process import RPUD, ChildProcess
@@ -38,19 +37,23 @@ _RECORDER_END = 30.0  # s
 _READY = "recording\n"  # that the recorder prints when it records
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Run(ParameterOptions):
-    duration: float | None = run_time_option()
-    record: str | None = option(
+@command(
+    "run",
+    "--duration 10 --record bags/first --set weight_on_bit=20",
+    "drill in real time on ROS topics",
+    "",
+    PARAMETERS,
+    duration=run_time_option(),
+    record=option(
         None, "record the namespace into a new bag, by a recorder process", metavar="DIR"
-    )
-    max_loss: float = option(
+    ),
+    max_loss=option(
         RecordOptions.max_loss,
         "with --record: seconds of messages that a crash may cost at most, where processor "
         "and disk keep up (default: %(default)g)",
         POSITIVE_SECONDS,
-    )
-    watch: int | None = option(
+    ),
+    watch=option(
         None,
         "also serve the page of the drill, by a process of its own; 0 is a free port "
         f"(default: {DEFAULT_PORT})",
@@ -58,23 +61,16 @@ class _Run(ParameterOptions):
         nargs="?",
         const=DEFAULT_PORT,
         metavar="PORT",
-    )
-    namespace: str = namespace_option("namespace of the node")
-    allow_duplicate: bool = option(
+    ),
+    namespace=namespace_option("namespace of the node"),
+    allow_duplicate=option(
         False, "drill although a drill of the same name runs; both answer the same requests"
-    )
-    quiet: bool = option(False, "no live line of rate and forces")
-
-
-@command(
-    "run",
-    "--duration 10 --record bags/first --set weight_on_bit=20",
-    "drill in real time on ROS topics",
-    _Run,
+    ),
+    quiet=option(False, "no live line of rate and forces"),
 )
-def _run(options: _Run) -> int:
+def _run(options: Any) -> int:
     """Drill until the duration is over or a signal stops it."""
-    values = options.values()
+    values = parameter_values(options)
     from rpud_sim.ros.drill.drill_node import open_drill
     from rpud_sim.ros.stopping import StopRequest
 
@@ -118,8 +114,6 @@ def drill(
 def _drill_and_record(
     node: DrillNode, stop: StopRequest, program: str, record: str, max_loss: float, live: bool
 ) -> ExitCode:
-    from rpud_sim.ros.drill.drill_node import await_recorder
-
     with failing(RuntimeError):
         node.prepare()  # so that the recorder finds its topics, and has the first message
     recorder = ChildProcess(
@@ -134,8 +128,7 @@ def _drill_and_record(
     if not recorder.first_line(_RECORDER_START, lambda: stop.requested):
         closed = _close_recorder(recorder)
         return ExitCode.DONE if stop.requested and closed else ExitCode.FAILED
-    await_recorder(node, stop)
-    node.count_sent()
+    node.await_recorder(stop)
     try:
         drilled = _drill(node, stop, program, live)
     finally:

@@ -7,13 +7,12 @@ import gc
 import importlib
 import os
 import sys
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rpud_sim.cli.options import JsonOptions, ParameterOptions, command
-from rpud_sim.cli.output import print_json, progress_bar
+from rpud_sim.cli.options import JSON, PARAMETERS, command, parameter_values
+from rpud_sim.cli.output import cell, print_result, progress_bar
 from rpud_sim.cli.program import ExitCode
 from rpud_sim.foundation.options import option
 from rpud_sim.foundation.quantities import ParameterError, Quantity, shown
@@ -29,43 +28,38 @@ _REPEAT = Quantity("", "number of runs", 1, 1e6, whole=True)
 _SEED = Quantity("", "seed", 0, 2**63, whole=True)
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Simulate(ParameterOptions, JsonOptions):
-    duration: float = option(10.0, "simulated time (default: %(default)s)", _DURATION)
-    repeat: int = option(
-        1,
-        "an ensemble of N runs over initial vibration phases; adds standard errors",
-        _REPEAT,
-    )
-    seed: int | None = option(
-        None,
-        "seed of the initial phases, and of the scenario in place of its own",
-        _SEED,
-        metavar="S",
-    )
-    commands: str | None = option(
-        None,
-        "commands and faults at their times, a YAML file as of rpud fork --commands",
-        metavar="FILE",
-    )
-    bag: str | None = option(
-        None, "write the run as a bag with the topics of the node", metavar="DIR"
-    )
-
-
 @command(
     "simulate",
     "--regime drilling --duration 20 --set weight_on_bit=20 --json",
     "run the drill offline, faster than real time, and print its figures",
-    _Simulate,
+    "",
+    {**JSON, **PARAMETERS},
+    duration=option(10.0, "simulated time (default: %(default)s)", _DURATION),
+    repeat=option(
+        1,
+        "an ensemble of N runs over initial vibration phases; adds standard errors",
+        _REPEAT,
+    ),
+    seed=option(
+        None,
+        "seed of the initial phases, and of the scenario in place of its own",
+        _SEED,
+        metavar="S",
+    ),
+    commands=option(
+        None,
+        "commands and faults at their times, a YAML file as of rpud fork --commands",
+        metavar="FILE",
+    ),
+    bag=option(None, "write the run as a bag with the topics of the node", metavar="DIR"),
 )
-def _run(options: _Simulate) -> int:
+def _run(options: Any) -> int:
     _load_numba()
     if options.bag and options.repeat > 1:
         raise ParameterError("--bag goes with a single run, not with --repeat")
-    _refuse_assignments_to_the_node(options)
+    _refuse_assignments_to_the_node(options.assignments)
     figures = _simulate(options)
-    print_json(figures) if options.json else print(_text(figures))
+    print_result(options, figures, lambda: _lines(figures))
     return ExitCode.DONE
 
 
@@ -85,23 +79,23 @@ def _load_numba() -> None:
             gc.enable()
 
 
-def _refuse_assignments_to_the_node(options: _Simulate) -> None:
+def _refuse_assignments_to_the_node(assignments: Sequence[str]) -> None:
     """Refuse parameters without effect here; a file may hold them, for the node reads it too."""
     from rpud_sim.simulation.configuration import NODE_NAMES, parse_assignment
 
-    for text in options.assignments:
+    for text in assignments:
         name, _ = parse_assignment(text)
         if name in NODE_NAMES and name != "scenario":
             raise ParameterError(f"{name} is a parameter of the drill node alone: see rpud run")
 
 
-def _simulate(options: _Simulate) -> dict[str, Any]:
+def _simulate(options: Any) -> dict[str, Any]:
     from rpud_sim.simulation.changes import read_commands
     from rpud_sim.simulation.configuration import to_settings
     from rpud_sim.simulation.ensemble import compile_kernels, compile_members
     from rpud_sim.simulation.simulation import initial_phases
 
-    values = options.values()
+    values = parameter_values(options)
     configuration = to_settings(values).configuration
     file = values.get("scenario", "")
     scenario = _scenario(file, options.seed)
@@ -132,7 +126,7 @@ def _scenario(path: Any, seed: int | None) -> Scenario | None:
 
 
 def _figures(
-    options: _Simulate,
+    options: Any,
     configuration: Configuration,
     phases: Sequence[float],
     scenario: Scenario | None,
@@ -173,27 +167,16 @@ def _figures(
     return figures
 
 
-def _text(figures: dict[str, Any]) -> str:
+def _lines(figures: dict[str, Any]) -> Iterator[str]:
     from rpud_sim.simulation.statistics import FIGURES
 
-    units = {
-        "duration": "s",
-        **FIGURES,
-        "depth": "m",
-        "penetration_rate": "m/s",
-        "real_time_factor": "",
-    }
+    depth = {"depth": "m", "penetration_rate": "m/s"}
     errors = figures.get("standard_error", {})
-    lines = []
-    for name, unit in units.items():
-        if name not in figures:
-            continue
-        value = figures[name]
-        text = "-" if value is None else f"{value:.6g}"
-        if errors.get(name) is not None:
-            text += f" +- {errors[name]:.2g}"
-        lines.append(f"{name:24} {text} {unit}".rstrip())
-    return "\n".join(lines)
+    for name, unit in {"duration": "s", **FIGURES, **depth, "real_time_factor": ""}.items():
+        if name in figures:
+            error = cell(errors.get(name), ".2g", "")
+            text = cell(figures[name], ".6g") + (error and f" +- {error}")
+            yield f"{name:24} {text} {unit}".rstrip()
 
 
 def _show(line: str) -> None:

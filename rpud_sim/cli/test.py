@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator
 from contextlib import nullcontext
-from dataclasses import dataclass
+from dataclasses import field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rpud_sim.cli.options import command
-from rpud_sim.cli.output import print_json, progress_bar, table
+from rpud_sim.cli.output import cell, print_result, progress_bar, table
 from rpud_sim.cli.program import CommandError, ExitCode, failing
 from rpud_sim.foundation.options import option, positional
 from rpud_sim.foundation.terminal import complain, printable
@@ -17,7 +17,7 @@ from rpud_sim.foundation.whole_folder import whole_file
 
 if TYPE_CHECKING:
     from rpud_sim.testing.campaign_results import CampaignResults
-    from rpud_sim.verdicts import Record, Verdict
+    from rpud_sim.verdicts import Verdict
 
 SUFFIXES = (".yaml", ".yml")
 """Suffixes of campaign files: any other file or folder is a bag."""
@@ -26,41 +26,32 @@ SUFFIXES = (".yaml", ".yml")
 _QUIET = ("-W", "ignore::pytest.PytestAssertRewriteWarning")
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Test:
-    subject: str = positional(
-        "BAG|CAMPAIGN",
-        "a bag's folder or one file of it, or a campaign file that ends in .yaml",
-    )
-    expect: str | None = option(None, "expectations, as in docs/reference", metavar="FILE")
-    namespace: str | None = option(
-        None, "of the drill, where the bag holds several", metavar="NAME"
-    )
-    junit: str | None = option(None, "write a JUnit XML file as well", metavar="FILE")
-    json: bool = option(False, "print one JSON object")
-    out: str | None = option(
-        None,
-        "folder for page, bags and logs (default: rpud-artefacts)",
-        metavar="DIR",
-        group="campaigns",
-    )
-    only: str | None = option(
-        None, "fly these runs only: -k of pytest", metavar="EXPRESSION", group="campaigns"
-    )
-    further: Sequence[str] = ()  # words for pytest
-
-
 @command(
     "test",
     "bags/first --expect config/expectations.yaml",
     "judge a bag by the expectations of a file, or fly a campaign of tests",
-    _Test,
     "Each expectation is passed, failed or undecided. The last run in a bag is judged. "
     "A campaign flies scenarios, parameters and seeds against a system under test, by pytest, "
     "which gets all further options, such as -n 4 or --lf. "
     "Exit codes: 0 all passed, 1 one is undecided, or a drill failed, 2 wrong call, 3 one failed.",
+    subject=positional(
+        "BAG|CAMPAIGN",
+        "a bag's folder or one file of it, or a campaign file that ends in .yaml",
+    ),
+    expect=option(None, "expectations, as in docs/reference", metavar="FILE"),
+    namespace=option(None, "of the drill, where the bag holds several", metavar="NAME"),
+    junit=option(None, "write a JUnit XML file as well", metavar="FILE"),
+    json=option(False, "print one JSON object"),
+    out=option(
+        None,
+        "folder for page, bags and logs (default: rpud-artefacts)",
+        metavar="DIR",
+        group="campaigns",
+    ),
+    only=option(None, "fly these runs only: -k of pytest", metavar="EXPRESSION", group="campaigns"),
+    further=field(default=()),  # words for pytest
 )
-def _run(options: _Test) -> int:
+def _run(options: Any) -> int:
     if Path(options.subject).suffix in SUFFIXES and not Path(options.subject).is_dir():
         return _test_campaign(options)
     if options.expect is None:
@@ -71,7 +62,7 @@ def _run(options: _Test) -> int:
     return _test_bag(options, options.expect)
 
 
-def _test_campaign(options: _Test) -> int:
+def _test_campaign(options: Any) -> int:
     """Call pytest on a campaign; return the exit code."""
     for name in ("expect", "namespace", "json"):
         if getattr(options, name):
@@ -112,10 +103,10 @@ def _test_campaign(options: _Test) -> int:
     return ExitCode.FAILED if met == ExitCode.DONE and code != pytest.ExitCode.OK else met
 
 
-def _test_bag(options: _Test, expect: str) -> int:
+def _test_bag(options: Any, expect: str) -> int:
     from rpud_sim.verdicts import ExpectationError, Record, evaluate, read_expectations
     from rpud_sim.verdicts.record import check_bag
-    from rpud_sim.verdicts.verdict import junit_xml
+    from rpud_sim.verdicts.verdict import OUTCOMES, junit_xml
 
     expectations = read_expectations(expect)
     topics = sorted({topic for each in expectations for topic in each.topics})
@@ -133,7 +124,14 @@ def _test_bag(options: _Test, expect: str) -> int:
         direct = target.is_symlink() or (target.exists() and not target.is_file())
         with nullcontext(target) if direct else whole_file(target) as file:
             file.write_text(junit_xml(verdicts, options.subject), encoding="utf-8")
-    print_json(_content(verdicts, record)) if options.json else print(_account(verdicts, record))
+    counts = {name: sum(each.outcome == name for each in verdicts) for name in OUTCOMES}
+    content = {
+        "passed": all(each.passed for each in verdicts),
+        "counts": counts,
+        "runs": record.runs,
+        "verdicts": [each.to_dict() for each in verdicts],
+    }
+    print_result(options, content, lambda: _lines(verdicts, counts, record.runs))
     return _exit_code(each.outcome for each in verdicts)
 
 
@@ -144,41 +142,20 @@ def _exit_code(outcomes: Iterable[str]) -> ExitCode:
     return ExitCode.DONE if found == {"passed"} else ExitCode.FAILED
 
 
-def _counts(verdicts: list[Verdict]) -> dict[str, int]:
-    from rpud_sim.verdicts.verdict import OUTCOMES
-
-    return {outcome: sum(each.outcome == outcome for each in verdicts) for outcome in OUTCOMES}
-
-
-def _content(verdicts: list[Verdict], record: Record) -> dict[str, Any]:
-    return {
-        "passed": all(each.passed for each in verdicts),
-        "counts": _counts(verdicts),
-        "runs": record.runs,
-        "verdicts": [each.to_dict() for each in verdicts],
-    }
-
-
-def _account(verdicts: list[Verdict], record: Record) -> str:
+def _lines(verdicts: list[Verdict], counts: dict[str, int], runs: int) -> Iterator[str]:
     head = ("requirement", "name", "verdict", "margin", "at [s]", "reaction [s]")
     rows = [
         (
-            each.requirement or "-",
-            each.name,
-            each.outcome,
-            "-" if each.margin is None else f"{each.margin:.4g} {each.unit}".rstrip(),
-            "-" if each.at is None else f"{each.at:.3f}",
-            "-" if each.reaction_time is None else f"{each.reaction_time:.3f}",
+            *(each.requirement or "-", each.name, each.outcome),
+            f"{cell(each.margin, '.4g')} {each.unit}".rstrip(),
+            *(cell(each.at, ".3f"), cell(each.reaction_time, ".3f")),
         )
         for each in verdicts
     ]
-    lines = table(head, rows, left=3)
-    undecided = [
-        f"undecided: {printable(each.name)}: {printable(each.text)}"
-        for each in verdicts
-        if each.outcome == "undecided"
-    ]
-    counts = ", ".join(f"{count} {outcome}" for outcome, count in _counts(verdicts).items())
-    if record.runs > 1:
-        counts += f"; of {record.runs} runs in the bag, the last"
-    return "\n".join([*lines, "", *undecided, counts])
+    yield from table(head, rows, left=3)
+    yield ""
+    for each in verdicts:
+        if each.outcome == "undecided":
+            yield f"undecided: {printable(each.name)}: {printable(each.text)}"
+    said = ", ".join(f"{count} {outcome}" for outcome, count in counts.items())
+    yield said + (f"; of {runs} runs in the bag, the last" if runs > 1 else "")

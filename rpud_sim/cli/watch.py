@@ -7,10 +7,9 @@ import os
 import sys
 import threading
 import time
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from rpud_sim.cli.options import PlaceOptions, command
+from rpud_sim.cli.options import PLACE, command
 from rpud_sim.cli.program import ExitCode
 from rpud_sim.foundation.options import option, positional
 from rpud_sim.foundation.quantities import Quantity
@@ -27,44 +26,40 @@ _SEARCH_TIME = 1.0  # for drills before the addresses are printed [s]
 _SEARCH_PERIOD = 0.05  # s
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Watch(PlaceOptions):
-    bag: str | None = positional(
-        "BAG",
-        "a bag's folder or one file of it: the page shows the bag, and needs no ROS",
-        nargs="?",
-    )
-    port: int = option(
-        DEFAULT_PORT,
-        "port of the page, 0 for a free one (default: %(default)s)",
-        PORT,
-        metavar="P",
-    )
-    address: str = option(
-        "127.0.0.1",
-        "address to listen on; others than this machine's own need the printed token "
-        "(default: %(default)s)",
-        metavar="A",
-    )
-    open: bool = option(False, "open the page in the browser")
-    until_eof: bool = option(False, argparse.SUPPRESS)
-
-
 @command(
     "watch",
     "--port 8810",
     "show running drills in the browser and act on them, or show a bag",
-    _Watch,
     "With BAG it shows that bag: a timeline, every signal, and exact waveforms rebuilt from the "
     "trajectory. It prints the address of the page, which only this machine can reach unless "
     "--address says otherwise. Other machines then need the token in the address.",
+    PLACE,
+    bag=positional(
+        "BAG",
+        "a bag's folder or one file of it: the page shows the bag, and needs no ROS",
+        nargs="?",
+    ),
+    port=option(
+        DEFAULT_PORT,
+        "port of the page, 0 for a free one (default: %(default)s)",
+        PORT,
+        metavar="P",
+    ),
+    address=option(
+        "127.0.0.1",
+        "address to listen on; others than this machine's own need the printed token "
+        "(default: %(default)s)",
+        metavar="A",
+    ),
+    open=option(False, "open the page in the browser"),
+    until_eof=option(False, argparse.SUPPRESS),
 )
-def _run(options: _Watch) -> int:
+def _run(options: Any) -> int:
     """Serve until a signal."""
     return _watch_drills(options) if options.bag is None else _watch_bag(options, options.bag)
 
 
-def _watch_bag(options: _Watch, bag: str) -> ExitCode:
+def _watch_bag(options: Any, bag: str) -> ExitCode:
     """Serve the page of a bag until a signal."""
     from rpud_sim.viewer.recorded_store import serve_bag
     from rpud_sim.viewer.server import Place
@@ -81,7 +76,7 @@ def _watch_bag(options: _Watch, bag: str) -> ExitCode:
     return ExitCode.DONE
 
 
-def _watch_drills(options: _Watch) -> ExitCode:
+def _watch_drills(options: Any) -> ExitCode:
     """Serve the pages of running drills until a signal."""
     from rpud_sim.viewer.live_store import serve_drills
     from rpud_sim.viewer.server import Place
@@ -97,7 +92,7 @@ def _watch_drills(options: _Watch) -> ExitCode:
     return ExitCode.DONE
 
 
-def _announce(server: PageServer, finder: DrillFinder, options: _Watch) -> None:
+def _announce(server: PageServer, finder: DrillFinder, options: Any) -> None:
     drills = [options.namespace] if options.until_eof else _find(finder)
     if len(drills) == 1:
         url = server.url("/screen", namespace=drills[0])

@@ -41,12 +41,11 @@ class Arm:
         return behind if behind < 0.0 else 0.0
 
     def stored(self, deflection: float) -> float:
-        """Return the energy of the arm's spring [J]."""
         stretch = self.stretch(deflection)
         return 0.5 * self.stiffness * stretch * stretch
 
 
-class Load(NamedTuple):
+class SpringLoad(NamedTuple):
     """Force of the drill on the mount, away from the rock, by the mount's position."""
 
     spring_rate: float  # of the load spring [N/m]
@@ -74,7 +73,7 @@ class Move(NamedTuple):
     shift_work: float = 0.0  # that moved the place at rest [J]
 
 
-def drift(arm: Arm, load: Load, position: float, rest: float, interval: float) -> Move:
+def drift(arm: Arm, load: SpringLoad, position: float, rest: float, interval: float) -> Move:
     """Return the motion of the mount in an interval [s] in which nothing else moves.
 
     It begins within the arm's reach of ``rest``, where the arm is not deflected; an infinite
@@ -90,30 +89,22 @@ def drift(arm: Arm, load: Load, position: float, rest: float, interval: float) -
         if net == 0.0:
             break
         away = 1.0 if net > 0.0 else -1.0
-        distance = math.inf
-        for knot in knots:
-            ahead = (knot - position) * away
-            if 0.0 < ahead < distance:
-                distance = ahead
-        middle = position + away * (0.5 * distance if distance < math.inf else 1.0)
-        steepness = _steepness(arm, load, middle - rest)
-        length = _duration(damping, net * away, steepness, distance)
-        if length > interval:
-            length = interval
-        if length < interval:
-            way = distance
-        elif steepness == 0.0:
-            way = min(net * away * length / damping, distance)
-        else:
-            end = -exponential_minus_one(-steepness * length / damping)
-            way = net * away / steepness * end
-            if way > distance:
-                way = distance
+        ways = [way for knot in knots if (way := (knot - position) * away) > 0.0]
+        distance = min(ways, default=math.inf)
+        deflection = position + away * (0.5 * distance if ways else 1.0) - rest
+        between = arm.half_play < abs(deflection) < reach
+        # By which A - L falls with the position, up to the next knot [N/m].
+        steepness = load.spring_rate + arm.stiffness if between else load.spring_rate
+        length = min(_duration(damping, net * away, steepness, distance), interval)
         if steepness == 0.0:
             damper += net * net * length / damping
+            way = net * away * length / damping
         else:
             decay = -exponential_minus_one(-2.0 * steepness * length / damping)
             damper += 0.5 * net * net / steepness * decay
+            end = -exponential_minus_one(-steepness * length / damping)
+            way = net * away / steepness * end
+        way = distance if length < interval else min(way, distance)
         position += away * way
         interval -= length
         if length == math.inf:
@@ -123,7 +114,7 @@ def drift(arm: Arm, load: Load, position: float, rest: float, interval: float) -
     return Move(position, slipped, damper, slip, load.work(start, position))
 
 
-def shift(arm: Arm, load: Load, position: float, rest: float, new_rest: float) -> Move:
+def shift(arm: Arm, load: SpringLoad, position: float, rest: float, new_rest: float) -> Move:
     """Return the motion of the mount while its place at rest moves at once.
 
     A rigid arm carries the mount along; the host slips where that takes more than the anchoring
@@ -142,7 +133,7 @@ def shift(arm: Arm, load: Load, position: float, rest: float, new_rest: float) -
     return Move(end, end - target, 0.0, slip, work, work + slip)
 
 
-def arm_force(arm: Arm, load: Load, position: float, rest: float) -> float:
+def arm_force(arm: Arm, load: SpringLoad, position: float, rest: float) -> float:
     """Return the force of the arm on the mount, toward the rock [N]."""
     if arm.stiffness > 0.0:
         return -arm.stiffness * arm.stretch(position - rest)
@@ -152,15 +143,12 @@ def arm_force(arm: Arm, load: Load, position: float, rest: float) -> float:
     return min(max(held, -arm.anchoring), arm.anchoring)
 
 
-def _net_force(arm: Arm, load: Load, position: float, rest: float) -> float:
+def _net_force(arm: Arm, load: SpringLoad, position: float, rest: float) -> float:
     """Return A - L in the direction in which the mount would move [N]; zero if it is held."""
     driving = -load.force(position)
     if arm.stiffness > 0.0:
         elastic = arm.stiffness * arm.stretch(position - rest)
-        if elastic > arm.anchoring:
-            elastic = arm.anchoring
-        elif elastic < -arm.anchoring:
-            elastic = -arm.anchoring
+        elastic = min(max(elastic, -arm.anchoring), arm.anchoring)
         return driving - elastic
     if _in_play(arm, position, rest, driving):
         return driving
@@ -174,13 +162,6 @@ def _in_play(arm: Arm, position: float, rest: float, driving: float) -> bool:
     if driving > 0.0:
         return position < rest + arm.half_play
     return position > rest - arm.half_play
-
-
-def _steepness(arm: Arm, load: Load, deflection: float) -> float:
-    """Return by how much A - L falls with the position between two knots [N/m]."""
-    if arm.half_play < abs(deflection) < arm.reach:
-        return load.spring_rate + arm.stiffness
-    return load.spring_rate
 
 
 def _duration(damping: float, net: float, steepness: float, distance: float) -> float:
@@ -200,7 +181,7 @@ def _excess(arm: Arm, position: float, rest: float) -> float:
     return math.copysign(excess, deflection) if excess > 0.0 else 0.0
 
 
-def _held(arm: Arm, load: Load, position: float, target: float) -> float:
+def _held(arm: Arm, load: SpringLoad, position: float, target: float) -> float:
     """Return how far a rigid arm carries the mount before its host slips [m]."""
     if load.spring_rate == 0.0:
         return target

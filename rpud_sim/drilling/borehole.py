@@ -123,7 +123,6 @@ def cut(
 
 
 def radius_of(area: float) -> float:
-    """Return the radius of a circle [m] of an area [m^2]."""
     return math.sqrt(area / math.pi)
 
 
@@ -202,25 +201,22 @@ class RecentDrilling:
 
     def add(self, interval: float, depth: float, energy: float) -> None:
         """Add a step, with the depth of the hole [m] and the energy spent [J] at its end."""
-        time = self._times[self._now] + interval
+        values = (self._times[self._now] + interval, depth, energy)
+        rings = (self._times, self._depths, self._energies)
         steps = len(self._times)
-        if (steps - 0.5) * interval < WINDOW:
-            self._now += 1
-            self._times.append(time)
-            self._depths.append(depth)
-            self._energies.append(energy)
-            return
-        self._now = (self._now + 1) % steps
-        self._times[self._now] = time
-        self._depths[self._now] = depth
-        self._energies[self._now] = energy
+        grows = (steps - 0.5) * interval < WINDOW
+        self._now = self._now + 1 if grows else (self._now + 1) % steps
+        for ring, value in zip(rings, values, strict=True):
+            if grows:
+                ring.append(value)
+            else:
+                ring[self._now] = value
 
     def _change_of(self, ring: array[float]) -> float:
         return ring[self._now] - ring[(self._now + 1) % len(ring)]
 
     @property
     def penetration_rate(self) -> float:
-        """Mean rate of penetration [m/s]."""
         time = self._change_of(self._times)
         return self._change_of(self._depths) / time if time > 0.0 else 0.0
 
@@ -277,7 +273,6 @@ class Borehole:
 
     @property
     def state(self) -> BoreholeState:
-        """State at the last step."""
         new, blunt = self._bit.bit_wear_flat, self._bit.bit_blunt_flat
         worn = min(self._wear_flat * self._worn_factor, max(self._area, new))
         filling = self._cuttings.filling(self._tip, self._clogged)
@@ -293,7 +288,6 @@ class Borehole:
 
     @property
     def depth(self) -> float:
-        """Depth of the hole [m]."""
         return self._depth
 
     @property
@@ -302,7 +296,6 @@ class Borehole:
         return math.inf if self._through else self._depth
 
     def resistance(self, percussion: Percussion, disturbances: Disturbances) -> Resistance:
-        """Return the torque against the rotation of the drill tool."""
         if not (percussion.in_rock or self._tip > 0.0):
             return NO_RESISTANCE
         done = NO_CUT

@@ -6,7 +6,7 @@ import dataclasses
 import math
 from typing import NamedTuple
 
-from rpud_sim.drilling.arm import Arm, Load, Move, arm_force, drift, shift
+from rpud_sim.drilling.arm import Arm, Move, SpringLoad, arm_force, drift, shift
 from rpud_sim.drilling.inputs import Disturbances, Percussion
 from rpud_sim.foundation.parameters import ParameterGroup, choice, number
 from rpud_sim.foundation.quantities import ParameterError, Quantity, shown, suggestion
@@ -99,7 +99,6 @@ class MountParameters(ParameterGroup):
             )
 
     def check(self, motion: Feed) -> None:
-        """Check that the feed can make a motion."""
         limit = self.feed_rate_limit
         if motion.mode == RATE and not -limit <= motion.value <= limit:
             raise ParameterError(
@@ -184,7 +183,7 @@ class Mount:
         self.position = self._feed = start = parameters.initial_feed
         self.in_contact = has_rock and start > 0.0
         self.bottom = 0.0 if has_rock else math.inf
-        self._load = Load(load_spring_rate, 0.0, 0.0 if self.in_contact else start, 0.0)
+        self._load = SpringLoad(load_spring_rate, 0.0, 0.0 if self.in_contact else start, 0.0)
         self._slip = 0.0
         if self.in_contact:
             settled = drift(self._arm, self._load, start, start, math.inf)
@@ -196,27 +195,14 @@ class Mount:
 
     @property
     def state(self) -> MountState:
-        """State at the last step."""
         rest = self._rest
-        work = MountWork(
-            self._feed_work,
-            self._damper_loss,
-            self._slip_loss,
-            self._host_work,
-            self._arm.stored(self.position - rest),
-            self._drill_work,
-        )
-        return MountState(
-            self.position,
-            self._feed,
-            self._rate,
-            arm_force(self._arm, self._load, self.position, rest),
-            self.weight_on_bit,
-            self.in_contact,
-            self._slip,
-            self.bottom,
-            work,
-        )
+        stored = self._arm.stored(self.position - rest)
+        force = arm_force(self._arm, self._load, self.position, rest)
+        lost = (self._damper_loss, self._slip_loss)
+        work = MountWork(self._feed_work, *lost, self._host_work, stored, self._drill_work)
+        drive = (self.position, self._feed, self._rate)
+        contact = (self.weight_on_bit, self.in_contact)
+        return MountState(*drive, force, *contact, self._slip, self.bottom, work)
 
     @property
     def weight_on_bit(self) -> float:
@@ -247,22 +233,15 @@ class Mount:
         # What the drill's own motion takes from the force of the load spring.
         push = self.preload - percussion.reacting_force
         position, deflection = self.position, self.position - self._feed
-        load = Load(spring_rate, damping, self._load.origin, push)
+        load = SpringLoad(spring_rate, damping, self._load.origin, push)
         self._take(drift(self._arm, load, self.position, self._rest, interval), damping)
         if disturbances.arm_slip_rate:
-            rest = self._rest
-            self._slip -= disturbances.arm_slip_rate * interval
-            moved = shift(self._arm, load, self.position, rest, self._rest)
-            self._take(moved)
-            self._host_work += moved.shift_work
+            slip = self._slip - disturbances.arm_slip_rate * interval
+            self._host_work += self._shift(load, self._feed, slip)
         feed = self._next_feed(interval, disturbances.feed_stalled)
         self._rate = (feed - self._feed) / interval
         if feed != self._feed:
-            rest = self._rest
-            self._feed = feed
-            moved = shift(self._arm, load, self.position, rest, self._rest)
-            self._take(moved)
-            self._feed_work += moved.shift_work
+            self._feed_work += self._shift(load, feed, self._slip)
         way = self.position - position
         if not self.in_contact:
             way = (self.position - self._feed) - deflection
@@ -272,6 +251,14 @@ class Mount:
     def _rest(self) -> float:
         """Place of the mount at which the arm is not deflected [m]."""
         return self._feed + self._slip
+
+    def _shift(self, load: SpringLoad, feed: float, slip: float) -> float:
+        """Move feed and host at once; return the work of what moves them [J]."""
+        rest = self._rest
+        self._feed, self._slip = feed, slip
+        moved = shift(self._arm, load, self.position, rest, self._rest)
+        self._take(moved)
+        return moved.shift_work
 
     def _take(self, moved: Move, load_damping: float = 0.0) -> None:
         self.position, slipped, damper, slip, work, _ = moved
@@ -294,7 +281,9 @@ class Mount:
             return feed - most
         return feed + most if wanted > feed + most else wanted
 
-    def _arrive(self, load: Load, bottom: float, way: float, interval: float, reach: float) -> None:
+    def _arrive(
+        self, load: SpringLoad, bottom: float, way: float, interval: float, reach: float
+    ) -> None:
         """Note what follows from the place that the mount has reached.
 
         ``way`` is that of the mount as the bodies see it, ``reach`` how far the RPUD comes until

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from rpud_sim.drilling.borehole import BitParameters, Borehole, BoreholeState
 from rpud_sim.drilling.inputs import Disturbances, Percussion
-from rpud_sim.drilling.mount import Advance, Feed, Mount, MountParameters, MountState
+from rpud_sim.drilling.mount import Mount, MountParameters, MountState
 from rpud_sim.drilling.rock import RockParameters, Strata, StrataParameters, uniform_strata
 from rpud_sim.drilling.rotor import NO_RESISTANCE, NOT_TURNED, RotationParameters, Rotor, RotorState
 from rpud_sim.foundation.shared import Shared
@@ -44,7 +44,6 @@ class DrillingParameters:
 
     @property
     def active(self) -> bool:
-        """Whether there is anything to step."""
         rotates = self.rotation.rotation_model != "none"
         return rotates or self.mount.feed_model != "none" or bool(self.strata.strata)
 
@@ -101,7 +100,6 @@ class Process:
 
     @property
     def state(self) -> ProcessState:
-        """State at the last step."""
         return ProcessState(
             self._time,
             self._rotor.state if self._rotor else None,
@@ -115,31 +113,12 @@ class Process:
         return self._next_step
 
     @property
-    def weight_on_bit(self) -> float | None:
-        """Weight on bit until the next step [N]; None if the commanded one acts."""
-        return self._mount.weight_on_bit if self._mount else None
-
-    @property
-    def preload(self) -> float | None:
-        """Force of the mount on the RPUD until the next step [N]; None if the commanded one acts.
-
-        It is the weight on bit, and what the mount's motion adds to it.
-        """
-        return self._mount.preload if self._mount else None
-
-    @property
-    def in_contact(self) -> bool | None:
-        """Whether the tool is in the rock until the next step; None if ``regime`` says it."""
-        return self._mount.in_contact if self._mount else None
-
-    @property
-    def advance(self) -> Advance | None:
-        """Motion of the mount in the last step; None without a feed."""
-        return self._mount.advance if self._mount else None
+    def mount(self) -> Mount | None:
+        """Mount of the drill; None without a feed: weight on bit and regime are commanded."""
+        return self._mount
 
     @property
     def depth(self) -> float | None:
-        """Depth of the hole [m]; None without a borehole."""
         return self._borehole.depth if self._borehole else None
 
     @property
@@ -147,18 +126,9 @@ class Process:
         """Power that the rotation takes from the stack [W], and its energy since time zero [J]."""
         return self._rotor.draw if self._rotor else (0.0, 0.0)
 
-    def feed(self, motion: Feed) -> None:
-        """Let the drive of the feed make a motion, from the next step on.
-
-        Without a feed nothing happens.
-        """
-        if self._mount:
-            self._mount.motion = motion
-
     def step(
         self, percussion: Percussion, surroundings: Surroundings, disturbances: Disturbances
     ) -> None:
-        """Take the step that is due at ``next_step``."""
         interval = self.interval / SECOND
         mount, borehole = self._mount, self._borehole
         if self._follows_rock and surroundings.hardness != 1.0:
@@ -176,12 +146,8 @@ class Process:
             borehole.step(interval, percussion, turned, position, disturbances)
             bottom = borehole.bottom
         if mount:
-            mount.step(
-                interval,
-                bottom if surroundings.has_rock else math.inf,
-                percussion,
-                surroundings.load_spring_rate,
-                disturbances,
-            )
+            bottom = bottom if surroundings.has_rock else math.inf
+            spring_rate = surroundings.load_spring_rate
+            mount.step(interval, bottom, percussion, spring_rate, disturbances)
         self._time = self._next_step
         self._next_step += self.interval

@@ -20,39 +20,25 @@ from rpud_sim.foundation.parameters import (
     quantities,
     text,
 )
-from rpud_sim.foundation.quantities import ParameterError, Quantity, did_you_mean, shown, shown_name
+from rpud_sim.foundation.quantities import ParameterError, Quantity, did_you_mean, shown
 from rpud_sim.foundation.shared import Shared
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.foundation.yaml_files import Cursor, cursor_at, open_yaml, parse_yaml
 
-
-def _rock(
-    strength: float,
-    abrasiveness: float,
-    friction: float,
-    threshold_energy: float,
-    specific_energy: float | None = None,
-) -> Mapping[str, float]:
-    """Return a rock whose specific energy is its strength, unless another one is given."""
-    return {
-        "specific_energy": strength if specific_energy is None else specific_energy,
-        "strength": strength,
-        "threshold_energy": threshold_energy,
-        "abrasiveness": abrasiveness,
-        "friction": friction,
-    }
-
-
+_PROPERTIES = ("specific_energy", "strength", "threshold_energy", "abrasiveness", "friction")
 ROCKS: Mapping[str, Mapping[str, float]] = {
-    # Compacted JSC-1A. Strength and specific energy are assumed: a granular soil has no compressive
-    # strength of its own; a compacted one bears some 0.1 MPa under a small bit.
-    "regolith": _rock(1e5, 1.0, 0.6, 0.0, specific_energy=5e6),
-    "chalk": _rock(10e6, 0.3, 0.4, 0.002),
-    "limestone": _rock(50e6, 1.0, 0.5, 0.01),
-    "sandstone": _rock(75e6, 2.0, 0.5, 0.02),
-    "basalt": _rock(200e6, 3.0, 0.5, 0.05),
+    name: dict(zip(_PROPERTIES, values, strict=True))
+    for name, *values in (
+        # Compacted JSC-1A. Strength and specific energy are assumed: a granular soil has no
+        # compressive strength of its own; a compacted one bears some 0.1 MPa under a small bit.
+        ("regolith", 5e6, 1e5, 0.0, 1.0, 0.6),
+        # Of the others the specific energy is the strength.
+        ("chalk", 10e6, 10e6, 0.002, 0.3, 0.4),
+        ("limestone", 50e6, 50e6, 0.01, 1.0, 0.5),
+        ("sandstone", 75e6, 75e6, 0.02, 2.0, 0.5),
+        ("basalt", 200e6, 200e6, 0.05, 3.0, 0.5),
+    )
 }
-
 
 LONGEST_NAME = 60
 BOTTOM = Quantity("m", "depth at which the rock ends", 0.0, 1e4, exclusive=True)
@@ -132,7 +118,6 @@ class Strata(Shared):
 
 
 def preset_layer(rock: str, depth_from: float = 0.0) -> Layer:
-    """Return a layer of a rock of ``ROCKS``."""
     if not (isinstance(rock, str) and rock in ROCKS):
         raise ParameterError(f"rock = {shown(rock)} is unknown; {did_you_mean(rock, ROCKS)}")
     return Layer(name=rock, depth_from=depth_from, **ROCKS[rock])
@@ -187,35 +172,25 @@ def _strata_at(content: Cursor) -> Strata:
     whole = cursor_at(content.value, content.source.file)  # errors without a line
     content.file_mapping("a file of strata")
     given = content.mapping(("layers", "bottom"))
-    layers = []
-    for entry in given.get("layers", whole.get("layers")).sequence("layer {number}"):
-        with entry.errors():
-            layers.append(_layer(entry.value))
+    entries = given.get("layers", whole.get("layers")).sequence("layer {number}")
+    layers = tuple(map(_layer_at, entries))
     with whole.errors():
         bottom = BOTTOM.check("bottom", given["bottom"].value) if "bottom" in given else math.inf
-        return Strata(tuple(layers), bottom)
+        return Strata(layers, bottom)
 
 
-def _layer(entry: Any) -> Layer:
-    if not isinstance(entry, Mapping):
-        raise ParameterError(f"{shown(entry)} is not a mapping")
-    for key in entry:
-        if key not in _LAYER_KEYS:
-            raise ParameterError(f"{shown_name(key)} is unknown; {did_you_mean(key, _LAYER_KEYS)}")
-    if "depth_from" not in entry:
-        raise ParameterError(f"depth_from is missing; {_range('depth_from')}")
-    given = {key: value for key, value in entry.items() if key != "rock"}
-    if "rock" in entry:
-        return dataclasses.replace(preset_layer(entry["rock"]), **given)
-    for key in declarations(Layer):
-        if key not in given:
-            known = f"; {_range(key)}" if key in LAYER_QUANTITIES else ""
-            raise ParameterError(f"{key} is missing, and so is a rock that would give it{known}")
-    return Layer(**given)
-
-
-def _range(key: str) -> str:
-    return f"its range is {LAYER_QUANTITIES[key].range}"
+def _layer_at(entry: Cursor) -> Layer:
+    found = entry.mapping(_LAYER_KEYS, unknown="{shown} is unknown; {hint}")
+    if "rock" in found:
+        entry.mapping(needed=("depth_from",))
+    else:
+        missing = "{name} is missing, and so is a rock that would give it"
+        entry.mapping(needed=declarations(Layer), missing=missing)
+    given = {key: cell.value for key, cell in found.items() if key != "rock"}
+    with entry.errors():
+        if "rock" in found:
+            return dataclasses.replace(preset_layer(found["rock"].value), **given)
+        return Layer(**given)
 
 
 @dataclasses.dataclass(frozen=True)

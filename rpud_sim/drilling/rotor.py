@@ -121,24 +121,12 @@ class Rotor:
 
     @property
     def state(self) -> RotorState:
-        """State at the last step."""
-        work = RotorWork(
-            self._drawn,
-            self._driven,
-            self._cutting,
-            self._friction,
-            self._flutes,
-            self._faults,
-            0.5 * self._inertia * self._rate * self._rate,
-        )
-        return RotorState(
-            self._angle,
-            self._rate,
-            self._torque,
-            self._drive_torque,
-            self._rate == 0.0 and self._drive_torque > 0.0,
-            work,
-        )
+        resisted = (self._cutting, self._friction, self._flutes, self._faults)
+        kinetic = 0.5 * self._inertia * self._rate * self._rate
+        work = RotorWork(self._drawn, self._driven, *resisted, kinetic)
+        stalled = self._rate == 0.0 and self._drive_torque > 0.0
+        motion = (self._angle, self._rate, self._torque, self._drive_torque)
+        return RotorState(*motion, stalled, work)
 
     @property
     def draw(self) -> tuple[float, float]:
@@ -204,7 +192,6 @@ class _Decay(NamedTuple):
 
 
 def _decay_in(time: float, decay: float) -> _Decay:
-    """Return the decay in a time [s] at a rate [1/s]."""
     return _Decay(
         time,
         -exponential_minus_one(-decay * time) / decay,

@@ -82,14 +82,9 @@ class ParameterGroup:
 @cache
 def declarations(group: type) -> Mapping[str, Declaration]:
     """Return the declarations of a group by name, without fields that declare nothing."""
+    fields = [field for field in dataclasses.fields(group) if field.metadata]
     return MappingProxyType(
-        {
-            field.name: Declaration(
-                field.name, field.default, field.metadata["allowed"], field.metadata["changeable"]
-            )
-            for field in dataclasses.fields(group)
-            if field.metadata
-        }
+        {field.name: Declaration(field.name, field.default, **field.metadata) for field in fields}
     )
 
 

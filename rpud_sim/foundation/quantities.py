@@ -40,9 +40,7 @@ def suggestion(name: Any, known: Iterable[str]) -> str:
     It is for messages that list the known names anyway, and stricter than `did_you_mean`: names of
     topics begin alike.
     """
-    known = list(known)
-    near = isinstance(name, str)
-    close = difflib.get_close_matches(name, known, n=1, cutoff=0.8) if near else []
+    close = difflib.get_close_matches(name, known, n=1, cutoff=0.8) if isinstance(name, str) else []
     return f" (did you mean {close[0]}?)" if close else ""
 
 

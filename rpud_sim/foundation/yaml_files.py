@@ -86,19 +86,17 @@ def yaml_lines(text: str) -> dict[tuple[str | int, ...], int]:
     """Return the line of each key and entry, from 1 on, by the keys and numbers that lead there."""
     found: dict[tuple[str | int, ...], int] = {}
 
-    def visit(node: Any, path: tuple[str | int, ...]) -> None:
-        found.setdefault(path, node.start_mark.line + 1)
+    def visit(node: Any, path: tuple[str | int, ...], line: int) -> None:
+        found[path] = line
         if isinstance(node, yaml.MappingNode):
             for key, value in node.value:
-                inner = (*path, str(key.value))
-                found[inner] = key.start_mark.line + 1
-                visit(value, inner)
+                visit(value, (*path, str(key.value)), key.start_mark.line + 1)
         elif isinstance(node, yaml.SequenceNode):
             for number, value in enumerate(node.value):
-                visit(value, (*path, number))
+                visit(value, (*path, number), value.start_mark.line + 1)
 
     if (whole := yaml.compose(text, _Loader)) is not None:
-        visit(whole, ())
+        visit(whole, (), whole.start_mark.line + 1)
     return found
 
 
@@ -165,13 +163,7 @@ class Cursor:
         unknown: str = "{shown} is not one of {names}",
         missing: str = "{name} is missing",
     ) -> dict[Any, Cursor]:
-        """Return the values of a mapping by key.
-
-        Args:
-            known: keys that it may have; None for any.
-            needed: keys that it must have.
-            other: text where it is no mapping.
-        """
+        """Return the values of a mapping by key; it may have ``known`` keys, None for any."""
         if not isinstance(self.value, Mapping):
             raise self.refusal(other)
         found = {key: self._at(key, value) for key, value in self.value.items()}
@@ -198,27 +190,21 @@ class Cursor:
     def sequence(
         self, label: str = "", *, other: str = "{name} = {shown} is not a list"
     ) -> list[Cursor]:
-        """Return the entries of a list.
+        """Return the entries of a list, or refuse what is none by the text ``other``.
 
-        Args:
-            label: of each entry, with its {number} from 1 on.
-            other: text where it is no list.
+        ``label`` is that of each entry, with its {number} from 1 on.
         """
         if not isinstance(self.value, list):
             raise self.refusal(other)
-        found = [
-            Cursor(value, self.source, f"{self.name}[{index}]", self.label, (*self.place, index))
-            for index, value in enumerate(self.value)
-        ]
-        if self.source.dotted:
-            found = [dataclasses.replace(each, label=each.name) for each in found]
-        if not label:
-            return found
         outer = f"{self.label}: " if self.label else ""
-        labels = [outer + label.format(number=number) for number in range(1, len(found) + 1)]
-        return [
-            dataclasses.replace(each, label=own) for each, own in zip(found, labels, strict=True)
-        ]
+        found = []
+        for index, value in enumerate(self.value):
+            name = f"{self.name}[{index}]"
+            own = name if self.source.dotted else self.label
+            if label:
+                own = outer + label.format(number=index + 1)
+            found.append(Cursor(value, self.source, name, own, (*self.place, index)))
+        return found
 
     def check(self, allowed: Allowed) -> Any:
         """Return the value as a quantity, choice, flag or text takes it."""

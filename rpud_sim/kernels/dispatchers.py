@@ -13,6 +13,7 @@ from __future__ import annotations
 import functools
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 from llvmlite.binding import Linkage
@@ -71,21 +72,11 @@ def _codegen() -> _Codegen:
     return _Codegen("rpud_sim.kernels")
 
 
-class _NoEnvironments:
-    """Stand-in for the codegen of a rule, whose environment belongs to the kernel's code."""
-
-    @staticmethod
-    def set_env(name: str, environment: object) -> None:
-        """Nothing is to be set, because there is no code yet."""
-
-
 class _RuleLibrary(JITCodeLibrary):
     """Intermediate code to link into kernels; never machine code of its own."""
 
-    @property
-    def codegen(self) -> _NoEnvironments:
-        """What Numba sets the environment of loaded code with."""
-        return _NoEnvironments()
+    # Numba sets the environment of loaded code here; that of a rule belongs to the kernel's code.
+    codegen = SimpleNamespace(set_env=lambda name, environment: None)
 
     def _optimize_final_module(self) -> None:
         """Leave it to the kernel."""
@@ -174,13 +165,9 @@ class _Files(_Cache):
         self._store.write(self._name(sig), dumps(_content(data)))
 
     def enable(self) -> None:
-        """Files are always in use."""
+        """Files are always in use, and dropped when their successors are written."""
 
-    def disable(self) -> None:
-        """Files are always in use."""
-
-    def flush(self) -> None:
-        """Files of former sources are dropped when their successors are written."""
+    disable = flush = enable
 
 
 def _content(result: Any) -> tuple[Any, ...]:

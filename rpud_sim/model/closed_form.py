@@ -22,7 +22,6 @@ class PhaseSinCos(NamedTuple):
 
 @compiled
 def turn_at(phase):
-    """Return the ``PhaseSinCos`` of a phase [cycles]."""
     sine, cosine = sin_cos_cycles(phase)
     return PhaseSinCos(sine, cosine)
 
@@ -31,12 +30,6 @@ def turn_at(phase):
 def vibration_of(amplitude, frequency, turn):
     """Displacement and velocity of the harmonic vibration, eq. (1), given its ``PhaseSinCos``."""
     return amplitude * turn.sine, TWO_PI * frequency * amplitude * turn.cosine
-
-
-@compiled
-def harmonic_vibration(amplitude, frequency, phase):
-    """Displacement and velocity of the harmonic vibration, eq. (1), at a phase."""
-    return vibration_of(amplitude, frequency, turn_at(phase))
 
 
 @compiled
@@ -88,7 +81,6 @@ def damping_coefficient(damping_ratio, mass, spring_rate):
 
 @compiled
 def oscillator(mass, damping, spring_rate):
-    """Return the ``Oscillator`` of a mass on a damped spring."""
     a = 0.5 * damping / mass
     w = math.sqrt(spring_rate / mass - a * a)
     return Oscillator(mass, damping, spring_rate, a, w, 1.0 / spring_rate, 1.0 / w)
@@ -117,15 +109,8 @@ def driven_vibration(body, force, force_sine, force_cosine, frequency, turn, pos
     steady = vibration_sine * turn.sine + vibration_cosine * turn.cosine
     steady_rate = omega * (vibration_sine * turn.cosine - vibration_cosine * turn.sine)
     free = free_vibration(body, force, position - steady, velocity - steady_rate)
-    return Oscillation(
-        free.offset,
-        free.decay_rate,
-        free.angular_frequency,
-        free.cosine,
-        free.sine,
-        vibration_sine,
-        vibration_cosine,
-    )
+    offset, a, w, A_1, A_2, _, _ = free
+    return Oscillation(offset, a, w, A_1, A_2, vibration_sine, vibration_cosine)
 
 
 class DecayingSinCos(NamedTuple):

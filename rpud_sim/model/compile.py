@@ -29,6 +29,11 @@ def record_type(fields: list[Any]) -> np.dtype[Any]:
     return np.dtype((np.record, plain)) if config.DISABLE_JIT else plain
 
 
+def floats(*names: str) -> list[Any]:
+    """Return fields of a record that are numbers of double precision."""
+    return [(name, np.float64) for name in names]
+
+
 def compilation_notice() -> str:
     """Return the line that says why the model is compiled, and where the kernels are kept."""
     return notice(this_target(), STORE)

@@ -59,14 +59,9 @@ class UndisturbedContact(NamedTuple):
     gravity: float  # g [m/s^2]
 
     @property
-    def angular_frequency(self) -> float:
-        """omega_fmdt [rad/s], eq. (32)."""
-        return math.sqrt(self.tool.spring_rate / (self.free_mass + self.tool.mass))
-
-    @property
     def _swing(self) -> tuple[float, float, float, float]:
-        """omega_fmdt, the deformation at rest, and cosine and sine of that about it [m]."""
-        omega = self.angular_frequency
+        """omega_fmdt of eq. (32), the deformation at rest, and cosine and sine about it [m]."""
+        omega = math.sqrt(self.tool.spring_rate / (self.free_mass + self.tool.mass))
         rest = self.free_mass * self.gravity / self.tool.spring_rate
         return omega, rest, self.displacement - rest, self.velocity / omega
 

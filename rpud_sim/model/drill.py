@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rpud_sim.model.closed_form import damping_coefficient
-from rpud_sim.model.compile import record_type
+from rpud_sim.model.compile import floats, record_type
 from rpud_sim.model.contact import effective_tool
 from rpud_sim.model.elementary import power
 from rpud_sim.model.parameters import Parameters
@@ -17,7 +17,7 @@ from rpud_sim.model.parameters import Parameters
 ROCK_DAMPING_RATIO = 0.5
 
 
-class Drill(NamedTuple):
+class DrillConstants(NamedTuple):
     """Constants of the drill in SI units.
 
     The tool is m_dt on the restoring spring before drilling (eq. (14)), and m_eff,dt on its own
@@ -41,29 +41,25 @@ class Drill(NamedTuple):
     jammed: bool
 
 
-def derive(parameters: Parameters, jammed: bool = False) -> Drill:
+def derive(parameters: Parameters, jammed: bool = False) -> DrillConstants:
     """Return the constants that the engine needs; a jam in the rock damps the tool."""
     effective = effective_tool(parameters)
     in_rock = parameters.regime == "drilling"
     if in_rock:
-        tool_mass, tool_spring_rate = effective.mass, effective.spring_rate
-        damping_ratio = ROCK_DAMPING_RATIO if jammed else 0.0
+        tool_mass, tool_spring_rate = effective
+        ratio = ROCK_DAMPING_RATIO if jammed else 0.0
     else:
-        tool_mass = parameters.drill_tool_mass
-        tool_spring_rate = parameters.restoring_spring_rate
-        damping_ratio = parameters.drill_tool_damping_ratio
-    return Drill(
-        rpud_mass=parameters.rpud_mass,
-        rpud_weight=(
-            parameters.rpud_mass * parameters.gravity if parameters.gravity_on_drill else 0.0
-        ),
-        rpud_damping=damping_coefficient(
-            parameters.rpud_damping_ratio, parameters.rpud_mass, parameters.load_spring_rate
-        ),
-        load_spring_rate=parameters.load_spring_rate,
+        tool_mass, tool_spring_rate = parameters.drill_tool_mass, parameters.restoring_spring_rate
+        ratio = parameters.drill_tool_damping_ratio
+    mass, load_spring_rate = parameters.rpud_mass, parameters.load_spring_rate
+    return DrillConstants(
+        rpud_mass=mass,
+        rpud_weight=mass * parameters.gravity if parameters.gravity_on_drill else 0.0,
+        rpud_damping=damping_coefficient(parameters.rpud_damping_ratio, mass, load_spring_rate),
+        load_spring_rate=load_spring_rate,
         free_mass=parameters.free_mass,
         tool_mass=tool_mass,
-        tool_damping=damping_coefficient(damping_ratio, tool_mass, tool_spring_rate),
+        tool_damping=damping_coefficient(ratio, tool_mass, tool_spring_rate),
         tool_spring_rate=tool_spring_rate,
         tool_elasticity=effective.spring_rate,
         actuator_restitution=parameters.actuator_restitution,
@@ -79,44 +75,27 @@ def derive(parameters: Parameters, jammed: bool = False) -> Drill:
 STATE = record_type(
     [
         ("seconds", np.int64),
-        ("fraction", np.float64),
-        ("phase", np.float64),
-        ("frequency", np.float64),
-        ("amplitude", np.float64),
-        ("target_amplitude", np.float64),  # taken at the next zero of the vibration
-        ("weight_on_bit", np.float64),
+        *floats("fraction", "phase", "frequency", "amplitude"),
+        *floats("target_amplitude"),  # taken at the next zero of the vibration
+        *floats("weight_on_bit"),
         ("contact", np.uint8),
         ("event", np.uint8),
         ("tool_at_rest", np.uint8),  # in the rock, between two contacts
-        ("u_np", np.float64),
-        ("v_np", np.float64),
-        ("u_fm", np.float64),
-        ("v_fm", np.float64),
-        ("u_dt", np.float64),
-        ("v_dt", np.float64),
+        *floats("u_np", "v_np", "u_fm", "v_fm", "u_dt", "v_dt"),
         ("next_event", np.uint8),  # what ends the open segment, an END_* of search.py
         ("impacts", np.uint64),  # on the drill tool, so far
         ("impact_open", np.uint8),  # whether the last of them is still in contact
         ("standstill", np.int64),  # events in a row without time passing
-        ("effort", np.float64),  # on the event budget, see tolerances.py
+        *floats("effort"),  # on the event budget, see tolerances.py
         # Of a resonant vibration, see resonator.py; all else is zero if it is prescribed.
         ("resonant", np.uint8),
         ("steady", np.uint8),  # no update until a contact or a command
-        ("decay_time", np.float64),
-        ("resistance", np.float64),
-        ("amplitude_per_volt", np.float64),
-        ("voltage", np.float64),
-        ("drive_frequency", np.float64),
-        ("drive_phase", np.float64),
-        ("resonance_frequency", np.float64),
-        ("envelope_real", np.float64),
-        ("envelope_imag", np.float64),
-        ("envelope_age", np.float64),  # time since the envelope was written
-        ("update_due", np.float64),  # time until the next update is due
-        ("drawn", np.float64),
-        ("heat", np.float64),
-        ("work", np.float64),
-        ("owed", np.float64),
+        *floats("decay_time", "resistance", "amplitude_per_volt", "voltage"),
+        *floats("drive_frequency", "drive_phase", "resonance_frequency"),
+        *floats("envelope_real", "envelope_imag"),
+        *floats("envelope_age"),  # time since the envelope was written
+        *floats("update_due"),  # time until the next update is due
+        *floats("drawn", "heat", "work", "owed"),
     ]
 )
 
@@ -127,7 +106,7 @@ SEATING_TIME = 0.1  # [s]
 SEATING_STEPS = 20
 
 
-def seating(before: Drill, after: Drill) -> list[tuple[float, Drill]]:
+def seating(before: DrillConstants, after: DrillConstants) -> list[tuple[float, DrillConstants]]:
     """Return the constants of each step, with the time of the step after the change [s].
 
     A free drill tool gets into the rock in steps that are as before drilling: eqs. (11)-(14). Every

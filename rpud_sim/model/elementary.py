@@ -121,7 +121,6 @@ def sin_cos(angle):
 
 @compiled
 def _power_of_two(exponent):
-    """Return 2**exponent, for -1022 to 1023."""
     places = exponent + 1024
     return float(_FAR_POWERS[places >> 6]) * float(_NEAR_POWERS[places & 63])
 
@@ -133,20 +132,12 @@ def _growth(x):
     r = (x - doublings * _LOG_2_1) - doublings * _LOG_2_2
     z = r * r
     w = z * z
-    growth = r + z * (
-        (
-            (0.5000000000000001 + r * 0.16666666666666674)
-            + z * (0.04166666666662416 + r * 0.00833333333332221)
-        )
-        + w
-        * (
-            (
-                (0.0013888888917198688 + r * 0.00019841269886576346)
-                + z * (2.4801521319527276e-05 + r * 2.7557242356039655e-06)
-            )
-            + w * (2.7620077125270555e-07 + r * 2.5110041863631634e-08)
-        )
-    )
+    low = _pair(r, 0.5000000000000001, 0.16666666666666674)
+    low += z * _pair(r, 0.04166666666662416, 0.00833333333332221)
+    high = _pair(r, 0.0013888888917198688, 0.00019841269886576346)
+    high += z * _pair(r, 2.4801521319527276e-05, 2.7557242356039655e-06)
+    highest = _pair(r, 2.7620077125270555e-07, 2.5110041863631634e-08)
+    growth = r + z * (low + w * (high + w * highest))
     return int(doublings), growth
 
 
@@ -190,14 +181,10 @@ def _logarithm(f, doublings, correction):
     s = f / (2.0 + f)
     z = s * s
     w = z * z
-    series = z * (
-        (0.6666666666666734 + z * 0.3999999999941635)
-        + w
-        * (
-            (0.2857142874201829 + z * 0.22222198610566157)
-            + w * ((0.181835624139196 + z * 0.15314098660944825) + w * 0.1479547649659288)
-        )
-    )
+    low = _pair(z, 0.6666666666666734, 0.3999999999941635)
+    middle = _pair(z, 0.2857142874201829, 0.22222198610566157)
+    high = _pair(z, 0.181835624139196, 0.15314098660944825) + w * 0.1479547649659288
+    series = z * (low + w * (middle + w * high))
     # log(1 + f) = 2 s + s series, as 2 s = f - f^2 / 2 + s f^2 / 2.
     half = 0.5 * f * f
     rest = s * (half + series) + (doublings * _LOG_2_2 + correction)
@@ -277,21 +264,12 @@ def arc_tangent(y, x):
         t = small / great
     z = t * t
     w = z * z
-    part = t + t * z * (
-        (
-            (-0.333333333333332 + z * 0.19999999999953244)
-            + w * (-0.14285714280166262 + z * 0.11111110782143277)
-        )
-        + (w * w)
-        * (
-            (
-                (-0.09090897724983625 + z * 0.07692059713587113)
-                + w * (-0.06663099168177951 + z * 0.05847859060377735)
-            )
-            + (w * w)
-            * ((-0.05039189630918983 + z * 0.03806212305226724) + w * -0.017905024038004556)
-        )
-    )
+    low = _pair(z, -0.333333333333332, 0.19999999999953244)
+    low += w * _pair(z, -0.14285714280166262, 0.11111110782143277)
+    middle = _pair(z, -0.09090897724983625, 0.07692059713587113)
+    middle += w * _pair(z, -0.06663099168177951, 0.05847859060377735)
+    high = _pair(z, -0.05039189630918983, 0.03806212305226724) + w * -0.017905024038004556
+    part = t + t * z * (low + (w * w) * (middle + (w * w) * high))
     if math.copysign(1.0, x) < 0.0:
         eighths = 4.0 - eighths
         sign = -sign
@@ -320,7 +298,6 @@ def hypotenuse(x, y):
 
 @compiled
 def complex_exponential(exponent):
-    """Return exp of a complex number."""
     size = exponential(exponent.real)
     sine, cosine = sin_cos(exponent.imag)
     return complex(size * cosine, size * sine)
@@ -328,13 +305,11 @@ def complex_exponential(exponent):
 
 @compiled
 def complex_phase(number):
-    """Return the angle of a complex number, from -pi to pi [rad]."""
     return arc_tangent(number.imag, number.real)
 
 
 @compiled
 def complex_size(number):
-    """Return the absolute value of a complex number."""
     return hypotenuse(number.real, number.imag)
 
 

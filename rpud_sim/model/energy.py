@@ -75,7 +75,6 @@ class Growth(NamedTuple):
 
 @compiled
 def growth_over(rate, duration):
-    """Return the ``Growth`` of exp(rate s) over a duration, with a complex rate [1/s]."""
     size = exponential_minus_one(rate.real * duration)
     half, cosine = sin_cos(0.5 * rate.imag * duration)
     real = size - (size + 1.0) * (2.0 * half * half)
@@ -145,7 +144,6 @@ class HeldMotion(NamedTuple):
 
 @compiled
 def held_motion(segment, start):
-    """Return the ``HeldMotion`` from a time on."""
     motion = nodal_plane_motion(segment)
     decaying, rate = decaying_from(motion, start)
     sine, cosine = vibration_turn(segment, start)

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from collections import deque
-from sys import getrefcount
 
 import numpy as np
 
 from rpud_sim.foundation.quantities import ExpectedError
 from rpud_sim.model.compile import machine_code, reader_of
-from rpud_sim.model.drill import STATE, Drill, derive, seating
+from rpud_sim.model.drill import STATE, DrillConstants, derive, seating
 from rpud_sim.model.events import DONE, FULL, OVERLOADED, STALLED, advance, interrupt, start
 from rpud_sim.model.parameters import QUANTITIES, Parameters
 from rpud_sim.model.resonator import Resonance, ResonatorEnergy, account
@@ -21,17 +19,11 @@ from rpud_sim.model.tolerances import EVENT_BUDGET, LONGEST_STANDSTILL
 _MOST_VALUES = 4
 _USUAL = 30.0
 
-# Segments that there is room for at first, and at most for those to come; the room grows when it is
-# too small. A long block comes in one piece.
+# Segments that there is room for at first, and at most when a block is drained. The room doubles
+# when it is too small.
 _LEAST_ROOM = 256
 _MOST_ROOM = 65536
-_USUAL_RATE = 1500.0  # segments in a simulated second
-_ROOMS = 3  # kept for the next blocks: fresh memory from the system takes as long as the motion
-_FREE = 3  # references to a room that is not in use
 
-# What would be lost first if numbers overflowed: every other number of the state follows from them.
-_FINITE = ("frequency", "amplitude", "u_np", "v_np", "u_fm", "v_fm", "u_dt", "v_dt", "owed")
-_finite_values = reader_of(STATE, *_FINITE)
 _time = reader_of(STATE, "seconds", "fraction")
 _amplitude = reader_of(STATE, "amplitude")
 
@@ -50,7 +42,6 @@ class EngineError(ExpectedError, RuntimeError):
 def initial_state(
     parameters: Parameters, initial_phase: float, drive: bool, resonance: Resonance | None
 ) -> np.ndarray:
-    """Return the ``STATE`` before time zero, shape (1,); see ``Engine``."""
     state = np.zeros(1, STATE)
     amplitude = parameters.vibration_amplitude if drive else 0.0
     state["phase"] = initial_phase % 1.0
@@ -67,7 +58,9 @@ def initial_state(
     return state
 
 
-def failure(status: int, parameters: Parameters, drill: Drill, states: np.ndarray) -> EngineError:
+def failure(
+    status: int, parameters: Parameters, drill: DrillConstants, states: np.ndarray
+) -> EngineError:
     """Return the error of an advance that failed, with the values furthest from their defaults."""
     reason = {
         STALLED: f"more than {LONGEST_STANDSTILL} events at one instant",
@@ -108,26 +101,27 @@ class Engine:
         self._parameters = parameters
         self._drill = self._target = derive(parameters)
         # Times and constants of the steps to come.
-        self._seating: deque[tuple[tuple[int, float], Drill]] = deque()
+        self._seating: deque[tuple[tuple[int, float], DrillConstants]] = deque()
         self._state = initial_state(parameters, initial_phase, drive, resonance)
         self._open_segment = np.zeros(1, SEGMENT)
         self._open_impact = np.zeros(1, IMPACT)
-        self._rooms: deque[np.ndarray] = deque(maxlen=_ROOMS)
         self._segment_room, self._impact_room = np.zeros(0, SEGMENT), np.zeros(0, IMPACT)
         self._written = self._struck = 0  # segments and impacts since the last drain
-        self._capacity = _LEAST_ROOM  # segments of the last block
         self._make_room(_LEAST_ROOM)
         # A time to advance to, and what is finished there
         self._goal = (np.zeros(1, np.int64), np.zeros(1), np.zeros((1, 2), np.int64))
         self._reached: tuple[int, float] | None = None  # time that an advance has reached
-        records = (self._drill, self._state, self._open_segment, self._open_impact)
         rooms = (self._segment_room, self._impact_room)
         seconds, fractions, counts = self._goal
         self._advance_code = machine_code(
-            advance, *records, seconds, fractions, *rooms, counts, (0, 0, 0)
+            advance, *self._records, seconds, fractions, *rooms, counts, (0, 0, 0)
         )
-        self._interrupt_code = machine_code(interrupt, *records, 0.0, *rooms, (0.0,) * 6)
-        self._struck = start(*records, self._impact_room)
+        self._interrupt_code = machine_code(interrupt, *self._records, 0.0, *rooms, (0.0,) * 6)
+        self._struck = start(*self._records, self._impact_room)
+
+    @property
+    def _records(self) -> tuple[DrillConstants, np.ndarray, np.ndarray, np.ndarray]:
+        return self._drill, self._state, self._open_segment, self._open_impact
 
     @property
     def open_segment(self) -> np.ndarray:
@@ -141,7 +135,6 @@ class Engine:
 
     @property
     def amplitude(self) -> float:
-        """Amplitude of the vibration at the last event [m]."""
         amplitude: float = _amplitude(self._state)[0]
         return amplitude
 
@@ -161,7 +154,6 @@ class Engine:
         return account(self._state[0], self._open_segment[0], self.ahead(seconds, fraction))
 
     def ahead(self, seconds: int, fraction: float) -> float:
-        """Time from the start of the open segment to a time [s]."""
         start_seconds, start_fraction = _time(self._state)
         return float(seconds - start_seconds) + (fraction - start_fraction)
 
@@ -203,7 +195,7 @@ class Engine:
         self,
         seconds: int,
         fraction: float,
-        drill: Drill,
+        drill: DrillConstants,
         commands: tuple[float, float, float],
         resonance_frequency: float = 0.0,
         passed: float = 0.0,
@@ -241,32 +233,22 @@ class Engine:
         return covering[:-1], impacts
 
     def drain_covering(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return the same as ``drain``, with the open segment after the finished ones.
-
-        A block that uses most of its room is returned as it is, without a copy.
-        """
-        count, room = self._written, self._segment_room
+        """Return the same as ``drain``, with the open segment after the finished ones."""
+        finished = self._segment_room[: self._written]
+        covering = join_records([finished, self._open_segment], SEGMENT)
         impacts = join_records([self._impact_room[: self._struck]], IMPACT)
         self._written = self._struck = 0
-        self._capacity = max(count + count // 8, _LEAST_ROOM)
-        if count < _LEAST_ROOM or 2 * count < len(room):
-            covering = join_records([room[:count], self._open_segment], SEGMENT)
-            if len(room) > 8 * self._capacity:
-                self._make_room(_LEAST_ROOM)
-            return covering, impacts
-        room[count] = self._open_segment[0]
-        room.flags.writeable = False
-        self._segment_room = np.zeros(0, SEGMENT)
-        return room[: count + 1], impacts
+        if len(self._segment_room) > _MOST_ROOM:
+            self._make_room(_LEAST_ROOM)
+        return covering, impacts
 
     def _commands(self) -> tuple[float, ...]:
-        """What is in force, as a change takes it."""
         state = self._state[0]
-        names: tuple[str, ...] = ("target_amplitude", "frequency")
+        names = ("target_amplitude", "frequency")
         if state["resonant"]:
-            names = ("voltage", "drive_frequency", "resonance_frequency")
-        new = [float(state[name]) for name in ("weight_on_bit", *names)]
-        return (*new, *(0.0,) * (6 - len(new)))
+            names = ("voltage", "drive_frequency")
+        new = [float(state[name]) for name in ("weight_on_bit", *names, "resonance_frequency")]
+        return (*new, 0.0, 0.0)
 
     def _advance(self, seconds: int, fraction: float) -> None:
         whole, rest, counts = self._goal
@@ -275,62 +257,35 @@ class Engine:
 
     def _fly(self, seconds: np.ndarray, fractions: np.ndarray, counts: np.ndarray) -> None:
         """Advance to times one after the other; counts get what is finished at each of them."""
-        usual = int(_USUAL_RATE * self.ahead(seconds[-1], fractions[-1]))
-        if self._written + usual >= len(self._segment_room):
-            self._make_room(self._written + min(max(usual, self._capacity), _MOST_ROOM) + 1)
         status, reached = FULL, 0
         while status == FULL:
+            rooms = (self._segment_room, self._impact_room)
+            begun = (reached, self._written, self._struck)
             status, reached, self._written, self._struck = self._advance_code(
-                self._drill,
-                self._state,
-                self._open_segment,
-                self._open_impact,
-                seconds,
-                fractions,
-                self._segment_room,
-                self._impact_room,
-                counts,
-                (reached, self._written, self._struck),
+                *self._records, seconds, fractions, *rooms, counts, begun
             )
             if status == FULL:
                 self._make_room(2 * len(self._segment_room))
-        if status != DONE or not all(map(math.isfinite, _finite_values(self._state))):
+        if status != DONE:
             raise failure(status, self._parameters, self._drill, self._state)
 
     def _interrupt(
-        self, seconds: int, fraction: float, drill: Drill, commands: tuple[float, ...]
+        self, seconds: int, fraction: float, drill: DrillConstants, commands: tuple[float, ...]
     ) -> None:
         self._drill = drill
         self._reached = None
         if self._written + 1 >= len(self._segment_room):
-            self._make_room(max(2 * len(self._segment_room), _LEAST_ROOM))
-        self._struck += self._interrupt_code(
-            drill,
-            self._state,
-            self._open_segment,
-            self._open_impact,
-            self.ahead(seconds, fraction),
-            self._segment_room[self._written : self._written + 1],
-            self._impact_room[self._struck :],
-            commands,
-        )
+            self._make_room(2 * len(self._segment_room))
+        segment = self._segment_room[self._written : self._written + 1]
+        rooms = (segment, self._impact_room[self._struck :])
+        time = self.ahead(seconds, fraction)
+        self._struck += self._interrupt_code(*self._records, time, *rooms, commands)
         self._written += 1
 
     def _make_room(self, count: int) -> None:
         """Take a larger room, or a smaller one, for segments and impacts, with those there."""
         segments, impacts = self._segment_room[: self._written], self._impact_room[: self._struck]
-        self._segment_room = self._free_room(count)
+        self._segment_room = np.zeros(count, SEGMENT)
         self._segment_room[: len(segments)] = segments
         self._impact_room = np.zeros(2 * count + 4, IMPACT)  # an event ends two at most
         self._impact_room[: len(impacts)] = impacts
-
-    def _free_room(self, count: int) -> np.ndarray:
-        """Return room for segments, used again where no result refers to it any more."""
-        for room in self._rooms:
-            # Held by the deque, by this name and by the call.
-            if count <= len(room) <= 2 * count and getrefcount(room) == _FREE:
-                room.flags.writeable = True
-                return room
-        room = np.zeros(count, SEGMENT)
-        self._rooms.append(room)
-        return room

@@ -12,19 +12,11 @@ start, however many calls it takes to reach it.
 
 import math
 
+from rpud_sim.model import resonator, tolerances
 from rpud_sim.model.closed_form import advance_phase, turn_at
 from rpud_sim.model.compile import compiled
 from rpud_sim.model.impact import follow_impact, open_impact
 from rpud_sim.model.resets import close_gaps, exchange_momentum, join_held_bodies, lasting_contact
-from rpud_sim.model.resonator import (
-    begin_resonance,
-    change_drive,
-    contact_load,
-    hold,
-    load_by_contact,
-    move_resonance,
-    update,
-)
 from rpud_sim.model.search import (
     END_AMPLITUDE,
     END_DRILL_TOOL_RELEASE,
@@ -46,25 +38,10 @@ from rpud_sim.model.segment import (
     turns_at,
     turns_at_end,
 )
-from rpud_sim.model.tolerances import (
-    EVENT_BUDGET,
-    GREATEST_EFFORT,
-    LEAST_DEFORMATION,
-    LONGEST_SEGMENT,
-    LONGEST_STANDSTILL,
-    SAME_VELOCITY,
-    SHORTEST_SEGMENT,
-    SLOWEST_IMPACT,
-)
 
-# How an advance ends: at the requested time, with no room for more results, in a standstill, or
-# with more events than their budget. And that it has not ended yet.
-DONE = 0
-FULL = 1
-STALLED = 2
-OVERLOADED = 3
-GOES_ON = 4
-
+# How an advance ends: at the requested time, with no room for more results, in a standstill, with
+# more events than their budget, or with a motion that is not finite. And that it has not ended yet.
+DONE, FULL, STALLED, OVERLOADED, NOT_FINITE, GOES_ON = range(6)
 
 # Of each END_* but END_LIMIT: pairs whose approach ends, contacts that open for want of force, and
 # EVENT_* bits of what is known to happen.
@@ -79,36 +56,22 @@ HAPPENS = (
 
 
 @compiled
-def carry_over(time):
-    """Whole seconds in a fraction, and what is left of it."""
-    whole = math.floor(time)
-    return int(whole), time - whole
-
-
-@compiled
-def move_state(state, segment, time, turns):
-    """Move the state to a time after the start of its segment, given the ``Turns`` there."""
-    u_np, v_np, _, _, u_fm, v_fm, u_dt, v_dt = motion_of(segment, time, turns)
-    state.u_np, state.v_np = u_np, v_np
-    state.u_fm, state.v_fm = u_fm, v_fm
-    state.u_dt, state.v_dt = u_dt, v_dt
-    seconds, fraction = carry_over(state.fraction + time)
-    state.seconds += seconds
-    state.fraction = fraction
-    state.phase = advance_phase(state.phase, state.frequency, time)
-    state.effort = max(state.effort - EVENT_BUDGET * time, 0.0)
-
-
-@compiled
 def end_segment(state, segment, impact, time, turns):
     """Follow the open segment to a time after its start, and move the state there."""
     if state.impact_open:
         follow_impact(segment, impact, time, turns)
-    move_state(state, segment, time, turns)
+    u_np, v_np, _, _, u_fm, v_fm, u_dt, v_dt = motion_of(segment, time, turns)
+    state.u_np, state.v_np = u_np, v_np
+    state.u_fm, state.v_fm = u_fm, v_fm
+    state.u_dt, state.v_dt = u_dt, v_dt
+    fraction = state.fraction + time
+    whole = math.floor(fraction)
+    state.seconds += int(whole)
+    state.fraction = fraction - whole
+    state.phase = advance_phase(state.phase, state.frequency, time)
+    state.effort = max(state.effort - tolerances.EVENT_BUDGET * time, 0.0)
     if state.resonant:
-        integral, work = contact_load(segment, time)
-        move_resonance(state, time)
-        load_by_contact(state, integral, work)
+        resonator.load_by_contact(state, segment, time)
 
 
 @compiled
@@ -130,12 +93,12 @@ def settle(drill, state, impact, impacts, count, turn, met, opened, event):
         drill, state, closed, opened, collisions.drill_tool_struck, turn
     )
     if state.resonant and state.v_np != alone:
-        hold(drill, state, alone, drill.rpud_mass * (v_np - alone))
+        resonator.hold(drill, state, alone, drill.rpud_mass * (v_np - alone))
     in_contact = state.contact & CONTACT_DRILL_TOOL
     join_held_bodies(state, turn)
-    if collisions.actuator_struck or abs(state.v_np - v_np) > SAME_VELOCITY:
+    if collisions.actuator_struck or abs(state.v_np - v_np) > tolerances.SAME_VELOCITY:
         event |= EVENT_ACTUATOR_IMPACT
-    impacted = collisions.drill_tool_struck and collisions.impact_velocity > SLOWEST_IMPACT
+    impacted = collisions.impact_velocity > tolerances.SLOWEST_IMPACT
     if impacted:
         event |= EVENT_DRILL_TOOL_IMPACT
     over = impacted or not in_contact or not drill.in_rock
@@ -150,12 +113,11 @@ def settle(drill, state, impact, impacts, count, turn, met, opened, event):
             impacts[count] = impact
             count += 1
     if drill.in_rock:
-        slow = abs(state.v_dt) <= SAME_VELOCITY
-        unbent = state.u_dt <= (LEAST_DEFORMATION if slow else 0.0)
+        slow = abs(state.v_dt) <= tolerances.SAME_VELOCITY
+        unbent = state.u_dt <= (tolerances.LEAST_DEFORMATION if slow else 0.0)
         state.tool_at_rest = not in_contact and unbent
         if state.tool_at_rest:
-            state.u_dt = 0.0
-            state.v_dt = 0.0
+            state.u_dt = state.v_dt = 0.0
     state.event = event
     return count, turn
 
@@ -168,7 +130,7 @@ def open_segment(drill, bodies, state, segment, turn):
     duration, end = next_event(drill, state, segment, turn)
     segment.duration = duration
     state.next_event = end
-    state.standstill = state.standstill + 1 if duration <= SHORTEST_SEGMENT else 0
+    state.standstill = state.standstill + 1 if duration <= tolerances.SHORTEST_SEGMENT else 0
 
 
 @compiled
@@ -182,22 +144,21 @@ def pass_event(drill, bodies, state, segment, after, impact, impacts, count, tur
     turn = turns.vibration
     if end == END_LIMIT:
         state.event = EVENT_LIMIT
-        if state.impact_open and impact.contact_duration >= LONGEST_SEGMENT:
+        if state.impact_open and impact.contact_duration >= tolerances.LONGEST_SEGMENT:
             impacts[count] = impact
             count += 1
             state.impact_open = 0
     else:
         if end == END_AMPLITUDE:
             if state.resonant:
-                update(state)
+                resonator.update(state)
             else:
                 state.amplitude = state.target_amplitude
                 # The sine is exactly zero here, so that the tip does not jump.
                 state.phase = 0.5 if 0.25 < state.phase < 0.75 else 0.0
             turn = turn_at(state.phase)
         elif end == END_DRILL_TOOL_REST:
-            state.u_dt = 0.0
-            state.v_dt = 0.0
+            state.u_dt = state.v_dt = 0.0
         met, opened, event = HAPPENS[end]
         count, turn = settle(drill, state, impact, impacts, count, turn, met, opened, event)
     # Called in one place alone, so that it is compiled into the loop.
@@ -213,11 +174,20 @@ def status_before(state, segment, seconds, fraction, is_full):
         return DONE
     if is_full:
         return FULL
-    if state.standstill > LONGEST_STANDSTILL:
+    if state.standstill > tolerances.LONGEST_STANDSTILL:
         return STALLED
-    if state.effort > GREATEST_EFFORT:
+    if state.effort > tolerances.GREATEST_EFFORT:
         return OVERLOADED
     return GOES_ON
+
+
+@compiled
+def checked(status, state):
+    """Return a status, or NOT_FINITE where numbers that all others follow from are not finite."""
+    zero = 0.0 * state.u_np + 0.0 * state.v_np + 0.0 * state.u_fm + 0.0 * state.v_fm
+    zero += 0.0 * state.u_dt + 0.0 * state.v_dt
+    zero += 0.0 * state.amplitude + 0.0 * state.frequency + 0.0 * state.owed
+    return status if status != DONE or zero == 0.0 else NOT_FINITE
 
 
 @compiled
@@ -227,9 +197,8 @@ def advance(
     """Advance to times one after the other, as far as the room for results reaches.
 
     ``segments`` is room for finished segments and the open one, ``impacts`` for two more.
-    ``counts`` gets the numbers of both that are finished at each time. ``begun`` and, after DONE,
-    FULL, STALLED or OVERLOADED, the result are the numbers of times, segments and impacts that are
-    there.
+    ``counts`` gets the numbers of both that are finished at each time. ``begun`` and, after the
+    status, the result are the numbers of times, segments and impacts that are there.
     """
     state = states[0]
     impact = open_impacts[0]
@@ -257,7 +226,7 @@ def advance(
         counts[reached, 1] = struck
         reached += 1
     open_segments[0] = segments[written]
-    return status, reached, written, struck
+    return checked(status, state), reached, written, struck
 
 
 @compiled
@@ -281,10 +250,9 @@ def interrupt(drill, states, open_segments, open_impacts, time, segments, impact
     state.u_dt -= passed
     if grips:
         state.u_fm = min(state.u_fm, 0.0)
-        state.u_dt = 0.0
-        state.v_dt = 0.0
+        state.u_dt = state.v_dt = 0.0
     if state.resonant:
-        change_drive(state, level, frequency, resonance_frequency)
+        resonator.change_drive(state, level, frequency, resonance_frequency)
     else:
         state.target_amplitude = level
         state.frequency = frequency
@@ -301,7 +269,7 @@ def start(drill, states, open_segments, open_impacts, impacts):
     """Begin with every gap closed and every body at rest; returns the finished impacts' number."""
     state = states[0]
     if state.resonant:
-        begin_resonance(state)
+        resonator.begin_resonance(state)
     turn = turn_at(state.phase)
     state.u_np = -state.amplitude * turn.sine
     count, turn = settle(drill, state, open_impacts[0], impacts, 0, turn, 0, 0, 0)

@@ -14,8 +14,6 @@ from rpud_sim.model.energy import drill_tool_damper_loss
 from rpud_sim.model.search import force_of_swing, force_on_drill_tool
 from rpud_sim.model.segment import (
     CONTACT_BOTH,
-    CONTACT_DRILL_TOOL,
-    Turns,
     drill_tool_motion,
     nodal_plane_integral,
     tip_motion,
@@ -27,79 +25,37 @@ FORCE_SAMPLES = 64
 
 
 @compiled
-def tip_integral(segment, time, turns):
-    """Integral of u_ut over the first part of a segment, given the ``Turns`` at its end [m s]."""
-    start = vibration_turn(segment, 0.0)
-    vibration = segment.vibration_amplitude * (start.cosine - turns.vibration.cosine)
-    omega = TWO_PI * segment.vibration_frequency
-    return nodal_plane_integral(segment, time, start, turns) + vibration / omega
-
-
-@compiled
-def drill_tool_of(segment, turns):
-    """Position [m] and velocity [m/s] of the drill tool in contact, given the ``Turns``."""
-    if segment.contact == CONTACT_BOTH:
-        _, _, u_ut, v_ut = tip_motion(segment, turns.vibration, turns.nodal_plane)
-        return u_ut, v_ut
-    displacement, v_dt = swinging_part(drill_tool_motion(segment), turns.drill_tool)
-    return segment.drill_tool_offset + displacement, v_dt
-
-
-@compiled
-def contact_impulse(segment, time, start, end, turns):
-    """Momentum that the drill tool receives in the first part of a segment in contact [N s].
-
-    ``start`` and ``end`` are position and velocity of the drill tool there.
-    """
-    u_start, v_start = start
-    u_end, v_end = end
-    if segment.contact == CONTACT_BOTH:
-        return (
-            segment.drill_tool_mass * (v_end - v_start)
-            + segment.drill_tool_damping * (u_end - u_start)
-            + segment.drill_tool_spring_rate * tip_integral(segment, time, turns)
-        )
-    return segment.free_mass * (segment.gravity * time - (v_end - v_start))
-
-
-@compiled
-def energy_into_drill_tool(segment, time, start, end):
-    """Energy that the drill tool receives in the first part of a segment in contact [J]."""
-    u_start, v_start = start
-    u_end, v_end = end
-    motion = segment.drill_tool_mass * (v_end - v_start) * (v_end + v_start)
-    strain = segment.drill_tool_spring_rate * (u_end - u_start) * (u_end + u_start)
-    return 0.5 * (motion + strain) + drill_tool_damper_loss(segment, 0.0, time)
-
-
-@compiled
-def greatest_contact_force(segment, time, turns):
-    """Greatest force on the drill tool in the first part of a segment in contact [N]."""
-    if segment.contact == CONTACT_DRILL_TOOL:
-        start, _ = force_of_swing(segment, NO_SWING)
-        end, slope = force_of_swing(segment, turns.drill_tool)
-        greatest = max(start, end)
-        # Eq. (38): the force is greatest where the acceleration is least.
-        motion = drill_tool_motion(segment)
-        w = motion.angular_frequency
-        if motion.decay_rate == 0.0:
-            # It rises up to its crest, and the next half cycle it falls.
-            half = w * time > math.pi
-            falls = slope < 0.0
-            passed = half or falls if motion.sine > 0.0 else (half and falls) or w * time > TWO_PI
-            if passed:
-                pull = w * w * decaying_amplitude(motion)
-                greatest = max(greatest, segment.free_mass * (segment.gravity + pull))
-            return greatest
-        lag = arc_tangent(w, -motion.decay_rate)
-        angle = arc_tangent(motion.sine, motion.cosine)
-        angle += 1.5 * math.pi - 3.0 * lag
-        while angle < 0.0:
-            angle += TWO_PI
-        if angle < w * time:
-            force, _ = force_on_drill_tool(segment, angle / w)
-            greatest = max(greatest, force)
+def peak_of_pair(segment, time, swing):
+    """Greatest force on the drill tool off the actuator, in the first part of a segment [N]."""
+    start, _ = force_of_swing(segment, NO_SWING)
+    end, slope = force_of_swing(segment, swing)
+    greatest = max(start, end)
+    # Eq. (38): the force is greatest where the acceleration is least.
+    motion = drill_tool_motion(segment)
+    w = motion.angular_frequency
+    if motion.decay_rate == 0.0:
+        # It rises up to its crest, and the next half cycle it falls.
+        half = w * time > math.pi
+        falls = slope < 0.0
+        passed = half or falls if motion.sine > 0.0 else (half and falls) or w * time > TWO_PI
+        if passed:
+            pull = w * w * decaying_amplitude(motion)
+            greatest = max(greatest, segment.free_mass * (segment.gravity + pull))
         return greatest
+    lag = arc_tangent(w, -motion.decay_rate)
+    angle = arc_tangent(motion.sine, motion.cosine)
+    angle += 1.5 * math.pi - 3.0 * lag
+    while angle < 0.0:
+        angle += TWO_PI
+    if angle < w * time:
+        force, _ = force_on_drill_tool(segment, angle / w)
+        greatest = max(greatest, force)
+    return greatest
+
+
+@compiled
+def peak_of_three(segment, time):
+    """Return the same while all three bodies are in contact, by samples."""
     start, _ = force_on_drill_tool(segment, 0.0)
     end, _ = force_on_drill_tool(segment, time)
     greatest = max(start, end)
@@ -116,7 +72,6 @@ def greatest_contact_force(segment, time, turns):
 
 @compiled
 def open_impact(drill, state, impact, collisions):
-    """Begin the record of an impact at the state's time."""
     impact.sequence = state.impacts
     impact.seconds = state.seconds
     impact.fraction = state.fraction
@@ -132,12 +87,10 @@ def open_impact(drill, state, impact, collisions):
     if drill.in_rock:
         state.impact_open = 1
         return
+    restitution = 0.0 if drill.jammed else drill.drill_tool_restitution
+    velocity, spring_rate = collisions.impact_velocity, drill.tool_elasticity
     peak_force, duration, _ = half_sine_impulse(
-        drill.free_mass,
-        drill.tool_mass,
-        0.0 if drill.jammed else drill.drill_tool_restitution,
-        collisions.impact_velocity,
-        drill.tool_elasticity,
+        drill.free_mass, drill.tool_mass, restitution, velocity, spring_rate
     )
     impact.peak_force = peak_force
     impact.contact_duration = duration
@@ -146,14 +99,33 @@ def open_impact(drill, state, impact, collisions):
 @compiled
 def follow_impact(segment, impact, time, turns):
     """Add the first part of a segment in contact to the record of the impact."""
-    turn = turns.vibration
+    mass, spring_rate = segment.drill_tool_mass, segment.drill_tool_spring_rate
     if segment.contact == CONTACT_BOTH:
         turn = vibration_turn(segment, 0.0)
-    start = drill_tool_of(segment, Turns(turn, NO_SWING, NO_SWING))
-    end = drill_tool_of(segment, turns)
-    impact.impulse += contact_impulse(segment, time, start, end, turns)
-    impact.energy_transferred += energy_into_drill_tool(segment, time, start, end)
-    if segment.contact == CONTACT_BOTH and time > 0.0:
-        impact.squeezed = True
+        _, _, u_start, v_start = tip_motion(segment, turn, NO_SWING)
+        _, _, u_end, v_end = tip_motion(segment, turns.vibration, turns.nodal_plane)
+        vibration = segment.vibration_amplitude * (turn.cosine - turns.vibration.cosine)
+        omega = TWO_PI * segment.vibration_frequency
+        integral = nodal_plane_integral(segment, time, turn, turns) + vibration / omega
+        impact.impulse += (
+            mass * (v_end - v_start)
+            + segment.drill_tool_damping * (u_end - u_start)
+            + spring_rate * integral
+        )
+        if time > 0.0:
+            impact.squeezed = True
+        force = peak_of_three(segment, time)
+    else:
+        motion, offset = drill_tool_motion(segment), segment.drill_tool_offset
+        displacement, v_start = swinging_part(motion, NO_SWING)
+        u_start = offset + displacement
+        displacement, v_end = swinging_part(motion, turns.drill_tool)
+        u_end = offset + displacement
+        impact.impulse += segment.free_mass * (segment.gravity * time - (v_end - v_start))
+        force = peak_of_pair(segment, time, turns.drill_tool)
+    moved = mass * (v_end - v_start) * (v_end + v_start)
+    strained = spring_rate * (u_end - u_start) * (u_end + u_start)
+    loss = drill_tool_damper_loss(segment, 0.0, time)
+    impact.energy_transferred += 0.5 * (moved + strained) + loss
     impact.contact_duration += time
-    impact.peak_force = max(impact.peak_force, greatest_contact_force(segment, time, turns))
+    impact.peak_force = max(impact.peak_force, force)

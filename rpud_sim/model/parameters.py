@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 from typing import Any
 
 from rpud_sim.foundation.parameters import (
@@ -17,6 +18,8 @@ from rpud_sim.foundation.quantities import ParameterError, did_you_mean, shown_n
 from rpud_sim.model.contact_models import CONTACT_MODELS, CONTACT_MODELS_TEXT
 
 REGIMES = ("free", "drilling")
+
+changeable = functools.partial(number, changeable=True)  # while the drill runs
 
 
 # The limits keep every closed form well inside the range of double precision; they are far beyond
@@ -36,43 +39,27 @@ class Parameters(ParameterGroup):
     vibration_amplitude: float = number(
         20e-6, "m", "amplitude of the harmonic vibration, A_0", 0.0, 1e-3
     )  # fitted; Table 2 prints 35 um
-    rpud_damping_ratio: float = number(
-        0.5, "", "damping ratio of the RPUD, xi_ud", 0.0, 1.0, below=True, changeable=True
+    rpud_damping_ratio: float = changeable(
+        0.5, "", "damping ratio of the RPUD, xi_ud", 0.0, 1.0, below=True
     )
-    load_spring_rate: float = number(
-        2000.0, "N/m", "spring rate of the load spring, k_1", 1e-3, 1e7, changeable=True
+    load_spring_rate: float = changeable(
+        2000.0, "N/m", "spring rate of the load spring, k_1", 1e-3, 1e7
     )
     free_mass: float = number(5e-3, "kg", "mass of the free mass, m_fm", 1e-12, 10.0)
     drill_tool_mass: float = number(
         2.124e-3, "kg", "mass of the drill tool before drilling, m_dt", 1e-12, 100.0
     )  # effective mass of the mode shape (24); Table 1 prints 13.5 g
-    drill_tool_damping_ratio: float = number(
-        0.5,
-        "",
-        "damping ratio of the drill tool before drilling, xi_dt",
-        0.0,
-        1.0,
-        below=True,
-        changeable=True,
+    drill_tool_damping_ratio: float = changeable(
+        0.5, "", "damping ratio of the drill tool before drilling, xi_dt", 0.0, 1.0, below=True
     )
-    restoring_spring_rate: float = number(
-        2000.0, "N/m", "spring rate of the restoring spring, k_2", 1e-3, 1e7, changeable=True
+    restoring_spring_rate: float = changeable(
+        2000.0, "N/m", "spring rate of the restoring spring, k_2", 1e-3, 1e7
     )
-    actuator_restitution: float = number(
-        0.8,  # fitted; Table 2 prints 1
-        "",
-        "coefficient of restitution between actuator and free mass, e_1",
-        0.0,
-        1.0,
-        changeable=True,
-    )
-    drill_tool_restitution: float = number(
-        1.0,
-        "",
-        "coefficient of restitution between free mass and drill tool, e_2",
-        0.0,
-        1.0,
-        changeable=True,
+    actuator_restitution: float = changeable(
+        0.8, "", "coefficient of restitution between actuator and free mass, e_1", 0.0, 1.0
+    )  # fitted; Table 2 prints 1
+    drill_tool_restitution: float = changeable(
+        1.0, "", "coefficient of restitution between free mass and drill tool, e_2", 0.0, 1.0
     )
     elastic_modulus: float = number(
         1.96e11, "Pa", "elastic modulus of the drill tool, E_dt", 1e3, 1e13
@@ -95,36 +82,35 @@ class Parameters(ParameterGroup):
     weight_on_bit: float = number(
         8.0, "N", "weight on bit, preload of the load spring, W", 0.0, 1e3
     )  # fitted; Table 2 has none
-    gravity: float = number(
-        9.81,  # the earth's; the tables have none
+    gravity: float = changeable(
+        9.81,
         "m/s^2",
         "acceleration of gravity along the drill axis, toward the rock, g",
         0.0,
         100.0,
-        changeable=True,
-    )
+    )  # the earth's; the tables have none
     gravity_on_drill: bool = flag(
         False, "whether gravity acts on the RPUD as well, not on the free mass alone"
     )
     contact_model: str = choice(
-        "given",  # Table 2 with (22) and (27) gives neither number of Fig. 12
+        "given",
         CONTACT_MODELS,
         f"effective mass and spring rate of the drill tool in the rock: {CONTACT_MODELS_TEXT}",
-    )
+    )  # Table 2 with (22) and (27) gives neither number of Fig. 12
     effective_tool_mass: float = number(
-        1.72e-3,  # Fig. 12 implies it by (21), (30) and (36)
+        1.72e-3,
         "kg",
         "effective mass of the drill tool with contact_model = given, m_eff,dt",
         1e-12,
         100.0,
-    )
+    )  # Fig. 12 implies it by (21), (30) and (36)
     effective_tool_spring_rate: float = number(
-        5.28e7,  # Fig. 12 implies it
+        5.28e7,
         "N/m",
         "effective spring rate of the drill tool with contact_model = given, k_eff,dt",
         1e-3,
         1e12,
-    )
+    )  # Fig. 12 implies it
     regime: str = choice(
         "drilling", REGIMES, "free is before drilling, drilling is in the rock", changeable=True
     )
@@ -135,7 +121,6 @@ class Parameters(ParameterGroup):
         return self.section_1_length + self.section_2_length
 
     def replace(self, **changes: Any) -> Parameters:
-        """Return a copy with some values changed."""
         for name in changes:
             if name not in NAMES:
                 raise ParameterError(

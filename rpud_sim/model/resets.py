@@ -56,6 +56,12 @@ def close_gaps(state, met, turn):
 
 
 @compiled
+def pair_velocity(drill, state):
+    """Velocity of free mass and drill tool that go on together."""
+    return common_velocity(drill.free_mass, state.v_fm, drill.tool_mass, state.v_dt)
+
+
+@compiled
 def exchange_momentum(drill, state, closed, turn):
     """Apply all collisions among the touching bodies; only velocities change."""
     _, v_hv = vibration_of(state.amplitude, state.frequency, turn)
@@ -73,8 +79,7 @@ def exchange_momentum(drill, state, closed, turn):
     if wedged:
         struck_mass += drill.tool_mass
         if state.v_fm < state.v_dt:
-            state.v_fm = common_velocity(drill.free_mass, state.v_fm, drill.tool_mass, state.v_dt)
-            state.v_dt = state.v_fm
+            state.v_fm = state.v_dt = pair_velocity(drill, state)
     for count in range(MOST_COLLISIONS):
         approaching = False
         joining = wedged and state.v_fm - state.v_dt > SAME_VELOCITY
@@ -105,8 +110,7 @@ def exchange_momentum(drill, state, closed, turn):
         if not approaching:
             break
     if closed & CONTACT_DRILL_TOOL and state.v_fm > state.v_dt:
-        state.v_fm = common_velocity(drill.free_mass, state.v_fm, drill.tool_mass, state.v_dt)
-        state.v_dt = state.v_fm
+        state.v_fm = state.v_dt = pair_velocity(drill, state)
     if actuator_struck and state.resonant:
         blow(drill, state, given)
     elif actuator_struck:
@@ -117,28 +121,26 @@ def exchange_momentum(drill, state, closed, turn):
 
 
 @compiled
-def tip_acceleration(drill, state, contact, turn):
-    """Acceleration of the actuator's tip under the given contact [m/s^2]."""
+def tip_acceleration(drill, state, v_np, contact, turn):
     u_hv, v_hv = vibration_of(state.amplitude, state.frequency, turn)
     omega = TWO_PI * state.frequency
     mass = drill.rpud_mass
     force = state.weight_on_bit + drill.rpud_weight - mass * omega * omega * u_hv
-    force -= drill.load_spring_rate * state.u_np + drill.rpud_damping * state.v_np
+    force -= drill.load_spring_rate * state.u_np + drill.rpud_damping * v_np
     if contact & CONTACT_ACTUATOR:
         mass += drill.free_mass
         force += drill.free_mass * drill.gravity
     if contact == CONTACT_BOTH:
         mass += drill.tool_mass
         force -= drill.tool_spring_rate * (state.u_np + u_hv)
-        force -= drill.tool_damping * (state.v_np + v_hv)
+        force -= drill.tool_damping * (v_np + v_hv)
     return force / mass
 
 
 @compiled
-def tool_acceleration(drill, state, contact):
-    """Acceleration of the drill tool under the given contact, the actuator apart [m/s^2]."""
+def tool_acceleration(drill, state, v_dt, contact):
     mass = drill.tool_mass
-    force = -drill.tool_spring_rate * state.u_dt - drill.tool_damping * state.v_dt
+    force = -drill.tool_spring_rate * state.u_dt - drill.tool_damping * v_dt
     if contact == CONTACT_DRILL_TOOL:
         mass += drill.free_mass
         force += drill.free_mass * drill.gravity
@@ -149,7 +151,6 @@ def tool_acceleration(drill, state, contact):
 
 @compiled
 def pushes(force):
-    """Whether a contact force is one that keeps its contact closed."""
     return force >= -0.5 * WEAKEST_PULL
 
 
@@ -170,11 +171,9 @@ def hold_both(drill, state, v_ut, v_hv, stay, turn):
 
     ``stay``: whether both pairs stay together; if not, the free mass may still be caged.
     """
-    separate = state.v_np
-    pair = common_velocity(drill.free_mass, state.v_fm, drill.tool_mass, state.v_dt)
+    pair = pair_velocity(drill, state)
     together = common_velocity(drill.rpud_mass, v_ut, drill.free_mass + drill.tool_mass, pair)
-    state.v_np = together - v_hv
-    acceleration = tip_acceleration(drill, state, CONTACT_BOTH, turn)
+    acceleration = tip_acceleration(drill, state, together - v_hv, CONTACT_BOTH, turn)
     on_tool = (
         drill.tool_mass * acceleration
         + drill.tool_damping * together
@@ -187,42 +186,36 @@ def hold_both(drill, state, v_ut, v_hv, stay, turn):
         + drill.tool_mass * (state.v_dt - together) * (state.v_dt - together)
     )
     caged = energy < min(on_tool, on_tip) * LOWEST_BOUNCE
-    if (drill.jammed or pushes(on_tool)) and pushes(on_tip) and (stay or caged):
-        state.v_fm = together
-        state.v_dt = together
-        return True
-    state.v_np = separate
-    return False
+    if not ((drill.jammed or pushes(on_tool)) and pushes(on_tip) and (stay or caged)):
+        return False
+    state.v_np = together - v_hv
+    state.v_fm = state.v_dt = together
+    return True
 
 
 @compiled
 def hold_on_drill_tool(drill, state, behind):
     """Keep the free mass on the drill tool if that pushes and the tip does not catch up."""
-    separate = state.v_dt
-    together = common_velocity(drill.free_mass, state.v_fm, drill.tool_mass, state.v_dt)
-    state.v_dt = together
-    acceleration = tool_acceleration(drill, state, CONTACT_DRILL_TOOL)
+    together = pair_velocity(drill, state)
+    acceleration = tool_acceleration(drill, state, together, CONTACT_DRILL_TOOL)
     force = drill.free_mass * (drill.gravity - acceleration)
-    if pushes(force) and behind <= acceleration + SAME_ACCELERATION:
-        state.v_fm = together
-        return True
-    state.v_dt = separate
-    return False
+    if not (pushes(force) and behind <= acceleration + SAME_ACCELERATION):
+        return False
+    state.v_fm = state.v_dt = together
+    return True
 
 
 @compiled
 def hold_on_actuator(drill, state, v_ut, v_hv, ahead, turn):
     """Keep the free mass on the tip if that pushes and they do not catch up with the tool."""
-    separate = state.v_np
     together = common_velocity(drill.rpud_mass, v_ut, drill.free_mass, state.v_fm)
-    state.v_np = together - v_hv
-    acceleration = tip_acceleration(drill, state, CONTACT_ACTUATOR, turn)
+    acceleration = tip_acceleration(drill, state, together - v_hv, CONTACT_ACTUATOR, turn)
     force = drill.free_mass * (acceleration - drill.gravity)
-    if pushes(force) and acceleration <= ahead + SAME_ACCELERATION:
-        state.v_fm = together
-        return True
-    state.v_np = separate
-    return False
+    if not (pushes(force) and acceleration <= ahead + SAME_ACCELERATION):
+        return False
+    state.v_np = together - v_hv
+    state.v_fm = together
+    return True
 
 
 @compiled
@@ -237,9 +230,11 @@ def lasting_contact(drill, state, closed, opened, drill_tool_struck, turn):
         return 0
     u_hv, v_hv = vibration_of(state.amplitude, state.frequency, turn)
     v_ut = state.v_np + v_hv
-    tip = tip_acceleration(drill, state, 0, turn) if closed & CONTACT_ACTUATOR else 0.0
+    tip = 0.0
+    if closed & CONTACT_ACTUATOR:
+        tip = tip_acceleration(drill, state, state.v_np, 0, turn)
     if drill.jammed and closed & CONTACT_DRILL_TOOL:
-        wedged = tool_acceleration(drill, state, CONTACT_DRILL_TOOL)
+        wedged = tool_acceleration(drill, state, state.v_dt, CONTACT_DRILL_TOOL)
         if (
             closed & CONTACT_ACTUATOR
             and returns_at_once(state.v_fm - v_ut, tip - wedged)
@@ -247,14 +242,16 @@ def lasting_contact(drill, state, closed, opened, drill_tool_struck, turn):
         ):
             return CONTACT_BOTH
         return CONTACT_DRILL_TOOL
-    tool = tool_acceleration(drill, state, 0) if closed & CONTACT_DRILL_TOOL else 0.0
+    tool = 0.0
+    if closed & CONTACT_DRILL_TOOL:
+        tool = tool_acceleration(drill, state, state.v_dt, 0)
     on_tip = closed & CONTACT_ACTUATOR and returns_at_once(state.v_fm - v_ut, tip - drill.gravity)
     behind = max(tip, drill.gravity) if on_tip else drill.gravity
     on_tool = closed & CONTACT_DRILL_TOOL and returns_at_once(
         state.v_dt - state.v_fm, behind - tool
     )
     if on_tool and closed & CONTACT_ACTUATOR and not on_tip:
-        ahead = tool_acceleration(drill, state, CONTACT_DRILL_TOOL)
+        ahead = tool_acceleration(drill, state, state.v_dt, CONTACT_DRILL_TOOL)
         on_tip = returns_at_once(state.v_fm - v_ut, tip - ahead)
     stay = on_tool and on_tip
     near = not opened and state.u_dt - state.u_np - u_hv <= LOWEST_BOUNCE

@@ -19,7 +19,7 @@ V Re(z) / 2 R and heats by abs(z)^2 / 2 R. drawn = heat + work + stored - owed, 
 import math
 from typing import NamedTuple
 
-from rpud_sim.model.closed_form import TWO_PI, advance_phase, harmonic_vibration
+from rpud_sim.model.closed_form import TWO_PI, advance_phase, turn_at, vibration_of
 from rpud_sim.model.compile import compiled
 from rpud_sim.model.elementary import (
     arc_tangent,
@@ -134,7 +134,6 @@ def account(state, segment, time):
 
 @compiled
 def set_envelope(state, envelope):
-    """Write an envelope that holds at the state's time."""
     state.envelope_real = envelope.real
     state.envelope_imag = envelope.imag
     state.envelope_age = 0.0
@@ -142,7 +141,6 @@ def set_envelope(state, envelope):
 
 @compiled
 def bring_envelope(state):
-    """Bring envelope and energies to the state's time."""
     envelope, drawn, heat = envelope_after(state, 0.0)
     state.drawn += drawn
     state.heat += heat
@@ -188,7 +186,7 @@ def blow(drill, state, impulse):
     The tip stays where it is; amplitude and phase of the vibration follow from its velocity.
     """
     omega = TWO_PI * state.frequency
-    u_hv, v_hv = harmonic_vibration(state.amplitude, state.frequency, state.phase)
+    u_hv, v_hv = vibration_of(state.amplitude, state.frequency, turn_at(state.phase))
     after = v_hv - impulse * omega * omega * compliance(state)
     state.v_np -= impulse / drill.rpud_mass
     load(state, impulse * drive_turn(state), 0.5 * impulse * (v_hv + after))
@@ -206,7 +204,7 @@ def hold(drill, state, v_np, blow_impulse):
     """
     impulse = drill.rpud_mass * (v_np - state.v_np)
     omega = TWO_PI * state.frequency
-    _, v_hv = harmonic_vibration(state.amplitude, state.frequency, state.phase)
+    _, v_hv = vibration_of(state.amplitude, state.frequency, turn_at(state.phase))
     mean = v_hv + omega * omega * compliance(state) * (blow_impulse + 0.5 * impulse)
     load(state, impulse * drive_turn(state), impulse * mean)
 
@@ -241,8 +239,10 @@ def move_resonance(state, time):
 
 
 @compiled
-def load_by_contact(state, integral, work):
-    """Let the contact of the segment that ended load the envelope, given ``contact_load``."""
+def load_by_contact(state, segment, time):
+    """Move the resonance to a time, and let the contact of the segment till then load it."""
+    integral, work = contact_load(segment, time)
+    move_resonance(state, time)
     if work != 0.0 or integral != 0.0:
         sine, cosine = sin_cos_cycles(state.phase)
         turn = complex(cosine, sine)
@@ -299,7 +299,6 @@ def plan(state):
 
 @compiled
 def begin_resonance(state):
-    """Begin from rest under the drive."""
     state.frequency = state.drive_frequency
     state.steady = 1 if state.voltage == 0.0 else 0
     plan(state)

@@ -10,6 +10,7 @@ pass a root, however near two roots are. A guard in which the tip takes part is 
 import math
 from typing import NamedTuple
 
+from rpud_sim.model import steps, tolerances
 from rpud_sim.model.closed_form import (
     TWO_PI,
     decaying_amplitude,
@@ -34,25 +35,7 @@ from rpud_sim.model.segment import (
     tip_motion,
     vibration_turn,
 )
-from rpud_sim.model.steps import (
-    GOES_ON,
-    LEAST_BOUND,
-    MET,
-    after_step,
-    bent_step,
-    envelope_step,
-    going_on,
-    is_above,
-    is_root,
-)
 from rpud_sim.model.strike import first_landing, first_strike
-from rpud_sim.model.tolerances import (
-    LONGEST_SEARCH,
-    LONGEST_SEGMENT,
-    STEP_EFFORT,
-    TOUCHING,
-    WEAKEST_PULL,
-)
 
 # What ends a segment: a guard that reaches zero, a change of amplitude, or its greatest length.
 END_ACTUATOR_IMPACT, END_DRILL_TOOL_IMPACT = 0, 1
@@ -83,33 +66,6 @@ class Bounds(NamedTuple):
 
 
 @compiled
-def held_tip_motion(segment, tip, turn):
-    """Motion of the tip that holds the free mass, given its ``tip_motion``.
-
-    Position [m] and velocity [m/s] without the steady vibration, and the whole acceleration
-    [m/s^2].
-    """
-    u_np, v_np, u_ut, _ = tip
-    omega = TWO_PI * segment.vibration_frequency
-    in_phase = segment.nodal_plane_vibration_sine
-    in_quadrature = segment.nodal_plane_vibration_cosine
-    position = u_np - (in_phase * turn.sine + in_quadrature * turn.cosine)
-    velocity = v_np - omega * (in_phase * turn.cosine - in_quadrature * turn.sine)
-    acceleration, _ = decaying_derivatives(
-        nodal_plane_motion(segment), position - segment.nodal_plane_offset, velocity
-    )
-    return position, velocity, acceleration - omega * omega * (u_ut - position)
-
-
-@compiled
-def tip_amplitude(segment):
-    """Amplitude of the tip's steady vibration [m]."""
-    in_phase = segment.nodal_plane_vibration_sine + segment.vibration_amplitude
-    in_quadrature = segment.nodal_plane_vibration_cosine
-    return math.sqrt(in_phase * in_phase + in_quadrature * in_quadrature)
-
-
-@compiled
 def gap_to_drill_tool(segment, time):
     """Gap u_dt - u_fm between drill tool and free mass, which the actuator touches."""
     motion = drill_tool_motion(segment)
@@ -117,12 +73,18 @@ def gap_to_drill_tool(segment, time):
     u_dt = segment.drill_tool_offset + displacement
     acceleration, _ = decaying_derivatives(motion, displacement, v_dt)
     turn = vibration_turn(segment, time)
-    tip = tip_motion(segment, turn, nodal_plane_swing(segment, time))
-    position, velocity, tip_acceleration = held_tip_motion(segment, tip, turn)
-    _, _, u_fm, v_fm = tip
-    return Guard(
-        u_dt - u_fm, v_dt - v_fm, acceleration - tip_acceleration, u_dt - position, v_dt - velocity
+    u_np, v_np, u_fm, v_fm = tip_motion(segment, turn, nodal_plane_swing(segment, time))
+    omega = TWO_PI * segment.vibration_frequency
+    in_phase = segment.nodal_plane_vibration_sine
+    in_quadrature = segment.nodal_plane_vibration_cosine
+    # Of the tip without the steady vibration; the acceleration is the whole.
+    position = u_np - (in_phase * turn.sine + in_quadrature * turn.cosine)
+    velocity = v_np - omega * (in_phase * turn.cosine - in_quadrature * turn.sine)
+    slow, _ = decaying_derivatives(
+        nodal_plane_motion(segment), position - segment.nodal_plane_offset, velocity
     )
+    curvature = acceleration - (slow - omega * omega * (u_fm - position))
+    return Guard(u_dt - u_fm, v_dt - v_fm, curvature, u_dt - position, v_dt - velocity)
 
 
 @compiled
@@ -142,21 +104,16 @@ def force_from_tip(load, segment, time):
     u = in_phase * sine + in_quadrature * cosine
     v = omega * (in_phase * cosine - in_quadrature * sine)
     stiffness = spring_rate - mass * omega * omega
-    return Guard(
-        slow + stiffness * u + damping * v,
-        slow_slope + stiffness * v - damping * omega * omega * u,
-        0.0,
-        slow,
-        slow_slope,
-    )
+    value = slow + stiffness * u + damping * v
+    slope = slow_slope + stiffness * v - damping * omega * omega * u
+    return Guard(value, slope, 0.0, slow, slow_slope)
 
 
 @compiled
 def force_on_drill_tool(segment, time):
     """Force of the contact of free mass and drill tool: value [N] and slope [N/s]."""
     if segment.contact == CONTACT_BOTH:
-        load = load_of(segment, False)
-        force = force_from_tip(load, segment, time)
+        force = force_from_tip(load_of(segment, False), segment, time)
         return force.value, force.slope
     return force_of_swing(segment, drill_tool_swing(segment, time))
 
@@ -195,10 +152,8 @@ def bounds_of(motion):
 
 @compiled
 def positive_bounds(second, third, slow_second, vibration):
-    """Return ``Bounds`` that are fit to divide by."""
-    return Bounds(
-        max(second, LEAST_BOUND), max(third, LEAST_BOUND), max(slow_second, LEAST_BOUND), vibration
-    )
+    least = steps.LEAST_BOUND
+    return Bounds(max(second, least), max(third, least), max(slow_second, least), vibration)
 
 
 @compiled
@@ -211,7 +166,9 @@ def guard_bounds(segment, end):
         return positive_bounds(segment.free_mass * dt_rate * dt_third, math.inf, 0.0, 0.0)
     np_rate, np_second, np_third = bounds_of(nodal_plane_motion(segment))
     omega = TWO_PI * segment.vibration_frequency
-    amplitude = tip_amplitude(segment)
+    in_phase = segment.nodal_plane_vibration_sine + segment.vibration_amplitude
+    in_quadrature = segment.nodal_plane_vibration_cosine
+    amplitude = math.sqrt(in_phase * in_phase + in_quadrature * in_quadrature)
     vibration_second = omega * omega * amplitude
     if end == END_DRILL_TOOL_IMPACT:
         slow = np_second + dt_second
@@ -224,16 +181,6 @@ def guard_bounds(segment, end):
     resistance = damping * omega
     force = math.sqrt(stiffness * stiffness + resistance * resistance) * amplitude
     return positive_bounds(slow + vibration, math.inf, slow, force)
-
-
-@compiled
-def allowance_of(end):
-    """Return how far below zero a guard may be that was not yet as far above zero."""
-    if end == END_DRILL_TOOL_IMPACT:
-        return TOUCHING
-    if end == END_DRILL_TOOL_REST:
-        return 0.0
-    return WEAKEST_PULL
 
 
 # How far two forces are followed at first [s].
@@ -250,22 +197,27 @@ def first_root(segment, end, limit):
     if segment.contact == 0 and end == END_DRILL_TOOL_IMPACT:
         return first_landing(segment, limit)
     bounds = guard_bounds(segment, end)
-    allowance = allowance_of(end)
+    # How far below zero a guard may be that was not yet as far above zero.
+    allowance = tolerances.TOUCHING if end == END_DRILL_TOOL_IMPACT else tolerances.WEAKEST_PULL
+    if end == END_DRILL_TOOL_REST:
+        allowance = 0.0
     time = 0.0
-    for number in range(LONGEST_SEARCH):
+    for number in range(tolerances.LONGEST_SEARCH):
         guard = guard_at(segment, end, time)
         slope = guard.slope
-        if allowance > 0.0 and is_above(guard.value, slope, bounds.second, allowance):
+        if allowance > 0.0 and steps.is_above(guard.value, slope, bounds.second, allowance):
             allowance = 0.0
         value = guard.value + allowance
         envelope = guard.slow - bounds.vibration
-        longest = envelope_step(envelope, guard.slow_slope, bounds.slow_second)
-        step = bent_step(value, slope, guard.curvature, bounds.second, bounds.third)
-        step = going_on(step, slope, longest)
-        time, outcome = after_step(time, step, is_root(value, slope, step), limit)
-        if outcome != GOES_ON:
-            return time, outcome == MET, number + 1
-    return time, False, LONGEST_SEARCH
+        longest = 0.0
+        if envelope > 0.0:
+            longest = steps.safe_step(envelope, guard.slow_slope, -bounds.slow_second)
+        step = steps.bent_step(value, slope, guard.curvature, bounds.second, bounds.third)
+        step = steps.going_on(step, slope, longest)
+        time, outcome = steps.after_step(time, step, steps.is_root(value, slope, step), limit)
+        if outcome != steps.GOES_ON:
+            return time, outcome == steps.MET, number + 1
+    return time, False, tolerances.LONGEST_SEARCH
 
 
 @compiled
@@ -273,8 +225,8 @@ def fall_time(gap, velocity, gravity):
     """Time in which the free mass falls onto a tool at rest [s]; infinite if it does not."""
     if velocity <= 0.0 and gravity == 0.0:
         return math.inf
-    if velocity <= 0.0 and gap + velocity * velocity / (2.0 * gravity) <= TOUCHING:
-        gap += TOUCHING
+    if velocity <= 0.0 and gap + velocity * velocity / (2.0 * gravity) <= tolerances.TOUCHING:
+        gap += tolerances.TOUCHING
     gap = max(gap, 0.0)
     speed = math.sqrt(velocity * velocity + 2.0 * gravity * gap)
     if velocity > 0.0:
@@ -285,8 +237,8 @@ def fall_time(gap, velocity, gravity):
 @compiled
 def sooner_of(state, found, end, duration, event):
     """Return the given duration and event, or what a search has found if it is sooner."""
-    time, met, steps = found
-    state.effort += steps * STEP_EFFORT
+    time, met, count = found
+    state.effort += count * tolerances.STEP_EFFORT
     if time < duration:
         return time, end if met else END_LIMIT
     return duration, event
@@ -294,7 +246,6 @@ def sooner_of(state, found, end, duration, event):
 
 @compiled
 def sooner(state, segment, end, duration, event):
-    """Return the given duration and event, or those of a guard if they are sooner."""
     return sooner_of(state, first_root(segment, end, duration), end, duration, event)
 
 
@@ -317,7 +268,7 @@ def sooner_release(state, segment, duration, event):
 @compiled
 def next_event(drill, state, segment, turn):
     """Return the duration of the segment [s] and what ends it, one of END_*."""
-    duration = LONGEST_SEGMENT
+    duration = tolerances.LONGEST_SEGMENT
     event = END_LIMIT
     change = math.inf
     if state.resonant and not state.steady:

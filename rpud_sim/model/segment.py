@@ -23,30 +23,20 @@ from rpud_sim.model.closed_form import (
     swung_integral,
     turn_at,
 )
-from rpud_sim.model.compile import compiled, record_type
+from rpud_sim.model.compile import compiled, floats, record_type
 from rpud_sim.model.contact import release_turn
 
 # Bodies in contact with the free mass during a segment: bits, both may be set.
-CONTACT_ACTUATOR = 1
-CONTACT_DRILL_TOOL = 2
-CONTACT_BOTH = CONTACT_ACTUATOR | CONTACT_DRILL_TOOL
+CONTACT_ACTUATOR, CONTACT_DRILL_TOOL, CONTACT_BOTH = 1, 2, 3
 
 # What began a segment: bits.
-EVENT_ACTUATOR_IMPACT = 1
-EVENT_DRILL_TOOL_IMPACT = 2
-EVENT_RELEASE = 4
-EVENT_COMMAND = 8
-EVENT_LIMIT = 16
+EVENT_ACTUATOR_IMPACT, EVENT_DRILL_TOOL_IMPACT = 1, 2
+EVENT_RELEASE, EVENT_COMMAND, EVENT_LIMIT = 4, 8, 16
 
 # Constants of the drill during a segment.
 CONSTANTS = (
-    "load_spring_rate",
-    "load_spring_damping",
-    "free_mass",
-    "drill_tool_mass",
-    "drill_tool_spring_rate",
-    "drill_tool_damping",
-    "gravity",
+    *("load_spring_rate", "load_spring_damping", "free_mass", "drill_tool_mass"),
+    *("drill_tool_spring_rate", "drill_tool_damping", "gravity"),
 )
 
 _OSCILLATION = ("offset", "decay_rate", "angular_frequency", "cosine", "sine")
@@ -57,22 +47,15 @@ _OSCILLATION = ("offset", "decay_rate", "angular_frequency", "cosine", "sine")
 SEGMENT = record_type(
     [
         ("start_seconds", np.int64),
-        ("start_fraction", np.float64),
-        ("duration", np.float64),
+        *floats("start_fraction", "duration"),
         ("contact", np.uint8),
         ("event", np.uint8),
-        ("vibration_phase", np.float64),
-        ("vibration_frequency", np.float64),
-        ("vibration_amplitude", np.float64),
-        ("weight_on_bit", np.float64),
-        *((f"nodal_plane_{name}", np.float64) for name in _OSCILLATION),
-        ("nodal_plane_vibration_sine", np.float64),
-        ("nodal_plane_vibration_cosine", np.float64),
-        ("free_mass_position", np.float64),
-        ("free_mass_velocity", np.float64),
-        ("free_mass_acceleration", np.float64),
-        *((f"drill_tool_{name}", np.float64) for name in _OSCILLATION),
-        *((name, np.float64) for name in CONSTANTS),
+        *floats("vibration_phase", "vibration_frequency", "vibration_amplitude", "weight_on_bit"),
+        *floats(*(f"nodal_plane_{name}" for name in _OSCILLATION)),
+        *floats("nodal_plane_vibration_sine", "nodal_plane_vibration_cosine"),
+        *floats("free_mass_position", "free_mass_velocity", "free_mass_acceleration"),
+        *floats(*(f"drill_tool_{name}" for name in _OSCILLATION)),
+        *floats(*CONSTANTS),
     ]
 )
 
@@ -80,13 +63,8 @@ IMPACT = record_type(
     [
         ("sequence", np.uint64),
         ("seconds", np.int64),
-        ("fraction", np.float64),
-        ("peak_force", np.float64),
-        ("contact_duration", np.float64),
-        ("impact_velocity", np.float64),
-        ("impulse", np.float64),
-        ("energy", np.float64),
-        ("energy_transferred", np.float64),
+        *floats("fraction", "peak_force", "contact_duration", "impact_velocity", "impulse"),
+        *floats("energy", "energy_transferred"),
         ("squeezed", np.bool_),
     ]
 )
@@ -103,7 +81,6 @@ def join_records(records: Sequence[np.ndarray], dtype: np.dtype) -> np.ndarray:
 
 @compiled
 def nodal_plane_motion(segment):
-    """Return the ``Oscillation`` of the nodal plane in a segment."""
     return Oscillation(
         segment.nodal_plane_offset,
         segment.nodal_plane_decay_rate,
@@ -117,7 +94,6 @@ def nodal_plane_motion(segment):
 
 @compiled
 def drill_tool_motion(segment):
-    """Return the ``Oscillation`` of the drill tool in a segment."""
     return Oscillation(
         segment.drill_tool_offset,
         segment.drill_tool_decay_rate,
@@ -147,25 +123,21 @@ class Turns(NamedTuple):
 
 @compiled
 def vibration_turn(segment, time):
-    """Return the ``PhaseSinCos`` of the vibration at a time after a segment's start."""
     return turn_at(segment.vibration_phase + segment.vibration_frequency * time)
 
 
 @compiled
 def nodal_plane_swing(segment, time):
-    """Return the ``DecayingSinCos`` of the nodal plane at a time after a segment's start."""
     return swing_at(segment.nodal_plane_decay_rate, segment.nodal_plane_angular_frequency, time)
 
 
 @compiled
 def drill_tool_swing(segment, time):
-    """Return the ``DecayingSinCos`` of the drill tool at a time after a segment's start."""
     return swing_at(segment.drill_tool_decay_rate, segment.drill_tool_angular_frequency, time)
 
 
 @compiled
 def turns_at(segment, time):
-    """Return the ``Turns`` at a time after a segment's start."""
     return Turns(
         vibration_turn(segment, time),
         nodal_plane_swing(segment, time),
@@ -253,7 +225,6 @@ class Oscillators(NamedTuple):
 
 @compiled
 def oscillators_of(drill):
-    """Return the ``Oscillators`` of a drill."""
     damping, spring_rate = drill.tool_damping, drill.tool_spring_rate
     return Oscillators(
         oscillator(drill.rpud_mass, drill.rpud_damping, drill.load_spring_rate),
@@ -272,28 +243,18 @@ def nodal_plane_closed_form(drill, bodies, state, turn):
     force = state.weight_on_bit + drill.rpud_weight
     if not state.contact & CONTACT_ACTUATOR:
         return free_vibration(bodies.nodal_plane, force, state.u_np, state.v_np)
-    carried = drill.free_mass
-    damping = 0.0
-    spring_rate = 0.0
+    carried, damping, spring_rate = drill.free_mass, 0.0, 0.0
     if state.contact == CONTACT_BOTH:
         carried += drill.tool_mass
-        damping = drill.tool_damping
-        spring_rate = drill.tool_spring_rate
+        damping, spring_rate = drill.tool_damping, drill.tool_spring_rate
     omega = TWO_PI * state.frequency
-    body = oscillator(
-        drill.rpud_mass + carried,
-        drill.rpud_damping + damping,
-        drill.load_spring_rate + spring_rate,
-    )
+    mass, total_damping = drill.rpud_mass + carried, drill.rpud_damping + damping
+    body = oscillator(mass, total_damping, drill.load_spring_rate + spring_rate)
+    force += drill.free_mass * drill.gravity
+    in_phase = (carried * omega * omega - spring_rate) * state.amplitude
+    across = -damping * omega * state.amplitude
     return driven_vibration(
-        body,
-        force + drill.free_mass * drill.gravity,
-        (carried * omega * omega - spring_rate) * state.amplitude,
-        -damping * omega * state.amplitude,
-        state.frequency,
-        turn,
-        state.u_np,
-        state.v_np,
+        body, force, in_phase, across, state.frequency, turn, state.u_np, state.v_np
     )
 
 
@@ -356,7 +317,6 @@ class Load(NamedTuple):
 
 @compiled
 def load_of(segment, with_free_mass):
-    """The ``Load`` behind the tip, or behind the free mass that the tip moves."""
     mass = damping = spring_rate = force = 0.0
     if with_free_mass:
         mass += segment.free_mass

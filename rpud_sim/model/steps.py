@@ -102,12 +102,6 @@ def is_above(value, slope, second, allowance):
 
 
 @compiled
-def envelope_step(envelope, slow_slope, slow_second):
-    """Time within which an envelope cannot reach zero [s]; zero if it is not above it."""
-    return safe_step(envelope, slow_slope, -slow_second) if envelope > 0.0 else 0.0
-
-
-@compiled
 def going_on(step, slope, least):
     """Return a ``Step`` that is at least as long as others, which lead to no root [s]."""
     if slope >= 0.0:

@@ -7,6 +7,7 @@ phase is known. The swing of the drill tool dies away, and with it the bounds on
 
 import math
 
+from rpud_sim.model import steps
 from rpud_sim.model.closed_form import (
     NO_SWING,
     TWO_PI,
@@ -25,20 +26,6 @@ from rpud_sim.model.segment import (
     nodal_plane_motion,
     nodal_plane_swing,
     vibration_turn,
-)
-from rpud_sim.model.steps import (
-    GOES_ON,
-    LEAST_BOUND,
-    MET,
-    Step,
-    after_step,
-    bent_step,
-    ends_at_root,
-    going_on,
-    is_above,
-    is_clear,
-    is_root,
-    safe_step,
 )
 from rpud_sim.model.tolerances import LONGEST_SEARCH, TOUCHING
 
@@ -78,11 +65,11 @@ def _vibrating_step(value, slope, sine, cycles, period, peak, slow_second):
     bend = (present if is_rising else (0.0 if is_falling else -peak)) - slow_second
     span = 0.5 - (2.0 * phase if is_rising else phase)
     limit = span * period if is_falling else math.inf
-    time = safe_step(value, slope, bend)
+    time = steps.safe_step(value, slope, bend)
     if time > limit:
-        return Step(limit, False)
+        return steps.Step(limit, False)
     most = min(present + TWO_PI / period * peak * time, peak) + slow_second
-    return Step(time, ends_at_root(value, slope, time, bend, most))
+    return steps.Step(time, steps.ends_at_root(value, slope, time, bend, most))
 
 
 @compiled
@@ -138,7 +125,7 @@ def first_strike(segment, limit, turn):
         slow_second += tool_rate * tool_rate * decaying_amplitude(tool)
         displacement, v_fm = swinging_part(tool, NO_SWING)
         u_fm = tool.offset + displacement
-    slow_second = max(slow_second, LEAST_BOUND)
+    slow_second = max(slow_second, steps.LEAST_BOUND)
     displacement, velocity = swinging_part(nodal_plane, NO_SWING)
     period = 1.0 / frequency
     long = _LONG * period
@@ -151,37 +138,37 @@ def first_strike(segment, limit, turn):
         envelope = slow - amplitude
         left = limit - time
         met = False
-        if is_clear(envelope, slow_slope, slow_second, left):
+        if steps.is_clear(envelope, slow_slope, slow_second, left):
             return limit, False, number + 1
-        if is_clear(envelope, slow_slope, slow_second, long):
+        if steps.is_clear(envelope, slow_slope, slow_second, long):
             allowance = 0.0
             curvature = -slow_second
             if in_flight:
                 curvature = gravity + square * displacement + damping * velocity
-            reach = min(safe_step(envelope, slow_slope, curvature), left)
+            reach = min(steps.safe_step(envelope, slow_slope, curvature), left)
             bend = max(curvature - slow_third * reach, -slow_second)
-            step = Step(min(safe_step(envelope, slow_slope, bend), reach), False)
+            step = steps.Step(min(steps.safe_step(envelope, slow_slope, bend), reach), False)
         else:
             angle = omega * (time - turned)
             turned = time
             turn = turned_by(turn, angle) if angle < _NEAR else vibration_turn(segment, time)
             value = slow - amplitude * turn.sine
             slope = slow_slope - omega * amplitude * turn.cosine
-            if allowance > 0.0 and is_above(value, slope, peak + slow_second, allowance):
+            if allowance > 0.0 and steps.is_above(value, slope, peak + slow_second, allowance):
                 allowance = 0.0
             value += allowance
             cycles = segment.vibration_phase + frequency * time
             step = _vibrating_step(value, slope, turn.sine, cycles, period, peak, slow_second)
-            step = going_on(step, slope, 0.0)
-            met = is_root(value, slope, step)
+            step = steps.going_on(step, slope, 0.0)
+            met = steps.is_root(value, slope, step)
             # Beyond the vibration's reach already, and up to the limit.
             ahead = envelope + step.time * (slow_slope - 0.5 * slow_second * step.time)
             slower = slow_slope - slow_second * step.time
-            if not met and is_clear(ahead, slower, slow_second, left - step.time):
+            if not met and steps.is_clear(ahead, slower, slow_second, left - step.time):
                 return limit, False, number + 1
-        time, outcome = after_step(time, step, met, limit)
-        if outcome != GOES_ON:
-            return time, outcome == MET, number + 1
+        time, outcome = steps.after_step(time, step, met, limit)
+        if outcome != steps.GOES_ON:
+            return time, outcome == steps.MET, number + 1
         if in_flight and step.time < short:
             displacement, velocity = soon_after(square, damping, displacement, velocity, step.time)
         else:
@@ -216,15 +203,15 @@ def first_landing(segment, limit):
         value = tool.offset + displacement - u_fm
         slope = velocity - v_fm
         curvature = -square * displacement - damping * velocity - gravity
-        most = max(second * decay + gravity, LEAST_BOUND)
-        if allowance > 0.0 and is_above(value, slope, most, allowance):
+        most = max(second * decay + gravity, steps.LEAST_BOUND)
+        if allowance > 0.0 and steps.is_above(value, slope, most, allowance):
             allowance = 0.0
         value += allowance
-        third = max(rate * second * decay, LEAST_BOUND)
-        step = going_on(bent_step(value, slope, curvature, most, third), slope, 0.0)
-        time, outcome = after_step(time, step, is_root(value, slope, step), limit)
-        if outcome != GOES_ON:
-            return time, outcome == MET, number + 1
+        third = max(rate * second * decay, steps.LEAST_BOUND)
+        step = steps.going_on(steps.bent_step(value, slope, curvature, most, third), slope, 0.0)
+        time, outcome = steps.after_step(time, step, steps.is_root(value, slope, step), limit)
+        if outcome != steps.GOES_ON:
+            return time, outcome == steps.MET, number + 1
         # Its fall takes the free mass no further than it is at either end.
         if tool.offset - amplitude * decay > max(u_fm, last):
             return limit, False, number + 1

@@ -8,19 +8,11 @@ import math
 
 import numpy as np
 
+from rpud_sim.model import energy
 from rpud_sim.model.closed_form import NO_SWING, turn_at
-from rpud_sim.model.compile import compiled, record_type
+from rpud_sim.model.compile import compiled, floats, record_type
 from rpud_sim.model.elementary import decimal_logarithm
-from rpud_sim.model.energy import (
-    STORED,
-    TERMS,
-    add_change,
-    add_event,
-    add_motion,
-    add_rest,
-    stored_energy,
-)
-from rpud_sim.model.events import DONE, FULL, GOES_ON, pass_event, start, status_before
+from rpud_sim.model.events import DONE, FULL, GOES_ON, checked, pass_event, start, status_before
 from rpud_sim.model.search import END_DRILL_TOOL_RELEASE
 from rpud_sim.model.segment import (
     EVENT_ACTUATOR_IMPACT,
@@ -49,14 +41,8 @@ def _sum_of_128(values):
     e, f, g, h = values[4], values[5], values[6], values[7]
     whole = count - count % 8
     for i in range(8, whole, 8):
-        a += values[i]
-        b += values[i + 1]
-        c += values[i + 2]
-        d += values[i + 3]
-        e += values[i + 4]
-        f += values[i + 5]
-        g += values[i + 6]
-        h += values[i + 7]
+        a, b, c, d = a + values[i], b + values[i + 1], c + values[i + 2], d + values[i + 3]
+        e, f, g, h = e + values[i + 4], f + values[i + 5], g + values[i + 6], h + values[i + 7]
     total = ((a + b) + (c + d)) + ((e + f) + (g + h))
     for i in range(whole, count):
         total += values[i]
@@ -77,20 +63,12 @@ def pairwise_sum(values):
 # What happened in the parts of a run that were added, and the account of the part in progress.
 TALLY = record_type(
     [
-        ("events", np.int64),
-        ("actuator_impacts", np.int64),
-        ("impacts", np.int64),
-        ("squeezed", np.int64),
-        ("lowest_class", np.int64),  # of the contact forces, see ``add_forces``
+        *((name, np.int64) for name in ("events", "actuator_impacts", "impacts", "squeezed")),
+        ("lowest_class", np.int64),  # of the contact forces, see ``add_impacts``
         ("highest_class", np.int64),
-        ("contact_force_max", np.float64),
-        ("impact_velocity", np.float64),
-        ("contact_force", np.float64),
-        ("contact_duration", np.float64),
-        ("energy", np.float64),
-        ("energy_transferred", np.float64),
-        ("reacting_impulse", np.float64),
-        ("account", np.float64, (len(TERMS),)),
+        *floats("contact_force_max", "impact_velocity", "contact_force", "contact_duration"),
+        *floats("energy", "energy_transferred", "reacting_impulse"),
+        ("account", np.float64, (len(energy.TERMS),)),
     ]
 )
 
@@ -103,7 +81,7 @@ QUANTILE = 0.99  # of the contact forces, that is one of the figures
 
 # Sums of the part of a run in progress: its account, its impulse, and of its first segment that is
 # not yet added the time from which on it counts [s], and u_np there [m].
-IMPULSE = len(TERMS)
+IMPULSE = len(energy.TERMS)
 OFFSET = IMPULSE + 1
 POSITION = IMPULSE + 2
 PART_ROOM = IMPULSE + 3
@@ -112,7 +90,6 @@ _HAPPENED = EVENT_ACTUATOR_IMPACT | EVENT_DRILL_TOOL_IMPACT | EVENT_RELEASE
 
 
 def empty_tallies(count: int) -> np.ndarray:
-    """Return tallies of nothing, shape (count,)."""
     tallies = np.zeros(count, TALLY)
     tallies["lowest_class"] = CLASSES
     tallies["highest_class"] = -1
@@ -133,7 +110,7 @@ def add_until(rpud, segment, end, motion, turn, turns, whole, part):
     start = part[OFFSET]
     if not end > start:
         return
-    add_motion(rpud, segment, start, end, whole, part)
+    energy.add_motion(rpud, segment, start, end, whole, part)
     # The integral of R = W - k_1 u_np - c_1 v_np.
     position = nodal_plane_integral(segment, end, turn, turns)
     if start > 0.0:
@@ -147,7 +124,6 @@ def add_until(rpud, segment, end, motion, turn, turns, whole, part):
 
 @compiled
 def count_event(segment, tally):
-    """Count the event that began a segment."""
     if segment.event & _HAPPENED:
         tally.events += 1
     if segment.event & EVENT_ACTUATOR_IMPACT:
@@ -160,7 +136,7 @@ def begin_part(rpud, segment, seconds, fraction, counts, tally, part):
     part[:] = 0.0
     offset = time_in(segment, seconds, fraction)
     motion = motion_at(segment, offset)
-    part[STORED] -= stored_energy(segment, motion, rpud.mass)
+    part[energy.STORED] -= energy.stored_energy(segment, motion, rpud.mass)
     part[OFFSET] = offset
     part[POSITION] = motion[0]
     if counts:
@@ -178,9 +154,9 @@ def add_ended(rpud, segment, after, turn, turns, turn_after, whole, tally, part)
     ended = motion_of(segment, end, turns)
     add_until(rpud, segment, end, ended, turn, turns, whole, part)
     motion = motion_of(after, 0.0, Turns(turn_after, NO_SWING, NO_SWING))
-    changed = add_change(segment, after, ended, motion, part)
-    rested = add_rest(segment, after, changed, part)
-    add_event(rpud, rested, motion, after, part)
+    changed = energy.add_change(segment, after, ended, motion, part)
+    rested = energy.add_rest(segment, after, changed, part)
+    energy.add_event(rpud, rested, motion, after, part)
     count_event(after, tally)
     part[OFFSET] = 0.0
     part[POSITION] = motion[0]
@@ -194,19 +170,10 @@ def finish_part(rpud, segment, seconds, fraction, whole, tally, part):
     motion = motion_of(segment, end, turns)
     turn = turn_at(segment.vibration_phase)
     add_until(rpud, segment, end, motion, turn, turns, whole, part)
-    part[STORED] += stored_energy(segment, motion, rpud.mass)
+    part[energy.STORED] += energy.stored_energy(segment, motion, rpud.mass)
     tally.reacting_impulse += part[IMPULSE]
-    for i in range(len(TERMS)):
+    for i in range(len(energy.TERMS)):
         tally.account[i] += part[i]
-
-
-@compiled
-def class_of(force):
-    """Number of a contact force's class [N]."""
-    if not force > LEAST_FORCE:
-        return 0
-    decades = decimal_logarithm(min(force, GREATEST_FORCE) / LEAST_FORCE)
-    return int(np.rint(decades * CLASSES_PER_DECADE))
 
 
 @compiled
@@ -225,7 +192,10 @@ def add_impacts(impacts, tally, classes):
         tally.contact_force_max = max(tally.contact_force_max, force)
         if impacts[i].squeezed:
             tally.squeezed += 1
-        number = class_of(force)
+        number = 0
+        if force > LEAST_FORCE:
+            decades = decimal_logarithm(min(force, GREATEST_FORCE) / LEAST_FORCE)
+            number = int(np.rint(decades * CLASSES_PER_DECADE))
         classes[number] += 1
         tally.lowest_class = min(tally.lowest_class, number)
         tally.highest_class = max(tally.highest_class, number)
@@ -269,53 +239,12 @@ def class_at(tallies, classes, share):
 # Impacts that one event can end.
 _IMPACTS_OF_EVENT = 2
 
-# How an advance of members ends beside those of the engine: with a motion that is not finite.
-NOT_FINITE = 10
-
-
-@compiled
-def _advance_member(
-    drill, rpud, state, segments, impact, until, added, whole, impacts, count, tally, part
-):
-    """Advance a member until its open segment reaches beyond a time, or impacts lack room.
-
-    It does what ``events.advance`` and ``add_block`` do, with the same bits, but keeps only the
-    open segment, and room for the next. Returns how it ends, and the number of finished impacts.
-    """
-    bodies = oscillators_of(drill)
-    turn = turn_at(segments[0].vibration_phase)
-    opened = 0
-    while True:
-        segment = segments[opened]
-        is_full = len(impacts) - count < _IMPACTS_OF_EVENT
-        status = status_before(state, segment, until[0], until[1], is_full)
-        if status != GOES_ON:
-            segments[0] = segment
-            return status, count
-        opened = 1 - opened
-        after = segments[opened]
-        turns = turns_at_end(segment, state.next_event == END_DRILL_TOOL_RELEASE)
-        # Called in one place alone, so that it is compiled into the loop.
-        count, turn_after = pass_event(
-            drill, bodies, state, segment, after, impact, impacts, count, turns
-        )
-        if added:
-            add_ended(rpud, segment, after, turn, turns, turn_after, whole, tally, part)
-        turn = turn_after
-
-
-@compiled
-def _is_finite(state):
-    """Whether the numbers are finite that all others of the state follow from."""
-    zero = 0.0 * state.u_np + 0.0 * state.v_np + 0.0 * state.u_fm + 0.0 * state.v_fm
-    zero += 0.0 * state.u_dt + 0.0 * state.v_dt
-    zero += 0.0 * state.amplitude + 0.0 * state.frequency + 0.0 * state.owed
-    return zero == 0.0
-
 
 @compiled
 def advance_members(drill, rpud, members, begin, until, options, room, progress):
     """Advance members of an ensemble one after another, and add what happens to their tallies.
+
+    It does what ``events.advance`` and ``add_block`` do, with the same bits, but keeps no segments.
 
     ``members`` are arrays of their ``STATE``, open ``SEGMENT`` and ``IMPACT``, ``TALLY``, status
     and class of the 99 % quantile. They advance from ``begin`` to ``until``, whole seconds and
@@ -330,45 +259,50 @@ def advance_members(drill, rpud, members, begin, until, options, room, progress)
     states, open_segments, open_impacts, tallies, statuses, quantiles = members
     starts, ends, added, counts, whole = options
     impacts, segments, classes, part = room
+    bodies = oscillators_of(drill)
     while progress[0] < len(states):
-        i = progress[0]
-        state, opened, impact = states[i : i + 1], open_segments[i : i + 1], open_impacts[i : i + 1]
-        tally = tallies[i]
-        if progress[1] < 0:
-            progress[1] = 0
+        i, count = progress[0], progress[1]
+        opened, tally = open_segments[i : i + 1], tallies[i]
+        if count < 0:
+            count = 0
             if starts:
-                progress[1] = start(drill, state, opened, impact, impacts)
+                count = start(drill, states[i : i + 1], opened, open_impacts[i : i + 1], impacts)
             if added:
                 begin_part(rpud, opened[0], begin[0], begin[1], counts, tally, part)
+        state, impact = states[i], open_impacts[i]
         segments[0] = opened[0]
-        status, progress[1] = _advance_member(
-            drill,
-            rpud,
-            state[0],
-            segments,
-            impact[0],
-            until,
-            added,
-            whole,
-            impacts,
-            progress[1],
-            tally,
-            part,
-        )
-        opened[0] = segments[0]
+        turn = turn_at(segments[0].vibration_phase)
+        j = 0  # the open segment
+        while True:
+            segment = segments[j]
+            is_full = len(impacts) - count < _IMPACTS_OF_EVENT
+            status = status_before(state, segment, until[0], until[1], is_full)
+            if status != GOES_ON:
+                break
+            j = 1 - j
+            after = segments[j]
+            turns = turns_at_end(segment, state.next_event == END_DRILL_TOOL_RELEASE)
+            # Called in one place alone, so that it is compiled into the loop.
+            count, turn_after = pass_event(
+                drill, bodies, state, segment, after, impact, impacts, count, turns
+            )
+            if added:
+                add_ended(rpud, segment, after, turn, turns, turn_after, whole, tally, part)
+            turn = turn_after
+        opened[0] = segments[j]
+        progress[1] = count
         if status == FULL:
             return False
-        if status == DONE and not _is_finite(state[0]):
-            status = NOT_FINITE
+        status = checked(status, state)
         statuses[i] = status
         if added and status == DONE:
             finish_part(rpud, opened[0], until[0], until[1], whole, tally, part)
-            add_impacts(impacts[: progress[1]], tally, classes)
+            add_impacts(impacts[:count], tally, classes)
         if ends:
             quantiles[i] = class_at(tallies[i : i + 1], classes, QUANTILE)
             if tally.impacts:
                 classes[tally.lowest_class : tally.highest_class + 1] = 0
         progress[0] += 1
-        progress[2] = progress[1]
+        progress[2] = count
         progress[1] = -1
     return True

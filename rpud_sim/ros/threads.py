@@ -15,8 +15,7 @@ from typing import Any
 
 from rclpy.executors import Executor
 
-_POLL_PERIOD = 0.5  # between checks that the thread is still alive [s]
-
+_POLL_PERIOD = 0.1  # between checks that requests are served [s]
 _LONGEST_WAIT = 0.1  # for a callback that is ready [s]
 _SWITCH_INTERVAL = 1e-4  # after which Python lets another thread go on, 5 ms by default [s]
 
@@ -31,49 +30,44 @@ class Requests:
     def __init__(self, notify: Callable[[], None]) -> None:
         self._notify = notify
         self._waiting: deque[tuple[Callable[[], Any], Future[Any]]] = deque()
-        self._closed = threading.Event()
+        self._closed = False
         self._server: threading.Thread | None = None
 
     def do(self, action: Callable[[], Any]) -> Any:
         """Have an action done; return what it returns, raise what it raises.
 
         If it returns a Future, wait for that, and return its result. The serving thread itself does
-        an action at once, and waits for no Future: it would wait for itself. If the thread has
-        ended, it raises a StoppedError.
+        an action at once. If it serves no more, this raises a StoppedError.
         """
         if threading.current_thread() is self._server:
             return action()
-        done: Future[Any] = Future()
-        self._waiting.append((action, done))
+        result: Any = Future()
+        self._waiting.append((action, result))
         self._notify()
-        result = self._wait(done)
-        return self._wait(result) if isinstance(result, Future) else result
+        while isinstance(result, Future):
+            closed = self._closed
+            try:
+                result = result.result(_POLL_PERIOD)
+            except FutureTimeoutError:
+                if result.done():  # just now, or with a timeout of its own
+                    result = result.result()
+                elif closed:
+                    raise StoppedError("the drill has stopped") from None
+        return result
 
     def serve(self) -> None:
         """Do what waits; the calling thread is the serving one."""
         self._server = threading.current_thread()
         while self._waiting:
-            action, future = self._waiting.popleft()
+            action, result = self._waiting.popleft()
             try:
-                future.set_result(action())
+                result.set_result(action())
             except Exception as error:  # for the thread that asked
-                future.set_exception(error)
+                result.set_exception(error)
 
     def close(self) -> None:
-        """Reject waiting and later actions."""
-        self._closed.set()
-        while self._waiting:
-            self._waiting.popleft()[1].set_exception(StoppedError("the drill has stopped"))
-
-    def _wait(self, future: Future[Any]) -> Any:
-        while True:
-            try:
-                return future.result(_POLL_PERIOD)
-            except FutureTimeoutError:
-                if future.done():  # just now, or with a timeout of its own
-                    return future.result()
-                if self._closed.is_set():
-                    raise StoppedError("the drill has stopped") from None
+        """Serve no more: whoever waits is told so."""
+        self._closed = True
 
 
 def schedule_thread(priority: int) -> str:

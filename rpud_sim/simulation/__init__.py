@@ -34,20 +34,19 @@ from rpud_sim.simulation.configuration import (
     to_configuration,
     to_settings,
 )
-from rpud_sim.simulation.control import Control
 from rpud_sim.simulation.energy_account import FeedAccount
 from rpud_sim.simulation.ensemble import Ensemble, compile_kernels, run_ensemble
 from rpud_sim.simulation.fault_kinds import KINDS
 from rpud_sim.simulation.faults import Fault, FaultError, FaultLedger, FaultRecord
 from rpud_sim.simulation.fields import Bookkeeping
 from rpud_sim.simulation.journal import Journal, JournalEntry
-from rpud_sim.simulation.run import Beginning, Run
+from rpud_sim.simulation.run import Beginning, Control, Run
 from rpud_sim.simulation.sampling import Samples, Times
 from rpud_sim.simulation.scenario import Scenario, ScheduledFault, read_scenario
 from rpud_sim.simulation.simulation import Simulation, initial_phases
 from rpud_sim.simulation.statistics import FIGURES, Statistics
 from rpud_sim.simulation.telemetry import Together
-from rpud_sim.simulation.topics import TOPICS, Topic
+from rpud_sim.simulation.topics import TOPICS, DrillTopic
 
 __all__ = [
     "FIGURES",
@@ -62,6 +61,7 @@ __all__ = [
     "Bookkeeping",
     "Configuration",
     "Control",
+    "DrillTopic",
     "Drive",
     "EngineError",
     "Ensemble",
@@ -88,7 +88,6 @@ __all__ = [
     "Statistics",
     "Times",
     "Together",
-    "Topic",
     "WeightOnBit",
     "compile_kernels",
     "initial_phases",

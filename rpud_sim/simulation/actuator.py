@@ -131,9 +131,7 @@ class Actuator:
     With the gain model the amplitude follows the voltage at once, at every frequency. With the
     resonance model the engine integrates the vibration (``rpud_sim.model.resonator``), and this
     object sets the voltage, the drive's frequency and the resonance frequency. Times are integer
-    nanoseconds of simulation time.
-
-    Every drive must have passed ``Configuration.check``.
+    nanoseconds of simulation time. Every drive must have passed ``Configuration.check``.
 
     Args:
         vibration_amplitude: at nominal voltage on resonance [m].
@@ -204,23 +202,21 @@ class Actuator:
 
         ``rotor`` is power [W] and energy [J] that the rotation draws as well, as a resistance does.
         """
+        voltage, resonance = self._voltage, self.resonance_frequency
         if self.resonance is None:
-            amplitude = self.level
-        state = (self._voltage, self.frequency, amplitude)
-        thermal = (self.resonance_frequency, self._temperature)
-        if self.resonance is None:
-            return ActuatorReading(*state, *thermal)
+            return ActuatorReading(
+                voltage, self.frequency, self.level, resonance, self._temperature
+            )
         resistance = self._parameters.motional_resistance
         power, energy = rotor
         envelope = account.envelope
-        if self._voltage > 0.0:
-            envelope += 2.0 * resistance * power / self._voltage
+        if voltage > 0.0:
+            envelope += 2.0 * resistance * power / voltage
         return ActuatorReading(
-            *state,
-            *thermal,
+            *(voltage, self.frequency, amplitude, resonance, self._temperature),
             current=complex_size(envelope) / resistance,
             phase=complex_phase(envelope),
-            electrical_power=self._voltage * envelope.real / (2.0 * resistance),
+            electrical_power=voltage * envelope.real / (2.0 * resistance),
             electrical_energy=account.drawn + energy,
             heat=account.heat,
             mechanical_work=account.work,
@@ -240,9 +236,8 @@ class Actuator:
     def drive(self, drive: Drive) -> None:
         """Put a drive into force; a frequency of zero keeps the present one."""
         self._voltage = drive.voltage if drive.enabled else 0.0
-        frequency = drive.frequency or self._commanded
-        if frequency != self._commanded:
-            self._commanded = frequency
+        if drive.frequency not in (0.0, self._commanded):
+            self._commanded = drive.frequency
             self._run_free()
 
     def drift(self, offset: float) -> None:
@@ -266,12 +261,15 @@ class Actuator:
         # Below the resonance the current leads: the phase is that of a detuning, in cycles per
         # decay time.
         bandwidth = self._parameters.tracking_bandwidth
-        greatest = self._parameters.tracking_range
         phase = complex_phase(envelope)
         step = bandwidth * phase * (TRACKING_INTERVAL / SECOND) / self._decay_time
-        self._pulled = min(max(self._pulled + step, -greatest), greatest)
-        pulled = min(max(self._pulled + bandwidth * phase, -greatest), greatest)
+        self._pulled = self._in_reach(self._pulled + step)
+        pulled = self._in_reach(self._pulled + bandwidth * phase)
         self.frequency = _limited(self._commanded + pulled)
+
+    def _in_reach(self, offset: float) -> float:
+        greatest = self._parameters.tracking_range
+        return min(max(offset, -greatest), greatest)
 
     def _warm(self, heat: float) -> None:
         """Set the temperature after one interval; the heat is that since time zero [J]."""

@@ -133,24 +133,21 @@ def join_blocks(blocks: Sequence[Block]) -> Block:
     if len(blocks) == 1:
         return blocks[0]
     last = blocks[-1]
+    segments = list(accumulate((len(block.segments) for block in blocks), initial=0))
+    impacts = list(accumulate((len(block.impacts) for block in blocks), initial=0))
     return Block(
         blocks[0].start,
         np.concatenate([block.ends for block in blocks]),
         join_records([*(block.segments for block in blocks), last.open_segment], SEGMENT),
         join_records([block.impacts for block in blocks], IMPACT),
-        _joined_counts([(block.finished, len(block.segments)) for block in blocks]),
-        _joined_counts([(block.struck, len(block.impacts)) for block in blocks]),
+        np.concatenate([block.finished + segments[n] for n, block in enumerate(blocks)]),
+        np.concatenate([block.struck + impacts[n] for n, block in enumerate(blocks)]),
         last.rpud,
         math.fsum(block.electrical_energy for block in blocks),
         [reading for block in blocks for reading in block.readings],
         [state for block in blocks for state in block.states],
         [feed for block in blocks for feed in block.feeds],
     )
-
-
-def _joined_counts(parts: Sequence[tuple[np.ndarray, int]]) -> np.ndarray:
-    before = accumulate((count for _, count in parts[:-1]), initial=0)
-    return np.concatenate([counts + n for (counts, _), n in zip(parts, before, strict=True)])
 
 
 def _shifted(first: int, values: np.ndarray) -> np.ndarray:

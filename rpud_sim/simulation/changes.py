@@ -9,9 +9,15 @@ from typing import Any
 
 from rpud_sim.foundation.quantities import ParameterError, did_you_mean, shown, shown_name
 from rpud_sim.foundation.time import SECOND
-from rpud_sim.foundation.yaml_files import Cursor, open_yaml, parse_yaml
+from rpud_sim.foundation.yaml_files import Cursor, open_yaml
 from rpud_sim.simulation.commands import Command, Drive, Feed, WeightOnBit
-from rpud_sim.simulation.configuration import CHANGEABLE, PARAMETERS, Configuration, Settings
+from rpud_sim.simulation.configuration import (
+    CHANGEABLE,
+    PARAMETERS,
+    Configuration,
+    Settings,
+    parse_assignment,
+)
 from rpud_sim.simulation.faults import Fault
 from rpud_sim.simulation.run import Run
 from rpud_sim.simulation.scenario import ONSET, parse_scenario
@@ -22,7 +28,6 @@ COMMANDED = ("weight_on_bit", "drive_enabled")
 
 _COMMAND_KEYS = ("time", "weight_on_bit", "drive", "feed")
 _DRIVE_KEYS = ("enabled", "voltage", "frequency")
-_INJECT_KEYS = ("channel", "onset", "duration", "magnitude")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -79,17 +84,19 @@ class Changes:
         """Return both; the other's values of parameters win."""
         return Changes(
             {**self.parameters, **other.parameters},
-            tuple(sorted((*self.planned, *other.planned), key=lambda planned: planned.delay)),
+            _in_order((*self.planned, *other.planned)),
             self.replaces_commands or other.replaces_commands,
         )
 
 
-def parameter_changes(values: Mapping[str, Any], fixed: Sequence[str] = ()) -> Changes:
-    """Return the changes of ``--set``.
+def _in_order(planned: Iterable[Planned]) -> tuple[Planned, ...]:
+    return tuple(sorted(planned, key=lambda each: each.delay))
 
-    Args:
-        values: by name; what a fork takes is checked later, with the other values of the run.
-        fixed: names that may be given too.
+
+def parameter_changes(values: Mapping[str, Any], fixed: Sequence[str] = ()) -> Changes:
+    """Return the changes of ``--set``, values by name; those of ``fixed`` may be given too.
+
+    What a fork takes is checked later, with the other values of the run.
     """
     allowed = (*CHANGEABLE, *COMMANDED, *fixed)
     for name in values:
@@ -106,23 +113,16 @@ def parameter_changes(values: Mapping[str, Any], fixed: Sequence[str] = ()) -> C
 def parse_injections(texts: Sequence[str]) -> Changes:
     """Return the faults of ``--inject``: kinds with commas and keys of a scenario's entry.
 
-    Args:
-        texts: such as ``noise,channel=wrench,magnitude=0.5``; without ``onset`` a fault begins at
-            the instant of the fork.
+    A text is such as ``noise,channel=wrench,magnitude=0.5``; without ``onset`` a fault begins at
+    the instant of the fork.
     """
     entries = []
     for text in texts:
         kind, *rest = text.split(",")
-        entry: dict[str, Any] = {"kind": kind, "onset": 0.0}
-        for item in rest:
-            name, equals, value = item.partition("=")
-            if not equals or name not in _INJECT_KEYS:
-                hint = did_you_mean(name, _INJECT_KEYS)
-                raise ParameterError(
-                    f"--inject {shown(text)}: {shown(item)} is not key=value; {hint}"
-                )
-            entry[name] = parse_yaml(value)
-        entries.append(entry)
+        keys = [("kind", kind), *map(parse_assignment, rest)]
+        if len(dict(keys)) < len(keys):
+            raise ParameterError(f"--inject {shown(text)} gives a key twice")
+        entries.append({"onset": 0.0, **dict(keys)})
     return Changes(planned=_injections({"faults": entries}, "--inject"))
 
 
@@ -134,11 +134,9 @@ def read_commands(path: str | Path) -> Changes:
     top = open_yaml(path, truth_values=False)
     entries = top.file_mapping("a scenario")
     content = {key: entry.value for key, entry in entries.items() if key != "commands"}
-    if "commands" in entries:
-        content.setdefault("faults", [])
-    faults = Changes(planned=_injections(content, str(path)))
     if "commands" not in entries:
-        return faults
+        return Changes(planned=_injections(content, str(path)))
+    faults = Changes(planned=_injections({"faults": [], **content}, str(path)))
     planned = parse_commands(entries["commands"].sequence("command {number}"))
     return Changes(planned=planned, replaces_commands=True) + faults
 
@@ -149,7 +147,7 @@ def parse_commands(entries: Iterable[Cursor]) -> tuple[Planned, ...]:
     for entry in entries:
         with entry.errors():
             planned += _commands(entry)
-    return tuple(sorted(planned, key=lambda each: each.delay))
+    return _in_order(planned)
 
 
 def check_commands(planned: Sequence[Planned], configuration: Configuration) -> None:
@@ -160,10 +158,10 @@ def check_commands(planned: Sequence[Planned], configuration: Configuration) -> 
             continue
         try:
             command = _command(each.change, drive)
-            drive = command if isinstance(command, Drive) else drive
             configuration.check(command)
         except ParameterError as error:
             raise ParameterError(f"command at {each.delay / SECOND:g} s: {error}") from None
+        drive = command if isinstance(command, Drive) else drive
 
 
 def _injections(content: Mapping[Any, Any], name: str) -> tuple[Planned, ...]:

@@ -28,7 +28,8 @@ from rpud_sim.simulation.commands import Command, Drive, Feed
 
 _LEAST_REAL_TIME_FACTOR = 0.01
 
-# A resonant vibration needs at least this modal mass, as a multiple of the free mass.
+# A resonant vibration needs at least this modal mass, as a multiple of the free mass: blows would
+# turn a lighter one about, for which the model has no contact.
 LEAST_MASS_RATIO = 2.0
 
 
@@ -53,7 +54,14 @@ class Configuration(ParameterGroup):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        self._check_modal_mass()
+        free_mass = self.parameters.free_mass
+        modal_mass = self.actuator.modal_mass(self.parameters.vibration_amplitude)
+        if modal_mass < LEAST_MASS_RATIO * free_mass:
+            raise ParameterError(
+                f"free_mass = {free_mass:g} kg is more than 1/{LEAST_MASS_RATIO:g} of the "
+                f"actuator's modal mass {modal_mass:g} kg, which vibration_amplitude, "
+                "nominal_voltage, resonance_frequency, quality_factor and motional_resistance give"
+            )
 
     @property
     def drilling(self) -> DrillingParameters:
@@ -72,17 +80,6 @@ class Configuration(ParameterGroup):
     def has_feed(self) -> bool:
         """Whether a feed is commanded, and the weight on bit follows."""
         return self.mount.feed_model != "none"
-
-    def _check_modal_mass(self) -> None:
-        """Refuse a vibration that blows would turn about: the model has no contact with one."""
-        actuator, free_mass = self.actuator, self.parameters.free_mass
-        modal_mass = actuator.modal_mass(self.parameters.vibration_amplitude)
-        if modal_mass < LEAST_MASS_RATIO * free_mass:
-            raise ParameterError(
-                f"free_mass = {free_mass:g} kg is more than 1/{LEAST_MASS_RATIO:g} of the "
-                f"actuator's modal mass {modal_mass:g} kg, which vibration_amplitude, "
-                "nominal_voltage, resonance_frequency, quality_factor and motional_resistance give"
-            )
 
     def check(self, command: Command) -> None:
         """Check that the drill can take a command; of a drive, one that leaves nothing open.
@@ -207,21 +204,21 @@ class Settings(ParameterGroup):
         return to_settings({**self.values(), **changes})
 
 
-# Groups of parameters by their field in ``Configuration``.
+# Groups of parameters by their field in ``Configuration``, and the groups of single values.
 _GROUPS: Mapping[str, Any] = {
     field.name: field.default_factory
     for field in dataclasses.fields(Configuration)
     if field.default_factory is not dataclasses.MISSING
 }
+_ALL_GROUPS = (*_GROUPS.values(), Configuration, Settings)
+_NAMES = {group: tuple(declarations(group)) for group in _ALL_GROUPS}
 # Every parameter by its name, in the order in which the documentation lists them.
 PARAMETERS: Mapping[str, Declaration] = {
-    name: declaration
-    for group in (*_GROUPS.values(), Configuration, Settings)
-    for name, declaration in declarations(group).items()
+    name: declaration for group in _NAMES for name, declaration in declarations(group).items()
 }
 CHANGEABLE = tuple(name for name, declaration in PARAMETERS.items() if declaration.changeable)
 # Parameters of the run, not of the drill.
-NODE_NAMES = tuple(declarations(Settings))
+NODE_NAMES = _NAMES[Settings]
 
 
 def to_configuration(values: Mapping[str, Any]) -> Configuration:
@@ -236,12 +233,9 @@ def to_configuration(values: Mapping[str, Any]) -> Configuration:
             raise ParameterError(
                 f"{shown_name(name)} is not a parameter; {did_you_mean(name, PARAMETERS)}"
             )
-    regime = preset(values.get("regime", "drilling"))
-    given = {name: _those_of(group, values) for name, group in _GROUPS.items()}
-    given["parameters"].pop("regime", None)
-    others = {name: group(**given[name]) for name, group in _GROUPS.items() if name != "parameters"}
-    drill = regime.replace(**given["parameters"])
-    return Configuration(drill, **others, **_those_of(Configuration, values))
+    given = {**vars(preset(values.get("regime", "drilling"))), **values}
+    groups = {field: group(**_those_of(group, given)) for field, group in _GROUPS.items()}
+    return Configuration(**groups, **_those_of(Configuration, values))
 
 
 def to_settings(values: Mapping[str, Any]) -> Settings:
@@ -251,16 +245,12 @@ def to_settings(values: Mapping[str, Any]) -> Settings:
 
 def to_values(configuration: Configuration) -> dict[str, Any]:
     """Return the values of all parameters by name, the inverse of ``to_configuration``."""
-    found = {
-        name: getattr(getattr(configuration, field), name)
-        for field, group in _GROUPS.items()
-        for name in declarations(group)
-    }
-    return {**found, "drive_enabled": configuration.drive_enabled}
+    groups = (*(getattr(configuration, field) for field in _GROUPS), configuration)
+    return {name: getattr(group, name) for group in groups for name in _NAMES[type(group)]}
 
 
 def _those_of(group: type, values: Mapping[str, Any]) -> dict[str, Any]:
-    return {name: values[name] for name in declarations(group) if name in values}
+    return {name: values[name] for name in _NAMES[group] if name in values}
 
 
 def read_parameter_file(path: str | Path) -> dict[str, Any]:

@@ -10,7 +10,6 @@ import time
 from collections import deque
 from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from queue import SimpleQueue
 
 import numpy as np
 
@@ -18,9 +17,8 @@ from rpud_sim.drilling.rock import Progress
 from rpud_sim.drilling.rotor import RotorWork
 from rpud_sim.foundation.time import SECOND, split_fraction
 from rpud_sim.model.compile import compilation_reported
-from rpud_sim.model.drill import Drill, derive
+from rpud_sim.model.drill import derive
 from rpud_sim.model.elementary import CALLED_BY_PYTHON
-from rpud_sim.model.energy import RpudConstants
 from rpud_sim.model.engine import EngineError, failure, initial_state
 from rpud_sim.model.events import DONE
 from rpud_sim.model.parameters import Parameters
@@ -80,12 +78,6 @@ class _Room(threading.local):
         self.classes = np.zeros(CLASSES, np.int64)  # empty between two calls
         self.part = np.zeros(PART_ROOM)
 
-    def grow(self) -> None:
-        """Make room for twice as many impacts, and keep those that are there."""
-        impacts = np.empty(2 * len(self.impacts), IMPACT)
-        impacts[: len(self.impacts)] = self.impacts
-        self.impacts = impacts
-
 
 _room = _Room()
 
@@ -97,8 +89,8 @@ class EnsembleRuns:
         self._parameters = parameters = configuration.parameters
         drive = configuration.nominal_drive
         actuator = Actuator(configuration.actuator, parameters.vibration_amplitude, drive)
-        self._drill: Drill = derive(parameters)
-        self._rpud: RpudConstants = rpud_constants(parameters, actuator.resonance)
+        self._drill = derive(parameters)
+        self._rpud = rpud_constants(parameters, actuator.resonance)
         self._resonant = actuator.resonance is not None
         state = initial_state(parameters, 0.0, actuator.level > 0.0, actuator.resonance)
         self._states = state.repeat(len(phases))
@@ -123,7 +115,15 @@ class EnsembleRuns:
         """Run all from time zero to an end [ns], and return their results."""
         tallies = empty_tallies(len(self._states))
         self._advance(end, tallies, _room.classes, (True, True, True, True, whole))
-        return [self._result(tallies, number, whole) for number in range(len(tallies))]
+        found = []
+        for number, tally in enumerate(tallies):
+            if (error := self._error(number)) is not None:
+                found.append(Member({}, failure=error))
+                continue
+            figures = figures_of(tally, end / SECOND, int(self._quantiles[number]))
+            energies = account_of_tally(tally, self._electrical(number)) if whole else None
+            found.append(Member(figures, energies))
+        return found
 
     def advance_to(self, time: int, statistics: Statistics, whole: bool = True) -> np.ndarray:
         """Advance a single run to a time [ns], and return its impacts since the last call.
@@ -143,35 +143,21 @@ class EnsembleRuns:
         return found
 
     def _advance(
-        self,
-        time: int,
-        tallies: np.ndarray,
-        classes: np.ndarray,
-        options: tuple[bool, bool, bool, bool, bool],
+        self, time: int, tallies: np.ndarray, classes: np.ndarray, options: tuple[bool, ...]
     ) -> int:
         """Advance all runs; return how many impacts the last one had."""
         runs = (self._states, self._segments, self._impacts)
         members = (*runs, tallies, self._statuses, self._quantiles)
         times = (split_fraction(self.time), split_fraction(time))
         progress = np.array([0, -1, 0])
-        drill = (self._drill, self._rpud)
         while True:
             rooms = (_room.impacts, _room.segments, classes, _room.part)
-            if advance_members(*drill, members, *times, options, rooms, progress):
+            if advance_members(self._drill, self._rpud, members, *times, options, rooms, progress):
                 break
-            _room.grow()
+            _room.impacts = np.concatenate([_room.impacts, np.empty_like(_room.impacts)])
         self._begun = True
         self.time = time
         return int(progress[2])
-
-    def _result(self, tallies: np.ndarray, number: int, whole: bool) -> Member:
-        if (error := self._error(number)) is not None:
-            return Member({}, failure=error)
-        quantile = int(self._quantiles[number])
-        figures = figures_of(tallies[number], self.time / SECOND, quantile)
-        if not whole:
-            return Member(figures)
-        return Member(figures, account_of_tally(tallies[number], self._electrical(number)))
 
     def _error(self, number: int) -> EngineError | None:
         status = int(self._statuses[number])
@@ -215,26 +201,24 @@ class Ensemble:
 
     def mean(self) -> Figures:
         """Return the mean of each figure over the members; None where no member has it."""
-        return {name: _mean(self._column(name)) for name in self.members[0]}
+        return {
+            name: float(np.mean(column)) if len(column) > 1 else next(iter(column), None)
+            for name, column in self._columns().items()
+        }
 
     def standard_error(self) -> Figures:
         """Return the standard error of each mean; None for fewer than two members."""
-        columns = {name: self._column(name) for name in self.members[0] if name != "duration"}
         return {
-            name: float(np.std(column, ddof=1)) / math.sqrt(len(column))
-            if len(column) > 1
-            else None
-            for name, column in columns.items()
+            name: float(np.std(column, ddof=1)) / math.sqrt(len(column)) if column[1:] else None
+            for name, column in self._columns().items()
+            if name != "duration"
         }
 
-    def _column(self, name: str) -> list[float]:
-        return [value for member in self.members if (value := member[name]) is not None]
-
-
-def _mean(values: Sequence[float]) -> float | int | None:
-    if len(values) > 1:
-        return float(np.mean(values))
-    return values[0] if values else None
+    def _columns(self) -> dict[str, list[float]]:
+        return {
+            name: [value for member in self.members if (value := member[name]) is not None]
+            for name in self.members[0]
+        }
 
 
 def compile_kernels(
@@ -283,7 +267,7 @@ def run_members(
     configuration: Configuration | Parameters,
     duration: float,
     phases: Sequence[float],
-    report: Callable[[float], None] = lambda simulated: None,
+    report: Callable[[float], object] = lambda simulated: None,
     scenario: Scenario | None = None,
     accounts: bool = False,
     threads: int = 1,
@@ -294,7 +278,7 @@ def run_members(
     Args:
         duration: of each run [s].
         phases: initial phase of each run [cycles].
-        report: called now and then with the simulated seconds since the last call.
+        report: called now and then with the simulated seconds since the last call, in any thread.
         scenario: faults that begin by themselves, in each run at the same times.
         accounts: whether the energy accounts are wanted.
         threads: to run members on; the compiled code needs no GIL.
@@ -307,37 +291,33 @@ def run_members(
     # Short runs go together: a call of the compiled code takes as long as a stretch of a run.
     size = max(_STRETCH // max(end, 1), 1) if quiet and not drills else 1
     batches = [phases[i : i + size] for i in range(0, len(phases), size)]
-
-    def run(batch: Sequence[float], report: Callable[[float], object]) -> list[Member]:
-        if size == 1 or end > _STRETCH:
-            return [_run(configuration, batch[0], scenario, planned, end, quiet, report)]
-        members = EnsembleRuns(configuration, batch).run(end, accounts)
-        report(len(batch) * end / SECOND)
-        return members
-
-    if threads == 1 or len(batches) == 1:
-        for batch in batches:
-            yield from run(batch, report)
-        return
-    # The caller's thread alone reports.
-    reported: SimpleQueue[float] = SimpleQueue()
-    stopped = threading.Event()
+    lock, stopped = threading.Lock(), threading.Event()
 
     def tell(simulated: float) -> None:
         if stopped.is_set():
             raise _StoppedError
-        reported.put(simulated)
+        with lock:
+            report(simulated)
 
+    def run(batch: Sequence[float]) -> list[Member]:
+        if size == 1 or end > _STRETCH:
+            if quiet:
+                own: Simulation | EnsembleRuns = EnsembleRuns(configuration, batch)
+            else:
+                own = Simulation(configuration, batch[0], scenario)
+            return [_run(own, configuration, planned, end, tell)]
+        members = EnsembleRuns(configuration, batch).run(end, accounts)
+        tell(len(batch) * end / SECOND)
+        return members
+
+    if threads == 1 or len(batches) == 1:
+        for batch in batches:
+            yield from run(batch)
+        return
     with ThreadPoolExecutor(threads) as pool:
         try:
-            running = [pool.submit(run, batch, tell) for batch in batches]
-            for future in running:
-                future.add_done_callback(lambda _: reported.put(0.0))  # ends the wait below
-                while not future.done():
-                    report(reported.get())
+            for future in [pool.submit(run, batch) for batch in batches]:
                 yield from future.result()
-            while not reported.empty():
-                report(reported.get())
         finally:
             # Or the pool would finish all other members, after a failure or Ctrl-C, before it ends.
             stopped.set()
@@ -345,32 +325,29 @@ def run_members(
 
 
 def _run(
+    run: Simulation | EnsembleRuns,
     configuration: Configuration,
-    phase: float,
-    scenario: Scenario | None,
     planned: Sequence[Planned],
     end: int,
-    quiet: bool,
     report: Callable[[float], object],
 ) -> Member:
     """Run a member stretch by stretch: a long one, or one with changes or a depth."""
-    run = (
-        EnsembleRuns(configuration, (phase,))
-        if quiet
-        else Simulation(configuration, phase, scenario)
-    )
     pending = deque(planned)
     statistics = Statistics()
-    for begin in range(0, end, _STRETCH):
-        time = min(begin + _STRETCH, end)
-        try:
+    try:
+        for begin in range(0, end, _STRETCH):
+            time = min(begin + _STRETCH, end)
             if isinstance(run, EnsembleRuns):
                 run.advance_to(time, statistics)
             else:
-                _advance(run, time, pending, statistics)
-        except EngineError as error:
-            return Member({}, failure=error)
-        report((time - begin) / SECOND)
+                while pending and pending[0].delay < time:
+                    if pending[0].delay > run.time:
+                        statistics.add(run.advance_to(pending[0].delay))
+                    apply_change(run, pending.popleft().change)
+                statistics.add(run.advance_to(time))
+            report((time - begin) / SECOND)
+    except EngineError as error:
+        return Member({}, failure=error)
     figures = statistics.figures()
     if configuration.rock.rock_model != "none" or configuration.strata.strata:
         figures["depth"] = run.depth
@@ -378,21 +355,11 @@ def _run(
     return Member(figures, statistics.account, feed=statistics.feed, rotation=statistics.rotation)
 
 
-def _advance(
-    simulation: Simulation, time: int, pending: deque[Planned], statistics: Statistics
-) -> None:
-    while pending and pending[0].delay < time:
-        if pending[0].delay > simulation.time:
-            statistics.add(simulation.advance_to(pending[0].delay))
-        apply_change(simulation, pending.popleft().change)
-    statistics.add(simulation.advance_to(time))
-
-
 def run_ensemble(
     configuration: Configuration | Parameters,
     duration: float,
     phases: Sequence[float],
-    report: Callable[[float], None] = lambda simulated: None,
+    report: Callable[[float], object] = lambda simulated: None,
     scenario: Scenario | None = None,
     threads: int = 1,
     planned: Sequence[Planned] = (),
@@ -409,7 +376,7 @@ def run_ensemble(
         compile_kernels(configuration)
     started = time.perf_counter()
     found = run_members(configuration, duration, phases, report, scenario, True, threads, planned)
-    members = []
+    members: list[Member] = []
     with contextlib.closing(found):
         for member in found:
             if member.failure is not None:

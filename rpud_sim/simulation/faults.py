@@ -13,7 +13,7 @@ from rpud_sim.foundation.quantities import ParameterError, shown, suggestion
 from rpud_sim.foundation.shared import Shared
 from rpud_sim.model.parameters import QUANTITIES, Parameters
 from rpud_sim.simulation.configuration import Configuration
-from rpud_sim.simulation.fault_kinds import CHANNEL_NEEDS, KINDS, Kind
+from rpud_sim.simulation.fault_kinds import CHANNEL_NEEDS, KINDS, FaultKind
 from rpud_sim.simulation.topics import CHANNELS, GROUND_TRUTH
 
 # A binding raises the damping ratio up to this. The closed forms of the paper need less than
@@ -23,16 +23,6 @@ MOST_DAMPING_RATIO = 0.99
 
 class FaultError(ParameterError):
     """Unusable fault; the text says why, in one line."""
-
-
-def number_of(value: Any) -> float | None:
-    """Return a value as a float, infinite if it is too large; None if it is no number."""
-    if isinstance(value, bool) or not isinstance(value, (int, float)):
-        return None
-    try:
-        return float(value)
-    except OverflowError:
-        return math.inf if value > 0 else -math.inf
 
 
 def check_kind(kind: Any, possible: Iterable[str]) -> None:
@@ -64,7 +54,7 @@ class Fault:
         return f"{self.kind} on {self.channel}" if self.channel else self.kind
 
     @property
-    def declared(self) -> Kind:
+    def declared(self) -> FaultKind:
         """Its kind."""
         return KINDS[self.kind]
 
@@ -74,39 +64,37 @@ class Fault:
         return self.declared.physical
 
     def _check_channel(self) -> None:
-        if self.physical:
-            if self.channel != "":
-                raise FaultError(
-                    f"{self.kind} is a fault of the drill and has no channel, "
-                    f"given {shown(self.channel)}"
-                )
-        elif self.channel in GROUND_TRUTH:
+        channel = self.channel
+        if self.physical and channel != "":
             raise FaultError(
-                f"{self.kind} on {self.channel} is refused: it is the ground truth; "
+                f"{self.kind} is a fault of the drill and has no channel, given {shown(channel)}"
+            )
+        if self.physical or (isinstance(channel, str) and channel in CHANNELS):
+            return
+        if channel in GROUND_TRUTH:
+            raise FaultError(
+                f"{self} is refused: it is the ground truth; "
                 f"channels that may fail are {', '.join(CHANNELS)}"
             )
-        elif not (isinstance(self.channel, str) and self.channel in CHANNELS):
-            raise FaultError(
-                f"channel of {self.kind} = {shown(self.channel)} is not one of "
-                f"{', '.join(CHANNELS)}{suggestion(self.channel, CHANNELS)}"
-            )
+        raise FaultError(
+            f"channel of {self.kind} = {shown(channel)} is not one of "
+            f"{', '.join(CHANNELS)}{suggestion(channel, CHANNELS)}"
+        )
 
     def _checked_magnitude(self) -> float:
-        kind = self.declared
+        kind, given = self.declared, self.magnitude
         quantity = kind.quantity_on(self.channel)
-        number = number_of(self.magnitude)
-        if number is None:
-            raise FaultError(f"magnitude of {self} = {shown(self.magnitude)} is not a number")
+        left_open = isinstance(given, float) and math.isnan(given)
         if quantity is None:
-            if not (math.isnan(number) or number == 0.0):
-                raise FaultError(f"{self} has no magnitude, given {number:g}")
+            if not (left_open or given == 0.0):
+                raise FaultError(f"{self} has no magnitude, given {shown(given)}")
             return 0.0
         default = kind.default_on(self.channel)
-        if math.isnan(number):
+        if left_open:
             return default
         hint = f"NaN stands for the default {default:g} {quantity.unit}".rstrip()
         try:
-            quantity.check(f"magnitude of {self}", number)
+            number = float(quantity.check(f"magnitude of {self}", given))
         except ParameterError as error:
             raise FaultError(f"{error}; {hint}") from None
         if number == kind.unchanging:
@@ -126,16 +114,16 @@ def check_supported(fault: Fault, configuration: Configuration) -> None:
 
 def supported_kinds(configuration: Configuration) -> tuple[str, ...]:
     """Return the kinds of faults that a configuration supports with their default magnitudes."""
-    supported = []
-    for name, kind in KINDS.items():
+
+    def supported(name: str, kind: FaultKind) -> bool:
         try:
-            check_supported(
-                Fault(name, "" if kind.physical else next(iter(CHANNELS))), configuration
-            )
+            fault = Fault(name, "" if kind.physical else next(iter(CHANNELS)))
+            check_supported(fault, configuration)
         except FaultError:
-            continue
-        supported.append(name)
-    return tuple(supported)
+            return False
+        return True
+
+    return tuple(name for name, kind in KINDS.items() if supported(name, kind))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -243,10 +231,9 @@ class FaultLedger:
 
     def since(self, time: int) -> tuple[FaultRecord, ...]:
         """Return faults that last or ended after a time, in order of injection."""
-        ended = tuple(record for record in self._cleared if (record.clear or 0) > time)
-        if not ended:
+        if not any((record.clear or 0) > time for record in self._cleared):
             return self.active
-        return tuple(sorted((*ended, *self.active), key=lambda record: record.number))
+        return tuple(each for each in self.records if each.clear is None or each.clear > time)
 
     def inject(self, time: int, fault: Fault) -> int:
         """Let a fault begin and return its number."""
@@ -259,13 +246,11 @@ class FaultLedger:
 
     def clear(self, time: int, number: int) -> FaultRecord:
         """Let a fault end and return its record."""
-        for record in self.active:
-            if record.number == number:
-                break
-        else:
+        found = [record for record in self.active if record.number == number]
+        if not found:
             raise FaultError(f"there is no fault {shown(number)} to clear")
-        ended = dataclasses.replace(record, clear=time)
-        self.active = tuple(other for other in self.active if other is not record)
+        ended = dataclasses.replace(found[0], clear=time)
+        self.active = tuple(record for record in self.active if record is not found[0])
         self.forgotten += len(self._cleared) == MOST_CLEARED
         self._cleared.append(ended)
         return ended

@@ -93,7 +93,10 @@ def sampled_fields(topic: str, samples: Samples, stamps: np.ndarray) -> Fields:
 # Joints of urdf/rpud_feed.urdf.
 FEED_JOINT = "rpud_feed"
 ROTATION_JOINT = "rpud_rotation"
-
+_PROCESS_JOINTS = (
+    (ROTATION_JOINT, "rotation", ("angle", "rate", "drive_torque")),
+    (FEED_JOINT, "mount", ("feed", "rate", "force")),
+)
 # Fields of topics of the slow processes: attributes of the part of the state of the same name.
 _PROCESS_FIELDS: Mapping[str, tuple[str, ...]] = {
     "rotation": ("angle", "rate", "torque", "drive_torque", "stalled"),
@@ -103,32 +106,57 @@ _PROCESS_FIELDS: Mapping[str, tuple[str, ...]] = {
         *("bit_wear", "side_offset"),
     ),
 }
-_PROCESS_JOINTS = (
-    (ROTATION_JOINT, "rotation", ("angle", "rate", "drive_torque")),
-    (FEED_JOINT, "mount", ("feed", "rate", "force")),
-)
 PROCESS_TOPICS = tuple(_PROCESS_FIELDS)
-_VALUES = {topic: attrgetter(*names) for topic, names in _PROCESS_FIELDS.items()}
-
-States = Sequence[ProcessState]
-
-
 _READING = (
     *("voltage", "current", "phase", "impedance", "frequency", "resonance_frequency", "amplitude"),
     *("electrical_power", "electrical_energy", "mechanical_work", "temperature"),
 )
-_values_of = attrgetter(*_READING)
+_VALUES = {
+    topic: attrgetter(*names)
+    for topic, names in (*_PROCESS_FIELDS.items(), ("actuator_state", _READING))
+}
+
+States = Sequence[ProcessState]
+
+
+def has_part(states: States, topic: str) -> bool:
+    """Return whether states, all of one drill, have the part of a topic."""
+    return bool(states) and getattr(states[0], topic) is not None
+
+
+def _parts(states: States, topic: str, name: str) -> np.ndarray:
+    return np.array([getattr(getattr(state, topic), name) for state in states])
+
+
+def process_fields(
+    topic: str, states: States, stamps: np.ndarray
+) -> Iterator[tuple[slice, Fields]]:
+    """Yield columns of a topic of ``PROCESS_TOPICS``, and which of the states they are of.
+
+    All messages of columns have the same texts, so those of each layer come by themselves.
+    """
+    rows = [_VALUES[topic](getattr(state, topic)) for state in states]
+    first = 0
+    for _, group in groupby(rows, key=lambda row: [each for each in row if isinstance(each, str)]):
+        columns = list(zip(*group, strict=True))
+        among = slice(first, first + len(columns[0]))
+        fields = {
+            name: values[0] if isinstance(values[0], str) else np.array(values)
+            for name, values in zip(_PROCESS_FIELDS[topic], columns, strict=True)
+        }
+        yield among, {"header": header_fields(topic, stamps[among]), **fields}
+        first = among.stop
 
 
 def actuator_state_fields(
     readings: Sequence[ActuatorReading], mechanical_powers: np.ndarray, stamps: np.ndarray
 ) -> Fields:
     """Columns of ``rpud_msgs/ActuatorState``; the powers are those since the reading before [W]."""
-    first = readings[0]
+    values, first = _VALUES["actuator_state"], readings[0]
     if all(reading is first for reading in readings):
-        columns: Iterable[Any] = _values_of(first)
+        columns: Iterable[Any] = values(first)
     else:
-        columns = np.array([_values_of(reading) for reading in readings]).T
+        columns = np.array([values(reading) for reading in readings]).T
     return {
         "header": header_fields("actuator_state", stamps),
         **dict(zip(_READING, columns, strict=True)),
@@ -139,9 +167,9 @@ def actuator_state_fields(
 def wrench_fields(samples: Samples, stamps: np.ndarray, states: States = ()) -> Fields:
     """Columns of ``geometry_msgs/WrenchStamped`` as a wrist sensor at the mount gives them.
 
-    The z axis of the mount's frame points along the drill toward the rock; the drill pushes the
-    mount back, so that the force along z is the negative reacting force. The drive turns the
-    rotor, and the mount takes the same torque the other way round.
+    The z axis of the mount's frame points along the drill toward the rock. The drill pushes the
+    mount back by the reacting force, and the mount takes the torque of the drive the other way
+    round.
     """
     torques: Any = 0.0
     if has_part(states, "rotation"):
@@ -160,9 +188,9 @@ def joint_state_fields(samples: Samples, stamps: np.ndarray, states: States = ()
 
     The effort is the force between mount and body, positive toward the rock: the reacting force on
     the nodal plane, and zero on free mass and drill tool, whose forces do not reach the mount in
-    the model. The sum of these efforts is the negative force of the wrench. The feed's joint is its
-    drive, as an encoder shows it: the arm may give way beyond. Its effort is the force of the arm
-    on the mount [N], that of the rotation the torque of the drive on the rotor [N m].
+    the model. The feed's joint is its drive, as an encoder shows it: the arm may give way beyond.
+    Its effort is the force of the arm on the mount [N], that of the rotation the torque of the
+    drive on the rotor [N m].
     """
     joints: dict[str, list[Any]] = {
         joint: [getattr(samples, channel) if channel else 0.0 for channel in channels]
@@ -290,25 +318,12 @@ def status_fields(
 
 def fault_fields(record: FaultRecord, origin: int) -> Fields:
     """Fields of ``rpud_msgs/Fault``; the origin is the stamp of simulation time zero."""
-    over = record.clear is not None
     return {
+        **vars(record.fault),
         "number": record.number,
-        "kind": record.fault.kind,
-        "channel": record.fault.channel,
-        "magnitude": record.fault.magnitude,
-        "active": not over,
+        "active": record.clear is None,
         "onset": time_fields(origin + record.onset),
-        "clear": time_fields(origin + record.clear if record.clear is not None else 0),
-    }
-
-
-def journal_fields(entry: JournalEntry, origin: int) -> Fields:
-    """Fields of ``rpud_msgs/JournalEntry``; the origin is the stamp of simulation time zero."""
-    return {
-        "header": header_fields("journal", origin + entry.time),
-        "sequence": entry.sequence,
-        "kind": entry.kind,
-        "content": entry.text,
+        "clear": time_fields(0 if record.clear is None else origin + record.clear),
     }
 
 
@@ -321,35 +336,11 @@ def faults_fields(ledger: FaultLedger, time: int, origin: int) -> Fields:
     }
 
 
-def has_part(states: States, topic: str) -> bool:
-    """Return whether states, all of one drill, have the part of a topic."""
-    return bool(states) and getattr(states[0], topic) is not None
-
-
-def process_fields(
-    topic: str, states: States, stamps: np.ndarray
-) -> Iterator[tuple[slice, Fields]]:
-    """Yield columns of a topic of ``PROCESS_TOPICS``, and which of the states they are of.
-
-    All messages of columns have the same texts, so those of each layer come by themselves.
-    """
-    names = _PROCESS_FIELDS[topic]
-    rows = [_VALUES[topic](getattr(state, topic)) for state in states]
-    first = 0
-    for _, group in groupby(rows, key=_texts):
-        columns = list(zip(*group, strict=True))
-        among = slice(first, first + len(columns[0]))
-        fields = {
-            name: values[0] if isinstance(values[0], str) else np.array(values)
-            for name, values in zip(names, columns, strict=True)
-        }
-        yield among, {"header": header_fields(topic, stamps[among]), **fields}
-        first = among.stop
-
-
-def _parts(states: States, topic: str, name: str) -> np.ndarray:
-    return np.array([getattr(getattr(state, topic), name) for state in states])
-
-
-def _texts(row: tuple[Any, ...]) -> tuple[str, ...]:
-    return tuple(value for value in row if isinstance(value, str))
+def journal_fields(entry: JournalEntry, origin: int) -> Fields:
+    """Fields of ``rpud_msgs/JournalEntry``; the origin is the stamp of simulation time zero."""
+    return {
+        "header": header_fields("journal", origin + entry.time),
+        "sequence": entry.sequence,
+        "kind": entry.kind,
+        "content": entry.text,
+    }

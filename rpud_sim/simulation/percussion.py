@@ -9,7 +9,7 @@ import numpy as np
 from rpud_sim.drilling.inputs import Percussion
 from rpud_sim.drilling.mount import Advance, MountWork
 from rpud_sim.model.compile import reader_of
-from rpud_sim.model.drill import Drill
+from rpud_sim.model.drill import DrillConstants
 from rpud_sim.model.elementary import exponential, sin_cos, sin_cos_cycles
 from rpud_sim.model.segment import SEGMENT
 from rpud_sim.simulation.energy_account import FeedAccount
@@ -40,9 +40,8 @@ def nodal_plane_position(segment: np.ndarray, seconds: int, fraction: float) -> 
     )
     elapsed = float(seconds - start) + (fraction - rest)
     turned_sine, turned_cosine = sin_cos(omega * elapsed)
-    position: float = offset + exponential(-decay * elapsed) * (
-        cosine * turned_cosine + sine * turned_sine
-    )
+    swing = cosine * turned_cosine + sine * turned_sine
+    position: float = offset + exponential(-decay * elapsed) * swing
     if in_phase or in_quadrature:
         turned_sine, turned_cosine = sin_cos_cycles(phase + frequency * elapsed)
         position += in_phase * turned_sine + in_quadrature * turned_cosine
@@ -75,14 +74,14 @@ class PercussionMeter:
         self._energies.extend(impacts["energy_transferred"].tolist())
 
     def read(
-        self, interval: float, position: float, weight_on_bit: float, drill: Drill, amplitude: float
+        self,
+        interval: float,
+        position: float,
+        weight_on_bit: float,
+        drill: DrillConstants,
+        amplitude: float,
     ) -> Percussion:
-        """Return the percussion since the last call.
-
-        Args:
-            interval: since the last call [s].
-            weight_on_bit: W since the last call [N].
-        """
+        """Return the percussion in the interval [s] since the last call; W was constant [N]."""
         mean = 0.5 * (self._position + position)
         velocity = (position - self._position) / interval
         force = weight_on_bit - drill.load_spring_rate * mean - drill.rpud_damping * velocity
@@ -103,12 +102,8 @@ class LoadSpring:
     """Energy of the load spring between mount and RPUD, from step to step.
 
     Its force is k_1 (s - u_np), with s = W / k_1 the compression by mount and rock, and c_1 times
-    the relative velocity. s changes at the steps alone, by the mount and by the hole.
-
-    Args:
-        stored: energy of the arm at time zero [J].
-        compression: s at time zero [m].
-        spring_rate: with which the load spring pushes, at time zero [N/m].
+    the relative velocity. s changes at the steps alone, by the mount and by the hole. At time zero
+    the arm has stored energy [J], and the load spring pushes with its rate [N/m].
     """
 
     def __init__(

@@ -9,7 +9,7 @@ import numpy as np
 from rpud_sim.drilling.process import Process, Surroundings
 from rpud_sim.drilling.rock import Progress
 from rpud_sim.foundation.time import NEVER, SECOND, split_fraction
-from rpud_sim.model.drill import Drill, derive
+from rpud_sim.model.drill import DrillConstants, derive
 from rpud_sim.model.energy import RpudConstants, withdrawal_work
 from rpud_sim.model.engine import Engine, EngineError
 from rpud_sim.model.parameters import Parameters
@@ -55,8 +55,9 @@ class Plant:
         self._hardness = 1.0
         # rotation, feed and borehole
         self.process = Process(configuration.drilling, self._surroundings())
-        if (weight := self.process.weight_on_bit) is not None:
-            parameters = self._acting_parameters().replace(weight_on_bit=weight)
+        mount = self.process.mount
+        if mount is not None:
+            parameters = self._acting_parameters().replace(weight_on_bit=mount.weight_on_bit)
         self._passed = 0.0  # by the origin of the bodies' displacements, not yet in the engine [m]
         # drive, generator and temperature
         self.actuator = Actuator(configuration.actuator, parameters.vibration_amplitude, drive)
@@ -73,10 +74,9 @@ class Plant:
             position = nodal_plane_position(self.engine.open_segment, *self._instant)
             nominal = parameters.vibration_amplitude
             self._percussion = PercussionMeter(nominal, position, parameters.weight_on_bit)
-            mount, advance = self.process.state.mount, self.process.advance
-            if mount is not None and advance is not None:
-                way, rate = advance.compression, self._pushing_rate()
-                self._load_spring = LoadSpring(mount.work.stored, way, rate, position)
+            if mount is not None:
+                way, rate = mount.advance.compression, self._pushing_rate()
+                self._load_spring = LoadSpring(mount.state.work.stored, way, rate, position)
         # furthest time to advance to at once [ns]
         self.next_step = min(self.actuator.next_step, self.process.next_step)
         self._in_force = (self._drill, *self._commands())
@@ -149,10 +149,7 @@ class Plant:
         return covering, impacts
 
     def _set_aside(self) -> None:
-        """Keep what happened for the next ``drain``.
-
-        Impacts up to now act under the conditions so far.
-        """
+        """Keep what happened for the next ``drain``: impacts acted under the conditions so far."""
         covering, impacts = self._drain_engine()
         self._segments.append(covering[:-1])
         self._impacts.append(impacts)
@@ -176,13 +173,14 @@ class Plant:
         percussion = self._percussion.read(
             interval, position, weight, self._drill, engine.amplitude
         )
-        in_contact = self.process.in_contact
+        mount = self.process.mount
+        was_in_contact = mount is not None and mount.in_contact
         self.process.step(percussion, self._surroundings(), self._effects.disturbances)
-        if self.process.in_contact is not in_contact:
-            self._drill = self._derived()
-        if self._load_spring and (advance := self.process.advance) is not None:
-            self._load_spring.step(advance, self._pushing_rate(), position)
-            self._passed = advance.passed
+        if self._load_spring and mount is not None:
+            if mount.in_contact is not was_in_contact:
+                self._drill = self._derived()
+            self._load_spring.step(mount.advance, self._pushing_rate(), position)
+            self._passed = mount.advance.passed
             feed = self.feed_account(engine.open_segment) if self.time % SECOND == 0 else None
             if feed is not None:
                 self._check_coupling(feed.coupling, self._percussion.arrived)
@@ -227,11 +225,12 @@ class Plant:
     def _acting_parameters(self) -> Parameters:
         """Parameters in force, free of the rock while the tool does not touch it."""
         parameters = self._effects.parameters
-        if self.process.in_contact is False and parameters.regime == "drilling":
+        mount = self.process.mount
+        if mount is not None and not mount.in_contact and parameters.regime == "drilling":
             return parameters.replace(regime="free")
         return parameters
 
-    def _derived(self) -> Drill:
+    def _derived(self) -> DrillConstants:
         return derive(self._acting_parameters(), self._effects.jammed)
 
     def feed_account(self, segment: np.ndarray) -> FeedAccount | None:
@@ -251,10 +250,9 @@ class Plant:
             )
 
     def _weight_on_bit(self) -> float:
-        weight = self.process.preload
-        if weight is None:
-            return self.weight_on_bit * self._effects.disturbances.preload_factor
-        return weight
+        if (mount := self.process.mount) is not None:
+            return mount.preload
+        return self.weight_on_bit * self._effects.disturbances.preload_factor
 
     def _commands(self) -> tuple[tuple[float, float, float], float]:
         actuator = self.actuator

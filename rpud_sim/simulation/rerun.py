@@ -17,7 +17,7 @@ from rpud_sim.simulation.configuration import Settings, to_configuration, to_val
 from rpud_sim.simulation.faults import Fault
 from rpud_sim.simulation.journal import Journal, JournalEntry
 from rpud_sim.simulation.run import Beginning, Run
-from rpud_sim.simulation.state import StateReader
+from rpud_sim.simulation.state import read_state
 from rpud_sim.simulation.telemetry import Entry, Together
 from rpud_sim.simulation.topics import Fields
 
@@ -107,32 +107,7 @@ class Rerun:
         Where nothing changes, they come many at once.
         """
         try:
-            if entry.kind == "begin":
-                if entry.sequence == 0:  # another start of the node, which forgot its checkpoints
-                    self._checkpoints = Checkpoints()
-                    self._late = False
-                self._late |= entry.sequence > 0 and self.run is None
-                self.run = Run(Beginning.from_journal(entry.content), self._journal, self._wanted)
-                return
-            if self.run is None:
-                if entry.kind == "state":
-                    self._late = True
-                    self.run = self._run_in_state(entry)
-                elif not self._late:
-                    raise JournalError("nothing has begun")
-                return
-            if entry.time < self.run.time:
-                raise JournalError(f"its time {entry.time} ns is before that of the one before it")
-            yield from self.run.advance_together(entry.time)
-            if entry.kind == "restore":
-                name = entry.content["name"]
-                unknown = self._late and name not in self._checkpoints.names
-                # The state of the restored run follows.
-                self.run = None if unknown else self._checkpoints.find(name)
-                return
-            if entry.kind == "save":
-                self._checkpoints.save(entry.content["name"], self.run)
-            yield from repeat_change(self.run, entry)
+            yield from self._repeat(entry)
         except Exception as error:
             expected = isinstance(error, (ArithmeticError, LookupError, TypeError, ValueError))
             # A state of a stranger may hold what no drill has, which shows anywhere.
@@ -143,10 +118,35 @@ class Rerun:
                 f"journal entry {entry.sequence} ({entry.kind:.20}) cannot be done: {reason}"
             ) from error
 
-    def _run_in_state(self, entry: JournalEntry) -> Run:
-        run = Run(Beginning.from_journal(entry.content["beginning"]), self._journal, self._wanted)
-        _set_state(run, entry.time, entry.content["state"])
-        return run
+    def _repeat(self, entry: JournalEntry) -> Iterator[Entry | Together]:
+        content = entry.content
+        if entry.kind == "begin":
+            if entry.sequence == 0:  # another start of the node, which forgot its checkpoints
+                self._checkpoints = Checkpoints()
+                self._late = False
+            self._late |= entry.sequence > 0 and self.run is None
+            self.run = Run(Beginning.from_journal(content), self._journal, self._wanted)
+        elif self.run is None and entry.kind == "state":
+            self._late = True
+            beginning = Beginning.from_journal(content["beginning"])
+            run = Run(beginning, self._journal, self._wanted)
+            _set_state(run, entry.time, content["state"])
+            self.run = run
+        elif self.run is None and not self._late:
+            raise JournalError("nothing has begun")
+        elif self.run is not None:
+            if entry.time < self.run.time:
+                raise JournalError(f"its time {entry.time} ns is before that of the one before it")
+            yield from self.run.advance_together(entry.time)
+            if entry.kind == "restore":
+                name = content["name"]
+                unknown = self._late and name not in self._checkpoints.names
+                # The state of the restored run follows.
+                self.run = None if unknown else self._checkpoints.find(name)
+                return
+            if entry.kind == "save":
+                self._checkpoints.save(content["name"], self.run)
+            yield from repeat_change(self.run, entry)
 
     def advance_to(self, time: int) -> Iterator[Entry | Together]:
         """Advance to a simulation time [ns] and yield the messages, as ``repeat`` does."""
@@ -213,22 +213,20 @@ def resume(
             Otherwise it stops at the end of the last block before it.
         report: called with the seconds that were simulated since its last call.
     """
-    listening: list[bool] = []
+    wanted: set[str] = set()
     journal = Journal(states=False)  # the recorded ones are repeated
-    rerun = Rerun(journal, lambda topic: bool(listening))
+    rerun = Rerun(journal, lambda topic: bool(wanted))
     faults: Entry | None = None
     reached = 0
 
     def hear(messages: Iterable[Entry | Together]) -> list[Entry]:
+        """Return the entries of the journal."""
         nonlocal faults, reached
         heard = []
         for message in messages:
-            if isinstance(message, Together):
-                pass  # neither faults nor entries of the journal
-            elif message[1] == "faults":
-                faults = message
-            elif message[1] == "journal":
-                heard.append(message)
+            if not isinstance(message, Together):  # which has neither faults nor entries
+                faults = message if message[1] == "faults" else faults
+                heard += [message] if message[1] == "journal" else []
             if rerun.time >= reached + SECOND:
                 report((rerun.time - reached) / SECOND)
                 reached = rerun.time
@@ -246,9 +244,8 @@ def resume(
         hear(run.advance_together(last))
     journal.restart(entries[-1].sequence + 1)
     stops = hear(run.advance_to(time)) if stop else []
-    listening.append(True)
-    configuration = run.simulation.configuration
-    settings = run.beginning.settings.replace(to_values(configuration))
+    wanted.add("all")
+    settings = run.beginning.settings.replace(to_values(run.simulation.configuration))
     return Resumed(run, settings, faults, tuple(stops))
 
 
@@ -280,7 +277,7 @@ def _set_state(run: Run, time: int, state: Mapping[str, Any]) -> None:
     beginning = to_values(run.beginning.settings.configuration)
     configuration = to_configuration({**beginning, **state["parameters"]})
     run.simulation._plant.engine.drain_covering()  # impacts of time zero are no part of it
-    StateReader(configuration).read(run, state["run"])
+    read_state(run, state["run"], configuration)
     run.faults_published = bool(state["faults_published"])
     plant = run.simulation._plant
     began = plant.engine._state[0]

@@ -1,23 +1,25 @@
-"""Run of the drill: the simulation under commands, and its messages."""
+"""Run of the drill: the simulation, the share of the commands that acts, and its messages."""
 
 from __future__ import annotations
 
 import copy
 import dataclasses
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
 
+from rpud_sim.drilling.mount import STOPPED
+from rpud_sim.foundation.time import SECOND
 from rpud_sim.simulation.block import Block, boundaries_until, boundary
+from rpud_sim.simulation.commands import COMMAND_NAMES, Command, Drive, WeightOnBit
 from rpud_sim.simulation.configuration import Settings, to_settings, to_values
-from rpud_sim.simulation.control import Control
 from rpud_sim.simulation.faults import Fault
 from rpud_sim.simulation.fields import Bookkeeping, faults_fields, journal_fields, status_fields
 from rpud_sim.simulation.journal import Journal
 from rpud_sim.simulation.scenario import Scenario, ScheduledFault, scenario_of
 from rpud_sim.simulation.simulation import Simulation, initial_phases
-from rpud_sim.simulation.state import StateWriter
+from rpud_sim.simulation.state import write_state
 from rpud_sim.simulation.statistics import RecentEnergy
 from rpud_sim.simulation.telemetry import Entry, Stream, Telemetry, Together, messages_of
 from rpud_sim.simulation.versions import ENGINE, engine_versions
@@ -37,9 +39,8 @@ class Beginning:
     def drawn(settings: Settings, seed: int | None = None) -> Beginning:
         """Return the beginning that a seed draws; None for the seed of the settings."""
         seed = settings.seed if seed is None else seed
-        return Beginning(
-            settings, initial_phases(1, seed or None)[0], seed, scenario_of(settings, seed)
-        )
+        [phase] = initial_phases(1, seed or None)
+        return Beginning(settings, phase, seed, scenario_of(settings, seed))
 
     def to_journal(self) -> dict[str, Any]:
         """Return the content of a journal's entry ``begin``."""
@@ -48,11 +49,7 @@ class Beginning:
             "initial_phase": self.initial_phase,
             "seed": self.seed,
             "faults": [
-                {
-                    **dataclasses.asdict(planned.fault),
-                    "onset": planned.onset,
-                    "clear": planned.clear,
-                }
+                {**vars(planned.fault), "onset": planned.onset, "clear": planned.clear}
                 for planned in (self.scenario.faults if self.scenario else ())
             ],
             "engine": ENGINE,
@@ -66,20 +63,93 @@ class Beginning:
         Raises:
             ArithmeticError, LookupError, TypeError, ValueError: if the content is unusable.
         """
-        faults = tuple(
+        faults = [
             ScheduledFault(
                 planned["onset"],
                 planned["clear"],
                 Fault(planned["kind"], planned["channel"], planned["magnitude"]),
             )
             for planned in content["faults"]
-        )
-        return Beginning(
-            to_settings(content["parameters"]),
-            float(content["initial_phase"]),
-            content["seed"],
-            Scenario(content["seed"], faults),
-        )
+        ]
+        seed = content["seed"]
+        settings = to_settings(content["parameters"])
+        phase = float(content["initial_phase"])
+        return Beginning(settings, phase, seed, Scenario(seed, tuple(faults)))
+
+
+class Control:
+    """Commands of a drill, put into force in full, in part when they are lost, or not at all.
+
+    When no command arrived for the timeout, the share that acts falls linearly from 1 to 0 within
+    the ramp, and stays there until the next one.
+
+    Args:
+        timeout: time without a command after which commands are lost [s]; 0 for never.
+        ramp: time in which the share falls from 1 to 0 [s].
+    """
+
+    def __init__(
+        self, simulation: Simulation, timeout: float, ramp: float, active: bool = True
+    ) -> None:
+        self._simulation = simulation
+        self._initial = self._given = simulation.applied
+        self._last = simulation.time  # of the last command [ns]
+        self.set(timeout, ramp)
+        self.active = active  # whether commands act; read-only
+        # whether commands stopped arriving, so that the watchdog makes the drill safe; read-only
+        self.commands_lost = False
+
+    def set(self, timeout: float, ramp: float) -> None:
+        """Set another timeout and ramp [s]."""
+        # In nanoseconds, so that the end of the ramp is exact. At least 1: 0 would be no timeout.
+        self._timeout = max(1, round(timeout * SECOND)) if timeout > 0.0 else 0
+        self._ramp = round(ramp * SECOND)
+
+    def activate(self, active: bool) -> None:
+        """Let commands act from now on, starting with the initial ones, or let none act."""
+        if active and not self.active:
+            self._given = self._initial
+            self._last = self._simulation.time
+        self.active = active
+        self.act()
+
+    def adopt(self) -> None:
+        """Take the commands in force as given now, and let commands act from now on."""
+        self._given = self._simulation.applied
+        self._last = self._simulation.time
+        self.active = True
+        self.commands_lost = False
+
+    def apply(self, command: Command) -> None:
+        """Put a command into force now, if commands act."""
+        if not self.active:
+            return
+        if isinstance(command, Drive):
+            command = command.after(self._given.drive)
+        self._simulation.configuration.check(command)
+        self._last = self._simulation.time
+        given: dict[str, Any] = {COMMAND_NAMES[type(command)]: command}
+        self._given = dataclasses.replace(self._given, **given)
+        self._simulation.apply(command)
+
+    def act(self) -> bool:
+        """Put the present share into force; return whether commands were lost or came back."""
+        simulation, given = self._simulation, self._given
+        overdue = simulation.time - self._last - self._timeout if self._timeout else 0
+        share = float(self.active)
+        if self.active and overdue > 0:
+            share = max(0.0, 1.0 - overdue / self._ramp) if self._ramp else 0.0
+        if simulation.configuration.has_feed:
+            simulation.apply(given.feed.reduced(share) if share else STOPPED)
+        else:
+            simulation.apply(WeightOnBit(given.weight_on_bit.force * share))
+        if share and given.drive.enabled:
+            simulation.apply(Drive(True, given.drive.voltage * share, given.drive.frequency))
+        elif simulation.applied.drive.enabled:
+            simulation.apply(Drive(False, 0.0, 0.0))
+        before = self.commands_lost
+        self.commands_lost = self.active and overdue > 0
+        return self.commands_lost is not before
 
 
 class Run:
@@ -110,10 +180,7 @@ class Run:
         self._journal = journal
         self._wanted = wanted
         self._on_block = on_block
-        self._rate = settings.telemetry_rate
-        self._telemetry = Telemetry(
-            self._rate, settings.sample_rate, settings.block_duration, wanted, beginning.seed
-        )
+        self._telemetry = Telemetry(settings, beginning.seed, wanted)
         self.simulation = Simulation(
             settings.configuration, beginning.initial_phase, beginning.scenario, journal
         )
@@ -137,7 +204,8 @@ class Run:
     @property
     def next_boundary(self) -> int:
         """Time at which the present block ends, unless a caller stops before it [ns]."""
-        return boundary(boundaries_until(self.time, self._rate) + 1, self._rate)
+        rate = self.beginning.settings.telemetry_rate
+        return boundary(boundaries_until(self.time, rate) + 1, rate)
 
     def begin(self, origin: int) -> None:
         """Start the journal, let commands act, and give simulation time zero its stamp [ns]."""
@@ -155,15 +223,10 @@ class Run:
 
         It has other arguments of ``Run`` where given; a journal only if this run has one.
         """
-        shared: list[tuple[Any, Any]] = [
-            (self.beginning, None),
-            (self._journal, journal),
-            (self._wanted, wanted),
-            (self._on_block, on_block),
-        ]
-        return copy.deepcopy(
-            self, {id(own): own if other is None else other for own, other in shared if own}
-        )
+        own = (self.beginning, self._journal, self._wanted, self._on_block)
+        others = (None, journal, wanted, on_block)
+        pairs: Iterable[tuple[Any, Any]] = zip(own, others, strict=True)
+        return copy.deepcopy(self, {id(one): other or one for one, other in pairs if one})
 
     def note_state(self, *, due: bool = False) -> None:
         """Append the state to the journal, so that a reader can begin there; ``due`` if it is time.
@@ -180,7 +243,7 @@ class Run:
         return {
             "parameters": {name: value for name, value in now.items() if value != begun[name]},
             "faults_published": self.faults_published,
-            "run": StateWriter().write(self),
+            "run": write_state(self),
         }
 
     @property
@@ -283,15 +346,10 @@ class Run:
 
     def status(self, state: str, bookkeeping: Bookkeeping) -> Entry:
         """Return the status message of the present time."""
-        return (
-            self.time,
-            "status",
-            {
-                **status_fields(self.simulation, self.origin, state, bookkeeping),
-                **self._recent_energy.powers(),
-                "journal_entries": self._journal.count if self._journal is not None else 0,
-            },
-        )
+        fields = status_fields(self.simulation, self.origin, state, bookkeeping)
+        entries = self._journal.count if self._journal is not None else 0
+        powers = self._recent_energy.powers()
+        return self.time, "status", {**fields, **powers, "journal_entries": entries}
 
     @property
     def coupling_power(self) -> float:

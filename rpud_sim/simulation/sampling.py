@@ -107,9 +107,8 @@ def _fill(segments, firsts, lasts, cuts, seconds, fraction, channels, in_contact
 def sample(segments: np.ndarray, times: Times) -> Samples:
     """Sample all channels of a trajectory.
 
-    Args:
-        times: in ascending order, not before the first segment; later than the last one's end
-            continues its closed form.
+    Times are ascending and not before the first segment; later than the last one's end continues
+    its closed form.
     """
     firsts, lasts = np.zeros(1, np.int64), np.array([len(segments) - 1], np.int64)
     cuts = np.array([0, len(times.seconds)], np.int64)
@@ -125,8 +124,7 @@ def sample_parts(
     goes on before and after its part.
 
     Args:
-        firsts: number of the first segment of each part, shape (n,), int64.
-        lasts: number of the last one, shape (n,), int64.
+        firsts: number of the first segment of each part, shape (n,), int64; ``lasts`` of the last.
         cuts: number of the first time of each part, and of all, shape (n + 1,), int64.
     """
     count = len(times.seconds)
@@ -136,14 +134,8 @@ def sample_parts(
         # Always read-only and in one piece: a kernel is compiled again for another type of array.
         segments = segments.view()
         segments.flags.writeable = False
-        _fill(
-            segments,
-            *map(np.ascontiguousarray, (firsts, lasts, cuts)),
-            times.seconds,
-            times.fraction,
-            channels,
-            in_contact,
-        )
+        parts = map(np.ascontiguousarray, (firsts, lasts, cuts))
+        _fill(segments, *parts, times.seconds, times.fraction, channels, in_contact)
     channels.flags.writeable = False
     in_contact.flags.writeable = False
     return Samples(**dict(zip(CHANNELS, channels, strict=True)), in_contact=in_contact)
@@ -182,12 +174,7 @@ def end_sample(segment: np.void, rate: int) -> int:
 
 
 def sample_between(segments: np.ndarray, first: int, end: int, rate: int) -> Samples:
-    """Return samples ``first`` to ``end - 1`` of consecutive segments, those of ``Rebuilder``.
-
-    Args:
-        segments: without a gap; they cover the samples.
-        end: number of the first one that does not count.
-    """
+    """Return samples ``first`` to ``end - 1`` of consecutive segments that cover them."""
     return sample(segments, Times.from_grid(first, max(0, end - first), rate))
 
 

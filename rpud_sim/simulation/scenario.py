@@ -16,10 +16,9 @@ from rpud_sim.foundation.time import SECOND
 from rpud_sim.foundation.yaml_files import Cursor, cursor_at, open_yaml
 from rpud_sim.simulation.configuration import Settings
 from rpud_sim.simulation.fault_kinds import KINDS
-from rpud_sim.simulation.faults import Fault, FaultError, number_of
+from rpud_sim.simulation.faults import Fault, FaultError
 
-GREATEST_SEED = 2**63 - 1  # what a ROS parameter holds
-
+SEED = Quantity("", "seed of the values that are drawn", 0.0, 2.0**63, below=True, whole=True)
 ONSET = Quantity("s", "simulation time at which a fault begins", 0.0, 1e6)
 DURATION = Quantity("s", "time for which it lasts", 1e-9, 1e6)
 
@@ -54,10 +53,7 @@ class Scenario:
 
 
 def scenario_of(settings: Settings, seed: int | None = None) -> Scenario | None:
-    """Read the scenario of a run's settings; None if there is none.
-
-    ``seed`` takes the place of that of the settings. If both are zero, the scenario has its own.
-    """
+    """Read the scenario of settings; a seed, theirs if it is zero, takes the place of its own."""
     if not settings.scenario:
         return None
     return read_scenario(settings.scenario, seed or settings.seed or None)
@@ -77,8 +73,8 @@ def parse_scenario(content: Any, name: str, seed: int | None = None) -> Scenario
 def _scenario(top: Cursor, seed: int | None) -> Scenario:
     top.file_mapping("a scenario")
     top.mapping(("seed", "faults"))
-    written = _checked_seed(top.get("seed", 0))
-    seed = written if seed is None else _checked_seed(replace(top.get("seed"), value=seed))
+    written = top.get("seed", 0).check(SEED)
+    seed = written if seed is None else replace(top.get("seed"), value=seed).check(SEED)
     found = []
     for number, entry in enumerate(top.get("faults").sequence("entry {number}"), 1):
         with entry.errors():
@@ -94,52 +90,37 @@ def _scenario(top: Cursor, seed: int | None) -> Scenario:
     return Scenario(seed, tuple(scheduled for _, scheduled in found))
 
 
-def _checked_seed(cursor: Cursor) -> int:
-    seed = cursor.value
-    if isinstance(seed, bool) or not isinstance(seed, int) or not 0 <= seed <= GREATEST_SEED:
-        raise cursor.refusal(
-            f"seed = {{shown}} is not a whole number in its range [0, {GREATEST_SEED}]"
-        )
-    return seed
-
-
 def _scheduled(entry: Cursor, number: int, seed: int) -> ScheduledFault:
     entry.mapping(_KEYS, needed=("kind", "onset"))
     values = entry.value
     kind, channel = values["kind"], values.get("channel", "")
     known = Fault(kind, channel)  # checks the names before the numbers
-    # A stream of its own for each number: changing one entry changes no other.
-    streams = {
-        key: np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(number, index)))
-        for index, key in enumerate(_DRAWN)
-    }
-    start = round(_drawn("onset", values["onset"], ONSET, streams["onset"]) * SECOND)
+
+    def drawn(key: str, quantity: Quantity, name: str = "") -> float:
+        """Return the number of a key, or one drawn between its two bounds."""
+        name, value = name or key, values[key]
+        if not isinstance(value, Mapping):
+            return float(quantity.check(name, value))
+        bounds = value.get("uniform")
+        if set(value) != {"uniform"} or not (isinstance(bounds, list) and len(bounds) == 2):
+            raise FaultError(
+                f"{name} = {shown(value)} is neither a number nor uniform: [least, most]"
+            )
+        least, most = (quantity.check(f"{name}, uniform,", bound) for bound in bounds)
+        if not least <= most:
+            raise FaultError(
+                f"{name} = uniform: [{least:g}, {most:g}] has its least above its most"
+            )
+        # A stream of its own for each number: changing one entry changes no other.
+        stream = np.random.SeedSequence(seed, spawn_key=(number, _DRAWN.index(key)))
+        return float(least + (most - least) * float(np.random.default_rng(stream).random()))
+
+    onset = round(drawn("onset", ONSET) * SECOND)
     clear = None
     if "duration" in values:
-        duration = _drawn("duration", values["duration"], DURATION, streams["duration"])
-        clear = start + round(duration * SECOND)
+        clear = onset + round(drawn("duration", DURATION) * SECOND)
     magnitude = values.get("magnitude", math.nan)
     quantity = KINDS[kind].quantity_on(channel)
     if not (quantity is None or (isinstance(magnitude, float) and math.isnan(magnitude))):
-        magnitude = _drawn(f"magnitude of {known}", magnitude, quantity, streams["magnitude"])
-    return ScheduledFault(start, clear, Fault(kind, channel, magnitude), entry.prefix)
-
-
-def _drawn(name: str, value: Any, quantity: Quantity, random: np.random.Generator) -> float:
-    """Return the number of an entry, or one drawn between its two bounds."""
-    if not isinstance(value, Mapping):
-        return float(quantity.check(name, _finite(name, value)))
-    bounds = value.get("uniform")
-    if set(value) != {"uniform"} or not (isinstance(bounds, list) and len(bounds) == 2):
-        raise FaultError(f"{name} = {shown(value)} is neither a number nor uniform: [least, most]")
-    least, most = (quantity.check(f"{name}, uniform,", _finite(name, bound)) for bound in bounds)
-    if not least <= most:
-        raise FaultError(f"{name} = uniform: [{least:g}, {most:g}] has its least above its most")
-    return float(least + (most - least) * float(random.random()))
-
-
-def _finite(name: str, value: Any) -> float:
-    number = number_of(value)
-    if number is None or math.isnan(number):
-        raise FaultError(f"{name} = {shown(value)} is not a number")
-    return number
+        magnitude = drawn("magnitude", quantity, f"magnitude of {known}")
+    return ScheduledFault(onset, clear, Fault(kind, channel, magnitude), entry.prefix)

@@ -139,8 +139,8 @@ class Simulation:
     @property
     def weight_on_bit(self) -> float:
         """Force of the load spring: commanded, or as it follows from the feed [N]."""
-        weight = self._plant.process.weight_on_bit
-        return self.applied.weight_on_bit.force if weight is None else weight
+        mount = self._plant.process.mount
+        return mount.weight_on_bit if mount else self.applied.weight_on_bit.force
 
     @property
     def next_scheduled(self) -> int:
@@ -221,7 +221,8 @@ class Simulation:
         if isinstance(acting, WeightOnBit):
             self._plant.weight_on_bit = acting.force
         elif isinstance(acting, Feed):
-            self._plant.process.feed(acting)
+            if (mount := self._plant.process.mount) is not None:
+                mount.motion = acting
         else:
             self._plant.actuator.drive(acting)
         changed: dict[str, Any] = {kind: acting, f"{kind}_time": self.time}

@@ -18,7 +18,7 @@ import numpy as np
 
 from rpud_sim.drilling.rock import Strata
 from rpud_sim.foundation.parameters import ParameterGroup
-from rpud_sim.model.drill import STATE, Drill
+from rpud_sim.model.drill import STATE, DrillConstants
 from rpud_sim.model.parameters import Parameters
 from rpud_sim.model.segment import IMPACT, SEGMENT
 from rpud_sim.simulation.block import Block
@@ -34,79 +34,64 @@ _DTYPES: Mapping[str, np.dtype[Any]] = {
     "int64": np.dtype(np.int64),
     "bool": np.dtype(np.bool_),
 }
-_RECORDS = (STATE, SEGMENT, IMPACT)
 # The same without padding, which holds whatever was in memory.
 _PACKED = {
     name: np.dtype([(field, dtype[field]) for field in dtype.names]) if dtype.names else dtype
     for name, dtype in _DTYPES.items()
 }
-# Records that wait for the next block, by the attribute that holds them.
-_WAITING = {"_segments": SEGMENT, "_impacts": IMPACT}
-# Attributes that are no state: what a run gets from its owner, room for results, and what is kept
-# so that it need not be calculated again. What commands do is in the simulation.
+# Attributes that are no state: what a run gets from its owner or its beginning, room for results,
+# and what is kept so that it need not be calculated again. What commands do is in the simulation.
 _LEFT_OUT = frozenset(
     (
         *("beginning", "control", "_journal", "_wanted", "_on_block", "_recent_energy"),
         *("_published_faults", "_refusals", "_parameters"),
-        *("_capacity", "_goal", "_rooms", "_segment_room", "_impact_room", "_written"),
+        *("_telemetry_rate", "_sample_rate", "_stream_period"),
+        *("_goal", "_segment_room", "_impact_room", "_written"),
         *("_struck", "_advance_code", "_interrupt_code"),
     )
 )
-# Whole numbers that follow from the beginning.
-_RATES = ("_rate", "_sample_rate", "_stream_period")
+_SEQUENCES: Mapping[str, type[Any]] = {"tuple": tuple, "list": list, "deque": deque}
 _TYPES = {"float": float, "int": int, "bool": bool, "str": str}
 
 
-class StateWriter:
-    """Writer of an object and all that it holds, as values for JSON."""
-
-    def __init__(self) -> None:
-        self._seen: set[int] = set()  # objects that are written already
-
-    def write(self, value: Any) -> Any:
-        if value is None or isinstance(value, (bool, int, float, str)):
-            return value
-        if isinstance(value, np.generic):
-            return value.item()
-        if isinstance(value, np.ndarray):
-            name = next(name for name, dtype in _DTYPES.items() if dtype == value.dtype)
-            return {"array": name, "bytes": _text(value.astype(_PACKED[name]).tobytes())}
-        if isinstance(value, array):
-            return {"doubles": _text(value.tobytes())}
-        if isinstance(value, np.random.Generator):
-            return {"random": value.bit_generator.state}
-        if isinstance(value, dict):
-            pairs = [[self.write(key), self.write(each)] for key, each in value.items()]
-            return {"dict": pairs}
-        if callable(value):  # a message that is made when a fault needs it
-            return self.write(value())
-        if _is_value(type(value)):
-            names = _fields(type(value))
-            return {"value": _name(value), "of": [self.write(getattr(value, n)) for n in names]}
-        if isinstance(value, (tuple, list, deque)):
-            return {type(value).__name__: [self.write(each) for each in value]}
-        return self._object(value)
-
-    def _object(self, value: Any) -> Any:
-        if id(value) in self._seen:
-            return None
-        self._seen.add(id(value))
-        attributes = {
-            name: self.write(each)
-            for name, each in vars(value).items()
-            if name not in _LEFT_OUT and not _is_fixed(each) and id(each) not in self._seen
-        }
-        return {"object": _name(value), "of": attributes}
+def write_state(value: Any, seen: set[int] | None = None) -> Any:
+    """Return an object and all that it holds as values for JSON, each object once."""
+    seen = set() if seen is None else seen  # objects that are written already
+    if value is None or isinstance(value, (bool, int, float, str)):
+        return value
+    if isinstance(value, np.generic):
+        return value.item()
+    if isinstance(value, np.ndarray):
+        name = next(name for name, dtype in _DTYPES.items() if dtype == value.dtype)
+        return {"array": name, "bytes": _text(value.astype(_PACKED[name]).tobytes())}
+    if isinstance(value, array):
+        return {"doubles": _text(value.tobytes())}
+    if isinstance(value, np.random.Generator):
+        return {"random": value.bit_generator.state}
+    if isinstance(value, dict):
+        return {"dict": [[write_state(key, seen), write_state(value[key], seen)] for key in value]}
+    if callable(value):  # a message that is made when a fault needs it
+        return write_state(value(), seen)
+    if _is_value(type(value)):
+        held = [write_state(getattr(value, name), seen) for name in _fields(type(value))]
+        return {"value": _name(value), "of": held}
+    if isinstance(value, (tuple, list, deque)):
+        return {type(value).__name__: [write_state(each, seen) for each in value]}
+    if id(value) in seen:
+        return None
+    seen.add(id(value))
+    attributes = {
+        name: write_state(each, seen)
+        for name, each in vars(value).items()
+        if name not in _LEFT_OUT and not _is_fixed(each) and id(each) not in seen
+    }
+    return {"object": _name(value), "of": attributes}
 
 
-class StateReader:
-    """Reader of written values into an object of the same beginning."""
+def read_state(old: Any, tree: Any, configuration: Configuration) -> Any:
+    """Return the value of a tree; an object is set in place of the old one of its class."""
 
-    def __init__(self, configuration: Configuration) -> None:
-        self._configuration = configuration
-
-    def read(self, old: Any, tree: Any) -> Any:
-        """Return the value of a tree; an object is set in place of the old one of its class."""
+    def read(old: Any, tree: Any) -> Any:
         if not isinstance(tree, dict):
             return tree
         kind = next(iter(tree), "")
@@ -125,39 +110,16 @@ class StateReader:
             random.bit_generator.state = content
             return random
         if kind == "dict":
-            return {self.read(None, key): self.read(None, each) for key, each in content}
-        if kind in ("tuple", "list", "deque"):
-            return {"tuple": tuple, "list": list, "deque": deque}[kind](
-                self.read(None, each) for each in content
-            )
+            return {read(None, key): read(None, each) for key, each in content}
+        if kind in _SEQUENCES:
+            return _SEQUENCES[kind](read(None, each) for each in content)
         if kind == "value":
-            return self._value(content, tree["of"])
-        if kind != "object":
-            raise ValueError(f"{kind:.80} is no kind of a state's values")
-        return self._object(old, content, tree["of"])
+            return _new_value(content, [read(None, each) for each in tree["of"]])
+        if kind == "object":
+            return read_object(old, content, tree["of"])
+        raise ValueError(f"{kind:.80} is no kind of a state's values")
 
-    def _value(self, name: str, trees: list[Any]) -> Any:
-        module, _, own = name.rpartition(".")
-        found: Any = getattr(sys.modules.get(module), own, None)
-        if not (module.startswith("rpud_sim.") and isinstance(found, type) and _is_value(found)):
-            raise ValueError(f"{name:.80} is no value of a state")
-        fields = _fields(found)
-        values = {field: self.read(None, tree) for field, tree in zip(fields, trees, strict=True)}
-        for field, hint in fields.items():
-            wanted = hint if isinstance(hint, type) else _TYPES.get(str(hint))
-            if wanted is not None and type(values[field]) is not wanted:
-                raise ValueError(f"{name}.{field} = {values[field]!r:.40} is no {wanted.__name__}")
-        if found is Block:
-            _check_records("covering", [values["covering"]], SEGMENT)
-            _check_records("impacts", [values["impacts"]], IMPACT)
-            counts = (len(values["covering"]) - 1, len(values["impacts"]))
-            ends, finished, struck = (values[name] for name in ("ends", "finished", "struck"))
-            _check_records("ends", (ends, finished, struck), _DTYPES["int64"])
-            if len(ends) != 1 or counts[0] < 0 or (*finished, *struck) != counts:
-                raise ValueError("a block has other segments or impacts than it counts")
-        return found(**values)
-
-    def _object(self, old: Any, name: str, trees: Mapping[str, Any]) -> Any:
+    def read_object(old: Any, name: str, trees: Mapping[str, Any]) -> Any:
         if name == f"{Stage.__module__}.{Stage.__name__}":
             old = Stage(Fault("off", "wrench"), np.random.default_rng(0), None)
         if old is None or _name(old) != name:
@@ -166,16 +128,39 @@ class StateReader:
         for attribute, tree in trees.items():
             if attribute not in held or attribute in _LEFT_OUT or _is_fixed(held[attribute]):
                 raise ValueError(f"{name} has no state {attribute:.40}")
-            before, value = held[attribute], self.read(held[attribute], tree)
+            before, value = held[attribute], read(held[attribute], tree)
             _check(attribute, before, value)
             if isinstance(before, deque):  # of its length
                 before.clear()
                 before.extend(value)
-            elif value is not before:
+            else:
                 setattr(old, attribute, value)
         if "configuration" in held:
-            old.configuration = self._configuration
+            old.configuration = configuration
         return old
+
+    return read(old, tree)
+
+
+def _new_value(name: str, values: list[Any]) -> Any:
+    """Return an immutable value of this package, whose numbers and texts have their types."""
+    module, _, own = name.rpartition(".")
+    found: Any = getattr(sys.modules.get(module), own, None)
+    if not (module.startswith("rpud_sim.") and isinstance(found, type) and _is_value(found)):
+        raise ValueError(f"{name:.80} is no value of a state")
+    for (field, hint), value in zip(_fields(found).items(), values, strict=True):
+        wanted = hint if isinstance(hint, type) else _TYPES.get(str(hint))
+        if wanted is not None and type(value) is not wanted:
+            raise ValueError(f"{name}.{field} = {value!r:.40} is no {wanted.__name__}")
+    made = found(*values)
+    if isinstance(made, Block):
+        _check_records("covering", [made.covering], SEGMENT)
+        _check_records("impacts", [made.impacts], IMPACT)
+        _check_records("ends", (made.ends, made.finished, made.struck), _DTYPES["int64"])
+        counts = (1, len(made.covering) - 1, len(made.impacts))
+        if counts[1] < 0 or (len(made), *made.finished, *made.struck) != counts:
+            raise ValueError("a block has other segments or impacts than it counts")
+    return made
 
 
 def _check(name: str, before: Any, value: Any) -> None:
@@ -186,14 +171,13 @@ def _check(name: str, before: Any, value: Any) -> None:
     elif isinstance(before, np.ndarray):
         if not isinstance(value, np.ndarray) or value.dtype != before.dtype:
             raise ValueError(f"{name} is no array of {before.dtype!s:.40}")
-        if before.dtype in _RECORDS and value.shape != before.shape:
+        if before.dtype.names and value.shape != before.shape:
             raise ValueError(f"{name} has the shape {value.shape}, not {before.shape}")
     elif hasattr(before, "__dict__") and not _is_value(type(before)) and value is not before:
         raise ValueError(f"{name} is no {type(before).__name__}")
-    if name in _WAITING and isinstance(value, list):
-        _check_records(name, value, _WAITING[name])
-    if name in _RATES and type(before) is int and value != before:
-        raise ValueError(f"{name} = {value} is not that of the beginning, {before}")
+    # Records that wait for the next block.
+    if name in ("_segments", "_impacts") and isinstance(value, list):
+        _check_records(name, value, SEGMENT if name == "_segments" else IMPACT)
     if name == "_seating" and not all(map(_is_seating, value)):
         raise ValueError("_seating holds other values than times and drills")
 
@@ -201,7 +185,7 @@ def _check(name: str, before: Any, value: Any) -> None:
 def _is_seating(step: Any) -> bool:
     if not (type(step) is tuple and len(step) == 2 and type(step[0]) is tuple):
         return False
-    return tuple(map(type, step[0])) == (int, float) and type(step[1]) is Drill
+    return tuple(map(type, step[0])) == (int, float) and type(step[1]) is DrillConstants
 
 
 def _check_records(name: str, arrays: Any, dtype: np.dtype[Any]) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections import deque
 from itertools import chain, islice
@@ -12,8 +13,8 @@ import numpy as np
 from rpud_sim.drilling.rotor import RotorWork
 from rpud_sim.foundation.time import SECOND, split_fraction
 from rpud_sim.model.elementary import power
-from rpud_sim.model.energy import TERMS, RpudConstants
-from rpud_sim.model.segment import IMPACT, SEGMENT, join_records
+from rpud_sim.model.energy import TERMS
+from rpud_sim.model.segment import SEGMENT, join_records
 from rpud_sim.model.tally import (
     CLASSES,
     CLASSES_PER_DECADE,
@@ -171,20 +172,11 @@ def account_of_tally(tally: np.void, electrical: float = 0.0) -> EnergyAccount:
     return EnergyAccount(**dict(terms), electrical=electrical)
 
 
-def account_between(
-    start: int, end: int, covering: np.ndarray, rpud: RpudConstants, electrical: float = 0.0
-) -> EnergyAccount:
-    """Return the account of the time between two times [ns] that segments cover."""
-    tally, classes, part = empty_tallies(1), np.zeros(CLASSES, np.int64), np.zeros(PART_ROOM)
-    times = split_fraction(start), split_fraction(end)
-    add_block(rpud, covering, join_records([], IMPACT), *times, False, tally, classes, part)
-    return account_of_tally(tally[0], electrical)
-
-
 def account_of(block: Block) -> EnergyAccount:
     """Return the account of a block."""
-    times = (block.start, block.end)
-    return account_between(*times, block.covering, block.rpud, block.electrical_energy)
+    statistics = Statistics()
+    statistics.add(block)
+    return statistics.account
 
 
 class RecentEnergy:
@@ -240,7 +232,7 @@ class RecentEnergy:
         covering = join_records([*finished, last.open_segment], SEGMENT)
         # One by one, so that they have the same bits however they came.
         feeds = islice(chain.from_iterable(block.feeds for block in self._blocks), late, None)
-        total = account_between(start, last.end, covering, last.rpud)
+        total = account_of(dataclasses.replace(last, start=start, covering=covering))
         return total, sum(feeds, self._no_feed), (last.end - start) / SECOND
 
 

@@ -6,6 +6,7 @@ import sys
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
+from itertools import chain
 from operator import itemgetter
 
 import numpy as np
@@ -14,6 +15,7 @@ from rpud_sim.foundation.ragged import Ragged
 from rpud_sim.foundation.shared import Shared
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.simulation.block import Block, boundaries_until, boundary, first_sample, join_blocks
+from rpud_sim.simulation.configuration import Settings
 from rpud_sim.simulation.faults import FaultRecord
 from rpud_sim.simulation.fields import (
     PROCESS_TOPICS,
@@ -67,15 +69,11 @@ class Columns(Shared):
         return self.blocks * len(_ORDER) + _ORDER.index(self.topic)
 
     def row(self, number: int, names: Collection[str] | None = None) -> Fields:
-        """Return the fields of one message.
-
-        Args:
-            names: of the fields to return, as far as there are any; None for all. A message of
-                samples or segments has long sequences.
-        """
-        if names is None:
-            return row_of(self.fields, number)
-        return row_of({name: self.fields[name] for name in names if name in self.fields}, number)
+        """Return the fields of one message; those of ``names``, as far as there are any."""
+        fields = self.fields
+        if names is not None:
+            fields = {name: fields[name] for name in names if name in fields}
+        return row_of(fields, number)
 
     def messages(self) -> Iterator[Entry]:
         """Yield the messages one by one."""
@@ -109,25 +107,22 @@ class Together:
 def one_by_one(found: Iterable[Entry | Together]) -> Iterator[Entry]:
     """Yield messages that come together one by one, in order."""
     for each in found:
-        if isinstance(each, Together):
-            yield from each.messages()
-        else:
-            yield each
+        yield from each.messages() if isinstance(each, Together) else (each,)
 
 
 def row_of(fields: Fields, number: int) -> Fields:
     """Return the fields of one message of columns."""
     row = {}
-    for name, value in fields.items():
-        kind = type(value)
+    for name, column in fields.items():
+        kind = type(column)
         if kind is np.ndarray:
-            row[name] = value.item(number) if value.ndim == 1 else to_array(value[number])
+            row[name] = column.item(number) if column.ndim == 1 else to_array(column[number])
         elif kind is dict:
-            row[name] = row_of(value, number)
+            row[name] = row_of(column, number)
         elif kind is Ragged:
-            row[name] = to_array(value.sequence(number))
+            row[name] = to_array(column.sequence(number))
         else:
-            row[name] = list(value) if kind is list else value
+            row[name] = list(column) if kind is list else column
     return row
 
 
@@ -145,27 +140,24 @@ class Telemetry:
     """Messages of consecutive blocks, changed by the faults of their signals.
 
     Args:
-        block_duration: of waveform and trajectory [s], at least one telemetry period.
+        seed: of the random numbers of faulty signals.
         wanted: whether a topic that no fault can touch has had a subscriber; without one its
             messages are not made.
     """
 
     def __init__(
-        self,
-        telemetry_rate: int,
-        sample_rate: int,
-        block_duration: float,
-        wanted: Callable[[str], bool] = lambda topic: True,
-        seed: int = 0,
+        self, settings: Settings, seed: int = 0, wanted: Callable[[str], bool] = lambda topic: True
     ) -> None:
-        self._rate = telemetry_rate
-        self._sample_rate = sample_rate
-        self._stream_period = round(block_duration * telemetry_rate)
+        rate = settings.telemetry_rate
+        self._telemetry_rate = rate
+        self._sample_rate = settings.sample_rate
+        # Periods of telemetry in one of waveform and trajectory.
+        self._stream_period = round(settings.block_duration * rate)
         self._wanted = wanted
         self._signals = SignalFaults(seed)
         self._pending: list[Block] = []
         self.origin = 0  # stamp of simulation time zero [ns]
-        self._segments = 0
+        self._segments = 0  # in messages of the trajectory, or left out
         # Time and work of the actuator's last sample.
         self._actuator_time = 0
         self._actuator_work = 0.0
@@ -205,14 +197,14 @@ class Telemetry:
         They are whole periods of waveform and trajectory, of about ``_TOGETHER`` [ns], and none if
         something has to be done block by block first.
         """
-        number = self._boundary(start)
-        if number is None or number % self._stream_period or self._pending or self._signals.busy:
+        number, rate, period = self._boundary(start), self._telemetry_rate, self._stream_period
+        if number is None or number % period or self._pending or self._signals.busy:
             return np.empty(0, np.int64)
-        most = max(1, _TOGETHER * self._rate // SECOND // self._stream_period)
+        most = max(1, _TOGETHER * rate // SECOND // period)
         # Something that is due by now lies before the present boundary.
-        periods = (boundaries_until(time, self._rate) - number) // self._stream_period
-        last = number + min(most, periods) * self._stream_period
-        return np.array([boundary(n + 1, self._rate) for n in range(number, last)], np.int64)
+        periods = min(most, (boundaries_until(time, rate) - number) // period)
+        last = number + periods * period
+        return np.array([boundary(n + 1, rate) for n in range(number, last)], np.int64)
 
     def together(self, block: Block) -> Together:
         """Return all messages of a block of healthy signals, with parts of ``ends_together``.
@@ -279,7 +271,8 @@ class Telemetry:
             return iter(())
         block = join_blocks(self._pending)
         self._pending.clear()
-        return _rows(self._streams_of(block, len(block), _PART))
+        columns = self._streams_of(block, len(block), _PART)
+        return chain.from_iterable((None,) if c is None else c.messages() for c in columns)
 
     def _streams_of(
         self, block: Block, period: int, part: int = sys.maxsize
@@ -324,16 +317,8 @@ class Telemetry:
 
     def _boundary(self, time: int) -> int | None:
         """Number of the telemetry period that ends at a time [ns], if one does."""
-        number = boundaries_until(time, self._rate)
-        return number if boundary(number, self._rate) == time else None
-
-
-def _rows(stream: Iterator[Columns | None]) -> Stream:
-    for columns in stream:
-        if columns is None:
-            yield None
-        else:
-            yield from columns.messages()
+        number = boundaries_until(time, self._telemetry_rate)
+        return number if boundary(number, self._telemetry_rate) == time else None
 
 
 def messages_of(stream: Stream | None) -> Iterator[Entry]:

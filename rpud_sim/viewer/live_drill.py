@@ -6,15 +6,15 @@ import inspect
 import re
 import threading
 import time
-from collections import Counter, deque
-from collections.abc import Collection, Iterator, Sequence
+from collections import Counter
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from typing import Any
 
 from rpud_sim.foundation.quantities import ParameterError, did_you_mean, shown
 from rpud_sim.ros.client import ClientError, DrillClient, RefusedError
-from rpud_sim.ros.client.telemetry import Telemetry
+from rpud_sim.ros.client.telemetry import FastTopics
 from rpud_sim.viewer.heard import Heard
 
 # Actions: methods of ``DrillClient``, with the same arguments.
@@ -25,10 +25,7 @@ SEARCHING, CONNECTED, VANISHED = "searching", "connected", "vanished"
 
 _MOST_WAITING = 32
 _KEPT = 8  # outcomes besides those that wait
-_BEYOND = re.compile(
-    r"\w+ = (?P<value>\S+)(?P<unit> .+?)? is outside its range "
-    r"[\[(](?P<low>\S+), (?P<high>\S+)[\])](?P=unit)?"
-)
+_BEYOND = re.compile(r"\w+ = (\S+)( .+?)? is outside its range [\[(](\S+), (\S+)[\])].*")
 _PERIOD = 0.1  # between takes of messages [s]
 _CHECK_PERIOD = 0.5  # between looks at events and at the publishers [s]
 _SILENCE = 4.0  # of a drill that is gone; a living one publishes a status every second or so [s]
@@ -40,7 +37,7 @@ _INTERRUPTERS = ("pause", "reset")  # which a step that is under way must not de
 def plain_refusal(reason: str) -> str:
     """Return a drill's reason in fewer words, such as ``9999 V is above 200 V``."""
     if found := _BEYOND.fullmatch(reason):
-        value, low, high, unit = (found[name] or "" for name in ("value", "low", "high", "unit"))
+        value, unit, low, high = (each or "" for each in found.groups())
         with suppress(ValueError):
             if float(value) < float(low):
                 return f"{value}{unit} is below {low}{unit}"
@@ -63,10 +60,6 @@ class Action:
     state: str = WAITING  # or ``done``, ``refused``, ``failed`` (no drill, or no answer)
     text: str = ""  # the reason, or a result such as ``fault 3``
 
-    def plain(self) -> dict[str, Any]:
-        """Return it as a frame has it."""
-        return {name: value for name, value in vars(self).items() if name != "given"}
-
 
 class Actions:
     """Actions in the order in which they were asked for; any thread may ask."""
@@ -74,15 +67,20 @@ class Actions:
     def __init__(self) -> None:
         self.running = ""  # name of the action that is under way; empty for none
         self._lock = threading.Lock()
-        self._queue: deque[Action] = deque()
         self._shown: list[Action] = []  # those that wait, and the latest others
         self._count = 0
 
     @property
     def outcomes(self) -> list[dict[str, Any]]:
-        """Of the latest actions, oldest first."""
+        """Of the latest actions, oldest first, as a frame has them."""
         with self._lock:
-            return [action.plain() for action in self._shown]
+            names = ("number", "name", "state", "text")
+            return [{name: getattr(action, name) for name in names} for action in self._shown]
+
+    @property
+    def waiting(self) -> list[Action]:
+        with self._lock:
+            return [action for action in self._shown if action.state == WAITING]
 
     def add(self, name: str, arguments: dict[str, Any]) -> None:
         """Queue an action; one that does not exist is a ParameterError."""
@@ -96,48 +94,39 @@ class Actions:
             self._count += 1
             action = Action(self._count, name, dict(arguments))
             self._shown.append(action)
-            if len(self._queue) < _MOST_WAITING:
-                self._queue.append(action)
-                return
-        self._settle(action, FAILED, f"{_MOST_WAITING} actions wait already")
-
-    def waits_for(self, names: Collection[str]) -> bool:
-        with self._lock:
-            return any(action.name in names for action in self._queue)
+        if len(self.waiting) > _MOST_WAITING:
+            self._settle(action, FAILED, f"{_MOST_WAITING} actions wait already")
 
     def execute(self, client: DrillClient) -> bool:
         """Execute the next action; return whether there was one."""
-        if (action := self._next()) is None:
+        if not (waiting := self.waiting):
             return False
+        action = waiting[0]
         self.running = action.name
+        state, text = DONE, ""
         try:
             result = getattr(client, action.name)(**action.given)
-        except (RefusedError, ParameterError) as error:
-            self._settle(action, REFUSED, plain_refusal(str(error)))
-        except ClientError as error:
-            self._settle(action, FAILED, str(error))
-        except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
-            # No page asks so; but the thread that hears the drill must not end by it.
-            self._settle(action, REFUSED, f"wrong arguments: {error}")
-        except InterruptedWaitError:
-            self._settle(action, FAILED, "interrupted")
-        else:
-            text = f"fault {result}" if action.name == "inject" else ""
-            if action.name == "clear":
+            if action.name == "inject":
+                text = f"fault {result}"
+            elif action.name == "clear":
                 text = f"ended: {', '.join(map(str, result)) or 'none'}"
-            self._settle(action, DONE, text)
+        except InterruptedWaitError:
+            state, text = FAILED, "interrupted"
+        except ClientError as error:
+            state = REFUSED if isinstance(error, RefusedError) else FAILED
+            text = plain_refusal(str(error))
+        except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
+            # Wrong arguments: the thread that hears the drill must not end by them.
+            state, text = REFUSED, plain_refusal(str(error))
         finally:
             self.running = ""
+        self._settle(action, state, text)
         return True
 
     def fail_all(self, reason: str) -> None:
         """Let all actions that wait fail for a reason."""
-        while (action := self._next()) is not None:
+        for action in self.waiting:
             self._settle(action, FAILED, reason)
-
-    def _next(self) -> Action | None:
-        with self._lock:
-            return self._queue.popleft() if self._queue else None
 
     def _settle(self, action: Action, state: str, text: str) -> None:
         with self._lock:
@@ -171,7 +160,7 @@ class LiveDrill:
         self._closed = False
         self._heard = Heard()
         self._lost_before: Counter[str] = Counter()  # by clients that are closed
-        self._telemetry: Telemetry | None = None
+        self._telemetry: FastTopics | None = None
         self._status_at = self._settled_at = 0.0
         # Here, so that the caller gets the error of a namespace that ROS does not allow.
         self._client: DrillClient | None = self._open(namespace)
@@ -206,20 +195,6 @@ class LiveDrill:
 
     # The thread
 
-    def _live(self) -> None:
-        try:
-            while not self._closed:
-                self._search()
-                self._follow()
-        except InterruptedWaitError:
-            pass
-        except Exception as error:  # pages say it, and end
-            self.error = f"{type(error).__name__}: {error}"
-            raise
-        finally:
-            if self._client is not None:
-                self._client.close()
-
     def _open(self, namespace: str) -> DrillClient:
         client = DrillClient(namespace, self._domain_id, "rpud_watch", _ANSWER_PATIENCE)
         client.observe(self._latched)
@@ -231,25 +206,22 @@ class LiveDrill:
 
     def _latched(self, topic: str, message: Any) -> None:
         if topic == "command_results":
-            return self._note_refusals(message.results, message.former)
+            for at, result in enumerate(message.results):
+                if not result.accepted:
+                    self.refusals = self.refusals[0], result.reason
+                    if at >= message.former:
+                        with self._lock:
+                            self._heard.refuse(plain_refusal(result.reason))
+            return
         with self._lock:
             self._heard.latched(topic, message)
         if topic == "status":
             self._status_at = time.monotonic()
             self.refusals = message.commands_rejected, self.refusals[1]
-        return None
-
-    def _note_refusals(self, results: Sequence[Any], former: int) -> None:
-        refused = [(at, each.reason) for at, each in enumerate(results) if not each.accepted]
-        with self._lock:
-            for at, reason in refused:
-                if at >= former:
-                    self._heard.refuse(plain_refusal(reason))
-        if refused:
-            self.refusals = self.refusals[0], refused[-1][1]
 
     def _check(self) -> None:
-        long = self.actions.running == "step" and self.actions.waits_for(_INTERRUPTERS)
+        waiting = {each.name for each in self.actions.waiting}
+        long = self.actions.running == "step" and not waiting.isdisjoint(_INTERRUPTERS)
         if self._closed or long:
             raise InterruptedWaitError
         self._settle()  # a long step shows what happens
@@ -261,23 +233,35 @@ class LiveDrill:
             with self._lock:
                 self._heard.settle()
 
-    def _search(self) -> None:
-        """Wait for the drill; returns when it is found, or when this is to close."""
-        while not self._closed:
-            if self._client is None:
-                self._client = self._open(self.namespace)
-            try:
-                self._client.found(_SEARCH_PATIENCE)
-            except ClientError as error:
-                self._connect(self.connection["state"], str(error))
-                self.actions.fail_all(str(error))
-            else:
-                return self._connect(CONNECTED, "")
-        return None
+    def _live(self) -> None:
+        try:
+            while not self._closed:
+                # A client knows the drill that it has found; another one needs another client.
+                self._client = self._client or self._open(self.namespace)
+                try:
+                    self._client.found(_SEARCH_PATIENCE)
+                except ClientError as error:
+                    self._connect(self.connection["state"], str(error))
+                    self.actions.fail_all(str(error))
+                    continue
+                self._connect(CONNECTED, "")
+                if reason := self._follow(self._client):
+                    self._connect(VANISHED, f"the drill in {self.namespace} is gone: {reason}")
+                    with self._lock:
+                        self._heard.restart()
+                    self._client.close()
+                    self._client = None
+        except InterruptedWaitError:
+            pass
+        except Exception as error:  # pages say it, and end
+            self.error = f"{type(error).__name__}: {error}"
+            raise
+        finally:
+            if self._client is not None:
+                self._client.close()
 
-    def _follow(self) -> None:
-        client = self._client
-        assert client is not None  # it was found
+    def _follow(self, client: DrillClient) -> str:
+        """Hear the drill and act on it; return why it is gone, empty if this is to close."""
         due, asked_run = 0.0, 0
         while not self._closed:
             client.take()
@@ -288,9 +272,9 @@ class LiveDrill:
                 due = now + _CHECK_PERIOD
                 client.spin()
                 if not client.publishers:
-                    return self._lose(client, "it has left")
+                    return "it has left"
                 if now - self._status_at > _SILENCE:
-                    return self._lose(client, f"it has published no status for {_SILENCE:g} s")
+                    return f"it has published no status for {_SILENCE:g} s"
                 if self._heard.run != asked_run:
                     asked_run = self._heard.run
                     with suppress(ClientError):  # it may be gone, which the next look shows
@@ -298,15 +282,7 @@ class LiveDrill:
                         self.kinds, self.channels = tuple(response.kinds), tuple(response.channels)
             self._wake.wait(_PERIOD)
             self._wake.clear()
-        return None
-
-    def _lose(self, client: DrillClient, reason: str) -> None:
-        self._connect(VANISHED, f"the drill in {self.namespace} is gone: {reason}")
-        with self._lock:
-            self._heard.restart()
-        # A client knows the drill that it has found; another one needs another client.
-        self._client = None
-        client.close()
+        return ""
 
     def _connect(self, state: str, reason: str) -> None:
         is_new = state != self.connection.get("state")

@@ -1,6 +1,5 @@
 """`rpud` as a whole: help, wrong calls, exit codes, and what it loads."""
 
-import dataclasses
 import importlib
 import os
 import re
@@ -108,10 +107,10 @@ def test_help_of_every_command_explains_every_argument(capsys, name):
         (["press"], "rpud press: the following arguments are required: FORCE"),
         (["step", "1 s"], "rpud step: argument SECONDS: '1 s' is not a number"),
         (["inject", "choking", "--for", "0"], "rpud inject: --for = 0 s is outside its range (0"),
-        (["inject"], "rpud inject: needs either KIND or --list"),
-        (["inject", "choking", "--list"], "rpud inject: needs either KIND or --list"),
-        (["clear"], "rpud clear: needs either FAULT or --all"),
-        (["clear", "noise", "--all"], "rpud clear: needs either FAULT or --all"),
+        (["inject"], "rpud inject: one of the arguments KIND --list is required"),
+        (["inject", "choking", "--list"], "rpud inject: argument --list: not allowed with"),
+        (["clear"], "rpud clear: one of the arguments FAULT --all is required"),
+        (["clear", "noise", "--all"], "rpud clear: argument --all: not allowed with"),
         (["reset", "--scope", "tim"], "rpud reset: argument --scope: invalid choice: 'tim'"),
         (["reset", "--seed", "-1"], "rpud reset: --seed = -1 is outside its range [0, 4.29497e+09"),
         (["set", "seed"], "rpud set: 'seed' is not of the form name=value"),
@@ -179,7 +178,7 @@ def test_what_is_unexpected_is_one_line_that_says_how_to_see_the_rest(monkeypatc
     def fail(options):
         importlib.import_module("rpud_sim.missing")
 
-    failing = dataclasses.replace(load_command("simulate"), run=fail)
+    failing = load_command("simulate")._replace(run=fail)
     monkeypatch.setitem(DECLARED, "simulate", failing)
     monkeypatch.delenv("RPUD_TRACEBACK", raising=False)
     code, output, errors = called(capsys, "simulate")
@@ -246,7 +245,7 @@ class Dying:
     def __del__(self):
         signal.raise_signal(signal.SIGINT)
 
-@command("info", "", "fail", options.BagOptions)
+@command("info", "", "fail", "", options.BAG)
 def run(arguments):
     Dying()
     threading.Event().wait(20.0)
@@ -261,7 +260,7 @@ import contextlib, signal, threading
 from rpud_sim.cli import bags, main, options
 from rpud_sim.cli.options import command
 
-@command("info", "", "fail", options.BagOptions)
+@command("info", "", "fail", "", options.BAG)
 def run(arguments):
     with contextlib.suppress(BaseException):
         signal.raise_signal(signal.SIGINT)
@@ -276,7 +275,7 @@ import signal
 from rpud_sim.cli import bags, main, options
 from rpud_sim.cli.options import command
 
-@command("info", "", "fail", options.BagOptions)
+@command("info", "", "fail", "", options.BAG)
 def run(arguments):
     try:
         signal.raise_signal(signal.SIGINT)

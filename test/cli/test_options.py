@@ -6,7 +6,13 @@ import pytest
 from support import called
 
 from rpud_sim.bag.chunks import COMPRESSIONS
-from rpud_sim.cli.options import Parser, add_options, options_from, split_ros_arguments
+from rpud_sim.cli.options import (
+    Parser,
+    add_options,
+    fields_of,
+    options_from,
+    split_ros_arguments,
+)
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.ros.record import record_options
 from rpud_sim.ros.record.record_options import RecordOptions
@@ -15,8 +21,8 @@ from rpud_sim.ros.replay.replay_options import ReplayOptions
 
 def parsed(kind, *words):
     parser = Parser(prog="rpud")
-    add_options(parser, kind)
-    return options_from(parser.parse_args(words), kind)
+    add_options(parser, fields_of(kind))
+    return options_from(parser.parse_args(words), fields_of(kind), kind)
 
 
 def record(*words):

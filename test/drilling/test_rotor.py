@@ -10,13 +10,8 @@ from scipy.integrate import solve_ivp
 
 from rpud_sim.drilling.rotor import Resistance, RotationParameters, Rotor
 
-DRIVE = RotationParameters(
-    rotation_model="friction_drive",
-    rotor_stall_torque=0.1,
-    rotor_no_load_rate=15.0,
-    rotor_inertia=2e-6,
-)
-TIME_CONSTANT = DRIVE.rotor_inertia * DRIVE.rotor_no_load_rate / DRIVE.rotor_stall_torque  # s
+DRIVE = RotationParameters("friction_drive", 0.1, 15.0, 2e-6)  # N m, rad/s, kg m^2
+TIME_CONSTANT = 2e-6 * 15.0 / 0.1  # s
 
 
 def turn(seconds, torque=0.0, ratio=1.0, parameters=DRIVE, rotor=None):
@@ -26,13 +21,22 @@ def turn(seconds, torque=0.0, ratio=1.0, parameters=DRIVE, rotor=None):
     return rotor
 
 
-@given(torque=st.floats(0.0, 0.099), ratio=st.floats(0.1, 2.0))
-def test_the_steady_rate_lies_on_the_torque_speed_curve(torque, ratio):
-    state = turn(1.0, torque, ratio).state
-    expected = max(DRIVE.rotor_no_load_rate * (ratio - torque / DRIVE.rotor_stall_torque), 0.0)
+@given(torque=st.floats(0.0, 0.2), ratio=st.floats(0.1, 2.0))
+def test_the_steady_rate_lies_on_the_torque_speed_curve_and_the_slip_takes_the_rest(torque, ratio):
+    rotor = turn(1.0, torque, ratio)
+    state, (power, before) = rotor.state, rotor.draw
+    expected = max(15.0 * (ratio - torque / 0.1), 0.0)
     assert state.rate == pytest.approx(expected, abs=1e-9)
     if expected > 1e-6:
         assert state.drive_torque == pytest.approx(torque, abs=1e-12)
+    # The stack gives the torque of the drive at its own rate.
+    assert power == pytest.approx(state.drive_torque * 15.0 * ratio, rel=1e-9, abs=1e-12)
+    turn(2.0, torque, ratio, rotor=rotor)
+    drawn = rotor.draw[1] - before
+    assert drawn == pytest.approx(2.0 * power, rel=1e-9, abs=1e-9)
+    lost = drawn - (rotor.state.work.drive - state.work.drive)
+    slip = state.drive_torque * (15.0 * ratio - state.rate)
+    assert lost == pytest.approx(2.0 * slip, rel=1e-6, abs=1e-9)
 
 
 def test_it_stalls_at_the_exact_time():
@@ -44,54 +48,27 @@ def test_it_stalls_at_the_exact_time():
     assert 0.0 < before.state.rate < 1e-6
     angle = rotor.state.angle
     turn(stop * (1.0 + 1e-9), 0.2, rotor=rotor)
-    assert rotor.state.rate == 0.0
-    assert rotor.state.stalled
-    assert rotor.state.angle - angle == pytest.approx(
-        15.0 * TIME_CONSTANT * (1.0 - math.log(2.0)), rel=1e-9
-    )
+    assert (rotor.state.rate, rotor.state.stalled) == (0.0, True)
+    turned = 15.0 * TIME_CONSTANT * (1.0 - math.log(2.0))
+    assert rotor.state.angle - angle == pytest.approx(turned, rel=1e-9)
 
 
 def test_a_stalled_tool_is_held_by_what_the_drive_gives_and_starts_below_the_stall_torque():
     rotor = turn(1.0, 0.2)
-    assert rotor.state.stalled
     assert rotor.state.torque == rotor.state.drive_torque == pytest.approx(0.1)
-    turn(1.0, 0.1, rotor=rotor)
-    assert rotor.state.stalled
-    turn(1.0, 0.0999, rotor=rotor)
-    assert rotor.state.rate > 0.0
-    assert not rotor.state.stalled
-
-
-@given(torque=st.floats(0.0, 0.2), ratio=st.floats(0.1, 2.0))
-def test_the_stack_gives_the_torque_of_the_drive_at_its_own_rate(torque, ratio):
-    rotor = turn(1.0, torque, ratio)
-    power, before = rotor.draw
-    driven = rotor.state.work.drive
-    turn(2.0, torque, ratio, rotor=rotor)
-    drive = rotor.state.drive_torque
-    assert power == pytest.approx(drive * 15.0 * ratio, rel=1e-9, abs=1e-12)
-    drawn = rotor.draw[1] - before
-    assert drawn == pytest.approx(2.0 * power, rel=1e-9, abs=1e-9)
-    # The slip between stack and rotor takes the rest: all of it where the rotor stands still.
-    slip = drive * (15.0 * ratio - rotor.state.rate)
-    lost = drawn - (rotor.state.work.drive - driven)
-    assert lost == pytest.approx(2.0 * slip, rel=1e-6, abs=1e-9)
+    for torque, stalled in ((0.2, True), (0.1, True), (0.0999, False)):
+        turn(1.0, torque, rotor=rotor)
+        assert (rotor.state.stalled, rotor.state.rate == 0.0) == (stalled, stalled)
 
 
 def test_a_drive_that_is_off_is_not_stalled_and_brakes_the_rotor():
-    rotor = turn(1.0)
-    turn(1.0, 0.01, ratio=0.0, rotor=rotor)
-    assert rotor.state.rate == 0.0
-    assert not rotor.state.stalled
-    assert rotor.state.torque == 0.0
+    rotor = turn(1.0, 0.01, ratio=0.0, rotor=turn(1.0))
+    assert (rotor.state.rate, rotor.state.stalled, rotor.state.torque) == (0.0, False, 0.0)
 
 
 STEPS = st.lists(
-    st.tuples(
-        st.floats(1e-5, 2e-3),  # length [s]
-        st.floats(0.0, 2.0),  # amplitude ratio
-        st.floats(0.0, 0.3),  # torque [N m]
-    ),
+    # length [s], amplitude ratio, torque [N m]
+    st.tuples(st.floats(1e-5, 2e-3), st.floats(0.0, 2.0), st.floats(0.0, 0.3)),
     min_size=1,
     max_size=12,
 )
@@ -140,18 +117,11 @@ def test_it_agrees_with_a_numerical_integration(parameters, ratio, share):
     stall = parameters.rotor_stall_torque
     torque = share * stall * ratio  # it turns
 
-    def drive(rate):
-        return stall * (ratio - rate / parameters.rotor_no_load_rate)
+    def change(_, motion):
+        drive = stall * (ratio - motion[1] / parameters.rotor_no_load_rate)
+        return [motion[1], (drive - torque) / parameters.rotor_inertia]
 
-    seconds = 5e-3
-    found = solve_ivp(
-        lambda _, motion: [motion[1], (drive(motion[1]) - torque) / parameters.rotor_inertia],
-        (0.0, seconds),
-        (0.0, 0.0),
-        method="LSODA",
-        rtol=1e-9,
-        atol=1e-11,
-    )
-    state = turn(seconds, torque, ratio, parameters).state
+    found = solve_ivp(change, (0, 5e-3), (0, 0), method="LSODA", rtol=1e-9, atol=1e-11)
+    state = turn(5e-3, torque, ratio, parameters).state
     assert state.angle == pytest.approx(found.y[0][-1], rel=1e-5, abs=1e-9)
     assert state.rate == pytest.approx(found.y[1][-1], rel=1e-5, abs=1e-6)

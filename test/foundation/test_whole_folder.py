@@ -19,29 +19,32 @@ def test_a_folder_has_its_name_when_all_is_in_it(tmp_path):
     assert [path.name for path in out.parent.iterdir()] == ["folder"]
 
 
-@pytest.mark.parametrize("error", [ValueError, KeyboardInterrupt])
-def test_after_an_error_nothing_is_left(tmp_path, error):
-    def fail():
-        with whole_folder(tmp_path / "out") as part:
-            (part / "file").write_text("content")
+def written(context, error):
+    """Write in a context, and end it with an error."""
+
+    def write():
+        with context as path:
+            (path / "file" if path.is_dir() else path).write_text("ne")
             raise error
 
     with pytest.raises(error):
-        fail()
-    assert list(tmp_path.iterdir()) == []
+        write()
+
+
+@pytest.mark.parametrize("error", [ValueError, KeyboardInterrupt])
+def test_after_an_error_nothing_is_left_but_what_was_there(tmp_path, error):
+    (tmp_path / "old").write_text("old")
+    written(whole_folder(tmp_path / "out"), error)
+    written(whole_file(tmp_path / "old"), error)
+    assert os.listdir(tmp_path) == ["old"]
+    assert (tmp_path / "old").read_text() == "old"
 
 
 @pytest.mark.parametrize("name", ["out", "out.part"])
-@pytest.mark.parametrize("kind", ["folder", "file", "link"])
-def test_what_exists_is_named_and_left_alone(tmp_path, monkeypatch, name, kind):
+@pytest.mark.parametrize("make", ["mkdir", "touch", "symlink_to"])
+def test_what_exists_is_named_and_left_alone(tmp_path, monkeypatch, name, make):
     monkeypatch.chdir(tmp_path)
-    existing = tmp_path / name
-    if kind == "folder":
-        existing.mkdir()
-    elif kind == "file":
-        existing.write_text("old")
-    else:
-        existing.symlink_to(tmp_path / "nowhere")
+    getattr(tmp_path / name, make)(*[tmp_path / "nowhere"] * (make == "symlink_to"))
     with pytest.raises(FileExistsError) as caught, whole_folder("out"):
         pytest.fail("it was entered")
     assert caught.value.filename == name
@@ -56,20 +59,6 @@ def test_a_file_replaces_the_old_one_when_it_is_written(tmp_path):
         assert path.read_text() == "old"
     assert path.read_text() == "new"
     assert os.listdir(tmp_path) == ["table"]
-
-
-def test_after_an_error_the_old_file_is_there(tmp_path):
-    path = tmp_path / "table"
-    path.write_text("old")
-
-    def fail():
-        with whole_file(path) as unfinished:
-            unfinished.write_text("ne")
-            raise KeyError
-
-    with pytest.raises(KeyError):
-        fail()
-    assert path.read_text() == "old"
 
 
 _WRITER = """

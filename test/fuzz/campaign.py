@@ -120,27 +120,27 @@ class Timekeeper:
     def look(self) -> None:
         """Take the latest report."""
         report = self._drill.node.report
-        if report.timing.blocks < self._latest.timing.blocks:
+        if report.measured["blocks"] < self._latest.measured["blocks"]:
             self._before += self._counted()
         self._latest = report
 
     def wait(self) -> None:
         """Let the drill be until it has reported twice, at last of a second that was its own."""
         for _ in range(2):
-            timing = self._latest.timing
+            timing = self._latest.measured
             deadline = time.monotonic() + 10.0
-            while self._latest.timing is timing and time.monotonic() < deadline:
+            while self._latest.measured is timing and time.monotonic() < deadline:
                 time.sleep(0.01)
                 self.look()
 
     def totals(self) -> tuple[int, int, float]:
         """Give the blocks, the deadlines missed, and the lag at the end [s]."""
         total = self._before + self._counted()
-        return total["blocks"], total["missed"], self._latest.timing.lag
+        return total["blocks"], total["missed"], self._latest.measured["lag"]
 
     def _counted(self) -> Counter[str]:
-        timing = self._latest.timing
-        return Counter(blocks=timing.blocks, missed=timing.deadlines_missed)
+        timing = self._latest.measured
+        return Counter(blocks=timing["blocks"], missed=timing["deadlines_missed"])
 
 
 def resident() -> int:

@@ -118,7 +118,7 @@ def test_drive_and_weight_on_bit_are_zero_unless_it_is_active(client):
 def test_commands_are_refused_counted_and_logged_while_it_is_inactive(client, drill):
     assert client.change(CONFIGURE)
     client.command(WeightOnBit(force=20.0))
-    drill.wait_for_line("command refused: weight on bit: the drill is not active")
+    drill.wait_for_line("command refused: weight_on_bit: the drill is not active")
     assert client.change(ACTIVATE)
     client.until(lambda: client.status and client.status[-1].state == Status.STATE_PAUSED)
     assert client.status[-1].commands_rejected == 1

@@ -89,4 +89,4 @@ def test_a_stale_command_is_refused_counted_and_changes_nothing(client, drill, s
     client.until(lambda: client.status[-1].commands_rejected == before.commands_rejected + 1)
     assert client.status[-1].weight_on_bit == before.weight_on_bit
     assert client.status[-1].commands_lost
-    drill.wait_for_line(f"command refused: weight on bit is stale: its stamp is {said}; allowed is")
+    drill.wait_for_line(f"command refused: weight_on_bit is stale: its stamp is {said}; allowed is")

@@ -8,13 +8,11 @@ import sys
 from pathlib import Path
 
 import pytest
-import rclpy
 import yaml
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.serialization import deserialize_message
 from rosbags.highlevel import AnyReader
 from rpud_msgs.msg import ContactForce
-from support import PATIENCE, called
+from support import called
 
 import rpud_sim.bag
 from rpud_sim.bag.manifest import MANIFEST_RECORD as MANIFEST
@@ -140,30 +138,6 @@ def test_it_says_when_it_records_where_that_is_wanted(process, talker, tmp_path)
     assert recorder.wait() == 0
 
 
-@pytest.fixture
-def ask():
-    """Ask a service of the recorder."""
-    context = rclpy.Context()
-    rclpy.init(context=context)
-    node = rclpy.create_node("asker", context=context)
-    executor = SingleThreadedExecutor(context=context)
-
-    def call(name):
-        client = node.create_client(rosbag_service(name), f"/rpud/recorder/{name}")
-        assert client.wait_for_service(PATIENCE)
-        future = client.call_async(client.srv_type.Request())
-        executor.add_node(node)
-        executor.spin_until_future_complete(future, PATIENCE)
-        executor.remove_node(node)
-        assert future.done()
-        return future.result()
-
-    yield call
-    executor.shutdown()
-    node.destroy_node()
-    rclpy.shutdown(context=context)
-
-
 def sequences(path):
     with rpud_sim.bag.open(path) as bag:
         return [
@@ -172,8 +146,13 @@ def sequences(path):
         ]
 
 
-def test_services_pause_go_on_and_split(process, talker, ask, connect, tmp_path):
+def test_services_pause_go_on_and_split(process, talker, connect, tmp_path):
     client = connect("/rpud")
+
+    def ask(name):
+        kind = rosbag_service(name)
+        return client.call(kind, f"recorder/{name}", kind.Request())
+
     recorder = process("recorder", "--out", tmp_path / "run", "--start-paused")
     talker("--count", 100_000, "--rate", 500).wait_for_line("talking")
     assert ask("is_paused").paused

@@ -79,57 +79,34 @@ def at(position):
     return Time(sec=seconds, nanosec=rest)
 
 
-def test_a_paused_replay_is_stepped_moved_and_resumed(replay, audience):
-    process = replay("--start-paused", "--clock", "100")
+def test_a_replay_is_stepped_moved_sped_up_looped_and_stopped(replay, audience):
+    process = replay("--start-paused", "--loop", "--clock", "100")
     assert audience.ask("is_paused").paused
     audience.until(lambda: len(audience.clocks) > 5)
     assert set(audience.clocks) == {0}
-    for number in range(3):
-        assert audience.ask("play_next").success
-        audience.until(lambda number=number: audience.numbers == list(range(number + 1)))
-    audience.until(lambda: audience.clocks[-3:] == [2 * STEP] * 3)
-    assert audience.ask("burst", num_messages=5).actually_burst == 5
+    assert audience.ask("play_next").success
+    assert audience.ask("burst", num_messages=7).actually_burst == 7
     audience.until(lambda: audience.numbers == list(range(8)))
+    audience.until(lambda: audience.clocks[-3:] == [7 * STEP] * 3)
     assert audience.ask("seek", time=at(30 * STEP)).success
     audience.until(lambda: audience.clocks[-3:] == [30 * STEP] * 3)
+    assert audience.ask("set_rate", rate=4.0).success
+    assert audience.ask("get_rate").rate == 4.0
     before = len(audience.clocks)
     audience.ask("resume")
-    assert process.wait() == 0
-    process.wait_for_line(r"replayed 18 messages in .* late .* ms \(median\)")
-    audience.until(lambda: audience.numbers == [*range(8), *range(30, 40)])
-    audience.until(lambda: audience.clocks[-1] > 39 * STEP - SECOND // 50)
-    after = audience.clocks[before:]
-    assert after == sorted(after)
-    assert len(set(after)) > 10
-
-
-def test_a_playing_replay_is_paused_sped_up_moved_back_and_stopped(replay, audience):
-    process = replay("--loop", "--clock", "50")
-    audience.until(lambda: len(audience.numbers) >= 3)
+    audience.until(lambda: len(audience.numbers) > 8 + 10 + 40)
     audience.ask("pause")
-    assert audience.ask("is_paused").paused
-
-    def ahead():
-        """How far the time is ahead of the last number that arrived."""
-        return audience.clocks[-1] - audience.numbers[-1] * STEP
-
-    audience.until(lambda: len(audience.clocks) > 5 and len(set(audience.clocks[-4:])) == 1)
-    audience.until(lambda: ahead() < STEP + SECOND // 50)
-    assert audience.numbers == list(range(len(audience.numbers)))
-    assert ahead() >= 0
-    assert audience.ask("set_rate", rate=10.0).success
-    assert audience.ask("get_rate").rate == 10.0
     audience.ask("toggle_paused")
     assert not audience.ask("is_paused").paused
-    audience.until(lambda: len(audience.numbers) > 80)
     # What follows a loop's last message is its first; nothing is left out.
     pairs = set(itertools.pairwise(audience.numbers))
-    assert pairs <= {(number, (number + 1) % 40) for number in range(40)}
-    steps = [after - before for before, after in itertools.pairwise(audience.clocks)]
-    assert SECOND // 5 in steps
+    assert pairs <= {(7, 30), *((number, (number + 1) % 40) for number in range(40))}
+    steps = [after - before for before, after in itertools.pairwise(audience.clocks[before:])]
+    assert SECOND // 25 in steps
     assert min(steps) < 0
     audience.ask("stop")
     assert process.wait() == 0
+    process.wait_for_line(r"replayed \d+ messages in .* late .* ms \(median\)")
 
 
 def test_what_cannot_be_done_is_refused_and_changes_nothing(replay, audience):
@@ -196,23 +173,6 @@ def test_a_hurried_replay_loses_nothing(process, audience, tmp_path):
     assert not missing, process.output
     assert numbers == list(range(count))
     assert process.wait() == 0
-
-
-def test_two_types_do_not_share_a_name(process, audience, tmp_path):
-    clock = Topic("/clock", "rosgraph_msgs/msg/Clock", "", (RecordedProfile(),))
-    talk = Topic("/talk", STRING, STRING_HASH, (RecordedProfile(),))
-    with BagWriter(tmp_path / "bag") as writer:
-        writer.add_topic(clock)
-        writer.add_topic(talk, STRING_DEFINITION)
-        writer.write("/clock", bytes(12), START, START)
-        writer.write("/talk", serialized_string("0"), START, START)
-    process = process("replayer", tmp_path / "bag", "--remap", "/talk:=/clock", "--rate", "100")
-    assert process.wait() == 0
-    process.wait_for_line(
-        "not replayed: /talk: it is a std_msgs/msg/String, and /clock is a rosgraph_msgs/msg/Clock"
-    )
-    process.wait_for_line("replayed 1 messages")
-    audience.until(lambda: audience.clocks)
 
 
 @pytest.mark.parametrize(

@@ -36,7 +36,7 @@ def clock(client):
     return send
 
 
-def test_a_flood_of_malformed_commands_is_counted_and_logged_once(client, start_drill):
+def test_a_flood_of_malformed_commands_is_counted_in_full_and_logged_in_part(client, start_drill):
     drill = start_drill("/attacked")
     statuses = client.status
     client.until(lambda: statuses and statuses[-1].state == Status.STATE_RUNNING)
@@ -48,7 +48,7 @@ def test_a_flood_of_malformed_commands_is_counted_and_logged_once(client, start_
     client.until(lambda: statuses[-1].weight_on_bit == 12.0)
     client.until(lambda: statuses[-1].commands_rejected == FLOOD)
     assert statuses[-1].commands_accepted == 2
-    assert drill.output.count("is malformed") == 1
+    assert 1 <= drill.output.count("is malformed") < FLOOD
     assert "deserialize" not in drill.output
 
 

@@ -7,40 +7,40 @@ from pathlib import Path
 import pytest
 
 from rpud_sim.kernels.processor import BASELINE, Target, notice
-from rpud_sim.kernels.store import KernelStore, digest_of_sources, kernel_name, user_folders
+from rpud_sim.kernels.store import KernelStore, kernel_name, user_folders
 
-NAME = kernel_name("room.f", "(float64,)", "x86-64-v2", "", "sources")
+WHAT = ("room.f", "(float64,)", "x86-64-v2", "", "sources")
+NAME = kernel_name(*WHAT)
 
 
-def test_what_is_written_is_read_and_its_former_version_is_gone(tmp_path):
-    store = KernelStore((tmp_path / "kernels",))
-    former = kernel_name("room.f", "(float64,)", "x86-64-v2", "", "older sources")
+@pytest.fixture
+def store(tmp_path):
+    """A store whose first folder is a file, and whose second can be written to."""
+    (tmp_path / "taken").write_text("")
+    return KernelStore((tmp_path / "taken", tmp_path / "kernels"))
+
+
+def test_what_is_written_is_read_and_its_former_version_is_gone(store):
+    former = kernel_name(*WHAT[:-1], "older sources")
     store.write(former, pickle.dumps("former"))
-    store.write(NAME, pickle.dumps("present"))
-    assert store.read(NAME) == "present"
-    assert store.read(former) is None
-    assert [file.name for file in (tmp_path / "kernels").iterdir()] == [NAME]
+    assert store.place() == store.folders[1]
+    file = store.write(NAME, pickle.dumps("present"))
+    assert (store.read(NAME), store.read(former)) == ("present", None)
+    assert list(store.folders[1].iterdir()) == [file]
 
 
-def test_another_function_type_or_processor_has_its_own_file(tmp_path):
-    names = [
-        NAME,
-        kernel_name("room.g", "(float64,)", "x86-64-v2", "", "sources"),
-        kernel_name("room.f", "(int64,)", "x86-64-v2", "", "sources"),
-        kernel_name("room.f", "(float64,)", "nehalem", "", "sources"),
-    ]
-    store = KernelStore((tmp_path,))
+def test_another_function_type_or_processor_has_its_own_file(store):
+    others = ((0, "room.g"), (1, "(int64,)"), (2, "nehalem"))
+    names = [NAME, *(kernel_name(*WHAT[:i], other, *WHAT[i + 1 :]) for i, other in others)]
     for name in names:
         store.write(name, pickle.dumps(name))
     assert [store.read(name) for name in names] == names
 
 
-def test_a_file_that_is_cut_short_or_changed_is_not_used(tmp_path):
-    store = KernelStore((tmp_path,))
+def test_a_file_that_is_cut_short_or_changed_is_not_used(store):
     file = store.write(NAME, pickle.dumps("machine code"))
     data = file.read_bytes()
-    changed = bytearray(data)
-    changed[-4] ^= 1
+    changed = data[:-4] + bytes([data[-4] ^ 1]) + data[-3:]
     for damaged in (b"", data[:31], data[:32], data[:-1], changed):
         file.write_bytes(damaged)
         assert store.read(NAME) is None
@@ -48,8 +48,7 @@ def test_a_file_that_is_cut_short_or_changed_is_not_used(tmp_path):
 
 @pytest.mark.parametrize("strange", ["folder", "file"])
 @pytest.mark.parametrize("bits", [0o002, 0o020])
-def test_what_others_may_write_is_not_read_and_the_reason_is_a_line(tmp_path, strange, bits):
-    store = KernelStore((tmp_path / "kernels",))
+def test_what_others_may_write_is_not_read_and_the_reason_is_a_line(store, strange, bits):
     file = store.write(NAME, pickle.dumps("machine code"))
     path = file.parent if strange == "folder" else file
     path.chmod(path.stat().st_mode | bits)
@@ -62,8 +61,7 @@ def test_what_others_may_write_is_not_read_and_the_reason_is_a_line(tmp_path, st
         assert store.write(NAME, pickle.dumps("mine")) is None
 
 
-def test_what_another_user_owns_is_not_read(tmp_path, monkeypatch):
-    store = KernelStore((tmp_path,))
+def test_what_another_user_owns_is_not_read(store, monkeypatch):
     store.write(NAME, pickle.dumps("machine code"))
     others = os.stat_result((0o100644, 0, 0, 1, 54321, 0, 0, 0, 0, 0))
     stat = Path.stat
@@ -73,53 +71,28 @@ def test_what_another_user_owns_is_not_read(tmp_path, monkeypatch):
     assert store.read(NAME) is None
 
 
-def test_kernels_are_written_for_this_user_alone_whatever_the_mask(tmp_path):
+def test_kernels_are_written_for_this_user_alone_whatever_the_mask(store):
     mask = os.umask(0)
     try:
-        file = KernelStore((tmp_path / "kernels",)).write(NAME, pickle.dumps(1))
+        file = store.write(NAME, pickle.dumps(1))
     finally:
         os.umask(mask)
     assert [path.stat().st_mode & 0o777 for path in (file.parent, file)] == [0o755, 0o644]
 
 
-def test_a_file_in_place_of_the_first_folder_leads_to_the_second(tmp_path):
-    (tmp_path / "taken").write_text("")
-    store = KernelStore((tmp_path / "taken", tmp_path / "own"))
-    assert store.place() == tmp_path / "own"
-    assert store.write(NAME, pickle.dumps(1)) == tmp_path / "own" / NAME
-    assert store.read(NAME) == 1
+def test_without_any_folder_nothing_is_kept(store):
+    nowhere = KernelStore(store.folders[:1])
+    assert (nowhere.place(), nowhere.write(NAME, pickle.dumps(1))) == (None, None)
 
 
-def test_without_any_folder_nothing_is_kept(tmp_path):
-    (tmp_path / "taken").write_text("")
-    store = KernelStore((tmp_path / "taken",))
-    assert store.place() is None
-    assert store.write(NAME, pickle.dumps(1)) is None
-    assert KernelStore(()).place() is None
-
-
-def test_no_part_of_a_file_is_left_when_the_disk_is_full(tmp_path, monkeypatch):
+def test_no_part_of_a_file_is_left_when_the_disk_is_full(store, monkeypatch):
     def full(path, data):
         path.touch()
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr("pathlib.Path.write_bytes", full)
-    assert KernelStore((tmp_path,)).write(NAME, pickle.dumps(1)) is None
-    assert not list(tmp_path.iterdir())
-
-
-def test_only_names_and_texts_of_sources_count_not_their_times(tmp_path):
-    def digest(name, text, time):
-        file = tmp_path / name
-        file.write_text(text)
-        os.utime(file, (time, time))
-        digest_of_sources.cache_clear()
-        return digest_of_sources((file,))
-
-    first = digest("a.py", "x = 1", 1000)
-    assert digest("a.py", "x = 1", 2000) == first
-    assert digest("a.py", "x = 2", 1000) != first
-    assert digest("b.py", "x = 1", 1000) != first
+    assert store.write(NAME, pickle.dumps(1)) is None
+    assert not list(store.folders[1].iterdir())
 
 
 @pytest.mark.parametrize(

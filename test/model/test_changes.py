@@ -1,13 +1,14 @@
 """Changes of the drill while it runs, in whatever state they find it."""
 
 import math
+import re
 from itertools import pairwise
 
 import numpy as np
 import pytest
 from closed_forms import DRILL_TOOL, FREE_MASS, TIP, motion, nodal_plane
 from drill_configurations import tables
-from hypothesis import HealthCheck, assume, given, settings
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from invariants import check_trajectory
 from support import examples
@@ -58,17 +59,13 @@ changes = st.dictionaries(
 )
 
 
-def drill_of(values, jammed=False):
-    return derive(preset(values["regime"]).replace(**values), jammed)
-
-
 def run(regime, planned, stops, end=0.35):
     engine = Engine(preset(regime), 0.2)
     for at in sorted({*planned, *stops, end}):
         engine.advance(0, at)
         if at in planned:
             values, jammed, new = planned[at]
-            engine.change(0, at, drill_of(values, jammed), new)
+            engine.change(0, at, derive(preset(values["regime"]).replace(**values), jammed), new)
     return engine.drain()
 
 
@@ -89,43 +86,33 @@ def test_rock_that_touches_the_drill_tool_stops_it_at_once(touches):
 
 
 @settings(max_examples=examples(150), suppress_health_check=[HealthCheck.too_slow])
-@given(regime=st.sampled_from(REGIMES), planned=changes)
-def test_changes_at_any_time_keep_the_order_of_bodies_and_continuity(regime, planned):
+@given(
+    regime=st.sampled_from(REGIMES),
+    planned=changes,
+    stops=st.lists(st.floats(0.0, 0.3), min_size=1, max_size=10),
+)
+def test_changes_keep_the_order_of_bodies_and_continuity_wherever_a_caller_stops(
+    regime, planned, stops
+):
     try:
         segments, impacts = run(regime, planned, [])
     except EngineError as error:  # a heavy drill that lies on an elastic free mass
-        assert "events exceed their budget" in str(error)  # noqa: PT017
-        assume(False)
+        reason = str(error)
+        assert "events exceed their budget" in reason
+        with pytest.raises(EngineError, match=f"^{re.escape(reason)}$"):
+            run(regime, planned, stops)
+        return
+    for part, again in zip((segments, impacts), run(regime, planned, stops), strict=True):
+        assert part.tobytes() == again.tobytes()
     assert np.isfinite(segments["duration"]).all()
     check_trajectory(segments)
     for name in impacts.dtype.names:
         assert np.isfinite(impacts[name]).all()
     assert (impacts["sequence"] == np.arange(len(impacts))).all()
     # A drill that is nearly at rest strikes again at the same instant: such a contact has no force.
-    lasting = impacts["contact_duration"] > 0.0
-    assert (impacts["peak_force"][lasting] > 0.0).all()
-    assert (impacts["peak_force"] >= 0.0).all()
     assert (impacts["contact_duration"] >= 0.0).all()
-
-
-def outcome(regime, planned, stops):
-    """Give the bytes of the records, or why there are none."""
-    try:
-        return [part.tobytes() for part in run(regime, planned, stops)]
-    except EngineError as error:
-        return [str(error)]
-
-
-@settings(max_examples=examples(30), suppress_health_check=[HealthCheck.too_slow])
-@given(
-    regime=st.sampled_from(REGIMES),
-    planned=changes,
-    stops=st.lists(st.floats(0.0, 0.3), min_size=1, max_size=10),
-)
-def test_it_does_not_matter_where_a_caller_stops(regime, planned, stops):
-    one, other = outcome(regime, planned, []), outcome(regime, planned, stops)
-    for part, again in zip(one, other, strict=True):
-        assert part == again
+    assert (impacts["peak_force"] >= 0.0).all()
+    assert (impacts["peak_force"][impacts["contact_duration"] > 0.0] > 0.0).all()
 
 
 FREE, DRILLING = tables("free").replace(weight_on_bit=10.0), tables("drilling")
@@ -169,26 +156,24 @@ def test_the_rock_lifts_a_drill_that_rests_on_its_tool_without_throwing_it():
     check_trajectory(segments)
 
 
-def instant(regime, wanted, begun=0.5):
-    """Give a time in the middle of a segment that the condition wants, after the time given."""
+def instant(regime, wanted):
+    """Give a time in the middle of a segment that the condition wants, in the second half."""
     engine = Engine(tables(regime), 0.2)
+    engine.advance(0, 0.5)
+    engine.drain()
     engine.advance(1, 0.0)
-    for segment in engine.drain()[0]:
-        start = segment["start_seconds"] + segment["start_fraction"]
-        if start > begun and segment["duration"] > 1e-6 and wanted(segment):
-            return start + 0.5 * segment["duration"]
-    raise AssertionError("there is no such segment")
+    segment = next(each for each in engine.drain()[0][1:] if wanted(each))
+    return segment["start_fraction"] + 0.5 * segment["duration"]
 
 
 def test_an_impact_in_progress_is_reported_over_a_change_of_constants():
     at = instant("drilling", lambda segment: segment["contact"] == 2)
     engine = Engine(DRILLING, 0.2)
-    engine.advance(0, at)
-    engine.change(0, at, derive(DRILLING.replace(elastic_modulus=0.5e11, free_mass=7e-3)), COMMANDS)
+    changed = derive(DRILLING.replace(elastic_modulus=0.5e11, free_mass=7e-3))
+    engine.change(0, at, changed, COMMANDS)
     engine.advance(1, 0.0)
     segments, impacts = engine.drain()
-    starts = impacts["seconds"] + impacts["fraction"]
-    impact = impacts[np.flatnonzero(starts < at)[-1]]
+    impact = impacts[np.flatnonzero(impacts["fraction"] < at)[-1]]
     end = impact["fraction"] + impact["contact_duration"]
     assert impact["fraction"] < at < end
     times = np.linspace(impact["fraction"], end, 200_001)
@@ -196,19 +181,17 @@ def test_an_impact_in_progress_is_reported_over_a_change_of_constants():
     assert impact["peak_force"] == pytest.approx(found.max(), rel=1e-3)
     # Less the blow itself, which is instantaneous: eq. (21).
     tool = derive(DRILLING).tool_mass
-    blow = impact["impact_velocity"] * 5e-3 * tool / (5e-3 + tool)
-    assert impact["impulse"] - blow == pytest.approx(
-        found.mean() * impact["contact_duration"], rel=1e-3
-    )
+    pushed = impact["impulse"] - impact["impact_velocity"] * 5e-3 * tool / (5e-3 + tool)
+    assert pushed == pytest.approx(found.mean() * impact["contact_duration"], rel=1e-3)
 
 
 def test_an_impact_in_progress_ends_where_the_rock_is_left():
     at = instant("drilling", lambda segment: segment["contact"] == 2)
     engine = Engine(DRILLING, 0.2)
     engine.change(0, at, derive(FREE), COMMANDS)
-    _, impacts = engine.drain()
-    assert impacts["fraction"][-1] + impacts["contact_duration"][-1] == pytest.approx(at, abs=1e-12)
-    assert impacts["peak_force"][-1] > 0.0
+    impact = engine.drain()[1][-1]
+    assert impact["fraction"] + impact["contact_duration"] == pytest.approx(at, abs=1e-12)
+    assert impact["peak_force"] > 0.0
 
 
 @pytest.mark.parametrize("regime", REGIMES)
@@ -218,22 +201,22 @@ def test_a_jammed_mass_strikes_the_tool_no_more(regime, drive):
     engine = Engine(parameters, 0.2)
     engine.advance(0, 0.5)
     engine.drain()
+    found = []
     engine.change(0, 0.5, derive(parameters, jammed=True), (10.0, drive, 16000.0))
-    engine.advance(0, 0.6)
-    joined, impacts = engine.drain()
-    assert len(impacts) <= 2  # the one in progress, and the one that wedges it
-    check_trajectory(joined)
-    engine.advance(3, 0.0)
-    segments, impacts = engine.drain()
-    assert len(impacts) == 0
+    for seconds, fraction in ((0, 0.6), (2, 0.0), (3, 0.0)):
+        engine.advance(seconds, fraction)
+        found.append(engine.drain())
+        check_trajectory(found[-1][0])
+    # The one in progress, and the one that wedges it.
+    struck = [len(impacts) for _, impacts in found]
+    assert struck[0] <= 2
+    assert struck[1:] == [0, 0]
+    segments = found[-1][0]
     assert (segments["contact"] & 2 == 2).all()
-    assert len(segments) < 2.4 * 50_000
-    check_trajectory(segments)
     if drive:
         assert np.count_nonzero(segments["event"] & 1) > 10
     else:
-        assert np.count_nonzero(segments["start_seconds"] == 2) < 110  # it has come to rest
-
+        assert len(segments) < 110  # it has come to rest
     engine.change(3, 0.0, derive(parameters), COMMANDS)
     engine.advance(4, 0.0)
     segments, impacts = engine.drain()
@@ -260,13 +243,3 @@ def test_the_actuator_strikes_a_jammed_mass_and_the_tool_as_one_body():
         assert w_2 - w_1 == pytest.approx(0.7 * (v_1 - v_2), abs=1e-8)
         checked += 1
     assert checked > 100
-
-
-def test_a_jam_in_the_rock_takes_the_hammering_from_the_mount():
-    """The reacting force falls to the weight on bit; the actuator strikes far more often."""
-    healthy, jammed = Engine(DRILLING, 0.2), Engine(DRILLING, 0.2)
-    jammed.change(0, 0.0, derive(DRILLING, jammed=True), COMMANDS)
-    for engine in (healthy, jammed):
-        engine.advance(2, 0.0)
-    assert reacting_force(jammed, 12) == pytest.approx(10.0, abs=0.5)
-    assert reacting_force(healthy, 12) > 15.0

@@ -1,7 +1,6 @@
 """The energy account of segments, against quadrature, and what it finds in a broken trajectory."""
 
 import sys
-from itertools import pairwise
 from types import SimpleNamespace
 
 import numpy as np
@@ -12,7 +11,6 @@ from scipy.integrate import quad
 from support import examples
 
 from rpud_sim.model import energy, tally
-from rpud_sim.model.closed_form import harmonic_vibration
 from rpud_sim.model.engine import Engine
 from rpud_sim.model.parameters import preset
 from rpud_sim.model.search import force_on_drill_tool
@@ -71,11 +69,7 @@ def motion_added(segment, start, end):
     return added
 
 
-def test_every_contact_is_there():
-    assert sorted(CONTACTS) == [0, ACTUATOR, DRILL_TOOL, BOTH]
-
-
-@pytest.mark.parametrize("contact", sorted(CONTACTS))
+@pytest.mark.parametrize("contact", [0, ACTUATOR, DRILL_TOOL, BOTH])
 @pytest.mark.parametrize("share", [0.0, 0.4])
 def test_the_dampers_take_the_integral_of_c_v_squared(contact, share):
     segment = CONTACTS[contact]
@@ -92,7 +86,7 @@ def test_the_dampers_take_the_integral_of_c_v_squared(contact, share):
         assert added[term] == pytest.approx(expected, rel=1e-7, abs=1e-18)
 
 
-@pytest.mark.parametrize("contact", sorted(CONTACTS))
+@pytest.mark.parametrize("contact", [0, ACTUATOR, DRILL_TOOL, BOTH])
 def test_the_actuator_s_work_is_the_integral_of_its_force_and_the_vibration(contact):
     segment = CONTACTS[contact]
     end = min(segment["duration"], 2e-4)
@@ -107,10 +101,8 @@ def test_the_actuator_s_work_is_the_integral_of_its_force_and_the_vibration(cont
 
     def power(time):
         phase = segment["vibration_phase"] + segment["vibration_frequency"] * time
-        _, v_hv = harmonic_vibration(
-            segment["vibration_amplitude"], segment["vibration_frequency"], phase
-        )
-        return force(time) * v_hv
+        omega = 2.0 * np.pi * segment["vibration_frequency"]
+        return force(time) * omega * segment["vibration_amplitude"] * np.cos(2.0 * np.pi * phase)
 
     expected = quad(power, 0.0, end, limit=500, epsrel=1e-7)[0] if contact & ACTUATOR else 0.0
     size = quad(lambda time: abs(power(time)), 0.0, end, limit=500, epsrel=1e-4)[0]
@@ -152,18 +144,15 @@ def test_elastic_collisions_lose_nothing(regime):
 
 def test_a_collision_loses_what_its_restitution_says():
     changes = {"actuator_restitution": 0.6, "drill_tool_restitution": 0.7, "gravity": 0.0}
-    engine = Engine(preset("free").replace(**changes), 0.2)
-    engine.advance(0, 0.3)
-    segments, impacts = engine.drain_covering()
-    lost = 0.0
-    for before, after in pairwise(segments):
-        if after["event"] == 2:
-            motion = motion_at(before, before["duration"])
-            masses = before["free_mass"], before["drill_tool_mass"]
-            reduced = masses[0] * masses[1] / sum(masses)
-            lost += 0.5 * reduced * (1.0 - 0.7**2) * (motion[5] - motion[7]) ** 2
-    assert len(impacts) > 20
-    assert account(segments, 0.3)[energy.IMPACTS] == pytest.approx(lost, rel=1e-6)
+    segments, end = trajectory("free", **changes)
+    lost = []
+    for before in segments[:-1][segments["event"][1:] == 2]:
+        motion = motion_at(before, before["duration"])
+        masses = before["free_mass"], before["drill_tool_mass"]
+        reduced = masses[0] * masses[1] / sum(masses)
+        lost.append(0.5 * reduced * (1.0 - 0.7**2) * (motion[5] - motion[7]) ** 2)
+    assert len(lost) > 20
+    assert account(segments, end)[energy.IMPACTS] == pytest.approx(sum(lost), rel=1e-6)
 
 
 def test_in_the_rock_all_that_is_transferred_is_absorbed():
@@ -198,17 +187,16 @@ def test_the_rock_takes_a_tool_that_is_met_as_it_comes_to_rest(contact, event, d
     assert joules[energy.RELEASE] == pytest.approx(taken, abs=1e-12)
 
 
-BREAKS = {
-    "a spring that is softer": ("load_spring_rate", 0, 1.0 - 1e-4),
-    "a nodal plane that moves too far": ("nodal_plane_sine", 0, 1.0 + 1e-3),
-    "a drill tool that moves too far": ("drill_tool_sine", DRILL_TOOL, 1.0 + 1e-3),
-    "a weaker damping": ("nodal_plane_decay_rate", 0, 1.0 - 1e-3),
-}
-
-
-@pytest.mark.parametrize("name", BREAKS)
-def test_a_segment_that_breaks_its_equation_of_motion_shows(name):
-    field, contact, factor = BREAKS[name]
+@pytest.mark.parametrize(
+    ("field", "contact", "factor"),
+    [
+        ("load_spring_rate", 0, 1.0 - 1e-4),
+        ("nodal_plane_sine", 0, 1.0 + 1e-3),
+        ("drill_tool_sine", DRILL_TOOL, 1.0 + 1e-3),
+        ("nodal_plane_decay_rate", 0, 1.0 - 1e-3),
+    ],
+)
+def test_a_segment_that_breaks_its_equation_of_motion_shows(field, contact, factor):
     segments, end = trajectory("drilling", rpud_damping_ratio=0.9)
     assert abs(residual(account(segments, end))) < 1e-12
     number = np.flatnonzero((segments["contact"] == contact) & (segments["duration"] > 1e-6))[20]

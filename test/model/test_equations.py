@@ -1,19 +1,30 @@
 """The paper's equations against what they are derived from; test_mutations.py shows they bite.
 
-Nothing here needs compiled kernels, so that a broken copy can be checked in a second.
+Nothing here needs compiled kernels, so that a broken copy is checked in seconds.
 """
+
+import math
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from scipy.integrate import quad, solve_ivp
 
 from rpud_sim.model import contact, contact_models
 from rpud_sim.model.closed_form import (
+    advance_phase,
     damping_coefficient,
+    decaying_derivatives,
     decaying_part,
+    driven_vibration,
     free_vibration,
     oscillator,
+    swing_at,
+    swung_integral,
+    time_to_zero_displacement,
     turn_at,
+    vibration_of,
 )
 from rpud_sim.model.drill import STATE, derive
 from rpud_sim.model.parameters import preset
@@ -25,137 +36,221 @@ DRILL = derive(preset("free").replace(actuator_restitution=0.8, drill_tool_resti
 # Table 2: sections of the drill tool [m, m^2], steel [Pa, kg/m^3]
 LENGTHS = np.array([10e-3, 80e-3])
 AREAS = np.array([7.8e-5, 2.0e-5])
-MODULUS, DENSITY = 1.96e11, 7.9e3
-SPRING_RATES = MODULUS * AREAS / LENGTHS
-SECTION_MASSES = DENSITY * AREAS * LENGTHS
-
-# A contact as in Fig. 12: displacement [m], velocity [m/s], free mass, tool mass [kg], k [N/m], g
-CONTACT = contact.UndisturbedContact(2e-6, 3.0, 5e-3, contact_models.EffectiveTool(6e-3, 4e7), 9.81)
+K_1, K_2 = 1.96e11 * AREAS / LENGTHS  # eq. (20)
+MASSES = 7.9e3 * AREAS * LENGTHS
 
 
-def collide(contact_bit, **velocities):
+def check_collision(contact_bit, masses, names, speeds, restitution):
+    """Check that momentum is kept and the closing velocity returned."""
     state = np.zeros(1, STATE).view(np.recarray)[0]
-    for name, velocity in velocities.items():
-        setattr(state, name, velocity)
+    for name, speed in zip(names, speeds, strict=True):
+        setattr(state, name, speed)
     exchange_momentum(DRILL, state, contact_bit, turn_at(0.0))
-    return state
+    after = [getattr(state, name) for name in names]
+    assert np.dot(masses, after) == pytest.approx(np.dot(masses, speeds))
+    assert after[1] - after[0] == pytest.approx(restitution * (speeds[0] - speeds[1]))
 
 
 def test_equation_6_keeps_momentum_and_returns_the_closing_velocity():
-    before = {"v_np": 2.0, "v_fm": -1.5}  # without vibration the tip moves as the nodal plane
-    after = collide(CONTACT_ACTUATOR, **before)
-
-    momentum = DRILL.rpud_mass * before["v_np"] + DRILL.free_mass * before["v_fm"]
-    assert DRILL.rpud_mass * after.v_np + DRILL.free_mass * after.v_fm == pytest.approx(momentum)
-    assert after.v_fm - after.v_np == pytest.approx(0.8 * (before["v_np"] - before["v_fm"]))
+    masses = DRILL.rpud_mass, DRILL.free_mass
+    # Without vibration the tip moves as the nodal plane.
+    check_collision(CONTACT_ACTUATOR, masses, ("v_np", "v_fm"), (2.0, -1.5), 0.8)
 
 
 def test_equation_13_keeps_momentum_and_returns_the_closing_velocity():
-    before = {"v_fm": 4.0, "v_dt": -0.5}
-    after = collide(CONTACT_DRILL_TOOL, **before)
-
-    momentum = DRILL.free_mass * before["v_fm"] + DRILL.tool_mass * before["v_dt"]
-    assert DRILL.free_mass * after.v_fm + DRILL.tool_mass * after.v_dt == pytest.approx(momentum)
-    assert after.v_dt - after.v_fm == pytest.approx(0.6 * (before["v_fm"] - before["v_dt"]))
+    masses = DRILL.free_mass, DRILL.tool_mass
+    check_collision(CONTACT_DRILL_TOOL, masses, ("v_fm", "v_dt"), (4.0, -0.5), 0.6)
 
 
-def test_equation_8_solves_equation_2():
-    mass, spring_rate = 1.0, 2000.0
-    damping = damping_coefficient(0.5, mass, spring_rate)
-    start = (1e-3, -0.7)
+@settings(max_examples=15, deadline=None)
+@given(
+    damping_ratio=st.floats(0.0, 0.99),
+    mass=st.floats(0.01, 2.0),
+    spring_rate=st.floats(100.0, 1e5),
+    force=st.floats(-50.0, 50.0),
+    in_phase=st.floats(-100.0, 100.0),
+    velocity=st.floats(-3.0, 3.0),
+)
+def test_equation_8_solves_equation_2(damping_ratio, mass, spring_rate, force, in_phase, velocity):
+    frequency, phase, start, time = 900.0, 0.3, 1e-3, 7e-3
+    omega = 2.0 * math.pi * frequency
+    c = damping_coefficient(damping_ratio, mass, spring_rate)
+    assert c == pytest.approx(2.0 * damping_ratio * math.sqrt(spring_rate * mass))
+    body = oscillator(mass, c, spring_rate)
+    drive = (force, in_phase, 7.0, frequency, turn_at(phase))
+    motion = driven_vibration(body, *drive, start, velocity)
 
-    motion = free_vibration(oscillator(mass, damping, spring_rate), 0.0, *start)
-    times = np.linspace(0.0, 0.2, 9)
-    solved = solve_ivp(
-        lambda _, state: (state[1], -(damping * state[1] + spring_rate * state[0]) / mass),
-        (0.0, 0.2),
-        start,
-        t_eval=times,
-        rtol=1e-10,
-        atol=1e-12,
+    def angle(t):
+        return 2.0 * math.pi * phase + omega * t
+
+    def equation(t, y):
+        push = force + in_phase * math.sin(angle(t)) + 7.0 * math.cos(angle(t))
+        return y[1], (push - c * y[1] - spring_rate * y[0]) / mass
+
+    solution = solve_ivp(
+        equation, (0, time), (start, velocity), method="DOP853", rtol=1e-11, atol=1e-13
     )
+    displacement, speed = decaying_part(motion, time)
+    sine, cosine = math.sin(angle(time)), math.cos(angle(time))
+    in_step, across = motion.vibration_sine, motion.vibration_cosine
+    displacement += motion.offset + in_step * sine + across * cosine
+    speed += omega * (in_step * cosine - across * sine)
+    assert (displacement, speed) == pytest.approx(solution.y[:, -1], rel=1e-6, abs=2e-10)
 
-    closed = np.array([decaying_part(motion, time) for time in times]).T
-    np.testing.assert_allclose(closed, solved.y, rtol=1e-7, atol=1e-9)
+
+@given(st.floats(0.0, 1.0, exclude_max=True), st.floats(100.0, 2e5), st.floats(0.0, 0.01))
+def test_equation_1_is_the_vibration_from_zero_to_zero(phase, frequency, duration):
+    u_hv, v_hv = vibration_of(35e-6, frequency, turn_at(phase))
+    assert u_hv == pytest.approx(35e-6 * math.sin(2 * math.pi * phase), abs=1e-18)
+    speed = 2 * math.pi * frequency * 35e-6
+    assert v_hv == pytest.approx(speed * math.cos(2 * math.pi * phase), abs=1e-14 * speed)
+    advanced = advance_phase(phase, frequency, duration)
+    assert 0.0 <= advanced <= 1.0
+    away = abs(advanced - (phase + frequency * duration) % 1.0)
+    assert min(away, 1.0 - away) < 1e-12
+    time = time_to_zero_displacement(phase, frequency)
+    assert 0.0 < time <= 0.5 / frequency
+    assert abs(vibration_of(1.0, frequency, turn_at(phase + frequency * time))[0]) < 1e-14
 
 
-def mode_shape(junction, section, share):
-    """f of eq. (24) within a section, its value at the junction given."""
-    return 1.0 - (1.0 - junction) * share if section == 0 else junction * (1.0 - share)
+def test_derivatives_and_integral_agree_with_the_displacement():
+    motion = free_vibration(oscillator(0.5, 12.0, 3000.0), 10.0, -1e-3, 0.4)
+    time, step = 3e-3, 1e-5
+
+    def displacement(t):
+        return decaying_part(motion, t)[0]
+
+    x, v = decaying_part(motion, time)
+    acceleration, jerk = decaying_derivatives(motion, x, v)
+    before, after = displacement(time - step), displacement(time + step)
+    assert v == pytest.approx((after - before) / (2 * step), rel=1e-5)
+    assert acceleration == pytest.approx((after - 2 * x + before) / step**2, rel=1e-5)
+    far = displacement(time + 2 * step) - displacement(time - 2 * step)
+    assert jerk == pytest.approx((far - 2 * (after - before)) / (2 * step**3), rel=1e-3)
+    swing = swing_at(motion.decay_rate, motion.angular_frequency, time)
+    assert swung_integral(motion, swing) == pytest.approx(quad(displacement, 0, time)[0])
 
 
 def section_energy(junction, section):
-    """Integral of f^2 over a section, as a share of the section."""
-    return quad(lambda share: mode_shape(junction, section, share) ** 2, 0.0, 1.0)[0]
+    """Integral of f^2 of eq. (24) over a section, as a share of it; f at the junction is given."""
+
+    def shape(share):
+        return 1.0 - (1.0 - junction) * share if section == 0 else junction * (1.0 - share)
+
+    return quad(lambda share: shape(share) ** 2, 0.0, 1.0)[0]
+
+
+def strain_energy(junction):
+    return K_1 * (1.0 - junction) ** 2 + K_2 * junction**2
+
+
+PRINTED, OPPOSITE = K_2 / (K_1 + K_2), K_1 / (K_1 + K_2)
 
 
 def test_equation_22_is_the_kinetic_energy_of_its_two_mode_shapes():
-    k_1, k_2 = SPRING_RATES
-    printed, opposite = k_2 / (k_1 + k_2), k_1 / (k_1 + k_2)
-
-    mass = contact_models.printed_tool(k_1, k_2, *SECTION_MASSES).mass
-
-    expected = SECTION_MASSES[0] * section_energy(printed, 0)
-    expected += SECTION_MASSES[1] * section_energy(opposite, 1)
-    assert mass == pytest.approx(expected, rel=1e-9)
+    mass = contact_models.printed_tool(K_1, K_2, *MASSES).mass
+    energies = section_energy(PRINTED, 0), section_energy(OPPOSITE, 1)
+    assert mass == pytest.approx(np.dot(MASSES, energies), rel=1e-9)
 
 
 def test_equation_27_is_the_strain_energy_of_the_printed_mode_shape():
-    k_1, k_2 = SPRING_RATES
-    junction = k_2 / (k_1 + k_2)
-
-    spring_rate = contact_models.printed_tool(k_1, k_2, *SECTION_MASSES).spring_rate
-
-    assert spring_rate == pytest.approx(k_1 * (1.0 - junction) ** 2 + k_2 * junction**2, rel=1e-9)
+    spring_rate = contact_models.printed_tool(K_1, K_2, *MASSES).spring_rate
+    assert spring_rate == pytest.approx(strain_energy(PRINTED), rel=1e-9)
 
 
 def test_the_rayleigh_tool_is_one_mode_shape_throughout():
-    k_1, k_2 = SPRING_RATES
-    junction = k_1 / (k_1 + k_2)
-
-    tool = contact_models.rayleigh_tool(k_1, k_2, *SECTION_MASSES)
-
-    mass = sum(SECTION_MASSES[i] * section_energy(junction, i) for i in (0, 1))
-    assert tool.mass == pytest.approx(mass, rel=1e-9)
-    strain = k_1 * (1.0 - junction) ** 2 + k_2 * junction**2
-    assert tool.spring_rate == pytest.approx(strain, rel=1e-9)
+    tool = contact_models.rayleigh_tool(K_1, K_2, *MASSES)
+    energies = [section_energy(OPPOSITE, i) for i in (0, 1)]
+    assert tool.mass == pytest.approx(np.dot(MASSES, energies), rel=1e-9)
+    assert tool.spring_rate == pytest.approx(strain_energy(OPPOSITE), rel=1e-9)
 
 
-def solve_equation_31(stop, events=None):
-    displacement, velocity, free_mass, (tool_mass, spring_rate), gravity = CONTACT
+CONTACTS = st.builds(
+    contact.UndisturbedContact,
+    st.floats(-1e-6, 2e-5),
+    st.floats(0.05, 8.0),
+    st.just(5e-3),
+    st.builds(contact_models.EffectiveTool, st.floats(1e-3, 1e-2), st.floats(1e7, 1e8)),
+    st.sampled_from([0.0, 1.62, 9.81]),
+)
 
-    def derivative(_, state):
-        force = free_mass * gravity - spring_rate * state[0]
-        return state[1], force / (free_mass + tool_mass)
 
-    return solve_ivp(
-        derivative,
-        (0.0, stop),
-        (displacement, velocity),
-        rtol=1e-10,
-        atol=1e-14,
-        events=events,
+def solved(blow):
+    """Solution of eq. (31), the acceleration that it has, and the times of its extremes."""
+
+    def acceleration(eta):
+        force = blow.free_mass * blow.gravity - blow.tool.spring_rate * eta
+        return force / (blow.free_mass + blow.tool.mass)
+
+    def turns(_, state):
+        return state[1]
+
+    turns.direction = -1
+    found = solve_ivp(
+        lambda _, state: (state[1], acceleration(state[0])),
+        (0.0, 1.1 * blow.duration),
+        (blow.displacement, blow.velocity),
+        method="DOP853",
+        rtol=1e-12,
+        atol=1e-16,
+        events=turns,
         dense_output=True,
     )
+    return found.sol, acceleration, found.t_events[0]
 
 
-def test_equation_36_solves_equation_31():
-    _, _, free_mass, (tool_mass, spring_rate), gravity = CONTACT
-    solved = solve_equation_31(8e-5)
+@settings(max_examples=20, deadline=None)
+@given(CONTACTS)
+def test_equation_36_solves_equation_31(blow):
+    solution, acceleration, _ = solved(blow)
+    for time in np.linspace(0.0, blow.duration, 9):
+        eta, eta_second = blow.deformation(time)
+        assert eta == pytest.approx(solution(time)[0], abs=1e-14)
+        assert eta_second == pytest.approx(acceleration(solution(time)[0]), rel=1e-7, abs=1e-3)
+        # Eqs. (29) and (30) are two sides of one force.
+        force = blow.free_mass * (blow.gravity - eta_second)
+        other = blow.tool.mass * eta_second + blow.tool.spring_rate * eta
+        assert force == pytest.approx(other, abs=1e-8)
 
-    for time in np.linspace(0.0, 8e-5, 9):
-        eta, acceleration = CONTACT.deformation(time)
-        expected = solved.sol(time)[0]
-        assert eta == pytest.approx(expected, abs=1e-12)
-        force = free_mass * gravity - spring_rate * expected
-        assert acceleration == pytest.approx(force / (free_mass + tool_mass), abs=1e-2)
+
+@settings(max_examples=20, deadline=None)
+@given(CONTACTS)
+def test_equation_39_is_when_the_deformation_returns_and_38_the_first_maximum(blow):
+    solution, _, (turning, *_) = solved(blow)
+    assert blow.time_of_maximum == pytest.approx(turning, abs=1e-12)
+    _, eta_second = blow.deformation(turning)
+    force = blow.free_mass * (blow.gravity - eta_second)
+    assert blow.greatest_force == pytest.approx(force)
+    # Deformed as at the impact, and on the way back.
+    back = (blow.displacement, -blow.velocity)
+    assert solution(blow.duration) == pytest.approx(back, rel=1e-6, abs=1e-14)
 
 
-def test_equation_39_is_when_the_deformation_returns():
-    def returned(_, state):
-        return state[0] - CONTACT.displacement
+@given(CONTACTS)
+def test_contact_is_left_when_its_force_returns_to_zero(blow):
+    blow = blow._replace(displacement=0.0)
+    rest = blow.free_mass * blow.gravity / blow.tool.spring_rate
+    omega = math.sqrt(blow.tool.spring_rate / (blow.free_mass + blow.tool.mass))  # eq. (32)
+    time = contact.release_time(-rest, blow.velocity / omega, omega, blow.gravity)
+    _, acceleration = blow.deformation(time)
+    force = blow.free_mass * (blow.gravity - acceleration)
+    assert abs(force) < 1e-9 * blow.greatest_force + 1e-11
+    # Close to eq. (39), which ends the contact when the deformation is back at zero.
+    assert time == pytest.approx(blow.duration, rel=1e-2)
+    # A mass that only rests is not released.
+    assert contact.release_time(1e-9, 0.0, 1e5, 9.81 + 10.0) == math.inf
 
-    returned.direction = -1
-    solved = solve_equation_31(2e-4, events=returned)
 
-    assert CONTACT.duration == pytest.approx(solved.t_events[0][0], rel=1e-8)
+@given(st.floats(1e-3, 0.1), st.floats(1e-3, 1.0), st.floats(0.0, 1.0), st.floats(1e-3, 10.0))
+def test_half_sine_carries_the_impulse_of_the_collision(m_1, m_2, e, speed):
+    peak, duration, impulse = contact.half_sine_impulse(m_1, m_2, e, speed, 1e8)
+    assert impulse == pytest.approx((1 + e) * m_1 * m_2 / (m_1 + m_2) * speed)
+    area = quad(lambda t: peak * math.sin(math.pi * t / duration), 0, duration)[0]
+    assert area == pytest.approx(impulse)
+
+
+@pytest.mark.parametrize("model", ["printed", "rayleigh"])
+def test_the_parameter_chooses_the_model(model):
+    tool = contact.effective_tool(preset("drilling").replace(contact_model=model))
+    law = getattr(contact_models, f"{model}_tool")
+    assert tool == pytest.approx(law(K_1, K_2, *MASSES))

@@ -27,38 +27,34 @@ INEXACT = {
 INEXACT_DRAWS = {"normal", "standard_normal", "standard_exponential", "uniform", "poisson"}
 
 
+def is_inexact(library, name=""):
+    return (
+        library in ("cmath", "scipy")
+        or (library == "math" and bool(name) and name not in EXACT)
+        or (library in ("np", "numpy") and name in INEXACT)
+    )
+
+
 def faults(tree):
-    """Return the lines of a module that call what is not exact."""
+    """Yield the line and the name of what a module uses that is not exact."""
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):
-            libraries = {each.name.partition(".")[0] for each in node.names}
-            if libraries & {"cmath", "scipy"}:
-                yield node.lineno, "import"
+            found = [each.name for each in node.names if is_inexact(each.name.partition(".")[0])]
         elif isinstance(node, ast.ImportFrom):
             library = (node.module or "").partition(".")[0]
-            names = {each.name for each in node.names}
-            if (
-                library in ("cmath", "scipy")
-                or (library == "math" and not names <= EXACT)
-                or (library == "numpy" and names & INEXACT)
-            ):
-                yield node.lineno, "import"
+            found = [each.name for each in node.names if is_inexact(library, each.name)]
         elif isinstance(node, ast.Attribute):
             base = node.value.id if isinstance(node.value, ast.Name) else ""
-            if (
-                (base == "math" and node.attr not in EXACT)
-                or (base in ("np", "numpy") and node.attr in INEXACT)
-                or node.attr in INEXACT_DRAWS
-            ):
-                yield node.lineno, node.attr
-        elif isinstance(node, ast.BinOp) and isinstance(node.op, ast.MatMult):
-            yield node.lineno, "@"
-        elif isinstance(node, ast.BinOp) and isinstance(node.op, ast.Pow):
+            found = [node.attr] * (is_inexact(base, node.attr) or node.attr in INEXACT_DRAWS)
+        elif isinstance(node, ast.BinOp):
             # Powers of literal numbers are exact where they are used, such as 2.0**32.
-            if not (isinstance(node.left, ast.Constant) and isinstance(node.right, ast.Constant)):
-                yield node.lineno, "**"
-        elif isinstance(node, ast.Name) and node.id == "pow":
-            yield node.lineno, "pow"
+            literal = isinstance(node.left, ast.Constant) and isinstance(node.right, ast.Constant)
+            found = ["@"] * isinstance(node.op, ast.MatMult)
+            found += ["**"] * (isinstance(node.op, ast.Pow) and not literal)
+        else:
+            found = ["pow"] * (isinstance(node, ast.Name) and node.id == "pow")
+        for name in found:
+            yield node.lineno, name
 
 
 @pytest.mark.parametrize("room", ROOMS)

@@ -67,14 +67,6 @@ def test_a_bouncing_mass_leaves_the_tool():
     assert collisions.impulse == pytest.approx(parameters.drill_tool_mass * state.v_dt)
 
 
-def test_in_the_rock_mass_and_tool_go_on_together():
-    parameters = preset("drilling").replace(**STILL)
-    contact, _, state = settled(parameters, u_np=-1e-3, v_fm=2.0)
-    together = 2.0 * 5e-3 / (5e-3 + derive(parameters).tool_mass)  # eq. (21)
-    assert contact == TOOL
-    assert (state.v_fm, state.v_dt) == pytest.approx((together, together))
-
-
 def test_the_actuator_strikes_a_mass_that_is_still_on_the_tool():
     contact, collisions, state = settled(preset("drilling"), v_np=0.5)
     assert collisions.actuator_struck

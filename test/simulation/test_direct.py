@@ -8,8 +8,6 @@ import pytest
 from direct_drill import arm_forces, resonant_amplitude
 from scipy.stats import t
 
-from rpud_sim.drilling.inputs import UNDISTURBED, Disturbances, Percussion
-from rpud_sim.drilling.mount import Feed, Mount, MountParameters
 from rpud_sim.drilling.process import Process
 from rpud_sim.drilling.rock import RockParameters, preset_layer
 from rpud_sim.model.engine import EngineError
@@ -59,34 +57,29 @@ def differ(one, other, share):
 
 
 @pytest.mark.parametrize("values", [SOFT, STIFF, TOUCHING], ids=["soft", "stiff", "touching"])
-def test_the_force_of_an_arm_is_that_of_a_direct_integration(values):
+def test_the_force_of_an_arm_is_that_of_a_direct_integration_and_of_half_the_step(
+    monkeypatch, values
+):
     direct = figures([arm_forces(made(values), phase, DURATION) for phase in PHASES])
     found = engine_figures(values)
     assert not differ(found, direct, (0.02, 0.1, 0.1)).any(), (found, direct)
+    if values is SOFT:
+        monkeypatch.setattr(Process, "interval", MILLISECOND // 2)
+        assert not differ(engine_figures(SOFT), found, (0.02, 0.1, 0.1)).any()
 
 
-def test_half_the_step_gives_the_same_force(monkeypatch):
-    whole = engine_figures(SOFT)
-    monkeypatch.setattr(Process, "interval", MILLISECOND // 2)
-    assert not differ(engine_figures(SOFT), whole, (0.02, 0.1, 0.1)).any()
-
-
-def test_steps_of_the_arm_give_and_take_little():
+def test_steps_of_the_arm_give_and_take_little_or_are_an_error(monkeypatch):
     simulation = Simulation(made(SOFT), 0.3)
-    block = simulation.advance_to(2000 * MILLISECOND)
-    feed = block.feed
+    feed = simulation.advance_to(2000 * MILLISECOND).feed
     assert abs(feed.coupling) < 0.2
     assert feed.guide_friction > 0.0
     assert feed.load_damper != 0.0
-
-
-def test_an_arm_whose_steps_create_energy_is_an_error(monkeypatch):
     monkeypatch.setattr(plant, "LEAST_CREATED", -1e3)
     with pytest.raises(EngineError, match=r"the arm is unstable: its steps created .* J in"):
-        Simulation(made(SOFT), 0.3).advance_to(1001 * MILLISECOND)
+        simulation.advance_to(3001 * MILLISECOND)
 
 
-@pytest.mark.parametrize("weight", [15.0, 20.0, 25.0, 30.0])
+@pytest.mark.parametrize("weight", [15.0, 30.0])
 def test_a_drill_that_nearly_stalls_vibrates_as_a_direct_oscillator(weight):
     configuration = to_configuration(
         {
@@ -98,26 +91,18 @@ def test_a_drill_that_nearly_stalls_vibrates_as_a_direct_oscillator(weight):
         }
     )
     direct = resonant_amplitude(configuration, 1.0, 0.4, 2e-8)
-    simulation = Simulation(configuration)
-    simulation.advance_to(400 * MILLISECOND)
-    found = []
-    for end in range(401 * MILLISECOND, 1001 * MILLISECOND, MILLISECOND):
-        simulation.advance_to(end)
+    simulation, found = Simulation(configuration), []
+    for end in range(400, 1001):
+        simulation.advance_to(end * MILLISECOND)
         found.append(simulation.actuator.amplitude)
-    amplitude = np.sqrt(np.mean(np.square(found)))
+    amplitude = np.sqrt(np.mean(np.square(found[1:])))
     assert abs(amplitude - direct) < 0.05 * direct + 1.5e-6
 
 
 SECOND = 1000 * MILLISECOND
 TURNS = {"rotation_model": "friction_drive"}
-THREE = {
-    "layers": [
-        {"depth_from": 0.0, "rock": "regolith"},
-        {"depth_from": 4e-4, "rock": "chalk"},
-        {"depth_from": 1e-3, "rock": "sandstone"},
-    ]
-}
-WEARING = {**TURNS, "strata": "sandstone", "bit_wear_rate": 1e-4}
+BOUNDARIES = (("regolith", 0.0), ("chalk", 4e-4), ("sandstone", 1e-3))
+THREE = {"layers": [{"depth_from": depth, "rock": rock} for rock, depth in BOUNDARIES]}
 RESONANT = {"actuator_model": "resonance", "weight_on_bit": 10.0, "actuator_restitution": 1.0}
 
 
@@ -141,7 +126,7 @@ def at_steps(monkeypatch, steps, values, seconds=1.0):
 @pytest.mark.parametrize(
     ("values", "tolerance"),
     [
-        (WEARING, 2e-3),
+        ({**TURNS, "strata": "sandstone", "bit_wear_rate": 1e-4}, 2e-3),
         ({**TURNS, "strata": "chalk"}, 3e-3),
         ({**TURNS, "strata": "regolith"}, 3e-3),
         ({**TURNS, "strata": "sandstone", "rotor_stall_torque": 0.02}, 3e-3),  # it stalls
@@ -187,27 +172,9 @@ def test_percussion_gives_the_depth_of_its_single_impacts_at_any_step(
             assert np.max(block.impacts["contact_duration"]) > 2e-5
 
 
-def test_the_drive_of_the_feed_is_where_it_is_at_any_step():
-    moved = []
-    for steps in (1, 2):  # in a millisecond
-        mount = Mount(MountParameters("arm"), 2000.0, has_rock=False)
-        for start, motion in enumerate(
-            [Feed("rate", 3e-3), Feed("position", -1e-3), Feed("rate", -5e-3)]
-        ):
-            mount.motion = motion
-            for step in range(700 * steps):
-                stalled = Disturbances(feed_stalled=True) if step < 50 * steps else UNDISTURBED
-                mount.step(1e-3 / steps, math.inf, Percussion(), 2000.0, stalled)
-            moved.append((steps, start, mount.state.feed))
-    at_one, at_two = moved[:3], moved[3:]
-    for one, other in zip(at_one, at_two, strict=True):
-        assert one[2] == pytest.approx(other[2], rel=1e-12)
-    assert at_one[0][2] == pytest.approx(0.65 * 3e-3)
-
-
 def test_the_temperature(monkeypatch):
     """It heats with a power that varies within the thermal time constant."""
-    found = []
+    nothing, found = ResonatorEnergy(0j, 0.0, 0.0, 0.0, 0.0, 0.0), []
     for step in (20, 10, 5):
         monkeypatch.setattr(actuator, "HEATING_INTERVAL", step * MILLISECOND)
         parameters = actuator.ActuatorParameters("resonance", heating=True, heat_capacity=0.2)
@@ -215,8 +182,6 @@ def test_the_temperature(monkeypatch):
         while (time := heated.next_step) <= SECOND:
             now = time / SECOND
             heat = 50.0 * now + 4.0 * (1.0 - math.cos(9.0 * now))
-            heated.step(time, ResonatorEnergy(0j, 0.0, heat, 0.0, 0.0, 0.0))
-        found.append(
-            [heated.read(0.0, ResonatorEnergy(0j, 0.0, 0.0, 0.0, 0.0, 0.0)).temperature - 293.15]
-        )
+            heated.step(time, nothing._replace(heat=heat))
+        found.append([heated.read(0.0, nothing).temperature - 293.15])
     assert_converges(found, 5e-3)

@@ -1,4 +1,4 @@
-"""Runs over initial vibration phases: reproducible, with a standard error."""
+"""Runs over initial vibration phases: those of a simulation, however many run together."""
 
 import dataclasses
 import math
@@ -9,12 +9,12 @@ import threading
 import numba
 import numpy as np
 import pytest
+from drill_configurations import SANDSTONE
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.lib.recfunctions import repack_fields
 from support import examples
 
-from rpud_sim.drilling.rock import RockParameters
 from rpud_sim.model import compile, engine
 from rpud_sim.model.compile import compilation_notice
 from rpud_sim.model.engine import EngineError, initial_state
@@ -35,17 +35,19 @@ from rpud_sim.simulation.scenario import Scenario, ScheduledFault
 from rpud_sim.simulation.simulation import Simulation, initial_phases
 from rpud_sim.simulation.statistics import FIGURES, Statistics
 
-SANDSTONE = RockParameters(rock_model="specific_energy")
+MILLISECOND = 1_000_000
 PARAMETERS = preset("drilling")
+DRILLING = Configuration(PARAMETERS)
+RESONANCE = ActuatorParameters(actuator_model="resonance")
+TRACKING = ActuatorParameters(actuator_model="resonance", generator="tracking", heating=True)
+JAM = Scenario(0, (ScheduledFault(0, None, Fault("free_mass_jammed")),))
 
 
 def test_phases_are_those_of_the_seed_and_one_run_without_it_begins_at_zero():
-    assert initial_phases(1, None) == (0.0,)
-    assert initial_phases(5, 7) == initial_phases(5, 7)
+    assert initial_phases(1, None) == (0.0,) != initial_phases(1, 7)
+    assert initial_phases(5, 7)[:3] == initial_phases(3, 7)
     assert initial_phases(5, 7) != initial_phases(5, 8)
     assert initial_phases(5, None) == initial_phases(5, 0)
-    assert initial_phases(5, 7)[:3] == initial_phases(3, 7)
-    assert initial_phases(1, 7) != (0.0,)
     assert all(0.0 <= phase < 1.0 for phase in initial_phases(1000, 1))
 
 
@@ -61,45 +63,33 @@ def test_a_rock_has_depth_and_rate_among_the_figures():
     configuration = Configuration(PARAMETERS, rock=SANDSTONE)
     [found] = run_ensemble(configuration, 0.5, [0.25]).members
     simulation = Simulation(configuration, 0.25)
-    simulation.advance_to(500_000_000)
+    simulation.advance_to(500 * MILLISECOND)
     assert found["depth"] == simulation.depth > 0.0
     assert found["penetration_rate"] == simulation.depth / 0.5
-    ensemble = run_ensemble(configuration, 0.5, [0.25, 0.5])
-    assert {"depth", "penetration_rate"} <= ensemble.mean().keys()
-    assert {"depth", "penetration_rate"} <= ensemble.standard_error().keys()
     assert "depth" not in run_ensemble(PARAMETERS, 0.1, [0.25]).mean()
 
 
-def test_every_member_has_the_scenario_s_faults():
-    scenario = Scenario(0, (ScheduledFault(0, None, Fault("free_mass_jammed")),))
-    ensemble = run_ensemble(PARAMETERS, 1.0, [0.25, 0.5], scenario=scenario)
+def test_what_happens_to_a_run_is_left_to_a_simulation_of_each_member():
+    assert runs_by_itself(DRILLING, Scenario(0, ()))
+    assert runs_by_itself(dataclasses.replace(DRILLING, actuator=RESONANCE))
+    assert not runs_by_itself(dataclasses.replace(DRILLING, actuator=TRACKING))
+    assert not runs_by_itself(DRILLING, JAM)
+    ensemble = run_ensemble(PARAMETERS, 1.0, [0.25, 0.5], scenario=JAM)
     assert all(member["drill_tool_impact_rate"] <= 2.0 for member in ensemble.members)
 
 
-def member(value):
-    return {"duration": 2.0} | dict.fromkeys(FIGURES, value)
+def test_means_and_standard_errors_are_those_of_the_members_that_have_a_figure():
+    def found(*values):
+        members = tuple({"duration": 2.0} | dict.fromkeys(FIGURES, value) for value in values)
+        ensemble = Ensemble((0.1,) * len(values), members, (), 1.0)
+        assert ensemble.mean()["duration"] == 2.0
+        return ensemble.mean()["events"], ensemble.standard_error()["events"]
 
-
-def test_means_and_standard_errors_are_those_of_the_members():
-    ensemble = Ensemble((0.1, 0.2, 0.3), (member(1.0), member(2.0), member(6.0)), (), 1.0)
-    assert ensemble.mean() == {"duration": 2.0} | dict.fromkeys(FIGURES, 3.0)
-    expected = math.sqrt((4.0 + 1.0 + 9.0) / 2.0 / 3.0)
-    assert ensemble.standard_error() == pytest.approx(dict.fromkeys(FIGURES, expected))
-
-
-def test_members_without_a_figure_are_left_out_of_its_mean():
-    ensemble = Ensemble((0.1, 0.2, 0.3), (member(None), member(2.0), member(4.0)), (), 1.0)
-    assert ensemble.mean()["contact_force_mean"] == 3.0
-    assert ensemble.standard_error()["contact_force_mean"] == pytest.approx(1.0)
-    empty = Ensemble((0.1,), (member(None),), (), 1.0)
-    assert empty.mean()["contact_force_mean"] is None
-
-
-def test_one_member_has_its_own_figures_and_no_error():
-    ensemble = Ensemble((0.1,), (member(5),), (), 1.0)
-    assert ensemble.mean()["events"] == 5
-    assert type(ensemble.mean()["events"]) is int
-    assert ensemble.standard_error() == dict.fromkeys(FIGURES)
+    error = math.sqrt((4.0 + 1.0 + 9.0) / 2.0 / 3.0)
+    assert found(1.0, 2.0, 6.0) == (3.0, pytest.approx(error))
+    assert found(None, 2.0, 4.0) == (3.0, pytest.approx(1.0))
+    assert found(None) == (None, None)
+    assert repr(found(5)) == "(5, None)"  # and no float
 
 
 # What runs in a drill, from the first command to a waveform; prints the kernels that it compiles.
@@ -111,8 +101,6 @@ from rpud_sim.simulation.configuration import Configuration, Settings
 from rpud_sim.simulation.ensemble import compile_kernels
 from rpud_sim.simulation.faults import Fault
 from rpud_sim.simulation.run import Beginning, Run
-
-MILLISECOND = 1_000_000
 
 def compiled():
     return {
@@ -127,90 +115,68 @@ assert sum(before.values()) > 0
 run = Run(Beginning(Settings()))
 simulation = run.simulation
 
-def on(*changes):
-    for change in changes:
-        change()
-    list(run.advance_to(run.time + 10 * MILLISECOND))
-
-def to(**values):
-    parameters = dataclasses.replace(simulation.configuration.parameters, **values)
+def to(regime):
+    parameters = dataclasses.replace(simulation.parameters, regime=regime)
     simulation.configure(dataclasses.replace(simulation.configuration, parameters=parameters))
 
-for _ in range(6):
-    on()
-on(lambda: simulation.apply(WeightOnBit(20.0)), lambda: simulation.apply(Drive(False, 0.0, 0.0)))
-on(lambda: simulation.apply(Drive(True, 50.0, 16100.0)))
-on(lambda: simulation.inject(Fault("free_mass_jammed"), 0))
-on(simulation.clear_all)
-on(lambda: to(regime="free"))
-on(lambda: to(regime="drilling"))
+for change in (
+    *[lambda: None] * 6,
+    lambda: (simulation.apply(WeightOnBit(20.0)), simulation.apply(Drive(False, 0.0, 0.0))),
+    lambda: simulation.apply(Drive(True, 50.0, 16100.0)),
+    lambda: simulation.inject(Fault("free_mass_jammed"), 0),
+    simulation.clear_all,
+    lambda: to("free"),
+    lambda: to("drilling"),
+):
+    change()
+    list(run.advance_to(run.time + 10_000_000))
 list(run.flush())
 print({name for name, count in compiled().items() if count != before.get(name)})
 """
 
 
 def test_nothing_is_left_to_compile_once_a_drill_runs():
-    run = subprocess.run(
-        [sys.executable, "-c", AFTER_COMPILING], stdout=subprocess.PIPE, text=True, check=True
-    )
-    assert run.stdout == "set()\n"
+    command = [sys.executable, "-c", AFTER_COMPILING]
+    assert subprocess.run(command, stdout=subprocess.PIPE, check=True).stdout == b"set()\n"
 
 
-@pytest.mark.parametrize("long", [True, False])
-def test_a_compilation_that_takes_long_is_reported(monkeypatch, long):
-    told = threading.Event()
+@pytest.mark.parametrize(
+    ("compiles", "limit", "reported"),
+    [(True, 0.01, True), (True, 3600.0, False), (False, 0.0, False)],
+    ids=["long", "short", "cached"],  # however busy the machine is
+)
+def test_a_compilation_that_takes_long_is_reported(monkeypatch, compiles, limit, reported):
+    told, lines = threading.Event(), []
 
-    class Compiling(Statistics):
+    class Slow(Statistics):
         def add(self, block):
-            assert numba.njit(lambda: 1)() == 1
-            assert told.wait(10.0)
+            if compiles:
+                assert numba.njit(lambda: 1)() == 1
+            assert told.wait(10.0 if reported else 0.5) == reported
 
     def tell(line):
         lines.append(line)
         told.set()
 
-    lines = []
-    if not long:
-        told.set()
-    monkeypatch.setattr(ensemble, "Statistics", Compiling)
-    monkeypatch.setattr(compile, "_LONG", 0.01 if long else 3600.0)
-    compile_kernels(PARAMETERS, tell)
-    assert lines == [compilation_notice()] * long
-
-
-def test_cached_kernels_are_not_reported_however_busy_the_machine_is(monkeypatch):
-    told = threading.Event()
-
-    class Slow(Statistics):
-        def add(self, block):
-            told.wait(0.5)  # longer than the notice needs
-
     compile_kernels(PARAMETERS)
     monkeypatch.setattr(ensemble, "Statistics", Slow)
-    monkeypatch.setattr(compile, "_LONG", 0.0)
-    compile_kernels(PARAMETERS, lambda line: told.set())
-    assert not told.is_set()
+    monkeypatch.setattr(compile, "_LONG", limit)
+    compile_kernels(PARAMETERS, tell)
+    assert lines == [compilation_notice()] * reported
 
 
-MILLISECOND = 1_000_000
-RESONANCE = ActuatorParameters(actuator_model="resonance")
-TRACKING = ActuatorParameters(actuator_model="resonance", generator="tracking", heating=True)
-DRILLS = st.builds(
-    lambda regime, weight, amplitude, restitution, resonant: Configuration(
-        preset(regime).replace(
-            weight_on_bit=weight,
-            vibration_amplitude=amplitude,
-            actuator_restitution=restitution,
-            drill_tool_restitution=restitution,
-        ),
-        RESONANCE if resonant else ActuatorParameters(),
-    ),
-    st.sampled_from(["free", "drilling"]),
-    st.floats(0.0, 100.0),
-    st.floats(1e-6, 50e-6),
-    st.floats(0.3, 1.0),
-    st.booleans(),
-)
+@st.composite
+def drills(draw):
+    restitution = draw(st.floats(0.3, 1.0))
+    parameters = preset(draw(st.sampled_from(["free", "drilling"]))).replace(
+        weight_on_bit=draw(st.floats(0.0, 100.0)),
+        vibration_amplitude=draw(st.floats(1e-6, 50e-6)),
+        actuator_restitution=restitution,
+        drill_tool_restitution=restitution,
+    )
+    return Configuration(parameters, draw(st.sampled_from([RESONANCE, ActuatorParameters()])))
+
+
 PHASES = st.floats(-2.0, 2.0)
 
 
@@ -219,128 +185,104 @@ def exact(values):
     return repr(values)
 
 
-def statistics_of(configuration, phase, times):
-    """Statistics of a run from the last but one of ascending times to the last."""
+def simulated(configuration, phase, *times):
+    """Figures, account and impacts of a simulation from the last but one time to the last."""
     simulation, statistics = Simulation(configuration, phase), Statistics()
     for time in times[:-1]:
         simulation.advance_to(time)
     block = simulation.advance_to(times[-1])
     statistics.add(block)
-    return statistics, block.impacts
+    return exact((statistics.figures(), statistics.account)), block.impacts
 
 
 @settings(max_examples=examples(30), deadline=None)
-@given(DRILLS, st.lists(PHASES, min_size=1, max_size=4), st.integers(1, 60 * MILLISECOND))
+@given(drills(), st.lists(PHASES, min_size=1, max_size=4), st.integers(1, 60 * MILLISECOND))
 def test_members_are_runs_of_a_simulation(configuration, phases, end):
     found = EnsembleRuns(configuration, phases).run(end, True)
-    assert len(found) == len(phases)
     for phase, member in zip(phases, found, strict=True):
-        expected, _ = statistics_of(configuration, phase, [end])
         assert member.failure is None
-        assert exact(member.figures) == exact(expected.figures())
-        assert exact(member.account) == exact(expected.account)
+        expected, _ = simulated(configuration, phase, end)
+        assert exact((member.figures, member.account)) == expected
     without = EnsembleRuns(configuration, phases).run(end, False)
     assert exact([m.figures for m in without]) == exact([m.figures for m in found])
 
 
 @settings(max_examples=examples(30), deadline=None)
-@given(DRILLS, PHASES, st.lists(st.integers(0, 60 * MILLISECOND), min_size=1, max_size=4))
+@given(drills(), PHASES, st.lists(st.integers(0, 60 * MILLISECOND), min_size=1, max_size=4))
 def test_a_run_in_parts_is_that_of_a_simulation(configuration, phase, times):
-    times = sorted(times)
-    run, statistics = EnsembleRuns(configuration, [phase]), Statistics()
-    for time in times[:-1]:
-        run.advance_to(time, Statistics())
-    impacts = run.advance_to(times[-1], statistics)
-    expected, expected_impacts = statistics_of(configuration, phase, times)
+    run, times = EnsembleRuns(configuration, [phase]), sorted(times)
+    for time in times:
+        statistics = Statistics()
+        impacts = run.advance_to(time, statistics)
+    expected, expected_impacts = simulated(configuration, phase, *times)
     assert run.time == times[-1]
     # The bytes between the fields have no value.
     assert repack_fields(impacts).tobytes() == repack_fields(expected_impacts).tobytes()
-    assert exact(statistics.figures()) == exact(expected.figures())
-    assert exact(statistics.account) == exact(expected.account)
+    assert exact((statistics.figures(), statistics.account)) == expected
 
 
 def test_more_impacts_than_there_is_room_for_are_all_counted(monkeypatch):
-    configuration = Configuration(preset("drilling").replace(weight_on_bit=80.0))
-    expected, impacts = statistics_of(configuration, 0.25, [2_000 * MILLISECOND])
+    configuration = Configuration(PARAMETERS.replace(weight_on_bit=80.0))
+    expected, impacts = simulated(configuration, 0.25, 2_000 * MILLISECOND)
+    assert len(impacts) > 1000
     monkeypatch.setattr(ensemble, "_FIRST_IMPACTS", 70)
     monkeypatch.setattr(ensemble, "_room", ensemble._Room())
-    assert len(impacts) > 1000
     [member] = EnsembleRuns(configuration, [0.25]).run(2_000 * MILLISECOND, True)
-    assert exact(member.figures) == exact(expected.figures())
-
-
-@pytest.fixture
-def tired(monkeypatch):
-    """Let all runs begin beyond their budget of events."""
-
-    def begin(*arguments):
-        state = initial_state(*arguments)
-        state["effort"] = 2.0 * GREATEST_EFFORT
-        return state
-
-    monkeypatch.setattr(ensemble, "initial_state", begin)
-    monkeypatch.setattr(engine, "initial_state", begin)
+    assert exact((member.figures, member.account)) == expected
 
 
 def test_a_member_that_fails_leaves_the_others_as_they_are():
     end, phases = 50 * MILLISECOND, [0.25, 0.5, 0.75]
-    configuration = Configuration(preset("drilling"))
-    runs = EnsembleRuns(configuration, phases)
+    runs = EnsembleRuns(DRILLING, phases)
     runs._states["effort"][1] = 2.0 * GREATEST_EFFORT
     found = runs.run(end, True)
-    assert found[1].figures == {}
-    assert found[1].account is None
+    assert (found[1].figures, found[1].account) == ({}, None)
     assert str(found[1].failure).startswith("events exceed their budget of 500000 in a simulated")
     for number in (0, 2):
-        expected, _ = statistics_of(configuration, phases[number], [end])
-        assert exact(found[number].figures) == exact(expected.figures())
-        assert exact(found[number].account) == exact(expected.account)
+        member = found[number]
+        expected, _ = simulated(DRILLING, phases[number], end)
+        assert exact((member.figures, member.account)) == expected
 
 
 @pytest.mark.parametrize("duration", [0.01, 11.0])
 @pytest.mark.parametrize("threads", [1, 2])
-def test_a_failure_has_the_words_of_a_simulation(tired, duration, threads):
-    drill = preset("drilling").replace(free_mass=1e-6)
-    with pytest.raises(EngineError) as expected:
+def test_a_failure_has_the_words_of_a_simulation(monkeypatch, duration, threads):
+    def tired(*arguments):
+        """Give a state beyond its budget of events."""
+        state = initial_state(*arguments)
+        state["effort"] = 2.0 * GREATEST_EFFORT
+        return state
+
+    monkeypatch.setattr(ensemble, "initial_state", tired)
+    monkeypatch.setattr(engine, "initial_state", tired)
+    drill = PARAMETERS.replace(free_mass=1e-6)
+    with pytest.raises(EngineError, match="free_mass = 1e-06 kg") as expected:
         Simulation(drill, 0.25).advance_to(MILLISECOND)
     with pytest.raises(EngineError) as caught:
         run_ensemble(drill, duration, [0.25, 0.5, 0.75], threads=threads)
-    assert str(caught.value) == str(expected.value)
-    assert "free_mass = 1e-06 kg" in str(caught.value)
     failed = [str(member.failure) for member in run_members(drill, duration, [0.25, 0.5])]
-    assert failed[0] == str(expected.value)
     assert len(failed) == 2
+    assert str(caught.value) == failed[0] == str(expected.value)
 
 
-@pytest.mark.parametrize("threads", [1, 3])
 @pytest.mark.parametrize(
     ("configuration", "duration"),
     [
         (Configuration(preset("free")), 0.4),
-        (Configuration(preset("drilling")), 10.5),
-        (Configuration(preset("drilling"), rock=RockParameters("specific_energy")), 0.3),
-        (Configuration(preset("drilling"), TRACKING), 0.1),
+        (DRILLING, 10.5),
+        (Configuration(PARAMETERS, rock=SANDSTONE), 0.3),
+        (Configuration(PARAMETERS, TRACKING), 0.1),
     ],
 )
-def test_threads_change_nothing(configuration, duration, threads):
+def test_threads_change_nothing(configuration, duration):
     phases = np.linspace(0.0, 0.9, 30 if duration < 1.0 else 3).tolist()
     reported = []
-    found = run_ensemble(configuration, duration, phases, reported.append, threads=threads)
+    found = run_ensemble(configuration, duration, phases, reported.append, threads=3)
     assert sum(reported) == pytest.approx(duration * len(phases))
     assert exact(found.members) == exact(run_ensemble(configuration, duration, phases).members)
 
 
 def test_closing_the_iterator_ends_the_runs():
-    found = run_members(preset("drilling"), 15.0, [0.1] * 1000, threads=2)
+    found = run_members(PARAMETERS, 15.0, [0.1] * 1000, threads=2)
     assert next(found).failure is None
     found.close()
-
-
-def test_runs_to_which_something_happens_are_left_to_a_simulation():
-    plain = Configuration(preset("drilling"))
-    jam = Scenario(0, (ScheduledFault(0, None, Fault("free_mass_jammed")),))
-    assert runs_by_itself(plain)
-    assert runs_by_itself(plain, Scenario(0, ()))
-    assert runs_by_itself(dataclasses.replace(plain, actuator=RESONANCE))
-    assert not runs_by_itself(plain, jam)
-    assert not runs_by_itself(dataclasses.replace(plain, actuator=TRACKING))

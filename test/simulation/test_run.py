@@ -1,22 +1,32 @@
-"""A run gives the same messages in pieces as in one go, each change once and in its order."""
+"""A run gives the same messages in pieces as in one go, and again from its journal or state."""
 
 import dataclasses
-import itertools
+import json
 import re
+from contextlib import nullcontext, suppress
 from pathlib import Path
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rpud_sim.simulation.commands import Drive, WeightOnBit
-from rpud_sim.simulation.configuration import to_settings
-from rpud_sim.simulation.faults import Fault
+from rpud_sim.simulation.commands import Drive, Feed, WeightOnBit
+from rpud_sim.simulation.configuration import to_configuration, to_settings, to_values
+from rpud_sim.simulation.fault_kinds import KINDS
+from rpud_sim.simulation.faults import Fault, FaultError
 from rpud_sim.simulation.fields import Bookkeeping, stamp_of
-from rpud_sim.simulation.journal import Journal
+from rpud_sim.simulation.journal import Journal, JournalEntry
+from rpud_sim.simulation.rerun import (
+    MOST_CHECKPOINTS,
+    CheckpointError,
+    Checkpoints,
+    JournalError,
+    Rerun,
+)
 from rpud_sim.simulation.run import Beginning, Run
 from rpud_sim.simulation.scenario import Scenario, ScheduledFault
 from rpud_sim.simulation.simulation import initial_phases
+from rpud_sim.simulation.telemetry import one_by_one
 
 SECOND = 1_000_000_000
 MILLISECOND = 1_000_000
@@ -33,15 +43,10 @@ SCENARIO = Scenario(
 )
 
 
-def made(values=None, scenario=None, journal=None, **options):
-    return Run(
-        Beginning(to_settings({**RATES, **(values or {})}), 0.3, 5, scenario), journal, **options
-    )
-
-
 def begun(values=None, scenario=None, journal=None, **options):
     """Give a run that has begun, and the messages of its beginning."""
-    run = made(values, scenario, journal, **options)
+    beginning = Beginning(to_settings({**RATES, **(values or {})}), 0.3, 5, scenario)
+    run = Run(beginning, journal, **options)
     run.begin(ORIGIN)
     return run, list(run.changes())
 
@@ -54,16 +59,12 @@ def kinds(messages):
     return [fields["kind"] for _, topic, fields in messages if topic == "journal"]
 
 
-def without_stops(messages):
-    """Messages as text, so that NaN equals NaN; those of the journal and its numbers left out."""
-    return [repr(message) for message in messages if message[1] != "journal"]
-
-
 SIGNALS = (
     ScheduledFault(5 * MILLISECOND, 70 * MILLISECOND, Fault("delayed", "nodal_plane", 0.03)),
     ScheduledFault(7_654_321, 80 * MILLISECOND, Fault("intermittent", "contact_force", 0.5)),
     ScheduledFault(30 * MILLISECOND, None, Fault("slow", "drill_tool", 0.025)),
 )
+ALL_FAULTS = Scenario(0, tuple(sorted((*SCENARIO.faults, *SIGNALS), key=lambda one: one.onset)))
 
 
 @settings(max_examples=10)
@@ -72,10 +73,9 @@ SIGNALS = (
     stops=st.lists(st.integers(1, END - 1), max_size=8),
 )
 def test_in_pieces_it_gives_the_same_messages_as_in_one_go(regime, stops):
-    scenario = Scenario(0, tuple(sorted([*SCENARIO.faults, *SIGNALS], key=lambda one: one.onset)))
-    whole, first = begun({"regime": regime}, scenario)
+    whole, first = begun({"regime": regime}, ALL_FAULTS)
     expected = [*first, *whole.advance_to(END), *whole.flush()]
-    pieces, found = begun({"regime": regime}, scenario)
+    pieces, found = begun({"regime": regime}, ALL_FAULTS)
     for stop in [*sorted(stops), END]:
         found += pieces.advance_to(stop)
     found += pieces.flush()
@@ -91,31 +91,34 @@ def test_in_pieces_it_gives_the_same_messages_as_in_one_go(regime, stops):
     assert pieces.time == whole.time == END
 
 
-def test_at_the_boundaries_even_the_order_is_the_same():
+def test_at_the_boundaries_even_the_order_is_the_same_and_every_block_is_counted_once():
+    blocks = []
     whole, _ = begun(scenario=SCENARIO)
-    expected = without_stops(whole.advance_to(END))
-    pieces, _ = begun(scenario=SCENARIO)
+    pieces, _ = begun(scenario=SCENARIO, on_block=blocks.append)
+    expected = [repr(message) for message in whole.advance_to(END)]
     found = []
     while pieces.time < END:
-        found += without_stops(pieces.advance_to(pieces.next_boundary))
+        found += [repr(message) for message in pieces.advance_to(pieces.next_boundary)]
     assert found == expected
+    ends = [0, *(block.end for block in blocks)]
+    assert [block.start for block in blocks] == ends[:-1]
+    assert ends[-1] == END
 
 
-def test_every_block_is_counted_once_without_a_gap():
-    blocks = []
-    run, _ = begun(on_block=blocks.append)
-    for stop in (7 * MILLISECOND, 7 * MILLISECOND, 23 * MILLISECOND, END):
-        list(run.advance_to(stop))
-    assert blocks[0].start == 0
-    assert blocks[-1].end == END
-    assert all(after.start == before.end for before, after in itertools.pairwise(blocks))
-
-
-def test_the_beginning_comes_first_and_then_the_origin():
+def test_the_beginning_comes_first_then_the_origin_and_another_place_changes_stamps():
     run, messages = begun(journal=Journal())
     assert topics(messages) == ["journal", "journal", "faults"]
     assert kinds(messages) == ["begin", "origin"]
+    assert stamp_of(messages[-1][2]) == ORIGIN
     assert list(run.changes()) == []
+    list(run.advance_to(10 * MILLISECOND))
+    run.place(5)
+    messages = list(run.changes())
+    assert (run.origin, run.time) == (5, 10 * MILLISECOND)
+    assert topics(messages) == ["journal", "faults"]
+    assert kinds(messages) == ["origin"]
+    stamps = {stamp_of(fields) for _, _, fields in run.advance_to(15 * MILLISECOND)}
+    assert max(stamps) == 5 + 15 * MILLISECOND
 
 
 def test_an_entry_comes_before_its_consequences():
@@ -130,52 +133,25 @@ def test_an_entry_comes_before_its_consequences():
     assert [stamp_of(fields) for _, _, fields in messages[:3]] == [ORIGIN + 10 * MILLISECOND] * 3
 
 
-def test_a_stop_inside_a_block_is_an_entry_before_the_messages_of_the_block():
-    run, _ = begun(journal=Journal())
-    assert kinds(run.advance_to(10 * MILLISECOND)) == []
-    messages = list(run.advance_to(12 * MILLISECOND))
-    assert topics(messages)[0] == "journal"
-    assert kinds(messages) == ["stop"]
-    assert messages[0][0] == 12 * MILLISECOND
-    assert kinds(run.advance_to(15 * MILLISECOND)) == []
-
-
 @pytest.mark.parametrize("kind", ["flush", "end"])
-def test_a_flush_is_an_entry_and_then_the_rest_of_the_streams_once(kind):
-    run, _ = begun(journal=Journal())
-    list(run.advance_to(25 * MILLISECOND))
-    messages = list(run.flush(kind))
-    assert kinds(messages) == [kind]
-    assert topics(messages) == ["journal", "waveform", "trajectory"]
-    assert topics(run.flush(kind)) == ["journal"]
+def test_stops_inside_a_block_and_a_flush_are_entries_before_their_messages(kind):
+    run, found = begun(journal=Journal())
+    for stop, expected in ((10, []), (12, ["stop"]), (15, []), (27, ["stop"])):
+        messages = list(run.advance_to(stop * MILLISECOND))
+        assert kinds(messages) == expected
+        found += messages
+    rest, again = list(run.flush(kind)), list(run.flush(kind))
+    assert kinds(rest) == [kind]
+    assert topics(rest) == ["journal", "waveform", "trajectory"]
+    assert topics(again) == ["journal"]
+    entries = [fields for _, topic, fields in (*found, *rest, *again) if topic == "journal"]
+    assert [fields["sequence"] for fields in entries] == list(range(len(entries)))
 
 
-def test_entries_are_numbered_over_the_whole_run():
-    run, messages = begun(journal=Journal())
-    for stop in (3 * MILLISECOND, 4 * MILLISECOND, 10 * MILLISECOND):
-        messages += run.advance_to(stop)
-        run.simulation.apply(Drive(True, stop / END, 16_000.0))
-    messages += run.flush("end")
-    numbers = [fields["sequence"] for _, topic, fields in messages if topic == "journal"]
-    assert numbers == list(range(len(numbers)))
-    assert kinds(messages).count("stop") == 2
-
-
-def test_a_place_changes_stamps_and_publishes_the_faults_again():
-    run, first = begun(journal=Journal())
+def test_a_stop_inside_a_block_comes_before_the_impacts_of_the_block():
+    run, _ = begun({"regime": "free"}, journal=Journal())
     list(run.advance_to(10 * MILLISECOND))
-    run.place(5)
-    messages = list(run.changes())
-    assert run.origin == 5
-    assert run.time == 10 * MILLISECOND
-    assert kinds(messages) == ["origin"]
-    assert topics(messages) == ["journal", "faults"]
-    assert stamp_of(messages[1][2]) == 5 + 10 * MILLISECOND
-    [nodal_plane] = [
-        fields for _, topic, fields in run.advance_to(15 * MILLISECOND) if topic == "nodal_plane"
-    ]
-    assert stamp_of(nodal_plane) == 5 + 15 * MILLISECOND
-    assert stamp_of(first[-1][2]) == ORIGIN
+    assert topics(run.advance_to(14 * MILLISECOND))[:2] == ["journal", "contact_force"]
 
 
 def test_faults_are_published_once_for_each_change():
@@ -193,12 +169,9 @@ def test_faults_are_published_once_for_each_change():
         (20, ["lost_preload", "noise"]),
         (40, ["noise"]),
     ]
-    onsets = [
-        fault["onset"]
-        for fault in messages[-1:]
-        and next(fields for _, topic, fields in reversed(messages) if topic == "faults")["faults"]
-    ]
-    assert [stamp["nanosec"] for stamp in onsets] == [12_345_685, 20 * MILLISECOND + 7]
+    last = next(fields for _, topic, fields in reversed(messages) if topic == "faults")
+    onsets = [fault["onset"]["nanosec"] for fault in last["faults"]]
+    assert onsets == [12_345_685, 20 * MILLISECOND + 7]
 
 
 def test_the_status_gives_every_field_of_its_message():
@@ -212,18 +185,6 @@ def test_the_status_gives_every_field_of_its_message():
     assert stamp_of(fields) == ORIGIN + 10 * MILLISECOND
     assert (fields["state"], fields["commands_accepted"], fields["lag"]) == ("running", 3, 0.25)
     assert fields["impacts"] == run.simulation.impact_count > 0
-
-
-def test_the_powers_of_the_status_balance():
-    run = begun()[0]
-    list(run.advance_to(SECOND))
-    _, _, fields = run.status("running", Bookkeeping())
-    inflow = sum(fields[f"{name}_power"] for name in ("actuator", "weight", "change"))
-    outflow = sum(
-        fields[f"{name}_power"] for name in ("load_damper", "collision", "absorbed", "stored")
-    )
-    assert fields["actuator_power"] > 10.0
-    assert inflow == pytest.approx(outflow, rel=1e-9)
 
 
 def test_while_inactive_nothing_acts_and_the_first_block_shows_it():
@@ -250,27 +211,207 @@ def test_other_settings_reach_the_watchdog_and_the_drill():
 
 @given(
     st.integers(1, 2**32 - 1),
-    st.dictionaries(
-        st.sampled_from(["weight_on_bit", "gravity", "free_mass"]), st.floats(0.1, 9.0), max_size=3
-    ),
+    st.dictionaries(st.sampled_from(["weight_on_bit", "gravity"]), st.floats(0.1, 9.0)),
 )
 def test_a_beginning_is_read_back_from_its_journal(seed, values):
-    beginning = dataclasses.replace(
-        Beginning.drawn(to_settings({**RATES, **values}), seed), scenario=SCENARIO
-    )
-    journal = Journal()
-    run = Run(beginning, journal)
-    run.begin(0)
-    entry = journal.drain()[0]
-    found = Beginning.from_journal(entry.content)
-    assert found.settings == beginning.settings
-    assert (found.initial_phase, found.seed) == (beginning.initial_phase, seed)
-    assert found.scenario.faults == SCENARIO.faults
+    drawn = Beginning.drawn(to_settings({**RATES, **values}), seed)
+    beginning = dataclasses.replace(drawn, scenario=Scenario(seed, SCENARIO.faults))
+    content = json.loads(json.dumps(beginning.to_journal()))
+    assert Beginning.from_journal(content) == beginning
 
 
 def test_the_seed_of_the_settings_holds_unless_another_is_given():
     settings = to_settings({"seed": 4})
     assert Beginning.drawn(settings) == Beginning.drawn(settings, 4)
-    assert Beginning.drawn(settings, 9).seed == 9
-    assert Beginning.drawn(settings, 9).initial_phase == initial_phases(1, 9)[0]
+    assert Beginning.drawn(settings, 9) == Beginning(settings, initial_phases(1, 9)[0], 9)
     assert Beginning.drawn(to_settings({})).initial_phase == 0.0
+
+
+DRILLS = {
+    "drilling": {},
+    "free": {"regime": "free"},
+    "resonance": {"actuator_model": "resonance", "rock_model": "specific_energy"},
+    "tracking": {"actuator_model": "resonance", "generator": "tracking"},
+    "rotation": {"rotation_model": "friction_drive", "rock_model": "specific_energy"},
+    "arm": {"feed_model": "arm", "strata": "regolith", "rotation_model": "friction_drive"},
+}
+
+
+def started(values, scenario=None):
+    run = Run(Beginning(to_settings(values), 0.3, 5, scenario), Journal())
+    run.begin(ORIGIN)
+    return run
+
+
+def to_entry(message):
+    """Return the entry of a message as a bag's reader has it."""
+    _, _, fields = message
+    content = json.loads(fields["content"])
+    return JournalEntry(fields["sequence"], content.pop("time"), fields["kind"], content)
+
+
+def split(messages):
+    """Give texts in which NaN equals NaN, of messages but journal and faults, and the entries."""
+    messages = list(one_by_one(messages))
+    told = [repr(each) for each in messages if each[1] not in ("journal", "faults")]
+    return told, [to_entry(each) for each in messages if each[1] == "journal"]
+
+
+def again(entries):
+    """Give a rerun of entries that went through a bag, and its messages."""
+    rerun = Rerun()
+    return rerun, split(message for entry in entries for message in rerun.repeat(entry))[0]
+
+
+def act(simulation, number, value):
+    """Change the simulation in one of several ways."""
+    if number == 0:
+        simulation.apply(WeightOnBit(20.0 * value))
+    elif number == 1:
+        simulation.apply(Drive(value < 0.7, 100.0 * value, 16_000.0 + value))
+    elif number == 2:
+        changed = {**to_values(simulation.configuration), "actuator_restitution": 0.5 + value / 3}
+        changed["regime"] = "free" if value < 0.2 else "drilling"
+        simulation.configure(to_configuration(changed))
+    elif number == 3:
+        simulation.inject(Fault("bias", "nodal_plane", 1e-6 + value), int(value * 1e8))
+    else:
+        simulation.clear_all()
+
+
+LENGTHS = st.integers(1, 30 * MILLISECOND)
+
+
+@settings(max_examples=15)
+@given(
+    regime=st.sampled_from(["free", "drilling"]),
+    steps=st.lists(st.tuples(LENGTHS, st.integers(0, 4), st.floats(0.0, 1.0)), max_size=8),
+)
+def test_whatever_was_done_is_done_again(regime, steps):
+    run, messages = started({**RATES, "regime": regime}, ALL_FAULTS), []
+    for length, number, value in steps:
+        messages += run.advance_to(run.time + length)
+        with suppress(FaultError):  # it may be there already
+            act(run.simulation, number, value)
+    messages += [*run.advance_to(run.time + 31 * MILLISECOND), *run.flush("end")]
+    told, entries = split(messages)
+    assert again(entries)[1] == told
+
+
+def test_one_other_bit_in_a_command_gives_another_trajectory():
+    run = started(RATES)
+    run.simulation.apply(WeightOnBit(20.0))
+    told, entries = split([*run.advance_to(50 * MILLISECOND), *run.flush("end")])
+    assert again(entries)[1] == told
+    place = [entry.kind for entry in entries].index("weight_on_bit")
+    entries[place] = JournalEntry(place, 0, "weight_on_bit", {"force": 20.000000000000004})
+    assert again(entries)[1] != told
+
+
+def test_a_change_that_is_refused_is_not_noted():
+    run = started(RATES)
+    run.simulation.inject(Fault("lost_preload"))
+    list(run.changes())
+    with pytest.raises(FaultError):
+        run.simulation.inject(Fault("lost_preload"))
+    with pytest.raises(FaultError):
+        run.simulation.clear(99)
+    assert list(run.changes()) == []
+
+
+BEGIN = {"parameters": {**RATES, "regime": "free"}, "initial_phase": 0.0, "seed": 0, "faults": []}
+
+
+@pytest.mark.parametrize(
+    ("kind", "time", "content", "reason"),
+    [
+        ("explode", 5, {}, "there is no such kind"),
+        ("stop", 4, {}, "before that of the one before it"),
+        ("weight_on_bit", 5, {"force": -1.0}, "weight_on_bit = -1 N is outside its range"),
+        ("weight_on_bit", 5, {}, "KeyError"),
+        ("clear", 5, {"number": 3}, "there is no fault 3"),
+        ("begin", 0, {"parameters": {}}, "KeyError"),
+        ("begin", 0, {**BEGIN, "parameters": {**RATES, "telemetry_rate": 0}}, "outside its range"),
+    ],
+)
+def test_an_entry_that_cannot_be_done_is_named(kind, time, content, reason):
+    rerun, _ = again([JournalEntry(0, 0, "begin", BEGIN), JournalEntry(1, 5, "stop", {})])
+    with pytest.raises(JournalError, match=rf"^journal entry 2 \({kind}\) cannot be done: .*") as e:
+        list(rerun.repeat(JournalEntry(2, time, kind, content)))
+    assert reason in str(e.value)
+    with pytest.raises(JournalError, match="nothing has begun"):
+        again([JournalEntry(0, 0, "stop", {})])
+
+
+def go_on(run):
+    """Go on and change something; return all messages as texts."""
+    messages = list(run.advance_to(run.time + 15 * MILLISECOND))
+    fed = run.simulation.configuration.has_feed
+    run.control.apply(Feed("rate", -1e-3) if fed else WeightOnBit(17.0))
+    return split([*messages, *run.advance_to(run.time + 33 * MILLISECOND)])[0]
+
+
+@settings(max_examples=8)
+@given(
+    time=st.integers(0, 50 * MILLISECOND),
+    values=st.sampled_from([DRILLS[name] for name in ("drilling", "tracking", "arm")]),
+)
+def test_copies_and_checkpoints_go_on_like_their_run_and_by_themselves(time, values):
+    run, checkpoints = started(values), Checkpoints()
+    for kind in ("noise", "intermittent", "garbage", "delayed"):
+        run.simulation.inject(Fault(kind, "contact_force"), 40 * MILLISECOND)
+    list(run.advance_to(time))
+    checkpoints.save("here", run)
+    copies = [run.copy(Journal()), run.copy(Journal())]
+    expected = go_on(run)
+    assert all(go_on(each) == expected for each in copies)
+    found = checkpoints.find("here")
+    assert found.time == time
+    first = go_on(found)
+    assert go_on(checkpoints.find("here")) == first
+    assert checkpoints.names == ("here",)
+
+
+def test_names_and_number_of_checkpoints_are_checked():
+    run, checkpoints = started({}), Checkpoints()
+
+    def refused(reason):
+        return pytest.raises(CheckpointError, match=reason) if reason else nullcontext()
+
+    with refused("no checkpoint 'a'; none was saved"):
+        checkpoints.find("a")
+    names = [f"rock{number}" for number in range(MOST_CHECKPOINTS)]
+    for name, reason in (
+        *((each, "is no name of a checkpoint") for each in ("", "a b", "x" * 65, "a/b", "a\n")),
+        *((each, "") for each in names),
+        ("more", "one more than 16 checkpoints: .* such as rock0"),
+        ("rock0", ""),
+    ):
+        with refused(reason):
+            checkpoints.save(name, run)
+    assert checkpoints.names == (*names[1:], "rock0")
+    with refused(r"'roc0'; did you mean rock0\?"):
+        checkpoints.find("roc0")
+
+
+@pytest.mark.parametrize("faulty", [False, True])
+@pytest.mark.parametrize("name", DRILLS)
+def test_a_run_goes_on_from_its_state_with_the_same_bits(name, faulty):
+    run = Run(Beginning.drawn(to_settings(DRILLS[name])), Journal())
+    run.begin(5)
+    messages = list(run.advance_to(330 * MILLISECOND))
+    for kind in KINDS if faulty else ():
+        for channel in ("",) if KINDS[kind].physical else ("wrench", "contact_force"):
+            with suppress(FaultError):  # not of this drill
+                run.simulation.inject(Fault(kind, channel), 400 * MILLISECOND)
+    run.control.apply(Feed("rate", 1e-4) if name == "arm" else WeightOnBit(11.0))
+    messages += run.advance_to(371 * MILLISECOND)
+    run.note_state()
+    _, entries = split([*messages, *run.changes()])
+    text = json.dumps(run.state(), sort_keys=True)
+    began, told = again(entries[-1:])
+    assert told == []
+    for rerun in (began, again(entries)[0]):
+        assert json.dumps(rerun.run.state(), sort_keys=True) == text
+    end = 900 * MILLISECOND
+    assert split(began.advance_to(end))[0] == split(run.advance_to(end))[0]

@@ -9,11 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
-from support import examples, trajectory_messages
+from support import trajectory_messages
 from trajectories import rebuild
 
 from rpud_sim.model.drill import derive
-from rpud_sim.model.segment import SEGMENT
 from rpud_sim.simulation import preset
 from rpud_sim.simulation.commands import Drive, WeightOnBit
 from rpud_sim.simulation.sampling import CHANNELS, Rebuilder, Times, sample, to_segments
@@ -30,169 +29,119 @@ TOLERANCES = {
 }
 
 
-def run(regime, commands=True, blocks=4):
-    """Give the blocks of a quarter of a second with commands at their boundaries."""
+@pytest.fixture(scope="module", params=["free", "drilling"])
+def regime(request):
+    return request.param
+
+
+@pytest.fixture(scope="module")
+def blocks(regime):
+    """Blocks of a quarter of a second with commands at their boundaries."""
     simulation = Simulation(preset(regime), initial_phase=0.3)
-    given_commands = [WeightOnBit(25.0), Drive(True, 70.0, 19000.0), Drive(False, 0.0, 0.0)]
     made = []
-    for number in range(blocks):
-        made.append(simulation.advance_to((number + 1) * SECOND // 4 // blocks))
-        if commands:
-            simulation.apply(given_commands[number % 3])
+    for command in (
+        WeightOnBit(25.0),
+        Drive(True, 70.0, 19000.0),
+        Drive(False, 0.0, 0.0),
+        WeightOnBit(25.0),
+    ):
+        made.append(simulation.advance_to(simulation.time + SECOND // 16))
+        simulation.apply(command)
     return made
 
 
-def whole(blocks):
-    segments = [block.segments for block in blocks] + [blocks[-1].open_segment]
-    return np.concatenate(segments)
+@pytest.fixture(scope="module")
+def segments(blocks):
+    return np.concatenate([*(block.segments for block in blocks), blocks[-1].open_segment])
 
 
-def close(name):
-    return next(limit for word, limit in TOLERANCES.items() if name.endswith(word))
-
-
-@pytest.mark.parametrize("regime", ["free", "drilling"])
 @pytest.mark.parametrize("rate", [100, 44_100, 1_000_003])
-def test_samples_are_the_motion_of_their_segments(regime, rate):
-    blocks = run(regime)
+def test_samples_are_the_motion_of_their_segments(segments, rate):
     times = Times.from_grid(0, rate // 4, rate)
-    samples = sample(whole(blocks), times)
-    expected = rebuild(whole(blocks), times.seconds, times.fraction)
+    samples = sample(segments, times)
+    expected = rebuild(segments, times.seconds, times.fraction)
     for name in CHANNELS:
-        assert_allclose(
-            getattr(samples, name), expected[name], rtol=1e-9, atol=close(name), err_msg=name
-        )
+        close = next(limit for word, limit in TOLERANCES.items() if name.endswith(word))
+        assert_allclose(getattr(samples, name), expected[name], rtol=1e-9, atol=close, err_msg=name)
 
 
-@pytest.mark.parametrize("regime", ["free", "drilling"])
-def test_a_grid_over_many_blocks_is_that_of_the_whole(regime):
+def test_a_grid_over_many_blocks_is_that_of_the_whole(blocks, segments):
     rate = 44_100
-    blocks = run(regime, blocks=7)
-    pieces, first = [], 0
-    for block in blocks:
-        end = -(-block.end * rate // SECOND)
-        pieces.append(block.sample(Times.from_grid(first, end - first, rate)))
-        first = end
-    expected = sample(whole(blocks), Times.from_grid(0, first, rate))
+    grids = [block.grid(rate) for block in blocks]
+    pieces = [
+        block.sample(Times.from_grid(grid.start, len(grid), rate))
+        for block, grid in zip(blocks, grids, strict=True)
+    ]
+    expected = sample(segments, Times.from_grid(0, grids[-1].stop, rate))
     for name in (*CHANNELS, "in_contact"):
         joined = np.concatenate([getattr(piece, name) for piece in pieces])
         assert np.array_equal(joined, getattr(expected, name)), name
 
 
-@settings(max_examples=examples(50))
-@given(st.lists(st.integers(0, SECOND // 4), min_size=1, max_size=20))
-def test_a_sample_is_the_same_whatever_is_sampled_beside_it(times):
-    block = run("drilling", commands=False, blocks=1)[0]
-    together = block.sample(Times.from_nanoseconds(np.array(sorted(times))))
-    for number, time in enumerate(sorted(times)):
-        alone = block.sample(Times.from_nanoseconds(time))
-        for name in CHANNELS:
-            assert getattr(alone, name)[0] == getattr(together, name)[number]
-
-
-@pytest.fixture(scope="module", params=["free", "drilling"])
-def dense(request):
-    """A quarter of a second of a drill, two million samples a second."""
-    blocks = run(request.param)
-    samples = sample(whole(blocks), Times.from_grid(0, 500_000, 2_000_000))
-    return derive(preset(request.param)), samples
-
-
-def test_there_is_a_contact_force_in_contact_and_only_there(dense):
-    _, samples = dense
-    assert samples.in_contact.any()
-    assert not samples.in_contact.all()
-    assert (samples.contact_force[~samples.in_contact] == 0.0).all()
+def test_the_forces_are_those_of_contact_spring_and_damper(regime, segments):
+    drill, samples = (
+        derive(preset(regime)),
+        sample(segments, Times.from_grid(0, 500_000, 2_000_000)),
+    )
+    touching = samples.in_contact
+    assert 0 < np.count_nonzero(touching) < len(touching)
+    assert (samples.contact_force[~touching] == 0.0).all()
     assert samples.contact_force.min() > -1e-6
-    assert (samples.contact_force[samples.in_contact] > 0.0).mean() > 0.99
-    touching = samples.drill_tool_displacement - samples.free_mass_position
-    assert abs(touching[samples.in_contact]).max() < 2e-9
-
-
-def test_the_reacting_force_is_that_of_spring_and_damper(dense):
-    drill, samples = dense
-    without_weight_on_bit = (
+    assert (samples.contact_force[touching] > 0.0).mean() > 0.99
+    gap = samples.drill_tool_displacement - samples.free_mass_position
+    assert abs(gap[touching]).max() < 2e-9
+    weight_on_bit = (
         samples.reacting_force
         + drill.load_spring_rate * samples.nodal_plane_position
         + drill.rpud_damping * samples.nodal_plane_velocity
     )
-    quarter = len(without_weight_on_bit) // 4
-    assert_allclose(without_weight_on_bit[:quarter], without_weight_on_bit[0], atol=1e-9)
-    assert_allclose(without_weight_on_bit[quarter + 1 :], 25.0, atol=1e-9)
+    assert_allclose(weight_on_bit[:125_000], weight_on_bit[0], atol=1e-9)
+    assert_allclose(weight_on_bit[125_001:], 25.0, atol=1e-9)
 
 
-def test_no_times_give_no_samples():
-    samples = run("free", blocks=1)[0].sample(Times.from_grid(5, 0, 1000))
+def test_no_times_give_no_samples_and_samples_do_not_change(blocks):
+    samples = blocks[0].sample(Times.from_grid(5, 0, 1000))
     assert {len(values) for values in dataclasses.asdict(samples).values()} == {0}
+    samples = blocks[0].sample(Times.from_nanoseconds(0))
+    assert {len(values) for values in dataclasses.asdict(samples).values()} == {1}
+    for name in ("contact_force", "in_contact"):
+        with pytest.raises(ValueError, match="read-only"):
+            getattr(samples, name)[:] = 1.0
 
 
-def test_samples_do_not_change():
-    samples = run("free", blocks=1)[0].sample(Times.from_nanoseconds(0))
-    with pytest.raises(ValueError, match="read-only"):
-        samples.contact_force[0] = 1.0
-    with pytest.raises(ValueError, match="read-only"):
-        samples.in_contact[0] = True
-
-
-@given(st.integers(0, 2**40), st.integers(1, 1_000_000))
-def test_a_grid_is_exact_to_the_last_bit_however_late(first, rate):
+@given(st.integers(0, 2**40), st.integers(1, 1_000_000), st.integers(0, 2**62))
+def test_times_are_exact_to_the_last_bit_however_late(first, rate, nanoseconds):
     times = Times.from_grid(first, 3, rate)
     assert times.seconds.dtype == np.int64
     for number in range(3):
         exact = Fraction(first + number, rate)
-        seconds = exact.numerator // exact.denominator
-        assert times.seconds[number] == seconds
-        assert times.fraction[number] == float(exact - seconds)
-
-
-@given(st.integers(0, 2**62))
-def test_nanoseconds_are_exact(time):
-    times = Times.from_nanoseconds(time)
-    assert int(times.seconds[0]) * SECOND + round(times.fraction[0] * SECOND) == time
+        assert times.seconds[number] == exact // 1
+        assert times.fraction[number] == float(exact % 1)
+    times = Times.from_nanoseconds(nanoseconds)
+    assert int(times.seconds[0]) * SECOND + round(times.fraction[0] * SECOND) == nanoseconds
     assert 0.0 <= times.fraction[0] < 1.0
 
 
-def test_a_late_time_is_as_exact_as_an_early_one():
+def test_a_late_time_is_as_exact_as_an_early_one(segments):
     """A segment a hundred years after time zero has the same motion as one at time zero."""
-    early = run("drilling", commands=False, blocks=1)[0]
-    segments = whole([early]).copy()
-    expected = sample(segments, Times.from_grid(0, 1000, 4000))
-    segments["start_seconds"] += 100 * 365 * 24 * 3600
-    late = Times.from_grid(0, 1000, 4000)
-    late = Times(late.seconds + 100 * 365 * 24 * 3600, late.fraction)
-    found = sample(segments, late)
-    assert segments.dtype == SEGMENT
+    times, late = Times.from_grid(0, 1000, 4000), 100 * 365 * 24 * 3600
+    moved = segments.copy()
+    moved["start_seconds"] += late
+    expected = sample(segments, times)
+    found = sample(moved, Times(times.seconds + late, times.fraction))
     for name in CHANNELS:
         assert np.array_equal(getattr(found, name), getattr(expected, name)), name
 
 
-END = 100_000_000
-
-
-@pytest.fixture(scope="module", params=["free", "drilling"])
-def block(request):
-    simulation = Simulation(preset(request.param), 0.1)
-    simulation.advance_to(END // 3)
-    simulation.apply(WeightOnBit(25.0))
-    simulation.advance_to(END // 2)
-    return simulation.advance_to(END)
-
-
-def messages(block):
-    return [SimpleNamespace(**fields) for fields in trajectory_messages(block.segments, 0, 0)]
-
-
-def test_segments_come_back_bit_for_bit(block):
-    found = np.concatenate([to_segments(message) for message in messages(block)])
-    for name in block.segments.dtype.names:
-        assert found[name].tobytes() == block.segments[name].tobytes(), name
-
-
-def test_arrays_of_unequal_length_are_refused(block):
-    message = messages(block)[0]
-    message.contact = message.contact[:1]
+def test_segments_come_back_bit_for_bit(blocks):
+    segments = blocks[1].segments
+    messages = [SimpleNamespace(**fields) for fields in trajectory_messages(segments, 0, 0)]
+    found = np.concatenate([to_segments(message) for message in messages])
+    for name in segments.dtype.names:
+        assert found[name].tobytes() == segments[name].tobytes(), name
+    messages[0].contact = messages[0].contact[:1]
     with pytest.raises(ValueError, match="contact has 1 values, and duration"):
-        to_segments(message)
+        to_segments(messages[0])
 
 
 @settings(max_examples=20)
@@ -200,23 +149,22 @@ def test_arrays_of_unequal_length_are_refused(block):
     rate=st.sampled_from([1, 999, 16_000, 50_000, 1_234_567]),
     cuts=st.lists(st.integers(0, 10_000), max_size=5),
 )
-def test_however_it_is_cut_the_samples_are_those_of_the_whole(block, rate, cuts):
+def test_however_it_is_cut_the_samples_are_those_of_the_whole(blocks, rate, cuts):
+    block, rebuilder = blocks[1], Rebuilder(rate)
     segments = block.segments
-    rebuilder = Rebuilder(rate)
     pieces = np.split(segments, sorted(cut % len(segments) for cut in cuts))
     found = [item for piece in pieces for item in rebuilder.add(piece)]
     found += rebuilder.finish()
-    lengths = [len(samples.in_contact) for _, samples in found]
-    starts = [number for number, _ in found]
-    assert starts[1:] == [start + n for start, n in zip(starts, lengths, strict=True)][:-1]
     last = segments[-1]
     end = last["start_seconds"] + last["start_fraction"] + last["duration"]
-    assert (starts[-1] + lengths[-1] - 1) / rate < end if found else end - block.start / 1e9 < 1
     # The block begins within a segment: its own samples begin there.
-    first = -(-block.start * rate // 10**9)
-    skipped = max(0, first - starts[0]) if found else 0
-    count = sum(lengths) - skipped
-    expected = block.sample(Times.from_grid(first, max(0, count), rate))
-    for name in CHANNELS if count > 0 else ():
+    first = block.grid(rate).start
+    expected = block.sample(Times.from_grid(first, max(0, int(np.ceil(end * rate)) - first), rate))
+    start = found[0][0] if found else first
+    for number, samples in found:  # without a gap
+        assert number == start
+        start += len(samples.in_contact)
+    for name in CHANNELS if found else ():
         made = np.concatenate([getattr(samples, name) for _, samples in found])
-        assert made[skipped:].tobytes() == getattr(expected, name).tobytes()
+        assert made[first - found[0][0] :].tobytes() == getattr(expected, name).tobytes()
+    assert found or not len(expected.in_contact)

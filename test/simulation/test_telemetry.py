@@ -1,22 +1,39 @@
-"""What goes out of the blocks of a run is complete, at its times, and does not depend on them."""
+"""What goes out of a run is complete, at its times, and the same one by one and together."""
 
+import dataclasses
 import itertools
+from collections import defaultdict
+from contextlib import suppress
 
 import numpy as np
 import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
 
-from rpud_sim.simulation import ActuatorParameters, Configuration, Parameters, fields
+from rpud_sim.bag.cdr import Codec
+from rpud_sim.bag.definitions import find_definition
+from rpud_sim.inspection.offline_bag import encoded
+from rpud_sim.model.engine import Engine, EngineError
+from rpud_sim.model.parameters import preset
+from rpud_sim.simulation import Parameters, fields
 from rpud_sim.simulation.block import boundary
-from rpud_sim.simulation.faults import Fault
+from rpud_sim.simulation.commands import Drive, Feed, WeightOnBit
+from rpud_sim.simulation.configuration import to_settings
+from rpud_sim.simulation.faults import Fault, FaultError
+from rpud_sim.simulation.fields import Bookkeeping
+from rpud_sim.simulation.journal import Journal
+from rpud_sim.simulation.run import Beginning, Run
 from rpud_sim.simulation.sampling import Times
 from rpud_sim.simulation.scenario import Scenario, ScheduledFault
 from rpud_sim.simulation.simulation import Simulation
-from rpud_sim.simulation.telemetry import Telemetry, messages_of
+from rpud_sim.simulation.statistics import account_of
+from rpud_sim.simulation.telemetry import Together, one_by_one
+from rpud_sim.simulation.topics import TOPICS
 
 SECOND = 1_000_000_000
 MILLISECOND = 1_000_000
 END = 200 * MILLISECOND
-ORIGIN = 1_700_000_000 * SECOND + 5
+ORIGIN = 1_700_000_000 * SECOND + 7
 SENSORS = ("nodal_plane", "drill_tool", "reacting_force", "wrench")
 
 
@@ -26,29 +43,18 @@ def periods(rate, end=END):
     return list(itertools.takewhile(lambda time: time <= end, (boundary(n, rate) for n in numbers)))
 
 
-def made(telemetry_rate=100, sample_rate=50_000, block_duration=0.05, **options):
-    return Telemetry(telemetry_rate, sample_rate, block_duration, **options)
+def started(values=None, faults=(), **options):
+    run = Run(Beginning(to_settings(values or {}), scenario=Scenario(0, tuple(faults))), **options)
+    run.begin(ORIGIN)
+    return run
 
 
-def everything(telemetry, block, faults):
-    yield from telemetry.prompt(block, faults)
-    yield from messages_of(telemetry.streams(block))
-
-
-def told(telemetry, times, faults=(), simulation=None):
+def published(run, *times):
     """Everything that goes out until the last of the times, as (time, message) by topic."""
-    if simulation is None:
-        simulation = Simulation(Parameters(), scenario=Scenario(0, tuple(faults)))
-    found = {}
-    for time in times:
-        block = simulation.advance_to(time)
-        for out, topic, values in everything(
-            telemetry, block, simulation.faults.since(block.start)
-        ):
-            assert block.start <= out <= block.end
-            found.setdefault(topic, []).append((out, values))
-    for out, topic, values in telemetry.flush():
-        found.setdefault(topic, []).append((out, values))
+    found = defaultdict(list)
+    for messages in (*map(run.advance_to, times), run.flush()):
+        for time, topic, values in messages:
+            found[topic].append((time, values))
     return found
 
 
@@ -58,25 +64,27 @@ def stamps(messages):
 
 @pytest.mark.parametrize("rate", [100, 333, 1000])
 def test_sensors_are_sampled_at_the_boundaries_alone(rate):
-    times = sorted({*periods(rate), *range(7_654_321, END, 7_654_321), END})
-    telemetry = made(rate)
-    telemetry.origin = ORIGIN
-    found = told(telemetry, times)
-    whole = Simulation(Parameters()).advance_to(END)
+    found = published(started({"telemetry_rate": rate}), *range(7_654_321, END, 7_654_321), END)
     due = periods(rate)
+    whole = Simulation(Parameters()).advance_to(END)
     samples = whole.sample(Times.from_nanoseconds(np.array(due)))
     for topic in (*SENSORS, "joint_states"):
         assert [time for time, _ in found[topic]] == due
         assert stamps(found[topic]) == [ORIGIN + time for time in due]
-    for index, (_, values) in enumerate(found["nodal_plane"]):
-        assert values["position"] == samples.nodal_plane_position[index]
+    positions = [values["position"] for _, values in found["nodal_plane"]]
+    assert positions == samples.nodal_plane_position.tolist()
+    # Every impact is told once and in order.
+    for name in ("sequence", "peak_force"):
+        assert [values[name] for _, values in found["contact_force"]] == whole.impacts[
+            name
+        ].tolist()
+    times = [time for time, _ in found["contact_force"]]
+    assert times == sorted(times)
 
 
 def test_the_state_of_the_actuator_is_complete_and_its_powers_add_up():
-    resonant = ActuatorParameters(actuator_model="resonance")
-    times = sorted({*periods(100), *range(7_654_321, END, 7_654_321), END})
-    simulation = Simulation(Configuration(actuator=resonant))
-    states = told(made(), times, simulation=simulation)["actuator_state"]
+    run = started({"actuator_model": "resonance"})
+    states = published(run, *range(7_654_321, END, 7_654_321), END)["actuator_state"]
     assert [time for time, _ in states] == periods(100)
     work = sum(values["mechanical_power"] * 0.01 for _, values in states)
     last = states[-1][1]
@@ -85,96 +93,226 @@ def test_the_state_of_the_actuator_is_complete_and_its_powers_add_up():
     assert last["impedance"] == pytest.approx(last["voltage"] / last["current"])
     power = 0.5 * last["voltage"] * last["current"] * np.cos(last["phase"])
     assert last["electrical_power"] == pytest.approx(power)
-    unknown = told(made(), times)["actuator_state"][-1][1]
+    unknown = published(started(), END)["actuator_state"][-1][1]
     assert (unknown["voltage"], unknown["amplitude"]) == (100.0, 20e-6)
-    assert np.isnan(
-        [unknown["current"], unknown["electrical_power"], unknown["mechanical_power"]]
-    ).all()
-
-
-def test_every_impact_is_told_once_and_in_order():
-    found = told(made(), [*periods(100), END])["contact_force"]
-    impacts = Simulation(Parameters()).advance_to(END).impacts
-    assert [values["sequence"] for _, values in found] == list(range(len(impacts)))
-    assert [values["peak_force"] for _, values in found] == impacts["peak_force"].tolist()
-    times = [time for time, _ in found]
-    assert times == sorted(times)
+    assert all(np.isnan(unknown[f"{name}_power"]) for name in ("electrical", "mechanical"))
+    assert np.isnan(unknown["current"])
 
 
 def test_streams_come_in_blocks_without_a_gap_and_the_rest_at_the_end():
     end = END - 3_210_987
-    found = told(made(100, 48_000, 0.03), [*periods(100, end), end])
+    found = published(started({"sample_rate": 48_000, "block_duration": 0.03}), end)
     whole = Simulation(Parameters()).advance_to(end)
     ends = [30, 60, 90, 120, 150, 180]
     assert [time for time, _ in found["waveform"]] == [ms * MILLISECOND for ms in ends] + [end]
-    lengths = [len(values["contact_force"]) for _, values in found["waveform"]]
-    assert lengths[:-1] == [1440] * 6
-    sequences = [values["sequence"] for _, values in found["waveform"]]
-    assert sequences == [0, *itertools.accumulate(lengths[:-1])]
-    samples = whole.sample(Times.from_grid(0, sum(lengths), 48_000))
+    for topic, name in (("waveform", "contact_force"), ("trajectory", "duration")):
+        lengths = [len(values[name]) for _, values in found[topic]]
+        sequences = [values["sequence"] for _, values in found[topic]]
+        assert sequences == [0, *itertools.accumulate(lengths[:-1])]
+        if topic == "waveform":
+            assert lengths[:-1] == [1440] * 6
+            samples = whole.sample(Times.from_grid(0, sum(lengths), 48_000))
     forces = np.concatenate([values["contact_force"] for _, values in found["waveform"]])
     assert (forces == samples.contact_force).all()
-    counts = [len(values["duration"]) for _, values in found["trajectory"]]
-    sequences = [values["sequence"] for _, values in found["trajectory"]]
-    assert sequences == [0, *itertools.accumulate(counts[:-1])]
-    assert sum(counts) == len(whole.segments)
+    assert sum(lengths) == len(whole.segments)
 
 
-FAULTS = (
+PLANNED = (
     ScheduledFault(0, None, Fault("noise", "wrench")),
     ScheduledFault(20 * MILLISECOND, 95 * MILLISECOND, Fault("delayed", "nodal_plane", 0.03)),
-    ScheduledFault(33_333_333, 120 * MILLISECOND, Fault("intermittent", "contact_force", 0.5)),
     ScheduledFault(50 * MILLISECOND, None, Fault("slow", "drill_tool", 0.025)),
     ScheduledFault(70 * MILLISECOND, 130 * MILLISECOND, Fault("off", "reacting_force")),
-    ScheduledFault(100 * MILLISECOND, None, Fault("lost_preload")),
 )
 
 
 def test_faults_act_on_their_channel_and_the_ground_truth_stays():
-    healthy, faulty = (told(made(), periods(100), faults) for faults in ((), FAULTS[:-1]))
-    for topic in ("waveform", "trajectory", "joint_states"):
+    healthy, faulty = (published(started(faults=each), END) for each in ((), PLANNED))
+    for topic in ("waveform", "trajectory", "joint_states", "contact_force"):
         assert repr(faulty[topic]) == repr(healthy[topic])
+    assert stamps(faulty["wrench"]) == stamps(healthy["wrench"])
+    assert faulty["wrench"] != healthy["wrench"]
     silent = [time for time in periods(100) if 70 * MILLISECOND <= time < 130 * MILLISECOND]
     kept = [message for message in healthy["reacting_force"] if message[0] not in silent]
     assert faulty["reacting_force"] == kept
     slow = [time // MILLISECOND for time, _ in faulty["drill_tool"]]
     assert slow == [10, 20, 30, 40, 50, 80, 110, 140, 170, 200]
-    lost = len(healthy["contact_force"]) - len(faulty["contact_force"])
-    assert 0 < lost < len(healthy["contact_force"])
-    assert stamps(faulty["wrench"]) == stamps(healthy["wrench"])
-    assert faulty["wrench"] != healthy["wrench"]
-    late = [
-        (time - stamp) // MILLISECOND
-        for (time, _), stamp in zip(
-            faulty["nodal_plane"], stamps(faulty["nodal_plane"]), strict=True
-        )
-    ]
     # The fault begins with the sample at 20 ms; its end, seen at 100 ms, lets go what waits.
-    assert late == [0] + [30] * 5 + [30, 20, 10] + [0] * 11
-    assert stamps(faulty["nodal_plane"]) == periods(100)
+    times = [time for time, _ in faulty["nodal_plane"]]
+    made = np.array(stamps(faulty["nodal_plane"])) - ORIGIN
+    late = (np.array(times) - made) // MILLISECOND
+    assert late.tolist() == [0] + [30] * 5 + [30, 20, 10] + [0] * 11
+    assert made.tolist() == periods(100)
 
 
 def test_what_has_no_listener_is_left_out_but_counted():
     heard = set()
-    telemetry = made(wanted=heard.__contains__)
-    simulation = Simulation(Parameters())
-    found = told(telemetry, periods(100, END // 2), simulation=simulation)
-    assert set(found) == {*SENSORS, "contact_force"}
+    run = started(wanted=heard.__contains__)
+    found = published(run, END // 2)
+    assert set(found) == {*SENSORS, "contact_force", "faults"}
     heard |= {"trajectory", "waveform", "joint_states"}
-    more = told(telemetry, periods(100)[10:], simulation=simulation)
+    more = published(run, END)
     before = len(Simulation(Parameters()).advance_to(END // 2).segments)
     assert more["trajectory"][0][1]["sequence"] == before
     assert more["waveform"][0][1]["sequence"] == 5000
+    assert stamps(more["waveform"])[0] == ORIGIN + END // 2
     assert len(more["joint_states"]) == 10
 
 
-def test_a_move_changes_stamps_and_nothing_else():
-    telemetry = made()
-    simulation = Simulation(Parameters())
-    told(telemetry, periods(100, END // 2), simulation=simulation)
-    telemetry.origin = ORIGIN
-    found = told(telemetry, periods(100)[10:], simulation=simulation)
-    assert stamps(found["wrench"])[0] == ORIGIN + END // 2 + 10 * MILLISECOND
-    assert stamps(found["waveform"])[0] == ORIGIN + END // 2
-    assert found["waveform"][0][1]["sequence"] == 5000
-    assert found["trajectory"][0][1]["sequence"] > 0
+CODECS = {name: Codec(topic.type, find_definition(topic.type)) for name, topic in TOPICS.items()}
+ENCODERS = {name: codec.encoder for name, codec in CODECS.items()}
+VALUES = st.fixed_dictionaries(
+    {
+        "regime": st.sampled_from(["free", "drilling"]),
+        "weight_on_bit": st.sampled_from([0.0, 10.0, 60.0]),
+        "telemetry_rate": st.sampled_from([7, 100, 300, 1000]),
+        "sample_rate": st.sampled_from([10, 777, 1000, 20_000]),
+        "block_duration": st.sampled_from([0.15, 0.2, 1.0]),
+    },
+    optional={
+        "actuator_model": st.just("resonance"),
+        "rock_model": st.just("specific_energy"),
+        "command_timeout": st.just(0.1),
+        "feed_model": st.just("arm"),
+        "initial_feed": st.just(0.004),
+    },
+).filter(lambda values: values["block_duration"] * values["telemetry_rate"] >= 1.0)
+FAULTS = st.builds(Fault, st.just("lost_preload"), st.just(""), st.floats(0.1, 0.9)) | (
+    st.sampled_from(
+        [
+            Fault("stuck", "wrench"),
+            Fault("delayed", "drill_tool", 0.02),
+            Fault("noise", "contact_force", 1.0),
+            Fault("off", "nodal_plane"),
+        ]
+    )
+)
+TIMES = st.integers(0, 900 * MILLISECOND)
+LENGTHS = st.none() | st.integers(1, 300 * MILLISECOND)
+
+
+@st.composite
+def scenarios(draw):
+    planned = []
+    for fault in draw(st.lists(FAULTS, max_size=2, unique_by=lambda fault: fault.channel)):
+        onset, length = draw(TIMES), draw(LENGTHS)
+        planned.append(ScheduledFault(onset, onset + length if length else None, fault))
+    return Scenario(0, tuple(planned))
+
+
+COMMANDS = st.sampled_from([WeightOnBit(0.0), WeightOnBit(25.0), Drive(False, 0.0, 0.0)])
+STEPS = st.lists(st.tuples(TIMES, st.none() | COMMANDS | FAULTS), max_size=4)
+
+
+def serialized(messages):
+    """Messages as bytes, so that NaN equals NaN and nothing else what has other bits."""
+    return [(time, topic, CODECS[topic].encode(fields)) for time, topic, fields in messages]
+
+
+def told(advance, values, scenario, steps=()):
+    """Messages of a run under commands and faults, and those of its status."""
+    run = Run(Beginning(to_settings(values), 0.3, 5, scenario), Journal())
+    run.begin(ORIGIN)
+    messages = []
+    for number, (time, change) in enumerate(
+        [*sorted(steps, key=lambda step: step[0]), (SECOND, None)]
+    ):
+        messages += one_by_one(advance(run, time))
+        messages.append(run.status("running", Bookkeeping()))
+        if isinstance(change, Fault):
+            with suppress(FaultError):  # it may be there already
+                run.simulation.inject(change, 50 * MILLISECOND * (number % 2))
+        elif isinstance(change, WeightOnBit) and "feed_model" in values:
+            run.control.apply(Feed("rate", 1e-4 * change.force))
+        elif change is not None:
+            run.control.apply(change)
+        messages += run.changes()
+        run = run.copy() if number == 1 else run
+    return serialized([*messages, *run.flush("end")])
+
+
+@settings(max_examples=12)
+@given(VALUES, scenarios(), STEPS)
+@example({}, Scenario(0, (ScheduledFault(0, 300 * MILLISECOND, Fault("off", "wrench")),)), [])
+@example({}, Scenario(0, (ScheduledFault(0, 300 * MILLISECOND, Fault("lost_preload")),)), [])
+def test_together_they_are_the_same_as_one_by_one(values, scenario, steps):
+    expected = told(Run.advance_to, values, scenario, steps)
+    assert told(Run.advance_together, values, scenario, steps) == expected
+
+
+def together(values, *times):
+    """Give what a run without changes gives together, up to each time, and the rest."""
+    run = Run(Beginning(to_settings(values)), Journal())
+    run.begin(ORIGIN)
+    return [list(run.advance_together(time)) for time in times]
+
+
+@pytest.mark.parametrize("model", ["gain", "resonance"])
+def test_without_changes_almost_all_come_together(model):
+    [found] = together({"actuator_model": model}, 3 * SECOND)
+    assert sum(isinstance(each, Together) for each in found) == 2
+    assert len(found) < 10  # the rest are entries of the journal and the faults
+
+
+def test_a_stop_between_two_blocks_is_made_up_for_block_by_block():
+    values = {"telemetry_rate": 100, "block_duration": 0.1}
+    _, found = together(values, 123_456_789, SECOND)
+    assert isinstance(found[-1], Together)
+    assert found[-1].end == SECOND
+    assert len(found[-1].ends) == 80
+
+
+@given(VALUES)
+@settings(max_examples=10)
+def test_serialized_by_the_block_they_are_the_same(values):
+    [messages] = together(values, SECOND)
+    for found in messages:
+        if not isinstance(found, Together):
+            continue
+        placed = [
+            (place, number, int(block.log_times[index]), block.topic, block.message(index))
+            for number, (block, places) in enumerate(encoded(found, ENCODERS, "/rpud/"))
+            for index, place in enumerate(places.tolist())
+        ]
+        placed.sort(key=lambda each: each[:2])
+        expected = [(t, f"/rpud/{topic}", data) for t, topic, data in serialized(found.messages())]
+        assert [each[2:] for each in placed] == expected
+
+
+@settings(max_examples=15)
+@given(
+    values=VALUES,
+    ends=st.lists(st.integers(1, 300 * MILLISECOND), min_size=1, max_size=30, unique=True),
+    scenario=scenarios(),
+)
+def test_a_span_is_its_blocks(values, ends, scenario):
+    configuration = to_settings(values).configuration
+    ends = sorted(ends)
+    simulation = Simulation(configuration, 0.2, scenario)
+    blocks = [simulation.advance_to(end) for end in ends]
+    span = Simulation(configuration, 0.2, scenario).advance_through(np.array(ends))
+    assert np.diff(span.finished, prepend=0).tolist() == [len(each.segments) for each in blocks]
+    assert np.diff(span.struck, prepend=0).tolist() == [len(each.impacts) for each in blocks]
+    assert span.impacts.tobytes() == b"".join(each.impacts.tobytes() for each in blocks)
+    assert [repr(each) for each in span.readings] == [repr(each.actuator) for each in blocks]
+    samples = span.sample_ends()
+    for number, each in enumerate(blocks):
+        expected = each.sample(Times.from_nanoseconds(each.end))
+        for field in dataclasses.fields(samples):
+            values = getattr(samples, field.name)[number : number + 1]
+            assert values.tobytes() == getattr(expected, field.name).tobytes()
+    account = account_of(span)
+    assert account.residual == pytest.approx(0.0, abs=1e-6)
+
+
+def test_an_engine_that_fails_has_not_moved_and_gives_the_same_error():
+    seconds, fractions = np.zeros(4, np.int64), np.linspace(0.01, 0.04, 4)
+    failures = []
+    for together in (True, False):
+        engine = Engine(preset("drilling"))
+        engine.advance(0, 0.005)
+        engine._open_segment["nodal_plane_offset"] = np.inf
+        assert not together or engine.advance_through(seconds, fractions) is None
+        with pytest.raises(EngineError) as failure:
+            engine.advance(0, 0.04)
+        failures.append(str(failure.value))
+    assert failures[0] == failures[1]

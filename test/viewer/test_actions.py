@@ -42,7 +42,7 @@ def test_arguments_of_a_wrong_kind_are_refused(error):
     actions.add("press", {"force": {}})
     assert actions.execute(Client())
     [outcome] = actions.outcomes
-    assert (outcome["state"], outcome["text"]) == ("refused", "wrong arguments: {} is no number")
+    assert (outcome["state"], outcome["text"]) == ("refused", "{} is no number")
 
 
 @pytest.mark.parametrize(

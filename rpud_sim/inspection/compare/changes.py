@@ -3,27 +3,25 @@
 from __future__ import annotations
 
 import difflib
-import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.inspection.compare.values import RecordedValues
 from rpud_sim.inspection.recorded_drill import RecordedDrill
 from rpud_sim.simulation import PARAMETERS
-from rpud_sim.simulation.journal import JournalEntry
 
 _MOST_TEXT = 300  # characters of a command
 _SHORTEST = 0.1  # s; shorter parts hold nothing to compare
 _TOGETHER = 1e-3  # s; changes so close are one
 MOST_WINDOWS = 20  # number of segments that are compared
 
+_Times = tuple[float, ...]  # simulation time in each run [s]
 
-@dataclass(frozen=True)
-class Setting:
+
+class Setting(NamedTuple):
     """Parameter or version that differs between runs."""
 
     name: str  # of it
@@ -31,8 +29,7 @@ class Setting:
     values: tuple[str, ...]  # of each run, as text; empty where a run has none
 
 
-@dataclass(frozen=True)
-class AlignedEvent:
+class AlignedEvent(NamedTuple):
     """Command or fault, aligned over the runs."""
 
     text: str  # what it is
@@ -40,38 +37,40 @@ class AlignedEvent:
     # of a fault in each run [s]; None for a command, or while it lasts
     ends: tuple[float | None, ...]
 
+
+class ComparedWindow(NamedTuple):
+    """Part of the time that is compared."""
+
+    name: str
+    begins: _Times
+    ends: _Times
+
     @property
-    def common(self) -> bool:
-        return all(time is not None for time in self.times)
+    def spans(self) -> str:
+        """Begins and ends as people read them; those of several runs if they differ."""
+        spans = dict.fromkeys(zip(self.begins, self.ends, strict=True))
+        return ", ".join(f"{begin:.6g} to {end:.6g} s" for begin, end in spans)
 
 
 def parameter_settings(drills: Sequence[RecordedDrill]) -> tuple[Setting, ...]:
     """Return the parameters at the beginning that differ, with the seed and the initial phase."""
     seeds = [{} if drill.seed is None else {"seed": drill.seed} for drill in drills]
-    tables = [{**d.parameters, **seed} for d, seed in zip(drills, seeds, strict=True)]
-    return tuple(Setting(name, _unit(name), values) for name, values in _differing(tables))
+    return _differing([{**d.parameters, **seed} for d, seed in zip(drills, seeds, strict=True)])
 
 
 def version_settings(drills: Sequence[RecordedDrill]) -> tuple[Setting, ...]:
-    found = _differing([drill.versions for drill in drills])
-    return tuple(Setting(name, "", values) for name, values in found)
+    return _differing([drill.versions for drill in drills])
 
 
-def _differing(tables: Sequence[Mapping[str, Any]]) -> list[tuple[str, tuple[str, ...]]]:
-    names = sorted({str(name) for table in tables for name in table})
-    rows = []
-    for name in names:
+def _differing(tables: Sequence[Mapping[str, Any]]) -> tuple[Setting, ...]:
+    found = []
+    for name in sorted({str(name) for table in tables for name in table}):
         values = tuple(to_text(table[name]) if name in table else "" for table in tables)
         if len(set(values)) > 1:
-            rows.append((name[:80], values))
-    return rows
-
-
-def _unit(name: str) -> str:
-    if name == "initial_phase":
-        return "cycles"
-    declaration = PARAMETERS.get(name)
-    return getattr(declaration.allowed, "unit", "") if declaration else ""
+            declared = PARAMETERS.get(name)
+            unit = getattr(declared.allowed, "unit", "") if declared else ""
+            found.append(Setting(name[:80], "cycles" if name == "initial_phase" else unit, values))
+    return tuple(found)
 
 
 def to_text(value: Any) -> str:
@@ -82,15 +81,10 @@ def to_text(value: Any) -> str:
 
 
 def commands(drills: Sequence[RecordedDrill]) -> tuple[AlignedEvent, ...]:
-    return _aligned(
-        [
-            [(text, entry.time / SECOND, None) for entry, text in _command_texts(drill)]
-            for drill in drills
-        ]
-    )
+    return _aligned([_commands(drill) for drill in drills])
 
 
-def _command_texts(drill: RecordedDrill) -> list[tuple[JournalEntry, str]]:
+def _commands(drill: RecordedDrill) -> list[tuple[str, float, None]]:
     found = []
     parameters: Mapping[str, Any] = drill.parameters
     for entry in drill.commands:
@@ -99,63 +93,38 @@ def _command_texts(drill: RecordedDrill) -> list[tuple[JournalEntry, str]]:
             after = content["parameters"]
             content = {k: v for k, v in after.items() if parameters.get(k) != v}
             parameters = {**parameters, **after}
-        found.append((entry, _command_text(entry.kind, content)))
+        flat: dict[str, Any] = {}
+        for name, value in content.items():
+            flat |= value if isinstance(value, dict) else {name: value}
+        words = [f"{k} {to_text(v)}" for k, v in flat.items() if v not in (None, "")]
+        text = f"{entry.kind}: {', '.join(words)}" if words else entry.kind
+        text = text if len(text) <= _MOST_TEXT else f"{text[:_MOST_TEXT]}…"
+        found.append((text, entry.time / SECOND, None))
     return found
 
 
-def _command_text(kind: str, content: Mapping[str, Any]) -> str:
-    parts = []
-    for name, value in content.items():
-        if isinstance(value, dict):
-            inner = [f"{k} {to_text(v)}" for k, v in value.items() if v not in (None, "")]
-            parts.append(" ".join(inner))
-        elif value is not None:
-            shown = to_text(value) if not isinstance(value, list) else json.dumps(value)
-            parts.append(f"{name} {shown}")
-    text = f"{kind}: {', '.join(parts)}" if parts else kind
-    return text if len(text) <= _MOST_TEXT else f"{text[:_MOST_TEXT]}…"
+def faults(runs: Sequence[RecordedValues]) -> tuple[AlignedEvent, ...]:
+    return _aligned([[(f.text, f.onset, f.clear) for f in sorted(r.faults.values())] for r in runs])
 
 
-def faults(values: Sequence[RecordedValues]) -> tuple[AlignedEvent, ...]:
-    lists = []
-    for run in values:
-        found = sorted((run.faults or {}).values(), key=lambda fault: (fault.onset, fault.number))
-        lists.append([(fault.text, fault.onset, fault.clear) for fault in found])
-    return _aligned(lists)
-
-
-def _aligned(runs: Sequence[list[tuple[str, float, float | None]]]) -> tuple[AlignedEvent, ...]:
+def _aligned(runs: Sequence[Sequence[tuple[str, float, float | None]]]) -> tuple[AlignedEvent, ...]:
     """Return the events of all runs, each with its text, time and end in each."""
     rows: list[tuple[str, list[tuple[float | None, float | None]]]] = []
     for number, events in enumerate(runs):
-        texts = [text for text, _, _ in events]
-        matcher = difflib.SequenceMatcher(None, [text for text, _ in rows], texts, autojunk=False)
+        before, texts = [text for text, _ in rows], [text for text, *_ in events]
+        matcher = difflib.SequenceMatcher(None, before, texts, autojunk=False)
         merged = []
         for kind, low, high, first, last in matcher.get_opcodes():
+            old, new = rows[low:high], events[first:last]
             if kind == "equal":
-                for (text, cells), event in zip(rows[low:high], events[first:last], strict=True):
+                for (text, cells), event in zip(old, new, strict=True):
                     merged.append((text, [*cells, event[1:]]))
                 continue
-            merged += [(text, [*cells, (None, None)]) for text, cells in rows[low:high]]
+            merged += [(text, [*cells, (None, None)]) for text, cells in old]
             lacking = [(None, None)] * number
-            merged += [(text, [*lacking, (time, end)]) for text, time, end in events[first:last]]
+            merged += [(text, [*lacking, (time, end)]) for text, time, end in new]
         rows = merged
     return tuple(AlignedEvent(text, *zip(*cells, strict=True)) for text, cells in rows)
-
-
-@dataclass(frozen=True)
-class ComparedWindow:
-    """Part of the time that is compared."""
-
-    name: str
-    begins: tuple[float, ...]  # begins, ends: in each run, simulation time [s]
-    ends: tuple[float, ...]
-
-    @property
-    def spans(self) -> str:
-        """Begins and ends as people read them; those of several runs if they differ."""
-        spans = dict.fromkeys(zip(self.begins, self.ends, strict=True))
-        return ", ".join(f"{begin:.6g} to {end:.6g} s" for begin, end in spans)
 
 
 def windows(
@@ -173,86 +142,63 @@ def windows(
     with faults. Otherwise the common time is one window.
     """
     warnings = []
-    changes: list[tuple[str, tuple[float, ...]]] = []
-    if all(event.common for event in commands):
-        changes += [(event.text, _times(event)) for event in commands]
-    else:
-        warnings.append(
-            "the commands differ: a difference may come from them, so causes are mixed; "
-            "--from and --to choose a time in which they agree"
-        )
-    if all(event.common for event in faults):
-        changes += [(f"fault {event.text}", _times(event)) for event in faults]
-        changes += [
-            (f"end of fault {event.text}", tuple(end or 0.0 for end in event.ends))
-            for event in faults
-            if all(end is not None for end in event.ends)
-        ]
-    else:
-        warnings.append("the faults differ: a difference may come from them, so causes are mixed")
+    changes: list[tuple[str, _Times]] = []
+    for what, before, events in (("commands", "", commands), ("faults", "fault ", faults)):
+        if any(None in event.times for event in events):
+            warnings.append(
+                f"the {what} differ: a difference may come from them, so causes are mixed; "
+                "--from and --to choose a time in which they agree"
+            )
+            continue
+        for event in events:
+            changes.append((f"{before}{event.text}", tuple(time or 0.0 for time in event.times)))
+            if None not in event.ends:
+                ends = tuple(time or 0.0 for time in event.ends)
+                changes.append((f"end of {before}{event.text}", ends))
     changes.sort(key=lambda change: change[1])
-    if any(
-        later < earlier
-        for (_, before), (_, after) in pairwise(changes)
-        for earlier, later in zip(before, after, strict=True)
-    ):
+    if any(b < a for (_, x), (_, y) in pairwise(changes) for a, b in zip(x, y, strict=True)):
         warnings.append("commands and faults come in another order in each run: causes are mixed")
         changes = []
+    first = max([begin, *(run.begin for run in runs)])
     last = min([math.inf if end is None else end, *(run.end for run in runs)])
-    return _between(runs, changes, begin, last, settle, warnings), warnings
-
-
-def _times(event: AlignedEvent) -> tuple[float, ...]:
-    return tuple(time or 0.0 for time in event.times)
+    found = _between([(first,) * len(runs), (last,) * len(runs)], changes, settle)
+    kept = [window for window in found if window]
+    if kept and len(kept) < len(found):
+        warnings.append(
+            f"{len(found) - len(kept)} segments between changes are too short to compare"
+        )
+    if len(kept) > MOST_WINDOWS:
+        warnings.append(f"only the first {MOST_WINDOWS} of {len(kept)} segments are compared")
+    return tuple(kept[:MOST_WINDOWS]), warnings
 
 
 def _between(
-    runs: Sequence[RecordedValues],
-    changes: Sequence[tuple[str, tuple[float, ...]]],
-    begin: float,
-    last: float,
-    settle: float,
-    warnings: list[str],
-) -> tuple[ComparedWindow, ...]:
-    first = max([begin, *(run.begin for run in runs)])
-    inside = [
-        (text, tuple(min(max(time, first), last) for time in times))
-        for text, times in changes
-        if not _before(times, first + _TOGETHER) and min(times) < last
-    ]
-    # A change before the first moment, or at it, only has to settle.
-    early = [times for _, times in changes if _before(times, first + _TOGETHER)]
-    names = [""]
-    places = [tuple(first for _ in runs)]
-    settled = [
-        tuple(
-            max([first, settle, *(times[run] + settle for times in early)])
-            for run in range(len(runs))
-        )
-    ]
-    for text, times in inside:
-        close = max(b - a for a, b in zip(places[-1], times, strict=True)) < _TOGETHER
-        if close:
-            names[-1] = f"{names[-1]}; {text}" if names[-1] else text
-        else:
-            names.append(text)
-            places.append(times)
-            settled.append(tuple(time + settle for time in times))
-    ends = [*places[1:], tuple(last for _ in runs)]
-    found = []
-    short = 0
-    for name, *bounds in zip(names, settled, ends, strict=True):
-        if min(b - a for a, b in zip(*bounds, strict=True)) < _SHORTEST:
-            short += 1
+    whole: Sequence[_Times], changes: Sequence[tuple[str, _Times]], settle: float
+) -> list[ComparedWindow | None]:
+    """Return the parts of a time between changes, once they have settled; None for too short ones.
+
+    ``whole`` are its begin and its end, in each run.
+    """
+    first, last = whole
+    names: list[list[str]] = [[]]
+    places = [first]
+    settled = [[max(time, settle) for time in first]]
+    for text, times in changes:
+        if min(times) >= last[0]:
             continue
-        title = f"after {name}" if name else "from the start" if len(names) > 1 else "whole time"
-        found.append(ComparedWindow(title, *bounds))
-    if short and found:
-        warnings.append(f"{short} segments between changes are too short to compare")
-    if len(found) > MOST_WINDOWS:
-        warnings.append(f"only the first {MOST_WINDOWS} of {len(found)} segments are compared")
-    return tuple(found[:MOST_WINDOWS])
-
-
-def _before(times: Sequence[float], moment: float) -> bool:
-    return all(time <= moment for time in times)
+        place = tuple(min(max(t, first[0]), last[0]) for t in times)
+        if max(b - a for a, b in zip(places[-1], place, strict=True)) >= _TOGETHER:
+            names.append([])
+            places.append(place)
+            settled.append([*place])
+        elif max(times) <= first[0] + _TOGETHER:
+            text = ""  # a change before the first moment, or at it, only has to settle
+        names[-1] += [text] if text else []
+        settled[-1] = [max(a, t + settle) for a, t in zip(settled[-1], times, strict=True)]
+    found: list[ComparedWindow | None] = []
+    for name, begins, ends in zip(names, settled, [*places[1:], last], strict=True):
+        title = f"after {'; '.join(name)}" if name else "from the start"
+        title = title if len(names) > 1 or name else "whole time"
+        long = min(b - a for a, b in zip(begins, ends, strict=True)) >= _SHORTEST
+        found.append(ComparedWindow(title, tuple(begins), ends) if long else None)
+    return found

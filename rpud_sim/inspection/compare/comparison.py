@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -24,30 +23,22 @@ from rpud_sim.inspection.compare.changes import (
 )
 from rpud_sim.inspection.compare.estimates import (
     FigureDifference,
-    corrected,
-    decide,
+    decided,
     difference,
     estimate,
 )
-from rpud_sim.inspection.compare.results import (
-    Comparison,
-    QuantityComparison,
-    RunFigures,
-    Timing,
-    WindowComparison,
-    all_differences,
-)
-from rpud_sim.inspection.compare.same_bits import Side, read_side_by_side
+from rpud_sim.inspection.compare.results import Comparison, RunFigures
+from rpud_sim.inspection.compare.same_bits import compare_bits
 from rpud_sim.inspection.compare.values import (
     COUNTERS,
+    FIGURES,
     MEAN,
-    MEDIAN,
-    P95,
     QUANTITIES,
     STATUS,
     TIMING,
     ComparedQuantity,
     RecordedValues,
+    read_values,
     series_of,
 )
 from rpud_sim.inspection.output import Damages
@@ -86,41 +77,45 @@ def compare(
     spaces = _for_each(namespaces, len(paths), "namespace")
     with ExitStack() as opened:
         sides = []
+        runs = []
         for path, space, number in zip(paths, spaces, numbers, strict=True):
             bag = opened.enter_context(rpud_sim.bag.open(path))
             damages = Damages(bag)
-            sides.append(Side(bag, find_drill(bag, damages, space, number), damages))
-        bits = tuple(read_side_by_side(sides, report))
-    runs = [side.values for side in sides]
+            drill = find_drill(bag, damages, space, number)
+            sides.append((bag, drill))
+            runs.append(read_values(bag, drill, damages, report))
+        bits = tuple(
+            compare_bits((sides[0], side), min(runs[0].end, run.end), report)
+            for side, run in zip(sides[1:], runs[1:], strict=True)
+        )
     drills = [run.drill for run in runs]
     names = _names(drills)
     changed, failed = commands(drills), faults(runs)
     chosen, warnings = windows(runs, changed, failed, begin, end, settle)
+    named = [*zip(names, runs, strict=True)]
     if not chosen:
-        spans = ", ".join(
-            f"{name:.80} from {run.begin:.6g} to {run.end:.6g} s"
-            for name, run in zip(names, runs, strict=True)
-        )
+        spans = (f"{name:.80} from {run.begin:.6g} to {run.end:.6g} s" for name, run in named)
         raise InspectionError(
             f"the runs have no time in common from {begin:g} s to "
-            f"{'the end' if end is None else f'{end:g} s'}, after {settle:g} s to settle: {spans}"
+            f"{'the end' if end is None else f'{end:g} s'}, after {settle:g} s to settle: "
+            f"{', '.join(spans)}"
         )
-    missing = [
+    missing = (
         f"{name}: {run.missing_impacts} impacts are missing in the bag"
-        for name, run in zip(names, runs, strict=True)
+        for name, run in named
         if run.missing_impacts
-    ]
+    )
     told = (text for drill in drills for text in drill.warnings)
     return Comparison(
         names,
-        tuple(drills),
         tuple(runs),
         parameter_settings(drills),
         version_settings(drills),
         changed,
         failed,
         bits,
-        compare_values(runs, chosen, wanted, tolerance),
+        chosen,
+        *compare_values(runs, chosen, wanted, tolerance),
         tuple(_timing(run) for run in runs),
         tolerance,
         tuple(dict.fromkeys([*told, *warnings, *missing])),
@@ -165,7 +160,6 @@ def _names(drills: Sequence[RecordedDrill]) -> tuple[str, ...]:
     for names in (
         folders,
         [drill.path for drill in drills],
-        [f"{d.path} {d.namespace}" for d in drills],
         [f"{d.path} {d.namespace} run {d.number}" for d in drills],
     ):
         if len(set(names)) == len(names):
@@ -178,79 +172,49 @@ def compare_values(
     windows: Sequence[ComparedWindow],
     quantities: Sequence[ComparedQuantity] = QUANTITIES,
     tolerance: float = 0.0,
-) -> tuple[WindowComparison, ...]:
-    """Return the comparison of each window, with decisions corrected for their number."""
-    found = []
-    for window in windows:
-        each = (_compare_quantity(runs, window, quantity, tolerance) for quantity in quantities)
-        found.append(WindowComparison(**vars(window), quantities=tuple(filter(None, each))))
-    chances = corrected([each.chance for each in all_differences(found)])
-    decided = (
-        replace(each, chance=chance, decision=decide(each, chance, tolerance))
-        for each, chance in zip(all_differences(found), chances, strict=True)
-    )
-    return tuple(
-        replace(window, quantities=tuple(_with(q, decided) for q in window.quantities))
-        for window in found
-    )
-
-
-def _with(quantity: QuantityComparison, decided: Iterator[FigureDifference]) -> QuantityComparison:
-    runs = quantity.differences
-    return replace(quantity, differences=tuple(tuple(next(decided) for _ in run) for run in runs))
-
-
-def _compare_quantity(
-    runs: Sequence[RecordedValues],
-    window: ComparedWindow,
-    quantity: ComparedQuantity,
-    tolerance: float,
-) -> QuantityComparison | None:
-    """Return the comparison of a quantity; None if no run has it."""
-    series = [
-        series_of(run, quantity, begin, end)
-        for run, begin, end in zip(runs, window.begins, window.ends, strict=True)
-    ]
-    figures = tuple(None if values is None else _figures(values, quantity) for values in series)
-    if not any(figures):
-        return None
-    first, reference = series[0], figures[0]
-    differences: list[tuple[FigureDifference, ...]] = []
-    for values, other in zip(series[1:], figures[1:], strict=True):
-        if first is None or values is None or reference is None or other is None:
-            differences.append(())
-            continue
-        equal = np.array_equal(first, values)
-        differences.append(
-            tuple(
-                difference(
-                    quantity,
-                    name,
-                    reference.estimates[name],
-                    other.estimates[name],
-                    tolerance,
-                    equal=equal,
-                )
-                for name in quantity.tested
-            )
-        )
-    return QuantityComparison(quantity, figures, tuple(differences))
+) -> tuple[tuple[dict[str, tuple[RunFigures | None, ...]], ...], tuple[FigureDifference, ...]]:
+    """Return the figures of each window by quantity, and all differences from the first run."""
+    figures: list[dict[str, tuple[RunFigures | None, ...]]] = []
+    found: list[FigureDifference] = []
+    for number, window in enumerate(windows):
+        figures.append({})
+        for quantity in quantities:
+            series = [
+                series_of(run, quantity, begin, end)
+                for run, begin, end in zip(runs, window.begins, window.ends, strict=True)
+            ]
+            each = tuple(None if s is None else _figures(s, quantity) for s in series)
+            if not any(each):  # no run has it
+                continue
+            figures[-1][quantity.name] = each
+            first = each[0]
+            for run, other in enumerate(each[1:], 1):
+                if first is None or other is None:
+                    continue
+                equal = np.array_equal(series[0], series[run])  # type: ignore[arg-type]
+                for name in quantity.tested:
+                    pair = first.estimates[name], other.estimates[name]
+                    one = difference(quantity, name, *pair, tolerance, equal=equal)
+                    found.append(one._replace(window=number, run=run))
+    return tuple(figures), decided(found, tolerance)
 
 
 def _figures(values: np.ndarray, quantity: ComparedQuantity) -> RunFigures:
-    names = (MEAN,) if quantity.averaged else (MEAN, MEDIAN, P95)
+    names = (MEAN,) if quantity.averaged else FIGURES
     greatest = float(values.max()) if len(values) and not quantity.averaged else math.nan
     estimates = {name: estimate(values, name, quantity.resolution) for name in names}
-    return RunFigures(estimates, greatest, len(values))
+    return RunFigures(len(values), greatest, estimates)
 
 
-def _timing(run: RecordedValues) -> Timing:
+def _timing(run: RecordedValues) -> dict[str, Any]:
+    """Return ``runs[].timing`` of the JSON: of the machine, not of the drill."""
     arrays = run.topics.get(STATUS, {})
-    held = {name: arrays.get(name, np.empty(0)) for name, *_ in (*TIMING, *COUNTERS)}
+    held = {name: arrays.get(name, np.empty(0)) for name in (*TIMING, *COUNTERS)}
     known = {name: values[np.isfinite(values)] for name, values in held.items()}
-    timed = {name: known[name] if len(known[name]) else np.full(1, np.nan) for name, *_ in TIMING}
-    return Timing(
-        {name: float(values.max()) for name, values in timed.items()},
-        {name: float(np.median(values)) for name, values in timed.items()},
-        {name: int(known[name][-1]) if len(known[name]) else None for name, _ in COUNTERS},
-    )
+    timed = {name: known[name] for name in TIMING if len(known[name])}
+    none = dict.fromkeys(TIMING, math.nan)
+    return {
+        "greatest": {**none, **{name: float(values.max()) for name, values in timed.items()}},
+        "median": {**none, **{name: float(np.median(values)) for name, values in timed.items()}},
+        **{name: int(known[name][-1]) if len(known[name]) else None for name in COUNTERS},
+    }

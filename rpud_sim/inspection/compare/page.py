@@ -2,42 +2,62 @@
 
 from __future__ import annotations
 
+import math
 import os
-from typing import Any
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
 
-from rpud_sim.inspection.compare.estimates import DIFFERS, Estimate
-from rpud_sim.inspection.compare.plots import (
-    difference_plot,
-    distribution_plots,
-    hidden_commands,
-    label,
-    time_plots,
+import numpy as np
+
+from rpud_sim.inspection.compare.estimates import (
+    DIFFERS,
+    EQUIVALENT,
+    SAME,
+    TOO_FEW,
+    UNDECIDED,
+    FigureDifference,
 )
-from rpud_sim.inspection.compare.results import Comparison, QuantityComparison, WindowComparison
-from rpud_sim.inspection.compare.same_bits import EQUAL, TopicBits, first_different
-from rpud_sim.inspection.compare.values import COUNTERS, FIGURES, MEAN, MEDIAN, P95, TIMING
+from rpud_sim.inspection.compare.results import (
+    Comparison,
+    Table,
+    bits_line,
+    figure_table,
+    setting_tables,
+    texts,
+)
+from rpud_sim.inspection.compare.values import (
+    COUNTERS,
+    FIGURES,
+    QUANTITIES,
+    STATUS,
+    TIMING,
+    ComparedQuantity,
+    RecordedValues,
+    series_of,
+    shown,
+)
 from rpud_sim.inspection.output import write_new_file
 from rpud_sim.pages.frame import render_page
-from rpud_sim.pages.quantities import NONE as _UNSET
-from rpud_sim.pages.quantities import QUANTITIES, Quantity
+from rpud_sim.pages.plot import Axis, Layer, Line, Plot, Points, Rule, Zone
+from rpud_sim.pages.quantities import NONE
 
 _MOST_DRAWN = 3  # windows whose distributions are drawn
-_MOST_NAMED = 6  # settings that differ, which the page names above its plot
-_SHOWN_TEXT = 80  # characters of a value of a message
-
-_HEADINGS = {
-    "runs": ("run", "bag", "drill", "run in the bag", "from [s]", "to [s]"),
-    "bits": (
-        "topic", "bits", "equal messages", "first difference [s]", "field", "in A", "here", "",
-    ),
-    "figures": (
-        "quantity", "figure", "run", "A", "run", "difference", "95 % interval", "p", "decision",
-    ),
-    "of_runs": (
-        "quantity", "run", "values", "blocks", "mean", "interval", "median", "interval",
-        "95 % below", "interval", "greatest",
-    ),
-}  # fmt: skip
+_CLASSES = 60  # of a histogram
+_TAIL = 0.002  # share of values beyond each end of a histogram
+_DECADES = 30.0  # greatest over least, above which classes are equal in the logarithm
+_APART = 0.5  # between the outer runs, in rows of the differences
+_ROW = 19  # height of a row of the differences [pixels]
+_BINS = 200  # of a series over time
+_MOST_COMMANDS = 60  # that are drawn; more would be a solid surface
+_COLORS = {
+    DIFFERS: "series1",
+    SAME: "muted",
+    EQUIVALENT: "series2",
+    UNDECIDED: "series4",
+    TOO_FEW: "muted",
+}
+# Quantities over time; others are on the page as distributions.
+_OVER_TIME = ("impact_rate", "peak_force", "reacting_force", "nodal_plane_position")
 
 _BODY = """\
 <p class="verdict">{{ verdict }}</p>
@@ -46,78 +66,32 @@ _BODY = """\
 <p>{% for name, bag in named %}{{ name }}: <code>{{ bag }}</code>{{ ". " if loop.last else "; " }}
 {% endfor %}
 {{ settings }}</p>
-{% for item in windows %}
-{% if loop.first %}
-{% if windows | length > 1 %}<h2>{{ item.name }}</h2>{% endif %}
-{% if item.plot %}{{ figure(item.plot) }}{% else %}
+{% if plot %}{{ figure(plot) }}{% else %}
 <p class="none">There are too few values to compare.</p>{% endif %}
-{% else %}
-<details><summary>{{ item.name }}: {{ item.count }}</summary>
-{% if item.plot %}{{ figure(item.plot) }}{% else %}
-<p class="none">There are too few values to compare.</p>{% endif %}
-</details>
-{% endif %}
+{% for section in sections %}
+<details><summary>{{ section.title }}</summary>
+{% if section.text %}<p>{{ section.text }}</p>{% endif %}
+{% for each in section.tables %}{{ table(each.head, each.rows, caption=each.caption) }}
 {% endfor %}
-
-<details id="figures"><summary>Figures in numbers</summary>
-<p>Intervals are 95 % confidence intervals by a stationary block bootstrap, since impacts that
-follow each other are not independent. Decisions are corrected for their number by Holm's method:
-if the runs were of one kind, one comparison in twenty would name a difference.
-{% if tolerance %}A difference up to {{ tolerance }} counts as none.{% endif %}</p>
-{% for item in windows %}
-<h3>{{ item.name }}</h3>
-{{ table(headings.figures, item.rows, caption="Figures of each run, and differences from A") }}
-{{ table(headings.of_runs, item.of_runs, caption="Values of each run with their intervals") }}
+{% if section.plots %}{{ figures(section.plots, section.width) }}{% endif %}
+</details>
 {% endfor %}
-</details>
-
-<details id="distributions"><summary>Distributions</summary>
-<p>Share of the values in each of 60 classes [%].</p>
-{% for name, plots in distributions %}
-{% if distributions | length > 1 %}<h3>{{ name }}</h3>{% endif %}
-{{ figures(plots, 20) }}
-{% else %}<p class="none">There are no values.</p>{% endfor %}
-{% if not_drawn %}<p class="none">Not drawn: {{ not_drawn }} further segments.</p>{% endif %}
-</details>
-
-<details id="time"><summary>Over time</summary>
-{% if over_time %}<p>Line: mean; band: least to greatest.
-{% if hidden %}{{ hidden }} commands are not drawn: their table has all.{% endif %}</p>
-{{ figures(over_time, 30) }}
-{% else %}<p class="none">There are no series.</p>{% endif %}
-</details>
-
-<details id="settings"><summary>Runs, settings, commands and faults</summary>
-{{ table(headings.runs, runs, caption="A is the reference") }}
-{% if parameters %}
-{{ table(headings.parameters, parameters, caption="Parameters that differ") }}
-{% else %}<p class="none">No parameter differs.</p>{% endif %}
-{% if versions %}
-{{ table(headings.versions, versions, false, "Versions that differ") }}
-{% else %}<p class="none">All runs are of the same software and machine.</p>{% endif %}
-{% if commands %}
-{{ table(headings.commands, commands, caption="Commands, aligned") }}
-{% else %}<p class="none">No run has a command.</p>{% endif %}
-{% if faults %}
-{{ table(headings.faults, faults, caption="Faults, aligned, from onset to end") }}
-{% else %}<p class="none">No run has a fault.</p>{% endif %}
-</details>
-
-<details id="bits"><summary>Bits</summary>
-<p>Messages of each topic side by side, as far as both runs hold it. Times count from the beginning
-of each run.</p>
-{% for name, line, rows in bits %}
-<h3>{{ name }}</h3>
-<p>{{ line }}</p>
-{{ table(headings.bits, rows, caption="Messages beside those of A") }}
-{% endfor %}
-</details>
-
-<details id="timing"><summary>Timing of the machine</summary>
-<p>These belong to the machine that ran the drill, not to the drill, and are not tested.</p>
-{{ table(headings.timing, timing, caption="From the reports in status") }}
-</details>
 """
+_METHOD = (
+    "Intervals are 95 % confidence intervals by a stationary block bootstrap, since impacts that "
+    "follow each other are not independent. Decisions are corrected for their number by Holm's "
+    "method: if the runs were of one kind, one comparison in twenty would name a difference."
+)
+
+
+class Section(NamedTuple):
+    """Part of the page behind a click."""
+
+    title: str
+    text: str = ""
+    tables: Sequence[Table] = ()
+    plots: Sequence[Plot] = ()
+    width: float = 20.0  # least width of a plot, in letters
 
 
 def write_page(found: Comparison, out: str | os.PathLike[str]) -> None:
@@ -125,159 +99,256 @@ def write_page(found: Comparison, out: str | os.PathLike[str]) -> None:
 
 
 def render(found: Comparison) -> str:
-    letters = found.letters
-    drawn = found.windows[:_MOST_DRAWN]
+    parts = ((name, *part) for name, parts in found.damaged.items() for part in parts.items())
+    # The window with the most differences is the first.
+    windows = sorted(range(len(found.windows)), key=lambda number: -_differing(found, number))
+    texts = [
+        f"{each.name} {' and '.join(value or NONE for value in each.values)} {each.unit}".rstrip()
+        for each in found.parameters
+    ]
+    tables = [table for table in setting_tables(found) if table.rows]
     return render_page(
         _BODY,
         " and ".join(found.names) if len(found.names) < 3 else f"{len(found.names)} runs",
         verdict=found.sentence,
-        named=[(letter, drill.path) for letter, drill in zip(letters, found.drills, strict=True)],
-        settings=_settings_line(found),
+        named=[*zip(found.letters, (drill.path for drill in found.drills), strict=True)],
+        settings=f"What differs: {', '.join(texts)}." if texts else "No parameter differs.",
         warnings=[
             *found.warnings,
-            *(
-                f"Not compared: {name}: {part}: {reason}"
-                for name, parts in found.damaged.items()
-                for part, reason in parts.items()
+            *(f"Not compared: {name}: {part}: {reason}" for name, part, reason in parts),
+        ],
+        plot=difference_plot(found, windows[0]),
+        sections=[
+            *(_window(found, number, place) for place, number in enumerate(windows)),
+            Section("Over time", "Line: mean; band: least to greatest.", (), time_plots(found), 30),
+            Section("Settings, commands and faults", "", tables),
+            Section(
+                "Bits",
+                "Times count from the beginning of each run.",
+                [_bits_table(found, run) for run in range(1, len(found.names))],
             ),
+            _timing(found),
         ],
-        letters=letters,
-        headings={
-            **_HEADINGS,
-            "parameters": ("parameter", *letters, "unit"),
-            "versions": ("software or machine", *letters),
-            "commands": ("command", *(f"{letter} [s]" for letter in letters)),
-            "faults": ("fault", *(f"{letter} [s]" for letter in letters)),
-            "timing": ("", *letters),
-        },
-        runs=[
-            (
-                letter,
-                drill.path,
-                drill.namespace or "/",
-                f"{drill.number} of {drill.runs}",
-                f"{values.begin:.6f}",
-                f"{values.end:.6f}",
-            )
-            for letter, drill, values in zip(letters, found.drills, found.values, strict=True)
-        ],
-        parameters=[
-            (each.name, *(value or _UNSET for value in each.values), each.unit)
-            for each in found.parameters
-        ],
-        versions=[(each.name, *(v or _UNSET for v in each.values)) for each in found.versions],
-        commands=[
-            (each.text, *(_UNSET if t is None else f"{t:.6f}" for t in each.times))
-            for each in found.commands
-        ],
-        faults=[(each.text, *map(_span, each.times, each.ends)) for each in found.faults],
-        bits=[
-            (label(found, number), _bits_line(run), [_bits_row(topic) for topic in run])
-            for number, run in enumerate(found.bits, 1)
-        ],
-        tolerance=f"{100.0 * found.tolerance:g} %" if found.tolerance else "",
-        # The one with the most differences is open.
-        windows=sorted(
-            (_window(found, window) for window in found.windows),
-            key=lambda item: -item["differing"],
-        ),
-        distributions=[(window.name, list(distribution_plots(found, window))) for window in drawn],
-        not_drawn=len(found.windows) - len(drawn),
-        over_time=time_plots(found),
-        hidden=hidden_commands(found),
-        timing=_timing_rows(found),
     )
 
 
-def _span(time: float | None, end: float | None) -> str:
-    if time is None:
-        return _UNSET
-    return f"{time:.6f} to {end:.6f}" if end is not None else f"{time:.6f}, lasts"
+def label(found: Comparison, number: int) -> str:
+    """Return letter and name of a run."""
+    return f"{found.letters[number]} {found.names[number]:.60}"
 
 
-def _bits_line(run: tuple[TopicBits, ...]) -> str:
-    states = {topic.state for topic in run}
-    if first := first_different(run):
-        return f"They differ from {first.time:.9f} s on, first in {first.topic}."
-    return "All bits are equal." if EQUAL in states else "There is nothing to compare."
+def _of_window(found: Comparison, number: int) -> list[FigureDifference]:
+    return [each for each in found.differences if each.window == number]
 
 
-def _bits_row(topic: TopicBits) -> tuple[str, ...]:
-    time = _UNSET if topic.time is None else f"{topic.time:.9f}"
-    values = (topic.field, topic.reference[:_SHOWN_TEXT], topic.other[:_SHOWN_TEXT])
-    return (topic.topic, topic.state, str(topic.messages), time, *values, topic.note)
+def _differing(found: Comparison, number: int) -> int:
+    return sum(each.decision == DIFFERS for each in _of_window(found, number))
 
 
-def _settings_line(found: Comparison) -> str:
-    if not found.parameters:
-        return "No parameter differs."
-    texts = [
-        f"{each.name} {' and '.join(value or _UNSET for value in each.values)} {each.unit}".rstrip()
-        for each in found.parameters[:_MOST_NAMED]
-    ]
-    more = len(found.parameters) - len(texts)
-    return f"What differs: {', '.join(texts)}{f', and {more} more' if more else ''}."
+def _window(found: Comparison, number: int, place: int) -> Section:
+    window = found.windows[number]
+    rows = []
+    for name, runs in found.figures[number].items():
+        text = shown(name).text
+        for letter, run in zip(found.letters, runs, strict=True):
+            cells = [NONE] * 6
+            for at, figure in enumerate(run.estimates.values() if run else ()):
+                low, high = text(figure.low, unit=False), text(figure.high)
+                interval = NONE if NONE in (low, high) else f"{low} to {high}"
+                cells[2 * at : 2 * at + 2] = text(figure.value), interval
+            count, greatest = (str(run.number), text(run.max)) if run else ("0", NONE)
+            rows.append((shown(name).label, letter, count, *cells, greatest))
+    head = ["quantity", "run", "values"]
+    head += [text for name in FIGURES.values() for text in (name, "interval")]
+    differences = _of_window(found, number)
+    plot = difference_plot(found, number) if place else None
+    return Section(
+        f"{window.name[:1].upper()}{window.name[1:]}, {window.spans}: "
+        f"{_differing(found, number)} of {len(differences)} figures differ",
+        _METHOD,
+        [
+            figure_table(found, differences),
+            Table("Values of each run with their intervals", (*head, "greatest"), rows),
+        ],
+        [
+            *([plot] if plot else []),
+            *(distribution_plots(found, number) if place < _MOST_DRAWN else ()),
+        ],
+    )
 
 
-def _window(found: Comparison, window: WindowComparison) -> dict[str, Any]:
+def _bits_table(found: Comparison, run: int) -> Table:
+    head = ("topic", "bits", "equal", "first difference [s]", "field", "in A", "here", "note")
     rows = [
         (
-            each.compared.shown.label,
-            FIGURES[each.figure],
-            letter,
-            *each.texts,
-            f"{each.chance:.2g}" if each.chance == each.chance else _UNSET,
-            each.decision,
+            *(each.topic, each.state, str(each.messages)),
+            NONE if each.time is None else f"{each.time:.9f}",
+            *(text[:80] for text in (each.field, each.reference, each.other, each.note)),
         )
-        for quantity in window.quantities
-        for letter, run in zip(found.letters[1:], quantity.differences, strict=True)
-        for each in run
+        for each in found.bits[run - 1]
     ]
-    differing = sum(row[-1] == DIFFERS for row in rows)
-    return {
-        "name": f"{window.name[:1].upper()}{window.name[1:]}, {window.spans}",
-        "differing": differing,
-        "count": f"{differing} of {len(rows)} figures differ",
-        "plot": difference_plot(found, window),
-        "rows": rows,
-        "of_runs": [
-            row for quantity in window.quantities for row in _values(quantity, found.letters)
-        ],
-    }
+    return Table(f"{label(found, run)}: {bits_line(found.bits[run - 1])}", head, rows)
 
 
-def _values(quantity: QuantityComparison, letters: str) -> list[tuple[str, ...]]:
-    shown, rows = quantity.compared.shown, []
-    for letter, run in zip(letters, quantity.runs, strict=True):
-        if run is None:
-            rows.append((shown.label, letter, "0", *([_UNSET] * 8)))
+def _timing(found: Comparison) -> Section:
+    rows = [
+        (f"{title}, {kind}", *(f"{timing[kind][name]:.4g}" for timing in found.timing))
+        for name, title in TIMING.items()
+        for kind in ("median", "greatest")
+    ]
+    rows += [
+        (title, *(str(NONE if timing[name] is None else timing[name]) for timing in found.timing))
+        for name, title in COUNTERS.items()
+    ]
+    table = Table("From the reports in status, in s", ("", *found.letters), rows)
+    return Section("Timing of the machine that ran the drill, which is not tested", "", [table])
+
+
+def difference_plot(found: Comparison, number: int) -> Plot | None:
+    """Return the relative differences of a window with their intervals; None without any."""
+    differences = _of_window(found, number)
+    rows = [*dict.fromkeys((each.quantity, each.figure) for each in differences)]
+    known = [each for each in differences if math.isfinite(each.relative)]
+    if not known:
+        return None
+    runs = len(found.names) - 1
+    layers: list[Layer] = [Rule("", 0.0, across=False, color="text", dash="solid")]
+    if found.tolerance:
+        edge = 100.0 * found.tolerance
+        layers.insert(0, Zone("tolerance", -edge, edge, across=False))
+    # A layer for each run; if there is one alone, for each decision.
+    groups: dict[tuple[str, str | int], list[FigureDifference]] = {}
+    for each in known:
+        key: tuple[str, str | int] = (each.decision, _COLORS[each.decision])
+        key = (f"{label(found, each.run)} against A", each.run) if runs > 1 else key
+        groups.setdefault(key, []).append(each)
+    for (name, color), group in groups.items():
+        shift = (group[0].run - 0.5 * (runs + 1)) * _APART / max(runs - 1, 1)
+        y = np.array([rows.index((each.quantity, each.figure)) + shift for each in group])
+        percents = [(each.relative, each.relative_low, each.relative_high) for each in group]
+        middle, low, high = 100.0 * np.array(percents).T
+        titles = tuple(" | ".join(row[:-1]) for row in figure_table(found, group).rows)
+        layers.append(
+            Points(name, middle, y, low, high, True, size=7.0, color=color, titles=titles)
+        )
+    columns: tuple[tuple[str, tuple[str, ...]], ...] = ()
+    if runs == 1:
+        cells = zip(*map(texts, differences), strict=True)
+        columns = tuple(zip(("A", "B", "difference", "95 % interval"), cells, strict=True))
+    names = tuple(f"{shown(name).label}, {FIGURES[figure]}" for name, figure in rows)
+    return Plot(
+        "Differences from A, with 95 % intervals",
+        tuple(layers),
+        f"{_differing(found, number)} of {len(differences)} figures differ from A.",
+        y=Axis(categories=names, flipped=True, columns=columns),
+        x=Axis("difference", "%"),
+        height=(_ROW + 7 * (runs - 1)) * len(rows),
+        width=1068,
+    )
+
+
+def distribution_plots(found: Comparison, number: int) -> Iterator[Plot]:
+    """Yield a histogram of each quantity of all runs in a window.
+
+    There is none of a constant, and of a quantity that is averaged over the time.
+    """
+    window = found.windows[number]
+    for quantity in QUANTITIES:
+        if quantity.averaged or quantity.name not in found.figures[number]:
             continue
-        cells = [
-            cell
-            for name in (MEAN, MEDIAN, P95)
-            for cell in _estimate(shown, run.estimates.get(name))
+        spans = zip(found.values, window.begins, window.ends, strict=True)
+        series = [series_of(run, quantity, *span) for run, *span in spans]
+        if plot := _distribution(
+            found, quantity, [np.empty(0) if s is None else s for s in series]
+        ):
+            yield plot
+
+
+def _distribution(
+    found: Comparison, quantity: ComparedQuantity, series: Sequence[np.ndarray]
+) -> Plot | None:
+    together = np.concatenate(series)
+    if not len(together) or not float(together.max()) > float(together.min()):
+        return None
+    low, high = np.quantile(together, [_TAIL, 1.0 - _TAIL])
+    if not high > low * (1.0 + 1e-6):
+        low, high = float(together.min()), float(together.max())
+    log = low > 0.0 and high > low * _DECADES
+    edges = np.geomspace(low, high, _CLASSES + 1) if log else np.linspace(low, high, _CLASSES + 1)
+    if not (np.diff(edges) > 0.0).all():
+        return None
+    unit = shown(quantity.name)
+    layers, medians = [], []
+    for number, values in enumerate(series):
+        if len(values):
+            shares = 100.0 * np.histogram(values, edges)[0] / len(values)
+            x, y = np.append(edges, edges[-1]), np.concatenate([shares, shares[-1:], [0.0]])
+            name = label(found, number)
+            layers.append(Line(name, x * unit.scale, y, steps=True, color=number))
+            medians.append(f"{found.letters[number]} {unit.text(float(np.median(values)))}")
+    axis = Axis("", unit.unit, log=log, low=low * unit.scale, high=high * unit.scale)
+    title = f"{unit.label} [{unit.unit}], share in each class [%]"
+    alt = f"Medians: {', '.join(medians)}."
+    return Plot(title, tuple(layers), alt, Axis(low=0.0), axis, 130, 340)
+
+
+def time_plots(found: Comparison) -> list[Plot]:
+    """Return the series of all runs over one time axis."""
+    end = max(run.end for run in found.values)
+    marks = [*_marks(found, end)]
+    x = Axis("simulation time", "s", low=min(run.begin for run in found.values), high=end)
+    plots = []
+    for quantity in QUANTITIES:
+        if quantity.name not in _OVER_TIME and quantity.topic != STATUS:
+            continue
+        unit = shown(quantity.name)
+        lines = [
+            _envelope(label(found, number), *points, number, unit.scale)
+            for number, run in enumerate(found.values)
+            if (points := _points(run, quantity))
         ]
-        blocks = f"{run.estimates[MEAN].blocks:.0f}"
-        greatest = shown.text(run.greatest)
-        rows.append((shown.label, letter, str(run.count), blocks, *cells, greatest))
-    return rows
+        if lines:
+            alt = f"{unit.label} of {len(lines)} runs."
+            y = Axis(unit=unit.unit)
+            plots.append(Plot(unit.label, (*marks, *lines), alt, y, x, 130, 520))
+    return plots
 
 
-def _estimate(shown: Quantity, each: Estimate | None) -> tuple[str, str]:
-    if each is None:
-        return _UNSET, _UNSET
-    low, high = shown.text(each.low, unit=False), shown.text(each.high)
-    return shown.text(each.value), _UNSET if _UNSET in (low, high) else f"{low} to {high}"
+def _points(
+    run: RecordedValues, quantity: ComparedQuantity
+) -> tuple[np.ndarray, np.ndarray] | None:
+    arrays = run.topics.get(quantity.topic, {})
+    times = arrays.get("time", np.empty(0))
+    if len(times) < 2:
+        return None
+    if quantity.name == "impact_rate":
+        counts, edges = np.histogram(times, _BINS, (run.begin, run.end))
+        return edges[:-1], counts / np.diff(edges)
+    values = arrays.get(quantity.column, np.full(len(times), np.nan))
+    known = np.isfinite(values)
+    return (times[known], values[known]) if known.any() else None
 
 
-def _timing_rows(found: Comparison) -> list[tuple[str, ...]]:
-    rows = []
-    for name, title, unit in TIMING:
-        shown = QUANTITIES["lateness"] if unit == "s" else Quantity("", "", "")
-        for kind in ("median", "greatest"):
-            cells = [shown.text(getattr(timing, kind)[name]) for timing in found.timing]
-            rows.append((f"{title}, {kind}", *cells))
-    for name, title in COUNTERS:
-        counts = [timing.counters[name] for timing in found.timing]
-        rows.append((title, *(_UNSET if count is None else str(count) for count in counts)))
-    return rows
+def _envelope(name: str, times: np.ndarray, values: np.ndarray, color: int, scale: float) -> Line:
+    """Return least, mean and greatest value of equal parts of the time that have any."""
+    width = (times[-1] - times[0]) / _BINS or 1.0
+    place = ((times - times[0]) / width).astype(int)
+    firsts = np.flatnonzero(np.diff(place, prepend=-1))
+    counts = np.diff(np.append(firsts, len(place)))
+    low, total, high = (
+        part.reduceat(values * scale, firsts) for part in (np.minimum, np.add, np.maximum)
+    )
+    middle = times[0] + (place[firsts] + 0.5) * width
+    return Line(name, middle, total / counts, color=color, low=low, high=high)
+
+
+def _marks(found: Comparison, end: float) -> Iterator[Layer]:
+    """Yield faults, and commands if there are not too many."""
+    for event in found.faults:
+        for begin, clear in dict.fromkeys(zip(event.times, event.ends, strict=True)):
+            if begin is not None:
+                yield Zone("", begin, end if clear is None else clear, False, "fault", event.text)
+    for event in found.commands if len(found.commands) <= _MOST_COMMANDS else ():
+        for time in dict.fromkeys(event.times):
+            if time is not None:
+                yield Rule("", time, False, "command", "dotted", event.text)

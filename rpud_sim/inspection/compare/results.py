@@ -1,11 +1,11 @@
-"""Results of a comparison of runs, and their content for JSON."""
+"""Result of a comparison of runs, its content for JSON, and its tables for people."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass
-from typing import Any
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 from rpud_sim.foundation.json_values import finite_values
 from rpud_sim.inspection.compare.changes import AlignedEvent, ComparedWindow, Setting
@@ -16,57 +16,30 @@ from rpud_sim.inspection.compare.estimates import (
     Estimate,
     FigureDifference,
 )
-from rpud_sim.inspection.compare.same_bits import DIFFERENT, EQUAL, TopicBits
-from rpud_sim.inspection.compare.values import FIGURES, MEAN, ComparedQuantity, RecordedValues
+from rpud_sim.inspection.compare.same_bits import DIFFERENT, EQUAL, TopicBits, first_different
+from rpud_sim.inspection.compare.values import (
+    FIGURES,
+    MEAN,
+    QUANTITIES,
+    RecordedValues,
+    shown,
+)
 from rpud_sim.inspection.recorded_drill import RecordedDrill
+from rpud_sim.pages.quantities import NONE, Quantity
 
-_LETTERS = "ABCDEF"
+_PERCENT = Quantity("relative", "relative difference", "%", 100.0, floor=1e-5)
 
 
-@dataclass(frozen=True)
-class RunFigures:
+class RunFigures(NamedTuple):
     """Figures of one quantity of one run in one window."""
 
+    number: int  # of values
+    # greatest value, NaN if it is averaged; it has no interval, for it grows with the length
+    # of the run
+    max: float
     # of mean, median and 95 % quantile, by their names; of a quantity that is averaged over
     # the time, of the mean alone
     estimates: dict[str, Estimate]
-    # greatest value, NaN if it is averaged; it has no interval, for it grows with the length
-    # of the run
-    greatest: float
-    count: int  # number of values
-
-
-@dataclass(frozen=True)
-class QuantityComparison:
-    """Comparison of one quantity in one window."""
-
-    compared: ComparedQuantity
-    runs: tuple[RunFigures | None, ...]  # figures of each run; None where a run has no values
-    # of each run after the first from the first, for each tested figure
-    differences: tuple[tuple[FigureDifference, ...], ...]
-
-    @property
-    def quantity(self) -> str:
-        """Name of the quantity."""
-        return self.compared.name
-
-
-@dataclass(frozen=True)
-class WindowComparison(ComparedWindow):
-    """Comparison of all quantities in one window."""
-
-    quantities: tuple[QuantityComparison, ...]
-
-
-@dataclass(frozen=True)
-class Timing:
-    """Timing of a run by its status: of the machine, not of the drill."""
-
-    # greatest value of each field in ``values.TIMING``, by name; NaN if unknown
-    greatest: dict[str, float]
-    median: dict[str, float]  # median of the same
-    # last value of each field in ``values.COUNTERS``; None if unknown
-    counters: dict[str, int | None]
 
 
 @dataclass(frozen=True)
@@ -74,33 +47,34 @@ class Comparison:
     """Result of ``compare``; the first run is the reference."""
 
     names: tuple[str, ...]  # short name of each run
-    drills: tuple[RecordedDrill, ...]
     values: tuple[RecordedValues, ...]  # what was read of each
     parameters: tuple[Setting, ...]  # parameters, versions: that differ
     versions: tuple[Setting, ...]
     commands: tuple[AlignedEvent, ...]
     faults: tuple[AlignedEvent, ...]
     bits: tuple[tuple[TopicBits, ...], ...]  # of each run after the first, by topic
-    windows: tuple[WindowComparison, ...]
-    timing: tuple[Timing, ...]
+    windows: tuple[ComparedWindow, ...]
+    # of each window, by quantity, of each run; None where a run has no values
+    figures: tuple[dict[str, tuple[RunFigures | None, ...]], ...]
+    differences: tuple[FigureDifference, ...]  # of all windows and runs
+    timing: tuple[dict[str, Any], ...]  # of each run, as in JSON
     tolerance: float  # relative difference that does not matter; 0 for none
     warnings: tuple[str, ...]
 
     @property
+    def drills(self) -> tuple[RecordedDrill, ...]:
+        return tuple(run.drill for run in self.values)
+
+    @property
     def letters(self) -> str:
         """Letter of each run; A is the reference."""
-        return _LETTERS[: len(self.names)]
+        return "ABCDEF"[: len(self.names)]
 
     @property
     def damaged(self) -> dict[str, dict[str, str]]:
         """Damaged parts that were skipped, by name of the run and of the part."""
         runs = zip(self.names, self.values, strict=True)
         return {name: run.damaged for name, run in runs if run.damaged}
-
-    @property
-    def differences(self) -> tuple[FigureDifference, ...]:
-        """All differences of all windows and runs."""
-        return tuple(all_differences(self.windows))
 
     @property
     def equal_bits(self) -> bool:
@@ -143,36 +117,43 @@ class Comparison:
     def sentence(self) -> str:
         """The result, and the greatest of the differences."""
         text = f"{self.verdict[0].upper()}{self.verdict[1:]}"
-        differing = [
-            (each, window.name)
-            for window in self.windows
-            for quantity in window.quantities
-            for run in quantity.differences
-            for each in run
-            if each.decision == DIFFERS and math.isfinite(each.relative)
-        ]
+        known = [each for each in self.differences if math.isfinite(each.relative)]
+        differing = [each for each in known if each.decision == DIFFERS]
         if not differing:
             return f"{text}."
-        most, where = max(differing, key=lambda pair: abs(math.log1p(pair[0].relative)))
-        _, _, value, interval = most.texts
-        label = most.compared.shown.label
+        most = max(differing, key=lambda each: abs(math.log1p(each.relative)))
+        *_, value, interval = texts(most)
         figure = "" if most.figure == MEAN else f" ({FIGURES[most.figure]})"
-        segment = f" {where}" if len(self.windows) > 1 else ""
+        segment = f" {self.windows[most.window].name}" if len(self.windows) > 1 else ""
+        label = shown(most.quantity).label
         return f"{text}, most of all {label}{figure}{segment}: {value}, from {interval}."
 
 
-def all_differences(found: Sequence[WindowComparison]) -> Iterator[FigureDifference]:
-    """Yield the differences of all windows and runs."""
-    for window in found:
-        for quantity in window.quantities:
-            for run in quantity.differences:
-                yield from run
+def texts(each: FigureDifference) -> tuple[str, str, str, str]:
+    """Return both figures, difference and interval: relative, if known, or in the unit."""
+    unit = shown(each.quantity)
+    figures = unit.text(each.reference), unit.text(each.other)
+    value, low, high = each.difference, each.low, each.high
+    if math.isfinite(each.relative):
+        unit, value, low, high = _PERCENT, each.relative, each.relative_low, each.relative_high
+    interval = f"{unit.text(low, unit=False, sign=True)} to {unit.text(high, sign=True)}"
+    return *figures, unit.text(value, sign=True), NONE if NONE in interval else interval
 
 
 def content(found: Comparison) -> dict[str, Any]:
     """Return a comparison for JSON; ``docs/reference/compare.md`` lists its fields."""
-    runs = zip(found.names, found.drills, found.values, found.timing, strict=True)
-    plain: dict[str, Any] = finite_values(
+    differences: dict[tuple[int, str, int], list[dict[str, Any]]] = {}
+    for each in found.differences:
+        names = ("difference", "low", "high", "relative", "relative_low", "relative_high", "p")
+        plain = {name: getattr(each, name) for name in ("figure", *names, "decision")}
+        differences.setdefault((each.window, each.quantity, each.run), []).append(plain)
+    others = range(1, len(found.names))
+    units = {quantity.name: quantity.unit for quantity in QUANTITIES}
+    settings: dict[str, Any] = {
+        name: [each._asdict() for each in getattr(found, name)]
+        for name in ("parameters", "versions", "commands", "faults")
+    }
+    whole: dict[str, Any] = finite_values(
         {
             "equal_bits": found.equal_bits,
             "differs": found.differs,
@@ -181,67 +162,100 @@ def content(found: Comparison) -> dict[str, Any]:
             "runs": [
                 {
                     "name": name,
-                    "bag": drill.path,
-                    "namespace": drill.namespace or "/",
-                    "run": drill.number,
-                    "runs_in_bag": drill.runs,
-                    "journal": bool(drill.entries),
-                    "begin": values.begin,
-                    "end": values.end,
-                    "impacts_missing": values.missing_impacts,
-                    "timing": {
-                        "greatest": timing.greatest,
-                        "median": timing.median,
-                        **timing.counters,
-                    },
+                    "bag": run.drill.path,
+                    "namespace": run.drill.namespace or "/",
+                    "run": run.drill.number,
+                    "runs_in_bag": run.drill.runs,
+                    "journal": bool(run.drill.entries),
+                    "begin": run.begin,
+                    "end": run.end,
+                    "impacts_missing": run.missing_impacts,
+                    "timing": timing,
                 }
-                for name, drill, values, timing in runs
+                for name, run, timing in zip(found.names, found.values, found.timing, strict=True)
             ],
-            "parameters": [asdict(each) for each in found.parameters],
-            "versions": [asdict(each) for each in found.versions],
-            "commands": [asdict(each) for each in found.commands],
-            "faults": [asdict(each) for each in found.faults],
-            "bits": [[asdict(topic) for topic in run] for run in found.bits],
+            **settings,
+            "bits": [[topic._asdict() for topic in run] for run in found.bits],
             "windows": [
-                {**vars(each), "quantities": [*map(_quantity, each.quantities)]}
-                for each in found.windows
+                {
+                    **window._asdict(),
+                    "quantities": [
+                        {
+                            "quantity": name,
+                            "unit": units[name],
+                            "runs": [run and _plain(run) for run in runs],
+                            "differences": [
+                                differences.get((number, name, run), []) for run in others
+                            ],
+                        }
+                        for name, runs in found.figures[number].items()
+                    ],
+                }
+                for number, window in enumerate(found.windows)
             ],
             "warnings": found.warnings,
             "damaged": found.damaged,
         }
     )
-    return plain
+    return whole
 
 
-def _quantity(each: QuantityComparison) -> dict[str, Any]:
-    return {
-        "quantity": each.quantity,
-        "unit": each.compared.unit,
-        "runs": [
-            run
-            and {
-                "count": run.count,
-                "max": run.greatest,
-                **{name: _estimate(figure) for name, figure in run.estimates.items()},
-            }
-            for run in each.runs
-        ],
-        "differences": [[_difference(found) for found in run] for run in each.differences],
-    }
+def _plain(run: RunFigures) -> dict[str, Any]:
+    figures = {name: {**each._asdict()} for name, each in run.estimates.items()}
+    for each in figures.values():
+        del each["number"]
+    return {"count": run.number, "max": run.max, **figures}
 
 
-def _estimate(each: Estimate) -> dict[str, float]:
-    return {name: getattr(each, name) for name in ("value", "low", "high", "error", "blocks")}
+class Table(NamedTuple):
+    """Table for people."""
+
+    caption: str
+    head: tuple[str, ...]
+    rows: Sequence[tuple[str, ...]]
 
 
-def _difference(each: FigureDifference) -> dict[str, Any]:
-    relative = ("relative", "relative_low", "relative_high")
-    return {
-        "figure": each.figure,
-        "difference": each.value,
-        "low": each.low,
-        "high": each.high,
-        **{name: getattr(each, name) for name in relative},
-        "p": each.chance,
-        "decision": each.decision,
-    }
+def setting_tables(found: Comparison) -> Iterator[Table]:
+    """Yield what differs in how the runs were made, and what was done to them, where any was."""
+    for title, settings in (("parameter", found.parameters), ("version", found.versions)):
+        rows = [(s.name, *(value or NONE for value in s.values), s.unit) for s in settings]
+        yield Table(f"{title}s that differ", (title, *found.letters, "unit"), rows)
+    for title, events in (("command", found.commands), ("fault", found.faults)):
+        head = (title, *(f"{letter} [s]" for letter in found.letters))
+        rows = [(each.text, *map(_span, each.times, each.ends)) for each in events]
+        yield Table(f"{title}s of all runs", head, rows)
+
+
+def _span(time: float | None, end: float | None) -> str:
+    if time is None:
+        return NONE
+    return f"{time:.6f}" if end is None else f"{time:.6f} to {end:.6f}"
+
+
+def figure_table(found: Comparison, differences: Iterable[FigureDifference]) -> Table:
+    head = ("quantity", "figure", "run", "A", "value", "difference", "95 % interval", "decision")
+    rows = [
+        (
+            shown(each.quantity).label,
+            FIGURES[each.figure],
+            found.letters[each.run],
+            *texts(each),
+            each.decision if math.isnan(each.p) else f"{each.decision} (p = {each.p:.2g})",
+        )
+        for each in differences
+    ]
+    return Table("Figures of each run, and differences from A", head, rows)
+
+
+def bits_line(run: tuple[TopicBits, ...]) -> str:
+    """Return in one line whether the bits of a run are those of A."""
+    if first := first_different(run):
+        what = f"{first.field} " if first.field else ""
+        return (
+            f"bits differ from A from {first.time or 0.0:.9f} s on: {first.topic} {what}"
+            f"is {first.other:.60}, in A {first.reference:.60}"
+        )
+    equal = [topic.messages for topic in run if topic.state == EQUAL]
+    if not equal:
+        return "no bits to compare"
+    return f"equal bits: all {sum(equal)} messages on {len(equal)} topics"

@@ -1,21 +1,20 @@
-"""Runs read side by side: their values, and whether their messages have the same bits."""
+"""Whether the messages of two runs have the same bits, topic by topic, in bounded memory."""
 
 from __future__ import annotations
 
+import heapq
 import struct
-from collections import deque
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Generator, Iterator, Sequence
+from contextlib import closing
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, NamedTuple
 
 from rpud_sim.bag import BagFormatError, BagReader, TopicSummary
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.messages import MessageBlock
 from rpud_sim.foundation.time import SECOND, join_seconds
-from rpud_sim.inspection.compare.values import RecordedValues, ValueReader
-from rpud_sim.inspection.output import Damages
 from rpud_sim.inspection.recorded_drill import RecordedDrill
+from rpud_sim.inspection.recorded_topics import RecordedTopics
 from rpud_sim.inspection.verify.messages import differing_fields
 from rpud_sim.simulation.topics import PROVED
 
@@ -24,12 +23,9 @@ EQUAL, DIFFERENT, NOT_COMPARED = "equal", "different", "not compared"
 _TIME = "builtin_interfaces/msg/Time"
 _STAMP = slice(4, 12)  # of the header, after the four bytes that tell the encoding
 _SEVERAL_TIMES = ("faults", "trajectory")  # topics with other times than the stamp
-_MOST_WAITING = 64 * 2**20  # messages of a topic that the other run lacks [bytes]
-_OVERHEAD = 256  # bytes that a message takes in addition to its data
 
 
-@dataclass(frozen=True)
-class TopicBits:
+class TopicBits(NamedTuple):
     """Comparison of one topic's messages with those of the reference, bit for bit.
 
     Stamps count from the beginning of each run, since wall clocks differ.
@@ -51,205 +47,141 @@ def first_different(run: Sequence[TopicBits]) -> TopicBits | None:
     return min(found, key=lambda topic: topic.time or 0.0, default=None)
 
 
-class Side:
-    """Run in an open bag, of which each block is read once."""
-
-    def __init__(self, bag: BagReader, drill: RecordedDrill, damages: Damages) -> None:
-        self._drill = drill
-        self._values = ValueReader(bag, drill, damages)
-        # Topics whose bits are compared, by their relative names.
-        self.held: dict[str, TopicSummary] = {
-            self.relative(summary.topic.name): summary
-            for summary in bag.readable_topics
-            if summary.topic.name.startswith(drill.prefix) and summary.message_count
-        }
-        names = {drill.topic(name) for name in PROVED if name in self.held}
-        self._blocks = bag.blocks(names | self._values.topics)
-        self._latest: dict[str, bytes] = {}
-        self.reached = -1  # simulation time of the latest message so far [ns]
-        self.ended = False
-
-    def relative(self, topic: str) -> str:
-        return topic.removeprefix(self._drill.prefix)
-
-    @property
-    def values(self) -> RecordedValues:
-        return self._values.values()
-
-    def next(self) -> MessageBlock | None:
-        """Return the next block, whose values are read; None at the end."""
-        block = next(self._blocks, None)
-        if block is None:
-            self.ended = True
-        else:
-            self._values.add(block)
-        return block
-
-    def timed(self, block: MessageBlock) -> Iterator[_Timed]:
-        """Yield the messages of the run in a block, without repeats."""
-        first, last = self._drill.bounds
-        for number, published in enumerate(block.publish_times.tolist()):
-            data = block.message(number)
-            # A latched message is repeated where a bag's next file begins.
-            if first <= published <= last and data != self._latest.get(block.topic):
-                self._latest[block.topic] = data
-                origin = self._drill.clock.offset(published)
-                time = _stamp_of(data) - origin
-                self.reached = max(self.reached, time)
-                yield _Timed(data, time, origin)
-
-
-def read_side_by_side(
-    sides: Sequence[Side], report: Callable[[int], object]
-) -> Iterator[tuple[TopicBits, ...]]:
-    """Read runs; yield the comparison of each with the first, by topic that a run computes.
-
-    They are read side by side, so that few messages wait for their partner.
-    """
-    pairs = [_pairs(sides[0], other) for other in sides[1:]]
-    partners = [*zip(sides[1:], pairs, strict=True)]
-    while reading := [number for number, side in enumerate(sides) if not side.ended]:
-        number = min(reading, key=lambda number: sides[number].reached)
-        side = sides[number]
-        block = side.next()
-        if block is None:
-            continue
-        report(len(block))
-        topic = side.relative(block.topic)
-        waiting = [
-            (pair, other)
-            for other, found in ([(sides[0], pairs[number - 1])] if number else partners)
-            if isinstance(pair := found.get(topic), _Pair) and not pair.done
-        ]
-        own = min(number, 1)
-        for timed in side.timed(block) if waiting else ():
-            for pair, other in waiting:
-                # Beyond the end of the other run there is nothing to wait for.
-                if not other.ended or timed.time <= other.reached or pair.waiting[1 - own]:
-                    pair.add(own, timed)
-    for other, each in partners:
-        until = min(sides[0].reached, other.reached)
-        yield tuple(
-            pair.result(until) if isinstance(pair, _Pair) else pair for pair in each.values()
-        )
-
-
-def _pairs(first: Side, second: Side) -> dict[str, _Pair | TopicBits]:
-    """Return the topics of two runs, by name: to be compared, or with the reason why not."""
-    found: dict[str, _Pair | TopicBits] = {}
-    for topic in PROVED:
-        held = [side.held[topic] for side in (first, second) if topic in side.held]
-        if len(held) == 1:
-            lacking = "this run" if topic in first.held else "the reference"
-            found[topic] = TopicBits(topic, NOT_COMPARED, note=f"{lacking} does not hold it")
-        elif held:
-            try:
-                [(name, definition)] = {(s.topic.type, s.definition) for s in held}
-                found[topic] = _Pair(topic, Codec(name, definition or ""))
-            except (BagFormatError, ValueError):
-                note = "the definitions of its messages differ"
-                found[topic] = TopicBits(topic, NOT_COMPARED, note=note)
-    return found
-
-
-@dataclass(frozen=True)
-class _Timed:
-    data: bytes  # serialized
+class _Timed(NamedTuple):
     time: int  # simulation time [ns]
+    data: bytes  # serialized
     origin: int  # stamp of simulation time zero [ns]
 
 
-class _Pair:
-    """Messages of one topic of two runs, which wait for each other."""
+_Pair = tuple[_Timed | None, _Timed | None]
 
-    def __init__(self, topic: str, codec: Codec) -> None:
-        self.codec = codec  # of the topic
-        self.done = False  # whether a difference is found
-        self._topic = topic
-        self._several_times = topic in _SEVERAL_TIMES
-        self.waiting: tuple[deque[_Timed], deque[_Timed]] = (deque(), deque())  # of each run
-        self._sizes = [0, 0]  # of what waits [bytes]
-        self._began = False
-        self._equal = 0
-        self._found: TopicBits | None = None
 
-    def add(self, side: int, message: _Timed) -> None:
-        self.waiting[side].append(message)
-        self._sizes[side] += _size(message)
-        first, second = self.waiting
-        while first and second and not self.done:
-            if not self._began and first[0].time != second[0].time:
-                # A recorder may have begun later: nothing is missing before its first message.
-                early, late = (first, second) if first[0].time < second[0].time else (second, first)
-                if len(early) == 1:
-                    break  # the next one shows whether the other recorder began later
-                if early[1].time <= late[0].time:
-                    self._take(int(early is second))
-                    continue
-            self._began = True
-            self._compare(self._take(0), self._take(1))
-        if self._sizes[side] > _MOST_WAITING and not self.done:
-            self._missing(side, self.waiting[side][0])
+def compare_bits(
+    runs: Sequence[tuple[BagReader, RecordedDrill]], end: float, report: Callable[[int], object]
+) -> tuple[TopicBits, ...]:
+    """Compare a run with the reference, the first of both, on each topic that a run computes.
 
-    def _take(self, side: int) -> _Timed:
-        message = self.waiting[side].popleft()
-        self._sizes[side] -= _size(message)
-        return message
-
-    def _compare(self, first: _Timed, second: _Timed) -> None:
-        if first.time != second.time:
-            side = int(second.time < first.time)
-            self._missing(side, (first, second)[side])
-            return
-        apart = [(data[: _STAMP.start], data[_STAMP.stop :]) for data in (first.data, second.data)]
-        # Both stamps are the same time in their run. Other times differ with the origin.
-        same = apart[0] == apart[1]
-        same &= first.origin == second.origin or not self._several_times
-        difference = None if same else self._difference(first, second)
-        if difference is None:
-            self._equal += 1
-        else:
-            self._end(first.time, *difference)
-
-    def _missing(self, side: int, message: _Timed) -> None:
-        texts = ["nothing at this time"] * 2
-        texts[side] = "a message"
-        self._end(message.time, "", *texts)
-
-    def _difference(self, first: _Timed, second: _Timed) -> tuple[str, str, str] | None:
-        """Return the first field that differs, and its value in both; None if none does."""
+    ``end`` is the simulation time that both reach [s].
+    """
+    held = [_topics(*run) for run in runs]
+    readers = [
+        RecordedTopics(bag, [drill.topic(name) for name in topics])
+        for (bag, drill), topics in zip(runs, held, strict=True)
+    ]
+    results = {}
+    queue: list[tuple[int, str, Generator[int, None, TopicBits]]] = []
+    for topic in PROVED:
+        summaries = [topics[topic] for topics in held if topic in topics]
+        if len(summaries) == 1:
+            lacking = "this run" if topic in held[0] else "the reference"
+            results[topic] = TopicBits(topic, NOT_COMPARED, note=f"{lacking} does not hold it")
+        elif summaries:
+            try:
+                [(name, definition)] = {(s.topic.type, s.definition) for s in summaries}
+                codec = Codec(name, definition or "")
+            except (BagFormatError, ValueError):
+                note = "the definitions of its messages differ"
+                results[topic] = TopicBits(topic, NOT_COMPARED, note=note)
+                continue
+            blocks = [
+                reader.blocks(drill.topic(topic))
+                for reader, (_, drill) in zip(readers, runs, strict=True)
+            ]
+            queue.append((-1, topic, _compare_topic(topic, codec, runs, blocks, end, report)))
+    # The topic that is behind goes on, so that few messages of the others wait.
+    while queue:
+        _, topic, comparison = queue[0]
         try:
-            pair = [_shifted(self.codec.decode(each.data), each.origin) for each in (first, second)]
-        except BagFormatError as error:
-            same = first.data == second.data
-            return None if same else ("", "a message", str(error))
-        return next(differing_fields(*pair), None)
+            heapq.heapreplace(queue, (next(comparison), topic, comparison))
+        except StopIteration as ended:
+            results[topic] = ended.value
+            heapq.heappop(queue)
+    return tuple(results[topic] for topic in PROVED if topic in results)
 
-    def _end(self, time: int, field: str, reference: str, other: str) -> None:
-        self.done = True
-        self._found = TopicBits(
-            self._topic, DIFFERENT, self._equal, time / SECOND, field, reference, other
+
+def _topics(bag: BagReader, drill: RecordedDrill) -> dict[str, TopicSummary]:
+    found = {s.topic.name: s for s in bag.readable_topics if s.message_count}
+    return {name: found[full] for name in PROVED if (full := drill.topic(name)) in found}
+
+
+def _compare_topic(
+    topic: str,
+    codec: Codec,
+    runs: Sequence[tuple[BagReader, RecordedDrill]],
+    blocks: Sequence[Generator[MessageBlock, None, None]],
+    end: float,
+    report: Callable[[int], object],
+) -> Generator[int, None, TopicBits]:
+    """Compare a topic; yield the simulation time that it came to, now and then [ns]."""
+    equal = 0
+    with closing(blocks[0]), closing(blocks[1]):
+        first, second = (
+            _messages(each, drill, report) for each, (_, drill) in zip(blocks, runs, strict=True)
         )
-        for waiting in self.waiting:
-            waiting.clear()
+        one, other = yield from _common_begin(first, second)
+        while one and other and one.time == other.time:
+            apart = [(each.data[: _STAMP.start], each.data[_STAMP.stop :]) for each in (one, other)]
+            # Both stamps are the same time in their run. Other times differ with the origin.
+            same = apart[0] == apart[1]
+            same &= one.origin == other.origin or topic not in _SEVERAL_TIMES
+            if not same and (found := _difference(codec, one, other)):
+                return TopicBits(topic, DIFFERENT, equal, one.time / SECOND, *found)
+            equal += 1
+            one, other = next(first, None), next(second, None)
+            if one:
+                yield one.time
+    if one and other:
+        texts = ("a message", "nothing at this time")
+        texts = texts if one.time < other.time else texts[::-1]
+        time = min(one.time, other.time) / SECOND
+        return TopicBits(topic, DIFFERENT, equal, time, "", *texts)
+    if not equal:
+        return TopicBits(topic, NOT_COMPARED, note="the runs have no time in common")
+    left = one or other
+    longer = f"{'the reference' if one else 'this run'} goes on longer"
+    note = longer if left and left.time <= end * SECOND else ""
+    return TopicBits(topic, EQUAL, equal, note=note)
 
-    def result(self, until: int) -> TopicBits:
-        """Return the comparison up to a time that both runs reached [ns]."""
-        if self._found:
-            return self._found
-        if not self._equal:
-            return TopicBits(self._topic, NOT_COMPARED, note="the runs have no time in common")
-        longer = [
-            name
-            for name, waiting in zip(("the reference", "this run"), self.waiting, strict=True)
-            if waiting and waiting[0].time <= until
-        ]
-        note = f"{longer[0]} goes on longer" if longer else ""
-        return TopicBits(self._topic, EQUAL, self._equal, note=note)
+
+def _messages(
+    blocks: Iterator[MessageBlock], drill: RecordedDrill, report: Callable[[int], object]
+) -> Iterator[_Timed]:
+    """Yield the messages of a run, without repeats."""
+    first, last = drill.bounds
+    latest = b""
+    for block in blocks:
+        report(len(block))
+        for number, published in enumerate(block.publish_times.tolist()):
+            data = block.message(number)
+            # A latched message is repeated where a bag's next file begins.
+            if first <= published <= last and data != latest:
+                latest = data
+                origin = drill.clock.offset(published)
+                yield _Timed(_stamp_of(data) - origin, data, origin)
 
 
-def _size(message: _Timed) -> int:
-    return len(message.data) + _OVERHEAD
+def _common_begin(first: Iterator[_Timed], second: Iterator[_Timed]) -> Generator[int, None, _Pair]:
+    """Return the first messages of both; a recorder that began later misses nothing before."""
+    heads = [next(first, None), next(second, None)]
+    while heads[0] and heads[1] and heads[0].time != heads[1].time:
+        early = int(heads[1].time < heads[0].time)
+        late = heads[1 - early]
+        following = next((first, second)[early], None)
+        if following and late and following.time > late.time:
+            break
+        heads[early] = following
+        if following:
+            yield following.time
+    return heads[0], heads[1]
+
+
+def _difference(codec: Codec, first: _Timed, second: _Timed) -> tuple[str, str, str] | None:
+    """Return the first field that differs, and its value in both; None if none does."""
+    try:
+        pair = [_shifted(codec.decode(each.data), each.origin) for each in (first, second)]
+    except BagFormatError as error:
+        return None if first.data == second.data else ("", "a message", str(error))
+    return next(differing_fields(*pair), None)
 
 
 def _stamp_of(data: bytes) -> int:
@@ -272,6 +204,4 @@ def _shifted(value: Any, offset: int) -> Any:
     if hasattr(value, "__msgtype__"):
         inner = {name: item for name, item in vars(value).items() if name != "__msgtype__"}
         return SimpleNamespace(**{name: _shifted(item, offset) for name, item in inner.items()})
-    if isinstance(value, list):
-        return [_shifted(item, offset) for item in value]
-    return value
+    return [_shifted(item, offset) for item in value] if isinstance(value, list) else value

@@ -20,7 +20,7 @@ from rpud_sim.inspection.verify.messages import (
     recorded_key,
     without_padding,
 )
-from rpud_sim.inspection.verify.recorded_topics import RecordedMessages
+from rpud_sim.inspection.verify.recorded_messages import RecordedMessages
 from rpud_sim.simulation.topics import Fields
 
 # Suspects kept of a topic: further ones show nothing that these do not.

@@ -24,6 +24,7 @@ from rpud_sim.inspection.recorded_journal import (
     proof_codec,
     wrong_header,
 )
+from rpud_sim.inspection.recorded_topics import RecordedTopics
 from rpud_sim.inspection.verify.coverage import BEGINNINGS, JournalStretches, find_coverage
 from rpud_sim.inspection.verify.messages import (
     computed_blocks,
@@ -31,7 +32,7 @@ from rpud_sim.inspection.verify.messages import (
     recorded_key,
     without_padding,
 )
-from rpud_sim.inspection.verify.recorded_topics import RecordedMessages, RecordedTopics
+from rpud_sim.inspection.verify.recorded_messages import RecordedMessages
 from rpud_sim.inspection.verify.topic_comparison import (
     ContentComparison,
     Counts,

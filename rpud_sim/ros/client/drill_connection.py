@@ -72,8 +72,9 @@ class DrillConnection:
         self._observer: Callable[[str, Any], object] = lambda topic, message: None
         # The drill returns the headers of commands: so this client knows its own.
         self._mark, self._commands = f"{node_name}-{secrets.token_hex(4)}", 0
-        self._awaited = ""  # frame of the command whose result is awaited
-        self._results: list[tuple[Any, int]] = []  # of it, and number of the status that shows it
+        self._awaited = self._mark  # frame of the command whose result is awaited
+        # At most one: the result, and the number of the status that shows it.
+        self._results: list[tuple[Any, int]] = []
         self._publishers: dict[str, Publisher] = {}
         for topic, kind in _HEARD.items():
             self._listening.subscribe(kind, topic, partial(self._hear, topic), _LATCHED)
@@ -208,7 +209,7 @@ class DrillConnection:
             self._numbers.append(info["publication_sequence_number"])
         elif topic == "command_results":
             for result in message.results:
-                if result.header.frame_id == self._awaited:
+                if result.header.frame_id == self._awaited and not self._results:
                     self._results.append((result, message.status))
         self._observer(topic, message)
 
@@ -283,8 +284,8 @@ class DrillConnection:
         self._results.clear()
         self._publishers[name].publish(message)
         what = "the drill did not accept the command"
-        self.until(lambda: self._results and self.status_number >= self._results[0][1], what=what)
-        result, _ = self._results.pop()
+        result, shown = self.until(lambda: self._results, what=what)[0]
+        self.until(lambda: self.status_number >= shown, what=what)
         if not result.accepted:
             raise RefusedError(result.reason)
 

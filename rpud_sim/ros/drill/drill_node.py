@@ -6,9 +6,8 @@ import contextlib
 import gc
 import sys
 import time
-from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, closing, contextmanager
+from contextlib import contextmanager
 from typing import Any
 
 import rclpy
@@ -16,32 +15,30 @@ from rclpy.clock import Clock, ClockType
 from rclpy.exceptions import InvalidNamespaceException, ParameterException
 from rclpy.executors import MultiThreadedExecutor
 from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
-from rclpy.logging import get_logger
 from rclpy.parameter import Parameter
 from rclpy.validate_namespace import validate_namespace
 
 from rpud_sim.foundation.quantities import ExpectedError
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.ros.drill import standard_services
-from rpud_sim.ros.drill.duplicate_nodes import DuplicateNodes, DuplicateSearch
-from rpud_sim.ros.drill.gate import Gate
-from rpud_sim.ros.drill.inbox import Inbox
+from rpud_sim.ros.drill.commands import TOPICS as COMMAND_TOPICS
+from rpud_sim.ros.drill.commands import CommandTopic, Inbox
+from rpud_sim.ros.drill.duplicate_nodes import DuplicateNodes, NameHold
 from rpud_sim.ros.drill.live_run import LiveRun
 from rpud_sim.ros.drill.managed_node import DrillParameters, ManagedNode, log_exceptions
 from rpud_sim.ros.drill.pacing_loop import PacingLoop
 from rpud_sim.ros.drill.report import REPORT_PERIOD, Report
-from rpud_sim.ros.drill.services import DeliveryServer, FaultServer, SimulationServer
+from rpud_sim.ros.drill.services import DeliveryServer, DrillServices
 from rpud_sim.ros.drill.standard_services import StandardServer
 from rpud_sim.ros.starting import StartError, name_error, start_ros
 from rpud_sim.ros.stopping import StopRequest, limit_end, limited_end
 from rpud_sim.ros.threads import StoppedError, quick_switches, serve
-from rpud_sim.simulation.configuration import Settings, to_settings
+from rpud_sim.simulation.configuration import Settings
 from rpud_sim.simulation.ensemble import compile_kernels
 from rpud_sim.simulation.faults import FaultRecord
 from rpud_sim.simulation.rerun import Start
 from rpud_sim.simulation.scenario import scenario_of
 from rpud_sim.simulation.statistics import Statistics
-from rpud_sim.simulation.topics import TOPICS
 
 NAME = "drill_node"
 _THREADS = 3  # a step, a short request, and whatever else comes
@@ -70,12 +67,12 @@ class DrillNode(ManagedNode):
         self._end = sys.maxsize if duration is None else begin + round(duration * SECOND)
         self._inbox = Inbox(self.get_logger(), self.loop.wake)
         self._namesakes = DuplicateNodes(self)
-        self._sent: Counter[str] | None = None
-        self._gate = Gate(self, lambda: self.settings, self._inbox, self._now)
-        services = SimulationServer(self, self.loop)
+        self._unrecorded: Mapping[str, int] = {}  # messages before ``await_recorder``, by topic
+        for topic in COMMAND_TOPICS:
+            CommandTopic(self, topic, self._inbox, lambda: self.settings, self._now)
+        services = DrillServices(self, self.loop, lambda: self.settings)
         if standard_services.INSTALLED:
             StandardServer(self, services)
-        FaultServer(self, self.loop, lambda: self.settings)
         DeliveryServer(self, self.loop)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(REPORT_PERIOD, self._report_before_start, clock=steady)
@@ -100,31 +97,35 @@ class DrillNode(ManagedNode):
         return live.run.simulation.faults.records if (live := self.loop.begun) else ()
 
     @property
-    def unheard(self) -> list[str]:
-        """Topics of its namespace that have no subscriber."""
-        return live.publishers.unheard if (live := self.loop.live) else []
-
-    @property
     def sent(self) -> Mapping[str, int]:
-        """Messages of each topic of its namespace, by absolute name, since ``count_sent``."""
-        counts: Mapping[str, int] = self._sent or {}
-        return {self.resolve_topic_name(name): counts[name] for name in counts if name in TOPICS}
+        """Messages of each topic of its namespace, by absolute name, since ``await_recorder``."""
+        published = live.publishers.published if (live := self.loop.live) else {}
+        return {
+            self.resolve_topic_name(name): count - self._unrecorded.get(name, 0)
+            for name, count in published.items()
+        }
 
-    def count_sent(self) -> None:
-        """Count messages from now on; topics without a subscriber are published too."""
-        self._sent = Counter()
-        if (live := self.loop.live) is not None:
-            live.publishers.sent = self._sent
+    def await_recorder(self, stop: StopRequest) -> None:
+        """Wait until every topic has a subscriber, log which have none, and publish all of them."""
+        if (live := self.loop.live) is None:
+            return
+        publishers, end = live.publishers, time.monotonic() + _DISCOVERY_TIME
+        while (unheard := publishers.unheard) and time.monotonic() < end and not stop.wait(0.01):
+            pass
+        if unheard and not stop.requested:
+            self.get_logger().warning(f"not heard by the recorder: {', '.join(unheard)}")
+        publishers.complete = True
+        self._unrecorded = publishers.published
 
     def prepare(self) -> None:
         """Configure, with ``autostart`` and unless it has: its topics are there then."""
         if self.settings.autostart and self.loop.live is None:
-            self.complete(self.trigger_configure)
+            _complete(self.trigger_configure)
 
     def start(self) -> None:
         self.prepare()
         if self.settings.autostart:
-            self.complete(self.trigger_activate)
+            _complete(self.trigger_activate)
         else:
             self.get_logger().info("waiting for the transitions configure and activate")
 
@@ -137,14 +138,8 @@ class DrillNode(ManagedNode):
         """Prepare everything; nothing moves yet."""
         compile_kernels(self.settings.configuration.parameters, self.get_logger().info)
         live = LiveRun(
-            self,
-            self.settings,
-            self._inbox,
-            self._namesakes,
-            self._drill_parameters.restore,
-            self._end,
-            self._sent,
-            self._start,
+            *(self, self.settings, self._inbox, self._namesakes, self._drill_parameters.restore),
+            *(self._end, self._start),
         )
         self.loop.configure(live)
         # A garbage collection of all that lives by now would make blocks late.
@@ -159,32 +154,31 @@ class DrillNode(ManagedNode):
             self.loop.start(self.settings)
         else:
             self._let_commands_act(True)
-        self._gate.open(True)
+        self._inbox.opened = True
         self.get_logger().info("the drill is active")
         return TransitionCallbackReturn.SUCCESS
 
     @log_exceptions
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Make drive and weight on bit zero; the drill goes on without them."""
-        self._gate.open(False)
+        self._inbox.opened = False
         self._let_commands_act(False)
         return TransitionCallbackReturn.SUCCESS
 
     @log_exceptions
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
-        self._gate.open(False)
+        self._inbox.opened = False
         self.loop.clean_up()
         gc.unfreeze()
         return TransitionCallbackReturn.SUCCESS
 
-    @log_exceptions
     def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Remove what a failed transition has left; it can be configured again."""
         return self.on_cleanup(state)
 
     @log_exceptions
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
-        self._gate.open(False)
+        self._inbox.opened = False
         self.loop.quit()
         return TransitionCallbackReturn.SUCCESS
 
@@ -197,7 +191,7 @@ class DrillNode(ManagedNode):
         self._inbox.refuse_request(reason)
 
     def _let_commands_act(self, active: bool) -> None:
-        self.loop.request(lambda live: live.act(lambda run: run.control.activate(active)))
+        self.loop.request(lambda live: live.activate(active))
 
     def _report_before_start(self) -> None:
         if (live := self.loop.live) is None:
@@ -221,6 +215,11 @@ class DrillNode(ManagedNode):
             with contextlib.suppress(StoppedError):  # there is nothing left to change
                 # By then the settings may be later ones, of a reset.
                 self.loop.request(lambda live: live.configure(self.settings))
+
+
+def _complete(trigger: Callable[[], TransitionCallbackReturn]) -> None:
+    if trigger() != TransitionCallbackReturn.SUCCESS:
+        raise RuntimeError("the drill cannot be started; the log says why")
 
 
 def drill(ros_arguments: Sequence[str], with_parent: bool = False) -> None:
@@ -287,31 +286,21 @@ def open_drill(
     DuplicateError otherwise. ``start`` is a state to begin in, whose settings are ``values``; None
     for time zero.
     """
-    settings = to_settings(values)
     try:
         validate_namespace(f"/{namespace.removeprefix('/')}")
     except InvalidNamespaceException as error:
         raise name_error(error) from error
     start_ros()
-    with ExitStack() as stack:
-        stack.callback(rclpy.try_shutdown)
-        if not allow_duplicate:
-            search = stack.enter_context(closing(DuplicateSearch(NAME, namespace)))
-            # Meanwhile, so that the search costs no time.
-            compile_kernels(settings.configuration.parameters, get_logger(NAME).info)
-            if search.finish():
-                raise DuplicateError(
-                    f"a drill named {search.name} runs already: choose another --namespace, "
-                    "or give --allow-duplicate"
-                )
+    name = f"/{namespace.strip('/')}/{NAME}".replace("//", "/")
+    hold = NameHold(name, rclpy.get_default_context().get_domain_id())
+    try:
+        if hold.taken and not allow_duplicate:
+            raise DuplicateError(
+                f"a drill named {name} runs already: choose another --namespace, "
+                "or give --allow-duplicate"
+            )
         overrides = [Parameter(name, value=value) for name, value in values.items()]
         yield DrillNode(duration, start, namespace=namespace, parameter_overrides=overrides)
-
-
-def await_recorder(node: DrillNode, stop: StopRequest) -> None:
-    """Wait until every topic of the drill has a subscriber; log the topics that have none."""
-    end = time.monotonic() + _DISCOVERY_TIME
-    while node.unheard and time.monotonic() < end and not stop.wait(0.01):
-        pass
-    if node.unheard and not stop.requested:
-        node.get_logger().warning(f"not heard by the recorder: {', '.join(node.unheard)}")
+    finally:
+        hold.release()
+        rclpy.try_shutdown()

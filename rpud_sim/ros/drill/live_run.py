@@ -5,7 +5,8 @@ from __future__ import annotations
 import dataclasses
 import sys
 import threading
-from collections import Counter, deque
+import time
+from collections import deque
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future
 from typing import NamedTuple
@@ -14,14 +15,14 @@ from rclpy.node import Node
 
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.foundation.time import NEVER, SECOND
+from rpud_sim.ros.drill.commands import Inbox
 from rpud_sim.ros.drill.duplicate_nodes import DuplicateNodes
-from rpud_sim.ros.drill.inbox import Inbox
 from rpud_sim.ros.drill.pacer import Pacer, TimeSource
 from rpud_sim.ros.drill.publishers import DrillPublishers
 from rpud_sim.ros.drill.report import StatusReporter
 from rpud_sim.ros.threads import schedule_thread
 from rpud_sim.simulation.changes import apply_change
-from rpud_sim.simulation.configuration import Configuration, Settings
+from rpud_sim.simulation.configuration import Settings
 from rpud_sim.simulation.journal import Journal
 from rpud_sim.simulation.rerun import Checkpoints, Start
 from rpud_sim.simulation.run import Beginning, Run
@@ -31,6 +32,7 @@ FORK = "fork"  # checkpoint of a fork at its instant, to which a reset goes back
 LONGEST_STEP = 1e6  # [s]; longer than any mission
 
 _PART = 0.0002  # that a part of the work without a deadline takes [s]
+_STANDSTILL_PERIOD = 0.1  # of /clock while time stands still [s]
 
 
 class InterruptedStepError(RuntimeError):
@@ -52,8 +54,7 @@ class LiveRun:
 
     Time plays, stands still (paused, or stopped at its start), or goes on to the goal of a step.
     The run begins in the state ``start``, at time zero without one, and is over at ``end`` in
-    simulation time [ns]. ``restored`` is called with the settings to which a reset went back;
-    ``sent`` counts the messages.
+    simulation time [ns]. ``restored`` is called with the settings to which a reset went back.
     """
 
     def __init__(
@@ -64,7 +65,6 @@ class LiveRun:
         namesakes: DuplicateNodes,
         restored: Callable[[Settings], None] = lambda settings: None,
         end: int = sys.maxsize,
-        sent: Counter[str] | None = None,
         start: Start | None = None,
     ) -> None:
         self.settings = self._first_settings = settings  # in force
@@ -81,9 +81,10 @@ class LiveRun:
         self._checkpoints = Checkpoints()
         self._saved: dict[str, tuple[Settings, int]] = {}  # settings and seed of the checkpoints
         self._unreported = False  # whether the status lacks changes
+        self._clock_due = 0.0
         self._logger = node.get_logger()
         offered = offered_topics(settings.values())
-        self.publishers = DrillPublishers(node, settings.publish_clock, sent, offered)
+        self.publishers = DrillPublishers(node, settings.publish_clock, offered)
         self.reporter = StatusReporter(
             node, settings.telemetry_rate, self.publishers, inbox, namesakes
         )
@@ -93,7 +94,8 @@ class LiveRun:
             self.publishers.destroy()  # or the next configuration would have each topic twice
             raise
         self._source = TimeSource(node, settings.publish_clock, inbox.notify)
-        self.pacer = Pacer(settings.telemetry_rate, schedule=self._source.schedule)
+        self.follows_clock = self._source.follows  # whether its time is that of another's /clock
+        self.pacer = Pacer(settings.telemetry_rate, self._source.schedule)
         self._switch(run, 0, active=True if start else None)
 
     @property
@@ -111,19 +113,9 @@ class LiveRun:
         return "stopped" if self.at_start else "paused"
 
     @property
-    def follows_clock(self) -> bool:
-        """Whether its time is that of another source of ``/clock``."""
-        return self._source.follows
-
-    @property
     def finished(self) -> bool:
         """Whether simulation time has reached its end."""
         return self.run.time >= self._end
-
-    @property
-    def next_stop(self) -> int:
-        """End of the present block: its boundary, a planned change or a goal [ns]."""
-        return min(self.run.next_boundary, self._next_planned, self.goal or NEVER)
 
     # From the configuration to the clean-up.
 
@@ -136,21 +128,36 @@ class LiveRun:
 
     def begin(self, settings: Settings) -> None:
         """Begin, active and with a journal, with settings that may have changed."""
-        if self._start is not None:
-            self._begin_in_state(self._start, settings)
-            return
-        self._journal = Journal()
-        run = self._new_run(settings, active=True)
         self.settings = self._first_settings = settings
-        self._switch(run, self.run.origin)
+        start, origin = self._start, self.run.origin
+        if start is None:
+            self._journal = Journal()
+            self._switch(self._new_run(settings, active=True), origin)
+            return
+        self._journal = start.next_journal()
+        run = self._copy(start, self._journal)
+        self._seed = run.beginning.seed
+        self.publishers.publish((run.time, "journal", fields) for fields in start.journal)
+        if settings != start.settings:  # set since the node was made
+            run.configure(settings)
+        self._checkpoints.save(FORK, run)
+        self._saved[FORK] = settings, self._seed
+        run.note("save", name=FORK, forked_from=dict(start.forked_from))
+        self._switch(run, origin, active=True)
+        run.note_state()  # a late subscriber gets the last entries only
 
     def start_time(self, stop: threading.Event, serve: Callable[[], None]) -> None:
         """Let simulation time begin, now or with the first ``/clock``.
 
         ``stop`` ends the wait for ``/clock``; ``serve`` is called again and again meanwhile.
         """
+        configuration = self.settings.configuration
         # The first line that a process logs takes tens of milliseconds: before time zero, then.
-        self._logger.info(_first_line(self.settings.configuration))
+        self._logger.info(
+            f"drilling: regime {configuration.parameters.regime}, "
+            f"weight on bit {configuration.parameters.weight_on_bit:g} N, "
+            f"drive {'on' if configuration.drive_enabled else 'off'}"
+        )
         self._source.wait(stop, serve)
         self.run.place(self._source.origin(self.run.time))
         self.reporter.end_period()
@@ -170,15 +177,51 @@ class LiveRun:
         self._source.close()
         self.publishers.destroy()
 
-    # What the pacing loop does in each turn.
+    # What the pacing loop does again and again.
 
-    def follow_clock(self) -> None:
-        """Begin again if another's ``/clock`` went back."""
+    def turn(self) -> float:
+        """Do what is due now; return for how long nothing more is due [s].
+
+        Blocks are computed ahead of their deadlines and published at them. Waveform, trajectory and
+        diagnostics have no deadline: they fill the time between those of blocks. Commands act at
+        the end of the block in which they come.
+        """
         if self._source.went_back:
             self._logger.warning("/clock went back: the drill restarts")
             self.reset(time=True, state=True)
+        pacer, publishers = self.pacer, self.publishers
+        if not self.playing and self.goal is None:
+            self._read_commands()
+            self._report_if_due()
+            if time.monotonic() >= self._clock_due:
+                publishers.publish_clock(self.stamp)
+                self._clock_due = time.monotonic() + _STANDSTILL_PERIOD
+            return _STANDSTILL_PERIOD
+        # The block ends at its boundary, a planned change or a goal.
+        until = min(self.run.next_boundary, self._next_planned, self.goal or NEVER)
+        if self.playing and (idle := pacer.idle(until)) > 0.0:
+            self._report_if_due()
+            self._publish_deferred(until)
+            return idle
+        entries = list(self.run.advance_to(until, publishers.defer))
+        messages = publishers.encode(entries)
+        publishers.patient = not pacer.paces  # without deadlines its subscribers set the pace
+        if pacer.ahead:
+            self._publish_deferred(until)
+        pacer.wait(until)
+        publishers.publish_clock(self.stamp)
+        publishers.send(messages)
+        pacer.finish(until)
+        if pacer.paces:
+            for struck in (time for time, name, _ in entries if name == "contact_force"):
+                self.reporter.impact_delays.add(pacer.delay_since(struck))
+        self._read_commands()
+        if not pacer.ahead:
+            self._publish_deferred()
+        self._report_if_due()
+        return 0.0
 
-    def read_commands(self) -> None:
+    def _read_commands(self) -> None:
         """Let planned changes that are due and waiting commands act; publish what changed."""
         changed = False
         while self._next_planned <= self.run.time:
@@ -198,7 +241,7 @@ class LiveRun:
         for refusal in self.run.simulation.drain_refusals():
             self._logger.warning(refusal)
 
-    def publish_deferred(self, until: int | None = None) -> None:
+    def _publish_deferred(self, until: int | None = None) -> None:
         """Publish what has no deadline: all of it, or what there is time for.
 
         ``until`` is the simulation time of the next deadline [ns].
@@ -211,7 +254,7 @@ class LiveRun:
             self.reporter.publish_diagnostics()
         self.publishers.publish_deferred(has_time)
 
-    def report_if_due(self) -> None:
+    def _report_if_due(self) -> None:
         """Report what changed, and at every second; end a step at its goal.
 
         In a step a test waits for each change, and what is published must not depend on the speed
@@ -252,8 +295,8 @@ class LiveRun:
         self.reset(time=True, state=True)
         self._hold("the simulation was stopped", at_start=True)
 
-    def check_paused(self) -> None:
-        """Raise a ParameterError unless the simulation is paused."""
+    def step(self, goal: int) -> Future[Reached]:
+        """Let a paused simulation go on to a simulation time [ns], or raise a ParameterError."""
         for holds, state in (
             (self.playing, "playing"),
             (self.at_start, "stopped"),
@@ -261,14 +304,10 @@ class LiveRun:
         ):
             if holds:
                 raise ParameterError(f"it is {state}, not paused")
-
-    def step(self, goal: int) -> Future[Reached]:
-        """Let a paused simulation go on to a simulation time [ns], or raise a ParameterError."""
-        self.check_paused()
         ahead = (goal - self.run.time) / SECOND
         if not 0.0 < ahead <= LONGEST_STEP:
             raise ParameterError(f"step = {ahead:g} s is outside its range (0, {LONGEST_STEP:g}] s")
-        self.read_commands()  # they were given before
+        self._read_commands()  # they were given before
         if self._unreported:
             self.report()
         self.goal, self._step = goal, Future()
@@ -278,11 +317,11 @@ class LiveRun:
         """End a step that is under way before its goal, with an ``InterruptedStepError``."""
         if self.goal is not None:
             self.goal = None
-            self._step.set_exception(InterruptedStepError(reason))
+            self._step.set_exception(InterruptedStepError(f"interrupted: {reason}"))
 
-    def act(self, action: Callable[[Run], None]) -> None:
-        """Act on the run, and publish the change."""
-        action(self.run)
+    def activate(self, active: bool) -> None:
+        """Let commands act, or make drive and weight on bit zero."""
+        self.run.control.activate(active)
         self.report()
 
     def configure(self, settings: Settings) -> None:
@@ -308,19 +347,14 @@ class LiveRun:
         With ``continues`` stamps continue even where the node is the source of ``/clock``.
         """
         old, new = self.run, self._checkpoints.find(name)
-        settings, self._seed = self._saved[name]
-        self.settings = self._with_present_pace(settings)
         self.interrupt("a checkpoint was restored")
         self._flush()
         old.note("restore", name=name)
         self.publishers.publish(old.entries())
-        own = old.origin + old.time - new.time if continues else new.origin
-        origin = self._source.origin(new.time, own)
-        self._switch(new, origin, old.control.active)
-        new.note_state()  # a recorder that came after the checkpoint cannot go back to it
-        self.reporter.begin()
-        self._restored(self.settings)
-        self._pace()
+        settings, self._seed = self._saved[name]
+        settings = self._with_present_pace(settings)
+        own = self.stamp - new.time if continues else new.origin
+        self._replace(new, settings, self._source.origin(new.time, own), old.control.active)
         return self.stamp
 
     def reset(self, time: bool, state: bool, seed: int | None = None) -> None:
@@ -334,20 +368,18 @@ class LiveRun:
                 raise ParameterError(f"seed = {seed}: a fork keeps its seed {self._seed}")
             self.restore(FORK, continues=not time)
             return
-        old, new, settings = self.run, None, self.settings
-        if state:
-            settings = self._with_present_pace(self._first_settings)
-            # First what can fail, as the scenario's file may be another one by now.
-            new = self._new_run(settings, old.control.active, seed)
+        seed = self._seed if seed is None else seed
+        settings = self._with_present_pace(self._first_settings)
+        # First what can fail, as the scenario's file may be another one by now.
+        new = self._new_run(settings, self.run.control.active, seed) if state else None
         self.interrupt("the simulation was reset")
-        self._seed, self.settings = self._seed if seed is None else seed, settings
+        self._seed = seed
         self._flush()
         if new is not None:
-            self._switch(new, self._source.origin() if time else old.origin + old.time)
-            self.reporter.begin()
-            self._restored(settings)
-        elif time:
-            old.place(self._source.origin(old.time, -old.time))
+            self._replace(new, settings, self._source.origin() if time else self.stamp)
+            return
+        if time:
+            self.run.place(self._source.origin(self.run.time, -self.run.time))
         self._pace()
 
     def _hold(self, reason: str, playing: bool = False, at_start: bool = False) -> None:
@@ -357,11 +389,10 @@ class LiveRun:
 
     def _pace(self) -> None:
         """Begin a schedule if time goes on by itself, hold it otherwise; report."""
-        self.publish_deferred()
+        self._publish_deferred()
         factor = 1.0 if self.follows_clock else self.settings.real_time_factor
         if self.playing:
-            due = self.stamp if self.follows_clock else None
-            self.pacer.start(self.run.time, due, factor)
+            self.pacer.start(self.run.time, factor, self.stamp if self.follows_clock else None)
         else:
             self.pacer.stop()
         # A drill in a hurry takes all that it can get, and others must have their share.
@@ -372,15 +403,29 @@ class LiveRun:
 
     def _flush(self, kind: str = "flush") -> None:
         """Publish what the streams still hold: ``flush`` to go on, or ``end``."""
-        self.publish_deferred()
+        self._publish_deferred()
         # One by one: the journal's entry arrives before the short blocks that follow from it, or a
         # recorder that ends in between has blocks which nothing explains.
         for message in self.run.flush(kind):
             self.publishers.publish([message])
 
+    # The run, and another one in its place.
+
     @property
     def _next_planned(self) -> int:
         return self._planned[0].delay if self._planned else NEVER
+
+    def _replace(
+        self, run: Run, settings: Settings, origin: int, active: bool | None = None
+    ) -> None:
+        """Go on with another run after a reset, as ``_switch`` does, and with its settings."""
+        self.settings = settings
+        self._switch(run, origin, active)
+        if active is not None:
+            run.note_state()  # a recorder that came after the checkpoint cannot go back to it
+        self.reporter.begin()
+        self._restored(self.settings)
+        self._pace()
 
     def _switch(self, run: Run, origin: int, active: bool | None = None) -> None:
         """Go on with a run whose simulation time zero has this stamp [ns].
@@ -396,20 +441,6 @@ class LiveRun:
         else:
             run.resume(origin, active)
 
-    def _begin_in_state(self, start: Start, settings: Settings) -> None:
-        self._journal = start.next_journal()
-        run = self._copy(start, self._journal)
-        self._seed = run.beginning.seed
-        self.settings = self._first_settings = settings
-        self.publishers.publish((run.time, "journal", fields) for fields in start.journal)
-        if settings != start.settings:  # set since the node was made
-            run.configure(settings)
-        self._checkpoints.save(FORK, run)
-        self._saved[FORK] = settings, self._seed
-        run.note("save", name=FORK, forked_from=dict(start.forked_from))
-        self._switch(run, self.run.origin, active=True)
-        run.note_state()  # a late subscriber gets the last entries only
-
     def _copy(self, start: Start, journal: Journal) -> Run:
         return start.run.copy(journal, self.publishers.wanted, self.reporter.add)
 
@@ -419,11 +450,3 @@ class LiveRun:
 
     def _with_present_pace(self, settings: Settings) -> Settings:
         return dataclasses.replace(settings, real_time_factor=self.settings.real_time_factor)
-
-
-def _first_line(configuration: Configuration) -> str:
-    return (
-        f"drilling: regime {configuration.parameters.regime}, "
-        f"weight on bit {configuration.parameters.weight_on_bit:g} N, "
-        f"drive {'on' if configuration.drive_enabled else 'off'}"
-    )

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
-from functools import partial, wraps
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from functools import wraps
 from typing import Any, TypeVar
 
 from lifecycle_msgs.srv import ChangeState
@@ -12,7 +13,6 @@ from rcl_interfaces.msg import (
     FloatingPointRange,
     ParameterDescriptor,
     ParameterType,
-    ParameterValue,
     SetParametersResult,
 )
 from rcl_interfaces.msg import Parameter as ParameterMessage
@@ -29,7 +29,6 @@ from rpud_sim.simulation.configuration import CHANGEABLE, PARAMETERS, Settings, 
 
 Managed = TypeVar("Managed", bound="ManagedNode")
 Transition = Callable[[Managed, LifecycleState], TransitionCallbackReturn]
-Handler = Callable[[Any, Any], Any]
 
 # Parameters that every ROS node may be started with; some are declared later than ours.
 _OF_ROS = ("use_sim_time", "start_type_description_service", "qos_overrides.")
@@ -40,15 +39,11 @@ class ManagedNode(LifecycleNode):
     """rclpy's ``LifecycleNode`` whose process no client's request can end."""
 
     def create_service(
-        self, srv_type: Any, srv_name: str, callback: Handler, **options: Any
+        self, srv_type: Any, srv_name: str, callback: Callable[[Any, Any], Any], **options: Any
     ) -> Service:
-        """Create a service that always answers.
-
-        A handler that raises an error answers with an empty response. Services that set parameters
-        name the one that they refuse.
-        """
+        """Create a service that answers with an empty response if its handler raises an error."""
         if srv_type in (SetParameters, SetParametersAtomically):
-            callback = partial(self._set_parameters, callback)
+            callback = self._set_parameters
 
         def answer(request: Any, response: Any) -> Any:
             try:
@@ -64,38 +59,56 @@ class ManagedNode(LifecycleNode):
         self._state_machine.destroy_when_not_in_use()
         super().destroy_node()
 
-    def complete(self, trigger: Callable[[], TransitionCallbackReturn]) -> None:
-        """Do a transition; a RuntimeError says that it failed."""
-        if trigger() != TransitionCallbackReturn.SUCCESS:
-            raise RuntimeError("the drill cannot be started; the log says why")
-
     def refuse_request(self, reason: str) -> None:
         """Log why a client's request to set a parameter or to change the state is rejected."""
         self.get_logger().warning(f"request refused: {reason}")
 
-    def _set_parameters(self, callback: Handler, request: Any, response: Any) -> Any:
-        """Let rclpy set parameters, but for what it would not answer well; log refusals."""
-        results = [_result_without_rclpy(self, each) for each in request.parameters]
-        answered = list(zip(request.parameters, results, strict=True))
+    def _set_parameters(self, request: Any, response: Any) -> Any:
+        """Do what rclpy's services for parameters do, but name the parameter that is refused.
+
+        rclpy ends at a type that it does not know, names no parameter that is unknown or of another
+        type, and refuses the present value of one that is read-only.
+        """
         if isinstance(request, SetParameters.Request):
-            for parameter, result in answered:
-                if result is None:
-                    callback(SetParameters.Request(parameters=[parameter]), response)
-                else:
-                    response.results.append(result)
-            found = response.results
+            response.results = [self._set_together([each]) for each in request.parameters]
         else:
-            refused = [result for result in results if result and not result.successful]
-            if refused:
-                response.result = refused[0]
-            else:
-                request.parameters = [parameter for parameter, result in answered if result is None]
-                response = callback(request, response)
-            found = [response.result]
-        for result in found:
-            if not result.successful:
-                self.refuse_request(result.reason)
+            response.result = self._set_together(request.parameters)
         return response
+
+    def _set_together(self, messages: Sequence[ParameterMessage]) -> SetParametersResult:
+        try:
+            changes = [each for each in map(self._change, messages) if each is not None]
+            result = self.set_parameters_atomically(changes)
+        except ParameterError as error:
+            result = SetParametersResult(successful=False, reason=str(error))
+        if not result.successful:
+            self.refuse_request(result.reason)
+        return result
+
+    def _change(self, message: ParameterMessage) -> Parameter | None:
+        """Return what is to be set, None for the present value of what is read-only.
+
+        What stands for a number becomes one: a whole number, and a text such as 1e-06, which
+        ``ros2 param`` does not read as a number.
+        """
+        name, number = message.name, message.value.type
+        if number > ParameterType.PARAMETER_STRING_ARRAY:
+            raise ParameterError(f"{shown(name)} has the type {number}, which is none")
+        if not self.has_parameter(name):
+            hint = did_you_mean(name, self.list_parameters([], 0).names)
+            raise ParameterError(f"parameter {shown(name)} is unknown; {hint}")
+        descriptor, given = self.describe_parameter(name), Parameter.from_parameter_msg(message)
+        if descriptor.read_only and given.value == self.get_parameter(name).value:
+            return None
+        expected = Parameter.Type(descriptor.type)
+        like_number = given.type_ in (Parameter.Type.INTEGER, Parameter.Type.STRING)
+        if expected == Parameter.Type.DOUBLE and like_number:
+            with suppress(ValueError):
+                given = Parameter(name, value=float(given.value))
+        if given.type_ != expected and not descriptor.dynamic_typing:
+            types = f"expected {expected.name.lower()}, given {given.type_.name.lower()}"
+            raise ParameterError(f"{name} is of another type: {types}")
+        return given
 
     # rclpy lets RCLError out of the executor when a client asks for a transition that the present
     # state does not have: the node would end, and the client wait for ever. This name is how Python
@@ -128,52 +141,6 @@ def log_exceptions(transition: Transition[Managed]) -> Transition[Managed]:
     return logged
 
 
-def _result_without_rclpy(
-    node: ManagedNode, message: ParameterMessage
-) -> SetParametersResult | None:
-    """Return the answer to what rclpy would not answer well; None if it is for rclpy to set.
-
-    rclpy ends at a type that it does not know, names no parameter that is unknown or of another
-    type, and refuses the present value of one that is read-only. What stands for a number becomes
-    one: a whole number, and a text such as 1e-06, which ``ros2 param`` does not read as a number.
-    """
-    name, number = message.name, message.value.type
-    if number > ParameterType.PARAMETER_STRING_ARRAY:
-        return _refusal(f"{shown(name)} has the type {number}, which is none")
-    if not node.has_parameter(name):
-        known = node.list_parameters([], 0).names
-        return _refusal(f"parameter {shown(name)} is unknown; {did_you_mean(name, known)}")
-    descriptor, present = node.describe_parameter(name), node.get_parameter(name)
-    if descriptor.type == ParameterType.PARAMETER_DOUBLE:
-        message.value = _to_number(message.value)
-    given = Parameter.from_parameter_msg(message)
-    if descriptor.read_only and given.value == present.value:
-        return SetParametersResult(successful=True)
-    expected = Parameter.Type(descriptor.type)
-    if given.type_ == expected or descriptor.dynamic_typing:
-        return None
-    types = f"expected {expected.name.lower()}, given {given.type_.name.lower()}"
-    return _refusal(f"{name} is of another type: {types}")
-
-
-def _to_number(value: ParameterValue) -> ParameterValue:
-    """Return a value as a number if it stands for one; otherwise as it is."""
-    if value.type == ParameterType.PARAMETER_INTEGER:
-        number = float(value.integer_value)
-    elif value.type == ParameterType.PARAMETER_STRING:
-        try:
-            number = float(value.string_value)
-        except ValueError:
-            return value
-    else:
-        return value
-    return ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=number)
-
-
-def _refusal(reason: str) -> SetParametersResult:
-    return SetParametersResult(successful=False, reason=reason)
-
-
 class DrillParameters:
     """Parameters of the drill node, and the settings that they hold.
 
@@ -196,39 +163,36 @@ class DrillParameters:
 
     def restore(self, settings: Settings) -> None:
         """Set the changeable parameters to the values of these settings."""
+        values = {name: settings.value(name) for name in CHANGEABLE}
         self._node.set_parameters_atomically(
-            [
-                Parameter(name, value=settings.value(name))
-                for name in CHANGEABLE
-                if self._value(name) != settings.value(name)
-            ]
+            [Parameter(name, value=values[name]) for name in values if self._differs(name, values)]
         )
 
     def _check(self, changes: list[Parameter]) -> SetParametersResult:
-        if fixed := self._fixed():
-            for change in changes:
-                # The present value is no change: a dump of these parameters may be loaded.
-                if change.name in _FIXED and change.value != self._value(change.name):
-                    return SetParametersResult(successful=False, reason=f"{change.name} {fixed}")
+        values = {change.name: change.value for change in changes}
+        fixed = self._fixed()
+        reason = ""
+        for name in values if fixed else ():
+            # The present value is no change: a dump of these parameters may be loaded.
+            if name in _FIXED and self._differs(name, values):
+                reason = f"{name} {fixed}"
         try:
-            self.settings.replace(
-                {change.name: change.value for change in changes if change.name in PARAMETERS}
-            )
+            self.settings.replace({name: values[name] for name in values if name in PARAMETERS})
         except ParameterError as error:
-            return SetParametersResult(successful=False, reason=str(error))
-        return SetParametersResult(successful=True)
+            reason = reason or str(error)
+        return SetParametersResult(successful=not reason, reason=reason)
 
     def _apply(self, changes: list[Parameter]) -> None:
         if not any(change.name in PARAMETERS for change in changes):
             return
         # All of them: a reset may set others back at the same time.
         with self._applying:
-            values = {name: self._value(name) for name in PARAMETERS}
+            values = {name: self._node.get_parameter(name).value for name in PARAMETERS}
             self.settings = self.settings.replace(values)
         self._changed(self.settings)
 
-    def _value(self, name: str) -> Any:
-        return self._node.get_parameter(name).value
+    def _differs(self, name: str, values: dict[str, Any]) -> bool:
+        return bool(self._node.get_parameter(name).value != values[name])
 
 
 def declare_settings(node: Node) -> Settings:
@@ -236,55 +200,36 @@ def declare_settings(node: Node) -> Settings:
 
     A whole number is accepted for a number, as in ``weight_on_bit: 20``.
     """
-    values: dict[str, Any] = {"regime": _declare(node, "regime", "drilling")}
-    defaults = to_settings(values).values()
-    for name in PARAMETERS:
-        if name not in values:
-            values[name] = _declare(node, name, defaults[name])
-    settings = to_settings({**_unknown(node), **values})
-    checked = settings.values()
+    settings = to_settings(
+        {
+            name: override.value
+            for name, override in node._parameter_overrides.items()
+            if not (node.has_parameter(name) or name.startswith(_OF_ROS))
+        }
+    )
     for declaration in PARAMETERS.values():
-        _describe(node, declaration, checked[declaration.name])
+        value = settings.value(declaration.name)
+        if isinstance(declaration.allowed, Quantity):
+            value = float(value)
+        # Of the checked value alone: rclpy's error at an override of another type names less.
+        node.declare_parameter(
+            declaration.name, value, _descriptor(declaration), ignore_override=True
+        )
     return settings
 
 
-def _declare(node: Node, name: str, default: Any) -> Any:
-    """Declare a parameter of any type, so that a wrong one gets our error; return its value."""
-    if isinstance(default, int) and not isinstance(default, bool):
-        default = float(default)
-    return node.declare_parameter(name, default, ParameterDescriptor(dynamic_typing=True)).value
-
-
-def _unknown(node: Node) -> dict[str, Any]:
-    return {
-        name: parameter.value
-        for name, parameter in node._parameter_overrides.items()
-        if not (node.has_parameter(name) or name.startswith(_OF_ROS))
-    }
-
-
-def _description(quantity: Quantity) -> str:
-    """Return the description of a number with its unit; a count or a seed has none."""
-    unit = quantity.unit or ("" if quantity.whole else "1")
-    return f"{quantity.description} [{unit}]" if unit else quantity.description
-
-
-def _describe(node: Node, declaration: Declaration, value: Any) -> None:
+def _descriptor(declaration: Declaration) -> ParameterDescriptor:
     allowed = declaration.allowed
     descriptor = ParameterDescriptor(
-        name=declaration.name,
-        description=allowed.description,
-        additional_constraints=allowed.range,
+        description=allowed.description, additional_constraints=allowed.range
     )
     if isinstance(allowed, Quantity):
-        value = float(value)
-        descriptor.description = _description(allowed)
+        # A count or a seed has no unit.
+        if unit := allowed.unit or ("" if allowed.whole else "1"):
+            descriptor.description += f" [{unit}]"
         descriptor.additional_constraints = f"in {allowed.range}"
         limits = FloatingPointRange(from_value=allowed.minimum, to_value=allowed.maximum)
         descriptor.floating_point_range = [limits]
     if not declaration.changeable:
         descriptor.additional_constraints += "; fixed while the drill is configured"
-    parameter = Parameter(declaration.name, value=value)
-    descriptor.type = parameter.type_.value
-    node.set_parameters([parameter])
-    node.set_descriptor(declaration.name, descriptor)
+    return descriptor

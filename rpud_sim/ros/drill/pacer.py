@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 import threading
 import time
@@ -14,6 +13,7 @@ from rclpy.node import Node
 
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.ros.delay_histogram import DelayHistogram
+from rpud_sim.simulation.topics import Fields
 
 # A block is computed this long before its deadline, or right after the block before [s]. Requests
 # and parameters wait for its end from then on: with a longer lead services would answer late.
@@ -33,26 +33,21 @@ class TimeSource:
         self._clock = node.get_clock()
         self._logger = node.get_logger()
         self._publishes = publishes
+        self._notify = notify
         simulated = isinstance(self._clock, ROSClock) and self._clock.ros_time_is_active
         # Whether the time is that of another source of ``/clock``.
         self.follows = simulated and not publishes
-        self._notify = notify
+        # The time that a schedule follows [ns]; None for the monotonic clock.
+        self.schedule = self._now if self.follows else None
         self.went_back = False  # whether another's ``/clock`` did, since the latest origin
         self._jumps = None
         if self.follows:
-            self._jumps = self._clock.create_jump_callback(
-                JumpThreshold(
-                    min_forward=Duration(nanoseconds=1),
-                    min_backward=Duration(nanoseconds=-1),
-                    on_clock_change=False,
-                ),
-                post_callback=self._on_jump,
+            every = JumpThreshold(
+                min_forward=Duration(nanoseconds=1),
+                min_backward=Duration(nanoseconds=-1),
+                on_clock_change=False,
             )
-
-    @property
-    def schedule(self) -> Callable[[], int] | None:
-        """The time that a schedule follows [ns]; None for the monotonic clock."""
-        return self._now if self.follows else None
+            self._jumps = self._clock.create_jump_callback(every, post_callback=self._on_jump)
 
     def wait(self, stop: threading.Event, serve: Callable[[], None]) -> None:
         """Wait until there is a time; ``serve`` is called again and again meanwhile."""
@@ -78,25 +73,8 @@ class TimeSource:
         return int(self._clock.now().nanoseconds)
 
     def _on_jump(self, jump: TimeJump) -> None:
-        if jump.delta.nanoseconds < 0:
-            self.went_back = True
+        self.went_back |= jump.delta.nanoseconds < 0
         self._notify()
-
-
-@dataclasses.dataclass(frozen=True)
-class Punctuality:
-    """Punctuality of the blocks."""
-
-    blocks: int  # blocks finished since the start
-    deadlines_missed: int  # of them, those finished later than one period after their deadline
-    lateness: float  # of the last block, from its deadline to its end [s]
-    lateness_max: float  # since the last call of ``Pacer.read`` [s]
-    lateness_p50: float  # half of the blocks since the start were not later [s]
-    lateness_p99: float  # of all blocks since the start, 99 % were not later [s]
-    lateness_p999: float  # of all blocks since the start, 99.9 % were not later [s]
-    lag: float  # how far simulation time is behind its schedule, in whole periods [s]
-    # simulated time over elapsed time since the last call of ``Pacer.read``
-    real_time_factor: float
 
 
 class Pacer:
@@ -111,13 +89,12 @@ class Pacer:
     def __init__(
         self,
         rate: int,
-        factor: float = 1.0,
-        clock: Callable[[], int] = time.monotonic_ns,
         schedule: Callable[[], int] | None = None,
+        clock: Callable[[], int] = time.monotonic_ns,
         sleep: Callable[[float], None] = time.sleep,
     ) -> None:
         self._rate = rate
-        self._factor = factor
+        self._factor = 1.0
         self._clock = clock
         self._schedule = schedule or clock
         self._in_steps = schedule is not None
@@ -137,20 +114,17 @@ class Pacer:
     def reset(self) -> None:
         """Count from zero, and hold the schedule until the next start."""
         self._running = False
-        self._begun = 0
-        self._blocks = 0
-        self._missed = 0
-        self._lateness = 0.0
-        self._lateness_max = 0.0
-        self._all = DelayHistogram()
-        self._start = self._start_time = self._time = 0
+        self._blocks = self._missed = 0
+        self._lateness = self._lateness_max = 0.0
+        self._all = DelayHistogram()  # latenesses
+        self._start = self._start_time = self._time = self._read_time = 0
+        self._begun = 0  # when the remaining time was asked for last, on the schedule
         self._read_at = self._clock()
-        self._read_time = 0
 
-    def start(self, time: int, at: int | None = None, factor: float | None = None) -> None:
+    def start(self, time: int, factor: float, at: int | None = None) -> None:
         """Begin a schedule: simulation time [ns] is due at a time of the schedule, now if None."""
         self._running = True
-        self._factor = self._factor if factor is None else factor
+        self._factor = factor
         self._start = self._schedule() if at is None else at
         self._time = self._start_time = time
 
@@ -171,9 +145,8 @@ class Pacer:
         That is 10 ms before its deadline or a whole block, whichever is less. With another schedule
         it is at the deadline: that time may stand still just then, and requests would wait with it.
         """
-        if not self.ahead:
-            return self.remaining(time)
-        return self.remaining(time) - min(LEAD, 1.0 / (self._rate * self._factor))
+        lead = min(LEAD, 1.0 / (self._rate * self._factor)) if self.ahead else 0.0
+        return self.remaining(time) - lead
 
     def wait(self, time: int) -> None:
         """Sleep until the deadline of a block that was computed ahead of it.
@@ -196,34 +169,37 @@ class Pacer:
             return
         due = max(self._due(time), self._begun) if self._in_steps else self._due(time)
         late = self._schedule() - due
-        lateness = late / SECOND
-        self._lateness = lateness
-        self._lateness_max = max(self._lateness_max, lateness)
         self._all.add(late)
-        if lateness * self._rate * self._factor > 1.0:
+        self._lateness = late / SECOND
+        self._lateness_max = max(self._lateness_max, self._lateness)
+        if self._lateness * self._rate * self._factor > 1.0:
             self._missed += 1
 
-    def read(self) -> Punctuality:
-        """Return the timing so far, and begin a new interval for its rates and maxima."""
+    def read(self) -> Fields:
+        """Return the timing so far by name [s], and begin an interval for its rate and maximum.
+
+        ``lag`` is how far simulation time is behind its schedule, in whole periods. Quantiles of
+        the lateness, from deadline to end of a block, are of all blocks since the start.
+        """
         now = self._clock()
         elapsed = now - self._read_at
         behind = 0.0
         if self.paces:
             scheduled = (self._schedule() - self._start) * self._factor
             behind = max(0.0, scheduled - (self._time - self._start_time)) / SECOND
-        timing = Punctuality(
-            blocks=self._blocks,
-            deadlines_missed=self._missed,
-            lateness=self._lateness,
-            lateness_max=self._lateness_max,
-            lateness_p50=self._all.quantile(0.5),
-            lateness_p99=self._all.quantile(0.99),
-            lateness_p999=self._all.quantile(0.999),
-            lag=math.floor(behind * self._rate) / self._rate,
-            real_time_factor=(self._time - self._read_time) / elapsed if elapsed > 0 else 1.0,
-        )
-        self._read_at = now
-        self._read_time = self._time
+        timing = {
+            "blocks": self._blocks,
+            "deadlines_missed": self._missed,  # blocks that were later than one period
+            "lateness": self._lateness,  # of the last block
+            "lateness_max": self._lateness_max,  # of the interval
+            "lateness_p50": self._all.quantile(0.5),
+            "lateness_p99": self._all.quantile(0.99),
+            "lateness_p99.9": self._all.quantile(0.999),
+            "lag": math.floor(behind * self._rate) / self._rate,
+            # simulated over elapsed time in the interval
+            "real_time_factor": (self._time - self._read_time) / elapsed if elapsed > 0 else 1.0,
+        }
+        self._read_at, self._read_time = now, self._time
         self._lateness_max = 0.0
         return timing
 

@@ -1,4 +1,4 @@
-"""Pacing loop: the one thread that moves the live run, and publishes its messages at deadlines."""
+"""Pacing loop: the one thread that moves the live run, or changes it."""
 
 from __future__ import annotations
 
@@ -12,18 +12,13 @@ from rpud_sim.ros.drill.live_run import LiveRun
 from rpud_sim.ros.threads import Requests, StoppedError
 from rpud_sim.simulation.configuration import Settings
 
-_STANDSTILL_PERIOD = 0.1  # of /clock while time stands still [s]
 _LONGEST_WAIT = 0.5  # so that a stop is noticed whatever happens to the event [s]
 _LAST_RESPONSE = 1.0  # for the response to a client that ends the process, to arrive [s]
 _ACKNOWLEDGEMENT = 1.0  # that the last messages may take to reach their subscribers [s]
 
 
 class PacingLoop:
-    """Loop that serves requests, reads commands, advances, publishes and sleeps until it is time.
-
-    Its thread alone moves a live run or changes it, from ``start`` to the end of the run or
-    ``clean_up``.
-    """
+    """Thread of a live run, from ``start`` to the end of the run or ``clean_up``."""
 
     def __init__(self) -> None:
         self.live: LiveRun | None = None  # from the node's configuration to its clean-up
@@ -34,7 +29,6 @@ class PacingLoop:
         self._stop = threading.Event()
         self._finished = threading.Event()
         self._requests = Requests(self.wake)
-        self._clock_due = 0.0
         self._quit_at = math.inf
 
     @property
@@ -51,22 +45,20 @@ class PacingLoop:
         """Take a live run, which nothing moves yet."""
         self.live = live
         self._stop.clear()
-        self._requests = Requests(self.wake)
         live.announce()
 
     def start(self, settings: Settings) -> None:
         """Begin, active, with settings that may have changed: simulation time zero is now."""
         assert self.live is not None  # an inactive node is configured
         self.live.begin(settings)
-        self._thread = threading.Thread(
-            target=self._run, args=(self.live, self._requests), name="pacing"
-        )
+        self._requests = Requests(self.wake)
+        arguments = (self.live, self._requests)
+        self._thread = threading.Thread(target=self._run, args=arguments, name="pacing")
         self._thread.start()
 
     def request(self, action: Callable[[LiveRun], Any]) -> Any:
         """Have something done between two blocks; see ``Requests.do``."""
-        live = self.begun
-        if live is None:
+        if (live := self.begun) is None:
             raise StoppedError("the node has not been activated")
         return self._requests.do(lambda: action(live))
 
@@ -76,14 +68,12 @@ class PacingLoop:
         The middleware drops a response that reaches a client together with the news that its sender
         has left.
         """
-        self._stop.set()
-        self.wake()
+        self._end()
         self._quit_at = time.monotonic() + _LAST_RESPONSE
 
     def stop(self) -> None:
         """End the drilling, publish the last status, and wait until subscribers have it."""
-        self._stop.set()
-        self.wake()
+        self._end()
         if self._thread is not None:
             self._thread.join()
         if self.live is not None:
@@ -96,43 +86,9 @@ class PacingLoop:
         if live is not None:
             live.close()
 
-    def turn(self, live: LiveRun) -> float:
-        """Do what is due now; return for how long nothing more is due [s].
-
-        Blocks are computed ahead of their deadlines and published at them. Waveform, trajectory and
-        diagnostics have no deadline: they fill the time between those of blocks. Commands act at
-        the end of the block in which they come.
-        """
-        pacer, publishers = live.pacer, live.publishers
-        if not live.playing and live.goal is None:
-            live.read_commands()
-            live.report_if_due()
-            if time.monotonic() >= self._clock_due:
-                publishers.publish_clock(live.stamp)
-                self._clock_due = time.monotonic() + _STANDSTILL_PERIOD
-            return _STANDSTILL_PERIOD
-        until = live.next_stop
-        if live.playing and (idle := pacer.idle(until)) > 0.0:
-            live.report_if_due()
-            live.publish_deferred(until)
-            return idle
-        entries = list(live.run.advance_to(until, publishers.defer))
-        messages = publishers.encode(entries)
-        publishers.patient = not pacer.paces  # without deadlines its subscribers set the pace
-        if pacer.ahead:
-            live.publish_deferred(until)
-        pacer.wait(until)
-        publishers.publish_clock(live.stamp)
-        publishers.send(messages)
-        pacer.finish(until)
-        if pacer.paces:
-            for struck in (time for time, name, _ in entries if name == "contact_force"):
-                live.reporter.impact_delays.add(pacer.delay_since(struck))
-        live.read_commands()
-        if not pacer.ahead:
-            live.publish_deferred()
-        live.report_if_due()
-        return 0.0
+    def _end(self) -> None:
+        self._stop.set()
+        self.wake()
 
     def _run(self, live: LiveRun, requests: Requests) -> None:
         # Any error must end the process too, or it would go on in silence.
@@ -140,8 +96,7 @@ class PacingLoop:
             live.start_time(self._stop, requests.serve)
             while not (self._stop.is_set() or live.finished):
                 requests.serve()
-                live.follow_clock()
-                if (idle := self.turn(live)) > 0.0:
+                if (idle := live.turn()) > 0.0:
                     self._waking.wait(min(idle, _LONGEST_WAIT))
                     self._waking.clear()
             live.finish()

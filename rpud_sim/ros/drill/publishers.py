@@ -2,45 +2,37 @@
 
 from __future__ import annotations
 
-import math
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Iterable, Mapping
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from builtin_interfaces.msg import Time
 from rclpy.duration import Duration
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-from rclpy.serialization import serialize_message
-from rpud_msgs.msg import Fault as FaultMessage
+from rclpy.qos import DurabilityPolicy, QoSProfile
 
 from rpud_sim.bag.encoder import Encoder
 from rpud_sim.ros.graph import members_of, message_class
-from rpud_sim.simulation import fields
-from rpud_sim.simulation.fault_kinds import KINDS
-from rpud_sim.simulation.faults import Fault, FaultRecord
 from rpud_sim.simulation.fields import time_fields
 from rpud_sim.simulation.telemetry import Stream
-from rpud_sim.simulation.topics import TOPICS, Fields, Topic
+from rpud_sim.simulation.topics import TOPICS, DrillTopic, Fields
 
 Message = TypeVar("Message")
+Encoded = tuple[str, bytes]  # topic and serialized message
 
 RESULTS = "command_results"
-"""Topic of what became of the commands: of a running drill alone, no part of a simulation."""
+# Topics of a running drill alone, no part of a simulation.
 OF_NODE = {
-    "/diagnostics": Topic("diagnostic_msgs/msg/DiagnosticArray", 10, complete=False),
-    RESULTS: Topic("rpud_msgs/msg/CommandResults", 100, latched=True, complete=False),
+    "/diagnostics": DrillTopic("diagnostic_msgs/msg/DiagnosticArray", 10, complete=False),
+    RESULTS: DrillTopic("rpud_msgs/msg/CommandResults", 100, latched=True, complete=False),
 }
 # A node that joins a drill at a standstill has the time at once.
-CLOCK = Topic("rosgraph_msgs/msg/Clock", 1, latched=True, frame="", complete=False)
-COMMAND_QOS = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
+CLOCK = DrillTopic("rosgraph_msgs/msg/Clock", 1, latched=True, frame="", complete=False)
 # A simulation that nothing paces waits for its subscribers when a depth is used up, but not longer
 # than this for one that does not answer [s].
 _LONGEST_WAIT = 1.0
 _STATUS_WAIT = 0.5  # for those that lack the last status [s]
-_AT_ONCE = Duration(nanoseconds=0)
-Encoded = tuple[str, bytes]  # topic and serialized message
 
 
 def filled(message: Message, values: Fields) -> Message:
@@ -55,22 +47,7 @@ def filled(message: Message, values: Fields) -> Message:
 
 def nanoseconds_to_time(nanoseconds: int) -> Time:
     """Convert integer nanoseconds to a ``builtin_interfaces/Time``."""
-    return filled(Time(), fields.time_fields(nanoseconds))
-
-
-def message_to_fault(message: FaultMessage) -> Fault:
-    """Convert a fault to inject.
-
-    A magnitude of zero, which an unfilled message holds, stands for the kind's default unless the
-    kind permits zero.
-    """
-    kind = KINDS.get(message.kind)
-    unfilled = message.magnitude == 0.0 and kind is not None and not kind.takes_zero
-    return Fault(message.kind, message.channel, math.nan if unfilled else message.magnitude)
-
-
-def record_to_fault(record: FaultRecord, origin: int) -> FaultMessage:
-    return filled(FaultMessage(), fields.fault_fields(record, origin))
+    return filled(Time(), time_fields(nanoseconds))
 
 
 class DrillPublishers:
@@ -80,29 +57,25 @@ class DrillPublishers:
         self,
         node: Node,
         publish_clock: bool,
-        sent: Counter[str] | None = None,
-        offered: Mapping[str, Topic] = TOPICS,
+        offered: Mapping[str, DrillTopic] = TOPICS,
     ) -> None:
         self._node = node
-        self._offered = offered
+        self._offered = offered  # topics of the node's namespace
+        self.complete = False  # whether topics without a subscriber are published too
         self.dropped = 0  # messages that the middleware did not accept
-        self._unacknowledged = Counter[str]()
-        self._published = Counter[str]()
-        # counts of the messages of each topic, None for no count. With a count topics
-        # without a subscriber are published too.
-        self.sent = sent
-        self._deferred: deque[Stream] = deque()  # messages without a deadline, not published yet
-        self._wanted = set[str]()  # topics that have had a subscriber
         # whether to wait for reliable subscribers before overwriting messages they lack
         self.patient = False
+        self._unacknowledged = Counter[str]()
+        self._published = Counter[str]()
+        self._deferred: deque[Stream] = deque()  # messages without a deadline, not published yet
+        self._wanted = set[str]()  # topics that have had a subscriber
         self._awaits_status = True  # not for ever: a subscriber that was killed never acknowledges
-        topics = {**offered, **({"/clock": CLOCK} if publish_clock else {})}
-        self._encoders = {
-            name: Encoder(members_of(message_class(topic.type))) for name, topic in topics.items()
-        }
+        self._topics = {**offered, **OF_NODE, **({"/clock": CLOCK} if publish_clock else {})}
+        types = {name: message_class(topic.type) for name, topic in self._topics.items()}
+        self._encoders = {name: Encoder(members_of(kind)) for name, kind in types.items()}
         self._publishers = {
-            name: node.create_publisher(message_class(topic.type), name, qos_of(topic))
-            for name, topic in {**topics, **OF_NODE}.items()
+            name: node.create_publisher(types[name], name, _qos_of(topic))
+            for name, topic in self._topics.items()
         }
         # Without the checks of rclpy: they take a fifth of the time of each message.
         self._publish_raw = {
@@ -112,7 +85,7 @@ class DrillPublishers:
     @property
     def unheard(self) -> list[str]:
         """Topics of the node's namespace that have no subscriber."""
-        return [name for name in self._offered if not self._is_heard(name)]
+        return [name for name, count in self.subscribers().items() if not count]
 
     @property
     def published(self) -> Mapping[str, int]:
@@ -128,17 +101,17 @@ class DrillPublishers:
 
     def acknowledged(self) -> bool:
         """Return whether all reliable subscribers have every message of the namespace."""
-        return all(self._publishers[name].wait_for_all_acked(_AT_ONCE) for name in self._offered)
+        return all(self._acknowledged(name, 0.0) for name in self._offered)
 
     def wanted(self, topic: str) -> bool:
-        """Return whether to publish a topic: it has had a subscriber, or messages are counted.
+        """Return whether to publish a topic: it has had a subscriber, or all are complete.
 
         A subscriber that stood still is dropped. The numbers of the messages tell it what it lost,
         so they are published meanwhile.
         """
-        if topic not in self._wanted and self._is_heard(topic):
+        if topic not in self._wanted and self._publishers[topic].get_subscription_count():
             self._wanted.add(topic)
-        return self.sent is not None or topic in self._wanted
+        return self.complete or topic in self._wanted
 
     def encode(self, entries: Iterable[tuple[int, str, Fields]]) -> list[Encoded]:
         """Serialize messages: ``(time, topic, fields)`` as a run yields them."""
@@ -176,17 +149,12 @@ class DrillPublishers:
         if "/clock" in self._publishers:
             self.publish([(stamp, "/clock", {"clock": time_fields(stamp)})])
 
-    def publish_message(self, name: str, message: Any) -> None:
-        """Publish a message of ROS on a topic of ``OF_NODE``."""
-        self._send(name, serialize_message(message))
-
     def wait_for_subscribers(self, seconds: float = _LONGEST_WAIT) -> None:
         """Wait until reliable subscribers have everything, at most for this time in all [s]."""
         end = time.monotonic() + seconds
-        for name, publisher in self._publishers.items():
+        for name in self._publishers:
             if not name.startswith("/"):
-                # A subscriber that was killed never acknowledges.
-                publisher.wait_for_all_acked(Duration(seconds=max(0.0, end - time.monotonic())))
+                self._acknowledged(name, max(0.0, end - time.monotonic()))
 
     def destroy(self) -> None:
         for publisher in self._publishers.values():
@@ -194,8 +162,9 @@ class DrillPublishers:
         self._publishers.clear()
         self._publish_raw.clear()
 
-    def _is_heard(self, topic: str) -> bool:
-        return self._publishers[topic].get_subscription_count() > 0
+    def _acknowledged(self, name: str, seconds: float) -> bool:
+        """Wait until reliable subscribers of a topic have everything; return whether they have."""
+        return bool(self._publishers[name].wait_for_all_acked(Duration(seconds=seconds)))
 
     def _publish_part(self) -> None:
         for entry in self._deferred[0]:
@@ -207,33 +176,23 @@ class DrillPublishers:
     def _send(self, name: str, message: bytes) -> None:
         try:
             if self.patient and name == "status":
-                self._await_status()
+                # Else the next one would overwrite it: in steps two commands follow each other at
+                # once, and a test counts every status.
+                wait = _STATUS_WAIT if self._awaits_status else 0.0
+                self._awaits_status = self._acknowledged(name, wait)
             self._publish_raw[name](message)
-            if self.sent is not None:
-                self.sent[name] += 1
             self._unacknowledged[name] += 1
             self._published[name] += 1
-            if self.patient and name in self._offered and self._offered[name].complete:
-                self._await(name)
+            topic = self._topics[name]
+            if self.patient and topic.complete and self._unacknowledged[name] >= topic.depth:
+                # For all at once: waiting for the subscribers of one topic takes as long.
+                self.wait_for_subscribers()
+                self._unacknowledged.clear()
         except RuntimeError:  # RCLError: the middleware did not accept it
             self.dropped += 1
 
-    def _await_status(self) -> None:
-        """Let reliable subscribers have the last status, which the next one overwrites.
 
-        In steps two commands follow each other at once, and a test counts every status.
-        """
-        wait = Duration(seconds=_STATUS_WAIT if self._awaits_status else 0.0)
-        self._awaits_status = self._publishers["status"].wait_for_all_acked(wait)
-
-    def _await(self, name: str) -> None:
-        if self._unacknowledged[name] >= self._offered[name].depth:
-            # For all at once: waiting for the subscribers of one topic takes as long as for all.
-            self.wait_for_subscribers()
-            self._unacknowledged.clear()
-
-
-def qos_of(topic: Topic) -> QoSProfile:
+def _qos_of(topic: DrillTopic) -> QoSProfile:
     """Return the QoS that a topic is offered with; reliable serves best-effort subscribers too."""
     latched = DurabilityPolicy.TRANSIENT_LOCAL if topic.latched else DurabilityPolicy.VOLATILE
-    return QoSProfile(depth=topic.depth, reliability=ReliabilityPolicy.RELIABLE, durability=latched)
+    return QoSProfile(depth=topic.depth, durability=latched)

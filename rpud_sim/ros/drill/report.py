@@ -1,29 +1,25 @@
-"""Reports on the drill: its state at a block boundary, published as status and diagnostics."""
+"""Status and diagnostics of the drill: every second, and on change."""
 
 from __future__ import annotations
 
-import dataclasses
 import time
 from collections.abc import Mapping
+from typing import Any, NamedTuple
 
-from builtin_interfaces.msg import Time
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.node import Node
-from rpud_msgs.msg import CommandResults
-from std_msgs.msg import Header
 
 from rpud_sim.drilling.mount import FEED_MODES, RATE
 from rpud_sim.drilling.process import ProcessState
 from rpud_sim.drilling.rock import NO_DEEPER
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.ros.delay_histogram import DelayHistogram
+from rpud_sim.ros.drill.commands import Inbox
 from rpud_sim.ros.drill.duplicate_nodes import DuplicateNodes
-from rpud_sim.ros.drill.inbox import Inbox
-from rpud_sim.ros.drill.pacer import Pacer, Punctuality
-from rpud_sim.ros.drill.publishers import RESULTS, DrillPublishers, nanoseconds_to_time
+from rpud_sim.ros.drill.pacer import Pacer
+from rpud_sim.ros.drill.publishers import RESULTS, DrillPublishers
 from rpud_sim.simulation.block import Block, join_blocks
 from rpud_sim.simulation.faults import FaultRecord
-from rpud_sim.simulation.fields import Bookkeeping
+from rpud_sim.simulation.fields import Bookkeeping, time_fields
 from rpud_sim.simulation.run import Run
 from rpud_sim.simulation.statistics import Figures, Statistics
 from rpud_sim.simulation.topics import MOUNT_FRAME, Fields
@@ -44,190 +40,114 @@ _COMMAND_TOPICS = (
     ("command/drive",),
     ("command/feed", "joint_commands"),
 )
+_OK, _WARN, _ERROR = range(3)  # levels of diagnostics
 
 
-@dataclasses.dataclass(frozen=True)
-class Report:
+class Report(NamedTuple):
     """State of the node at a block boundary."""
 
     time: int  # simulation time [ns]
-    status: Fields  # the fields of its ``rpud_msgs/Status``
-    coupling_power: float  # that the steps of the arm lose [W]; NaN without a feed
-    # of the driven vibration without load, on resonance [m]; 0 where no load acts on it
-    unloaded_amplitude: float
+    status: Fields  # of its ``rpud_msgs/Status``
+    figures: Figures  # of the second before the latest full report
+    measured: Fields  # timing and delays by then, by name
     process: ProcessState  # state of rotation, feed and borehole
-    at_tool_length: bool  # whether the hole is as deep as the drill tool is long
     faults: tuple[FaultRecord, ...]  # that last
     requests_refused: int  # of services, since the start
     last_refusal: str  # why the latest command or request was refused
-    namesakes: int  # other nodes of the same name
-    scheduling: str  # how the system schedules the pacing thread
-    timing: Punctuality  # punctuality of the blocks
-    # of commands, from their arrival until they acted, in the last second
-    command_delays: DelayHistogram
-    # of impacts, from their stamps until they were published, in the last second
-    impact_delays: DelayHistogram
-    figures: Figures  # of the interval since the report before
-    published: Mapping[str, int]  # messages by topic, the status of this report among them
-    subscribers: Mapping[str, int]  # by topic
-    publishers: Mapping[str, int]  # whose commands reach the node, by topic
-    acknowledged: bool  # whether all reliable subscribers have every message
 
 
-def report_to_diagnostics(
-    report: Report, node_name: str, stamp: Time, telemetry_rate: int
-) -> DiagnosticArray:
-    """Convert to diagnostics of timing and of commands; the stamp is that of the node's clock."""
-    timing, status = report.timing, report.status
-    parts: dict[str, tuple[tuple[bytes, str], dict[str, object]]] = {
-        "timing": (
-            _timing_health(timing, telemetry_rate),
-            {
-                "real_time_factor": f"{timing.real_time_factor:.4f}",
-                "blocks": timing.blocks,
-                "deadlines_missed": timing.deadlines_missed,
-                "lateness [s]": f"{timing.lateness:.6f}",
-                "lateness_max [s]": f"{timing.lateness_max:.6f}",
-                "lateness_p50 [s]": f"{timing.lateness_p50:.6f}",
-                "lateness_p99 [s]": f"{timing.lateness_p99:.6f}",
-                "lateness_p99.9 [s]": f"{timing.lateness_p999:.6f}",
-                "lag [s]": f"{timing.lag:.6f}",
-                **_delay_values("impact", report.impact_delays),
-                "scheduling": report.scheduling,
-                **_fields(status, "messages_dropped"),
-            },
-        ),
-        "commands": (
-            _command_health(status),
-            {
-                **_fields(status, "commands_accepted", "commands_rejected", "commands_discarded"),
-                **_delay_values("command", report.command_delays),
-                "requests_refused": report.requests_refused,
-                "last_refusal": report.last_refusal,
-                **_fields(status, "weight_on_bit [N]", "drive_enabled", "drive_voltage [V]"),
-                **_fields(status, "drive_frequency [Hz]"),
-                **_feed_values(report),
-                **_fields(status, "commanders"),
-            },
-        ),
-        "drill": (
-            _drill_health(report),
-            {
-                **_fields(status, "state", "regime", "impacts", "vibration_amplitude [m]"),
-                **_fields(status, "resonance_frequency [Hz]", "actuator_temperature [K]"),
-                **_fields(status, "electrical_power [W]", "depth [m]", "penetration_rate [m/s]"),
-                **_arm_values(report),
-                **_fields(status, "active_faults"),
-                "namesakes": report.namesakes,
-            },
-        ),
-        "messages": (
-            _message_health(status),
-            {
-                "published": _numbers(report.published),
-                "subscribers": _numbers(report.subscribers),
-                "publishers": _numbers(report.publishers),
-                "acknowledged": report.acknowledged,
-            },
-        ),
-    }
-    return DiagnosticArray(
-        header=Header(stamp=stamp),
-        status=[
-            DiagnosticStatus(
-                level=level,
-                name=f"{node_name}: {name}",
-                message=text,
-                hardware_id="rpud_sim",
-                values=[KeyValue(key=key, value=str(value)) for key, value in values.items()],
-            )
-            for name, ((level, text), values) in parts.items()
-        ],
-    )
+# What each entry of the diagnostics shows, where there is such a value.
+_SHOWN = {
+    "timing": (
+        "real_time_factor, blocks, deadlines_missed, lateness [s], lateness_max [s], "
+        "lateness_p50 [s], lateness_p99 [s], lateness_p99.9 [s], lag [s], impact_delay_p50 [s], "
+        "impact_delay_p99 [s], impact_delay_max [s], scheduling, messages_dropped"
+    ),
+    "commands": (
+        "commands_accepted, commands_rejected, commands_discarded, command_delay_p50 [s], "
+        "command_delay_p99 [s], command_delay_max [s], requests_refused, last_refusal, "
+        "weight_on_bit [N], drive_enabled, drive_voltage [V], drive_frequency [Hz], "
+        "feed_mode, feed_value [m/s], feed_value [m], commanders"
+    ),
+    "drill": (
+        "state, regime, impacts, vibration_amplitude [m], resonance_frequency [Hz], "
+        "actuator_temperature [K], electrical_power [W], depth [m], penetration_rate [m/s], "
+        "side_offset [m], coupling_power [W], active_faults, namesakes"
+    ),
+    "messages": "published, subscribers, publishers, acknowledged",
+}
 
 
-def _fields(status: Fields, *keys: str) -> dict[str, object]:
-    """Return fields of a status, each by its name and its unit in brackets."""
-    values = {key: status[key.partition(" ")[0]] for key in keys}
-    return {key: f"{each:g}" if isinstance(each, float) else each for key, each in values.items()}
+def diagnose(run: Run, status: Fields, measured: Fields, period: float) -> list[Fields]:
+    """Return the fields of the entries of diagnostics, without the name of the node.
+
+    ``measured`` is what they show besides the status, by name; ``period`` is of blocks [s].
+    """
+    mount, borehole = run.simulation.process.mount, run.simulation.process.borehole
+    values = {**status, **measured}
+    mode, feed = FEED_MODES[values.pop("feed_mode")], values.pop("feed_value")
+    if mount is not None:
+        values["coupling_power"] = run.coupling_power
+        values["feed_mode"] = mode
+        values["feed_value [m/s]" if mode == RATE else "feed_value [m]"] = feed
+    if borehole is not None:
+        values["side_offset"] = borehole.side_offset
+    health = _health(run, values, period)
+    return [
+        {
+            "level": health[part][0],
+            "name": part,
+            "message": health[part][1],
+            "hardware_id": "rpud_sim",
+            "values": [
+                {"key": key, "value": _text(values[name])}
+                for key in keys.split(", ")
+                if (name := key if key in values else key.partition(" ")[0]) in values
+            ],
+        }
+        for part, keys in _SHOWN.items()
+    ]
 
 
-def _delay_values(name: str, delays: DelayHistogram) -> dict[str, object]:
-    return {
-        f"{name}_delay_p50 [s]": f"{delays.quantile(0.5):.6f}",
-        f"{name}_delay_p99 [s]": f"{delays.quantile(0.99):.6f}",
-        f"{name}_delay_max [s]": f"{delays.greatest:.6f}",
-    }
+def _text(value: Any) -> str:
+    if isinstance(value, Mapping):
+        return ", ".join(f"{name} {count}" for name, count in value.items())
+    return f"{value:g}" if isinstance(value, float) else str(value)
 
 
-def _feed_values(report: Report) -> dict[str, object]:
-    """Return the feed in force, in the unit of its mode; nothing without a feed."""
-    if report.process.mount is None:
-        return {}
-    mode = FEED_MODES[report.status["feed_mode"]]
-    unit = "m/s" if mode == RATE else "m"
-    return {"feed_mode": mode, **_fields(report.status, f"feed_value [{unit}]")}
-
-
-def _arm_values(report: Report) -> dict[str, object]:
-    """Return how far the bit has walked, and what the steps of the arm lose, if modelled."""
-    values: dict[str, object] = {}
-    if (borehole := report.process.borehole) is not None:
-        values["side_offset [m]"] = f"{borehole.side_offset:g}"
-    if report.process.mount is not None:
-        values["coupling_power [W]"] = f"{report.coupling_power:.3g}"
-    return values
-
-
-def _timing_health(timing: Punctuality, telemetry_rate: int) -> tuple[bytes, str]:
-    if timing.lag > LAG_ERROR:
-        return DiagnosticStatus.ERROR, f"simulation time lags {timing.lag:.3f} s behind"
-    if timing.lateness_max * telemetry_rate > 1.0:
-        return DiagnosticStatus.WARN, f"a block was {timing.lateness_max:.3f} s late"
-    return DiagnosticStatus.OK, "on time"
-
-
-def _command_health(status: Fields) -> tuple[bytes, str]:
-    if status["commands_lost"]:
-        return DiagnosticStatus.ERROR, "commands are lost: the drill is made safe"
-    if status["commands_discarded"]:
-        return DiagnosticStatus.WARN, f"{status['commands_discarded']} discarded"
-    if status["commanders"] > 1:
-        return DiagnosticStatus.WARN, f"{status['commanders']} publishers command at once"
-    return DiagnosticStatus.OK, f"{status['commands_rejected']} refused"
-
-
-def _drill_health(report: Report) -> tuple[bytes, str]:
-    if report.namesakes:
-        return DiagnosticStatus.WARN, f"{report.namesakes + 1} nodes have this name"
-    amplitude, unloaded = report.status["vibration_amplitude"], report.unloaded_amplitude
-    if amplitude < STALLED_SHARE * unloaded:
-        return DiagnosticStatus.WARN, (
+def _health(run: Run, values: Fields, period: float) -> dict[str, tuple[int, str]]:
+    """Return level and message of each part of the diagnostics: the first ones that apply."""
+    lag, late, namesakes = values["lag"], values["lateness_max"], values["namesakes"]
+    discarded, commanders = values["commands_discarded"], values["commanders"]
+    amplitude, unloaded = values["vibration_amplitude"], run.simulation.unloaded_amplitude
+    dropped, faults, lost = values["messages_dropped"], values["active_faults"], run.coupling_power
+    flow = max(abs(values["actuator_power"]), abs(values["feed_power"]), LEAST_POWER)
+    rules = (
+        ("timing", _ERROR, lag > LAG_ERROR, f"simulation time lags {lag:.3f} s behind"),
+        ("timing", _WARN, late > period, f"a block was {late:.3f} s late"),
+        ("timing", _OK, True, "on time"),
+        ("commands", _ERROR, values["commands_lost"], "commands are lost: the drill is made safe"),
+        ("commands", _WARN, discarded, f"{discarded} discarded"),
+        ("commands", _WARN, commanders > 1, f"{commanders} publishers command at once"),
+        ("commands", _OK, True, f"{values['commands_rejected']} refused"),
+        ("drill", _WARN, namesakes, f"{namesakes + 1} nodes have this name"),
+        (
+            *("drill", _WARN, amplitude < STALLED_SHARE * unloaded),
             f"stalled: the vibration has {amplitude * 1e6:.2g} um, less than {STALLED_SHARE:.0%} "
-            f"of {unloaded * 1e6:.3g} um without load"
-        )
-    powers = (report.status["actuator_power"], report.status["feed_power"], LEAST_POWER)
-    flow = max(map(abs, powers))
-    if abs(report.coupling_power) > COUPLING_SHARE * flow:
-        return DiagnosticStatus.WARN, (
-            f"steps of the arm lose {report.coupling_power:.3g} W, more than {COUPLING_SHARE:.0%} "
-            f"of {flow:.3g} W: the arm is too soft or too lightly damped for them"
-        )
-    if faults := report.status["active_faults"]:
-        return DiagnosticStatus.WARN, f"{faults} faults injected"
-    if report.at_tool_length:
-        return DiagnosticStatus.WARN, NO_DEEPER
-    return DiagnosticStatus.OK, report.status["state"]
-
-
-def _message_health(status: Fields) -> tuple[bytes, str]:
-    if status["messages_dropped"]:
-        return DiagnosticStatus.WARN, f"{status['messages_dropped']} dropped"
-    return DiagnosticStatus.OK, "none dropped"
-
-
-def _numbers(counts: Mapping[str, int]) -> str:
-    return ", ".join(f"{name} {count}" for name, count in counts.items())
+            f"of {unloaded * 1e6:.3g} um without load",
+        ),
+        (
+            *("drill", _WARN, abs(lost) > COUPLING_SHARE * flow),
+            f"steps of the arm lose {lost:.3g} W, more than {COUPLING_SHARE:.0%} of {flow:.3g} W: "
+            "the arm is too soft or too lightly damped for them",
+        ),
+        ("drill", _WARN, faults, f"{faults} faults injected"),
+        ("drill", _WARN, run.simulation.at_tool_length, NO_DEEPER),
+        ("drill", _OK, True, values["state"]),
+        ("messages", _WARN, dropped, f"{dropped} dropped"),
+        ("messages", _OK, True, "none dropped"),
+    )
+    return {part: (level, text) for part, level, applies, text in reversed(rules) if applies}
 
 
 class StatusReporter:
@@ -242,8 +162,9 @@ class StatusReporter:
         namesakes: DuplicateNodes,
     ) -> None:
         self.scheduling = "time-sharing"  # how the system schedules the pacing thread
+        self.last: Report | None = None  # the latest report, None before the first
         self._node = node
-        self._telemetry_rate = telemetry_rate
+        self._period = 1.0 / telemetry_rate
         self._publishers = publishers
         self._inbox = inbox
         self._namesakes = namesakes
@@ -252,10 +173,10 @@ class StatusReporter:
         ]
         commands = {topic for topics in _COMMAND_TOPICS for topic in topics}
         self._subscriptions = [each for each in node.subscriptions if each.topic in commands]
-        self.last: Report | None = None  # the latest report, None before the first
         self._blocks: list[Block] = []
-        self.impact_delays = DelayHistogram()  # of impacts until they were published
-        self._diagnostics_wait = False
+        self._measured: Fields = {}  # by the latest full report
+        self._figures: Figures = {}  # of it
+        self._diagnostics: Fields | None = None  # that are not published yet
         self._rests_until = 0
         self.begin()
 
@@ -274,8 +195,8 @@ class StatusReporter:
         self._totals = Statistics()
         self._interval = Statistics()
         self._inbox.begin()
-        self.impact_delays = DelayHistogram()
-        self._due = 0
+        self.impact_delays = DelayHistogram()  # of impacts until they were published
+        self.end_period()
 
     def add(self, block: Block) -> None:
         self._blocks.append(block)
@@ -293,108 +214,109 @@ class StatusReporter:
         """Whether it is time for a full report."""
         return time.monotonic_ns() >= self._due
 
+    def end_period(self) -> None:
+        """Make the next report a full one."""
+        self._due = 0
+
     def refused_more(self) -> bool:
         """Whether commands were refused or discarded since the last report."""
-        if self.last is None:
-            return False
-        reported = tuple(
-            self.last.status[name] for name in ("commands_rejected", "commands_discarded")
+        return self.last is not None and (
+            self._inbox.rejected != self.last.status["commands_rejected"]
+            or self._inbox.discarded != self.last.status["commands_discarded"]
         )
-        return (self._inbox.rejected, self._inbox.discarded) != reported
 
     @property
     def rested(self) -> bool:
         """Whether the last report is long enough ago for one of changes."""
         return time.monotonic_ns() >= self._rests_until
 
-    def end_period(self) -> None:
-        """Make the next report a full one."""
-        self._due = 0
-
     def report(self, state: str, run: Run, pacer: Pacer) -> None:
         """Publish the status, with one of its STATE constants.
 
         Diagnostics of it wait for ``publish_diagnostics``.
         """
-        now = time.monotonic_ns()
-        if self.last is None or now >= self._due:
+        if self.last is None or self.due():
             self.publish_diagnostics()  # one in each period, even where time is short
-            self._count()
-            timing, command_delays = pacer.read(), self._inbox.take_delays()
-            impact_delays, self.impact_delays = self.impact_delays, DelayHistogram()
-            figures = self._interval.figures()
-            self._totals.merge(self._interval)
-            self._interval = Statistics()
-            self._due = now + round(REPORT_PERIOD * SECOND)
-        else:
-            timing, figures = self.last.timing, self.last.figures
-            command_delays = self.last.command_delays
-            impact_delays = self.last.impact_delays
-        bookkeeping = Bookkeeping(
-            commands_accepted=self._inbox.accepted,
-            commands_rejected=self._inbox.rejected,
-            commands_discarded=self._inbox.discarded,
-            commands_lost=run.control.commands_lost,
-            commanders=max(
-                sum(map(self._node.count_publishers, topics)) for topics in self._command_topics
+            self._measure(pacer)
+        status = run.status(
+            state,
+            Bookkeeping(
+                commands_accepted=self._inbox.accepted,
+                commands_rejected=self._inbox.rejected,
+                commands_discarded=self._inbox.discarded,
+                commands_lost=run.control.commands_lost,
+                commanders=max(
+                    sum(map(self._node.count_publishers, topics)) for topics in self._command_topics
+                ),
+                messages_dropped=self._publishers.dropped,
+                **{
+                    name: self._measured[name]
+                    for name in ("deadlines_missed", "real_time_factor", "lateness_max", "lag")
+                },
             ),
-            deadlines_missed=timing.deadlines_missed,
-            messages_dropped=self._publishers.dropped,
-            real_time_factor=timing.real_time_factor,
-            lateness_max=timing.lateness_max,
-            lag=timing.lag,
         )
-        status = run.status(state, bookkeeping)
         self._publishers.publish([status])
         self._publish_results(run.origin + run.time)
+        simulation = run.simulation
         self.last = Report(
             time=run.time,
             status=status[2],
-            coupling_power=run.coupling_power,
-            unloaded_amplitude=run.simulation.unloaded_amplitude,
-            process=run.simulation.process,
-            at_tool_length=run.simulation.at_tool_length,
-            faults=run.simulation.faults.active,
+            figures=self._figures,
+            measured=self._measured,
+            process=simulation.process,
+            faults=simulation.faults.active,
             requests_refused=self._inbox.requests_refused,
             last_refusal=self._inbox.last_refusal,
-            namesakes=self._namesakes.count(),
-            scheduling=self.scheduling,
-            timing=timing,
-            command_delays=command_delays,
-            impact_delays=impact_delays,
-            figures=figures,
-            published=self._publishers.published,
-            subscribers=self._publishers.subscribers(),
-            publishers=self.publishers_heard(),
-            acknowledged=self._publishers.acknowledged(),
         )
-        self._diagnostics_wait = True
+        measured = {
+            **self._measured,
+            "requests_refused": self.last.requests_refused,
+            "last_refusal": self.last.last_refusal,
+            "scheduling": self.scheduling,
+            "namesakes": self._namesakes.count(),
+            "published": self._publishers.published,
+            "subscribers": self._publishers.subscribers(),
+            "publishers": self.publishers_heard(),
+            "acknowledged": self._publishers.acknowledged(),
+        }
+        entries = diagnose(run, status[2], measured, self._period)
+        for entry in entries:
+            entry["name"] = f"{self._node.get_fully_qualified_name()}: {entry['name']}"
+        stamp = time_fields(self._node.get_clock().now().nanoseconds)
+        self._diagnostics = {"header": {"stamp": stamp, "frame_id": ""}, "status": entries}
         self._rests_until = time.monotonic_ns() + round(CHANGE_PERIOD * SECOND)
 
     def publish_diagnostics(self) -> None:
         """Publish the diagnostics of the latest report, unless that was done."""
-        if not self._diagnostics_wait or self.last is None:
-            return
-        self._diagnostics_wait = False
-        diagnostics = report_to_diagnostics(
-            self.last,
-            self._node.get_fully_qualified_name(),
-            self._node.get_clock().now().to_msg(),
-            self._telemetry_rate,
-        )
-        self._publishers.publish_message("/diagnostics", diagnostics)
+        if self._diagnostics is not None:
+            self._publishers.publish([(0, "/diagnostics", self._diagnostics)])
+            self._diagnostics = None
+
+    def _measure(self, pacer: Pacer) -> None:
+        """Take what is of the time since the full report before."""
+        self._due = time.monotonic_ns() + round(REPORT_PERIOD * SECOND)
+        self._count()
+        self._figures = self._interval.figures()
+        self._totals.merge(self._interval)
+        self._interval = Statistics()
+        impact_delays, self.impact_delays = self.impact_delays, DelayHistogram()
+        self._measured = pacer.read()
+        for name, delays in ("command", self._inbox.take_delays()), ("impact", impact_delays):
+            self._measured[f"{name}_delay_p50"] = delays.quantile(0.5)
+            self._measured[f"{name}_delay_p99"] = delays.quantile(0.99)
+            self._measured[f"{name}_delay_max"] = delays.greatest
 
     def _publish_results(self, stamp: int) -> None:
         if (results := self._inbox.take_results()) is None:
             return
         former, found = results
-        message = CommandResults(
-            header=Header(stamp=nanoseconds_to_time(stamp), frame_id=MOUNT_FRAME),
-            results=[*former, *found],
-            former=len(former),
-            status=self._publishers.published["status"],
-        )
-        self._publishers.publish_message(RESULTS, message)
+        message = {
+            "header": {"stamp": time_fields(stamp), "frame_id": MOUNT_FRAME},
+            "results": [*former, *found],
+            "former": len(former),
+            "status": self._publishers.published["status"],
+        }
+        self._publishers.publish([(stamp, RESULTS, message)])
 
     def _count(self) -> None:
         if self._blocks:

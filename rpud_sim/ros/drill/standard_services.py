@@ -9,7 +9,7 @@ from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.node import Node
 
 from rpud_sim.ros.drill.live_run import LiveRun
-from rpud_sim.ros.drill.services import SimulationServer
+from rpud_sim.ros.drill.services import DrillServices
 from rpud_sim.simulation.block import boundaries_until, boundary
 
 try:
@@ -53,7 +53,7 @@ class StandardServer:
     to the next boundary of one. ``services``, the drill's own, do the work.
     """
 
-    def __init__(self, node: Node, services: SimulationServer) -> None:
+    def __init__(self, node: Node, services: DrillServices) -> None:
         self._services = services
         node.create_service(GetSimulatorFeatures, "get_simulator_features", self._on_features)
         services.offer(GetSimulationState, "get_simulation_state", services.get_state)

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
+from dataclasses import fields
+from enum import Enum
+from math import inf
 from typing import Any
 
+from rclpy.duration import Duration
 from rclpy.node import Node
-from rclpy.qos import (
-    DurabilityPolicy,
-    QoSCompatibility,
-    QoSProfile,
-    qos_check_compatible,
-)
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.subscription import Subscription
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
@@ -28,9 +27,8 @@ RECORDING_DEPTH = 10_000
 _ENCAPSULATION = 4  # bytes before the fields of every message (CDR)
 _MATCHING = 3.0  # s in which a publisher that was found should be connected
 _DISCOVERY = 3.5  # s in which every publisher is found; the middleware announces itself every 3 s
-_EARLIEST = 946_684_800_000_000_000  # the year 2000 [ns since the epoch]
 _LATEST = 2**63 - 1  # in a bag [ns since the epoch]
-_AHEAD = 86_400_000_000_000  # that our clock may be set back while a message waits [ns]
+_AWAY = 86_400_000_000_000  # that our clock may be set while a message waits [ns]
 
 
 class RecordedTopic:
@@ -43,7 +41,7 @@ class RecordedTopic:
         self.declared = False  # whether the bag has its declaration
         self.further_types: set[str] = set()  # of the topic, which are not recorded
         self.damaged = 0  # messages that were damaged
-        self.received_at = float("-inf")  # when a message came last, by the monotonic clock [s]
+        self.received_at = -inf  # when a message came last, by the monotonic clock [s]
         self.renewals = 0  # subscriptions that were renewed as a publisher was silent
         self._node = node
         self.endpoints = self._publishers()  # publishers that were found last
@@ -51,14 +49,14 @@ class RecordedTopic:
         known = self.endpoints or node.get_subscriptions_info_by_topic(name)
         self.request = request_for([each.qos_profile for each in known], RECORDING_DEPTH)
         self.subscription = self._subscribe()
-        # Gaps in the middleware's sequence numbers, and whether it numbers messages.
         self.gaps = SequenceGaps(lambda: node.count_publishers(name))
-        self._numbered = True
+        self._numbered = True  # whether the middleware numbers messages
         self._uncounted = 0  # damaged messages whose numbers are a gap in the next ones
         self._latest: dict[tuple[int, int | None, int], None] = {}
-        self._subscribed_at = time.monotonic()
-        # Since when fewer publishers are connected than there are, by the monotonic clock [s].
-        self._unmatched: float | None = None
+        # By the monotonic clock [s]: when every publisher that was there is known, and when as many
+        # as are known should be connected.
+        self._settled_at = time.monotonic() + _DISCOVERY
+        self._matched_by = inf
 
     def losses(self, refused: int) -> Losses:
         """Return the losses; ``refused`` are messages that did not fit into the queue."""
@@ -66,24 +64,31 @@ class RecordedTopic:
 
     def follow(self) -> str:
         """Look at the publishers; return why to subscribe again because of them, or ""."""
-        endpoints = self._publishers()
+        now, endpoints = time.monotonic(), self._publishers()
         if not endpoints:
-            self._note_silence()
+            # Those that come from now on are new: their first messages, before they know the
+            # subscription, are lost.
+            if now >= self._settled_at and not self._latched and not self.endpoints:
+                self.gaps.from_first = True
             return ""
         self.endpoints = endpoints
         offers = [endpoint.qos_profile for endpoint in endpoints]
         if not is_satisfied(self.request, offers):
             self.request = request_for(offers, RECORDING_DEPTH)
             return "a publisher offers less than before"
-        if self._misses(offers):
+        if self.subscription.handle.get_publisher_count() >= len(offers):
+            self._matched_by = inf
+        elif now >= self._matched_by:
             self.renewals += 1
             return "a publisher that is there was not heard"
+        elif self._matched_by == inf:
+            self._matched_by = now + _MATCHING * 2 ** min(self.renewals, 5)
         return ""
 
     def renew(self) -> None:
         """Subscribe again; what the old subscription holds is lost."""
         self._node.destroy_subscription(self.subscription)
-        self._unmatched = None
+        self._matched_by = inf
         self.subscription = self._subscribe()
 
     def declaration(self, *, received: bool) -> tuple[Topic, str | None]:
@@ -105,17 +110,32 @@ class RecordedTopic:
     def accept(self, data: bytes, info: dict[str, Any], *, counts: bool) -> Message | None:
         """Return the message, None if damaged or repeated; ``counts`` makes a gap a loss."""
         log_time = info["received_timestamp"] or time.time_ns()
-        publish_time = info["source_timestamp"]
+        publish_time, number = info["source_timestamp"], info["publication_sequence_number"]
         if is_damaged(data, log_time, publish_time):
             self.damaged += 1
             self._uncounted += 1
             return None
-        number = info["publication_sequence_number"]
-        if self._is_repeated(publish_time, number, data):
-            return None
+        if self._latched:
+            key = publish_time, number, hash(data)  # publishers may have no clock
+            if key in self._latest:
+                return None
+            self._latest[key] = None
+            if len(self._latest) > RECORDING_DEPTH:
+                del self._latest[next(iter(self._latest))]
         self.received_at = time.monotonic()
-        self._note(number, counts)
+        self._numbered = self._numbered and number is not None
+        before = self.gaps.missing
+        self.gaps.note(number)
+        if not counts:
+            self.gaps.missing = before
+        elif found := self.gaps.missing - before:
+            self.gaps.missing -= min(found, self._uncounted)
+            self._uncounted = 0
         return Message(self.name, log_time, publish_time, data)
+
+    @property
+    def _latched(self) -> bool:
+        return self.request.durability == DurabilityPolicy.TRANSIENT_LOCAL
 
     def _publishers(self) -> list[TopicEndpointInfo]:
         endpoints = self._node.get_publishers_info_by_topic(self.name)
@@ -135,59 +155,6 @@ class RecordedTopic:
             self._node.get_logger().warning(f"{error}; the bag lacks it")
             return None
 
-    def _misses(self, offers: Sequence[QoSProfile]) -> bool:
-        """Return whether a publisher of these offers should have connected by now, and has not."""
-        fitting = sum(
-            qos_check_compatible(offer, self.request)[0] != QoSCompatibility.ERROR
-            for offer in offers
-        )
-        now = time.monotonic()
-        if self.subscription.handle.get_publisher_count() >= fitting:
-            self._unmatched = None
-        elif self._unmatched is None:
-            self._unmatched = now
-        elif now >= self._unmatched + _MATCHING * 2 ** min(self.renewals, 5):
-            self._unmatched = None
-            return True
-        return False
-
-    def _note_silence(self) -> None:
-        """Count from the first message of each publisher, if none has been found in all the time.
-
-        Those that come are new: what they send before they know the subscription is lost.
-        """
-        settled = time.monotonic() >= self._subscribed_at + _DISCOVERY
-        if settled and not self._latched and not self.endpoints:
-            self.gaps.from_first = True
-
-    @property
-    def _latched(self) -> bool:
-        return self.request.durability == DurabilityPolicy.TRANSIENT_LOCAL
-
-    def _is_repeated(self, publish_time: int, number: int | None, data: bytes) -> bool:
-        if not self._latched:
-            return False
-        key = publish_time, number, hash(data)  # publishers may have no clock
-        if key in self._latest:
-            return True
-        self._latest[key] = None
-        if len(self._latest) > RECORDING_DEPTH:
-            del self._latest[next(iter(self._latest))]
-        return False
-
-    def _note(self, number: int | None, counts: bool) -> None:
-        if number is None:
-            self._numbered = False
-            return
-        before = self.gaps.missing
-        self.gaps.note(number)
-        found = self.gaps.missing - before
-        if not counts:
-            self.gaps.missing = before
-        elif found:
-            self.gaps.missing -= min(found, self._uncounted)
-            self._uncounted = 0
-
 
 def is_damaged(data: bytes, log_time: int, publish_time: int) -> bool:
     """Return whether these cannot be a message and its times [ns since the epoch].
@@ -195,22 +162,16 @@ def is_damaged(data: bytes, log_time: int, publish_time: int) -> bool:
     The middleware delivers such messages from shared memory that a killed process has left behind.
     A publisher's clock may be off, or missing: its time need only fit into a bag.
     """
-    now = time.time_ns()
-    # A computer without a battery for its clock may live in 1970 as a whole.
-    earliest = min(_EARLIEST, max(1, now - _AHEAD))
-    times_fit = earliest <= log_time <= now + _AHEAD and 0 <= publish_time <= _LATEST
-    return len(data) < _ENCAPSULATION or not times_fit
+    received_about_now = abs(log_time - time.time_ns()) <= _AWAY
+    return len(data) < _ENCAPSULATION or not (received_about_now and 0 <= publish_time <= _LATEST)
 
 
 def recorded_profile(profile: QoSProfile) -> RecordedProfile:
-    return RecordedProfile(
-        history=profile.history.name.lower(),
-        depth=profile.depth,
-        reliability=profile.reliability.name.lower(),
-        durability=profile.durability.name.lower(),
-        deadline=profile.deadline.nanoseconds,
-        lifespan=profile.lifespan.nanoseconds,
-        liveliness=profile.liveliness.name.lower(),
-        liveliness_lease_duration=profile.liveliness_lease_duration.nanoseconds,
-        avoid_ros_namespace_conventions=profile.avoid_ros_namespace_conventions,
-    )
+    """Return a QoS as a bag holds it: names of policies, durations in ns."""
+    values = {field.name: getattr(profile, field.name) for field in fields(RecordedProfile)}
+    for name, value in values.items():
+        if isinstance(value, Enum):
+            values[name] = value.name.lower()
+        elif isinstance(value, Duration):
+            values[name] = value.nanoseconds
+    return RecordedProfile(**values)

@@ -6,8 +6,9 @@ import os
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import suppress
+from math import inf
 from typing import NamedTuple
 
 import rclpy
@@ -15,12 +16,11 @@ from rclpy.exceptions import NameValidationException, ParameterException
 
 from rpud_sim.bag import BagWriter
 from rpud_sim.bag.losses import LOSSES_RECORD, RECORDING_RECORD, Losses, losses_to_record
-from rpud_sim.bag.manifest import MANIFEST_RECORD, Manifest
 from rpud_sim.foundation.quantities import suggestion
 from rpud_sim.foundation.terminal import printable
 from rpud_sim.ros.record.parameter_query import ParameterQuery
 from rpud_sim.ros.record.record_options import RecordOptions
-from rpud_sim.ros.record.recorder_node import Recorder, RecorderServices
+from rpud_sim.ros.record.recorder_node import Recorder
 from rpud_sim.ros.record.writing import Intake, WritingThread
 from rpud_sim.ros.starting import StartError, name_error, start_ros
 from rpud_sim.ros.stopping import StopRequest
@@ -89,19 +89,21 @@ def _record(options: RecordOptions, stop: StopRequest, show: Callable[[str], Non
             time.sleep(_DRAIN_TIME)
             node.receive_all()
             node.finish()
-            _keep(intake, query.finish())
+            query.finish()
         finally:
             intake.close()
             writing.join()
-        if writing.error is None:
-            bag.add_record(LOSSES_RECORD, losses_to_record(node.losses))
-            if node.skipped:
-                bag.add_record(SKIPPED_RECORD, node.skipped)
-    if writing.error is not None:
-        raise writing.error
-    text = summary(node, bag, time.monotonic() - began)
-    if late := late_text(writing.exposure, options.max_loss):
-        text = f"{text}\n{late}"
+        if writing.error is not None:
+            raise writing.error
+        bag.add_record(LOSSES_RECORD, losses_to_record(node.losses))
+        if skipped := node.skipped | dict.fromkeys(node.missing, "it never appeared"):
+            bag.add_record(SKIPPED_RECORD, skipped)
+    text = summary(node, bag, skipped, time.monotonic() - began)
+    if (late := writing.exposure - options.max_loss) > 0.0:
+        text += (
+            f"\ndata was on the disk {writing.exposure:.1f} s after it was received, {late:.1f} s "
+            f"later than --max-loss {options.max_loss:g} s allows: a crash might have cost as much"
+        )
     if writing.refusal:
         return RecordResult(text, f"stopped with a whole bag: {writing.refusal}")
     return RecordResult(text, failure(node, allow_empty=options.allow_empty))
@@ -122,137 +124,100 @@ def _collect(
     show: Callable[[str], None],
 ) -> None:
     """Record for the duration from when it is ready, or until the stop is requested."""
-    services, progress, losses = RecorderServices(node), _Progress(), node.losses
-    followed_at = float("-inf")
-    ready_at = time.monotonic() + _DISCOVERY_TIME
-    ready = False
+    progress, losses = _progress(node, bag), node.losses
+    ready, ready_at = False, time.monotonic() + _DISCOVERY_TIME
+    follow_at, show_at = -inf, time.monotonic() + _SHOW_PERIOD
     while not stop.requested:
         now = time.monotonic()
-        if now >= followed_at + (_GRAPH_PERIOD if ready else _FIRST_GRAPH_PERIOD):
-            followed_at = now
-            losses = _keep_losses(node, losses)
+        if now >= follow_at:
+            follow_at = now + (_GRAPH_PERIOD if ready else _FIRST_GRAPH_PERIOD)
+            new_losses = node.losses
+            if new_losses != losses and any(each.total != 0 for each in new_losses.values()):
+                losses = new_losses  # into the bag now: a crash would cost those at its end
+                node.intake.add_record(LOSSES_RECORD, losses_to_record(losses))
             with node.guard("a node of the graph"):
                 query.discover()
             with node.guard("a topic of the graph"):
                 if node.discover() and not ready:
                     ready_at = now if node.complete else now + _SETTLING_TIME
-        more = node.receive()
-        services.serve()
-        _keep(node.intake, query.poll())
+        done = node.receive()
+        node.serve()
+        query.poll()
         if not ready and now >= ready_at:
             ready = True
-            node.get_logger().info(f"recording {node.topic_count} topics to {printable(bag.path)}")
+            node.get_logger().info(f"recording {len(node.topics)} topics to {printable(bag.path)}")
             if options.ready_fd is not None:
                 with suppress(OSError):  # that process may have ended
                     os.write(options.ready_fd, b"recording\n")
         if options.duration is not None and now >= ready_at + options.duration:
             return
-        if now >= progress.shown + _SHOW_PERIOD:
-            show(progress.text(node, bag.size))
-        if not more:
+        if now >= show_at:
+            show_at = now + _SHOW_PERIOD
+            show(next(progress))
+        if done == inf:
             stop.wait(_POLL_PERIOD)
 
 
-def _keep_losses(node: Recorder, before: dict[str, Losses]) -> dict[str, Losses]:
-    """Write new losses into the bag now: a crash would lose those written at its end."""
-    losses = node.losses
-    if losses == before or not any(item.total != 0 for item in losses.values()):
-        return before
-    node.intake.add_record(LOSSES_RECORD, losses_to_record(losses))
-    return losses
+def _progress(node: Recorder, bag: BagWriter) -> Generator[str, None, None]:
+    """Yield the progress as one line, with rates since the line before."""
+    began = before = time.monotonic()
+    count = size = 0
+    while True:
+        now, new_count, new_size = time.monotonic(), node.intake.accepted, bag.size
+        period = max(now - before, 1e-9)
+        lost = sum(item.total or 0 for item in node.losses.values())
+        yield (
+            f"{now - began:.0f} s, {new_count} messages, {(new_count - count) / period:.0f}/s, "
+            f"{new_size / 1e6:.2f} MB, {(new_size - size) / period / 1e6:.2f} MB/s, {lost} lost"
+            f"{', paused' if node.intake.paused else ''}"
+        )
+        before, count, size = now, new_count, new_size
 
 
-def _keep(intake: Intake, manifests: Iterable[Manifest]) -> None:
-    for manifest in manifests:
-        intake.add_record(MANIFEST_RECORD, manifest.to_record())
-
-
-class _Progress:
-    """Progress of a recording, as one line a second."""
-
-    def __init__(self) -> None:
-        self._began = self.shown = time.monotonic()
-        self._count = 0
-        self._size = 0
-
-    def text(self, node: Recorder, size: int) -> str:
-        """Return the progress so far, with rates since the last text; ``size`` in bytes."""
-        now, count = time.monotonic(), node.intake.accepted
-        period = max(now - self.shown, 1e-9)
-        parts = [
-            f"{now - self._began:.0f} s",
-            f"{count} messages",
-            f"{(count - self._count) / period:.0f}/s",
-            f"{size / 1e6:.2f} MB",
-            f"{(size - self._size) / period / 1e6:.2f} MB/s",
-            f"{sum(item.total or 0 for item in node.losses.values())} lost",
-            *(["paused"] if node.intake.paused else []),
-        ]
-        self.shown, self._count, self._size = now, count, size
-        return ", ".join(parts)
-
-
-def summary(node: Recorder, bag: BagWriter, seconds: float) -> str:
+def summary(node: Recorder, bag: BagWriter, skipped: Mapping[str, str], seconds: float) -> str:
     """Return the summary of a recording that took that long [s]: recorded, lost, left out."""
     files = f" in {bag.file_count} files" if bag.file_count > 1 else ""
     lines = [
-        f"recorded {bag.message_count} messages on {node.topic_count} topics in {seconds:.1f} s "
+        f"recorded {bag.message_count} messages on {len(node.topics)} topics in {seconds:.1f} s "
         f"({bag.size / 1e6:.2f} MB{files}) to {bag.path}"
     ]
-    for name, losses in sorted(node.losses.items()):
-        if losses.total is None:
-            lines.append(f"losses on {name} are unknown: the middleware does not number messages")
-        if losses.total != 0 and losses != Losses(None):
-            lines.append(lost_text(name, losses))
+    lines += [text for name, losses in sorted(node.losses.items()) for text in _lost(name, losses)]
     lines += [
-        f"subscribed {name} again {count} times, in case a publisher was not heard"
-        for name, count in sorted(node.renewals.items())
+        f"subscribed {name} again {topic.renewals} times, in case a publisher was not heard"
+        for name, topic in sorted(node.topics.items())
+        if topic.renewals
     ]
     if node.suppressed:
         lines.append(f"{node.suppressed} things that arrived could not be used; the log names one")
-    lines += [f"not recorded: {name}: {reason}" for name, reason in sorted(node.skipped.items())]
+    lines += [f"not recorded: {name}: {reason}" for name, reason in sorted(skipped.items())]
     return "\n".join(map(printable, lines))
 
 
-def lost_text(name: str, losses: Losses) -> str:
-    parts = {
-        "on the way": losses.transport,
+def _lost(name: str, losses: Losses) -> list[str]:
+    known = {
+        "on the way": losses.transport or 0,
         "for which the queue (--max-cache-size) had no room": losses.queue,
         "damaged": losses.damaged,
     }
-    known = {what: count for what, count in parts.items() if count}
-    causes = ", ".join(f"{count} {what}" for what, count in known.items())
-    return f"lost {sum(known.values())} messages on {name}: {causes}"
-
-
-def late_text(exposure: float, max_loss: float) -> str:
-    """Return a warning if data reached the disk too late; empty if it did not.
-
-    ``exposure`` is the longest time from the receipt of a message to the disk [s], ``max_loss`` the
-    bound that was requested [s].
-    """
-    if exposure <= max_loss:
-        return ""
-    return (
-        f"data was on the disk {exposure:.1f} s after it was received, {exposure - max_loss:.1f} s "
-        f"later than --max-loss {max_loss:g} s allows: a crash might have cost as much"
-    )
+    causes = [f"{count} {what}" for what, count in known.items() if count]
+    lines = [f"lost {sum(known.values())} messages on {name}: {', '.join(causes)}"] * bool(causes)
+    if losses.total is None:
+        lines.append(f"losses on {name} are unknown: the middleware does not number messages")
+    return lines
 
 
 def failure(node: Recorder, *, allow_empty: bool) -> str:
     """Return why the bag is not as requested, in one line; empty if it is."""
     reasons = []
     known = [name for name, _ in node.get_topic_names_and_types()]
-    if not allow_empty:
-        if node.missing:
-            named = (name + suggestion(name, known) for name in node.missing)
-            reasons.append(f"never appeared: {', '.join(named)}")
-        elif not node.taken:
-            prefix = node.get_namespace()
-            spaces = sorted({name.rpartition("/")[0] for name in known if name.count("/") > 1})
-            hint = "" if node.topic_count else suggestion(prefix, spaces)
-            reasons.append(f"nothing came on {node.topic_count} topics in {prefix}{hint}")
-    if node.further_types:
-        topics = ", ".join(node.further_types)
-        reasons.append(f"topics with further types, which are not in the bag: {topics}")
+    if not allow_empty and node.missing:
+        named = (name + suggestion(name, known) for name in node.missing)
+        reasons.append(f"never appeared: {', '.join(named)}")
+    elif not allow_empty and not node.taken:
+        prefix = node.get_namespace()
+        spaces = sorted({name.rpartition("/")[0] for name in known if name.count("/") > 1})
+        hint = "" if node.topics else suggestion(prefix, spaces)
+        reasons.append(f"nothing came on {len(node.topics)} topics in {prefix}{hint}")
+    if twofold := sorted(name for name, topic in node.topics.items() if topic.further_types):
+        reasons.append(f"topics with further types, which are not in the bag: {', '.join(twofold)}")
     return "; ".join(reasons)

@@ -6,6 +6,7 @@ import time
 from bisect import bisect_right
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from math import inf
 from operator import attrgetter
 from typing import Any
 
@@ -29,11 +30,12 @@ _BACKLOG = 1.0  # of these, in which messages from before still arrive and prove
 
 _log_time = attrgetter("log_time")
 
+# Services, of the types of rosbag2_interfaces, else std_srvs/Trigger and rpud_msgs/IsPaused.
 _ACTIONS: dict[str, Callable[[Intake], None]] = {
     "pause": Intake.pause,
-    "resume": Intake.resume,
+    "resume": lambda intake: intake.pause(False),
     "is_paused": lambda intake: None,
-    "toggle_paused": lambda intake: intake.resume() if intake.paused else intake.pause(),
+    "toggle_paused": lambda intake: intake.pause(not intake.paused),
     "split_bagfile": lambda intake: intake.do(BagWriter.split),
 }
 _TEXTS = {"is_paused": "", "split_bagfile": "goes on in a new file"}
@@ -56,45 +58,39 @@ class Recorder(Node):
         self._options = options
         self._named: frozenset[str] = frozenset(map(self.resolve_topic_name, options.topics))
         self._prefix = self.get_namespace().rstrip("/") + "/"
-        self._topics: dict[str, RecordedTopic] = {}
-        self._batch: list[Message] = []
-        self._end: int | None = None  # of the recording [ns since the epoch]
-        # When it received last, and when its latest standstill ended, by the monotonic clock [s].
-        self._received_at = float("inf")
-        self._stood_still: float | None = None
-        self._next_line = float("-inf")
-        self.suppressed = 0  # errors that data from the network raised
+        self.topics: dict[str, RecordedTopic] = {}  # that are subscribed
         # topics, and further types of recorded ones, that are not recorded, with reasons
         self.skipped: dict[str, str] = {}
-        self.missing: list[str] = []  # requested topics that never appeared, known after ``finish``
         self.taken = 0  # messages that were received
+        self.suppressed = 0  # errors that data from the network raised
+        self._batch: list[Message] = []
+        self._end = inf  # of the recording [ns since the epoch]
+        # By the monotonic clock [s]: the last reception, the latest standstill's end, a next line.
+        self._received_at, self._stood_still, self._next_line = inf, inf, -inf
+        # ``serve`` takes the requests, so nothing ever calls the callback.
+        self._servers: dict[str, Any] = {
+            name: self.create_service(kind, f"~/{name}", lambda _, response: response)
+            for name in _ACTIONS
+            if (kind := rosbag_service(name)) is not None
+        }
 
     @property
-    def topic_count(self) -> int:
-        """Number of subscribed topics."""
-        return len(self._topics)
+    def missing(self) -> list[str]:
+        """Requested topics that have not appeared."""
+        known = self.topics.keys() | self.skipped.keys()
+        return sorted(name for name in self._named if self.wants(name) and name not in known)
 
     @property
     def complete(self) -> bool:
         """Whether every requested topic is subscribed or skipped; only names can be complete."""
         options = self._options
         closed = options.topics and options.regex is None and not options.everything
-        known = self._topics.keys() | self.skipped.keys()
-        return bool(closed) and all(name in known for name in self._named if self.wants(name))
+        return bool(closed) and not self.missing
 
     @property
     def losses(self) -> dict[str, Losses]:
         refused = self.intake.refused
-        return {name: topic.losses(refused[name]) for name, topic in self._topics.items()}
-
-    @property
-    def renewals(self) -> dict[str, int]:
-        return {name: topic.renewals for name, topic in self._topics.items() if topic.renewals}
-
-    @property
-    def further_types(self) -> list[str]:
-        """Recorded topics that have other types as well, which are not recorded."""
-        return sorted(name for name, topic in self._topics.items() if topic.further_types)
+        return {name: topic.losses(refused[name]) for name, topic in self.topics.items()}
 
     @contextmanager
     def guard(self, what: str) -> Iterator[None]:
@@ -133,44 +129,48 @@ class Recorder(Node):
 
         Topics whose publishers have changed are subscribed again where necessary.
         """
-        known = len(self._topics) + len(self.skipped)
+        known = len(self.topics) + len(self.skipped)
         for name, types in self.get_topic_names_and_types():
-            if not self.wants(name):
-                continue
-            if name not in self._topics and name not in self.skipped:
-                self._begin(name, types)
-            if name in self._topics:
-                self._note_types(self._topics[name], types)
-        for topic in self._topics.values():
+            if self.wants(name) and name not in self.skipped:
+                self._subscribe(name, types)
+        for topic in self.topics.values():
             with self.guard(f"what is known of {topic.name}"):
                 if reason := topic.follow():
                     self._renew(topic, reason)
-        self._renew_silent()
-        return len(self._topics) + len(self.skipped) > known
+        if time.monotonic() >= self._stood_still + _SILENCE:
+            # A publisher that dropped us meanwhile sends nothing more, yet seems connected here.
+            for topic in self.topics.values():
+                if topic.endpoints and topic.received_at < self._stood_still + _BACKLOG:
+                    topic.renewals += 1
+                    self._renew(topic, "nothing arrived since the recorder stood still")
+            self._stood_still = inf
+        return len(self.topics) + len(self.skipped) > known
 
-    def receive(self, until: int | None = None) -> bool:
-        """Hand arrived messages to the intake; return whether there may be more.
+    def receive(self) -> float:
+        """Hand arrived messages to the intake.
 
-        With ``until`` [ns since the epoch], a topic is done at the first message received later.
+        Return the time of reception [ns since the epoch] up to which none is left, infinite if none
+        is left at all.
         """
-        more = False
-        began = time.time_ns()
-        self._note_standstill()
-        for topic in self._topics.values():
+        now = time.monotonic()
+        if now - self._received_at >= _STANDSTILL:
+            self._stood_still = now
+            self.get_logger().warning(f"it stood still for {now - self._received_at:.1f} s")
+        self._received_at = now
+        began, done = time.time_ns(), inf
+        for topic in self.topics.values():
             with self.guard(f"a message of {topic.name}"):
-                more |= self._receive(topic, until)
+                done = min(done, self._receive(topic))
         # The bag has messages in the order of their reception. A message that came since the first
         # topic was emptied may be later than one that this topic has received by now.
         self._batch.sort(key=_log_time)
-        ripe = bisect_right(self._batch, began, key=_log_time)
-        self._hand_over(self._batch[:ripe])
-        del self._batch[:ripe]
-        return more
+        self._hand_over(bisect_right(self._batch, began, key=_log_time))
+        return done
 
     def receive_all(self) -> None:
         """Hand the intake all that has arrived until now."""
         until = time.time_ns()
-        while self.receive(until):
+        while self.receive() <= until:
             pass
 
     def end(self) -> None:
@@ -181,137 +181,84 @@ class Recorder(Node):
         self._end = time.time_ns()
 
     def finish(self) -> None:
-        """Hand over the last messages, declare silent topics, and list missing ones."""
-        self._hand_over(self._batch)
-        self._batch.clear()
-        for topic in self._topics.values():
+        """Hand over the last messages, and declare silent topics."""
+        self._hand_over(len(self._batch))
+        for topic in self.topics.values():
             self._declare(topic, received=False)
-        for name in sorted(self._named):
-            if self.wants(name) and name not in self._topics and name not in self.skipped:
-                self.missing.append(name)
-                self.skipped[name] = "it never appeared"
 
-    def _hand_over(self, messages: Sequence[Message]) -> None:
-        self.taken += len(messages)
-        for message in messages:
+    def serve(self) -> None:
+        """Do what services were asked for, and answer."""
+        for name, server in self._servers.items():
+            with self.guard("a request"):
+                with server.handle:
+                    request, header = server.handle.service_take_request(server.srv_type.Request)
+                if request is None or header is None:
+                    continue
+                self.receive_all()
+                _ACTIONS[name](self.intake)
+                paused = self.intake.paused
+                if text := _TEXTS.get(name, "paused" if paused else "resumed"):
+                    self.get_logger().info(text)
+                answers = {"success": True, "message": text, "paused": paused}
+                server.send_response(fill_known(server.srv_type.Response(), answers), header)
+
+    def _hand_over(self, count: int) -> None:
+        self.taken += count
+        for message in self._batch[:count]:
             self.intake.put(message)
+        del self._batch[:count]
 
-    def _begin(self, name: str, types: Sequence[str]) -> None:
-        """Subscribe to a topic with the first of its types that is possible."""
+    def _subscribe(self, name: str, types: Sequence[str]) -> None:
+        """Subscribe to a topic with the first of its types that is possible; name the others."""
         reasons = []
-        for type_name in types:
+        for type_name in types if name not in self.topics else ():
             try:
-                self._topics[name] = RecordedTopic(self, name, type_name)
+                self.topics[name] = RecordedTopic(self, name, type_name)
                 self.get_logger().info(f"subscribed {name} [{type_name}]")
-                return
+                break
             except (UnknownTypeError, RuntimeError) as error:  # RCLError
                 reasons.append(str(error))
-        self._skip(name, "; ".join(reasons) or "it has no type")
-
-    def _note_types(self, topic: RecordedTopic, types: Sequence[str]) -> None:
+        topic = self.topics.get(name)
+        if topic is None:
+            self._skip(name, "; ".join(reasons) or "it has no type")
+            return
         # The middleware has one type for a topic in one participant.
         for type_name in types:
             if type_name != topic.type and type_name not in topic.further_types:
                 topic.further_types.add(type_name)
-                self._skip(f"{topic.name} [{type_name}]", f"the topic is recorded as {topic.type}")
+                self._skip(f"{name} [{type_name}]", f"the topic is recorded as {topic.type}")
 
     def _skip(self, name: str, reason: str) -> None:
         self.skipped[name] = reason
         self.get_logger().warning(f"not recorded: {name}: {reason}")
 
-    def _note_standstill(self) -> None:
-        """Note that it runs, and whether it was frozen before, or got no share of the machine."""
-        now = time.monotonic()
-        pause, self._received_at = now - self._received_at, now
-        if pause >= _STANDSTILL:
-            self._stood_still = now
-            self.get_logger().warning(f"it stood still for {pause:.1f} s")
-
-    def _renew_silent(self) -> None:
-        """Renew subscriptions that are silent since a standstill.
-
-        A publisher that dropped us in the meantime sends nothing more, yet seems connected here.
-        """
-        if self._stood_still is None or time.monotonic() < self._stood_still + _SILENCE:
-            return
-        since, self._stood_still = self._stood_still + _BACKLOG, None
-        for topic in self._topics.values():
-            if topic.endpoints and topic.received_at < since:
-                topic.renewals += 1
-                self._renew(topic, "nothing arrived since the recorder stood still")
-
     def _renew(self, topic: RecordedTopic, reason: str) -> None:
-        while self._receive(topic, None):
+        while self._receive(topic) < inf:
             pass
         topic.renew()
         self.get_logger().warning(f"subscribed {topic.name} again, as {reason}")
 
-    def _receive(self, topic: RecordedTopic, until: int | None) -> bool:
+    def _receive(self, topic: RecordedTopic) -> float:
+        """Take some messages of a topic; return the time of the last one, infinite if none is left.
+
+        Times are those of reception [ns since the epoch].
+        """
         handle = topic.subscription.handle
         with handle:
             for _ in range(_BATCH_SIZE):
                 taken = handle.take_message(topic.message, True)
                 if taken is None:
-                    return False
+                    return inf
                 data, info = taken
-                if self._is_late(info):
-                    if until is not None and info["received_timestamp"] > until:
-                        return False
+                if min(info["source_timestamp"], info["received_timestamp"]) > self._end:
                     continue
                 message = topic.accept(data, info, counts=not self.intake.paused)
-                if message is None:
-                    continue
-                self._declare(topic, received=True)
-                self._batch.append(message)
-                if until is not None and message.log_time > until:
-                    return False
-        return True
-
-    def _is_late(self, info: dict[str, Any]) -> bool:
-        if self._end is None:
-            return False
-        return min(info["source_timestamp"], info["received_timestamp"]) > self._end
+                if message is not None:
+                    self._declare(topic, received=True)
+                    self._batch.append(message)
+        return float(info["received_timestamp"])
 
     def _declare(self, topic: RecordedTopic, *, received: bool) -> None:
         if not topic.declared:
             topic.declared = True
             self.intake.declare(*topic.declaration(received=received))
-
-
-class RecorderServices:
-    """Services that pause, resume and split a recording.
-
-    They are ``~/pause``, ``~/resume``, ``~/toggle_paused``, ``~/is_paused`` and
-    ``~/split_bagfile``, of the types of rosbag2_interfaces, else std_srvs/Trigger and
-    rpud_msgs/IsPaused. The node needs no executor: ``serve`` does waiting requests.
-    """
-
-    def __init__(self, node: Recorder) -> None:
-        self._node = node
-        # ``serve`` takes the requests, so nothing ever calls the callback.
-        self._services = {
-            name: node.create_service(kind, f"~/{name}", lambda _, response: response)
-            for name in _ACTIONS
-            if (kind := rosbag_service(name)) is not None
-        }
-
-    def serve(self) -> None:
-        """Do what was asked for, and answer."""
-        for name, server in self._services.items():
-            with self._node.guard("a request"):
-                self._serve(name, server)
-
-    def _serve(self, name: str, server: Any) -> None:
-        node, kind = self._node, server.srv_type
-        with server.handle:
-            request, header = server.handle.service_take_request(kind.Request)
-        if request is None or header is None:
-            return
-        node.receive_all()
-        _ACTIONS[name](node.intake)
-        paused = node.intake.paused
-        text = _TEXTS.get(name, "paused" if paused else "resumed")
-        if text:
-            node.get_logger().info(text)
-        answers = {"success": True, "message": text, "paused": paused}
-        server.send_response(fill_known(kind.Response(), answers), header)

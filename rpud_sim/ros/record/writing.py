@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-import os
 import queue
 import threading
 import time
 from collections import Counter
 from collections.abc import Callable, Mapping
-from pathlib import Path
+from contextlib import suppress
 
-from rpud_sim.bag import BagError, BagWriter, Message, Topic
+from rpud_sim.bag import BagWriter, Message, Topic
 from rpud_sim.bag.messages import LatchedMessages
 from rpud_sim.ros.record.record_options import RecordOptions
-
-_RESERVE = 32 * 2**20  # bytes to leave free: also for data in memory at the time of a check
-_CHECK_PERIOD = 0.1  # of the free space [s]
 
 Item = Message | Callable[[BagWriter], object]
 
@@ -66,17 +62,14 @@ class Intake:
         """Queue what else to do with the bag; there is always room for it."""
         self._items.put(action)
 
-    def pause(self) -> None:
-        self.paused = True
-
-    def resume(self) -> None:
-        """Write messages again, first the last ones of latched topics."""
-        if not self.paused:
-            return
-        self.paused = False
-        for message in self._discarded.at(time.time_ns()):
-            self.put(message)
-        self._discarded.clear()
+    def pause(self, paused: bool = True) -> None:
+        """Discard messages from now on, or write them again, first the last latched ones."""
+        if self.paused and not paused:
+            self.paused = False
+            for message in self._discarded.at(time.time_ns()):
+                self.put(message)
+            self._discarded.clear()
+        self.paused = paused
 
     def close(self) -> None:
         self._items.put(None)
@@ -87,34 +80,6 @@ class Intake:
         if isinstance(item, Message):
             self._got_bytes += len(item.data)
         return item
-
-
-class DiskRoom:
-    """Limit of a bag: by its size [bytes], None for none, and by the free space of its disk."""
-
-    def __init__(self, path: Path, limit: int | None) -> None:
-        self._path = path
-        self._limit = limit
-        self._checked = float("-inf")
-        self._free = 0  # bytes, at the last check
-        self._size = 0  # the bag's at that time
-
-    def refusal(self, closed_size: int, size: int) -> str:
-        """Return why there is no room for a message in a bag of this closed size [bytes], or ""."""
-        if self._limit is not None and closed_size + size > self._limit:
-            return f"it has reached --max-disk {self._limit} bytes"
-        now = time.monotonic()
-        if now >= self._checked + _CHECK_PERIOD:
-            self._checked = now
-            try:
-                disk = os.statvfs(self._path)
-            except OSError as error:
-                raise BagError(f"cannot look at {self._path}: {error.strerror}") from error
-            self._free = disk.f_bavail * disk.f_frsize
-            self._size = closed_size
-        if closed_size - self._size + size + _RESERVE > self._free:
-            return f"the disk of {self._path} has {self._free} bytes left"
-        return ""
 
 
 class WritingThread(threading.Thread):
@@ -145,7 +110,7 @@ class WritingThread(threading.Thread):
         self._intake = intake
         self._bag = bag
         self._on_end = on_end
-        self._room = DiskRoom(bag.path, max_disk)
+        self._max_disk = max_disk
         self._period = 0.5 * max_loss
         self._oldest: int | None = None  # log time of a message that may not be on the disk [ns]
 
@@ -160,37 +125,34 @@ class WritingThread(threading.Thread):
     def _write(self) -> None:
         flush_at = time.monotonic() + self._period
         while True:
-            try:
+            with suppress(queue.Empty):
                 item = self._intake.get(flush_at - time.monotonic())
-            except queue.Empty:
-                pass
-            else:
                 if item is None:
                     return
                 self._add(item)
-            now = time.monotonic()
-            if now >= flush_at:
+            if time.monotonic() >= flush_at:
                 self._flush()
-                flush_at = now + self._period
+                flush_at = time.monotonic() + self._period
 
     def _add(self, item: Item) -> None:
         if not isinstance(item, Message):
             if not (self.refusal and item is BagWriter.split):  # a new file would need room, too
                 item(self._bag)
-        elif self._has_room(len(item.data)):
+            return
+        if not self.refusal:
+            self.refusal = self._refuse(len(item.data))
+            if self.refusal:
+                self._on_end()
+                return
             if self._oldest is None:
                 self._oldest = item.log_time
             self._bag.write(item.topic, item.data, item.log_time, item.publish_time)
 
-    def _has_room(self, size: int) -> bool:
-        if self.refusal:
-            return False
-        self.refusal = self._room.refusal(self._bag.closed_size, size)
-        if not self.refusal and not self._bag.reserve(size):
-            self.refusal = f"the disk of {self._bag.path} is full"
-        if self.refusal:
-            self._on_end()
-        return not self.refusal
+    def _refuse(self, size: int) -> str:
+        """Return why a message of this size [bytes] has no room, or ""."""
+        if self._max_disk is not None and self._bag.closed_size + size > self._max_disk:
+            return f"it has reached --max-disk {self._max_disk} bytes"
+        return "" if self._bag.reserve(size) else f"the disk of {self._bag.path} is full"
 
     def _flush(self) -> None:
         self._bag.flush()

@@ -1,4 +1,4 @@
-"""Playback of a bag: messages when they are due, under control. No ROS; times in ns."""
+"""Playback of a bag: messages when they are due, under control; times in ns."""
 
 from __future__ import annotations
 
@@ -7,15 +7,16 @@ import threading
 import time
 from collections.abc import Callable, Generator, Iterable
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import inf
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, TypeVar
 
 from rpud_sim.bag import Message
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.ros.delay_histogram import DelayHistogram
 from rpud_sim.ros.replay.replay_options import RATE
+from rpud_sim.ros.threads import Requests, StoppedError, schedule_thread
 
 if TYPE_CHECKING:
     from rpud_sim.ros.replay.replayer_node import Replayer
@@ -26,107 +27,64 @@ _BATCHES = 16
 _BEHIND = SECOND // 20  # later than this, messages come as fast as they can
 _LOOP_PAUSE = SECOND // 10  # between two passes, so that a bag of one message is no flood
 _BUNDLE_TIME = SECOND // 1000  # in which messages are published before requests are served again
+_LONGEST_SLEEP = 3600.0  # s; the system call refuses more than some decades
+_SHORTEST_SLEEP = 2e-4  # s; messages of less than this come together, and wake their listeners once
+
+Result = TypeVar("Result")
+Messages = Generator[Message, None, None]
 
 
-@dataclass(frozen=True)
-class Timeline:
-    """Position in a bag as a function of a monotonic clock; all times are integer nanoseconds.
-
-    Every change but a seek keeps the position.
-    """
-
-    position: int  # in the bag until ``since``
-    since: int  # time of the clock from which on it moves, unless it is paused
-    rate: float = 1.0  # bag time over clock time
-    paused: bool = False  # whether it stands still
-
-    def position_at(self, now: int) -> int:
-        if self.paused:
-            return self.position
-        return self.position + round(max(0, now - self.since) * self.rate)
-
-    def due(self, position: int) -> float:
-        """Return the time of the clock at which a position is reached; infinite if paused."""
-        if self.paused:
-            return float("inf")
-        return self.since + (position - self.position) / self.rate
-
-    def seek(self, now: int, position: int) -> Timeline:
-        return replace(self, position=position, since=now)
-
-    def changed(self, now: int, **changes: Any) -> Timeline:
-        """Return one with another rate or pause from now on."""
-        return replace(self, position=self.position_at(now), since=max(now, self.since), **changes)
-
-
-class ReadAhead:
-    """Iterator over messages that a thread reads in advance.
+def read_ahead(messages: Iterable[Message]) -> Messages:
+    """Yield messages that a thread reads in advance, with the error of reading at the end.
 
     At most about 4,000 messages wait, or 16 MiB and one message for each of 16 batches. So many are
-    read when it is made: later on the thread has little to do at a time, and the messages before it
-    are not late. An error of reading is raised after the last message. While it is open no one else
-    may read the same files.
+    read before the first one comes: later on the thread has little to do at a time, and messages
+    are not late. Until this is closed no one else may read the same files.
     """
+    batches: queue.Queue[list[Message] | Exception | None] = queue.Queue(_BATCHES)
+    full, closed = threading.Event(), threading.Event()
 
-    def __init__(self, messages: Iterable[Message]) -> None:
-        self._batches: queue.Queue[list[Message] | Exception] = queue.Queue(_BATCHES)
-        self._full = threading.Event()
-        self._closed = False
-        self._iterator = self._iterate()
-        self._thread = threading.Thread(target=self._read, args=(messages,), daemon=True)
-        self._thread.start()
-        self._full.wait()
+    def hand_over(item: list[Message] | Exception | None) -> None:
+        if batches.full():
+            full.set()
+        batches.put(item)
 
-    def __iter__(self) -> ReadAhead:
-        return self
-
-    def __next__(self) -> Message:
-        """Return the next message; wait until it is read."""
-        return next(self._iterator)
-
-    def close(self) -> None:
-        """End reading, and wait until the thread has ended."""
-        self._closed = True
-        self._iterator.close()
-        with suppress(queue.Empty):  # the thread may wait for room
-            while True:
-                self._batches.get_nowait()
-        self._thread.join()
-
-    def _iterate(self) -> Generator[Message, None, None]:
-        while batch := self._batches.get():
-            if isinstance(batch, Exception):
-                raise batch
-            yield from batch
-
-    def _read(self, messages: Iterable[Message]) -> None:
+    def read() -> None:
         batch: list[Message] = []
         size = 0
-        end: list[Message] | Exception = []
+        end = None
         try:
             for message in messages:
                 batch.append(message)
                 size += len(message.data)
                 if len(batch) == _BATCH_MESSAGES or size >= _BATCH_BYTES:
-                    if not self._hand_over(batch):
-                        return
+                    hand_over(batch)
                     batch, size = [], 0
+                if closed.is_set():
+                    return
         except Exception as error:
             end = error
-        if not batch or self._hand_over(batch):
-            self._hand_over(end)
-        self._full.set()
+        hand_over(batch)
+        hand_over(end)
+        full.set()
 
-    def _hand_over(self, batch: list[Message] | Exception) -> bool:
-        if self._batches.full():
-            self._full.set()
-        if self._closed:
-            return False
-        self._batches.put(batch)
-        return True
+    thread = threading.Thread(target=read, daemon=True)
+    thread.start()
+    full.wait()
+    try:
+        while (batch := batches.get()) is not None:
+            if isinstance(batch, Exception):
+                raise batch
+            yield from batch
+    finally:
+        closed.set()
+        with suppress(queue.Empty):  # the thread may wait for room
+            while True:
+                batches.get_nowait()
+        thread.join()
 
 
-class RefusedError(Exception):
+class PlaybackError(Exception):
     """Request that the state of the replay does not permit; it changes nothing."""
 
 
@@ -144,54 +102,71 @@ class Plan:
 
 
 class Playback:
-    """Publishes messages on a timeline that can be paused, stepped, sped up and moved.
+    """Publishes messages at times that can be paused, stepped, sped up and moved.
 
-    ``read`` opens the messages from a time of the bag [ns] on. ``clock`` is monotonic [ns].
+    ``read`` opens the messages from a time of the bag [ns] on. ``clock`` is monotonic [ns]. It ends
+    when ``interrupted`` says so. One thread plays, by ``run``; others reach it by ``do``.
     """
 
     def __init__(
         self,
-        read: Callable[[int], ReadAhead],
+        read: Callable[[int], Messages],
         plan: Plan,
         outputs: Replayer,
         clock: Callable[[], int] = time.monotonic_ns,
+        interrupted: Callable[[], bool] = lambda: False,
     ) -> None:
         self._read = read
         self._plan = plan
         self._outputs = outputs
         self._clock = clock
-        self._messages: ReadAhead | None = None
-        self._next: Message | None = None
-        self._timeline = Timeline(plan.first, clock(), plan.rate, plan.paused)
-        self._tick = inf
+        self._interrupted = interrupted
+        self._messages: Messages | None = None
+        self._next: Message | None = None  # to publish; None at the end
+        self.rate = plan.rate  # bag time over real time, outside of pauses
+        self.paused = plan.paused
+        self._from = plan.first  # position in the bag from the clock's time ``_since`` on
+        self._since = clock()
+        self._tick = inf  # time of the clock at which ``/clock`` is due
         self._stopped = False
         self._failure: Exception | None = None
+        self._wake = threading.Event()
+        self._requests = Requests(self._wake.set)
         self.published = 0
         self.lateness = DelayHistogram()
 
-    @property
-    def paused(self) -> bool:
-        return self._timeline.paused
+    def run(self, priority: int = 0) -> None:
+        """Play to the end, by real-time priority unless 0; raise errors of reading and sending."""
+        schedule_thread(priority)
+        try:
+            self.begin()
+            while (delay := self.advance()) is not None:
+                if delay > 0:
+                    self._wake.wait(min(max(delay, _SHORTEST_SLEEP), _LONGEST_SLEEP))
+                self._wake.clear()
+                self._requests.serve()
+        finally:
+            self._requests.close()
+            self.close()
 
-    @property
-    def rate(self) -> float:
-        """Bag time over real time, outside of pauses."""
-        return self._timeline.rate
+    def do(self, action: Callable[[Playback], Result]) -> Result:
+        """Have something done between two messages; return its result, raise what it raises."""
+        try:
+            return self._requests.do(lambda: action(self))
+        except StoppedError:
+            raise PlaybackError("the replay has ended") from None
 
     @property
     def position(self) -> int:
         """Position in the bag [ns]; never beyond a message that is still to be published."""
-        position = self._timeline.position_at(self._clock())
-        following = self._next  # another thread may ask
+        position, following = self._position_at(self._clock()), self._next
         return position if following is None else min(position, following.log_time)
 
     def begin(self) -> None:
         """Start at the plan's first time, now, when its first message is read."""
-        self._open(self._plan.first)
-        now = self._clock()
-        self._timeline = self._timeline.seek(now, self._plan.first)
+        self._go(self._plan.first)
         if self._plan.tick is not None:
-            self._tick = now
+            self._tick = self._since
 
     def advance(self) -> float | None:
         """Publish what is due, for a millisecond at most; return the time until the next call [s].
@@ -199,135 +174,126 @@ class Playback:
         Zero is at once, infinity is after the next request, None is the end. Errors of reading and
         publishing are raised.
         """
-        if self._stopped:
+        if self._stopped or self._interrupted():
             return None
         if self._failure is not None:
             raise self._failure
         if self._next is None and not self.paused:
             if not self._plan.loop:
                 return None
-            self._open(self._plan.first)
-            self._timeline = self._timeline.seek(self._clock() + _LOOP_PAUSE, self._plan.first)
-        due = inf if self._next is None else self._timeline.due(self._next.log_time)
-        earliest = min(due, self._tick)
+            self._go(self._plan.first, _LOOP_PAUSE)
+        due = self._due()
         now = self._clock()
-        if now < earliest:
-            return (earliest - now) / SECOND
+        if now < min(due, self._tick):
+            return (min(due, self._tick) - now) / SECOND
         if self._tick <= due:
             # A tick comes before the messages of its time, however late both are.
-            self._outputs.publish_clock(self._timeline.position_at(round(self._tick)))
+            self._outputs.publish_clock(self._position_at(round(self._tick)))
             self._tick += self._plan.tick or inf
-        else:
-            self._publish_due(now)
+            return 0.0
+        end = now + _BUNDLE_TIME
+        while due <= now < end and due < self._tick and not self._stopped:
+            self.lateness.add(now - due)
+            # Faster than recorded, subscribers are not used to it.
+            self._publish(hurried=self.rate > 1.0 or now - due > _BEHIND)
+            due, now = self._due(), self._clock()
         return 0.0
-
-    def _publish_due(self, now: int) -> None:
-        """Publish messages from ``now`` [ns] on, until none is due, or a tick, or the time is over.
-
-        It works with local variables: everything in this loop is paid for each message.
-        """
-        timeline, message = self._timeline, self._next
-        since, position, rate = timeline.since, timeline.position, timeline.rate
-        publish, take, clock = self._outputs.publish, self._take, self._clock
-        note, tick, end = self.lateness.add, self._tick, now + _BUNDLE_TIME
-        fast = rate > 1.0  # than subscribers of the recorded publishers had to be
-        count = 0
-        try:
-            while message is not None and now < end and not self._stopped:
-                due = since + (message.log_time - position) / rate  # that of the timeline
-                if now < due or tick <= due:
-                    break
-                note(now - due)
-                publish(message, hurried=fast or now - due > _BEHIND)
-                count += 1
-                message = take()
-                now = clock()
-        finally:
-            self.published += count
-            self._next = message
 
     def stop(self) -> None:
         """End the playback; any thread may call this."""
         self._stopped = True
+        self._wake.set()
 
     def close(self) -> None:
         if self._messages is not None:
             self._messages.close()
 
-    def pause(self) -> None:
-        self._change(paused=True)
+    # Requests: of the thread that plays.
 
-    def resume(self) -> None:
-        if self.paused:
-            self._change(paused=False)
+    def play(self) -> None:
+        raise PlaybackError("the replay has begun")
 
-    def toggle_paused(self) -> None:
-        self.resume() if self.paused else self.pause()
+    def pause(self, paused: bool = True) -> None:
+        if paused != self.paused:
+            self._stay()
+            self.paused = paused
 
     def set_rate(self, rate: float) -> None:
         """Set bag time over real time, in the range of ``RATE``."""
         try:
             RATE.check("rate", rate)
         except ParameterError as error:
-            raise RefusedError(str(error)) from None
-        self._change(rate=rate)
+            raise PlaybackError(str(error)) from None
+        self._stay()
+        self.rate = rate
 
     def seek(self, position: int) -> None:
         """Go to a time of the bag [ns], or the first played if later; after the last is refused."""
-        first, last = self._plan.first, self._plan.last
-        if position > last:
-            raise RefusedError(
-                f"time = {position / SECOND:.3f} s is after the last, {last / SECOND:.3f} s"
+        if position > self._plan.last:
+            raise PlaybackError(
+                f"time = {position / SECOND:.3f} s is after the last, "
+                f"{self._plan.last / SECOND:.3f} s"
             )
-        position = max(first, position)
-        self._open(position)
-        self._timeline = self._timeline.seek(self._clock(), position)
+        self._go(max(self._plan.first, position))
 
     def play_next(self) -> None:
         """Publish the next message of a paused playback; its time is the position then."""
         if not self.paused:
-            raise RefusedError("the replay is not paused")
+            raise PlaybackError("the replay is not paused")
         if self._next is None:
-            raise RefusedError("the replay is at its end")
-        time_of_next = self._next.log_time
-        self._timeline = self._timeline.seek(self._clock(), time_of_next)
+            raise PlaybackError("the replay is at its end")
+        self._from = self._next.log_time
         if self._plan.tick is not None:
-            self._outputs.publish_clock(time_of_next)
-        self._outputs.publish(self._next, hurried=True)
-        self.published += 1
-        self._next = None
-        self._next = self._take()
+            self._outputs.publish_clock(self._from)
+        self._publish(hurried=True)
 
     def burst(self, count: int) -> int:
         """Publish the next messages of a paused playback, all for a count of 0; return how many."""
         if not self.paused:
-            raise RefusedError("the replay is not paused")
+            raise PlaybackError("the replay is not paused")
         before = self.published
-        while self._next is not None and not self._stopped:
+        while self._next is not None and not self._stopped and not self._interrupted():
             self.play_next()
             if self.published - before == count:
                 break
         return self.published - before
 
-    def _open(self, position: int) -> None:
+    def _position_at(self, now: int) -> int:
+        if self.paused:
+            return self._from
+        return self._from + round(max(0, now - self._since) * self.rate)
+
+    def _due(self) -> float:
+        """Return the time of the clock at which the next message is due; infinite for never."""
+        if self._next is None or self.paused:
+            return inf
+        return self._since + (self._next.log_time - self._from) / self.rate
+
+    def _stay(self) -> None:
+        """Let a change of rate or pause begin here, and not beyond a message that is due."""
+        self._from, self._since = self.position, max(self._clock(), self._since)
+
+    def _go(self, position: int, pause: int = 0) -> None:
+        """Read from a position on, and be there after a pause."""
         self.close()
         self._messages = self._read(position)
-        self._next = None
-        self._next = self._take()
+        self._take()
+        self._from, self._since = position, self._clock() + pause
 
-    def _take(self) -> Message | None:
-        """Return the next message to publish; None at the end and after an error of reading."""
+    def _publish(self, *, hurried: bool) -> None:
+        assert self._next is not None
+        self._outputs.publish(self._next, hurried=hurried)
+        self.published += 1
+        self._take()
+
+    def _take(self) -> None:
+        """Take the next message; none at the end and after an error of reading."""
         assert self._messages is not None
+        self._next = None
         try:
             message = next(self._messages, None)
         except Exception as error:  # it ends the replay, not only the request that led here
             self._failure = error
-            return None
-        return None if message is None or message.log_time > self._plan.last else message
-
-    def _change(self, **changes: Any) -> None:
-        """Change rate or pause from here on, and not from beyond a message that is due."""
-        now = self._clock()
-        if (position := self.position) < self._timeline.position_at(now):
-            self._timeline = self._timeline.seek(now, position)
-        self._timeline = self._timeline.changed(now, **changes)
+            return
+        if message is not None and message.log_time <= self._plan.last:
+            self._next = message

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from functools import partial
-from typing import Any, TypeVar
+from typing import Any
 
 import rclpy
 from rclpy.exceptions import ParameterException
@@ -17,138 +16,63 @@ import rpud_sim.bag
 from rpud_sim.bag import BagReader, TopicSummary
 from rpud_sim.foundation.quantities import ExpectedError, ParameterError, suggestion
 from rpud_sim.foundation.terminal import printable
-from rpud_sim.foundation.time import SECOND
+from rpud_sim.foundation.time import SECOND, join_seconds
 from rpud_sim.ros.graph import fill_known, rosbag_service
-from rpud_sim.ros.replay.playback import Plan, Playback, ReadAhead, RefusedError
+from rpud_sim.ros.replay.playback import Messages, Plan, Playback, PlaybackError, read_ahead
 from rpud_sim.ros.replay.replay_options import DISCOVERY_TIME, ReplayOptions
 from rpud_sim.ros.replay.replayer_node import Replayer
 from rpud_sim.ros.starting import StartError, start_ros
 from rpud_sim.ros.stopping import StopRequest
-from rpud_sim.ros.threads import (
-    Requests,
-    StoppedError,
-    quick_switches,
-    raised,
-    schedule_thread,
-    serve,
-    settled_memory,
-)
-
-Result = TypeVar("Result")
-
-_LONGEST_SLEEP = 3600.0  # s; the system call refuses more than some decades
-_SHORTEST_SLEEP = 2e-4  # s; messages of less than this come together, and wake their listeners once
+from rpud_sim.ros.threads import quick_switches, raised, serve, settled_memory
 
 _PRIORITY = 10  # as of a drill: in real time or slower; faster, it could keep a core for itself
 _SETTLING_TIME = 0.2  # s from a publisher's match to the subscriber's own
 _POLL_PERIOD = 0.01  # s
-_BAR_PERIOD = 0.05  # s
 _ACKNOWLEDGEMENT_TIME = 5.0  # s that reliable subscribers have after the last message
 MakeBar = Callable[..., Any]
 """Maker of a progress bar: a ``tqdm`` with a ``title`` and a ``total`` in seconds."""
 
 
-class PlaybackThread:
-    """Thread that plays, by real-time priority unless 0; others reach the playback by ``do``."""
-
-    def __init__(self, playback: Playback, priority: int = 0) -> None:
-        self._playback = playback
-        self._priority = priority
-        self._wake = threading.Event()
-        self._requests = Requests(self._wake.set)
-        self._error: Exception | None = None
-        self._thread = threading.Thread(target=self._run, name="playback", daemon=True)
-
-    def start(self) -> None:
-        self._thread.start()
-
-    @property
-    def running(self) -> bool:
-        return self._thread.is_alive()
-
-    def do(self, action: Callable[[Playback], Result]) -> Result:
-        """Have something done between two messages; return its result, raise what it raises."""
-        return self._requests.do(lambda: action(self._playback))
-
-    def stop(self) -> None:
-        self._playback.stop()
-        self._wake.set()
-
-    def join(self) -> None:
-        """Wait for the end, and raise what it ended with."""
-        self._thread.join()
-        if self._error is not None:
-            raise self._error
-
-    def _run(self) -> None:
-        schedule_thread(self._priority)
-        try:
-            self._playback.begin()
-            while True:
-                self._wake.clear()
-                self._requests.serve()
-                delay = self._playback.advance()
-                if delay is None:
-                    break
-                if delay > 0:
-                    self._wake.wait(min(max(delay, _SHORTEST_SLEEP), _LONGEST_SLEEP))
-        except Exception as error:
-            self._error = error
-        finally:
-            self._requests.close()
-            self._playback.close()
-
-
-def _seek(playback: Playback, request: Any) -> None:
-    playback.seek(int(request.time.sec) * SECOND + int(request.time.nanosec))
-
-
-def _play(playback: Playback, request: Any) -> None:
-    raise RefusedError("the replay has begun")
-
-
 # They return fields of the response.
 _ACTIONS: dict[str, Callable[[Playback, Any], dict[str, Any] | None]] = {
     "pause": lambda playback, request: playback.pause(),
-    "resume": lambda playback, request: playback.resume(),
-    "toggle_paused": lambda playback, request: playback.toggle_paused(),
+    "resume": lambda playback, request: playback.pause(False),
+    "toggle_paused": lambda playback, request: playback.pause(not playback.paused),
     "is_paused": lambda playback, request: {"paused": playback.paused},
     "get_rate": lambda playback, request: {"rate": playback.rate},
     "set_rate": lambda playback, request: playback.set_rate(request.rate),
-    "seek": _seek,
+    "seek": lambda playback, request: playback.seek(
+        join_seconds(request.time.sec, request.time.nanosec)
+    ),
     "play_next": lambda playback, request: playback.play_next(),
     "burst": lambda playback, request: {"actually_burst": playback.burst(request.num_messages)},
     "stop": lambda playback, request: playback.stop(),
-    "play": _play,
+    "play": lambda playback, request: playback.play(),
 }
 
 
-def offer_services(node: Replayer, thread: PlaybackThread) -> None:
+def offer_services(node: Replayer, playback: Playback) -> None:
     """Offer the services of ``ros2 bag play`` below the node's name, with their meanings.
 
-    They are ``pause``, ``resume``, ``toggle_paused``, ``is_paused``, ``get_rate``, ``set_rate``,
-    ``seek``, ``play_next``, ``burst``, ``stop`` and ``play``, of the types of rosbag2_interfaces.
-    Without that package the types are std_srvs/Trigger and those of rpud_msgs, which also return
-    the reason of a refusal. There is no ``play`` then: a running replay refuses it, and the program
-    ends with its replay.
+    They are of the types of rosbag2_interfaces. Without that package the types are std_srvs/Trigger
+    and those of rpud_msgs, which also return the reason of a refusal. There is no ``play`` then: a
+    running replay refuses it, and the program ends with its replay.
     """
     for name in _ACTIONS:
         if (kind := rosbag_service(name)) is not None:
-            node.create_service(kind, f"~/{name}", partial(_answer, node, thread, name))
+            node.create_service(kind, f"~/{name}", partial(_answer, node, playback, name))
 
 
-def _answer(node: Replayer, thread: PlaybackThread, name: str, request: Any, response: Any) -> Any:
+def _answer(node: Replayer, playback: Playback, name: str, request: Any, response: Any) -> Any:
     try:
-        result = thread.do(lambda playback: _ACTIONS[name](playback, request))
+        result = playback.do(lambda each: _ACTIONS[name](each, request))
         fields = {"success": True, **(result or {})}
-    except (RefusedError, StoppedError) as error:
-        reason = "the replay has ended" if isinstance(error, StoppedError) else str(error)
-        node.get_logger().warning(f"{name} is refused: {reason}")
-        fields = {"success": False, "message": reason}
+    except PlaybackError as error:
+        node.get_logger().warning(f"{name} is refused: {error}")
+        fields = {"success": False, "message": str(error)}
     except Exception as error:  # out of the executor it would leave a client without answer
-        reason = raised(error)
-        node.count_failure(f"{name}: {reason}")
-        fields = {"success": False, "message": reason}
+        node.count_failure(f"{name}: {raised(error)}")
+        fields = {"success": False, "message": raised(error)}
     return fill_known(response, fields)  # not every type has all of them
 
 
@@ -201,21 +125,6 @@ def _chosen_topics(bag: BagReader, options: ReplayOptions) -> list[TopicSummary]
     ]
 
 
-def _plan(bag: BagReader, options: ReplayOptions) -> Plan:
-    first = bag.start_time + round(options.start * SECOND)
-    last = bag.end_time
-    if options.duration is not None:
-        last = min(last, first + round(options.duration * SECOND))
-    return Plan(
-        first=first,
-        last=last,
-        rate=options.rate,
-        paused=options.start_paused,
-        loop=options.loop,
-        tick=None if options.clock is None else SECOND / options.clock,
-    )
-
-
 def _replay(
     bag: BagReader,
     topics: list[TopicSummary],
@@ -233,34 +142,47 @@ def _replay(
         f"{bag.duration / SECOND:.1f} s at {options.rate:g} times real time"
     )
     _await_subscribers(node, stop, patient=options.wait_for_subscribers)
-    plan = _plan(bag, options)
+    first = bag.start_time + round(options.start * SECOND)
+    last = bag.end_time
+    if options.duration is not None:
+        last = min(last, first + round(options.duration * SECOND))
+    plan = Plan(
+        first=first,
+        last=last,
+        rate=options.rate,
+        paused=options.start_paused,
+        loop=options.loop,
+        tick=None if options.clock is None else SECOND / options.clock,
+    )
 
-    def read(position: int) -> ReadAhead:
-        return ReadAhead(bag.messages(node.topic_names, position - bag.start_time))
+    def read(position: int) -> Messages:
+        return read_ahead(bag.messages(node.topic_names, position - bag.start_time))
 
-    playback = Playback(read, plan, node)
-    thread = PlaybackThread(playback, _PRIORITY if options.rate <= 1.0 else 0)
-    offer_services(node, thread)
+    playback = Playback(read, plan, node, interrupted=lambda: stop.requested)
+    offer_services(node, playback)
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
     bar = make_bar(title=printable(bag.path.name), total=(plan.last - plan.first) / SECOND)
-    with (
-        quick_switches(),
-        settled_memory(),
-        _spinning(node),
-        bar,
-    ):
+    with quick_switches(), settled_memory(), bar, ThreadPoolExecutor(1) as pool:
         # Last of all: to make the rest takes Python's lock for longer than a message may wait.
         began = time.monotonic()
-        thread.start()
-        while thread.running and not stop.requested:
-            stop.wait(_BAR_PERIOD)
-            _show(playback, plan, bar)
-        thread.stop()
-        thread.join()
+        playing = pool.submit(playback.run, _PRIORITY if options.rate <= 1.0 else 0)
+        try:
+            while not playing.done() and not stop.requested:
+                serve(executor, node.count_failure)
+                _show(playback, plan, bar)
+        finally:
+            playback.stop()
+        playing.result()
         if not stop.requested:
             for name in node.wait_for_acknowledgement(_ACKNOWLEDGEMENT_TIME):
                 node.get_logger().warning(f"a subscriber of {name} has not confirmed all messages")
-            # Best-effort messages have no acknowledgement, and may still be on their way.
-            stop.wait(_SETTLING_TIME)
+            # Best-effort messages have no acknowledgement, and may still be on their way; whoever
+            # asks now learns that the replay has ended.
+            settled_at = time.monotonic() + _SETTLING_TIME
+            while time.monotonic() < settled_at and not stop.requested:
+                serve(executor, node.count_failure)
+    executor.shutdown()
     failures = f", {node.failures} requests failed" if node.failures else ""
     return (
         f"replayed {playback.published} messages in {time.monotonic() - began:.1f} s, "
@@ -290,24 +212,3 @@ def _await_subscribers(node: Replayer, stop: StopRequest, *, patient: bool) -> N
         if stop.wait(_POLL_PERIOD):
             return
     stop.wait(_SETTLING_TIME)
-
-
-@contextmanager
-def _spinning(node: Replayer) -> Iterator[None]:
-    executor = SingleThreadedExecutor()
-    executor.add_node(node)
-    ended = threading.Event()
-
-    def spin() -> None:
-        while not ended.is_set():
-            serve(executor, node.count_failure)
-
-    thread = threading.Thread(target=spin, name="services", daemon=True)
-    thread.start()
-    try:
-        yield
-    finally:
-        ended.set()
-        executor.wake()
-        thread.join()
-        executor.shutdown()

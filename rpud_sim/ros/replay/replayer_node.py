@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import time
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
 from math import inf
 from typing import Any
 
@@ -17,7 +18,7 @@ from rclpy.qos import DurabilityPolicy, LivelinessPolicy, QoSProfile, Reliabilit
 from rclpy.validate_full_topic_name import validate_full_topic_name
 from rosgraph_msgs.msg import Clock
 
-from rpud_sim.bag import BagError, BagFormatError, Message, Topic, TopicSummary
+from rpud_sim.bag import BagError, BagFormatError, Message, TopicSummary
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.definitions import find_type_hash
 from rpud_sim.bag.metadata import QosProfile as RecordedProfile
@@ -35,6 +36,16 @@ LATCHED_DEPTH = 10
 # Type of the elements of a field, such as ``sequence<rpud_msgs/Fault>``.
 _ELEMENT = re.compile(r"(?:.*<)?(\w+)/(\w+).*")
 _LONGEST_WAIT = 5_000_000_000  # for subscribers of a fast replay [ns]
+
+
+@dataclass
+class _Output:
+    """Publisher of a topic, and how far it may run ahead of reliable subscribers."""
+
+    publisher: Publisher
+    send: Callable[[bytes], object]
+    depth: float  # messages that may be unacknowledged
+    room: float  # further ones that may be
 
 
 class Replayer(Node):
@@ -61,71 +72,52 @@ class Replayer(Node):
             start_parameter_services=False,
         )
         self.failures = 0  # requests that raised an error
-        self._replayed: dict[str, Publisher] = {}
-        self._send: dict[str, Callable[[bytes], None]] = {}
+        self._outputs: dict[str, _Output] = {}  # by the topic's name in the bag
         self._types: dict[str, str] = {}  # by the names that they are published with
-        self._depth: dict[str, float] = {}  # messages that may be unacknowledged
-        self._room: dict[str, float] = {}  # further ones that may be
-        self._clock_message = Clock()
-        self._clock_publisher: Publisher | None = None
         if with_clock:
-            self._clock_publisher = self.create_publisher(
-                Clock, CLOCK, QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
-            )
+            qos = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+            self._clock_publisher = self.create_publisher(Clock, CLOCK, qos)
         for summary in topics:
-            if with_clock and summary.topic.name == CLOCK:
+            name = summary.topic.name
+            if with_clock and name == CLOCK:
                 self.get_logger().warning(f"the bag's own {CLOCK} is left out for that of --clock")
                 continue
             try:
-                self._offer(summary)
+                self._outputs[name] = self._output(summary)
             except UnknownTypeError as error:
-                self.get_logger().warning(printable(f"not replayed: {summary.topic.name}: {error}"))
+                self.get_logger().warning(printable(f"not replayed: {name}: {error}"))
 
-    def _offer(self, summary: TopicSummary) -> None:
+    def _output(self, summary: TopicSummary) -> _Output:
         topic = summary.topic
         if len(summary.kinds) > 1:
             raise UnknownTypeError("it has several types or definitions")
         if topic.serialization_format != "cdr":
             raise UnknownTypeError(f"it is in {topic.serialization_format!r}")
         message = message_class(topic.type)
-        self._check_name(topic)
+        try:
+            name = self.resolve_topic_name(topic.name)
+            validate_full_topic_name(name)
+        except (NameValidationException, RuntimeError):  # RCLError
+            raise UnknownTypeError("ROS has no such names") from None
+        if (other := self._types.setdefault(name, topic.type)) != topic.type:
+            raise UnknownTypeError(f"it is a {topic.type}, and {name} is a {other}")
         converted = conversion(summary, message)
         try:
             offer = replay_offer(topic.offered_qos)
             publisher = self.create_publisher(message, topic.name, offer)
         except (OverflowError, RuntimeError, TypeError, ValueError) as error:
             raise UnknownTypeError(f"its QoS cannot be offered: {error}") from error
-        self._replayed[topic.name] = publisher
         # Without the checks of rclpy: they take a fifth of the time of each message.
-        send: Callable[[Any], None] = publisher.handle.publish_raw
-        self._send[topic.name] = send if converted is None else _chain(converted, publisher.publish)
+        send = publisher.handle.publish_raw
+        if converted is not None:
+
+            def send(data: bytes) -> None:
+                publisher.publish(converted(data))
+
         # A latched topic keeps only its last messages.
         latched = offer.durability == DurabilityPolicy.TRANSIENT_LOCAL
-        self._depth[topic.name] = inf if latched else min(offer.depth, REPLAY_DEPTH)
-        self._room[topic.name] = self._depth[topic.name] / 2
-
-    def _wait_for_subscribers(self, name: str) -> None:
-        # All of the depth is used the next time: Fast DDS asks for acknowledgement at once where it
-        # is, and otherwise at every heartbeat. Other topics are acknowledged while this one waits.
-        if self._replayed[name].wait_for_all_acked(Duration(nanoseconds=_LONGEST_WAIT)):
-            for other, publisher in self._replayed.items():
-                if publisher.wait_for_all_acked(Duration()):
-                    self._room[other] = self._depth[other]
-        else:
-            self._depth[name] = self._room[name] = inf
-            self.get_logger().warning(
-                f"a subscriber of {name} does not keep up; it is not waited for any more"
-            )
-
-    def _check_name(self, topic: Topic) -> None:
-        try:
-            name = self.resolve_topic_name(topic.name)
-            validate_full_topic_name(name)
-        except (NameValidationException, RuntimeError):  # RCLError
-            raise UnknownTypeError("ROS has no such names") from None
-        other = self._types.setdefault(name, topic.type)
-        if other != topic.type:
-            raise UnknownTypeError(f"it is a {topic.type}, and {name} is a {other}")
+        depth = inf if latched else min(offer.depth, REPLAY_DEPTH)
+        return _Output(publisher, send, depth, depth / 2)
 
     def count_failure(self, reason: str) -> None:
         """Count a request that raised an error, and log why, once a second at most."""
@@ -134,15 +126,15 @@ class Replayer(Node):
 
     @property
     def topic_names(self) -> list[str]:
-        return list(self._replayed)
+        return list(self._outputs)
 
     @property
     def unheard(self) -> list[str]:
         """Names of the replayed topics without a subscriber."""
         return [
             name
-            for name, publisher in self._replayed.items()
-            if not publisher.get_subscription_count()
+            for name, output in self._outputs.items()
+            if not output.publisher.get_subscription_count()
         ]
 
     def publish(self, message: Message, *, hurried: bool = False) -> None:
@@ -151,38 +143,41 @@ class Replayer(Node):
         If messages are ``hurried``, it waits for reliable subscribers before the oldest message
         that they lack would be overwritten.
         """
-        topic = message.topic
-        self._send[topic](message.data)
-        if not hurried:
-            # Its time has paced it, but of those before it some may be unacknowledged.
-            self._room[topic] = self._depth[topic] / 2
-            return
-        self._room[topic] -= 1
-        if self._room[topic] <= 0:
-            self._wait_for_subscribers(topic)
+        output = self._outputs[message.topic]
+        output.send(message.data)
+        # If its time has paced it, some of those before it may be unacknowledged all the same.
+        output.room = output.room - 1 if hurried else output.depth / 2
+        if output.room <= 0:
+            self._wait_for_subscribers(message.topic, output)
 
     def publish_clock(self, bag_time: int) -> None:
         """Publish the bag's time [ns] on ``/clock``."""
-        assert self._clock_publisher is not None
-        stamp = self._clock_message.clock
-        stamp.sec, stamp.nanosec = split_seconds(bag_time)
-        self._clock_publisher.publish(self._clock_message)
+        message = Clock()
+        message.clock.sec, message.clock.nanosec = split_seconds(bag_time)
+        self._clock_publisher.publish(message)
 
     def wait_for_acknowledgement(self, seconds: float) -> list[str]:
         """Wait until reliable subscribers have all messages; return topics where some lack."""
         deadline = time.monotonic() + seconds
         lacking = []
-        for name, publisher in self._replayed.items():
+        for name, output in self._outputs.items():
             left = max(0.0, deadline - time.monotonic())
-            if not publisher.wait_for_all_acked(Duration(nanoseconds=round(left * 1e9))):
+            if not output.publisher.wait_for_all_acked(Duration(seconds=left)):
                 lacking.append(name)
         return lacking
 
-
-def _chain(
-    converted: Callable[[bytes], Any], publish: Callable[[Any], None]
-) -> Callable[[bytes], None]:
-    return lambda data: publish(converted(data))
+    def _wait_for_subscribers(self, name: str, output: _Output) -> None:
+        # All of the depth is used the next time: Fast DDS asks for acknowledgement at once where it
+        # is, and otherwise at every heartbeat. Other topics are acknowledged while this one waits.
+        if output.publisher.wait_for_all_acked(Duration(nanoseconds=_LONGEST_WAIT)):
+            for other in self._outputs.values():
+                if other.publisher.wait_for_all_acked(Duration()):
+                    other.room = other.depth
+        else:
+            output.depth = output.room = inf
+            self.get_logger().warning(
+                f"a subscriber of {name} does not keep up; it is not waited for any more"
+            )
 
 
 def replay_offer(recorded: Sequence[RecordedProfile]) -> QoSProfile:
@@ -248,15 +243,14 @@ def conversion(summary: TopicSummary, installed: Any) -> Callable[[bytes], Any] 
 
 def _filled(message: Any, values: Any) -> Any:
     for name, kind in message.get_fields_and_field_types().items():
-        if not hasattr(values, name):
+        if (value := getattr(values, name, None)) is None:
             continue
-        value = getattr(values, name)
-        if "/" not in kind:
-            value = value.tolist() if isinstance(value, np.ndarray) else value
-        elif isinstance(value, list):
+        if isinstance(value, np.ndarray):
+            value = value.tolist()
+        elif "/" in kind and isinstance(value, list):
             element = message_class(_ELEMENT.sub(r"\1/msg/\2", kind))
             value = [_filled(element(), each) for each in value]
-        else:
+        elif "/" in kind:
             value = _filled(getattr(message, name), value)
         setattr(message, name, value)
     return message

@@ -1,8 +1,10 @@
-"""Bags side by side: which runs they are, what was done to them, their bits and their figures."""
+"""Bags side by side: which runs they are, what was done to them, their bits, figures and page."""
 
 import dataclasses
 import json
 import math
+import os
+import re
 
 import numpy as np
 import pytest
@@ -14,37 +16,68 @@ import rpud_sim.bag as bags
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.foundation.time import SECOND
-from rpud_sim.inspection import InspectionError
-from rpud_sim.inspection.compare import compare, same_bits
+from rpud_sim.inspection import InspectionError, recorded_topics
+from rpud_sim.inspection.compare import compare
+from rpud_sim.inspection.compare import page as pages
 from rpud_sim.inspection.compare.estimates import DIFFERS
-from rpud_sim.inspection.compare.results import content
+from rpud_sim.inspection.compare.page import difference_plot, render, time_plots
+from rpud_sim.inspection.compare.results import content, texts
 from rpud_sim.inspection.compare.values import RecordedValues
 from rpud_sim.inspection.recorded_journal import installed_codec
+from rpud_sim.pages.plot import Points, Zone, axis_ends
 from rpud_sim.simulation import preset, read_scenario
 
 DRILLING = preset("drilling")
-DURATION = 2.0
 SHIFT = 1_700_000_000 * SECOND
-COMMANDS = (
-    "commands: [{{time: 0.5, weight_on_bit: 12}}, {{time: {later}, drive: {{enabled: false}}}}]"
-)
+COMMANDS = "commands: [{{time: 0.5, weight_on_bit: 12}}, {{time: {}, drive: {{enabled: false}}}}]"
+FAULT = "faults: [{kind: bias, channel: wrench, magnitude: 3, onset: 0.2, duration: 0.1}]"
 
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
     folder = tmp_path_factory.mktemp("compare")
-    for name, parameters, phase in (
-        ("a", DRILLING, 0.1),
-        ("again", DRILLING, 0.1),
-        ("other", DRILLING, 0.6),
-        ("heavier", DRILLING.replace(weight_on_bit=20.0), 0.6),
+    (folder / "faults.yaml").write_text(FAULT)
+    scenario = read_scenario(folder / "faults.yaml")
+    for name, parameters, phase, scene in (
+        ("a", DRILLING, 0.1, None),
+        ("again", DRILLING, 0.1, None),
+        ("other", DRILLING, 0.6, None),
+        ("heavier", DRILLING.replace(weight_on_bit=20.0), 0.6, None),
+        ("faulty", DRILLING, 0.1, scenario),
+        ("faulty too", DRILLING, 0.7, scenario),
     ):
-        write_offline_bag(folder / name, parameters, DURATION, phase)
+        write_offline_bag(folder / name, parameters, 2.0, phase, scene)
     return folder
 
 
-def states(found, number=0):
-    return {topic.topic: topic.state for topic in found.bits[number]}
+@pytest.fixture(scope="module")
+def found(made):
+    """A comparison in which figures differ."""
+    return compare([made / "a", made / "heavier"])
+
+
+def states(found):
+    return {topic.topic: topic.state for topic in found.bits[0]}
+
+
+def merged(out, *parts):
+    """Write a bag of several: each with the time that is added to it, and its namespace [ns]."""
+    with bags.BagWriter(out) as writer:
+        known = set()
+        for path, shift, space in parts:
+            with bags.open(path) as reader:
+                for summary in reader.topics:
+                    name = summary.topic.name.replace("/rpud", space)
+                    if name not in known:
+                        writer.add_topic(bags.Topic(name, summary.topic.type), summary.definition)
+                    known.add(name)
+                for m in reader.messages():
+                    name = m.topic.replace("/rpud", space)
+                    writer.write(name, m.data, m.log_time + shift, m.publish_time + shift)
+    return out
+
+
+# --- bits --------------------------------------------------------------------------------------
 
 
 def test_a_run_made_twice_has_equal_bits(made):
@@ -54,8 +87,7 @@ def test_a_run_made_twice_has_equal_bits(made):
     assert (found.parameters, found.versions, found.commands, found.faults) == ((), (), (), ())
     assert not found.differs
     assert not found.undecided
-    assert found.verdict == "equal bits: the runs are the same"
-    assert {each.value for each in found.differences if each.low == each.low} == {0.0}
+    assert {each.difference for each in found.differences if each.low == each.low} == {0.0}
 
 
 def test_the_first_difference_is_found_to_the_field(made, tmp_path):
@@ -67,8 +99,7 @@ def test_the_first_difference_is_found_to_the_field(made, tmp_path):
             return [codec.encode({**fields, "force": math.nextafter(fields["force"], 1e9)})]
         return unchanged(message)
 
-    path = altered(made / "a", tmp_path / "altered", change)
-    found = compare([made / "a", path])
+    found = compare([made / "a", altered(made / "a", tmp_path / "altered", change)])
     [topic] = [each for each in found.bits[0] if each.state == "different"]
     assert (topic.topic, topic.time, topic.field) == ("reacting_force", 1.0, "force")
     assert topic.messages == 99
@@ -76,33 +107,33 @@ def test_the_first_difference_is_found_to_the_field(made, tmp_path):
     assert not found.equal_bits
 
 
-def test_a_missing_message_is_a_difference_and_a_late_recorder_is_none(made, tmp_path):
+def test_a_missing_message_is_a_difference(made, tmp_path):
     def lost(message):
         return [] if message.log_time == SECOND and "nodal" in message.topic else [message.data]
-
-    def late(message):
-        early = message.log_time < SECOND // 2 and "journal" not in message.topic
-        return [] if early else [message.data]
 
     found = compare([made / "a", altered(made / "a", tmp_path / "lost", lost)])
     [topic] = [each for each in found.bits[0] if each.state == "different"]
     assert (topic.topic, topic.time) == ("nodal_plane", 1.0)
     assert (topic.reference, topic.other) == ("a message", "nothing at this time")
-    found = compare([made / "a", altered(made / "a", tmp_path / "late", late)])
-    assert states(found)["nodal_plane"] == "equal"
-    assert states(found)["contact_force"] == "equal"
-    assert found.windows[0].begins[0] >= 0.5
 
 
-def test_a_run_that_goes_on_longer_waits_for_nobody(made, tmp_path, monkeypatch):
-    monkeypatch.setattr(same_bits, "_MOST_WAITING", 1_200_000)
+@pytest.mark.parametrize("most", [64 * 2**20, 10_000])
+@pytest.mark.parametrize("part", ["early", "late"])
+def test_a_recording_of_a_part_is_compared_as_far_as_it_goes(
+    made, tmp_path, monkeypatch, part, most
+):
+    def kept(message):
+        early = message.log_time < SECOND // 2
+        return [message.data] if early == (part == "early") or "journal" in message.topic else []
 
-    def early(message):
-        return [message.data] if message.log_time < SECOND // 2 else []
-
-    path = altered(made / "a", tmp_path / "early", early)
+    monkeypatch.setattr(recorded_topics, "_MOST_WAITING", most)
+    path = altered(made / "a", tmp_path / "part", kept)
     for pair in ((made / "a", path), (path, made / "a")):
-        assert "different" not in states(compare(pair, settle=0.1)).values()
+        found = compare(pair, settle=0.1)
+        assert "different" not in states(found).values()
+        assert states(found)["nodal_plane"] == states(found)["contact_force"] == "equal"
+        begin, end = found.windows[0].begins[0], found.windows[0].ends[0]
+        assert (begin, end) == pytest.approx((0.1, 0.5) if part == "early" else (0.5, 2.0), abs=0.1)
 
 
 def test_bits_are_equal_whatever_the_wall_clock_was(made, tmp_path):
@@ -113,26 +144,21 @@ def test_bits_are_equal_whatever_the_wall_clock_was(made, tmp_path):
     def change(message):
         codec = codecs[message.topic]
         fields = codec.decode(message.data)
-        times = [fields.header.stamp]
-        if message.topic.endswith("trajectory"):
-            times.append(fields.origin)
-        for time in times:
+        for time in [fields.header.stamp, *([fields.origin] if hasattr(fields, "origin") else [])]:
             time.sec += SHIFT // SECOND
         if message.topic.endswith("journal") and fields.kind == "origin":
             fields.content = json.dumps({**json.loads(fields.content), "origin": SHIFT})
-        data = bytes(codec._store.serialize_cdr(fields, codec.type_name))
-        return (message.topic, data, message.log_time + SHIFT, message.publish_time + SHIFT)
+        return [bytes(codec._store.serialize_cdr(fields, codec.type_name))]
 
-    path = tmp_path / "shifted"
-    with bags.open(made / "a") as reader, bags.BagWriter(path) as writer:
-        for summary in reader.topics:
-            writer.add_topic(summary.topic, summary.definition)
-        for message in reader.messages():
-            writer.write(*change(message))
+    stamped = altered(made / "a", tmp_path / "stamped", change)
+    path = merged(tmp_path / "shifted", (stamped, SHIFT, "/rpud"))
     found = compare([made / "a", path])
     assert found.equal_bits
     assert found.values[1].end == found.values[0].end
     assert not compare([path, made / "other"]).equal_bits
+
+
+# --- runs --------------------------------------------------------------------------------------
 
 
 def test_other_parameters_are_named_and_their_effect_is_found(made):
@@ -141,38 +167,27 @@ def test_other_parameters_are_named_and_their_effect_is_found(made):
         ("initial_phase", "cycles", ("0.1", "0.6", "0.6")),
         ("weight_on_bit", "N", ("8", "20", "8")),
     }
-    by_run = [
-        [d for q in found.windows[0].quantities for d in q.differences[run]] for run in range(2)
-    ]
-    assert any(each.decision == DIFFERS and each.relative > 0.1 for each in by_run[0])
-    assert not any(each.decision == DIFFERS for each in by_run[1])
+    differing = [each for each in found.differences if each.decision == DIFFERS]
+    assert {each.run for each in differing} == {1}
+    assert any(each.relative > 0.1 for each in differing)
     assert found.differs
-    rate = next(q for q in found.windows[0].quantities if q.quantity == "impact_rate")
     with bags.open(made / "a") as bag:
         stamps = bag.arrays("/rpud/contact_force")["header.stamp"]
     begin, end = found.windows[0].begins[0], found.windows[0].ends[0]
     count = ((stamps >= begin * SECOND) & (stamps < end * SECOND)).sum()
-    assert rate.runs[0].estimates["mean"].value == pytest.approx(count / (end - begin))
+    rate = found.figures[0]["impact_rate"][0].estimates["mean"]
+    assert rate.value == pytest.approx(count / (end - begin))
 
 
-def test_commands_and_faults_are_aligned_and_divide_the_time(made, tmp_path):
-    (tmp_path / "faults.yaml").write_text(
-        "faults: [{kind: bias, channel: wrench, magnitude: 3, onset: 0.2, duration: 0.1}]"
-    )
-    scenario = read_scenario(tmp_path / "faults.yaml")
-    paths = []
-    for phase in (0.1, 0.7):
-        path = tmp_path / f"faulty{phase}"
-        write_offline_bag(path, DRILLING, 1.0, phase, scenario)
-        paths.append(path)
-    found = compare(paths, settle=0.02)
+def test_faults_are_aligned_and_divide_the_time(made):
+    found = compare([made / "faulty", made / "faulty too"], settle=0.02)
     [fault] = found.faults
     assert fault.text == "bias of wrench magnitude 3"
     assert (fault.times, fault.ends) == ((0.2, 0.2), (pytest.approx(0.3),) * 2)
-    ends = [(w.begins[0], w.ends[0]) for w in found.windows]
-    assert ends[0] == pytest.approx((0.02, 0.2))
-    assert ends[1] == pytest.approx((0.32, 1.0), abs=0.01)
-    found = compare([made / "a", paths[0]])
+    spans = [(window.begins[0], window.ends[0]) for window in found.windows]
+    assert spans[0] == pytest.approx((0.02, 0.2))
+    assert spans[1] == pytest.approx((0.32, 2.0), abs=0.01)
+    found = compare([made / "a", made / "faulty"])
     assert [event.times for event in found.faults] == [(None, 0.2)]
     assert len(found.windows) == 1
     assert any("faults differ" in text for text in found.warnings)
@@ -182,34 +197,26 @@ def test_commands_that_differ_mix_causes(made, tmp_path, capsys):
     paths = []
     for number, later in enumerate((1.0, 1.2)):
         file = tmp_path / f"{number}.yaml"
-        file.write_text(COMMANDS.format(later=later))
+        file.write_text(COMMANDS.format(later))
         paths.append(tmp_path / f"forked{number}")
         words = ("--at", "0.4", "--commands", file, "--out", paths[-1])
         assert called(capsys, "fork", made / "a", *words)[0] == 0
     found = compare(paths, settle=0.05)
     assert [event.times for event in found.commands] == [(0.9, 0.9), (1.4, 1.6)]
-    assert len(found.windows) == 3
+    begins, ends = zip(*((w.begins, w.ends) for w in found.windows), strict=True)
+    assert begins[1:] == (pytest.approx((0.95, 0.95)), pytest.approx((1.45, 1.65)))
+    assert ends[:2] == ((0.9, 0.9), (1.4, 1.6))
+    # A change before the time that is compared only has to settle.
+    found = compare(paths, begin=0.92, settle=0.05)
+    assert found.windows[0].begins == pytest.approx((0.95, 0.95))
     found = compare([made / "a", paths[0]])
     assert [event.times[0] for event in found.commands] == [None, None]
     assert any("the commands differ" in text for text in found.warnings)
 
 
-def two_runs(made, out):
-    """Write a bag with two runs, as of a drill that was started twice."""
-    with bags.BagWriter(out) as writer:
-        shift = 0
-        for number, name in enumerate(("a", "other")):
-            with bags.open(made / name) as reader:
-                for summary in reader.topics if number == 0 else ():
-                    writer.add_topic(summary.topic, summary.definition)
-                for m in reader.messages():
-                    writer.write(m.topic, m.data, m.log_time + shift, m.publish_time + shift)
-            shift += 10 * SECOND
-    return out
-
-
 def test_a_run_of_several_is_chosen(made, tmp_path):
-    path = two_runs(made, tmp_path / "two")
+    later = 10 * SECOND
+    path = merged(tmp_path / "two", (made / "a", 0, "/rpud"), (made / "other", later, "/rpud"))
     found = compare([path, made / "a"])
     assert found.equal_bits
     assert any("holds 2 runs: the first is compared" in text for text in found.warnings)
@@ -222,16 +229,7 @@ def test_a_run_of_several_is_chosen(made, tmp_path):
 
 
 def test_a_drill_of_several_is_chosen(made, tmp_path):
-    path = tmp_path / "both"
-    with bags.BagWriter(path) as writer:
-        for name, space in (("a", "/left"), ("other", "/right")):
-            with bags.open(made / name) as reader:
-                for summary in reader.topics:
-                    name = summary.topic.name.replace("/rpud", space)
-                    writer.add_topic(bags.Topic(name, summary.topic.type), summary.definition)
-                for m in reader.messages():
-                    name = m.topic.replace("/rpud", space)
-                    writer.write(name, m.data, m.log_time, m.publish_time)
+    path = merged(tmp_path / "both", (made / "a", 0, "/left"), (made / "other", 0, "/right"))
     with pytest.raises(
         InspectionError, match="several drills: choose --namespace of /left, /right"
     ):
@@ -247,7 +245,7 @@ def test_a_bag_without_journal_is_compared_by_its_stamps(made, tmp_path):
     path = altered(made / "a", tmp_path / "bare", unchanged, names)
     found = compare([path, made / "other"], settle=0.1)
     assert any("holds no journal" in text for text in found.warnings)
-    quantities = [q.quantity for q in found.windows[0].quantities if any(q.differences)]
+    quantities = {each.quantity for each in found.differences}
     assert "peak_force" in quantities
     assert "reacting_force" not in quantities
     assert states(found)["waveform"] == "not compared"
@@ -255,12 +253,8 @@ def test_a_bag_without_journal_is_compared_by_its_stamps(made, tmp_path):
 
 def test_too_short_a_time_decides_nothing(made):
     found = compare([made / "a", made / "other"], begin=1.0, end=1.11, settle=0.0)
-    forces = [each for each in found.differences if each.quantity == "nodal_plane_position"]
-    assert {each.decision for each in forces} == {"too few values"}
-    assert {each.decision for each in found.differences if "power" in each.quantity} <= {
-        "too few values",
-        "no difference found",
-    }
+    positions = [each for each in found.differences if each.quantity == "nodal_plane_position"]
+    assert {each.decision for each in positions} == {"too few values"}
 
 
 @pytest.mark.parametrize("option", [{"begin": -1.0}, {"tolerance": 1.0}])
@@ -269,21 +263,86 @@ def test_wrong_arguments_are_one_line(made, option):
         compare([made / "a", made / "a"], **option)
 
 
-def test_the_content_is_json_without_nan(made):
-    found = compare([made / "a", made / "heavier"])
-    text = json.dumps(content(found), allow_nan=False)
-    plain = json.loads(text)
-    assert plain["differs"] is True
-    assert plain["runs"][0]["end"] == found.values[0].end
-    first = plain["windows"][0]["quantities"][0]
-    assert first["quantity"] == "impact_rate"
-    assert first["runs"][0]["mean"]["low"] < first["runs"][0]["mean"]["high"]
-    assert {"p", "decision", "relative_low"} <= first["differences"][0][0].keys()
-
-
 @pytest.mark.parametrize(
     ("numbers", "missing"), [([4, 6, 6, 7], 1), ([7, 5], 1), ([2**64 - 1, 2**64 - 1], 0)]
 )
 def test_missing_impacts_are_counted_in_any_order(numbers, missing):
     arrays = {"time": np.zeros(len(numbers)), "sequence": np.array(numbers, np.uint64)}
     assert RecordedValues(None, {"contact_force": arrays}).missing_impacts == missing
+
+
+# --- views of the result -----------------------------------------------------------------------
+
+
+def test_the_content_is_json_without_nan(found):
+    plain = json.loads(json.dumps(content(found), allow_nan=False))
+    assert plain["differs"] is True
+    assert plain["runs"][0]["end"] == found.values[0].end
+    first = plain["windows"][0]["quantities"][0]
+    assert (first["quantity"], first["unit"]) == ("impact_rate", "1/s")
+    assert first["runs"][0].keys() == {"count", "max", "mean"}
+    assert first["runs"][0]["mean"]["low"] < first["runs"][0]["mean"]["high"]
+    assert {"p", "decision", "relative_low"} <= first["differences"][0][0].keys()
+
+
+def test_the_first_that_is_seen_is_one_sentence_and_tables_are_behind_a_click(found):
+    page = render(found)
+    plain = " ".join(re.sub(r"<[^>]*>", " ", page).split())
+    assert page.index(found.sentence) < page.index("<svg") < page.index("<details")
+    assert page.index("<details") < page.index("<table")
+    count = sum(each.decision == DIFFERS for each in found.differences)
+    start = f"{count} of {len(found.differences)} figures differ, most of all "
+    assert found.sentence.startswith(start)
+    assert found.sentence.count(". ") == 0
+    assert "weight_on_bit 8 and 20 N" in plain
+    assert f"impacts mean B {' '.join(texts(found.differences[0])[:2])}" in plain
+    assert page.count("<details") == page.count("</details")
+    assert len(page.encode()) < 300_000
+
+
+def test_intervals_are_never_cut_off_and_values_stand_beside_their_rows(found):
+    plot = difference_plot(found, 0)
+    low, high = axis_ends(plot, "x")
+    known = [each for each in found.differences if math.isfinite(each.relative)]
+    drawn = [layer for layer in plot.layers if isinstance(layer, Points)]
+    assert sum(len(layer.x) for layer in drawn) == len(known)
+    assert low < 100.0 * min(each.relative_low for each in known)
+    assert high > 100.0 * max(each.relative_high for each in known)
+    assert {layer.name for layer in drawn} == {each.decision for each in known}
+    row = plot.y.categories.index("peak force, mean")
+    cells = dict(plot.y.columns)
+    [peak] = [e for e in found.differences if (e.quantity, e.figure) == ("peak_force", "mean")]
+    assert cells["A"][row] == f"{peak.reference / 1e3:.2f} kN"
+    assert re.fullmatch(r"[-+][\d.]+ %", cells["difference"][row])
+
+
+def test_each_segment_has_its_differences_and_faults_are_over_time(made):
+    found = compare([made / "faulty", made / "faulty too"], settle=0.02)
+    page = render(found)
+    differences = "<title>Differences from A, with 95 % intervals</title>"
+    assert page.count(differences) == len(found.windows) == 2
+    plots = {plot.title: plot for plot in time_plots(found)}
+    assert {"impacts", "peak force", "load on the mount", "nodal plane"} <= plots.keys()
+    [fault] = [layer for layer in plots["impacts"].layers if isinstance(layer, Zone)]
+    assert (fault.low, fault.high) == (pytest.approx(0.2), pytest.approx(0.3))
+    assert "bias" in fault.text
+    [envelope, _] = [layer for layer in plots["peak force"].layers if layer.name]
+    values = found.values[0].topics["contact_force"]["peak_force"]
+    assert envelope.high.max() == pytest.approx(1e-3 * values.max())
+    assert envelope.low.min() == pytest.approx(1e-3 * values.min())
+
+
+def test_three_runs_have_a_colour_each(made):
+    found = compare([made / "a", made / "heavier", made / "other"], tolerance=0.05)
+    plot = difference_plot(found, 0)
+    names = [layer.name for layer in plot.layers if layer.name]
+    assert names == ["tolerance", "B heavier against A", "C other against A"]
+    rows = np.concatenate([layer.y for layer in plot.layers if isinstance(layer, Points)])
+    assert rows.max() < len(plot.y.categories)
+
+
+def test_a_page_that_cannot_be_written_whole_is_not_there(tmp_path, monkeypatch):
+    monkeypatch.setattr(pages, "render", lambda found: "half \ud800")
+    with pytest.raises(UnicodeEncodeError):
+        pages.write_page(None, tmp_path / "page.html")
+    assert os.listdir(tmp_path) == []

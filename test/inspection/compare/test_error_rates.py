@@ -57,8 +57,7 @@ def alarms(
             simulated_values(first, phase, duration),
             simulated_values(second, other, duration),
         ]
-        [found] = compare_values(runs, [window])
-        differences = [each for q in found.quantities for run in q.differences for each in run]
+        _, differences = compare_values(runs, [window])
         counts.append(sum(each.decision == DIFFERS for each in differences))
     return np.array(counts)
 

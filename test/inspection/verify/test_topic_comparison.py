@@ -10,11 +10,12 @@ from support import examples
 import rpud_sim.bag
 from rpud_sim.bag import BagWriter, Message, QosProfile, Topic
 from rpud_sim.bag.messages import MessageBlock
+from rpud_sim.inspection import recorded_topics
 from rpud_sim.inspection.recorded_journal import installed_codec
-from rpud_sim.inspection.verify import recorded_topics
+from rpud_sim.inspection.recorded_topics import RecordedTopics
 from rpud_sim.inspection.verify.coverage import Coverage, JournalStretches
 from rpud_sim.inspection.verify.messages import computed_blocks
-from rpud_sim.inspection.verify.recorded_topics import RecordedMessages, RecordedTopics
+from rpud_sim.inspection.verify.recorded_messages import RecordedMessages
 from rpud_sim.inspection.verify.topic_comparison import TopicComparison
 from rpud_sim.simulation.configuration import to_settings
 from rpud_sim.simulation.journal import JournalEntry

@@ -1,66 +1,279 @@
-"""Time plays, is paused, stopped or stepped; a step ends at its goal or by an error."""
+"""Blocks are computed ahead and published at their deadlines; time plays, stands still or steps."""
 
 import dataclasses
 import threading
+import time
+from functools import partial
+from types import SimpleNamespace
 
 import pytest
 import rclpy
+from manual_clock import SECOND, ManualClock
 from rclpy.clock import ClockType
 from rclpy.parameter import Parameter
 from rclpy.time import Time
-from rpud_msgs.msg import CommandResult
 
 from rpud_sim.foundation.quantities import ParameterError
-from rpud_sim.ros.drill.duplicate_nodes import DuplicateNodes
-from rpud_sim.ros.drill.inbox import Inbox
+from rpud_sim.ros.drill import live_run, report
+from rpud_sim.ros.drill.commands import Inbox, result_of
 from rpud_sim.ros.drill.live_run import InterruptedStepError, LiveRun
-from rpud_sim.ros.drill.pacing_loop import PacingLoop
+from rpud_sim.ros.drill.pacer import Pacer
+from rpud_sim.ros.drill.publishers import DrillPublishers
 from rpud_sim.simulation.commands import WeightOnBit
 from rpud_sim.simulation.configuration import Settings
 
-SECOND = 1_000_000_000
-GOAL = SECOND // 100
+NO_OTHERS = SimpleNamespace(count=lambda: 0)  # of the same name
+MILLISECOND = 1_000_000
+PERIOD = 10 * MILLISECOND
+START = 17 * SECOND
 PLAY, PAUSE, HALT = LiveRun.play, LiveRun.pause, LiveRun.halt
 
 
+class Publishers(DrillPublishers):
+    """Publishers that note when a block is computed and when it is sent, by a clock."""
+
+    def __init__(self, clock, *arguments):
+        super().__init__(*arguments)
+        self.clock = clock
+        self.computed, self.sent_at, self.messages = [], [], []
+        self.meanwhile = lambda: None
+
+    def encode(self, entries):
+        encoded = super().encode(entries)
+        if any(name == "nodal_plane" for name, _ in encoded):
+            self.computed.append(self.clock())
+            self.meanwhile()  # what happens while a block is computed
+        return encoded
+
+    def _send(self, name, message):
+        self.messages.append((name, message))
+        if name == "nodal_plane":
+            self.sent_at.append(self.clock())
+        super()._send(name, message)
+
+    def count(self, topic):
+        return sum(name == topic for name, _ in self.messages)
+
+    @property
+    def streams(self):
+        return [name for name, _ in self.messages if name in ("waveform", "trajectory")]
+
+
+class Drill(LiveRun):
+    """A live run with a pacer whose clock is moved by hand, without a thread."""
+
+    def __init__(self, node, settings):
+        self.clock, self.inbox, self.restored = ManualClock(START), Inbox(node.get_logger()), []
+        super().__init__(node, settings, self.inbox, NO_OTHERS, self.restored.append)
+        self.publishers.complete = True
+        schedule = self._source.schedule
+        self.pacer = Pacer(100, schedule, self.clock, self.clock.sleep)
+        self.publishers.clock = self.clock
+        self.begin(settings)
+
+    def command(self, force):
+        self.inbox.accept(WeightOnBit(force), result_of("weight_on_bit"))
+
+    def advance(self):
+        """Do what is due, waiting for it as the thread does, and give the simulation time."""
+        while (idle := self.turn()) > 0.0:
+            self.clock.now += round(idle * SECOND)
+        return self.run.time
+
+    def finish_step(self):
+        while self.goal is not None:
+            self.turn()
+
+    @property
+    def weight_on_bit(self):
+        return self.run.simulation.applied.weight_on_bit.force
+
+
 @pytest.fixture
-def make(nodes):
+def make(nodes, monkeypatch):
     made = []
+    monkeypatch.setattr(live_run, "DrillPublishers", partial(Publishers, None))
 
     def create(use_sim_time=False, **values):
         overrides = [Parameter("use_sim_time", value=use_sim_time)]
         node = rclpy.create_node("drill_node", namespace="/rpud", parameter_overrides=overrides)
         nodes.append(node)
-        inbox, restored = Inbox(node.get_logger()), []
-        live = LiveRun(node, Settings(**values), inbox, DuplicateNodes(node), restored.append)
-        live.node, live.inbox, live.restored = node, inbox, restored
-        live.begin(live.settings)
-        made.append(live)
-        return live
+        made.append(Drill(node, Settings(**values)))
+        return made[-1]
 
     yield create
-    for live in made:
-        live.close()
+    for each in made:
+        each.close()
 
 
 @pytest.fixture
-def live(make):
+def drill(make):
+    """A paused drill."""
     return make()
 
 
 @pytest.fixture
-def own_clock(make):
-    return make(publish_clock=True)
+def playing(drill):
+    drill.play()
+    return drill
 
 
-def finish_step(live):
-    loop = PacingLoop()
-    while live.goal is not None:
-        loop.turn(live)
+def test_blocks_are_computed_ahead_of_their_deadlines_and_published_at_them(playing):
+    drain = playing.inbox.drain
+
+    def slow():  # what acts after a block is not its lateness
+        playing.clock.now += 3 * MILLISECOND
+        return drain()
+
+    playing.inbox.drain = slow
+    deadlines = [START + number * PERIOD for number in (1, 2, 3)]
+    assert [playing.advance() for _ in deadlines] == [PERIOD, 2 * PERIOD, 3 * PERIOD]
+    assert playing.publishers.sent_at == pytest.approx(deadlines, abs=2)
+    # 10 ms ahead, or after the block before
+    begun = [START, *(each + 3 * MILLISECOND for each in deadlines[:2])]
+    assert playing.publishers.computed == pytest.approx(begun, abs=2)
+    timing = playing.pacer.read()
+    assert (timing["deadlines_missed"], timing["lag"]) == (0, 0.0)
+    assert timing["lateness_max"] == pytest.approx(0.0, abs=1e-8)
+
+
+def test_a_command_that_comes_during_a_block_acts_at_its_end(playing):
+    playing.advance()
+    before, seen = playing.weight_on_bit, []
+    playing.publishers.meanwhile = lambda: seen.append(playing.weight_on_bit) or playing.command(33)
+    assert playing.advance() == 2 * PERIOD
+    assert (seen, playing.weight_on_bit) == ([before], 33.0)
+
+
+def test_a_command_between_two_blocks_acts_at_the_next_end(make):
+    drill = make(real_time_factor=0.5)  # with time between two blocks
+    drill.play()
+    drill.advance()
+    before = drill.weight_on_bit
+    drill.command(33.0)
+    assert drill.turn() > 0.0  # nothing is due yet
+    assert (drill.weight_on_bit, drill.run.time) == (before, PERIOD)
+    assert (drill.advance(), drill.weight_on_bit) == (2 * PERIOD, 33.0)
+
+
+def test_a_stream_of_commands_acts_in_each_block_and_is_reported_at_a_rate_of_its_own(playing):
+    playing.advance()
+    began, before = time.monotonic(), playing.publishers.count("status")
+    for number in range(100):
+        playing.command(10.0 + number)
+        playing.advance()
+        assert playing.weight_on_bit == 10.0 + number
+    periods = (time.monotonic() - began) / report.CHANGE_PERIOD
+    assert playing.inbox.accepted == 100
+    assert playing.publishers.count("status") - before <= periods + 2
+
+
+def test_waveform_and_trajectory_follow_in_the_time_before_the_next_deadline(playing):
+    for _ in range(4):
+        playing.advance()
+    assert playing.publishers.streams == []
+    playing.advance()
+    assert playing.publishers.streams == ["waveform", "trajectory"]
+    names = [name for name, _ in playing.publishers.messages]
+    assert names[: names.index("trajectory")].count("nodal_plane") == 4  # ahead of the fifth
+
+
+def slow(drill):
+    """Let the making of a block take twice as long as it lasts."""
+    drill.publishers.meanwhile = lambda: drill.clock.sleep(0.02)
+    return drill
+
+
+def test_without_time_they_wait_but_not_longer_than_two_periods_of_theirs(playing):
+    slow(playing)
+    for _ in range(9):
+        playing.advance()
+    assert playing.publishers.streams == []
+    for _ in range(41):
+        playing.advance()
+    assert len(playing.publishers.streams) >= 2 * (50 // 5 - 2)
+    playing.pause()
+    assert playing.publishers.streams == ["waveform", "trajectory"] * 10
+
+
+def test_what_was_put_off_comes_before_the_end_and_with_the_stamps_of_its_time(make):
+    sent = []
+    for drill in (slow(make()), make()):
+        drill.play()
+        for _ in range(5):
+            drill.advance()
+        drill.run.place(7 * SECOND)
+        drill.finish()
+        assert drill.publishers.streams == ["waveform", "trajectory"]
+        sent.append([each for each in drill.publishers.messages if each[0] == "trajectory"])
+    assert sent[0] == sent[1]
+
+
+def test_the_diagnostics_of_changes_wait_for_time_and_come_once(make, monkeypatch):
+    monkeypatch.setattr(report, "CHANGE_PERIOD", 0.0)  # each change is reported at once
+    monkeypatch.setattr(report, "REPORT_PERIOD", 3600.0)
+    drill = make()
+    drill.play()
+    drill.advance()
+    slow(drill)
+    count = drill.publishers.count
+    statuses, diagnostics = count("status"), count("/diagnostics")
+    for force in (31.0, 32.0, 33.0):
+        drill.command(force)
+        drill.advance()
+    assert (count("status"), count("/diagnostics")) == (statuses + 3, diagnostics)
+    drill.publishers.meanwhile = lambda: None
+    for _ in range(20):
+        drill.advance()
+    assert count("/diagnostics") == diagnostics + 1
+
+
+def test_impacts_are_published_within_a_period_of_their_stamps(playing):
+    for _ in range(20):
+        playing.advance()
+    delays = playing.reporter.impact_delays
+    assert delays.count == playing.run.simulation.impact_count > 0
+    assert 0.0 < delays.quantile(0.5) <= delays.greatest <= PERIOD / SECOND
+
+
+def test_at_a_standstill_only_commands_act_until_it_plays_from_there_on(playing):
+    playing.advance()
+    playing.pause()
+    playing.clock.now += 5 * SECOND
+    playing.command(33.0)
+    assert playing.turn() > 0.0
+    assert (playing.run.time, playing.weight_on_bit) == (PERIOD, 33.0)
+    resumed = playing.clock.now
+    playing.play()
+    assert playing.advance() == 2 * PERIOD
+    assert playing.publishers.sent_at[-1] == pytest.approx(resumed + PERIOD, abs=2)
+
+
+def test_as_fast_as_possible_no_deadline_is_waited_for_and_streams_follow_their_blocks(make):
+    drill = make(real_time_factor=0.0)
+    drill.play()
+    for number in range(1, 11):
+        assert (drill.turn(), drill.run.time) == (0.0, number * PERIOD)
+    assert (drill.clock.slept, drill.clock.now) == ([], START)
+    assert drill.publishers.patient
+    assert drill.publishers.streams == ["waveform", "trajectory"] * 2
+
+
+def test_another_factor_and_a_reset_begin_a_schedule_of_their_own(playing):
+    playing.advance()
+    playing.configure(dataclasses.replace(playing.settings, real_time_factor=0.5))
+    playing.advance()
+    assert playing.publishers.sent_at[-1] == pytest.approx(START + 3 * PERIOD, abs=2)
+    assert not playing.publishers.patient
+    playing.reset(time=True, state=True)
+    replaced = playing.clock.now
+    assert playing.run.time == 0
+    assert playing.advance() == PERIOD
+    assert playing.publishers.sent_at[-1] == pytest.approx(replaced + 2 * PERIOD, abs=2)
 
 
 @pytest.mark.parametrize(
-    ("changes", "playing", "at_start", "state"),
+    ("changes", "is_playing", "at_start", "state"),
     [
         ((), False, False, "paused"),
         ((PLAY,), True, False, "running"),
@@ -70,71 +283,41 @@ def finish_step(live):
         ((HALT, PLAY), True, False, "running"),
     ],
 )
-def test_the_state_is_that_of_the_last_change(live, changes, playing, at_start, state):
+def test_the_state_is_that_of_the_last_change(drill, changes, is_playing, at_start, state):
     for change in changes:
-        change(live)
-    assert (live.playing, live.at_start, live.state) == (playing, at_start, state)
-    assert live.goal is None
+        change(drill)
+    assert (drill.playing, drill.at_start, drill.state) == (is_playing, at_start, state)
+    drill.activate(False)
+    assert drill.state == drill.reporter.last.status["state"] == "inactive"
 
 
-def test_without_commands_that_act_the_state_is_inactive(live):
-    live.play()
-    live.act(lambda run: run.control.activate(False))
-    assert (live.state, live.reporter.last.status["state"]) == ("inactive", "inactive")
-
-
-def test_a_step_runs_until_its_goal_and_its_status_comes_before_its_result(live, monkeypatch):
-    step = live.step(GOAL)
-    assert (live.goal, live.state, live.playing) == (GOAL, "running", False)
-    reported = []
-    report = live.report
+def test_a_step_ends_at_its_goal_without_a_deadline_and_its_status_comes_first(drill, monkeypatch):
+    goal = PERIOD + PERIOD // 2
+    drill.command(33.0)  # it acts before the step, and is reported
+    step = drill.step(goal)
+    assert drill.reporter.last.status["weight_on_bit"] == 33.0
+    assert (drill.goal, drill.state, drill.playing) == (goal, "running", False)
+    reported, tell = [], drill.report
     monkeypatch.setattr(
-        live, "report", lambda: reported.append((live.state, step.done())) or report()
+        drill, "report", lambda: reported.append((drill.run.time, step.done())) or tell()
     )
-    finish_step(live)
-    assert reported == [("paused", False)]
-    assert step.result(0.0).stamp == live.stamp == live.run.origin + GOAL
+    drill.finish_step()
+    assert reported == [(goal, False)]
+    assert step.result(0.0).stamp == drill.stamp == drill.run.origin + goal
+    assert drill.reporter.last.status["state"] == "paused"
+    assert (drill.clock.slept, drill.clock.now) == ([], START)
+    drill.play()
+    assert drill.advance() == 2 * PERIOD
+    assert drill.publishers.sent_at[-1] == pytest.approx(START + PERIOD // 2, abs=2)
 
 
-def test_a_step_reports_at_every_second_of_its_own_time(live, monkeypatch):
-    reported = []
-    report = live.report
-    monkeypatch.setattr(live, "report", lambda: reported.append(live.run.time) or report())
-    live.reporter.end_period()  # however much time has elapsed
-    live.step(5 * SECOND // 2)
-    finish_step(live)
+def test_a_step_reports_at_every_second_of_its_own_time(drill, monkeypatch):
+    reported, tell = [], drill.report
+    monkeypatch.setattr(drill, "report", lambda: reported.append(drill.run.time) or tell())
+    drill.reporter.end_period()  # however much time has elapsed
+    drill.step(5 * SECOND // 2)
+    drill.finish_step()
     assert reported == [SECOND, 2 * SECOND, 5 * SECOND // 2]
-
-
-def test_commands_that_came_before_a_step_act_before_it_and_are_reported(live):
-    live.inbox.accept(WeightOnBit(33.0), CommandResult(kind="weight_on_bit"))
-    live.step(GOAL)
-    assert live.run.time == 0
-    assert live.reporter.last.status["weight_on_bit"] == 33.0
-
-
-def test_the_settings_of_the_run_come_back_with_it_but_for_its_pace(live):
-    first, changed = live.settings, dataclasses.replace(live.settings, command_timeout=2.0)
-    live.configure(changed)
-    live.save("changed")
-    live.reset(time=True, state=True)
-    assert live.settings == live.restored[-1] == first
-    live.configure(dataclasses.replace(first, real_time_factor=0.5))
-    live.restore("changed")
-    assert live.settings == live.restored[-1] == dataclasses.replace(changed, real_time_factor=0.5)
-
-
-def test_a_reset_of_the_time_alone_goes_on_at_stamp_zero_where_the_drill_is_its_source(own_clock):
-    own_clock.step(GOAL)
-    finish_step(own_clock)
-    assert own_clock.stamp == GOAL
-    own_clock.reset(time=True, state=False)
-    assert (own_clock.run.time, own_clock.stamp) == (GOAL, 0)
-    own_clock.step(2 * GOAL)
-    finish_step(own_clock)
-    assert own_clock.stamp == GOAL
-    own_clock.reset(time=False, state=True)
-    assert (own_clock.run.time, own_clock.stamp) == (0, GOAL)
 
 
 @pytest.mark.parametrize(
@@ -143,27 +326,20 @@ def test_a_reset_of_the_time_alone_goes_on_at_stamp_zero_where_the_drill_is_its_
         (PLAY, "the simulation was set to play"),
         (PAUSE, "the simulation was paused"),
         (HALT, "the simulation was reset"),
-        (lambda live: live.restore("here"), "a checkpoint was restored"),
-        (lambda live: live.interrupt("the drill has stopped"), "the drill has stopped"),
+        (lambda drill: drill.restore("here"), "a checkpoint was restored"),
+        (lambda drill: drill.interrupt("the drill has stopped"), "the drill has stopped"),
     ],
 )
-def test_whatever_comes_before_the_goal_interrupts_a_step(live, change, reason):
-    live.save("here")
-    step = live.step(GOAL)
-    change(live)
-    with pytest.raises(InterruptedStepError, match=f"^{reason}$"):
+def test_whatever_comes_before_the_goal_interrupts_a_step(drill, change, reason):
+    drill.save("here")
+    step = drill.step(PERIOD)
+    change(drill)
+    with pytest.raises(InterruptedStepError, match=f"^interrupted: {reason}$"):
         step.result(0.0)
-    assert live.goal is None
-    live.interrupt("nothing is under way any more")
-
-
-def test_a_step_after_an_interrupted_one_is_another(live):
-    first = live.step(GOAL)
-    live.pause()
-    second = live.step(2 * GOAL)
-    finish_step(live)
-    assert second.result(0.0).stamp == live.run.origin + 2 * GOAL
-    assert first is not second
+    drill.pause()
+    another = drill.step(2 * PERIOD)
+    drill.finish_step()
+    assert another.result(0.0).stamp == drill.run.origin + 2 * PERIOD
 
 
 @pytest.mark.parametrize(
@@ -171,34 +347,67 @@ def test_a_step_after_an_interrupted_one_is_another(live):
     [
         (PLAY, "it is playing, not paused"),
         (HALT, "it is stopped, not paused"),
-        (lambda live: live.step(GOAL), "it is stepping already, not paused"),
+        (lambda drill: drill.step(PERIOD), "it is stepping already, not paused"),
     ],
 )
-def test_only_a_paused_simulation_steps(live, change, reason):
-    change(live)
-    before = live.goal
+def test_only_a_paused_simulation_steps(drill, change, reason):
+    change(drill)
+    before = drill.goal
     with pytest.raises(ParameterError, match=f"^{reason}$"):
-        live.step(2 * GOAL)
-    assert live.goal == before
+        drill.step(2 * PERIOD)
+    assert drill.goal == before
 
 
 @pytest.mark.parametrize("goal", [-1, 0, 10**15 + 1])
-def test_a_step_goes_forward_and_not_too_far(live, goal):
+def test_a_step_goes_forward_and_not_too_far(drill, goal):
     with pytest.raises(ParameterError, match=r"step = .* s is outside its range \(0, 1e\+06\] s"):
-        live.step(goal)
-    assert live.goal is None
+        drill.step(goal)
+    assert drill.goal is None
 
 
-def test_a_drill_that_follows_a_clock_does_not_drift_from_it_when_its_settings_change(make):
-    live = make(use_sim_time=True)
-    clock = live.node.get_clock()
+def test_the_settings_of_the_run_come_back_with_it_but_for_its_pace(drill):
+    first, changed = drill.settings, dataclasses.replace(drill.settings, command_timeout=2.0)
+    drill.configure(changed)
+    drill.save("changed")
+    drill.reset(time=True, state=True)
+    assert drill.settings == drill.restored[-1] == first
+    drill.configure(dataclasses.replace(first, real_time_factor=0.5))
+    drill.restore("changed")
+    expected = dataclasses.replace(changed, real_time_factor=0.5)
+    assert drill.settings == drill.restored[-1] == expected
+
+
+def test_a_reset_of_the_time_alone_goes_on_at_stamp_zero_where_the_drill_is_its_source(make):
+    drill = make(publish_clock=True)
+    drill.step(PERIOD)
+    drill.finish_step()
+    assert drill.stamp == PERIOD
+    drill.reset(time=True, state=False)
+    assert (drill.run.time, drill.stamp) == (PERIOD, 0)
+    drill.step(2 * PERIOD)
+    drill.finish_step()
+    assert drill.stamp == PERIOD
+    drill.reset(time=False, state=True)
+    assert (drill.run.time, drill.stamp) == (0, PERIOD)
+
+
+def test_a_drill_that_follows_a_clock_does_not_drift_from_it_and_restarts_where_that_goes_back(
+    make,
+):
+    drill = make(use_sim_time=True)
+    clock = drill._source._clock
 
     def tell(nanoseconds):
         clock.set_ros_time_override(Time(nanoseconds=nanoseconds, clock_type=ClockType.ROS_TIME))
 
     tell(7 * SECOND)
-    live.start_time(threading.Event(), lambda: None)
-    assert (live.follows_clock, live.playing, live.stamp) == (True, True, 7 * SECOND)
-    tell(7 * SECOND + GOAL // 2)
-    live.configure(dataclasses.replace(live.settings, real_time_factor=0.5))
-    assert live.pacer.remaining(GOAL) == pytest.approx(GOAL / 2 / SECOND)
+    drill.start_time(threading.Event(), lambda: None)
+    assert (drill.follows_clock, drill.playing, drill.stamp) == (True, True, 7 * SECOND)
+    tell(7 * SECOND + PERIOD // 2)
+    drill.configure(dataclasses.replace(drill.settings, real_time_factor=0.5))
+    assert drill.pacer.remaining(PERIOD) == pytest.approx(PERIOD / 2 / SECOND)
+    tell(7 * SECOND + PERIOD)
+    assert (drill.turn(), drill.run.time) == (0.0, PERIOD)
+    tell(3 * SECOND)
+    drill.turn()
+    assert (drill.run.time, drill.stamp) == (0, 3 * SECOND)

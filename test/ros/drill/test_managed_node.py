@@ -12,12 +12,6 @@ from support import PATIENCE, until
 
 from rpud_sim.ros.drill.managed_node import ManagedNode
 
-UNKNOWN = ParameterMessage(name="gain", value=ParameterValue(type=77))
-KNOWN = ParameterMessage(
-    name="gain", value=ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=2.0)
-)
-REASON = "'gain' has the type 77, which is none"
-
 
 @pytest.fixture
 def node(nodes):
@@ -42,62 +36,59 @@ def call(node, kind, name, **fields):
         client_node.destroy_node()
 
 
-def test_a_parameter_of_an_unknown_type_is_refused_and_its_neighbours_are_set(node):
-    results = call(node, SetParameters, "set_parameters", parameters=[UNKNOWN, KNOWN]).results
-    assert [(result.successful, result.reason) for result in results] == [
-        (False, REASON),
-        (True, ""),
-    ]
-    assert node.get_parameter("gain").value == 2.0
+@pytest.fixture
+def set_parameters(node):
+    """Set parameters by both services, and give the results and reasons of one by one."""
+
+    def ask(*parameters):
+        together = call(
+            node, SetParametersAtomically, "set_parameters_atomically", parameters=parameters
+        ).result
+        changed = node.get_parameter("gain").value != 1.0
+        node.set_parameters([Parameter("gain", value=1.0)])
+        results = call(node, SetParameters, "set_parameters", parameters=parameters).results
+        found = [(result.successful, result.reason) for result in results]
+        assert (together.successful, together.reason) == min(found)  # the refusal, if there is one
+        assert changed == together.successful
+        return found
+
+    return ask
 
 
-def test_of_parameters_that_are_set_at_once_one_of_an_unknown_type_refuses_all(node):
-    name = "set_parameters_atomically"
-    result = call(node, SetParametersAtomically, name, parameters=[KNOWN, UNKNOWN]).result
-    assert (result.successful, result.reason) == (False, REASON)
-    assert node.get_parameter("gain").value == 1.0
-    assert call(node, SetParametersAtomically, name, parameters=[KNOWN]).result.successful
-    assert node.get_parameter("gain").value == 2.0
+def parameter(kind, name="gain", **value):
+    return ParameterMessage(name=name, value=ParameterValue(type=kind, **value))
 
 
-@pytest.mark.parametrize(
-    ("name", "reason"),
-    [
-        ("gain", "gain is of another type: expected double, given string"),
-        ("gian", "parameter 'gian' is unknown; did you mean gain?"),
-    ],
-)
-def test_a_refusal_names_the_parameter(node, name, reason):
-    bad = ParameterMessage(name=name, value=text("much"))
-    results = call(node, SetParameters, "set_parameters", parameters=[bad, KNOWN]).results
-    assert [(result.successful, result.reason) for result in results] == [
-        (False, reason),
-        (True, ""),
-    ]
-    together = "set_parameters_atomically"
-    result = call(node, SetParametersAtomically, together, parameters=[KNOWN, bad]).result
-    assert (result.successful, result.reason) == (False, reason)
-
-
-def text(value):
-    return ParameterValue(type=ParameterType.PARAMETER_STRING, string_value=value)
+KNOWN = parameter(ParameterType.PARAMETER_DOUBLE, double_value=2.0)
 
 
 @pytest.mark.parametrize(
-    ("value", "number"),
+    ("bad", "reason"),
     [
-        (ParameterValue(type=ParameterType.PARAMETER_INTEGER, integer_value=5), 5.0),
-        (text("1e-06"), 1e-6),  # as ros2 param set and load send 1e-06
+        (parameter(77), "'gain' has the type 77, which is none"),
+        (parameter(4, string_value="much"), "gain is of another type: expected double, given str"),
+        (parameter(1, bool_value=True), "gain is of another type: expected double, given bool"),
+        (parameter(3, "gian"), "parameter 'gian' is unknown; did you mean gain?"),
     ],
 )
-def test_what_stands_for_a_number_is_one(node, value, number):
-    parameters = [ParameterMessage(name="gain", value=value)]
-    results = call(node, SetParameters, "set_parameters", parameters=parameters).results
-    assert [result.reason for result in results] == [""]
-    assert node.get_parameter("gain").value == number
-    node.set_parameters([Parameter("gain", value=1.0)])
-    name = "set_parameters_atomically"
-    assert call(node, SetParametersAtomically, name, parameters=parameters).result.successful
+def test_a_refusal_names_the_parameter_and_its_neighbours_are_set(set_parameters, bad, reason):
+    [(successful, said), neighbour] = set_parameters(bad, KNOWN)
+    assert not successful
+    assert said.startswith(reason)
+    assert neighbour == (True, "")
+
+
+@pytest.mark.parametrize(
+    ("given", "number"),
+    [
+        (KNOWN, 2.0),
+        (parameter(ParameterType.PARAMETER_INTEGER, integer_value=5), 5.0),
+        # As ros2 param set and load send 1e-06.
+        (parameter(ParameterType.PARAMETER_STRING, string_value="1e-06"), 1e-6),
+    ],
+)
+def test_what_stands_for_a_number_is_one(set_parameters, node, given, number):
+    assert set_parameters(given) == [(True, "")]
     assert node.get_parameter("gain").value == number
 
 

@@ -1,246 +1,99 @@
-"""Status and diagnostics say what a report says."""
+"""Reports come every second and on demand; status and diagnostics say how the drill is."""
 
-import dataclasses
+from types import SimpleNamespace
 
 import pytest
-from builtin_interfaces.msg import Time
-from diagnostic_msgs.msg import DiagnosticStatus
-from rclpy.serialization import serialize_message
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from rclpy.serialization import deserialize_message
+from rpud_msgs.msg import Drive as DriveMessage
+from rpud_msgs.msg import WeightOnBit as WeightOnBitMessage
+from support import until
 
-from rpud_sim.ros.delay_histogram import DelayHistogram
-from rpud_sim.ros.drill.pacer import Punctuality
-from rpud_sim.ros.drill.report import Report, report_to_diagnostics
+from rpud_sim.ros.drill.commands import Inbox, result_of
+from rpud_sim.ros.drill.pacer import Pacer
+from rpud_sim.ros.drill.publishers import DrillPublishers
+from rpud_sim.ros.drill.report import StatusReporter, diagnose
 from rpud_sim.simulation.commands import Drive, Feed, WeightOnBit
 from rpud_sim.simulation.configuration import Settings, to_configuration
 from rpud_sim.simulation.faults import Fault
 from rpud_sim.simulation.fields import Bookkeeping
 from rpud_sim.simulation.run import Beginning, Run
+from rpud_sim.simulation.statistics import Statistics
 
+NO_OTHERS = SimpleNamespace(count=lambda: 0)  # of the same name
 SECOND = 1_000_000_000
 MILLISECOND = 1_000_000
-ORIGIN = 1_700_000_000 * SECOND + 5
-ON_TIME = Punctuality(
-    blocks=300,
-    deadlines_missed=4,
-    lateness=0.0002,
-    lateness_max=0.003,
-    lateness_p50=0.0001,
-    lateness_p99=0.0011,
-    lateness_p999=0.0025,
-    lag=0.0,
-    real_time_factor=0.9998,
-)
-COUNTS = Bookkeeping(
-    commands_accepted=2,
-    commands_rejected=7,
-    commanders=1,
-    deadlines_missed=4,
-    messages_dropped=1,
-    real_time_factor=0.9998,
-    lateness_max=0.003,
-)
+OK, WARN, ERROR = (level[0] for level in (DiagnosticStatus.OK, DiagnosticStatus.WARN, b"\2"))
+GIVEN = result_of("weight_on_bit")
+MEASURED = {"lag": 0.0, "lateness_max": 0.003, "namesakes": 0, "blocks": 300}
 
 
-def made(**counts):
-    """Give the report of a run that was commanded, at 20 ms."""
-    run = begun(rock_model="specific_energy")
-    run.simulation.apply(WeightOnBit(30.0))
-    list(run.advance_to(10 * MILLISECOND))
-    run.simulation.apply(Drive(False, 80.0, 17000.0))
-    list(run.advance_to(20 * MILLISECOND))
-    return report_of(run, **counts)
-
-
-def delays(*seconds):
-    found = DelayHistogram()
-    for each in seconds:
-        found.add(each * SECOND)
-    return found
-
-
-def begun(**values):
-    """Give a run with these parameters at its beginning."""
+def ran(milliseconds=0, *commands, **values):
+    """Give a run with these parameters after a time under these commands."""
     run = Run(Beginning(Settings(to_configuration(values))))
-    run.begin(ORIGIN)
+    run.begin(0)
+    for command in commands:
+        run.simulation.apply(command)
+    list(run.advance_to(milliseconds * MILLISECOND))
     return run
 
 
-def report_of(run, **counts):
-    """Give the report of a run."""
-    bookkeeping = dataclasses.replace(COUNTS, **counts)
-    return Report(
-        time=run.time,
-        status=run.status("running", bookkeeping)[2],
-        coupling_power=run.coupling_power,
-        unloaded_amplitude=run.simulation.unloaded_amplitude,
-        process=run.simulation.process,
-        at_tool_length=run.simulation.at_tool_length,
-        faults=run.simulation.faults.active,
-        requests_refused=3,
-        last_refusal="there is no fault 9 to clear",
-        namesakes=0,
-        scheduling="real-time priority 10",
-        timing=ON_TIME,
-        command_delays=delays(0.004, 0.004, 0.009, 0.0095),
-        impact_delays=delays(0.005, 0.01, 0.011),
-        figures={},
-        published={"status": 5, "journal": 3},
-        subscribers={"status": 2, "journal": 0},
-        publishers={"command/drive": 1, "command/feed": 0},
-        acknowledged=True,
-    )
+def diagnosed(run, part, period=0.01, **changes):
+    """Give level, text and values of a part of the diagnostics of a run."""
+    status = run.status("running", Bookkeeping(commands_rejected=7))[2]
+    entries = diagnose(run, {**status, **changes}, {**MEASURED, **changes}, period)
+    entry = next(entry for entry in entries if entry["name"] == part)
+    return entry["level"], entry["message"], {v["key"]: v["value"] for v in entry["values"]}
 
 
-REPORT = made()
-
-
-def test_steps_of_the_arm_that_lose_power_are_a_warning():
-    run = begun(feed_model="arm", initial_feed=0.004)
-    list(run.advance_to(100 * MILLISECOND))
-    report = report_of(run)
-    drill = diagnostics(report).status[2]
-    values = {pair.key: pair.value for pair in drill.values}
-    assert (drill.level, drill.message) == (DiagnosticStatus.OK, "running")
-    assert abs(float(values["coupling_power [W]"])) < 0.05 * report.status["actuator_power"]
-    power = 0.06 * report.status["actuator_power"]
-    drill = diagnostics(dataclasses.replace(report, coupling_power=-power)).status[2]
-    assert drill.level == DiagnosticStatus.WARN
-    assert f"lose {-power:.3g} W, more than 5% of" in drill.message
+@pytest.mark.parametrize(
+    ("part", "changes", "level", "text"),
+    [
+        ("timing", {}, OK, "on time"),
+        ("timing", {"lateness_max": 0.0101}, WARN, "a block was 0.010 s late"),
+        ("timing", {"lateness_max": 0.0101, "period": 0.1}, OK, "on time"),
+        ("timing", {"lateness_max": 2.0, "lag": 1.5}, ERROR, "simulation time lags 1.500 s behind"),
+        ("commands", {}, OK, "7 refused"),
+        ("commands", {"commanders": 2}, WARN, "2 publishers command at once"),
+        ("commands", {"commanders": 2, "commands_discarded": 3}, WARN, "3 discarded"),
+        ("commands", {"commands_lost": True}, ERROR, "commands are lost: the drill is made safe"),
+        ("drill", {}, OK, "running"),
+        ("drill", {"namesakes": 1, "active_faults": 2}, WARN, "2 nodes have this name"),
+        ("drill", {"active_faults": 2}, WARN, "2 faults injected"),
+        ("messages", {}, OK, "none dropped"),
+        ("messages", {"messages_dropped": 4}, WARN, "4 dropped"),
+    ],
+)
+def test_the_diagnostics_name_what_is_worst(part, changes, level, text):
+    assert diagnosed(ran(), part, **changes)[:2] == (level, text)
 
 
 @pytest.mark.parametrize(("weight", "stalled"), [(8.0, False), (30.0, True)])
 def test_a_vibration_that_the_load_stalls_is_a_warning(weight, stalled):
-    run = begun(
-        actuator_model="resonance",
-        weight_on_bit=weight,
-        contact_model="printed",
-        vibration_amplitude=35e-6,
-    )
-    list(run.advance_to(300 * MILLISECOND))
-    drill = diagnostics(report_of(run)).status[2]
-    assert (drill.level == DiagnosticStatus.WARN) is stalled
-    assert ("less than 5% of 35 um without load" in drill.message) is stalled
+    parameters = {"actuator_model": "resonance", "contact_model": "printed"}
+    run = ran(300, weight_on_bit=weight, vibration_amplitude=35e-6, **parameters)
+    level, text, _ = diagnosed(run, "drill")
+    assert (level == WARN) is stalled
+    assert ("less than 5% of 35 um without load" in text) is stalled
 
 
-def nanoseconds(time):
-    return time.sec * SECOND + time.nanosec
+def test_a_hole_as_deep_as_the_tool_is_long_is_a_warning():
+    sections = {"section_1_length": 1e-6, "section_2_length": 1e-6}
+    level, text, _ = diagnosed(ran(200, rock_model="specific_energy", **sections), "drill")
+    said = "the hole is as deep as the drill tool is long: it gets no deeper"
+    assert (level, text) == (WARN, said)
 
 
-def late(**changes):
-    return dataclasses.replace(REPORT, timing=dataclasses.replace(ON_TIME, **changes))
-
-
-def diagnostics(report, telemetry_rate=100):
-    return report_to_diagnostics(report, "/rpud/drill_node", Time(sec=9), telemetry_rate)
-
-
-@pytest.mark.parametrize(
-    ("report", "level", "text"),
-    [
-        (REPORT, DiagnosticStatus.OK, "on time"),
-        (late(lateness_max=0.0101), DiagnosticStatus.WARN, "a block was 0.010 s late"),
-        (late(lag=1.5), DiagnosticStatus.ERROR, "simulation time lags 1.500 s behind"),
-    ],
-)
-def test_the_level_of_the_timing_is_that_of_the_lateness(report, level, text):
-    message = diagnostics(report)
-    assert message.status[0].level == level
-    assert message.status[0].message == text
-
-
-def test_what_is_late_depends_on_the_period():
-    report = late(lateness_max=0.05)
-    assert diagnostics(report, 10).status[0].level == DiagnosticStatus.OK
-    assert diagnostics(report, 1000).status[0].level == DiagnosticStatus.WARN
-
-
-def test_the_diagnostics_have_names_and_values():
-    message = diagnostics(REPORT)
-    assert message.header.stamp.sec == 9
-    timing, commands, drill, messages = message.status
-    assert timing.name == "/rpud/drill_node: timing"
-    assert commands.name == "/rpud/drill_node: commands"
-    assert commands.message == "7 refused"
-    assert drill.name == "/rpud/drill_node: drill"
-    assert (drill.level, drill.message) == (DiagnosticStatus.OK, "running")
-    values = {pair.key: pair.value for status in message.status for pair in status.values}
-    assert messages.name == "/rpud/drill_node: messages"
-    assert (messages.level, messages.message) == (DiagnosticStatus.WARN, "1 dropped")
-    expected = {
-        "published": "status 5, journal 3",
-        "subscribers": "status 2, journal 0",
-        "publishers": "command/drive 1, command/feed 0",
-        "acknowledged": "True",
-        "deadlines_missed": "4",
-        "requests_refused": "3",
-        "last_refusal": "there is no fault 9 to clear",
-        "real_time_factor": "0.9998",
-        "lateness_max [s]": "0.003000",
-        "scheduling": "real-time priority 10",
-        "lateness_p50 [s]": "0.000100",
-        "lateness_p99 [s]": "0.001100",
-        "lateness_p99.9 [s]": "0.002500",
-        "command_delay_p50 [s]": f"{REPORT.command_delays.quantile(0.5):.6f}",
-        "command_delay_p99 [s]": "0.009500",
-        "command_delay_max [s]": "0.009500",
-        "impact_delay_max [s]": "0.011000",
-        "messages_dropped": "1",
-        "commands_accepted": "2",
-        "weight_on_bit [N]": "30",
-        "drive_enabled": "False",
-        "drive_frequency [Hz]": "17000",
-        "commanders": "1",
-        "regime": "drilling",
-        "impacts": str(REPORT.status["impacts"]),
-        "vibration_amplitude [m]": f"{REPORT.status['vibration_amplitude']:g}",
-        "actuator_temperature [K]": "293.15",
-        "depth [m]": f"{REPORT.status['depth']:g}",
-    }
-    assert {key: values[key] for key in expected} == expected
-    assert "0" not in (values["impacts"], values["depth [m]"])
-    serialize_message(message)
-
-
-@pytest.mark.parametrize(
-    ("changes", "level", "text"),
-    [
-        ({}, DiagnosticStatus.OK, "7 refused"),
-        ({"commanders": 2}, DiagnosticStatus.WARN, "2 publishers command at once"),
-        (
-            {"commanders": 2, "commands_lost": True},
-            DiagnosticStatus.ERROR,
-            "commands are lost: the drill is made safe",
-        ),
-    ],
-)
-def test_lost_commands_and_two_commanders_are_told(changes, level, text):
-    commands = diagnostics(made(**changes)).status[1]
-    assert (commands.level, commands.message) == (level, text)
-
-
-def test_faults_that_last_are_told_with_their_number():
-    drill = diagnostics(
-        dataclasses.replace(REPORT, status={**REPORT.status, "active_faults": 2})
-    ).status[2]
-    assert (drill.level, drill.message) == (DiagnosticStatus.WARN, "2 faults injected")
-
-
-def test_a_hole_as_deep_as_the_tool_is_long_is_told():
-    run = begun(rock_model="specific_energy", section_1_length=1e-6, section_2_length=1e-6)
-    list(run.advance_to(200 * MILLISECOND))
-    drill = diagnostics(report_of(run)).status[2]
-    text = "the hole is as deep as the drill tool is long: it gets no deeper"
-    assert (drill.level, drill.message) == (DiagnosticStatus.WARN, text)
-
-
-ARM = {"feed_model": "arm", "initial_feed": 1e-3}
-HOLE = {"strata": "sandstone"}
-
-
-def values_of(run):
-    """Give the values of the diagnostics of commands and drill, by key."""
-    _, commands, drill, _ = diagnostics(report_of(run)).status
-    return ({pair.key: pair.value for pair in each.values} for each in (commands, drill))
+def test_steps_of_the_arm_that_lose_power_are_a_warning():
+    run = ran(100, feed_model="arm", initial_feed=0.004)
+    level, _, values = diagnosed(run, "drill")
+    power = run.status("running", Bookkeeping())[2]["actuator_power"]
+    assert (level, abs(float(values["coupling_power [W]"])) < 0.05 * power) == (OK, True)
+    run._recent_energy.coupling_power = lambda: -0.06 * power
+    level, text, _ = diagnosed(run, "drill")
+    assert level == WARN
+    assert f"steps of the arm lose {-0.06 * power:.3g} W, more than 5% of" in text
 
 
 @pytest.mark.parametrize(
@@ -248,31 +101,165 @@ def values_of(run):
     [
         (Feed("rate", -2.5e-4), {"feed_mode": "rate", "feed_value [m/s]": "-0.00025"}),
         (Feed("position", 0.012), {"feed_mode": "position", "feed_value [m]": "0.012"}),
+        (None, {}),
     ],
 )
-def test_on_an_arm_the_diagnostics_have_the_feed_in_force_in_the_unit_of_its_mode(feed, expected):
-    run = begun(**ARM)
-    run.simulation.apply(feed)
-    list(run.advance_to(20 * MILLISECOND))
-    commands, drill = values_of(run)
-    assert {key: value for key, value in commands.items() if key.startswith("feed")} == expected
-    assert "side_offset [m]" not in drill
+def test_the_feed_in_force_is_shown_in_the_unit_of_its_mode(feed, expected):
+    run = ran(20, feed, feed_model="arm", initial_feed=1e-3) if feed else ran()
+    values = diagnosed(run, "commands")[2]
+    assert {key: value for key, value in values.items() if key.startswith("feed")} == expected
 
 
-def test_with_a_borehole_the_diagnostics_have_the_walk_of_the_bit():
-    run = begun(**ARM, **HOLE)
-    commands, drill = values_of(run)
-    assert commands["feed_value [m/s]"] == drill["side_offset [m]"] == "0"
-    run.simulation.apply(Feed("rate", 1e-3))
+def test_the_walk_of_the_bit_is_shown_with_a_borehole():
+    run = ran(0, Feed("rate", 1e-3), feed_model="arm", initial_feed=1e-3, strata="sandstone")
+    assert diagnosed(run, "drill")[2]["side_offset [m]"] == "0"
     run.simulation.inject(Fault("bit_walk"))
     list(run.advance_to(200 * MILLISECOND))
     walked = run.simulation.process.borehole.side_offset
-    assert walked > 0.0
-    _, drill = values_of(run)
-    assert drill["side_offset [m]"] == f"{walked:g}"
+    assert diagnosed(run, "drill")[2]["side_offset [m]"] == f"{walked:g}" != "0"
+    assert "side_offset [m]" not in diagnosed(ran(), "drill")[2]
 
 
-def test_without_feed_and_borehole_the_diagnostics_have_neither():
-    commands, drill = values_of(begun(rock_model="specific_energy"))
-    assert not any(key.startswith("feed") for key in commands)
-    assert "side_offset [m]" not in drill
+class Drill:
+    """A run, its reporter, and what that publishes."""
+
+    def __init__(self, node):
+        self.node = node
+        self.inbox = Inbox(node.get_logger())
+        self.outputs = DrillPublishers(node, publish_clock=False)
+        self.reporter = StatusReporter(node, 100, self.outputs, self.inbox, NO_OTHERS)
+        self.blocks, self.diagnostics = [], []
+        self.run = Run(Beginning(Settings(telemetry_rate=1, block_duration=1.0)), on_block=self.add)
+        self.pacer = Pacer(100)
+        send = self.outputs._send
+        self.outputs._send = lambda *message: self.sent(*message) or send(*message)
+
+    def sent(self, name, message):
+        if name == "/diagnostics":
+            self.diagnostics.append(deserialize_message(message, DiagnosticArray))
+
+    def add(self, block):
+        self.blocks.append(block)
+        self.reporter.add(block)
+
+    def advance(self, seconds):
+        list(self.run.advance_to(seconds * SECOND))
+        self.pacer.finish(seconds * SECOND)
+        return figures(self.blocks[-1])
+
+    def report(self):
+        self.reporter.report("running", self.run, self.pacer)
+        return self.reporter.last
+
+
+@pytest.fixture
+def drill(drill_node):
+    return Drill(drill_node)
+
+
+def figures(*blocks):
+    statistics = Statistics()
+    for block in blocks:
+        statistics.add(block)
+    return statistics.figures()
+
+
+def test_status_and_diagnostics_tell_of_the_drill(drill):
+    assert (drill.reporter.last, drill.reporter.refused_more()) == (None, False)
+    first = drill.advance(1)
+    drill.run.control.apply(WeightOnBit(30.0))
+    drill.run.control.apply(Drive(False, 80.0, 17000.0))
+    drill.inbox.refuse_request("there is no fault 9 to clear")
+    report = drill.report()
+    status = report.status
+    assert (report.time, report.figures) == (SECOND, first)
+    assert status["impacts"] == drill.run.simulation.impact_count > 0
+    assert (report.requests_refused, report.last_refusal) == (1, "there is no fault 9 to clear")
+    assert drill.diagnostics == []  # they have time
+    for _ in range(2):
+        drill.reporter.publish_diagnostics()
+    [message] = drill.diagnostics
+    parts = {entry.name: entry for entry in message.status}
+    assert list(parts) == [
+        f"/rpud/drill_node: {name}" for name in ("timing", "commands", "drill", "messages")
+    ]
+    values = {pair.key: pair.value for entry in message.status for pair in entry.values}
+    expected = {
+        "blocks": "1",
+        "scheduling": "time-sharing",
+        "lateness_p99.9 [s]": "0",
+        "command_delay_max [s]": "0",
+        "requests_refused": "1",
+        "last_refusal": "there is no fault 9 to clear",
+        "weight_on_bit [N]": "30",
+        "drive_enabled": "False",
+        "drive_frequency [Hz]": "17000",
+        "commanders": "0",
+        "regime": "drilling",
+        "impacts": str(status["impacts"]),
+        "vibration_amplitude [m]": f"{status['vibration_amplitude']:g}",
+        "actuator_temperature [K]": "293.15",
+        "acknowledged": "True",
+    }
+    assert {key: values[key] for key in expected} == expected
+    assert "status 1" in values["published"].split(", ")
+
+
+def test_figures_are_those_since_the_full_report_before_and_totals_those_of_all(drill):
+    first = drill.advance(1)
+    assert drill.reporter.due()
+    assert drill.report().figures == first
+    assert not drill.reporter.due()
+    second = drill.advance(2)
+    # On demand, before the second is over: nothing new to average, but the present state.
+    report = drill.report()
+    assert (report.figures, report.time) == (first, 2 * SECOND)
+    drill.reporter.end_period()
+    assert drill.report().figures == second
+    drill.advance(3)
+    assert drill.reporter.totals.figures() == pytest.approx(figures(*drill.blocks))
+
+
+def test_commands_are_counted_and_refusals_call_for_a_report(drill):
+    drill.report()
+    drill.inbox.accept(WeightOnBit(1.0), GIVEN)
+    drill.inbox.drain()
+    assert not drill.reporter.refused_more()
+    drill.inbox.refuse(GIVEN, "for a reason")
+    assert drill.reporter.refused_more()
+    report = drill.report()
+    assert (report.status["commands_accepted"], report.status["commands_rejected"]) == (1, 1)
+    assert not drill.reporter.refused_more()
+
+
+def test_a_new_beginning_counts_from_zero(drill):
+    drill.advance(1)
+    drill.report()
+    drill.inbox.refuse(GIVEN, "for a reason")
+    drill.reporter.begin()
+    assert drill.reporter.due()
+    assert drill.reporter.totals.figures()["events"] == 0
+    assert drill.report().status["commands_rejected"] == 0
+
+
+def test_lost_commands_are_told(drill):
+    drill.run.control.set(0.1, 0.1)
+    drill.advance(1)
+    drill.run.control.act()
+    status = drill.report().status
+    assert (status["commands_lost"], status["weight_on_bit"]) == (True, 0.0)
+
+
+def test_commanders_are_those_of_the_topic_that_has_most_whose_publishers_are_counted(nodes):
+    remapped = ["--ros-args", "-r", "command/drive:=/arm/drive"]
+    nodes.append(rclpy.create_node("drill_node", namespace="/rpud", cli_args=remapped))
+    node, heavy, drive = nodes[-1], "command/weight_on_bit", "/arm/drive"
+    node.create_subscription(WeightOnBitMessage, heavy, lambda _: None, 1)
+    drill = Drill(node)
+    assert drill.reporter.publishers_heard() == {heavy: 0}
+    node.create_publisher(DriveMessage, drive, 1)
+    assert drill.report().status["commanders"] == 1
+    for _ in range(2):
+        node.create_publisher(WeightOnBitMessage, heavy, 1)
+    assert drill.report().status["commanders"] == 2
+    until(lambda: drill.reporter.publishers_heard() == {heavy: 2})

@@ -9,7 +9,7 @@ from builtin_interfaces.msg import Time
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
 from rosgraph_msgs.msg import Clock
-from support import PATIENCE
+from support import PATIENCE, until
 
 from rpud_sim.ros.drill.pacer import TimeSource
 
@@ -26,108 +26,76 @@ def node(nodes):
     return create
 
 
-class Clocked:
-    """A node that hears a /clock, and whoever moves it."""
-
-    def __init__(self, node):
-        self.node = node
-        self.publisher = node.create_publisher(Clock, "/clock", 10)
-        self.executor = SingleThreadedExecutor()
-        self.executor.add_node(node)
-
-    def tell(self, nanoseconds):
-        """Publish a time until the node's clock shows it."""
-        sec, nanosec = divmod(nanoseconds, SECOND)
-        deadline = time.monotonic() + PATIENCE
-        while self.node.get_clock().now().nanoseconds != nanoseconds:
-            assert time.monotonic() < deadline, "the clock did not come"
-            self.publisher.publish(Clock(clock=Time(sec=sec, nanosec=nanosec)))
-            self.executor.spin_once(timeout_sec=0.1)
-
-
 @pytest.fixture
-def clocked(node):
-    made = Clocked(node(True))
-    yield made
-    made.executor.shutdown()
+def follower(node):
+    """A source that hears a /clock, how to move that, and how often the source woke."""
+    drill, woken = node(True), []
+    publisher = drill.create_publisher(Clock, "/clock", 10)
+    executor = SingleThreadedExecutor()
+    executor.add_node(drill)
+    source = TimeSource(drill, False, lambda: woken.append(True))
+
+    def tell(seconds):
+        """Publish a time until the node's clock shows it."""
+
+        def shown():
+            publisher.publish(Clock(clock=Time(sec=seconds)))
+            executor.spin_once(timeout_sec=0.1)
+            return drill.get_clock().now().nanoseconds == seconds * SECOND
+
+        until(shown)
+
+    yield source, tell, woken
+    source.close()
+    executor.shutdown()
 
 
 def test_of_itself_time_is_the_machine_s(node):
     source = TimeSource(node(False), False)
-    assert not source.follows
-    assert source.schedule is None
+    assert (source.follows, source.schedule, source.went_back) == (False, None, False)
     source.wait(threading.Event(), lambda: None)
     before = time.time_ns()
-    zero = source.origin(5 * SECOND, own=7)
-    assert before <= zero + 5 * SECOND <= time.time_ns()
-    assert not source.went_back
+    assert before <= source.origin(5 * SECOND, own=7) + 5 * SECOND <= time.time_ns()
     source.close()
 
 
 @pytest.mark.parametrize("use_sim_time", [False, True])
 def test_the_source_of_the_clock_begins_at_zero_and_follows_no_other_clock(node, use_sim_time):
     source = TimeSource(node(use_sim_time), True)
-    assert not source.follows
-    assert source.schedule is None
+    assert (source.follows, source.schedule) == (False, None)
     source.wait(threading.Event(), lambda: None)
     assert source.origin() == source.origin(SECOND) == 0
     assert source.origin(SECOND, own=3 * SECOND) == 3 * SECOND
 
 
-def test_a_follower_waits_for_the_first_time_and_serves_meanwhile(clocked):
-    source = TimeSource(clocked.node, False)
-    assert source.follows
-    served = threading.Event()
+def test_a_follower_waits_for_the_first_time_serves_meanwhile_and_can_be_stopped(follower):
+    source, tell, _ = follower
+    stop, served = threading.Event(), threading.Event()
+    stop.set()
+    source.wait(stop, lambda: None)
+    assert source.origin() == 0
     waiter = threading.Thread(target=source.wait, args=(threading.Event(), served.set))
     waiter.start()
     assert served.wait(PATIENCE)
     assert waiter.is_alive()
-    clocked.tell(7 * SECOND)
+    tell(7)
     waiter.join(PATIENCE)
     assert not waiter.is_alive()
-    source.close()
 
 
-def test_a_follower_that_is_stopped_waits_no_more(clocked):
-    source = TimeSource(clocked.node, False)
-    stop = threading.Event()
-    stop.set()
-    source.wait(stop, lambda: None)
-    assert source.origin() == 0
-    source.close()
-
-
-def test_the_schedule_of_a_follower_is_the_clock_which_gives_its_present_time_a_stamp(clocked):
-    source = TimeSource(clocked.node, False)
-    clocked.tell(7 * SECOND)
+def test_the_schedule_of_a_follower_is_the_clock_whose_every_jump_wakes_it(follower):
+    source, tell, woken = follower
+    tell(7)
     assert source.origin() == 7 * SECOND
-    clocked.tell(9 * SECOND)
-    assert source.schedule() == 9 * SECOND
-    assert source.origin(2 * SECOND, own=5) == 7 * SECOND
-    source.close()
-
-
-def test_every_jump_wakes_and_one_back_is_remembered_until_the_next_origin(clocked):
-    woken = []
-    source = TimeSource(clocked.node, False, lambda: woken.append(True))
-    clocked.tell(7 * SECOND)
-    source.origin()
     before = len(woken)
-    assert before > 0
-    clocked.tell(8 * SECOND)
-    assert len(woken) > before
-    assert not source.went_back
-    clocked.tell(2 * SECOND)
-    assert source.went_back
-    assert source.origin() == 2 * SECOND
-    assert not source.went_back
+    tell(9)
+    assert len(woken) > before > 0
+    assert (source.schedule(), source.went_back) == (9 * SECOND, False)
+    assert source.origin(2 * SECOND, own=5) == 7 * SECOND
+    tell(2)
+    assert source.went_back  # until the next origin
+    assert (source.origin(), source.went_back) == (2 * SECOND, False)
     source.close()
-
-
-def test_who_has_stopped_listening_is_woken_no_more(clocked):
-    woken = []
-    source = TimeSource(clocked.node, False, lambda: woken.append(True))
-    source.close()
-    clocked.tell(7 * SECOND)
-    assert woken == []
-    source.close()  # again does no harm
+    before = len(woken)
+    tell(8)
+    assert len(woken) == before

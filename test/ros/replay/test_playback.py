@@ -5,13 +5,16 @@ Time is a number here: a playback is called again at the time that it returned.
 
 import itertools
 import math
+import os
+import threading
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from support import real_time_permitted
 
 from rpud_sim.bag import BagFormatError, Message
-from rpud_sim.ros.replay.playback import Plan, Playback, RefusedError
+from rpud_sim.ros.replay.playback import Plan, Playback, PlaybackError, read_ahead
 from rpud_sim.ros.replay.replay_options import RATE
 
 SECOND = 1_000_000_000
@@ -22,11 +25,10 @@ NOW = 5_000 * SECOND
 class Stage:
     """A playback with a clock of its own, and a log of what was published when."""
 
-    def __init__(self, offsets, **plan):
+    def __init__(self, offsets, takes=0, **plan):
         self.now = NOW
-        self.sent = []
-        self.hurried = []
-        self.ticks = []
+        self.sent, self.hurried, self.ticks, self.log = [], [], [], []
+        self.takes = takes  # time that publishing takes [ns]
         self.bag = [Message("/a", START + offset, START, b"") for offset in sorted(offsets)]
         self.opened = []
         end = self.bag[-1].log_time if self.bag else START
@@ -36,15 +38,18 @@ class Stage:
         self.playback.begin()
 
     def read(self, position):
-        self.opened.append(Reading(m for m in self.bag if m.log_time >= position))
+        self.opened.append(each for each in self.bag if each.log_time >= position)
         return self.opened[-1]
 
     def publish(self, message, *, hurried):
         self.hurried.append(hurried)
         self.sent.append((message.log_time - START, self.now - NOW))
+        self.log.append((message.log_time - START, "message"))
+        self.now += self.takes
 
     def publish_clock(self, bag_time):
         self.ticks.append((bag_time - START, self.now - NOW))
+        self.log.append((bag_time - START, "clock"))
 
     def run(self, seconds=math.inf):
         """Let time pass; stop where nothing more is to come."""
@@ -55,22 +60,6 @@ class Stage:
                 return True
             self.now += math.ceil(delay * SECOND)
         return False
-
-
-class Reading:
-    def __init__(self, messages):
-        self._messages = iter(messages)
-        self.closed = False
-
-    def __iter__(self):
-        return self
-
-    def __next__(self):
-        assert not self.closed
-        return next(self._messages)
-
-    def close(self):
-        self.closed = True
 
 
 def close_to(pairs):
@@ -96,11 +85,11 @@ def test_only_the_planned_part_comes():
 def test_a_pause_puts_off_all_that_follows():
     stage = Stage([0, SECOND, 2 * SECOND])
     stage.run(0.5)
-    stage.playback.toggle_paused()
+    stage.playback.pause()
     assert stage.playback.paused
     assert stage.run(100.0)
     assert stage.playback.position == START + SECOND // 2
-    stage.playback.toggle_paused()
+    stage.playback.pause(False)
     stage.run()
     assert stage.sent == [(0, 0), (SECOND, 101 * SECOND), (2 * SECOND, 102 * SECOND)]
 
@@ -117,7 +106,7 @@ def test_another_rate_holds_from_then_on():
 @pytest.mark.parametrize("rate", [0.0, -1.0, math.nan, math.inf, -math.inf, 2 * RATE.maximum])
 def test_an_impossible_rate_is_refused_and_changes_nothing(rate):
     stage = Stage([0, SECOND])
-    with pytest.raises(RefusedError, match=r"rate = .* is outside its range \(0, 1e\+06\]"):
+    with pytest.raises(PlaybackError, match=r"rate = .* is outside its range \(0, 1e\+06\]"):
         stage.playback.set_rate(rate)
     assert stage.playback.rate == 1.0
 
@@ -132,7 +121,7 @@ def test_a_seek_goes_anywhere_and_on_from_there(to, paused):
     stage.playback.seek(START + to * SECOND)
     assert stage.playback.position == START + to * SECOND
     assert stage.playback.paused == paused
-    assert stage.opened[0].closed
+    assert stage.opened[0].gi_frame is None  # closed
     stage.run(10.0)
     expected = [] if paused else [(at * SECOND, (2.5 + at - to) * SECOND) for at in range(to, 6)]
     assert stage.sent[3:] == close_to(expected)
@@ -143,7 +132,7 @@ def test_a_seek_before_the_beginning_goes_there_and_one_after_the_end_is_refused
     stage.run(0.5)
     stage.playback.seek(0)
     assert stage.playback.position == START + SECOND
-    with pytest.raises(RefusedError, match=r"after the last, 1700000009\.0"):
+    with pytest.raises(PlaybackError, match=r"after the last, 1700000009\.0"):
         stage.playback.seek(START + 9 * SECOND + 1)
     assert stage.playback.position == START + SECOND
 
@@ -157,11 +146,11 @@ def test_steps_go_from_message_to_message():
     assert [offset for offset, _ in stage.sent] == [0, SECOND, SECOND, 5 * SECOND]
     # Whoever follows /clock has the time of a message when it comes.
     assert [offset for offset, _ in stage.ticks[1:]] == [0, SECOND, SECOND, 5 * SECOND]
-    with pytest.raises(RefusedError, match="at its end"):
+    with pytest.raises(PlaybackError, match="at its end"):
         stage.playback.play_next()
     assert stage.run(10.0)  # it stays, to be moved back
     stage.playback.seek(START + SECOND)
-    stage.playback.resume()
+    stage.playback.pause(False)
     stage.run()
     assert [offset for offset, _ in stage.sent[4:]] == [SECOND, SECOND, 5 * SECOND]
 
@@ -177,7 +166,7 @@ def test_a_burst_gives_as_many_as_there_are(count):
 def test_steps_and_bursts_are_for_a_paused_replay():
     stage = Stage([0])
     for act in (stage.playback.play_next, lambda: stage.playback.burst(1)):
-        with pytest.raises(RefusedError, match="not paused"):
+        with pytest.raises(PlaybackError, match="not paused"):
             act()
     assert stage.sent == []
 
@@ -191,7 +180,7 @@ def test_a_loop_begins_again_a_moment_later():
             for number in range(6)
         ]
     )
-    assert all(reading.closed for reading in stage.opened[:-1])
+    assert all(reading.gi_frame is None for reading in stage.opened[:-1])
 
 
 def test_a_change_between_two_passes_makes_the_next_one_no_earlier():
@@ -215,7 +204,7 @@ def test_the_clock_ticks_by_the_real_time_and_stands_while_it_is_paused():
     stage.run(0.25)
     stage.playback.pause()
     stage.run(0.25)
-    stage.playback.resume()
+    stage.playback.pause(False)
     stage.run()
     times = [offset for offset, _ in stage.ticks]
     moving, standing = [0.0, 0.2, 0.4], [0.5, 0.5, 0.5]
@@ -236,7 +225,7 @@ def test_without_a_seek_nothing_goes_back_and_nothing_is_lost_or_early(offsets, 
     playback = stage.playback
     act = {
         "pause": playback.pause,
-        "resume": playback.resume,
+        "resume": lambda: playback.pause(False),
         "faster": lambda: playback.set_rate(min(RATE.maximum, playback.rate * 3)),
         "slower": lambda: playback.set_rate(playback.rate / 3),
         "busy": lambda: setattr(stage, "now", stage.now + 2 * SECOND),
@@ -253,7 +242,7 @@ def test_without_a_seek_nothing_goes_back_and_nothing_is_lost_or_early(offsets, 
             assert playback.position == before
         last = playback.position
     playback.set_rate(RATE.maximum)
-    playback.resume()
+    playback.pause(False)
     stage.run()
     assert [offset for offset, _ in stage.sent] == sorted(offsets)
     clocks = [offset for offset, _ in stage.ticks]
@@ -286,13 +275,6 @@ def test_what_nothing_paces_is_hurried():
     assert stage.hurried == [True, True, True]
 
 
-def test_a_stop_ends_it():
-    stage = Stage([0, SECOND], paused=True)
-    stage.playback.stop()
-    assert stage.playback.advance() is None
-    assert stage.playback.burst(0) == 0
-
-
 def test_a_bag_that_is_damaged_ends_it_with_the_error():
     def damaged(position):
         yield Message("/a", START, START, b"")
@@ -306,64 +288,67 @@ def test_a_bag_that_is_damaged_ends_it_with_the_error():
         stage.playback.advance()
 
 
-def slow(stage, microseconds=300):
-    """Let each publishing take its time."""
-    publish = stage.publish
-
-    def take_time(message, *, hurried):
-        publish(message, hurried=hurried)
-        stage.now += microseconds * 1000
-
-    stage.publish = take_time
-
-
 def test_requests_have_their_turn_within_a_millisecond_of_publishing():
-    stage = Stage([0] * 100)
-    slow(stage)
-    while (delay := stage.playback.advance()) is not None:
-        assert delay == 0.0 or stage.playback.published == 100
-        assert stage.now - NOW <= 1.3e6 * (stage.playback.published // 4 + 1)
-    assert len(stage.sent) == stage.playback.published == stage.playback.lateness.count == 100
-    # Four messages of 0.3 ms, and the turn is over.
-    first = Stage([0] * 100)
-    slow(first)
-    first.playback.advance()
-    assert first.playback.published == 4
+    stage = Stage([0] * 100, takes=300_000)
+    for turn in range(1, 26):
+        assert stage.playback.advance() == 0.0
+        assert len(stage.sent) == stage.playback.published == 4 * turn
+    assert stage.playback.advance() is None
+    assert stage.playback.lateness.count == 100
 
 
-def test_a_stop_within_a_bundle_ends_it_at_that_message():
+def test_a_stop_ends_it_also_within_a_bundle():
     stage = Stage([0] * 10)
-    publish = stage.publish
-
-    def stop_after(message, *, hurried):
-        publish(message, hurried=hurried)
-        if len(stage.sent) == 3:
-            stage.playback.stop()
-
-    stage.publish = stop_after
+    stage.sent = StopsAt(3, stage.playback)
     assert not stage.run()
     assert len(stage.sent) == 3
+    stage.playback.pause()
+    assert stage.playback.burst(0) == 0
 
 
-def test_a_tick_is_not_passed_by_messages_that_are_due_after_it():
-    offsets = [k * SECOND // 1000 for k in range(40)]
+class StopsAt(list):
+    """List that stops a playback where it has so many elements."""
+
+    def __init__(self, count, playback):
+        self.count, self.playback = count, playback
+
+    def append(self, element):
+        super().append(element)
+        if len(self) == self.count:
+            self.playback.stop()
+
+
+@given(st.lists(st.integers(0, SECOND), max_size=40), st.integers(0, SECOND))
+def test_a_tick_is_not_passed_by_messages_that_are_due_after_it(offsets, held_up):
     stage = Stage(offsets, tick=SECOND / 100)
-    log = []
-    publish, tick = stage.publish, stage.publish_clock
-
-    def note(message, *, hurried):
-        log.append(("message", message.log_time - START))
-        publish(message, hurried=hurried)
-
-    def note_tick(bag_time):
-        log.append(("tick", bag_time - START))
-        tick(bag_time)
-
-    stage.publish, stage.publish_clock = note, note_tick
-    stage.now += SECOND  # all of it is due
+    stage.now += held_up
     stage.run()
-    ticks = [place for place, (kind, _) in enumerate(log) if kind == "tick"]
-    assert len(ticks) == 4
-    for place in ticks:
-        before = [time for kind, time in log[:place] if kind == "message"]
-        assert all(time < SECOND // 100 * ticks.index(place) + 1 for time in before)
+    assert stage.log == sorted(stage.log)
+    assert [offset for offset, kind in stage.log if kind == "message"] == sorted(offsets)
+
+
+def scheduled():
+    return os.sched_getscheduler(0) & ~os.SCHED_RESET_ON_FORK, os.sched_getparam(0).sched_priority
+
+
+@pytest.mark.parametrize("priority", [0, 7])
+def test_a_thread_plays_with_its_priority_and_what_it_starts_has_none(priority):
+    seen = {}
+
+    def messages():
+        seen["reads"] = scheduled()
+        yield Message("/a", 5, 5, b"")
+
+    class Outputs:
+        def publish(self, message, *, hurried):
+            seen["publishes"] = scheduled()
+
+    playback = Playback(lambda position: read_ahead(messages()), Plan(5, 5), Outputs())
+    thread = threading.Thread(target=playback.run, args=[priority])
+    thread.start()
+    thread.join()
+    real_time = priority and real_time_permitted()
+    playing = (os.SCHED_FIFO, 7) if real_time else (os.SCHED_OTHER, 0)
+    assert seen == {"publishes": playing, "reads": (os.SCHED_OTHER, 0)}
+    with pytest.raises(PlaybackError, match="has ended"):
+        playback.do(Playback.pause)

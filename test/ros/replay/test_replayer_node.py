@@ -1,6 +1,7 @@
 """The node of the replayer publishes what it can, and names what it cannot. Over real DDS."""
 
 import dataclasses
+import threading
 from pathlib import Path
 
 import pytest
@@ -8,10 +9,13 @@ import rclpy
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from rpud_msgs.msg import ContactForce
 from sample_bags import CHAT, TALK, write_bag
-from support import until
+from support import PATIENCE, until
 
 import rpud_sim.bag
 from rpud_sim.bag import QosProfile
+from rpud_sim.ros.graph import rosbag_service
+from rpud_sim.ros.replay.playback import Plan, Playback
+from rpud_sim.ros.replay.replayer import offer_services
 from rpud_sim.ros.replay.replayer_node import Replayer
 
 DATA = Path(__file__).parents[2] / "data"
@@ -28,8 +32,8 @@ def replay():
     rclpy.init()
     nodes = []
 
-    def start(*topics, with_clock=False):
-        nodes.append(Replayer(topics, with_clock=with_clock))
+    def start(*topics, with_clock=False, remap=()):
+        nodes.append(Replayer(topics, with_clock=with_clock, remappings=remap))
         return nodes[-1]
 
     yield start
@@ -84,6 +88,13 @@ def test_there_is_one_clock(replay, summaries, capfd):
     assert "the bag's own /clock is left out" in capfd.readouterr().err
 
 
+def test_two_types_do_not_share_a_name(replay, summaries, capfd):
+    other = changed(summaries[TALK.name], name="/other", type="std_msgs/msg/Int32", type_hash="")
+    node = replay(summaries[TALK.name], other, remap=[f"/other:={TALK.name}"])
+    assert node.topic_names == [TALK.name]
+    assert f"/other: it is a std_msgs/msg/Int32, and {TALK.name} is a" in capfd.readouterr().err
+
+
 @pytest.mark.parametrize("durability", ["volatile", "transient_local"])
 @pytest.mark.parametrize("depth", [0, -1, 2**31, 2**70])
 def test_any_depth_in_a_bag_is_offered_as_far_as_there_is_one(replay, summaries, depth, durability):
@@ -118,3 +129,31 @@ def test_messages_of_an_earlier_release_arrive_with_what_they_have(replay, relea
     subscriber.destroy_node()
     assert received[0].peak_force == expected > 0.0
     assert (received[0].energy_transferred == 0.0) == (release == "0.1.0")
+
+
+def test_a_request_that_raises_an_error_is_answered_and_counted(replay, tmp_path, capfd):
+    with rpud_sim.bag.open(write_bag(tmp_path / "asked")) as bag:
+        node = replay(*bag.topics)
+        plan = Plan(bag.start_time, bag.end_time, paused=True)
+        playback = Playback(lambda position: bag.messages(node.topic_names), plan, node)
+        offer_services(node, playback)
+        thread = threading.Thread(target=playback.run)
+        thread.start()
+
+        def ask(name):
+            client = node.create_client(rosbag_service(name), f"~/{name}")
+            assert client.wait_for_service(PATIENCE)
+            future = client.call_async(rosbag_service(name).Request())
+            rclpy.spin_until_future_complete(node, future, timeout_sec=PATIENCE)
+            return future.result()
+
+        try:
+            for publisher in list(node.publishers):
+                node.destroy_publisher(publisher)  # publishing raises an error from now on
+            assert not ask("play_next").success
+            assert node.failures == 1
+            assert "request failed: play_next: it raised RCLError" in capfd.readouterr().err
+            assert ask("is_paused").paused
+        finally:
+            playback.stop()
+            thread.join()

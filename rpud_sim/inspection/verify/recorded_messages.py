@@ -1,61 +1,20 @@
-"""Recorded messages of several topics, each in its order, read from the bag together."""
+"""Recorded messages of one topic, compared with computed ones block by block."""
 
 from __future__ import annotations
 
-from collections import deque
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from rpud_sim.bag import BagReader, Message
+from rpud_sim.bag import Message
 from rpud_sim.bag.messages import MessageBlock, gathered
 
 # Returns how many of some publishing times [ns], at least one, fit from the first on.
 FittingTimes = Callable[[np.ndarray], int]
 
-_MOST_WAITING = 64 * 2**20  # greatest size of messages that wait [bytes]
-
 # Messages of at most this size are compared all at once. To put larger ones one behind the other
 # takes longer than to compare them one by one [bytes].
 _SMALL = 2048
-
-
-class RecordedTopics:
-    """Reader of several topics at once, so that each chunk is uncompressed once.
-
-    A topic that is too far behind or ahead of the others gets a reader of its own. So memory is
-    bounded whatever the order of the messages.
-    """
-
-    def __init__(self, bag: BagReader, topics: Collection[str]) -> None:
-        self._bag = bag
-        # Of each topic without a reader of its own.
-        self._waiting: dict[str, deque[MessageBlock]] = {topic: deque() for topic in topics}
-        self._size = 0  # of waiting messages [bytes]
-        self._together = bag.blocks(topics)
-
-    def blocks(self, topic: str) -> Iterator[MessageBlock]:
-        """Yield the messages of a topic in their order, at least one at once."""
-        passed = 0  # messages so far
-        waiting = self._waiting[topic]
-        while waiting or self._size <= _MOST_WAITING:
-            if waiting:
-                first = waiting.popleft()
-                self._size -= len(first.data)
-                passed += len(first)
-                yield first
-            elif (block := next(self._together, None)) is None:
-                return
-            elif block.topic in self._waiting:
-                kept = block.packed()  # a few messages must not keep a whole chunk
-                self._waiting[block.topic].append(kept)
-                self._size += len(kept.data)
-        del self._waiting[topic]
-        for block in self._bag.blocks({topic}):
-            rest = block.part(slice(min(passed, len(block)), None))
-            passed -= len(block) - len(rest)
-            if len(rest):
-                yield rest
 
 
 class RecordedMessages:

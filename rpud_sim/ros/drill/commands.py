@@ -1,0 +1,315 @@
+"""Commands to the drill: heard, checked once, queued until a block ends, and their results."""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from builtin_interfaces.msg import Time
+from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.impl.rcutils_logger import RcutilsLogger
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+from rclpy.serialization import deserialize_message
+from rpud_msgs.msg import Drive as DriveMessage
+from rpud_msgs.msg import Feed as FeedMessage
+from rpud_msgs.msg import WeightOnBit as WeightOnBitMessage
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Header
+
+from rpud_sim.bag.losses import SequenceGaps
+from rpud_sim.drilling.mount import POSITION, RATE
+from rpud_sim.foundation.quantities import ParameterError
+from rpud_sim.foundation.time import SECOND, join_seconds
+from rpud_sim.ros.delay_histogram import DelayHistogram
+from rpud_sim.simulation.commands import Command, Drive, Feed, WeightOnBit
+from rpud_sim.simulation.configuration import Settings
+from rpud_sim.simulation.fields import FEED_JOINT, JOINTS, ROTATION_JOINT
+from rpud_sim.simulation.topics import Fields
+
+COMMAND_QOS = QoSProfile(depth=1000)  # reliable
+
+_FEED_MODES = {FeedMessage.MODE_RATE: RATE, FeedMessage.MODE_POSITION: POSITION}
+_PASSIVE = (*JOINTS, ROTATION_JOINT)
+
+_LOGGED_PER_SECOND = 10
+_MOST_RESULTS = 1000  # that wait to be published: more are counted only
+
+
+def joints_to_feed(message: JointState) -> Feed | None:
+    """Return the feed that a command to joints has; None if it has none.
+
+    The hardware interface names every joint of its system, and gives values only of those with a
+    command interface: a list of values may be shorter than the names. A command interface that no
+    controller has claimed is NaN, which is no command. Joints of others are ignored.
+    """
+    names = list(message.name)
+    lists = (message.position, message.velocity, message.effort)
+
+    def values(number: int) -> list[float]:
+        return [each[number] if number < len(each) else math.nan for each in lists]
+
+    for number, name in enumerate(names):
+        if name in _PASSIVE and not all(map(math.isnan, values(number))):
+            raise ParameterError(
+                f"joint_commands: {name} cannot be commanded; of the drill's joints only "
+                f"{FEED_JOINT} can"
+            )
+    if FEED_JOINT not in names:
+        return None
+    number = names.index(FEED_JOINT)
+    if names.count(FEED_JOINT) > 1 or any(
+        len(each) > len(names) or 0 < len(each) <= number for each in lists
+    ):
+        counts = ", ".join(str(len(each)) for each in lists)
+        raise ParameterError(
+            f"joint_commands: {counts} positions, velocities and efforts for {len(names)} joints "
+            f"give {FEED_JOINT} no single value: name it once, and first"
+        )
+    position, rate, effort = values(number)
+    if not math.isnan(effort):
+        raise ParameterError(f"joint_commands: {FEED_JOINT} takes no effort, given {effort:g}")
+    if not (math.isnan(position) or math.isnan(rate)):
+        raise ParameterError(
+            f"joint_commands: {FEED_JOINT} takes a position or a velocity, "
+            f"given {position:g} m and {rate:g} m/s"
+        )
+    if not math.isnan(position):
+        return Feed(POSITION, position)
+    return None if math.isnan(rate) else Feed(RATE, rate)
+
+
+def _to_feed(message: FeedMessage) -> Feed:
+    if message.mode not in _FEED_MODES:
+        raise ParameterError(f"feed mode = {message.mode} is not 0 (rate) or 1 (position)")
+    return Feed(_FEED_MODES[message.mode], message.value)
+
+
+# Topics of commands: type, and the command that a message has.
+TOPICS: Mapping[str, tuple[type, Callable[[Any], Command | None]]] = {
+    "command/weight_on_bit": (WeightOnBitMessage, lambda message: WeightOnBit(message.force)),
+    "command/drive": (
+        DriveMessage,
+        lambda message: Drive(message.enabled, message.voltage, message.frequency),
+    ),
+    "command/feed": (FeedMessage, _to_feed),
+    "joint_commands": (JointState, joints_to_feed),
+}
+
+
+def result_of(kind: str, header: Header | None = None) -> Fields:
+    """Return the fields of the ``rpud_msgs/CommandResult`` of a command, before there is one."""
+    header = header or Header()  # of a malformed command
+    stamp = {"sec": header.stamp.sec, "nanosec": header.stamp.nanosec}
+    named = {"stamp": stamp, "frame_id": header.frame_id}
+    return {"kind": kind, "header": named, "accepted": False, "reason": ""}
+
+
+class Inbox:
+    """Queue of checked commands in the order in which they came, and their results.
+
+    One thread appends, another drains, and any may refuse requests of services. ``notify`` is
+    called when a command is accepted or refused. Results are those of ``result_of``.
+    """
+
+    def __init__(self, logger: RcutilsLogger, notify: Callable[[], None] = lambda: None) -> None:
+        self.opened = False  # whether commands are accepted, which each topic asks
+        self.notify = notify
+        self._logger = logger
+        self._waiting: deque[tuple[int, Command, Fields]] = deque()
+        self._results: deque[Fields] = deque(maxlen=_MOST_RESULTS)  # not published yet
+        self._results_changed = False
+        self._counting = threading.Lock()
+        self._second = 0
+        self._logged = 0
+        self.begin()
+
+    def begin(self) -> None:
+        """Count from zero, and discard waiting commands: they were meant for the run before."""
+        with self._counting:
+            self._delays = DelayHistogram()
+            # By kind and whether it was accepted.
+            self._latest: dict[tuple[str, bool], Fields] = {}
+            self._results.clear()
+            for _, _, result in self._waiting:
+                result["reason"] = "the drill began again before it could act"
+                self._results.append(result)
+            self._results_changed = True
+            self.accepted = 0  # commands that were drained, since the start
+            self.rejected = 0  # commands that were refused
+            self.discarded = len(self._waiting)  # commands that were overwritten before they acted
+            self.requests_refused = 0  # requests of services
+            self.last_refusal = ""  # why the latest command or request was refused
+            self._waiting.clear()
+
+    def accept(self, command: Command, result: Fields, arrived: int | None = None) -> None:
+        """Queue a command for the next block boundary.
+
+        ``arrived`` is when the middleware received it, on the monotonic clock [ns]; None for now.
+        """
+        with self._counting:
+            self._waiting.append((arrived or time.monotonic_ns(), command, result))
+        self.notify()
+
+    def discard(self, count: int) -> None:
+        """Count commands that the middleware overwrote before they were taken."""
+        with self._counting:
+            self.discarded += count
+        self.notify()
+
+    def refuse(self, result: Fields, reason: str) -> None:
+        """Count an invalid command, and log why."""
+        with self._counting:
+            self.rejected += 1
+            self._results.append({**result, "reason": reason})
+            self._log("command", reason)
+        self.notify()
+
+    def refuse_request(self, reason: str) -> None:
+        """Count a service's request that is refused, and log why."""
+        with self._counting:
+            self.requests_refused += 1
+            self._log("request", reason)
+
+    def drain(self) -> list[Command]:
+        """Return the waiting commands in order, and count them as accepted."""
+        now = time.monotonic_ns()
+        with self._counting:
+            commands = []
+            self.accepted += len(self._waiting)
+            for arrived, command, result in self._waiting:
+                commands.append(command)
+                self._delays.add(now - arrived)
+                self._results.append({**result, "accepted": True})
+            self._waiting.clear()
+        return commands
+
+    def take_delays(self) -> DelayHistogram:
+        """Return the delays from arrival to ``drain``, since the last call."""
+        delays, self._delays = self._delays, DelayHistogram()
+        return delays
+
+    def take_results(self) -> tuple[list[Fields], list[Fields]] | None:
+        """Return the results of commands since the last call; None if there are none.
+
+        Before them it returns those that were accepted and refused last until then, of each kind.
+        """
+        with self._counting:
+            if not (self._results or self._results_changed):
+                return None
+            former, found = list(self._latest.values()), list(self._results)
+            self._latest.update({(each["kind"], each["accepted"]): each for each in found})
+            self._results.clear()
+            self._results_changed = False
+            return former, found
+
+    def _log(self, what: str, reason: str) -> None:
+        self.last_refusal = reason
+        second = int(time.monotonic())
+        self._logged = self._logged + 1 if second == self._second else 1
+        self._second = second
+        if self._logged <= _LOGGED_PER_SECOND:
+            self._logger.warning(f"{what} refused: {reason}")
+        elif self._logged == _LOGGED_PER_SECOND + 1:
+            self._logger.warning("more is refused in this second, and counted")
+
+
+class CommandTopic:
+    """Subscription to one topic of commands; an invalid one is refused with a reason.
+
+    ``settings`` gives the settings in force, ``now`` the stamp of a command that is given now [ns].
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        topic: str,
+        inbox: Inbox,
+        settings: Callable[[], Settings],
+        now: Callable[[], int],
+    ) -> None:
+        self._name = topic.removeprefix("command/")
+        self._type, self._convert = TOPICS[topic]
+        self._inbox = inbox
+        self._settings = settings
+        self._now = now
+        self._overwritten = 0  # as the middleware counts: not those of a queue of its reader
+        self._counted = 0  # as discarded
+        # rclpy passes the times of a message to a callback with two arguments.
+        callback: Any = self._on_message
+        # Raw: the middleware would drop a malformed payload without a count.
+        self._subscription = node.create_subscription(
+            *(self._type, topic, callback, COMMAND_QOS),
+            raw=True,
+            event_callbacks=SubscriptionEventCallbacks(message_lost=self._on_lost),
+        )
+        self._gaps = SequenceGaps(lambda: self._subscription.handle.get_publisher_count())
+
+    def _on_message(self, payload: bytes, information: Mapping[str, Any]) -> None:
+        """Take all commands that wait: the executor takes one of each topic in a turn."""
+        taken: tuple[bytes, Mapping[str, Any]] | None = (payload, information)
+        handle = self._subscription.handle
+        with handle:
+            for _ in range(COMMAND_QOS.depth):
+                if taken is None:
+                    break
+                self._read(*taken)
+                taken = handle.take_message(self._type, True)
+        self._count_discarded()
+
+    def _read(self, payload: bytes, information: Mapping[str, Any]) -> None:
+        self._gaps.note(information["publication_sequence_number"])
+        result = result_of(self._name)
+        try:
+            message = deserialize_message(payload, self._type)
+        except Exception:  # RMWError, or what the conversion to Python raises
+            reason = f"{self._name}: a payload of {len(payload)} bytes is malformed"
+            self._inbox.refuse(result, reason)
+            return
+        try:
+            result = result_of(self._name, message.header)
+            # None first: the hardware interface publishes while no controller commands.
+            if (command := self._convert(message)) is not None:
+                self._check(command, message.header.stamp)
+                self._inbox.accept(command, result, arrival(information))
+        except ParameterError as error:
+            self._inbox.refuse(result, str(error))
+
+    def _check(self, command: Command, stamp: Time) -> None:
+        if not self._inbox.opened:
+            raise ParameterError(f"{self._name}: the drill is not active")
+        settings, given = self._settings(), join_seconds(stamp.sec, stamp.nanosec)
+        age, timeout = (self._now() - given) / SECOND, settings.command_timeout
+        # A stamp of zero means that there is none.
+        if timeout and given and not -timeout <= age <= timeout:
+            what = f"{age:.3f} s old" if age > 0 else f"{-age:.3f} s ahead of the drill's time"
+            raise ParameterError(
+                f"{self._name} is stale: its stamp is {what}; allowed is {timeout:g} s"
+            )
+        settings.configuration.check(command)
+
+    def _on_lost(self, event: Any) -> None:
+        self._overwritten = event.total_count
+        self._count_discarded()
+
+    def _count_discarded(self) -> None:
+        """Count by gaps or by the middleware, whichever found more: each overlooks some."""
+        found = max(self._gaps.missing, self._overwritten)
+        if found > self._counted:
+            self._inbox.discard(found - self._counted)
+            self._counted = found
+
+
+def arrival(information: Mapping[str, int]) -> int:
+    """Return when the middleware received a message, on the monotonic clock [ns].
+
+    The middleware notes the time of day, which may be set meanwhile. So a message counts as one
+    that arrived within the last second; without a note as one that arrived now.
+    """
+    received = information["received_timestamp"]
+    waited = time.time_ns() - received if received else 0
+    return time.monotonic_ns() - min(max(waited, 0), SECOND)

@@ -1,0 +1,314 @@
+"""Commands are taken in order, or refused with a reason; each is counted and has its result."""
+
+import math
+import threading
+import time
+from contextlib import suppress
+
+import pytest
+import rclpy
+from builtin_interfaces.msg import Time
+from hypothesis import given
+from hypothesis import strategies as st
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.serialization import serialize_message
+from rpud_msgs.msg import Drive as DriveMessage
+from rpud_msgs.msg import Feed as FeedMessage
+from rpud_msgs.msg import WeightOnBit as WeightOnBitMessage
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Header
+from support import PATIENCE
+
+from rpud_sim.foundation.quantities import ParameterError
+from rpud_sim.ros.drill.commands import (
+    TOPICS,
+    CommandTopic,
+    Inbox,
+    arrival,
+    joints_to_feed,
+    result_of,
+)
+from rpud_sim.simulation.commands import Drive, Feed, WeightOnBit
+from rpud_sim.simulation.configuration import Settings
+
+SECOND = 1_000_000_000
+NOW = 1000 * SECOND
+NAN = math.nan
+FEED, ROTATION = "rpud_feed", "rpud_rotation"
+ARM = {"feed_model": "arm"}
+TIMEOUT = {"command_timeout": 0.5}
+GIVEN = result_of("weight_on_bit")
+
+
+class Commander:
+    """The topics of commands, and their publishers."""
+
+    def __init__(self, drill, client):
+        self.inbox = Inbox(drill.get_logger())
+        self.settings = Settings()
+        self.inbox.opened = True
+        self.executor = SingleThreadedExecutor()
+        self.executor.add_node(drill)
+        self.publishers = {}
+        for topic, (kind, _) in TOPICS.items():
+            CommandTopic(drill, topic, self.inbox, lambda: self.settings, lambda: NOW)
+            self.publishers[kind] = client.create_publisher(kind, topic, 10)
+        self.until(lambda: all(p.get_subscription_count() for p in self.publishers.values()))
+
+    def until(self, condition):
+        deadline = time.monotonic() + PATIENCE
+        while not (value := condition()):
+            assert time.monotonic() < deadline, "it did not come true"
+            self.executor.spin_once(timeout_sec=0.05)
+        return value
+
+    def give(self, message, kind=None):
+        """Give a command, and give back what was taken of it, or why it was refused."""
+        self.publishers[kind or type(message)].publish(message)
+        rejected = self.inbox.rejected
+        taken = self.until(lambda: self.inbox.drain() or self.inbox.rejected > rejected)
+        return taken[0] if isinstance(taken, list) else self.inbox.last_refusal
+
+
+@pytest.fixture
+def commander(nodes):
+    nodes += [rclpy.create_node("drill_node"), rclpy.create_node("commander")]
+    made = Commander(*nodes)
+    yield made
+    made.executor.shutdown()
+
+
+def stamped(seconds):
+    """Give a header whose stamp is so many seconds after now."""
+    sec, nanosec = divmod(NOW + round(seconds * SECOND), SECOND)
+    return Header(stamp=Time(sec=sec, nanosec=nanosec))
+
+
+def test_each_topic_takes_its_commands(commander):
+    assert commander.give(WeightOnBitMessage(force=20.0)) == WeightOnBit(20.0)
+    drive = DriveMessage(enabled=True, voltage=60.0, frequency=17000.0)
+    assert commander.give(drive) == Drive(True, 60.0, 17000.0)
+    commander.settings = Settings().replace(ARM)
+    assert commander.give(FeedMessage(mode=1, value=0.05)) == Feed("position", 0.05)
+    # A command interface that no controller has claimed is no command, also of an idle drill.
+    commander.publishers[JointState].publish(JointState(name=[FEED], velocity=[NAN]))
+    assert commander.give(JointState(name=[FEED], velocity=[1e-3])) == Feed("rate", 1e-3)
+    assert (commander.inbox.accepted, commander.inbox.rejected) == (4, 0)
+
+
+@pytest.mark.parametrize(
+    ("topic", "values", "message", "reason"),
+    [
+        ("weight_on_bit", {}, WeightOnBitMessage(force=-1.0), "weight_on_bit = -1 N is outside"),
+        ("weight_on_bit", {}, WeightOnBitMessage(force=NAN), "weight_on_bit = nan N is outside"),
+        ("drive", {}, DriveMessage(enabled=True, voltage=1e4, frequency=16e3), "drive voltage ="),
+        ("drive", {}, DriveMessage(enabled=True, voltage=100.0), "drive frequency = 0 Hz is out"),
+        (
+            "drive",
+            {"nominal_voltage": 10.0, "vibration_amplitude": 35e-6},  # it would break the stack
+            DriveMessage(enabled=True, voltage=500.0, frequency=16e3),
+            "vibration_amplitude at drive voltage 500 V = 0.00175 m is outside its range [0,",
+        ),
+        ("feed", {}, FeedMessage(value=1e-3), "a feed cannot be commanded with feed_model = none"),
+        ("weight_on_bit", ARM, WeightOnBitMessage(force=2.0), "weight_on_bit cannot be commanded"),
+        ("feed", ARM, FeedMessage(mode=2), "feed mode = 2 is not 0 (rate) or 1 (position)"),
+        ("feed", ARM, FeedMessage(value=6e-3), "feed rate = 0.006 m/s is outside its range"),
+        ("feed", ARM, FeedMessage(mode=1, value=0.4), "feed position = 0.4 m is outside its range"),
+        (
+            "weight_on_bit",
+            TIMEOUT,
+            WeightOnBitMessage(header=stamped(-0.6)),
+            "weight_on_bit is stale: its stamp is 0.600 s old; allowed is 0.5 s",
+        ),
+        (
+            "drive",
+            TIMEOUT,
+            DriveMessage(header=stamped(0.6)),
+            "drive is stale: its stamp is 0.600 s ahead of the drill's time; allowed is 0.5 s",
+        ),
+    ],
+)
+def test_what_cannot_be_used_is_refused_with_the_reason(commander, topic, values, message, reason):
+    commander.settings = Settings().replace(values)
+    assert commander.give(message).startswith(reason)
+    [result] = commander.inbox.take_results()[1]
+    assert (result["kind"], result["accepted"]) == (topic, False)
+    assert result["header"]["stamp"]["sec"] == message.header.stamp.sec
+
+
+@pytest.mark.parametrize("seconds", [-0.5, 0.0, 0.5, None])
+def test_a_fresh_stamp_and_none_are_taken_and_any_without_a_timeout(commander, seconds):
+    late = WeightOnBitMessage(header=stamped(-99.0))
+    assert commander.give(late) == WeightOnBit(0.0)
+    commander.settings = Settings().replace(TIMEOUT)
+    header = Header() if seconds is None else stamped(seconds)
+    assert commander.give(WeightOnBitMessage(header=header, force=2.0)) == WeightOnBit(2.0)
+
+
+def test_a_closed_gate_refuses_everything(commander):
+    commander.inbox.opened = False
+    assert commander.give(WeightOnBitMessage()) == "weight_on_bit: the drill is not active"
+    assert commander.give(DriveMessage()) == "drive: the drill is not active"
+
+
+@pytest.mark.parametrize(
+    ("kind", "payload"),
+    [
+        (WeightOnBitMessage, b"\0\1\0\0"),
+        (WeightOnBitMessage, serialize_message(WeightOnBitMessage())[:12]),
+        (DriveMessage, b"\xff" * 4 + serialize_message(DriveMessage())[4:]),
+        (DriveMessage, serialize_message(DriveMessage())[:12] + b"\xff" * 24),
+    ],
+)
+def test_a_malformed_payload_is_refused_and_the_next_command_taken(commander, kind, payload):
+    said = f": a payload of {len(payload)} bytes is malformed"
+    assert commander.give(payload, kind).endswith(said)
+    assert isinstance(commander.give(kind()), (WeightOnBit, Drive))
+
+
+def test_each_command_to_a_stopped_drill_is_taken_refused_or_counted_as_discarded(commander):
+    inbox, count = commander.inbox, 3000
+    commander.give(WeightOnBitMessage(force=1.0))
+    for number in range(count - 1):  # nobody spins the drill meanwhile
+        force = -1.0 if number % 7 == 0 else 2.0
+        commander.publishers[WeightOnBitMessage].publish(WeightOnBitMessage(force=force))
+
+    def counted():
+        inbox.drain()
+        return inbox.accepted + inbox.rejected + inbox.discarded == count
+
+    commander.until(counted)
+    assert inbox.discarded > 0
+    assert inbox.rejected > 0
+
+
+def test_all_commands_that_wait_are_taken_in_one_turn(commander):
+    publisher = commander.publishers[WeightOnBitMessage]
+    for _ in range(10):
+        publisher.publish(WeightOnBitMessage(force=2.0))
+    publisher.wait_for_all_acked()
+    commander.executor.spin_once(timeout_sec=30.0)
+    assert len(commander.inbox.drain()) == 10
+
+
+def test_the_delay_of_a_command_runs_from_its_arrival_until_it_is_drained(commander):
+    inbox, began = commander.inbox, time.monotonic()
+    inbox.accept(WeightOnBit(1.0), GIVEN, time.monotonic_ns() - 70_000_000)
+    assert inbox.take_delays().count == 0
+    inbox.drain()
+    assert inbox.take_delays().greatest >= 0.07
+    commander.give(WeightOnBitMessage(force=12.0))  # from when the middleware has it
+    delays = inbox.take_delays()
+    assert delays.count == 1
+    assert 0.0 < delays.greatest <= time.monotonic() - began + 0.01
+
+
+@pytest.mark.parametrize("jump", [-100 * SECOND, 100 * SECOND, None])
+def test_the_time_of_day_may_be_set_while_a_command_waits_or_be_missing(jump):
+    noted = 0 if jump is None else time.time_ns() + jump
+    arrived = arrival({"received_timestamp": noted})
+    assert time.monotonic_ns() - SECOND - SECOND // 2 <= arrived <= time.monotonic_ns()
+
+
+@pytest.mark.parametrize(
+    ("message", "feed"),
+    [
+        # As the hardware interface sends it: all joints, and a value for one of them.
+        (JointState(name=[FEED, ROTATION], velocity=[1e-3]), Feed("rate", 1e-3)),
+        (JointState(name=[FEED, ROTATION], position=[0.02]), Feed("position", 0.02)),
+        (JointState(name=[FEED], position=[NAN], velocity=[1e-3]), Feed("rate", 1e-3)),
+        (JointState(name=["elbow", FEED], velocity=[7.0, 1e-3]), Feed("rate", 1e-3)),
+        (JointState(name=[FEED, ROTATION]), None),
+        (JointState(name=["elbow"], position=[1.0]), None),
+        (JointState(), None),
+        (JointState(name=[ROTATION, FEED], velocity=[NAN]), "name it once, and first"),
+        (JointState(name=[FEED], position=[0.0, 1.0]), "for 1 joints give rpud_feed no single"),
+        (JointState(name=[FEED, FEED], velocity=[0.0, 0.0]), "name it once, and first"),
+        (JointState(name=[FEED], position=[0.02], velocity=[1e-3]), "a position or a velocity"),
+        (JointState(name=[FEED], effort=[5.0]), "takes no effort, given 5"),
+        (JointState(name=[ROTATION], velocity=[5.0]), "rpud_rotation cannot be commanded"),
+        (JointState(name=["rpud_tool_tip_joint"], effort=[5.0]), "cannot be commanded"),
+        (JointState(name=[FEED], velocity=[math.inf]), "feed rate = inf m/s is outside its range"),
+    ],
+)
+def test_a_command_to_joints_feeds_is_none_or_is_refused(message, feed):
+    if not isinstance(feed, str):
+        assert joints_to_feed(message) == feed
+        return
+    with pytest.raises(ParameterError) as refused:
+        joints_to_feed(message)
+    assert feed in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
+NAMES = st.lists(st.sampled_from([FEED, ROTATION, "elbow", "rpud_nodal_plane_joint"]), max_size=4)
+VALUES = st.lists(st.floats(), max_size=5)
+
+
+@given(NAMES, VALUES, VALUES, VALUES)
+def test_any_command_to_joints_feeds_is_none_or_is_refused(names, position, velocity, effort):
+    message = JointState(name=names, position=position, velocity=velocity, effort=effort)
+    with suppress(ParameterError):
+        feed = joints_to_feed(message)
+        assert feed is None or feed.value in [*position, *velocity]
+
+
+class Log(list):
+    warning = list.append
+
+
+def test_refusals_are_counted_and_logged_and_of_a_flood_only_some():
+    log, woken = Log(), []
+    inbox = Inbox(log, lambda: woken.append(True))
+    inbox.refuse(GIVEN, "weight_on_bit = -1 N is outside its range [0, 1000] N")
+    inbox.refuse_request("there is no fault 7 to clear")
+    assert (inbox.accepted, inbox.rejected, inbox.requests_refused) == (0, 1, 1)
+    assert inbox.last_refusal == "there is no fault 7 to clear"
+    assert log == [
+        "command refused: weight_on_bit = -1 N is outside its range [0, 1000] N",
+        "request refused: there is no fault 7 to clear",
+    ]
+    for number in range(10_000):
+        inbox.refuse(GIVEN, str(number))
+    assert inbox.rejected == len(woken) == 10_001
+    # Ten lines and a note for each second, and the flood may span two.
+    assert 11 <= len(log) <= 24
+    assert "more is refused in this second, and counted" in log
+
+
+def test_each_result_is_told_once_after_the_last_ones_of_each_kind():
+    inbox = Inbox(Log())
+    inbox.take_results()
+    first, second, third = (
+        result_of("weight_on_bit", Header(frame_id=name)) for name in ("first", "second", "third")
+    )
+    inbox.accept(WeightOnBit(1.0), first)
+    assert inbox.take_results() is None  # it waits
+    inbox.drain()
+    accepted = {**first, "accepted": True}
+    assert inbox.take_results() == ([], [accepted])
+    inbox.accept(WeightOnBit(2.0), second)
+    inbox.refuse(result_of("drive"), "for a reason")
+    inbox.drain()
+    refused = {**result_of("drive"), "reason": "for a reason"}
+    assert inbox.take_results() == ([accepted], [refused, {**second, "accepted": True}])
+    inbox.accept(WeightOnBit(3.0), third)
+    inbox.begin()  # what waits was meant for the run before
+    former, [discarded] = inbox.take_results()
+    assert (former, inbox.drain(), discarded["accepted"]) == ([], [], False)
+    assert (discarded["header"], inbox.discarded) == (third["header"], 1)
+    assert "began again" in discarded["reason"]
+    assert (inbox.accepted, inbox.rejected) == (0, 0)
+
+
+def test_nothing_is_lost_between_two_threads():
+    inbox = Inbox(Log())
+    forces = [WeightOnBit(number / 100) for number in range(20_000)]
+    filler = threading.Thread(target=lambda: [inbox.accept(force, GIVEN) for force in forces])
+    filler.start()
+    taken = []
+    while filler.is_alive() or len(taken) < len(forces):
+        taken += inbox.drain()
+    filler.join()
+    assert taken == forces  # once each, in the order in which they came
+    assert (inbox.drain(), inbox.accepted, inbox.rejected) == ([], len(forces), 0)

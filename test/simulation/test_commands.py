@@ -1,0 +1,212 @@
+"""Commands are checked when they are made or read, and act unless lost or while inactive."""
+
+import math
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from support import examples, refusal
+
+from rpud_sim.simulation import Parameters
+from rpud_sim.simulation.changes import (
+    Changes,
+    Planned,
+    parameter_changes,
+    parse_injections,
+    read_commands,
+)
+from rpud_sim.simulation.commands import Drive, Feed, WeightOnBit
+from rpud_sim.simulation.configuration import Configuration
+from rpud_sim.simulation.run import Control
+from rpud_sim.simulation.simulation import Simulation
+
+SECOND = 1_000_000_000
+MILLISECOND = 1_000_000
+NOMINAL = Drive(True, 100.0, 16000.0)
+OFF = Drive(False, 0.0, 0.0)
+
+
+def made(timeout=0.0, ramp=0.5, active=True, **options):
+    simulation = Simulation(Configuration(Parameters(weight_on_bit=10.0), **options))
+    control = Control(simulation, timeout, ramp, active)
+    control.act()
+    return simulation, control
+
+
+def acting(simulation):
+    drive = simulation.applied.drive
+    return simulation.applied.weight_on_bit.force, drive.voltage if drive.enabled else 0.0
+
+
+def acts_at(simulation, control, time):
+    """Advance, and apply what is due; give whether the loss changed, and what acts."""
+    simulation.advance_to(time)
+    return control.act(), acting(simulation)
+
+
+def test_a_configuration_without_drive_starts_without_drive():
+    simulation, control = made(drive_enabled=False)
+    assert acts_at(simulation, control, MILLISECOND) == (False, (10.0, 0.0))
+    control.apply(NOMINAL)
+    assert acting(simulation) == (10.0, 100.0)
+
+
+def test_lost_commands_ramp_down_are_reported_once_and_come_back_whole():
+    simulation, control = made(timeout=0.1, ramp=0.2)
+    found = [acts_at(simulation, control, ms * MILLISECOND) for ms in (100, 150, 200, 300)]
+    assert found == [
+        (False, (10.0, 100.0)),
+        (True, (7.5, 75.0)),
+        (False, (5.0, 50.0)),
+        (False, (0.0, 0.0)),
+    ]
+    assert control.commands_lost
+    # A weight on bit alone shows that there is a commander, and so the drive comes back as well.
+    control.apply(WeightOnBit(20.0))
+    assert control.act()
+    assert not control.commands_lost
+    assert acting(simulation) == (20.0, 100.0)
+    assert simulation.applied.drive == NOMINAL
+
+
+def test_a_drive_that_is_off_stays_off_when_commands_come_back():
+    simulation, control = made(timeout=0.1, ramp=0.1)
+    control.apply(OFF)
+    assert acts_at(simulation, control, SECOND) == (True, (0.0, 0.0))
+    control.apply(WeightOnBit(20.0))
+    control.act()
+    assert acting(simulation) == (20.0, 0.0)
+
+
+def test_the_watchdog_does_not_wait_while_inactive():
+    simulation, control = made(timeout=0.1, ramp=0.1, active=False)
+    assert acts_at(simulation, control, SECOND) == (False, (0.0, 0.0))
+    control.activate(True)
+    assert not control.act()
+    assert acting(simulation) == (10.0, 100.0)
+    assert acts_at(simulation, control, SECOND + 150 * MILLISECOND) == (True, (5.0, 50.0))
+
+
+@pytest.mark.parametrize("timeout", [1e-15, 0.5])
+def test_another_timeout_holds_from_now_on(timeout):
+    simulation, control = made()
+    acts_at(simulation, control, SECOND)
+    control.set(timeout, 0.0)
+    assert control.act()
+    assert acting(simulation) == (0.0, 0.0)
+    control.set(0.0, 0.0)
+    assert control.act()
+    assert acting(simulation) == (10.0, 100.0)
+
+
+commands = st.one_of(
+    st.builds(WeightOnBit, st.floats(0.0, 60.0)),
+    st.builds(Drive, st.just(True), st.floats(0.0, 200.0), st.floats(8e3, 40e3)),
+    st.just(OFF),
+)
+
+
+@settings(max_examples=examples(50))
+@given(st.lists(st.one_of(commands, st.booleans(), st.integers(1, 400)), min_size=1, max_size=20))
+def test_it_never_acts_more_than_commanded_and_not_at_all_while_inactive(events):
+    simulation, control = made(timeout=0.05, ramp=0.1)
+    weight_on_bit, drive = simulation.applied.weight_on_bit, simulation.applied.drive
+    for event in events:
+        if isinstance(event, bool):
+            if event and not control.active:
+                weight_on_bit, drive = WeightOnBit(10.0), NOMINAL
+            control.activate(event)
+        elif isinstance(event, int):
+            simulation.advance_to(simulation.time + event * MILLISECOND)
+        else:
+            control.apply(event)
+            if control.active and isinstance(event, WeightOnBit):
+                weight_on_bit = event
+            elif control.active:
+                drive = event.after(drive)
+        control.act()
+        found, given_now = acting(simulation), (weight_on_bit.force, drive.voltage * drive.enabled)
+        if not control.active:
+            assert found == (0.0, 0.0)
+        elif control.commands_lost:
+            assert found[0] <= given_now[0]
+            assert found[1] <= given_now[1]
+        else:
+            assert found == given_now
+            assert simulation.applied.drive.enabled == drive.enabled
+
+
+@pytest.mark.parametrize("enabled", [True, False])
+@pytest.mark.parametrize(
+    "value", [math.nan, math.inf, True, "30", None, [30.0], 10**400, -1.0, 1e9]
+)
+def test_a_value_outside_its_range_is_refused_even_when_off(enabled, value):
+    assert "N is outside its range [0, 1000] N" in refusal(WeightOnBit, value)
+    voltage = refusal(Drive, enabled, value, 16000.0)
+    frequency = refusal(Drive, enabled, 100.0, value)
+    for found, name in ((voltage, "drive voltage"), (frequency, "drive frequency")):
+        assert found.startswith(f"{name} = ")
+        assert "is outside its range" in found
+
+
+def test_a_drive_that_is_on_needs_a_frequency_and_one_that_is_off_does_not():
+    assert refusal(Drive, True, 100.0, 0.0).startswith(
+        "drive frequency = 0 Hz is outside its range"
+    )
+    assert repr(Drive(False, 0, 0)) == repr(Drive(False, 0.0, -0.0)) == repr(OFF)
+    assert refusal(Drive, 1, 100.0, 16000.0) == "drive enabled = 1 is not true or false"
+
+
+@pytest.mark.parametrize(
+    ("make", "given", "reason"),
+    [
+        (parameter_changes, {"free_mas": 1}, "did you mean free_mass"),
+        (parameter_changes, {"free_mass": 1}, "free_mass cannot change during a run"),
+        (parse_injections, ["noise,kind=bias"], "'noise,kind=bias' gives a key twice"),
+        (parse_injections, ["nois,channel=wrench"], "did you mean noise"),
+        (parse_injections, ["noise,chanel=wrench"], "'chanel' is not one of kind, channel"),
+        (parse_injections, ["noise,channel=wrench,magnitude=x"], "= 'x' N is outside its range"),
+    ],
+)
+def test_a_change_that_cannot_be_is_named(make, given, reason):
+    assert reason in refusal(make, given)
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("[]", "is not a scenario"),
+        ("comands: []", "'comands' is not one of seed, faults"),
+        ("commands: 3", "commands = 3 is not a list"),
+        ("commands: [{time: 1}]", "command 1: it needs a time, and weight_on_bit, drive or feed"),
+        ("commands: [{time: -1, weight_on_bit: 2}]", "command 1: time = -1 s is outside"),
+        ("commands: [{time: 1, weight_on_bit: -2}]", "weight_on_bit = -2 N is outside"),
+        ("commands: [{time: 1, weigth: 2}]", "'weigth' is not one of"),
+        ("commands: [{time: 1, drive: {enabled: maybe}}]", "'maybe' is not true or false"),
+        ("commands: [{time: 1, drive: {frequency: .nan}}]", "drive frequency = nan"),
+        ("commands: [{time: 1, feed: 0.1}]", "command 1: feed"),
+        ("commands: [{time: 1, feed: {rate: 1, position: 2}}]", "command 1: feed"),
+        ("commands: [{time: 1, feed: {rate: fast}}]", "command 1: feed"),
+    ],
+)
+def test_a_command_file_that_cannot_be_is_named(tmp_path, text, reason):
+    path = tmp_path / "commands.yaml"
+    path.write_text(text)
+    found = refusal(read_commands, path)
+    assert found.startswith(str(path))
+    assert reason in found
+
+
+def test_a_command_file_holds_feeds(tmp_path):
+    file = tmp_path / "commands.yaml"
+    file.write_text(
+        "commands:\n- {time: 0.5, feed: {position: 0.002}}\n- {time: 0, feed: {rate: 1.0e-3}}\n"
+    )
+    planned = (Planned(0, Feed("rate", 1e-3)), Planned(500_000_000, Feed("position", 2e-3)))
+    assert read_commands(file) == Changes(planned=planned, replaces_commands=True)
+
+
+def test_nothing_differs_without_changes():
+    assert Changes().empty
+    assert not Changes(replaces_commands=True).empty
+    assert (Changes() + Changes()).empty
