@@ -147,8 +147,12 @@ def test_the_project_s_first_stage_has_all_that_its_step_needs(tmp_path):
         if word == "COPY":
             *sources, place = argument.split()
             for source in sources:
-                copy = shutil.copytree if (ROOT / source).is_dir() else shutil.copy
-                copy(ROOT / source, tmp_path / place / (source if place == "./" else ""))
+                target = tmp_path / place / (source if place == "./" else "")
+                if (ROOT / source).is_dir():
+                    ignored = shutil.ignore_patterns("__pycache__")
+                    shutil.copytree(ROOT / source, target, ignore=ignored)
+                else:
+                    shutil.copy(ROOT / source, target)
         elif word == "RUN" and argument.startswith("make"):
             made = shlex.split(argument.partition("&&")[0])
             done = subprocess.run(

@@ -41,7 +41,7 @@ from rpud_sim.bag.metadata import (
 )
 from rpud_sim.bag.reader import BagReader
 from rpud_sim.bag.records import RecordFile, reading
-from rpud_sim.bag.scan import Damage, MissingMessages, Scan
+from rpud_sim.bag.scan import Damage, Scan, UnreadMessages
 from rpud_sim.bag.storage_files import SUFFIXES, in_order, storage_files
 from rpud_sim.bag.writer import BagWriter
 
@@ -307,7 +307,7 @@ class _FileRecovery:
                     self._recovery.size_lost += item.size
                     end = item.offset + item.size
                     self._note(f"byte {item.offset} to {end} {item.reason}")
-                elif isinstance(item, MissingMessages):
+                elif isinstance(item, UnreadMessages):
                     self._missing[item.channel] += item.messages
                 elif isinstance(item.record, Message):
                     self._add_message(item.record, item.checked)

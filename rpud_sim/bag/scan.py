@@ -52,14 +52,14 @@ class Damage(NamedTuple):
     reason: str
 
 
-class MissingMessages(NamedTuple):
+class UnreadMessages(NamedTuple):
     """Number of messages that a lost chunk had in one channel, from its message index."""
 
     channel: int
     messages: int
 
 
-Item = Found | Damage | MissingMessages
+Item = Found | Damage | UnreadMessages
 
 
 class Scan:
@@ -111,7 +111,7 @@ class Scan:
         if opcode == Opcode.MESSAGE_INDEX:
             if self._index_lost:
                 channel, entries = message_index(record)
-                yield MissingMessages(channel, len(entries))
+                yield UnreadMessages(channel, len(entries))
             return end
         self._index_lost = False
         self.closed = opcode == Opcode.FOOTER

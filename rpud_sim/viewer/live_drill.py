@@ -14,7 +14,7 @@ from typing import Any
 
 from rpud_sim.foundation.quantities import ParameterError, did_you_mean, shown
 from rpud_sim.ros.client import ClientError, DrillClient, RefusedError
-from rpud_sim.ros.client.telemetry import Telemetry
+from rpud_sim.ros.client.telemetry import FastTopics
 from rpud_sim.viewer.heard import Heard
 
 # Actions: methods of ``DrillClient``, with the same arguments.
@@ -160,7 +160,7 @@ class LiveDrill:
         self._closed = False
         self._heard = Heard()
         self._lost_before: Counter[str] = Counter()  # by clients that are closed
-        self._telemetry: Telemetry | None = None
+        self._telemetry: FastTopics | None = None
         self._status_at = self._settled_at = 0.0
         # Here, so that the caller gets the error of a namespace that ROS does not allow.
         self._client: DrillClient | None = self._open(namespace)

@@ -68,7 +68,9 @@ UNBROKEN = [(6, "contact.py", "", ""), (36, "contact.py", "", "")]
 def outcomes(tmp_path_factory):
     """Outcome of the checks on a copy of the package, for each mutation; kernels stay Python."""
     folder = tmp_path_factory.mktemp("mutations")
-    shutil.copytree(PACKAGE, folder / "rpud_sim", ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copytree(
+        PACKAGE, folder / "rpud_sim", ignore=shutil.ignore_patterns("__pycache__", "compiled")
+    )
     requests = [*UNBROKEN, *MUTATIONS]
     done = subprocess.run(
         [sys.executable, "-B", "-c", PROGRAM, CHECKS, folder, json.dumps(requests)],

@@ -40,7 +40,7 @@ NATIVE = {
 def package(tmp_path_factory):
     """Folder with a copy of the package."""
     folder = tmp_path_factory.mktemp("copy")
-    ignored = shutil.ignore_patterns("__pycache__")
+    ignored = shutil.ignore_patterns("__pycache__", ".*")  # files that others still write
     shutil.copytree(PACKAGE, folder / "rpud_sim", ignore=ignored)
     return folder
 

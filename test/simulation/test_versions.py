@@ -19,7 +19,7 @@ from rpud_sim.simulation.versions import (
 def test_a_change_of_a_source_changes_the_digest(tmp_path, monkeypatch):
     package, before = Path(rpud_sim.__file__).parent, source_digest()
     folder = tmp_path / "rpud_sim"
-    shutil.copytree(package, folder, ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copytree(package, folder, ignore=shutil.ignore_patterns("__pycache__", "compiled"))
     monkeypatch.setattr(rpud_sim, "__file__", str(folder / "__init__.py"))
     assert source_digest() == before
     (folder / "bag" / "reader.py").write_text("")  # it makes no result

@@ -88,7 +88,8 @@ def test_discovery_is_left_to_the_profile_only_where_it_is_read(shell, own, expe
 @shells
 def test_sourcing_before_set_up_says_what_to_do(shell, tmp_path):
     shutil.copy(ROOT / "env.bash", tmp_path)
-    shutil.copytree(ROOT / "toolchain", tmp_path / "toolchain")
+    ignored = shutil.ignore_patterns("__pycache__")
+    shutil.copytree(ROOT / "toolchain", tmp_path / "toolchain", ignore=ignored)
     result = run(shell, '. "$ENV" || echo "code $?"', root=tmp_path)
     assert result.stdout == "code 1\n"
     assert result.stderr == "rpud_sim: not set up yet: run 'make setup' first\n"

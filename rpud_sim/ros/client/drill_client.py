@@ -18,7 +18,7 @@ from rpud_sim.foundation.quantities import ParameterError, Quantity, Text, did_y
 from rpud_sim.foundation.time import SECOND, join_seconds, split_seconds
 from rpud_sim.ros.client.drill_connection import SECONDS, DrillConnection
 from rpud_sim.ros.client.listening_node import RefusedError
-from rpud_sim.ros.client.telemetry import Sink, Telemetry
+from rpud_sim.ros.client.telemetry import FastTopics, Sink
 
 PATIENCE = 10.0  # time limit of a client, unless it is given another one [s]
 
@@ -88,13 +88,13 @@ class DrillClient(DrillConnection):
         request = srv.GetDelivery.Request(nodes=nodes)
         return self._call("simulation/get_delivery", request, repeat=True)
 
-    def telemetry(self, sinks: Mapping[str, Sink]) -> Telemetry:
+    def telemetry(self, sinks: Mapping[str, Sink]) -> FastTopics:
         """Subscribe to fast topics, whose messages are decoded in a few microseconds.
 
-        ``sinks`` has, by topic, a function of the stamp [ns] and the values, as ``Telemetry`` has
+        ``sinks`` has, by topic, a function of the stamp [ns] and the values, as ``FastTopics`` has
         them.
         """
-        return Telemetry(self._listening, sinks)
+        return FastTopics(self._listening, sinks)
 
     # Commands: each returns when the drill has accepted it.
 

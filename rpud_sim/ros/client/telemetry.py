@@ -47,7 +47,7 @@ FIELDS: dict[str, tuple[str, ...]] = {
 Sink = Callable[[int, tuple[Any, ...]], object]
 
 
-class Telemetry:
+class FastTopics:
     """Subscriptions to fast topics of a drill, and counts of what they lost.
 
     A message costs its listener a few microseconds: rclpy converts nothing. ``sinks`` has, by

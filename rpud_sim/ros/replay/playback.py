@@ -84,7 +84,7 @@ def read_ahead(messages: Iterable[Message]) -> Messages:
         thread.join()
 
 
-class RefusedError(Exception):
+class PlaybackError(Exception):
     """Request that the state of the replay does not permit; it changes nothing."""
 
 
@@ -154,7 +154,7 @@ class Playback:
         try:
             return self._requests.do(lambda: action(self))
         except StoppedError:
-            raise RefusedError("the replay has ended") from None
+            raise PlaybackError("the replay has ended") from None
 
     @property
     def position(self) -> int:
@@ -211,7 +211,7 @@ class Playback:
     # Requests: of the thread that plays.
 
     def play(self) -> None:
-        raise RefusedError("the replay has begun")
+        raise PlaybackError("the replay has begun")
 
     def pause(self, paused: bool = True) -> None:
         if paused != self.paused:
@@ -223,14 +223,14 @@ class Playback:
         try:
             RATE.check("rate", rate)
         except ParameterError as error:
-            raise RefusedError(str(error)) from None
+            raise PlaybackError(str(error)) from None
         self._stay()
         self.rate = rate
 
     def seek(self, position: int) -> None:
         """Go to a time of the bag [ns], or the first played if later; after the last is refused."""
         if position > self._plan.last:
-            raise RefusedError(
+            raise PlaybackError(
                 f"time = {position / SECOND:.3f} s is after the last, "
                 f"{self._plan.last / SECOND:.3f} s"
             )
@@ -239,9 +239,9 @@ class Playback:
     def play_next(self) -> None:
         """Publish the next message of a paused playback; its time is the position then."""
         if not self.paused:
-            raise RefusedError("the replay is not paused")
+            raise PlaybackError("the replay is not paused")
         if self._next is None:
-            raise RefusedError("the replay is at its end")
+            raise PlaybackError("the replay is at its end")
         self._from = self._next.log_time
         if self._plan.tick is not None:
             self._outputs.publish_clock(self._from)
@@ -250,7 +250,7 @@ class Playback:
     def burst(self, count: int) -> int:
         """Publish the next messages of a paused playback, all for a count of 0; return how many."""
         if not self.paused:
-            raise RefusedError("the replay is not paused")
+            raise PlaybackError("the replay is not paused")
         before = self.published
         while self._next is not None and not self._stopped and not self._interrupted():
             self.play_next()

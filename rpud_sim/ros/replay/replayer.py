@@ -18,7 +18,7 @@ from rpud_sim.foundation.quantities import ExpectedError, ParameterError, sugges
 from rpud_sim.foundation.terminal import printable
 from rpud_sim.foundation.time import SECOND, join_seconds
 from rpud_sim.ros.graph import fill_known, rosbag_service
-from rpud_sim.ros.replay.playback import Messages, Plan, Playback, RefusedError, read_ahead
+from rpud_sim.ros.replay.playback import Messages, Plan, Playback, PlaybackError, read_ahead
 from rpud_sim.ros.replay.replay_options import DISCOVERY_TIME, ReplayOptions
 from rpud_sim.ros.replay.replayer_node import Replayer
 from rpud_sim.ros.starting import StartError, start_ros
@@ -67,7 +67,7 @@ def _answer(node: Replayer, playback: Playback, name: str, request: Any, respons
     try:
         result = playback.do(lambda each: _ACTIONS[name](each, request))
         fields = {"success": True, **(result or {})}
-    except RefusedError as error:
+    except PlaybackError as error:
         node.get_logger().warning(f"{name} is refused: {error}")
         fields = {"success": False, "message": str(error)}
     except Exception as error:  # out of the executor it would leave a client without answer

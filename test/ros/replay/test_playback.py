@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from support import real_time_permitted
 
 from rpud_sim.bag import BagFormatError, Message
-from rpud_sim.ros.replay.playback import Plan, Playback, RefusedError, read_ahead
+from rpud_sim.ros.replay.playback import Plan, Playback, PlaybackError, read_ahead
 from rpud_sim.ros.replay.replay_options import RATE
 
 SECOND = 1_000_000_000
@@ -106,7 +106,7 @@ def test_another_rate_holds_from_then_on():
 @pytest.mark.parametrize("rate", [0.0, -1.0, math.nan, math.inf, -math.inf, 2 * RATE.maximum])
 def test_an_impossible_rate_is_refused_and_changes_nothing(rate):
     stage = Stage([0, SECOND])
-    with pytest.raises(RefusedError, match=r"rate = .* is outside its range \(0, 1e\+06\]"):
+    with pytest.raises(PlaybackError, match=r"rate = .* is outside its range \(0, 1e\+06\]"):
         stage.playback.set_rate(rate)
     assert stage.playback.rate == 1.0
 
@@ -132,7 +132,7 @@ def test_a_seek_before_the_beginning_goes_there_and_one_after_the_end_is_refused
     stage.run(0.5)
     stage.playback.seek(0)
     assert stage.playback.position == START + SECOND
-    with pytest.raises(RefusedError, match=r"after the last, 1700000009\.0"):
+    with pytest.raises(PlaybackError, match=r"after the last, 1700000009\.0"):
         stage.playback.seek(START + 9 * SECOND + 1)
     assert stage.playback.position == START + SECOND
 
@@ -146,7 +146,7 @@ def test_steps_go_from_message_to_message():
     assert [offset for offset, _ in stage.sent] == [0, SECOND, SECOND, 5 * SECOND]
     # Whoever follows /clock has the time of a message when it comes.
     assert [offset for offset, _ in stage.ticks[1:]] == [0, SECOND, SECOND, 5 * SECOND]
-    with pytest.raises(RefusedError, match="at its end"):
+    with pytest.raises(PlaybackError, match="at its end"):
         stage.playback.play_next()
     assert stage.run(10.0)  # it stays, to be moved back
     stage.playback.seek(START + SECOND)
@@ -166,7 +166,7 @@ def test_a_burst_gives_as_many_as_there_are(count):
 def test_steps_and_bursts_are_for_a_paused_replay():
     stage = Stage([0])
     for act in (stage.playback.play_next, lambda: stage.playback.burst(1)):
-        with pytest.raises(RefusedError, match="not paused"):
+        with pytest.raises(PlaybackError, match="not paused"):
             act()
     assert stage.sent == []
 
@@ -350,5 +350,5 @@ def test_a_thread_plays_with_its_priority_and_what_it_starts_has_none(priority):
     real_time = priority and real_time_permitted()
     playing = (os.SCHED_FIFO, 7) if real_time else (os.SCHED_OTHER, 0)
     assert seen == {"publishes": playing, "reads": (os.SCHED_OTHER, 0)}
-    with pytest.raises(RefusedError, match="has ended"):
+    with pytest.raises(PlaybackError, match="has ended"):
         playback.do(Playback.pause)
