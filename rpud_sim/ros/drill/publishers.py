@@ -16,7 +16,7 @@ from rpud_sim.bag.encoder import Encoder
 from rpud_sim.ros.graph import members_of, message_class
 from rpud_sim.simulation.fields import time_fields
 from rpud_sim.simulation.telemetry import Stream
-from rpud_sim.simulation.topics import TOPICS, Fields, Topic
+from rpud_sim.simulation.topics import TOPICS, DrillTopic, Fields
 
 Message = TypeVar("Message")
 Encoded = tuple[str, bytes]  # topic and serialized message
@@ -24,11 +24,11 @@ Encoded = tuple[str, bytes]  # topic and serialized message
 RESULTS = "command_results"
 # Topics of a running drill alone, no part of a simulation.
 OF_NODE = {
-    "/diagnostics": Topic("diagnostic_msgs/msg/DiagnosticArray", 10, complete=False),
-    RESULTS: Topic("rpud_msgs/msg/CommandResults", 100, latched=True, complete=False),
+    "/diagnostics": DrillTopic("diagnostic_msgs/msg/DiagnosticArray", 10, complete=False),
+    RESULTS: DrillTopic("rpud_msgs/msg/CommandResults", 100, latched=True, complete=False),
 }
 # A node that joins a drill at a standstill has the time at once.
-CLOCK = Topic("rosgraph_msgs/msg/Clock", 1, latched=True, frame="", complete=False)
+CLOCK = DrillTopic("rosgraph_msgs/msg/Clock", 1, latched=True, frame="", complete=False)
 # A simulation that nothing paces waits for its subscribers when a depth is used up, but not longer
 # than this for one that does not answer [s].
 _LONGEST_WAIT = 1.0
@@ -57,7 +57,7 @@ class DrillPublishers:
         self,
         node: Node,
         publish_clock: bool,
-        offered: Mapping[str, Topic] = TOPICS,
+        offered: Mapping[str, DrillTopic] = TOPICS,
     ) -> None:
         self._node = node
         self._offered = offered  # topics of the node's namespace
@@ -192,7 +192,7 @@ class DrillPublishers:
             self.dropped += 1
 
 
-def _qos_of(topic: Topic) -> QoSProfile:
+def _qos_of(topic: DrillTopic) -> QoSProfile:
     """Return the QoS that a topic is offered with; reliable serves best-effort subscribers too."""
     latched = DurabilityPolicy.TRANSIENT_LOCAL if topic.latched else DurabilityPolicy.VOLATILE
     return QoSProfile(depth=topic.depth, durability=latched)
