@@ -13,16 +13,12 @@ from rpud_sim.foundation.terminal import columns, printable
 from rpud_sim.pages.quantities import QUANTITIES
 
 if TYPE_CHECKING:
-    from rpud_sim.drilling.borehole import BoreholeState
-    from rpud_sim.drilling.mount import MountState
-    from rpud_sim.drilling.rotor import RotorState
     from rpud_sim.ros.drill.report import Report
     from rpud_sim.simulation.faults import FaultRecord
     from rpud_sim.simulation.statistics import Figures
 
 Opened = TypeVar("Opened")
 
-_JAMMED = "free_mass_jammed"
 _FAULTS_LISTED = 10  # in the summary
 
 _LOG_FORMAT = "RCUTILS_CONSOLE_OUTPUT_FORMAT"
@@ -104,18 +100,16 @@ def live_text(report: Report, width: int | None = None) -> str:
     for name in _SHORTENED:
         if len(_joined(parts)) < width:
             break
-        parts[name] = parts[name][1:] or parts[name]
+        if name in parts:
+            parts[name] = parts[name][1:] or parts[name]
     return _joined(parts)[: max(0, width - 1)]
 
 
 def summary_text(
     figures: Figures, report: Report | None, faults: Sequence[FaultRecord] = ()
 ) -> str:
-    jammed = any(record.fault.kind == _JAMMED for record in faults)
-    rate = _rate_texts(figures, jammed)[0]
-    lines = [
-        f"drilled {figures['duration']:.2f} s: {_joined({'rate': (rate,), **_forces(figures)})}"
-    ]
+    motion = _joined(_motion(figures, [record.fault.kind for record in faults]))
+    lines = [f"drilled {figures['duration']:.2f} s: {motion}"]
     if report is None:
         return lines[0]
     status = report.status
@@ -125,114 +119,83 @@ def summary_text(
         f"{status['messages_dropped']} messages dropped"
     )
     if math.isfinite(status["depth"]):
-        lines.append(f"depth {QUANTITIES['depth'].text(status['depth'])}")
+        lines.append(f"depth {_shown('depth', status['depth'])}")
     if report.requests_refused:
         lines.append(f"{report.requests_refused} requests refused")
     if report.last_refusal:
         lines.append(f"last refusal: {printable(report.last_refusal)}")
-    lines += [_fault_line(record) for record in faults[-_FAULTS_LISTED:]]
+    for record in faults[-_FAULTS_LISTED:]:
+        end = "on" if record.clear is None else f"to {record.clear / 1e9:.3f} s"
+        kind = " on ".join(filter(None, (record.fault.kind, record.fault.channel)))
+        lines.append(f"fault {record.number}: {kind} from {record.onset / 1e9:.3f} s {end}")
     if len(faults) > _FAULTS_LISTED:
         lines.append(f"{len(faults) - _FAULTS_LISTED} earlier faults")
     return "\n".join(lines)
 
 
 def _parts(report: Report) -> dict[str, tuple[str, ...]]:
-    status = report.status
+    """Return the parts of a live line, each from its longest form to its shortest."""
+    status, process = report.status, report.process
     kinds = [record.fault.kind for record in report.faults]
-    weight = QUANTITIES["weight_on_bit"].text(status["weight_on_bit"])
-    drive = "" if status["drive_enabled"] else "drive off"
-    jammed = _JAMMED in kinds
-    depth = QUANTITIES["depth"].text(status["depth"]) if math.isfinite(status["depth"]) else ""
-    refused = status["commands_rejected"] + report.requests_refused
-    dropped = status["messages_dropped"]
-    return {
+    weight = _shown("weight_on_bit", status["weight_on_bit"])
+    parts: dict[str, tuple[str, ...]] = {
         "time": (f"{report.time / 1e9:7.1f} s",),
         "state": (status["state"],),
         "weight": (f"{weight} on bit", weight),
-        "drive": (drive,),
+        "drive": ("" if status["drive_enabled"] else "drive off",),
         "lost": ("commands lost" if status["commands_lost"] else "",),
-        "impacts": _rate_texts(report.figures, jammed),
-        **_forces(report.figures),
-        "feed": _feed_texts(report.process.mount),
-        "rotation": _rotation_texts(report.process.rotation),
-        "depth": (depth and f"depth {depth}", depth),
-        "layer": _layer_texts(report.process.borehole),
-        "faults": _faults_texts(kinds),
-        "refused": (f"{refused} refused" if refused else "",),
-        "dropped": (f"{dropped} messages dropped", f"{dropped} dropped") if dropped else ("",),
-        "late": (f"late {QUANTITIES['lateness'].text(status['lateness_max'])}", ""),
-        "factor": (f"x{status['real_time_factor']:.3f}", ""),
+        **_motion(report.figures, kinds),
     }
+    if mount := process.mount:
+        feed = f"feed {_shown('feed', mount.feed)}"
+        parts["feed"] = (f"{feed}, {_shown('feed_rate', mount.rate)}", feed, "")
+    if rotor := process.rotation:
+        rate = "stalled" if rotor.stalled else _shown("rotation_rate", rotor.rate)
+        parts["rotation"] = (f"{rate}, torque {_shown('torque', rotor.torque)}", rate, "")
+    if math.isfinite(status["depth"]):
+        depth = _shown("depth", status["depth"])
+        parts["depth"] = (f"depth {depth}", depth)
+    if hole := process.borehole:
+        parts["layer"] = (f"in {printable(hole.layer)}" if hole.layer else "broken through",)
+    if kinds:
+        count = "1 fault" if len(kinds) == 1 else f"{len(kinds)} faults"
+        first = kinds[0] if len(kinds) == 1 else f"{kinds[0]} +{len(kinds) - 1}"
+        parts["faults"] = (f"faults: {', '.join(dict.fromkeys(kinds))}", first, count)
+    if refused := status["commands_rejected"] + report.requests_refused:
+        parts["refused"] = (f"{refused} refused",)
+    if dropped := status["messages_dropped"]:
+        parts["dropped"] = (f"{dropped} messages dropped", f"{dropped} dropped")
+    parts["late"] = (f"late {_shown('lateness', status['lateness_max'])}", "")
+    parts["factor"] = (f"x{status['real_time_factor']:.3f}", "")
+    return parts
 
 
-def _forces(figures: Figures) -> dict[str, tuple[str, ...]]:
-    mean, most, reacting = (
-        figures[name] for name in ("contact_force_mean", "contact_force_max", "reacting_force_mean")
-    )
-    forces: dict[str, tuple[str, ...]] = {"contact": ("",), "reacting": ("",)}
-    if mean is not None and most is not None:
-        shown = QUANTITIES["peak_force"]
-        forces["contact"] = (
-            f"{shown.label} {shown.text(mean)} mean {shown.text(most)} max",
-            f"peak {shown.text(mean)}, max {shown.text(most)}",
-            f"peak {shown.text(mean)}",
-            "",
+def _motion(figures: Figures, faults: Sequence[str]) -> dict[str, tuple[str, ...]]:
+    """Return the rate of impacts, or why there are none, and the forces."""
+    rate, mean, most, reacting = (
+        figures[name]
+        for name in (
+            *("drill_tool_impact_rate", "contact_force_mean", "contact_force_max"),
+            "reacting_force_mean",
         )
-    if reacting is not None:
-        shown = QUANTITIES["reacting_force"]
-        text = shown.text(reacting)
-        forces["reacting"] = (f"{shown.label} {text}", f"load {text}", "")
-    return forces
-
-
-def _rate_texts(figures: Figures, jammed: bool) -> tuple[str, ...]:
-    """Return the rate of impacts; why there are none, if there are none."""
-    rate = figures["drill_tool_impact_rate"]
-    if not rate:
-        return ("jammed" if jammed else "no impacts",)
-    shown = QUANTITIES["impact_rate"]
-    text = shown.text(rate, unit=False)
-    return (f"{text} {shown.label}{shown.unit}", f"{text}{shown.unit}")
-
-
-def _faults_texts(kinds: Sequence[str]) -> tuple[str, ...]:
-    if not kinds:
-        return ("",)
-    names = ", ".join(dict.fromkeys(kinds))
-    count = "1 fault" if len(kinds) == 1 else f"{len(kinds)} faults"
-    first = kinds[0] if len(kinds) == 1 else f"{kinds[0]} +{len(kinds) - 1}"
-    return (f"faults: {names}", first, count)
-
-
-def _feed_texts(mount: MountState | None) -> tuple[str, ...]:
-    """Return where the feed is and whether the tool touches the rock; empty without a feed."""
-    if mount is None:
-        return ("",)
-    feed = f"feed {QUANTITIES['feed'].text(mount.feed)}"
-    return (f"{feed}, {QUANTITIES['feed_rate'].text(mount.rate)}", feed, "")
-
-
-def _rotation_texts(rotation: RotorState | None) -> tuple[str, ...]:
-    """Return rate and torque of the rotation; empty without one."""
-    if rotation is None:
-        return ("",)
-    rate = "stalled" if rotation.stalled else QUANTITIES["rotation_rate"].text(rotation.rate)
-    return (f"{rate}, torque {QUANTITIES['torque'].text(rotation.torque)}", rate, "")
-
-
-def _layer_texts(hole: BoreholeState | None) -> tuple[str, ...]:
-    """Return the layer at the bottom of the hole; empty without a hole."""
-    if hole is None:
-        return ("",)
-    return (f"in {printable(hole.layer)}" if hole.layer else "broken through",)
-
-
-def _fault_line(record: FaultRecord) -> str:
-    end = "on" if record.clear is None else f"to {record.clear / 1e9:.3f} s"
-    channel = f" on {record.fault.channel}" if record.fault.channel else ""
-    return (
-        f"fault {record.number}: {record.fault.kind}{channel} from {record.onset / 1e9:.3f} s {end}"
     )
+    none = "jammed" if "free_mass_jammed" in faults else "no impacts"
+    number = _shown("impact_rate", rate, unit=False)
+    parts: dict[str, tuple[str, ...]] = {
+        "impacts": (f"{number} impacts/s", f"{number}/s") if rate else (none,)
+    }
+    if mean is not None and most is not None:
+        peak, greatest = _shown("peak_force", mean), _shown("peak_force", most)
+        long = f"peak force {peak} mean {greatest} max"
+        parts["contact"] = (long, f"peak {peak}, max {greatest}", f"peak {peak}", "")
+    if reacting is not None:
+        load = _shown("reacting_force", reacting)
+        parts["reacting"] = (f"load on the mount {load}", f"load {load}", "")
+    return parts
+
+
+def _shown(name: str, value: float | None, unit: bool = True) -> str:
+    return QUANTITIES[name].text(value, unit=unit)
 
 
 def _joined(parts: dict[str, tuple[str, ...]]) -> str:

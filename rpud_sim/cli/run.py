@@ -114,8 +114,6 @@ def drill(
 def _drill_and_record(
     node: DrillNode, stop: StopRequest, program: str, record: str, max_loss: float, live: bool
 ) -> ExitCode:
-    from rpud_sim.ros.drill.drill_node import await_recorder
-
     with failing(RuntimeError):
         node.prepare()  # so that the recorder finds its topics, and has the first message
     recorder = ChildProcess(
@@ -130,8 +128,7 @@ def _drill_and_record(
     if not recorder.first_line(_RECORDER_START, lambda: stop.requested):
         closed = _close_recorder(recorder)
         return ExitCode.DONE if stop.requested and closed else ExitCode.FAILED
-    await_recorder(node, stop)
-    node.count_sent()
+    node.await_recorder(stop)
     try:
         drilled = _drill(node, stop, program, live)
     finally:

@@ -45,7 +45,7 @@ class Arm:
         return 0.5 * self.stiffness * stretch * stretch
 
 
-class Load(NamedTuple):
+class SpringLoad(NamedTuple):
     """Force of the drill on the mount, away from the rock, by the mount's position."""
 
     spring_rate: float  # of the load spring [N/m]
@@ -73,7 +73,7 @@ class Move(NamedTuple):
     shift_work: float = 0.0  # that moved the place at rest [J]
 
 
-def drift(arm: Arm, load: Load, position: float, rest: float, interval: float) -> Move:
+def drift(arm: Arm, load: SpringLoad, position: float, rest: float, interval: float) -> Move:
     """Return the motion of the mount in an interval [s] in which nothing else moves.
 
     It begins within the arm's reach of ``rest``, where the arm is not deflected; an infinite
@@ -114,7 +114,7 @@ def drift(arm: Arm, load: Load, position: float, rest: float, interval: float) -
     return Move(position, slipped, damper, slip, load.work(start, position))
 
 
-def shift(arm: Arm, load: Load, position: float, rest: float, new_rest: float) -> Move:
+def shift(arm: Arm, load: SpringLoad, position: float, rest: float, new_rest: float) -> Move:
     """Return the motion of the mount while its place at rest moves at once.
 
     A rigid arm carries the mount along; the host slips where that takes more than the anchoring
@@ -133,7 +133,7 @@ def shift(arm: Arm, load: Load, position: float, rest: float, new_rest: float) -
     return Move(end, end - target, 0.0, slip, work, work + slip)
 
 
-def arm_force(arm: Arm, load: Load, position: float, rest: float) -> float:
+def arm_force(arm: Arm, load: SpringLoad, position: float, rest: float) -> float:
     """Return the force of the arm on the mount, toward the rock [N]."""
     if arm.stiffness > 0.0:
         return -arm.stiffness * arm.stretch(position - rest)
@@ -143,7 +143,7 @@ def arm_force(arm: Arm, load: Load, position: float, rest: float) -> float:
     return min(max(held, -arm.anchoring), arm.anchoring)
 
 
-def _net_force(arm: Arm, load: Load, position: float, rest: float) -> float:
+def _net_force(arm: Arm, load: SpringLoad, position: float, rest: float) -> float:
     """Return A - L in the direction in which the mount would move [N]; zero if it is held."""
     driving = -load.force(position)
     if arm.stiffness > 0.0:
@@ -181,7 +181,7 @@ def _excess(arm: Arm, position: float, rest: float) -> float:
     return math.copysign(excess, deflection) if excess > 0.0 else 0.0
 
 
-def _held(arm: Arm, load: Load, position: float, target: float) -> float:
+def _held(arm: Arm, load: SpringLoad, position: float, target: float) -> float:
     """Return how far a rigid arm carries the mount before its host slips [m]."""
     if load.spring_rate == 0.0:
         return target

@@ -6,7 +6,7 @@ import dataclasses
 import math
 from typing import NamedTuple
 
-from rpud_sim.drilling.arm import Arm, Load, Move, arm_force, drift, shift
+from rpud_sim.drilling.arm import Arm, Move, SpringLoad, arm_force, drift, shift
 from rpud_sim.drilling.inputs import Disturbances, Percussion
 from rpud_sim.foundation.parameters import ParameterGroup, choice, number
 from rpud_sim.foundation.quantities import ParameterError, Quantity, shown, suggestion
@@ -183,7 +183,7 @@ class Mount:
         self.position = self._feed = start = parameters.initial_feed
         self.in_contact = has_rock and start > 0.0
         self.bottom = 0.0 if has_rock else math.inf
-        self._load = Load(load_spring_rate, 0.0, 0.0 if self.in_contact else start, 0.0)
+        self._load = SpringLoad(load_spring_rate, 0.0, 0.0 if self.in_contact else start, 0.0)
         self._slip = 0.0
         if self.in_contact:
             settled = drift(self._arm, self._load, start, start, math.inf)
@@ -233,7 +233,7 @@ class Mount:
         # What the drill's own motion takes from the force of the load spring.
         push = self.preload - percussion.reacting_force
         position, deflection = self.position, self.position - self._feed
-        load = Load(spring_rate, damping, self._load.origin, push)
+        load = SpringLoad(spring_rate, damping, self._load.origin, push)
         self._take(drift(self._arm, load, self.position, self._rest, interval), damping)
         if disturbances.arm_slip_rate:
             slip = self._slip - disturbances.arm_slip_rate * interval
@@ -252,7 +252,7 @@ class Mount:
         """Place of the mount at which the arm is not deflected [m]."""
         return self._feed + self._slip
 
-    def _shift(self, load: Load, feed: float, slip: float) -> float:
+    def _shift(self, load: SpringLoad, feed: float, slip: float) -> float:
         """Move feed and host at once; return the work of what moves them [J]."""
         rest = self._rest
         self._feed, self._slip = feed, slip
@@ -281,7 +281,9 @@ class Mount:
             return feed - most
         return feed + most if wanted > feed + most else wanted
 
-    def _arrive(self, load: Load, bottom: float, way: float, interval: float, reach: float) -> None:
+    def _arrive(
+        self, load: SpringLoad, bottom: float, way: float, interval: float, reach: float
+    ) -> None:
         """Note what follows from the place that the mount has reached.
 
         ``way`` is that of the mount as the bodies see it, ``reach`` how far the RPUD comes until

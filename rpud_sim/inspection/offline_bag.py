@@ -26,8 +26,7 @@ from rpud_sim.simulation.fields import Bookkeeping
 from rpud_sim.simulation.journal import Journal
 from rpud_sim.simulation.run import Beginning, Run
 from rpud_sim.simulation.telemetry import Columns, Entry, Together
-from rpud_sim.simulation.topics import TOPICS, Fields, offered_topics
-from rpud_sim.simulation.topics import Topic as DrillTopic
+from rpud_sim.simulation.topics import TOPICS, DrillTopic, Fields, offered_topics
 
 NAMESPACE = "/rpud"
 

@@ -17,7 +17,7 @@ from rpud_sim.model.parameters import Parameters
 ROCK_DAMPING_RATIO = 0.5
 
 
-class Drill(NamedTuple):
+class DrillConstants(NamedTuple):
     """Constants of the drill in SI units.
 
     The tool is m_dt on the restoring spring before drilling (eq. (14)), and m_eff,dt on its own
@@ -41,7 +41,7 @@ class Drill(NamedTuple):
     jammed: bool
 
 
-def derive(parameters: Parameters, jammed: bool = False) -> Drill:
+def derive(parameters: Parameters, jammed: bool = False) -> DrillConstants:
     """Return the constants that the engine needs; a jam in the rock damps the tool."""
     effective = effective_tool(parameters)
     in_rock = parameters.regime == "drilling"
@@ -52,7 +52,7 @@ def derive(parameters: Parameters, jammed: bool = False) -> Drill:
         tool_mass, tool_spring_rate = parameters.drill_tool_mass, parameters.restoring_spring_rate
         ratio = parameters.drill_tool_damping_ratio
     mass, load_spring_rate = parameters.rpud_mass, parameters.load_spring_rate
-    return Drill(
+    return DrillConstants(
         rpud_mass=mass,
         rpud_weight=mass * parameters.gravity if parameters.gravity_on_drill else 0.0,
         rpud_damping=damping_coefficient(parameters.rpud_damping_ratio, mass, load_spring_rate),
@@ -106,7 +106,7 @@ SEATING_TIME = 0.1  # [s]
 SEATING_STEPS = 20
 
 
-def seating(before: Drill, after: Drill) -> list[tuple[float, Drill]]:
+def seating(before: DrillConstants, after: DrillConstants) -> list[tuple[float, DrillConstants]]:
     """Return the constants of each step, with the time of the step after the change [s].
 
     A free drill tool gets into the rock in steps that are as before drilling: eqs. (11)-(14). Every

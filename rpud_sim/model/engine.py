@@ -8,7 +8,7 @@ import numpy as np
 
 from rpud_sim.foundation.quantities import ExpectedError
 from rpud_sim.model.compile import machine_code, reader_of
-from rpud_sim.model.drill import STATE, Drill, derive, seating
+from rpud_sim.model.drill import STATE, DrillConstants, derive, seating
 from rpud_sim.model.events import DONE, FULL, OVERLOADED, STALLED, advance, interrupt, start
 from rpud_sim.model.parameters import QUANTITIES, Parameters
 from rpud_sim.model.resonator import Resonance, ResonatorEnergy, account
@@ -58,7 +58,9 @@ def initial_state(
     return state
 
 
-def failure(status: int, parameters: Parameters, drill: Drill, states: np.ndarray) -> EngineError:
+def failure(
+    status: int, parameters: Parameters, drill: DrillConstants, states: np.ndarray
+) -> EngineError:
     """Return the error of an advance that failed, with the values furthest from their defaults."""
     reason = {
         STALLED: f"more than {LONGEST_STANDSTILL} events at one instant",
@@ -99,7 +101,7 @@ class Engine:
         self._parameters = parameters
         self._drill = self._target = derive(parameters)
         # Times and constants of the steps to come.
-        self._seating: deque[tuple[tuple[int, float], Drill]] = deque()
+        self._seating: deque[tuple[tuple[int, float], DrillConstants]] = deque()
         self._state = initial_state(parameters, initial_phase, drive, resonance)
         self._open_segment = np.zeros(1, SEGMENT)
         self._open_impact = np.zeros(1, IMPACT)
@@ -118,7 +120,7 @@ class Engine:
         self._struck = start(*self._records, self._impact_room)
 
     @property
-    def _records(self) -> tuple[Drill, np.ndarray, np.ndarray, np.ndarray]:
+    def _records(self) -> tuple[DrillConstants, np.ndarray, np.ndarray, np.ndarray]:
         return self._drill, self._state, self._open_segment, self._open_impact
 
     @property
@@ -193,7 +195,7 @@ class Engine:
         self,
         seconds: int,
         fraction: float,
-        drill: Drill,
+        drill: DrillConstants,
         commands: tuple[float, float, float],
         resonance_frequency: float = 0.0,
         passed: float = 0.0,
@@ -268,7 +270,7 @@ class Engine:
             raise failure(status, self._parameters, self._drill, self._state)
 
     def _interrupt(
-        self, seconds: int, fraction: float, drill: Drill, commands: tuple[float, ...]
+        self, seconds: int, fraction: float, drill: DrillConstants, commands: tuple[float, ...]
     ) -> None:
         self._drill = drill
         self._reached = None

@@ -12,7 +12,13 @@ from typing import Any
 from rcl_interfaces.srv import GetParameters
 from rclpy.client import Client
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import (
+    DurabilityPolicy,
+    QoSCompatibility,
+    QoSProfile,
+    ReliabilityPolicy,
+    qos_check_compatible,
+)
 from rclpy.task import Future
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 from rclpy.type_support import check_for_type_support
@@ -96,13 +102,8 @@ def request_for(offers: Sequence[QoSProfile], depth: int) -> QoSProfile:
 
 def is_satisfied(request: QoSProfile, offers: Sequence[QoSProfile]) -> bool:
     """Return whether a request connects to every offer."""
-    weakest = request_for(offers, request.depth)
-    return (
-        request.reliability == ReliabilityPolicy.BEST_EFFORT
-        or weakest.reliability == ReliabilityPolicy.RELIABLE
-    ) and (
-        request.durability == DurabilityPolicy.VOLATILE
-        or weakest.durability == DurabilityPolicy.TRANSIENT_LOCAL
+    return all(
+        qos_check_compatible(offer, request)[0] != QoSCompatibility.ERROR for offer in offers
     )
 
 

@@ -46,7 +46,7 @@ from rpud_sim.simulation.scenario import Scenario, ScheduledFault, read_scenario
 from rpud_sim.simulation.simulation import Simulation, initial_phases
 from rpud_sim.simulation.statistics import FIGURES, Statistics
 from rpud_sim.simulation.telemetry import Together
-from rpud_sim.simulation.topics import TOPICS, Topic
+from rpud_sim.simulation.topics import TOPICS, DrillTopic
 
 __all__ = [
     "FIGURES",
@@ -61,6 +61,7 @@ __all__ = [
     "Bookkeeping",
     "Configuration",
     "Control",
+    "DrillTopic",
     "Drive",
     "EngineError",
     "Ensemble",
@@ -87,7 +88,6 @@ __all__ = [
     "Statistics",
     "Times",
     "Together",
-    "Topic",
     "WeightOnBit",
     "compile_kernels",
     "initial_phases",

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from rpud_sim.foundation.quantities import ParameterError, did_you_mean, shown_name
+from rpud_sim.foundation.quantities import ParameterError, did_you_mean, shown, shown_name
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.foundation.yaml_files import Cursor, open_yaml
 from rpud_sim.simulation.commands import Command, Drive, Feed, WeightOnBit
@@ -119,7 +119,10 @@ def parse_injections(texts: Sequence[str]) -> Changes:
     entries = []
     for text in texts:
         kind, *rest = text.split(",")
-        entries.append({"onset": 0.0, **dict(map(parse_assignment, rest)), "kind": kind})
+        keys = [("kind", kind), *map(parse_assignment, rest)]
+        if len(dict(keys)) < len(keys):
+            raise ParameterError(f"--inject {shown(text)} gives a key twice")
+        entries.append({"onset": 0.0, **dict(keys)})
     return Changes(planned=_injections({"faults": entries}, "--inject"))
 
 

@@ -21,7 +21,7 @@ _Need = Callable[[float, Configuration], str]
 
 
 @dataclasses.dataclass(frozen=True)
-class Kind:
+class FaultKind:
     """Kind of fault."""
 
     description: str  # one phrase
@@ -120,25 +120,27 @@ def _above_one(description: str, greatest: float = 1e3) -> Quantity:
     return Quantity("", description, 1.0, greatest, exclusive=True)
 
 
-KINDS: Mapping[str, Kind] = {
-    "free_mass_jammed": Kind("the free mass is wedged to the drill tool and strikes it no more"),
-    "lost_preload": Kind(
+KINDS: Mapping[str, FaultKind] = {
+    "free_mass_jammed": FaultKind(
+        "the free mass is wedged to the drill tool and strikes it no more"
+    ),
+    "lost_preload": FaultKind(
         "the load spring pushes less than commanded",
         magnitude=_above_zero("", "share of the weight on bit that is lost", 1.0),
         default=0.5,
     ),
-    "load_spring_binding": Kind(
+    "load_spring_binding": FaultKind(
         "the RPUD binds in its linear guide",
         magnitude=_above_one("factor on the rate of the load spring"),
         default=5.0,
     ),
-    "drill_tool_binding": Kind(
+    "drill_tool_binding": FaultKind(
         "the bit binds in its hole",
         needs=(_rock_while_drilling,),
         magnitude=_above_one("factor on the rate of the restoring spring, divisor of the progress"),
         default=5.0,
     ),
-    "choking": Kind(
+    "choking": FaultKind(
         "cuttings clog the hole",
         needs=(_rock,),
         magnitude=_above_zero(
@@ -146,101 +148,101 @@ KINDS: Mapping[str, Kind] = {
         ),
         default=0.8,
     ),
-    "hard_rock": Kind(
+    "hard_rock": FaultKind(
         "the bit meets harder rock",
         needs=(_rock,),
         magnitude=_above_one("factor on the specific energy of the rock"),
         default=3.0,
     ),
-    "resonance_drift": Kind(
+    "resonance_drift": FaultKind(
         "the resonance of the actuator has moved",
         needs=(_resonance,),
         magnitude=Quantity("Hz", "offset of the resonance frequency", -1e4, 1e4),
         default=-200.0,
         unchanging=0.0,
     ),
-    "restitution_loss": Kind(
+    "restitution_loss": FaultKind(
         "the impacts are less elastic",
         magnitude=Quantity("", "factor on both coefficients of restitution", 0.0, 1.0, below=True),
         default=0.5,
     ),
-    "generator_lock_loss": Kind(
+    "generator_lock_loss": FaultKind(
         "the generator tracks no more and runs at the commanded frequency",
         needs=(_tracking,),
     ),
-    "binding": Kind(
+    "binding": FaultKind(
         "friction along the tool in its hole resists the rotation",
         needs=(_rotation, _hole),
         magnitude=_above_zero("N m", "torque of the friction", 100.0),
         default=0.05,
     ),
-    "hard_inclusion": Kind(
+    "hard_inclusion": FaultKind(
         "the bit meets a stone that is harder than its layer",
         needs=(_hole, _softer_rock),
         magnitude=_above_zero("Pa", "strength of the stone", 1e9),
         default=2e8,
     ),
-    "corkscrewing": Kind(
+    "corkscrewing": FaultKind(
         "rock protrudes into the flutes, along which the tool screws itself in",
         needs=(_rotation, _hole),
         magnitude=_above_zero("N m", "torque of the rock that protrudes", 100.0),
         default=0.02,
     ),
-    "bit_walk": Kind(
+    "bit_walk": FaultKind(
         "the bit walks sideways until its hole guides it",
         needs=(_hole,),
         magnitude=_above_zero("m/s", "rate at which the bit walks", 0.1),
         default=5e-4,
     ),
-    "feed_stall": Kind("the drive of the feed stands still", needs=(_feed,)),
-    "arm_slip": Kind(
+    "feed_stall": FaultKind("the drive of the feed stands still", needs=(_feed,)),
+    "arm_slip": FaultKind(
         "the host of the arm slips away from the rock",
         needs=(_feed,),
         magnitude=_above_zero("m/s", "rate at which the host slips", 0.1),
         default=2e-4,
     ),
-    "worn_bit": Kind(
+    "worn_bit": FaultKind(
         "the bit is worn",
         needs=(_hole, _wear),
         magnitude=_above_one("factor on the area of its wear flats", 1e4),
         default=3.0,
     ),
-    "off": Kind("nothing is published", physical=False),
-    "stuck": Kind("the values last published are repeated with new stamps", physical=False),
-    "garbage": Kind("random bit patterns in place of every value", physical=False),
-    "wrong": Kind(
+    "off": FaultKind("nothing is published", physical=False),
+    "stuck": FaultKind("the values last published are repeated with new stamps", physical=False),
+    "garbage": FaultKind("random bit patterns in place of every value", physical=False),
+    "wrong": FaultKind(
         "plausible values that are consistently wrong",
         physical=False,
         magnitude=Quantity("", "factor on every measured number", -10.0, 10.0),
         default=0.5,
         unchanging=1.0,
     ),
-    "slow": Kind(
+    "slow": FaultKind(
         "messages go out at a lower rate",
         physical=False,
         magnitude=_above_zero("s", "period in which at most one message goes out", 1e3),
         default=0.5,
     ),
-    "delayed": Kind(
+    "delayed": FaultKind(
         "every message comes late",
         physical=False,
         magnitude=_above_zero("s", "time by which a message is late", 10.0),
         default=0.5,
     ),
-    "intermittent": Kind(
+    "intermittent": FaultKind(
         "messages are lost at random",
         physical=False,
         magnitude=_above_zero("", "probability that a message is lost", 1.0),
         default=0.5,
     ),
-    "noise": Kind(
+    "noise": FaultKind(
         "Gaussian noise on the main quantity",
         physical=False,
         magnitude=_above_zero("", "standard deviation", 1e6),
         default=1.0,
         in_channel_unit=True,
     ),
-    "bias": Kind(
+    "bias": FaultKind(
         "a constant offset on the main quantity",
         physical=False,
         magnitude=Quantity("", "offset", -1e6, 1e6),

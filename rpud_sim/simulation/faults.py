@@ -13,7 +13,7 @@ from rpud_sim.foundation.quantities import ParameterError, shown, suggestion
 from rpud_sim.foundation.shared import Shared
 from rpud_sim.model.parameters import QUANTITIES, Parameters
 from rpud_sim.simulation.configuration import Configuration
-from rpud_sim.simulation.fault_kinds import CHANNEL_NEEDS, KINDS, Kind
+from rpud_sim.simulation.fault_kinds import CHANNEL_NEEDS, KINDS, FaultKind
 from rpud_sim.simulation.topics import CHANNELS, GROUND_TRUTH
 
 # A binding raises the damping ratio up to this. The closed forms of the paper need less than
@@ -54,7 +54,7 @@ class Fault:
         return f"{self.kind} on {self.channel}" if self.channel else self.kind
 
     @property
-    def declared(self) -> Kind:
+    def declared(self) -> FaultKind:
         """Its kind."""
         return KINDS[self.kind]
 
@@ -115,7 +115,7 @@ def check_supported(fault: Fault, configuration: Configuration) -> None:
 def supported_kinds(configuration: Configuration) -> tuple[str, ...]:
     """Return the kinds of faults that a configuration supports with their default magnitudes."""
 
-    def supported(name: str, kind: Kind) -> bool:
+    def supported(name: str, kind: FaultKind) -> bool:
         try:
             fault = Fault(name, "" if kind.physical else next(iter(CHANNELS)))
             check_supported(fault, configuration)

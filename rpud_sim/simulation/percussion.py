@@ -9,7 +9,7 @@ import numpy as np
 from rpud_sim.drilling.inputs import Percussion
 from rpud_sim.drilling.mount import Advance, MountWork
 from rpud_sim.model.compile import reader_of
-from rpud_sim.model.drill import Drill
+from rpud_sim.model.drill import DrillConstants
 from rpud_sim.model.elementary import exponential, sin_cos, sin_cos_cycles
 from rpud_sim.model.segment import SEGMENT
 from rpud_sim.simulation.energy_account import FeedAccount
@@ -74,7 +74,12 @@ class PercussionMeter:
         self._energies.extend(impacts["energy_transferred"].tolist())
 
     def read(
-        self, interval: float, position: float, weight_on_bit: float, drill: Drill, amplitude: float
+        self,
+        interval: float,
+        position: float,
+        weight_on_bit: float,
+        drill: DrillConstants,
+        amplitude: float,
     ) -> Percussion:
         """Return the percussion in the interval [s] since the last call; W was constant [N]."""
         mean = 0.5 * (self._position + position)

@@ -9,7 +9,7 @@ import numpy as np
 from rpud_sim.drilling.process import Process, Surroundings
 from rpud_sim.drilling.rock import Progress
 from rpud_sim.foundation.time import NEVER, SECOND, split_fraction
-from rpud_sim.model.drill import Drill, derive
+from rpud_sim.model.drill import DrillConstants, derive
 from rpud_sim.model.energy import RpudConstants, withdrawal_work
 from rpud_sim.model.engine import Engine, EngineError
 from rpud_sim.model.parameters import Parameters
@@ -230,7 +230,7 @@ class Plant:
             return parameters.replace(regime="free")
         return parameters
 
-    def _derived(self) -> Drill:
+    def _derived(self) -> DrillConstants:
         return derive(self._acting_parameters(), self._effects.jammed)
 
     def feed_account(self, segment: np.ndarray) -> FeedAccount | None:

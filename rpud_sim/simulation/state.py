@@ -18,7 +18,7 @@ import numpy as np
 
 from rpud_sim.drilling.rock import Strata
 from rpud_sim.foundation.parameters import ParameterGroup
-from rpud_sim.model.drill import STATE, Drill
+from rpud_sim.model.drill import STATE, DrillConstants
 from rpud_sim.model.parameters import Parameters
 from rpud_sim.model.segment import IMPACT, SEGMENT
 from rpud_sim.simulation.block import Block
@@ -185,7 +185,7 @@ def _check(name: str, before: Any, value: Any) -> None:
 def _is_seating(step: Any) -> bool:
     if not (type(step) is tuple and len(step) == 2 and type(step[0]) is tuple):
         return False
-    return tuple(map(type, step[0])) == (int, float) and type(step[1]) is Drill
+    return tuple(map(type, step[0])) == (int, float) and type(step[1]) is DrillConstants
 
 
 def _check_records(name: str, arrays: Any, dtype: np.dtype[Any]) -> None:

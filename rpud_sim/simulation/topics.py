@@ -14,7 +14,7 @@ TOOL_TIP_FRAME = "rpud_tool_tip"
 
 
 @dataclasses.dataclass(frozen=True)
-class Topic:
+class DrillTopic:
     """Topic of the drill; its publisher is reliable."""
 
     type: str  # of its messages, as in ``rpud_msgs/msg/Status``
@@ -36,36 +36,36 @@ class Topic:
 
 # Reliable publishers match reliable and best-effort subscribers. The depth allows a slow subscriber
 # to fall behind by about a second at the greatest telemetry rate.
-TOPICS: Mapping[str, Topic] = {
-    "actuator_state": Topic("rpud_msgs/msg/ActuatorState", 1000, frame=NODAL_PLANE_FRAME),
-    "borehole": Topic(
+TOPICS: Mapping[str, DrillTopic] = {
+    "actuator_state": DrillTopic("rpud_msgs/msg/ActuatorState", 1000, frame=NODAL_PLANE_FRAME),
+    "borehole": DrillTopic(
         "rpud_msgs/msg/Borehole",
         1000,
         frame=TOOL_TIP_FRAME,
         models=(("strata",), ("rotation_model", "rock_model")),
     ),
-    "contact_force": Topic("rpud_msgs/msg/ContactForce", 2000, frame=TOOL_TIP_FRAME),
-    "drill_tool": Topic("rpud_msgs/msg/DrillTool", 1000, frame=TOOL_TIP_FRAME),
-    "faults": Topic("rpud_msgs/msg/Faults", 1, latched=True, complete=False),
-    "joint_states": Topic("sensor_msgs/msg/JointState", 1000),
+    "contact_force": DrillTopic("rpud_msgs/msg/ContactForce", 2000, frame=TOOL_TIP_FRAME),
+    "drill_tool": DrillTopic("rpud_msgs/msg/DrillTool", 1000, frame=TOOL_TIP_FRAME),
+    "faults": DrillTopic("rpud_msgs/msg/Faults", 1, latched=True, complete=False),
+    "joint_states": DrillTopic("sensor_msgs/msg/JointState", 1000),
     # A recorder that starts late gets all entries up to this number.
-    "journal": Topic("rpud_msgs/msg/JournalEntry", 1000, latched=True, proved=False),
-    "mount": Topic("rpud_msgs/msg/Mount", 1000, models=(("feed_model",),)),
-    "nodal_plane": Topic("rpud_msgs/msg/NodalPlane", 1000, frame=NODAL_PLANE_FRAME),
-    "reacting_force": Topic("rpud_msgs/msg/ReactingForce", 1000),
-    "rotation": Topic(
+    "journal": DrillTopic("rpud_msgs/msg/JournalEntry", 1000, latched=True, proved=False),
+    "mount": DrillTopic("rpud_msgs/msg/Mount", 1000, models=(("feed_model",),)),
+    "nodal_plane": DrillTopic("rpud_msgs/msg/NodalPlane", 1000, frame=NODAL_PLANE_FRAME),
+    "reacting_force": DrillTopic("rpud_msgs/msg/ReactingForce", 1000),
+    "rotation": DrillTopic(
         "rpud_msgs/msg/Rotation", 1000, frame=TOOL_TIP_FRAME, models=(("rotation_model",),)
     ),
-    "status": Topic("rpud_msgs/msg/Status", 1, latched=True, complete=False, proved=False),
-    "trajectory": Topic("rpud_msgs/msg/Trajectory", 40),
-    "waveform": Topic("rpud_msgs/msg/Waveform", 40),
-    "wrench": Topic("geometry_msgs/msg/WrenchStamped", 1000),
+    "status": DrillTopic("rpud_msgs/msg/Status", 1, latched=True, complete=False, proved=False),
+    "trajectory": DrillTopic("rpud_msgs/msg/Trajectory", 40),
+    "waveform": DrillTopic("rpud_msgs/msg/Waveform", 40),
+    "wrench": DrillTopic("geometry_msgs/msg/WrenchStamped", 1000),
 }
 # Topics whose every bit a proof compares.
 PROVED = tuple(name for name, topic in TOPICS.items() if topic.proved)
 
 
-def offered_topics(values: Mapping[str, Any]) -> Mapping[str, Topic]:
+def offered_topics(values: Mapping[str, Any]) -> Mapping[str, DrillTopic]:
     """Return the topics that a drill publishes, by name."""
     return {name: topic for name, topic in TOPICS.items() if topic.is_offered(values)}
 

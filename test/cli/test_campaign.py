@@ -90,9 +90,3 @@ def test_a_mistake_in_the_file_starts_nothing(campaign, tmp_path):
     assert result.stderr.startswith(f"rpud test: {campaign}:10: ")
     assert "did you mean free_mass_jammed?" in result.stderr
     assert not (tmp_path / "out").exists()
-
-
-def test_options_of_pytest_are_for_campaigns_only(tmp_path):
-    result = rpud("test", tmp_path, "--expect", "a.yaml", "--lf")
-    assert (result.returncode, result.stdout) == (2, "")
-    assert result.stderr == "rpud test: unrecognized arguments: --lf\n"

@@ -74,40 +74,6 @@ def test_what_is_damaged_is_left_out_and_all_else_is_there(tmp_path, rpud, file_
     assert json.loads((tmp_path / "out" / "export.json").read_text())["damaged"] == damaged
 
 
-@pytest.mark.parametrize(
-    ("words", "code", "reason"),
-    [
-        (["--start", "nan"], 2, "--start = nan s is outside its range [0, 1e+09] s"),
-        (["--duration", 0], 2, "--duration = 0 s is outside its range (0, 1e+09] s"),
-        (["--format", "xls"], 2, "argument --format: invalid choice: 'xls'"),
-        (["--start", 1], 1, "--start = 1 s is not in the 0.009 s that the bag holds"),
-        (["--topics", "/a"], 1, "{bag} holds no topic '/a'; it holds /rpud/chat, /rpud/talk\n"),
-        (
-            ["--topics", "/rpud/tlak"],
-            1,
-            "{bag} holds no topic '/rpud/tlak'; it holds /rpud/chat, /rpud/talk "
-            "(did you mean /rpud/talk?)\n",
-        ),
-    ],
-)
-def test_a_wrong_call_is_one_line(bag, tmp_path, rpud, words, code, reason):
-    found, out, err = rpud("export", bag, "--out", tmp_path / "out", *words)
-    assert (found, out) == (code, "")
-    assert err.startswith(f"rpud export: {reason.format(bag=bag)}")
-    assert err.count("\n") == 1
-    assert not (tmp_path / "out").exists()
-
-
-def test_nothing_is_overwritten_and_no_bag_is_one_line(bag, tmp_path, rpud):
-    for name in ("out", "out.part"):
-        (tmp_path / name).mkdir()
-        reason = f"{tmp_path / name} exists already; nothing is overwritten\n"
-        assert rpud("export", bag, "--out", tmp_path / "out") == (1, "", f"rpud export: {reason}")
-        (tmp_path / name).rmdir()
-    found = rpud("export", tmp_path / "none", "--out", tmp_path / "out")
-    assert found == (1, "", f"rpud export: there is no bag at {tmp_path / 'none'}\n")
-
-
 @pytest.fixture(scope="module")
 def drill_bag(tmp_path_factory):
     path = tmp_path_factory.mktemp("bags") / "bag"
@@ -122,23 +88,3 @@ def test_a_rebuilt_waveform_and_its_size(drill_bag, tmp_path, rpud):
     lines = out.splitlines()
     assert lines[0] == "rebuilt 100000 samples at 1000000 Hz in rpud.trajectory: 8.80 MB"
     assert lines[1].startswith("the bag's trajectory is 0.0")
-
-
-@pytest.mark.parametrize(
-    ("words", "code", "reason"),
-    [
-        (["--rate", 0], 2, "--rate = 0 Hz is outside its range [1, 1e+09] Hz"),
-        (["--rate", "nan"], 2, "--rate = nan Hz is outside its range [1, 1e+09] Hz"),
-        (["--rate", 1.5], 2, "--rate = 1.5 Hz is not a whole number"),
-        (["--rate", 10, "--run", 2], 1, "--run = 2 is outside its range [1, 1]: resets begin"),
-        (["--rate", 10, "--start", 5], 1, "--start = 5 s is not in the 0."),
-        (["--rate", 10, "--topics", "/other"], 1, "{bag} holds no trajectory named /other; "),
-        (["--run", 2], 2, "--run goes with --rate"),
-    ],
-)
-def test_a_rate_or_run_that_cannot_be_is_one_line(drill_bag, tmp_path, rpud, words, code, reason):
-    found, out, err = rpud("export", drill_bag, "--out", tmp_path / "out", *words)
-    assert (found, out) == (code, "")
-    assert err.startswith(f"rpud export: {reason.format(bag=drill_bag)}")
-    assert err.count("\n") == 1
-    assert not (tmp_path / "out").exists()

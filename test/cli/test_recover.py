@@ -77,19 +77,3 @@ def test_the_recorder_s_bound_is_shown(tmp_path, capsys):
     assert capsys.readouterr().out.endswith(
         "is missing, at most 0.5 s if processor and disk kept up\n"
     )
-
-
-def test_failures_are_1_and_one_line(torn, tmp_path, capsys):
-    assert run(tmp_path / "missing", "--out", tmp_path / "out") == 1
-    assert capsys.readouterr().err == f"rpud recover: there is no bag at {tmp_path / 'missing'}\n"
-    before = torn.read_bytes()
-    assert run(torn, "--out", torn.parent) == 1
-    captured = capsys.readouterr()
-    assert captured.err == (
-        f"rpud recover: {torn.parent} exists already; a bag is never overwritten\n"
-    )
-    assert torn.read_bytes() == before
-    (tmp_path / "notes.mcap").write_text("no bag at all, and nothing like it")
-    assert run(tmp_path / "notes.mcap", "--out", tmp_path / "out") == 1
-    assert "holds nothing of an MCAP file" in capsys.readouterr().err
-    assert not (tmp_path / "out").exists()

@@ -14,9 +14,6 @@ def test_it_says_where_the_page_is(tmp_path, rpud, monkeypatch):
     code, out, err = rpud("report", "bag")
     assert (code, out, err) == (0, "report.html: 10 messages on 2 topics\n", "")
     assert (tmp_path / "report.html").read_text().startswith("<!DOCTYPE html>")
-    code, out, err = rpud("report", "bag")
-    assert (code, out) == (1, "")
-    assert err == "rpud report: report.html exists already; nothing is overwritten\n"
 
 
 def test_json_is_one_object_and_what_is_left_out_is_named(tmp_path, rpud):
@@ -48,14 +45,6 @@ def test_what_is_damaged_is_left_out_and_all_else_is_shown(tmp_path, rpud):
         [reason] = [read[name] for name in read if f"left out {name}: " in line]
         assert reason in line
     assert len(err.splitlines()) == len(read)
-
-
-def test_a_drill_is_chosen_by_its_namespace(tmp_path, rpud):
-    write_bag(tmp_path / "bag")
-    out_file = tmp_path / "a.html"
-    code, _, err = rpud("report", tmp_path / "bag", "--out", out_file, "--namespace", "/b")
-    assert (code, err) == (1, "rpud report: the bag holds no drill /b\n")
-    assert not out_file.exists()
 
 
 def test_a_bag_of_which_nothing_can_be_read_has_a_report(tmp_path, rpud):

@@ -5,7 +5,6 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
-from altered_bags import altered, numbered
 from sample_bags import write_offline_bag
 from support import called
 
@@ -15,8 +14,6 @@ from rpud_sim.verdicts import read_expectations
 PASSED = "- {name: light, requirement: REQ-1, expect: {always: reacting_force.force < 1 kN}}"
 FAILED = "- {name: heavy, expect: {always: reacting_force.force > 1 kN}}"
 UNDECIDED = "- {name: long, expect: {always: reacting_force.force < 1 kN, within: 1 h}}"
-
-SEQUENCE = 36  # place of the sequence in a contact force [bytes]
 
 
 @pytest.fixture(scope="module")
@@ -70,43 +67,6 @@ def test_json_and_junit_have_every_verdict(bag, rpud, tmp_path):
     assert properties["margin"].endswith(" N")
     assert heavy.find("failure").get("message").startswith("failed: broken at ")
     assert "before it is decided" in long.find("error").get("message")
-
-
-@pytest.mark.parametrize(
-    ("entry", "complaint"),
-    [
-        ("- {name: a, expect: reacting_forc.force < 1 N}", "did you mean reacting_force?"),
-        ("- {name: a, expect: {onset: choked}}", "fault kind = 'choked' is unknown"),
-        ("- {name: a, expect: reacting_force.force < 1 s}", "is in N, given 1 s"),
-    ],
-)
-def test_a_wrong_expectation_gives_2_before_the_bag_is_read(rpud, tmp_path, entry, complaint):
-    code, out, err = rpud(tmp_path / "no bag", [entry])
-    assert (code, out) == (2, "")
-    assert complaint in err
-    assert err.startswith(f"rpud test: {tmp_path / 'expect.yaml'}:2: ")
-    assert err.count("\n") == 1
-
-
-def test_a_bag_that_is_missing_gives_1(rpud, tmp_path):
-    code, _, err = rpud(tmp_path / "no bag", [PASSED])
-    assert (code, err) == (1, f"rpud test: there is no bag at {tmp_path / 'no bag'}\n")
-
-
-def test_impossible_values_in_a_bag_give_1(bag, rpud, tmp_path):
-    def change(message):
-        return [message.data[:SEQUENCE] + b"\xff" * 8 + message.data[SEQUENCE + 8 :]]
-
-    altered(bag, tmp_path / "bag", numbered("contact_force", 2, change))
-    code, out, err = rpud(tmp_path / "bag", ["- {name: a, expect: contact_force.energy < 1 J}"])
-    assert (code, out) == (1, "")
-    assert err.startswith("rpud test: contact_force: sequence: OverflowError")
-    assert err.count("\n") == 1
-
-
-def test_a_bag_without_expectations_gives_2(bag, capsys):
-    line = "rpud test: a bag needs --expect FILE; see rpud test --help\n"
-    assert called(capsys, "test", bag) == (2, "", line)
 
 
 def test_the_example_is_understood():

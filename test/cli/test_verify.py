@@ -44,18 +44,6 @@ def test_an_altered_bag_gives_3_and_the_first_difference(bag, tmp_path, rpud):
     assert difference["computed"] == "0.0"
 
 
-def test_a_bag_that_cannot_be_verified_gives_1(bag, tmp_path, rpud):
-    altered(bag, tmp_path / "bag", lambda m: [m.data], {"/rpud/wrench"})
-    code, out, err = rpud("verify", tmp_path / "bag")
-    assert (code, out) == (1, "")
-    assert err == (
-        f"rpud verify: {tmp_path / 'bag'} holds no journal; "
-        "record the topic journal, or all of the namespace\n"
-    )
-    assert rpud("verify", tmp_path / "none")[0] == 1
-    assert rpud("verify")[0] == 2
-
-
 def test_a_bag_that_lacks_its_tail_gives_1_and_the_number(bag, tmp_path, rpud):
     def change(message):
         deaf = message.topic == "/rpud/wrench" and message.log_time > 50_000_000

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from support import examples
 
-from rpud_sim.drilling.arm import Arm, Load, arm_force, drift, shift
+from rpud_sim.drilling.arm import Arm, SpringLoad, arm_force, drift, shift
 
 INTERVAL = 1e-3
 arms = st.builds(
@@ -19,7 +19,7 @@ arms = st.builds(
     st.floats(0.5, 200.0),
 )
 loads = st.builds(
-    Load,
+    SpringLoad,
     st.floats(1e2, 1e5),
     st.one_of(st.just(0.0), st.floats(1.0, 1e3)),
     st.floats(-1e-2, 1e-2),
@@ -67,7 +67,7 @@ def test_work_of_the_feed_is_stored_lost_or_works_on_the_drill(arm, load, rest, 
 @pytest.mark.parametrize(("start", "damping"), [(-1e-3, 0.0), (4e-3, 300.0)])
 def test_the_motion_is_that_of_a_numerical_integration(stiffness, play, anchoring, start, damping):
     arm = Arm(stiffness, 150.0, play, anchoring)
-    load = Load(2000.0, damping, 1e-3, 1.5)
+    load = SpringLoad(2000.0, damping, 1e-3, 1.5)
     rest = start - 0.7 * arm.reach
 
     def rate(_, state):
@@ -80,7 +80,7 @@ def test_the_motion_is_that_of_a_numerical_integration(stiffness, play, anchorin
 
 
 def test_a_rigid_arm_carries_the_mount_until_its_host_slips():
-    arm, load = Arm(0.0, 100.0, 0.0, 10.0), Load(2000.0, 0.0, 0.0, 0.0)
+    arm, load = Arm(0.0, 100.0, 0.0, 10.0), SpringLoad(2000.0, 0.0, 0.0, 0.0)
     moved = shift(arm, load, 0.004, 0.004, 0.006)
     # 10 N on 2000 N/m
     assert (moved.position, moved.slipped, moved.slip) == pytest.approx((0.005, -0.001, 0.01))
@@ -88,6 +88,6 @@ def test_a_rigid_arm_carries_the_mount_until_its_host_slips():
 
 
 def test_play_takes_no_force():
-    arm, load = Arm(1e4, 100.0, 1e-3, 100.0), Load(0.0, 45.0, 0.0, 0.0)
+    arm, load = Arm(1e4, 100.0, 1e-3, 100.0), SpringLoad(0.0, 45.0, 0.0, 0.0)
     assert drift(arm, load, 5e-4, 0.0, INTERVAL).position == 5e-4
     assert arm_force(arm, load, 5e-4, 0.0) == 0.0

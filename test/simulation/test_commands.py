@@ -162,6 +162,7 @@ def test_a_drive_that_is_on_needs_a_frequency_and_one_that_is_off_does_not():
     [
         (parameter_changes, {"free_mas": 1}, "did you mean free_mass"),
         (parameter_changes, {"free_mass": 1}, "free_mass cannot change during a run"),
+        (parse_injections, ["noise,kind=bias"], "'noise,kind=bias' gives a key twice"),
         (parse_injections, ["nois,channel=wrench"], "did you mean noise"),
         (parse_injections, ["noise,chanel=wrench"], "'chanel' is not one of kind, channel"),
         (parse_injections, ["noise,channel=wrench,magnitude=x"], "= 'x' N is outside its range"),

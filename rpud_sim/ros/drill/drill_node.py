@@ -6,7 +6,6 @@ import contextlib
 import gc
 import sys
 import time
-from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
@@ -40,7 +39,6 @@ from rpud_sim.simulation.faults import FaultRecord
 from rpud_sim.simulation.rerun import Start
 from rpud_sim.simulation.scenario import scenario_of
 from rpud_sim.simulation.statistics import Statistics
-from rpud_sim.simulation.topics import TOPICS
 
 NAME = "drill_node"
 _THREADS = 3  # a step, a short request, and whatever else comes
@@ -69,7 +67,7 @@ class DrillNode(ManagedNode):
         self._end = sys.maxsize if duration is None else begin + round(duration * SECOND)
         self._inbox = Inbox(self.get_logger(), self.loop.wake)
         self._namesakes = DuplicateNodes(self)
-        self._sent: Counter[str] | None = None
+        self._unrecorded: Mapping[str, int] = {}  # messages before ``await_recorder``, by topic
         for topic in COMMAND_TOPICS:
             CommandTopic(self, topic, self._inbox, lambda: self.settings, self._now)
         services = DrillServices(self, self.loop, lambda: self.settings)
@@ -99,21 +97,25 @@ class DrillNode(ManagedNode):
         return live.run.simulation.faults.records if (live := self.loop.begun) else ()
 
     @property
-    def unheard(self) -> list[str]:
-        """Topics of its namespace that have no subscriber."""
-        return live.publishers.unheard if (live := self.loop.live) else []
-
-    @property
     def sent(self) -> Mapping[str, int]:
-        """Messages of each topic of its namespace, by absolute name, since ``count_sent``."""
-        counts: Mapping[str, int] = self._sent or {}
-        return {self.resolve_topic_name(name): counts[name] for name in counts if name in TOPICS}
+        """Messages of each topic of its namespace, by absolute name, since ``await_recorder``."""
+        published = live.publishers.published if (live := self.loop.live) else {}
+        return {
+            self.resolve_topic_name(name): count - self._unrecorded.get(name, 0)
+            for name, count in published.items()
+        }
 
-    def count_sent(self) -> None:
-        """Count messages from now on; topics without a subscriber are published too."""
-        self._sent = Counter()
-        if (live := self.loop.live) is not None:
-            live.publishers.sent = self._sent
+    def await_recorder(self, stop: StopRequest) -> None:
+        """Wait until every topic has a subscriber, log which have none, and publish all of them."""
+        if (live := self.loop.live) is None:
+            return
+        publishers, end = live.publishers, time.monotonic() + _DISCOVERY_TIME
+        while (unheard := publishers.unheard) and time.monotonic() < end and not stop.wait(0.01):
+            pass
+        if unheard and not stop.requested:
+            self.get_logger().warning(f"not heard by the recorder: {', '.join(unheard)}")
+        publishers.complete = True
+        self._unrecorded = publishers.published
 
     def prepare(self) -> None:
         """Configure, with ``autostart`` and unless it has: its topics are there then."""
@@ -137,7 +139,7 @@ class DrillNode(ManagedNode):
         compile_kernels(self.settings.configuration.parameters, self.get_logger().info)
         live = LiveRun(
             *(self, self.settings, self._inbox, self._namesakes, self._drill_parameters.restore),
-            *(self._end, self._sent, self._start),
+            *(self._end, self._start),
         )
         self.loop.configure(live)
         # A garbage collection of all that lives by now would make blocks late.
@@ -302,12 +304,3 @@ def open_drill(
     finally:
         hold.release()
         rclpy.try_shutdown()
-
-
-def await_recorder(node: DrillNode, stop: StopRequest) -> None:
-    """Wait until every topic of the drill has a subscriber; log the topics that have none."""
-    end = time.monotonic() + _DISCOVERY_TIME
-    while (unheard := node.unheard) and time.monotonic() < end and not stop.wait(0.01):
-        pass
-    if unheard and not stop.requested:
-        node.get_logger().warning(f"not heard by the recorder: {', '.join(unheard)}")

@@ -6,7 +6,7 @@ import dataclasses
 import sys
 import threading
 import time
-from collections import Counter, deque
+from collections import deque
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future
 from typing import NamedTuple
@@ -54,8 +54,7 @@ class LiveRun:
 
     Time plays, stands still (paused, or stopped at its start), or goes on to the goal of a step.
     The run begins in the state ``start``, at time zero without one, and is over at ``end`` in
-    simulation time [ns]. ``restored`` is called with the settings to which a reset went back;
-    ``sent`` counts the messages.
+    simulation time [ns]. ``restored`` is called with the settings to which a reset went back.
     """
 
     def __init__(
@@ -66,7 +65,6 @@ class LiveRun:
         namesakes: DuplicateNodes,
         restored: Callable[[Settings], None] = lambda settings: None,
         end: int = sys.maxsize,
-        sent: Counter[str] | None = None,
         start: Start | None = None,
     ) -> None:
         self.settings = self._first_settings = settings  # in force
@@ -86,7 +84,7 @@ class LiveRun:
         self._clock_due = 0.0
         self._logger = node.get_logger()
         offered = offered_topics(settings.values())
-        self.publishers = DrillPublishers(node, settings.publish_clock, sent, offered)
+        self.publishers = DrillPublishers(node, settings.publish_clock, offered)
         self.reporter = StatusReporter(
             node, settings.telemetry_rate, self.publishers, inbox, namesakes
         )

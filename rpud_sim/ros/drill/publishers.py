@@ -16,7 +16,7 @@ from rpud_sim.bag.encoder import Encoder
 from rpud_sim.ros.graph import members_of, message_class
 from rpud_sim.simulation.fields import time_fields
 from rpud_sim.simulation.telemetry import Stream
-from rpud_sim.simulation.topics import TOPICS, Fields, Topic
+from rpud_sim.simulation.topics import TOPICS, DrillTopic, Fields
 
 Message = TypeVar("Message")
 Encoded = tuple[str, bytes]  # topic and serialized message
@@ -24,11 +24,11 @@ Encoded = tuple[str, bytes]  # topic and serialized message
 RESULTS = "command_results"
 # Topics of a running drill alone, no part of a simulation.
 OF_NODE = {
-    "/diagnostics": Topic("diagnostic_msgs/msg/DiagnosticArray", 10, complete=False),
-    RESULTS: Topic("rpud_msgs/msg/CommandResults", 100, latched=True, complete=False),
+    "/diagnostics": DrillTopic("diagnostic_msgs/msg/DiagnosticArray", 10, complete=False),
+    RESULTS: DrillTopic("rpud_msgs/msg/CommandResults", 100, latched=True, complete=False),
 }
 # A node that joins a drill at a standstill has the time at once.
-CLOCK = Topic("rosgraph_msgs/msg/Clock", 1, latched=True, frame="", complete=False)
+CLOCK = DrillTopic("rosgraph_msgs/msg/Clock", 1, latched=True, frame="", complete=False)
 # A simulation that nothing paces waits for its subscribers when a depth is used up, but not longer
 # than this for one that does not answer [s].
 _LONGEST_WAIT = 1.0
@@ -57,14 +57,11 @@ class DrillPublishers:
         self,
         node: Node,
         publish_clock: bool,
-        sent: Counter[str] | None = None,
-        offered: Mapping[str, Topic] = TOPICS,
+        offered: Mapping[str, DrillTopic] = TOPICS,
     ) -> None:
         self._node = node
         self._offered = offered  # topics of the node's namespace
-        # counts of the messages of each topic, None for no count. With a count topics
-        # without a subscriber are published too.
-        self.sent = sent
+        self.complete = False  # whether topics without a subscriber are published too
         self.dropped = 0  # messages that the middleware did not accept
         # whether to wait for reliable subscribers before overwriting messages they lack
         self.patient = False
@@ -107,14 +104,14 @@ class DrillPublishers:
         return all(self._acknowledged(name, 0.0) for name in self._offered)
 
     def wanted(self, topic: str) -> bool:
-        """Return whether to publish a topic: it has had a subscriber, or messages are counted.
+        """Return whether to publish a topic: it has had a subscriber, or all are complete.
 
         A subscriber that stood still is dropped. The numbers of the messages tell it what it lost,
         so they are published meanwhile.
         """
         if topic not in self._wanted and self._publishers[topic].get_subscription_count():
             self._wanted.add(topic)
-        return self.sent is not None or topic in self._wanted
+        return self.complete or topic in self._wanted
 
     def encode(self, entries: Iterable[tuple[int, str, Fields]]) -> list[Encoded]:
         """Serialize messages: ``(time, topic, fields)`` as a run yields them."""
@@ -184,8 +181,6 @@ class DrillPublishers:
                 wait = _STATUS_WAIT if self._awaits_status else 0.0
                 self._awaits_status = self._acknowledged(name, wait)
             self._publish_raw[name](message)
-            if self.sent is not None:
-                self.sent[name] += 1
             self._unacknowledged[name] += 1
             self._published[name] += 1
             topic = self._topics[name]
@@ -197,7 +192,7 @@ class DrillPublishers:
             self.dropped += 1
 
 
-def _qos_of(topic: Topic) -> QoSProfile:
+def _qos_of(topic: DrillTopic) -> QoSProfile:
     """Return the QoS that a topic is offered with; reliable serves best-effort subscribers too."""
     latched = DurabilityPolicy.TRANSIENT_LOCAL if topic.latched else DurabilityPolicy.VOLATILE
     return QoSProfile(depth=topic.depth, durability=latched)

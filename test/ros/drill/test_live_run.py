@@ -3,8 +3,8 @@
 import dataclasses
 import threading
 import time
-from collections import Counter
 from functools import partial
+from types import SimpleNamespace
 
 import pytest
 import rclpy
@@ -16,13 +16,13 @@ from rclpy.time import Time
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.ros.drill import live_run, report
 from rpud_sim.ros.drill.commands import Inbox, result_of
-from rpud_sim.ros.drill.duplicate_nodes import DuplicateNodes
 from rpud_sim.ros.drill.live_run import InterruptedStepError, LiveRun
 from rpud_sim.ros.drill.pacer import Pacer
 from rpud_sim.ros.drill.publishers import DrillPublishers
 from rpud_sim.simulation.commands import WeightOnBit
 from rpud_sim.simulation.configuration import Settings
 
+NO_OTHERS = SimpleNamespace(count=lambda: 0)  # of the same name
 MILLISECOND = 1_000_000
 PERIOD = 10 * MILLISECOND
 START = 17 * SECOND
@@ -64,8 +64,8 @@ class Drill(LiveRun):
 
     def __init__(self, node, settings):
         self.clock, self.inbox, self.restored = ManualClock(START), Inbox(node.get_logger()), []
-        names = DuplicateNodes(node)
-        super().__init__(node, settings, self.inbox, names, self.restored.append, sent=Counter())
+        super().__init__(node, settings, self.inbox, NO_OTHERS, self.restored.append)
+        self.publishers.complete = True
         schedule = self._source.schedule
         self.pacer = Pacer(100, schedule, self.clock, self.clock.sleep)
         self.publishers.clock = self.clock

@@ -1,17 +1,18 @@
 """One thread moves the drill, and serves requests between two blocks until it ends."""
 
 import threading
+from types import SimpleNamespace
 
 import pytest
 from support import PATIENCE, until
 
 from rpud_sim.ros.drill.commands import Inbox
-from rpud_sim.ros.drill.duplicate_nodes import DuplicateNodes
 from rpud_sim.ros.drill.live_run import InterruptedStepError, LiveRun
 from rpud_sim.ros.drill.pacing_loop import PacingLoop
 from rpud_sim.ros.threads import StoppedError
 from rpud_sim.simulation.configuration import Settings
 
+NO_OTHERS = SimpleNamespace(count=lambda: 0)  # of the same name
 SECOND = 1_000_000_000
 PERIOD = SECOND // 100
 
@@ -25,8 +26,7 @@ def start(drill_node):
         settings = Settings().replace(values)
         loops.append(PacingLoop())
         inbox = Inbox(drill_node.get_logger(), loops[-1].wake)
-        names = DuplicateNodes(drill_node)
-        live = LiveRun(drill_node, settings, inbox, names, restored, end)
+        live = LiveRun(drill_node, settings, inbox, NO_OTHERS, restored, end)
         loops[-1].configure(live)
         if begin:
             loops[-1].start(settings)

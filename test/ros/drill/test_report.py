@@ -1,5 +1,7 @@
 """Reports come every second and on demand; status and diagnostics say how the drill is."""
 
+from types import SimpleNamespace
+
 import pytest
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
@@ -9,7 +11,6 @@ from rpud_msgs.msg import WeightOnBit as WeightOnBitMessage
 from support import until
 
 from rpud_sim.ros.drill.commands import Inbox, result_of
-from rpud_sim.ros.drill.duplicate_nodes import DuplicateNodes
 from rpud_sim.ros.drill.pacer import Pacer
 from rpud_sim.ros.drill.publishers import DrillPublishers
 from rpud_sim.ros.drill.report import StatusReporter, diagnose
@@ -20,6 +21,7 @@ from rpud_sim.simulation.fields import Bookkeeping
 from rpud_sim.simulation.run import Beginning, Run
 from rpud_sim.simulation.statistics import Statistics
 
+NO_OTHERS = SimpleNamespace(count=lambda: 0)  # of the same name
 SECOND = 1_000_000_000
 MILLISECOND = 1_000_000
 OK, WARN, ERROR = (level[0] for level in (DiagnosticStatus.OK, DiagnosticStatus.WARN, b"\2"))
@@ -125,7 +127,7 @@ class Drill:
         self.node = node
         self.inbox = Inbox(node.get_logger())
         self.outputs = DrillPublishers(node, publish_clock=False)
-        self.reporter = StatusReporter(node, 100, self.outputs, self.inbox, DuplicateNodes(node))
+        self.reporter = StatusReporter(node, 100, self.outputs, self.inbox, NO_OTHERS)
         self.blocks, self.diagnostics = [], []
         self.run = Run(Beginning(Settings(telemetry_rate=1, block_duration=1.0)), on_block=self.add)
         self.pacer = Pacer(100)

@@ -1,0 +1,102 @@
+"""Commands on bags that cannot do what is asked: one line, an exit code, nothing left behind."""
+
+import os
+
+import pytest
+from altered_bags import altered, numbered
+from sample_bags import write_bag, write_offline_bag
+
+from rpud_sim.simulation import preset
+
+EXPECT = "reacting_force.force < 1 kN"
+SEQUENCE = 36  # place of the sequence in a contact force [bytes]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A folder with bags of a drill, a bag of no drill, and what is no bag."""
+    folder = tmp_path_factory.mktemp("bags")
+    write_offline_bag(folder / "drill", preset("drilling"), 0.2, 0.4)
+    write_bag(folder / "talk")
+    altered(folder / "drill", folder / "no_journal", lambda m: [m.data], {"/rpud/wrench"})
+
+    def change(message):
+        return [message.data[:SEQUENCE] + b"\xff" * 8 + message.data[SEQUENCE + 8 :]]
+
+    altered(folder / "drill", folder / "odd", numbered("contact_force", 2, change))
+    (folder / "notes.mcap").write_text("no bag at all, and nothing like it")
+    (folder / "taken").mkdir()
+    (folder / "begun.part").mkdir()
+    for name, expectation in (
+        ("light", EXPECT),
+        ("energy", "contact_force.energy < 1 J"),
+        ("topic", "reacting_forc.force < 1 N"),
+        ("kind", "{onset: choked}"),
+        ("unit", "reacting_force.force < 1 s"),
+    ):
+        text = f"expectations:\n- {{name: a, expect: {expectation}}}\n"
+        (folder / f"{name}.yaml").write_text(text)
+    return folder
+
+
+EXPORT = "export talk --out out"
+REBUILD = "export drill --out out"
+COMPARE = "compare drill drill"
+TAKEN = "exists already; nothing is overwritten"
+
+
+@pytest.mark.parametrize(
+    ("call", "code", "reason"),
+    [
+        (f"{EXPORT} --start nan", 2, "--start = nan s is outside its range [0, 1e+09] s"),
+        (f"{EXPORT} --duration 0", 2, "--duration = 0 s is outside its range (0, 1e+09] s"),
+        (f"{EXPORT} --format xls", 2, "argument --format: invalid choice: 'xls'"),
+        (f"{EXPORT} --start 1", 1, "--start = 1 s is not in the 0.009 s that the bag holds"),
+        (f"{EXPORT} --topics /rpud/tlak", 1, "talk holds no topic '/rpud/tlak'; it holds /rpud/ch"),
+        (f"{EXPORT} --run 2", 2, "--run goes with --rate"),
+        ("export talk --out taken", 1, f"taken {TAKEN}"),
+        ("export talk --out begun", 1, f"begun.part {TAKEN}"),
+        ("export none --out out", 1, "there is no bag at none"),
+        (f"{REBUILD} --rate 0", 2, "--rate = 0 Hz is outside its range [1, 1e+09] Hz"),
+        (f"{REBUILD} --rate 1.5", 2, "--rate = 1.5 Hz is not a whole number"),
+        (f"{REBUILD} --rate 10 --run 2", 1, "--run = 2 is outside its range [1, 1]: resets begin"),
+        (f"{REBUILD} --rate 10 --start 5", 1, "--start = 5 s is not in the 0."),
+        (f"{REBUILD} --rate 10 --topics /a", 1, "drill holds no trajectory named /a; "),
+        ("recover none --out out", 1, "there is no bag at none"),
+        ("recover talk --out taken", 1, "{folder}/taken exists already; a bag is never over"),
+        ("recover notes.mcap --out out", 1, "notes.mcap holds nothing of an MCAP file"),
+        ("report talk --out notes.mcap", 1, f"notes.mcap {TAKEN}"),
+        ("report talk --namespace /b", 1, "the bag holds no drill /b"),
+        ("verify no_journal", 1, "no_journal holds no journal; record the topic journal, or all"),
+        ("verify none", 1, "there is no bag at none"),
+        ("verify", 2, "the following arguments are required: BAG"),
+        ("test none --expect light.yaml", 1, "there is no bag at none"),
+        ("test none --expect topic.yaml", 2, "topic.yaml:2: "),
+        ("test none --expect kind.yaml", 2, "kind.yaml:2: fault kind = 'choked' is unknown"),
+        ("test none --expect unit.yaml", 2, "unit.yaml:2: "),
+        ("test odd --expect energy.yaml", 1, "contact_force: sequence: OverflowError"),
+        ("test drill", 2, "a bag needs --expect FILE; see rpud test --help"),
+        ("test drill --expect light.yaml --lf", 2, "unrecognized arguments: --lf"),
+        (f"{COMPARE} --from nan", 2, "--from = nan s is outside its range [0, 1e+09] s"),
+        (f"{COMPARE} --tolerance 0", 2, "--tolerance = 0 % is outside its range (0, 100) %"),
+        (f"{COMPARE} --run 1.5", 2, "--run = 1.5"),
+        (f"{COMPARE} --quantity peakforce", 2, "peakforce is not a quantity; did you mean peak"),
+        (f"{COMPARE} --from 2 --to 1", 2, "end = 1 s is not after begin = 2 s"),
+        (f"{COMPARE} --run 1 --run 1 --run 1", 2, "3 choices of a run for 2 bags: give 1 or 2"),
+        (f"{COMPARE} {5 * 'drill '}", 2, "7 bags are outside the range [2, 6]"),
+        (f"{COMPARE} --from 50", 1, "the runs have no time in common from 50 s to the end, "),
+        ("compare drill none", 1, "there is no bag at none"),
+        ("compare drill talk", 1, "talk holds no topic of a drill"),
+        (f"{COMPARE} --out no/x.html", 1, "cannot write no/x.html: there is no folder no"),
+        (f"{COMPARE} --out notes.mcap", 1, f"notes.mcap {TAKEN}"),
+    ],
+)
+def test_it_is_one_line_and_nothing_is_left(folder, rpud, monkeypatch, call, code, reason):
+    monkeypatch.chdir(folder)
+    before = sorted(os.listdir())
+    command, *words = call.split()
+    found, out, err = rpud(command, *words)
+    assert (found, out) == (code, "")
+    assert err.startswith(f"rpud {command}: {reason.format(folder=folder)}")
+    assert err.count("\n") == 1
+    assert sorted(os.listdir()) == before
