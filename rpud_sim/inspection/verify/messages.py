@@ -78,18 +78,19 @@ def first_difference(codec: Codec, recorded: bytes, expected: bytes) -> tuple[st
         found = codec.decode(recorded)
     except BagFormatError as error:
         return "", str(error), "a message"
+    return first_field(found, codec.decode(expected)) or ("", "a message", "the same one")
+
+
+def first_field(found: Any, expected: Any) -> tuple[str, str, str] | None:
+    """Return the first field in which decoded messages differ, and its values; None if none is."""
     # The length of a sequence comes before its items, so both sides keep the same pace.
-    pairs = zip(_leaves(found), _leaves(codec.decode(expected)), strict=False)
-    path, own, other = next(
-        (path, own, other) for (path, own), (_, other) in pairs if _bits(own) != _bits(other)
-    )
-    texts = [_text(own), _text(other)]
-    if texts[0] == texts[1]:  # only the bits of NaN differ
-        texts = [
-            f"{text} (bits {_bits(each).hex()})"
-            for text, each in zip(texts, (own, other), strict=True)
-        ]
-    return path, texts[0], texts[1]
+    for (path, own), (_, other) in zip(_leaves(found), _leaves(expected), strict=False):
+        if _bits(own) != _bits(other):
+            first, second = _text(own), _text(other)
+            if first == second:  # only the bits of NaN differ
+                first, second = (f"{each} (bits {_bits(each).hex()})" for each in (own, other))
+            return path, first, second
+    return None
 
 
 def _leaves(value: Any, path: str = "") -> Iterator[tuple[str, Any]]:
