@@ -69,11 +69,6 @@ def test_those_before_the_begin_of_their_segment_have_one_order():
     assert [message.log_time for message in messages_in_order([segment])] == [0, 9]
 
 
-def test_what_cannot_be_tables_is_looked_for_once(tmp_path):
-    with rpud_sim.bag.open(write_bag(tmp_path / "run")) as bag:
-        assert bag.left_out is bag.left_out
-
-
 def by_block(bag, **chosen):
     found, error = {}, ""
     try:
