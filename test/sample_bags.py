@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import struct
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+from mcap.writer import Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 import rpud_sim.bag
@@ -55,6 +57,54 @@ def write_bag(
             time = START + number * 1_000_000
             bag.write(TALK.name, serialized_string(f"message {number}"), time, time - 1000)
     return path
+
+
+def write_mcap(
+    path: Path,
+    entries: Iterable[tuple[str, int, bytes]],
+    *,
+    kind: str = STRING,
+    definitions: Mapping[str, str | bytes] | None = None,
+    encoding: str = "cdr",
+    metadata: Mapping[str, str] | None = None,
+    records: Iterable[tuple[str, dict[str, str]]] = (),
+    publishers: int = 1,
+    **options: Any,
+) -> Path:
+    """Write a file with the library: messages of topics at log times, sent at START and later.
+
+    ``definitions`` are of topics other than of a text; each publisher has a channel.
+    """
+    entries = list(entries)
+    schemas: dict[str | bytes, int] = {}
+    channels: dict[str, list[int]] = {}
+    with path.open("wb") as stream:
+        writer = Writer(stream, **options)
+        writer.start("ros2", "test")
+        for topic in dict.fromkeys(topic for topic, _, _ in entries):
+            text = (definitions or {}).get(topic, STRING_DEFINITION)
+            if text not in schemas:
+                content = text.encode() if isinstance(text, str) else text
+                schemas[text] = writer.register_schema(kind, "ros2msg", content)
+            channels[topic] = [
+                writer.register_channel(topic, encoding, schemas[text], dict(metadata or {}))
+                for _ in range(publishers)
+            ]
+        for number, (topic, log_time, data) in enumerate(entries):
+            channel = channels[topic][number % publishers]
+            writer.add_message(channel, log_time, data, START + number)
+        for name, content in records:
+            writer.add_metadata(name, content)
+        writer.finish()
+    return path
+
+
+def rewrite(path: Path, old: str | bytes, new: str | bytes) -> None:
+    """Replace a part of a file that it has."""
+    old, new = (part.encode() if isinstance(part, str) else part for part in (old, new))
+    content = path.read_bytes()
+    assert old in content
+    path.write_bytes(content.replace(old, new))
 
 
 SEPARATOR = "=" * 80

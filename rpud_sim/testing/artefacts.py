@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import contextlib
 import html
+import itertools
 import json
 import os
 import re
 import shutil
 import subprocess
 import sys
-from collections.abc import Mapping, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
+from collections.abc import Sequence
+from concurrent.futures import Executor
 from pathlib import Path
 
 from rpud_sim.bag import BagError, BagWriter, QosProfile, Topic
@@ -25,6 +25,7 @@ from rpud_sim.bag.manifest import (
     machine_name,
 )
 from rpud_sim.bag.manifest import VERDICT_RECORD as TESTED_RECORD
+from rpud_sim.foundation.child_process import RPUD
 from rpud_sim.testing.drill import Drill
 
 _MARKER = "artefacts.json"  # only a folder with it is overwritten
@@ -34,50 +35,23 @@ _LONGEST_NAME = 150
 _TIME = 300.0  # that a page may take [s]
 
 
-class ReportPages:
-    """Pages that are being written, one at a time."""
-
-    def __init__(self) -> None:
-        self._pool = ThreadPoolExecutor(1, "rpud_report")
-        self._pages: list[Future[None]] = []
-
-    def begin(self, bag: Path, page: Path) -> None:
-        """Write the page of a bag soon; where that fails, the page's place has the reason."""
-        self._pages.append(self._pool.submit(_write, bag, page))
-
-    def finish(self) -> None:
-        for page in self._pages:
-            page.result()
-        self._pool.shutdown()
-
-
-def _write(bag: Path, page: Path) -> None:
-    command = (sys.executable, "-m", "rpud_sim.cli.main", "report", str(bag), "--out", str(page))
-    reason = ""
-    with contextlib.suppress(FileNotFoundError):  # of a bag that the test itself has removed
-        try:
-            done = subprocess.run(
-                command,
-                stdin=subprocess.DEVNULL,
-                capture_output=True,
-                timeout=_TIME,
-            )
-            reason = done.stderr.decode(errors="replace")
-        except (OSError, subprocess.TimeoutExpired) as error:
-            reason = str(error)
-        if not page.exists():
-            text = html.escape(f"The report could not be written: {reason}")
-            page.write_text(f"<pre>{text}</pre>")
-
-
 def leave_artefacts(
-    folder: Path, test: str, drills: Sequence[Drill], reports: ReportPages, failure: str = ""
+    folder: Path, test: str, drills: Sequence[Drill], pages: Executor, failure: str = ""
 ) -> tuple[str, list[tuple[str, str]]]:
-    """Write what a test leaves; return a text for its failure, and properties for JUnit."""
+    """Write what a test leaves; return a text for its failure, and properties for JUnit.
+
+    ``pages`` writes report pages later, one at a time.
+    """
     place = _empty_folder(folder, test)
     lines = [f"artefacts: {place}"]
     properties = [("rpud_artefacts", str(place))]
-    (place / "versions.json").write_text(json.dumps(_versions(), indent=2) + "\n")
+    versions = {
+        "versions": installed_versions(),
+        "machine": machine_name(),
+        "rmw": os.environ.get("RMW_IMPLEMENTATION", "default"),
+        "command": sys.argv,
+    }
+    (place / "versions.json").write_text(json.dumps(versions, indent=2) + "\n")
     if failure:
         (place / "failure.txt").write_text(failure + "\n")
     for number, drill in enumerate(drills, 1):
@@ -91,11 +65,44 @@ def leave_artefacts(
             file.write_text(f"$ {' '.join(system.command)}\n{system.output}")
         said = drill.verdict_lines or failure.splitlines()[:1]
         tested = RunVerdict(test, "failed" if failure else "passed", str(drill.seed), tuple(said))
-        lines += _bag_and_report(own, drill, properties, reports, tested)
+        bag, page = own / "bag", own / "report.html"
+        try:
+            write_bag(bag, drill, tested)
+        except BagError as error:
+            lines.append(f"bag: not written: {error}")
+        else:
+            pages.submit(_write_page, bag, page)
+            properties += [("rpud_bag", str(bag)), ("rpud_report", str(page))]
+            lines += [f"bag: {bag}", f"report: {page}"]
         lines.append(f"commands: {own / 'commands.txt'}; the last ones:")
         lines += [f"    {command}" for command in commands[-_LAST:] or ["(none)"]]
     (place / _MARKER).write_text(json.dumps({"test": test, **dict(properties)}, indent=2) + "\n")
     return "\n".join(lines), properties
+
+
+def _empty_folder(folder: Path, test: str) -> Path:
+    name = _NAME.sub("_", test.replace("::", "-").replace("/", "-"))[-_LONGEST_NAME:].strip("_")
+    for number in itertools.count(1):
+        place = folder.absolute() / (name if number == 1 else f"{name}_{number}")
+        if (place / _MARKER).is_file():
+            shutil.rmtree(place)
+        if not place.exists():
+            break
+    place.mkdir(parents=True)
+    return place
+
+
+def _write_page(bag: Path, page: Path) -> None:
+    """Write the report of a bag; where that fails, the page's place has the reason."""
+    command = (*RPUD, "report", str(bag), "--out", str(page))
+    try:
+        done = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, timeout=_TIME)
+        reason = done.stderr.decode(errors="replace")
+    except (OSError, subprocess.TimeoutExpired) as error:
+        reason = str(error)
+    if not page.exists() and page.parent.exists():  # unless the test itself has removed it
+        text = html.escape(f"The report could not be written: {reason}")
+        page.write_text(f"<pre>{text}</pre>")
 
 
 def write_bag(path: Path, drill: Drill, tested: RunVerdict | None = None) -> None:
@@ -113,7 +120,8 @@ def write_bag(path: Path, drill: Drill, tested: RunVerdict | None = None) -> Non
         if tested is not None:
             bag.add_record(TESTED_RECORD, tested.to_record())
         for name, heard in sorted(drill.heard.items()):
-            kind = _type_name(heard.kind)
+            package, _, rest = heard.kind.__module__.partition(".")
+            kind = f"{package}/{rest.split('.')[0]}/{heard.kind.__name__}"
             offer = QosProfile(durability="transient_local" if heard.latched else "volatile")
             try:
                 definition, type_hash = find_definition(kind), find_type_hash(kind)
@@ -130,48 +138,3 @@ def write_bag(path: Path, drill: Drill, tested: RunVerdict | None = None) -> Non
             bag.write(name, payload, max(stamp, 0), max(stamp, 0))
         losses = {name: Losses(transport=heard.lost) for name, heard in drill.heard.items()}
         bag.add_record(LOSSES_RECORD, losses_to_record(losses))
-
-
-def _bag_and_report(
-    folder: Path,
-    drill: Drill,
-    properties: list[tuple[str, str]],
-    reports: ReportPages,
-    tested: RunVerdict,
-) -> list[str]:
-    bag, page = folder / "bag", folder / "report.html"
-    try:
-        write_bag(bag, drill, tested)
-    except BagError as error:
-        return [f"bag: not written: {error}"]
-    reports.begin(bag, page)
-    properties += [("rpud_bag", str(bag)), ("rpud_report", str(page))]
-    return [f"bag: {bag}", f"report: {page}"]
-
-
-def _empty_folder(folder: Path, test: str) -> Path:
-    name = _NAME.sub("_", test.replace("::", "-").replace("/", "-"))[-_LONGEST_NAME:].strip("_")
-    place = folder.absolute() / name
-    number = 1
-    while place.exists():
-        if (place / _MARKER).is_file():
-            shutil.rmtree(place)
-            break
-        number += 1
-        place = place.with_name(f"{name}_{number}")
-    place.mkdir(parents=True)
-    return place
-
-
-def _versions() -> Mapping[str, object]:
-    return {
-        "versions": installed_versions(),
-        "machine": machine_name(),
-        "rmw": os.environ.get("RMW_IMPLEMENTATION", "default"),
-        "command": sys.argv,
-    }
-
-
-def _type_name(kind: type) -> str:
-    package, _, rest = kind.__module__.partition(".")
-    return f"{package}/{rest.split('.')[0]}/{kind.__name__}"

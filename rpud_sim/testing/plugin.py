@@ -8,6 +8,7 @@ nothing heavy before a fixture or the mark is used.
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Iterator
+from concurrent.futures import Executor, ThreadPoolExecutor
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -29,9 +30,8 @@ _MARK = (
 _VERDICT: Any = "verdict"
 
 
-class _Stash:
-    error = pytest.StashKey[str]()
-    reports = pytest.StashKey[Any]()
+_ERROR = pytest.StashKey[str]()  # in the mark of an item
+_PAGES = pytest.StashKey[Executor]()  # that writes report pages, one at a time
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -68,7 +68,7 @@ def pytest_collection_finish(session: pytest.Session) -> None:
         try:
             _setup_of(item)
         except ParameterError as error:
-            item.stash[_Stash.error] = f"mark rpud: {error}"
+            item.stash[_ERROR] = f"mark rpud: {error}"
             errors.append(f"{item.nodeid}: mark rpud: {error}")
     # A worker of xdist could not say it: there the test itself fails, before its drill starts.
     if errors and not hasattr(session.config, "workerinput"):
@@ -95,11 +95,13 @@ def pytest_runtest_makereport(
     if not name or not (report.failed or keep):
         item.user_properties += properties
         return
-    from rpud_sim.testing.artefacts import ReportPages, leave_artefacts
+    from rpud_sim.testing.artefacts import leave_artefacts
 
-    reports = item.config.stash.setdefault(_Stash.reports, ReportPages())
+    if _PAGES not in item.config.stash:
+        item.config.stash[_PAGES] = ThreadPoolExecutor(1, "rpud_report")
+    pages = item.config.stash[_PAGES]
     folder = Path(item.config.rootpath, name)
-    text, places = leave_artefacts(folder, item.nodeid, drills, reports, report.longreprtext)
+    text, places = leave_artefacts(folder, item.nodeid, drills, pages, report.longreprtext)
     item.user_properties += [*properties, *places]
     if hasattr(report.longrepr, "addsection"):
         report.longrepr.addsection("rpud_sim", text)
@@ -119,9 +121,8 @@ def pytest_sessionfinish(session: pytest.Session) -> None:
     pool = session.config.stash.get(POOL, None)
     if pool is not None:
         pool.close()
-    reports = session.config.stash.get(_Stash.reports, None)
-    if reports is not None:
-        reports.finish()
+    if _PAGES in session.config.stash:
+        session.config.stash[_PAGES].shutdown()
 
 
 @pytest.fixture
@@ -132,8 +133,8 @@ def drill_factory(request: pytest.FixtureRequest) -> Iterator[Callable[..., Dril
     given.
     """
     item = request.node
-    if _Stash.error in item.stash:
-        pytest.fail(item.stash[_Stash.error], pytrace=False)
+    if _ERROR in item.stash:
+        pytest.fail(item.stash[_ERROR], pytrace=False)
 
     def make(**options: Any) -> Drill:
         return take_drill(item, _setup_of(item, options), item.path.parent)

@@ -1,16 +1,23 @@
 """What a recovery keeps beside messages, what it counts, and what it leaves out with a reason."""
 
 import struct
-from array import array
 
+import numpy as np
 import pytest
 from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
-from sample_bags import START, STRING, STRING_DEFINITION, TALK, serialized_string
+from sample_bags import (
+    START,
+    STRING,
+    STRING_DEFINITION,
+    TALK,
+    serialized,
+    serialized_string,
+    write_mcap,
+)
 
 import rpud_sim.bag
 from rpud_sim.bag import BagFormatError, BagWriter
-from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.definitions import find_definition
 from rpud_sim.bag.losses import LOSSES_RECORD, RECORDING_RECORD, Losses, losses_to_record
 from rpud_sim.bag.metadata import BagMetadata
@@ -73,78 +80,47 @@ def test_the_recorder_s_records_are_kept_and_shown(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("publishers", "numbers", "gaps"),
+    ("kind", "publishers", "numbers", "gaps"),
     [
-        (1, [5, 6, 9, 10, 2**40, 0, 1], 2 + 2**40 - 11),  # at last the drill restarts
-        (1, [5, 6, 7], 0),
-        (2, [5, 900, 6, 901, 8, 902], 1),
+        ("ContactForce", 1, [5, 6, 9, 10, 2**40, 0, 1], 2 + 2**40 - 11),  # at last it restarts
+        ("ContactForce", 1, [5, 6, 7], 0),
+        ("ContactForce", 2, [5, 900, 6, 901, 8, 902], 1),
+        ("Waveform", 1, [1000], None),  # numbers of samples
     ],
 )
-def test_gaps_in_the_numbers_of_impacts_are_counted(tmp_path, publishers, numbers, gaps):
-    name = "rpud_msgs/msg/ContactForce"
+def test_gaps_in_the_numbers_of_impacts_are_counted(tmp_path, kind, publishers, numbers, gaps):
+    name = f"rpud_msgs/msg/{kind}"
     definition = find_definition(name)
-    codec = Codec(name, definition)
-    header = {"stamp": {"sec": 1, "nanosec": 2}, "frame_id": "rpud_tool_tip"}
-    numbers_of_an_impact = ("peak_force", "contact_duration", "impact_velocity", "impulse")
-    energies = ("energy", "energy_transferred")
-    others = {**dict.fromkeys((*numbers_of_an_impact, *energies), 0.0), "squeezed": False}
-    topic = rpud_sim.bag.Topic(
-        "/rpud/contact_force", name, offered_qos=(rpud_sim.bag.QosProfile(),) * publishers
-    )
+    lines = [line.split()[:2] for line in definition.splitlines() if line]
+    zeros = {"float64": 0.0, "float64[]": np.zeros(1), "bool": False}
+    fields = {line[1]: zeros[line[0]] for line in lines if line[0] in zeros}
+    fields["header"] = {"stamp": {"sec": 1, "nanosec": 2}, "frame_id": "rpud_tool_tip"}
+    offers = (rpud_sim.bag.QosProfile(),) * publishers
     with BagWriter(tmp_path / "run") as bag:
-        bag.add_topic(topic, definition)
+        bag.add_topic(rpud_sim.bag.Topic("/a", name, offered_qos=offers), definition)
         for number in numbers:
-            data = codec.encode({"header": header, "sequence": number, **others})
-            bag.write(topic.name, data, START, START)
-    recovery = recover(tmp_path / "run", tmp_path / "out")
-    assert recovery.topics[topic.name].gaps == gaps
-
-
-def test_blocks_of_a_waveform_have_no_count_of_gaps(tmp_path):
-    name = "rpud_msgs/msg/Waveform"
-    definition = find_definition(name)
-    zeros = array("d", [0.0])
-    fields = {
-        line.split()[1]: zeros for line in definition.splitlines() if line.startswith("float64[]")
-    }
-    header = {"stamp": {"sec": 1, "nanosec": 2}, "frame_id": ""}
-    data = Codec(name, definition).encode(
-        {"header": header, "sequence": 1000, "sample_period": 1e-5, **fields}
-    )
-    with BagWriter(tmp_path / "run") as bag:
-        bag.add_topic(rpud_sim.bag.Topic("/w", name), definition)
-        bag.write("/w", data, START, START)
-    assert recover(tmp_path / "run", tmp_path / "out").topics["/w"].gaps is None
+            data = serialized(name, definition, {**fields, "sequence": number})
+            bag.write("/a", data, START, START)
+    assert recover(tmp_path / "run", tmp_path / "out").topics["/a"].gaps == gaps
 
 
 def test_messages_that_rosbag2_cannot_time_are_counted(tmp_path):
-    torn = tmp_path / "other.mcap"
-    with torn.open("wb") as stream:
-        writer = Writer(stream)
-        writer.start()
-        schema = writer.register_schema(STRING, "ros2msg", STRING_DEFINITION.encode())
-        channel = writer.register_channel("/a", "cdr", schema)
-        for time in (1, 2**63, 2):
-            writer.add_message(channel, time, struct.pack("<I", 0), time)
-        writer.finish()
+    data = struct.pack("<I", 0)
+    torn = write_mcap(tmp_path / "other.mcap", [("/a", time, data) for time in (1, 2**63, 2)])
     recovery = recover(torn, tmp_path / "out")
     assert (recovery.message_count, recovery.complete) == (2, False)
     assert recovery.topics["/a"].lost == 1
 
 
-def odd_bag(path, *, schema=b"string data\n", offers="", records=()):
+def odd_bag(path, *, schema=STRING_DEFINITION, offers="", records=()):
     """Write a file with another library: one message, and a part that a new bag cannot hold."""
-    with path.open("wb") as stream:
-        writer = Writer(stream)
-        writer.start("ros2", "test")
-        number = writer.register_schema(STRING, "ros2msg", schema)
-        metadata = {"offered_qos_profiles": offers, "topic_type_hash": "x"}
-        channel = writer.register_channel("/talk", "cdr", number, metadata)
-        writer.add_message(channel, 5, serialized_string("here"), 5)
-        for name, content in records:
-            writer.add_metadata(name, content)
-        writer.finish()
-    return path
+    return write_mcap(
+        path,
+        [("/talk", 5, serialized_string("here"))],
+        definitions={"/talk": schema},
+        metadata={"offered_qos_profiles": offers, "topic_type_hash": "x"},
+        records=records,
+    )
 
 
 @pytest.mark.parametrize(
@@ -187,14 +163,8 @@ def test_metadata_that_would_be_too_large_is_left_out(tmp_path):
 
 
 def test_topics_that_no_metadata_can_list_are_refused(tmp_path):
-    path = tmp_path / "odd.mcap"
-    with path.open("wb") as stream:
-        writer = Writer(stream)
-        writer.start("ros2", "test")
-        for number in range(3):
-            topic = f"/{'x' * 1_000_000}{number}"
-            writer.add_message(writer.register_channel(topic, "cdr", 0), 5, b"", 5)
-        writer.finish()
+    topics = [f"/{'x' * 1_000_000}{number}" for number in range(3)]
+    path = write_mcap(tmp_path / "odd.mcap", [(topic, 5, b"") for topic in topics])
     with pytest.raises(BagFormatError, match="more than the metadata of a bag can list"):
         recover(path, tmp_path / "out")
     assert not (tmp_path / "out").exists()

@@ -3,8 +3,7 @@
 import json
 
 import pytest
-from mcap.writer import Writer
-from sample_bags import CHAT, START, STRING, TALK, write_bag
+from sample_bags import CHAT, START, STRING, TALK, write_bag, write_mcap
 
 from rpud_sim.bag import BagWriter
 from rpud_sim.bag.losses import LOSSES_RECORD, Losses, losses_to_record
@@ -78,14 +77,8 @@ def test_fewer_than_ten_messages_have_no_rate(tmp_path, capsys):
 
 def test_rates_without_an_index_are_unknown(tmp_path, capsys):
     """As of the bags of `ros2 bag record --storage-preset-profile fastwrite`."""
-    file = tmp_path / "fast.mcap"
-    with file.open("wb") as stream:
-        writer = Writer(stream, use_chunking=False)
-        writer.start()
-        channel = writer.register_channel("/a", "cdr", writer.register_schema(STRING, "", b""))
-        for number in range(20):
-            writer.add_message(channel, START + number, b"", START)
-        writer.finish()
+    messages = [("/a", START + number, b"") for number in range(20)]
+    file = write_mcap(tmp_path / "fast.mcap", messages, use_chunking=False)
     assert run(file) == 0
     assert capsys.readouterr().out.splitlines()[-1].split() == ["/a", STRING, "20", "-", "unknown"]
     assert run(file, "--json") == 0

@@ -5,7 +5,7 @@ import time
 import pytest
 from drill_client import SECOND, TELEMETRY, nanoseconds, stamps, steps
 from rclpy.qos import QoSProfile, qos_profile_sensor_data
-from rpud_msgs.msg import Result, Status
+from rpud_msgs.msg import Drive, Result, Status
 
 
 @pytest.fixture(scope="module")
@@ -84,3 +84,16 @@ def test_the_diagnostics_count_what_is_refused_and_say_why(client):
     assert client.reset(8).result != Result.RESULT_OK
     client.until(lambda: latest("requests_refused") == str(before + 3))
     assert latest("last_refusal") == "scope 8 is unknown"
+
+
+def test_applied_commands_come_back_with_the_time_at_which_they_took_effect(client):
+    client.command(Drive(enabled=True, voltage=80.0, frequency=17000.0))
+    status = client.until(
+        lambda: next((it for it in client.status if it.drive_frequency == 17000.0), None)
+    )
+    assert status.drive_voltage == 80.0
+    trajectories = client.listen("trajectory")
+    client.until(lambda: trajectories and 17000.0 in trajectories[-1].vibration_frequency)
+    origin = nanoseconds(trajectories[-1].origin)
+    # A block boundary: a whole number of telemetry periods since time zero.
+    assert (nanoseconds(status.drive_applied) - origin) % (SECOND // 100) == 0

@@ -19,7 +19,7 @@ from rpud_sim.inspection.compare.estimates import (
 )
 from rpud_sim.inspection.compare.results import (
     Comparison,
-    Table,
+    ResultTable,
     bits_line,
     figure_table,
     setting_tables,
@@ -89,7 +89,7 @@ class Section(NamedTuple):
 
     title: str
     text: str = ""
-    tables: Sequence[Table] = ()
+    tables: Sequence[ResultTable] = ()
     plots: Sequence[Plot] = ()
     width: float = 20.0  # least width of a plot, in letters
 
@@ -168,7 +168,7 @@ def _window(found: Comparison, number: int, place: int) -> Section:
         _METHOD,
         [
             figure_table(found, differences),
-            Table("Values of each run with their intervals", (*head, "greatest"), rows),
+            ResultTable("Values of each run with their intervals", (*head, "greatest"), rows),
         ],
         [
             *([plot] if plot else []),
@@ -177,7 +177,7 @@ def _window(found: Comparison, number: int, place: int) -> Section:
     )
 
 
-def _bits_table(found: Comparison, run: int) -> Table:
+def _bits_table(found: Comparison, run: int) -> ResultTable:
     head = ("topic", "bits", "equal", "first difference [s]", "field", "in A", "here", "note")
     rows = [
         (
@@ -187,7 +187,7 @@ def _bits_table(found: Comparison, run: int) -> Table:
         )
         for each in found.bits[run - 1]
     ]
-    return Table(f"{label(found, run)}: {bits_line(found.bits[run - 1])}", head, rows)
+    return ResultTable(f"{label(found, run)}: {bits_line(found.bits[run - 1])}", head, rows)
 
 
 def _timing(found: Comparison) -> Section:
@@ -200,7 +200,7 @@ def _timing(found: Comparison) -> Section:
         (title, *(str(NONE if timing[name] is None else timing[name]) for timing in found.timing))
         for name, title in COUNTERS.items()
     ]
-    table = Table("From the reports in status, in s", ("", *found.letters), rows)
+    table = ResultTable("From the reports in status, in s", ("", *found.letters), rows)
     return Section("Timing of the machine that ran the drill, which is not tested", "", [table])
 
 

@@ -207,7 +207,7 @@ def _plain(run: RunFigures) -> dict[str, Any]:
     return {"count": run.number, "max": run.max, **figures}
 
 
-class Table(NamedTuple):
+class ResultTable(NamedTuple):
     """Table for people."""
 
     caption: str
@@ -215,15 +215,15 @@ class Table(NamedTuple):
     rows: Sequence[tuple[str, ...]]
 
 
-def setting_tables(found: Comparison) -> Iterator[Table]:
+def setting_tables(found: Comparison) -> Iterator[ResultTable]:
     """Yield what differs in how the runs were made, and what was done to them, where any was."""
     for title, settings in (("parameter", found.parameters), ("version", found.versions)):
         rows = [(s.name, *(value or NONE for value in s.values), s.unit) for s in settings]
-        yield Table(f"{title}s that differ", (title, *found.letters, "unit"), rows)
+        yield ResultTable(f"{title}s that differ", (title, *found.letters, "unit"), rows)
     for title, events in (("command", found.commands), ("fault", found.faults)):
         head = (title, *(f"{letter} [s]" for letter in found.letters))
         rows = [(each.text, *map(_span, each.times, each.ends)) for each in events]
-        yield Table(f"{title}s of all runs", head, rows)
+        yield ResultTable(f"{title}s of all runs", head, rows)
 
 
 def _span(time: float | None, end: float | None) -> str:
@@ -232,7 +232,7 @@ def _span(time: float | None, end: float | None) -> str:
     return f"{time:.6f}" if end is None else f"{time:.6f} to {end:.6f}"
 
 
-def figure_table(found: Comparison, differences: Iterable[FigureDifference]) -> Table:
+def figure_table(found: Comparison, differences: Iterable[FigureDifference]) -> ResultTable:
     head = ("quantity", "figure", "run", "A", "value", "difference", "95 % interval", "decision")
     rows = [
         (
@@ -244,7 +244,7 @@ def figure_table(found: Comparison, differences: Iterable[FigureDifference]) -> 
         )
         for each in differences
     ]
-    return Table("Figures of each run, and differences from A", head, rows)
+    return ResultTable("Figures of each run, and differences from A", head, rows)
 
 
 def bits_line(run: tuple[TopicBits, ...]) -> str:

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from mcap.writer import Writer
+from sample_bags import write_mcap
 
 from rpud_sim import bag
 from rpud_sim.foundation.quantities import ParameterError
@@ -116,9 +116,6 @@ def test_forces_of_the_other_sign_are_refused(tmp_path):
 
 
 def test_a_bag_without_a_drill_is_refused(tmp_path):
-    with open(tmp_path / "other.mcap", "wb") as file:
-        writer = Writer(file)
-        writer.start()
-        writer.finish()
+    write_mcap(tmp_path / "other.mcap", [])
     with pytest.raises(ParameterError, match="has none of a drill's topics contact_force"):
         from_data(tmp_path, bag="other.mcap")
