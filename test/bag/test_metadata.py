@@ -12,6 +12,7 @@ from rpud_sim.bag.metadata import (
     BagMetadata,
     FileInformation,
     QosProfile,
+    ReadMetadata,
     dump_offered_qos,
     load_offered_qos,
     metadata_from_document,
@@ -26,7 +27,6 @@ METADATA = BagMetadata(
     files=(FileInformation("bag_0.mcap", START, 3_000, 7),),
     custom_data={"operator": "yes", "number": "1"},
     ros_distro="jazzy",
-    relative_file_paths=("bag_0.mcap",),
 )
 
 
@@ -68,8 +68,9 @@ def test_the_text_has_no_yaml_aliases():
 
 
 def test_round_trip():
-    assert metadata_from_document(METADATA.to_document()) == METADATA
-    assert metadata_from_record(METADATA.to_record()) == METADATA
+    read = ReadMetadata("mcap", ("bag_0.mcap",), "", "", {"operator": "yes", "number": "1"})
+    assert metadata_from_document(METADATA.to_document()) == read
+    assert metadata_from_record(METADATA.to_record()) == read
 
 
 def test_version_4_of_galactic_is_read():
@@ -98,11 +99,7 @@ rosbag2_bagfile_information:
   version: 4
 """
     metadata = metadata_from_document(document)
-    assert metadata.version == 4
     assert metadata.relative_file_paths == ("talker.mcap",)
-    [(topic, count)] = metadata.topics
-    assert (topic.name, count) == ("/topic", 10)
-    assert [qos.reliability for qos in topic.offered_qos] == ["reliable"]
 
 
 def test_empty_custom_data_may_be_null():
@@ -122,7 +119,7 @@ def test_empty_custom_data_may_be_null():
         "\x00",
         "rosbag2_bagfile_information: 3",
         "rosbag2_bagfile_information: {version: 9}",
-        METADATA.to_document().replace("message_count: 7", "message_count: many"),
+        METADATA.to_document().replace("relative_file_paths:", "other:"),
     ],
 )
 def test_what_is_no_metadata_is_refused_in_one_line(text):
