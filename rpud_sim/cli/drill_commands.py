@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from rpud_sim.cli.options import AT_MOST_ONE, EXACTLY_ONE, PLACE, Fields, command
-from rpud_sim.cli.output import table
+from rpud_sim.cli.output import cell, table
 from rpud_sim.cli.program import CommandError, ExitCode
 from rpud_sim.foundation.options import POSITIVE_SECONDS, option, positional
 from rpud_sim.foundation.quantities import Quantity
@@ -192,22 +192,16 @@ def _faults(drill: DrillClient, as_json: bool) -> str:
         return json.dumps({"active": active, "kinds": kinds, "channels": channels}, indent=2)
     rows = [
         (
-            fault["kind"],
-            fault["channel"] or "-",
-            fault["number"],
-            "-" if fault["magnitude"] is None else f"{fault['magnitude']:g}",
-            f"{fault['onset']:.3f}",
+            *(each["kind"], each["channel"] or "-", each["number"]),
+            *(cell(each["magnitude"], "g"), cell(each["onset"], ".3f")),
         )
-        for fault in active
+        for each in active
     ]
     head = ("active fault", "channel", "number", "magnitude", "onset [s]")
-    return "\n".join(
-        [
-            *(table(head, rows, left=2) if rows else ["no fault is active"]),
-            printable(f"possible kinds: {', '.join(answer.kinds)}"),
-            printable(f"channels of signal faults: {', '.join(answer.channels)}"),
-        ]
-    )
+    lines = table(head, rows, left=2) if rows else ["no fault is active"]
+    lines.append(printable(f"possible kinds: {', '.join(answer.kinds)}"))
+    lines.append(printable(f"channels of signal faults: {', '.join(answer.channels)}"))
+    return "\n".join(lines)
 
 
 @_acting(

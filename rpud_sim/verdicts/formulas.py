@@ -216,6 +216,8 @@ class Message(Event):
     where: Compare | Says | None = None
 
     def __post_init__(self) -> None:
+        if not isinstance(self.where, Compare | Says | None):
+            raise ExpectationError("where is no comparison")
         if self.where is not None and self.where.signal.topic != self.topic:
             raise ExpectationError(
                 f"a message of {self.topic} has no {self.where.signal}; name a field of its topic"

@@ -116,7 +116,7 @@ class _Form(NamedTuple):
 
     make: Callable[..., Formula]  # from the fields of the formula
     fields: Mapping[str, str]  # of the formula, by the key that holds it
-    may: tuple[str, ...] = ()  # further keys that it may have
+    may: tuple[str, ...] = ()  # further keys that it may have; outside a window, names of fields
 
 
 _WINDOW = ("within", "between")
@@ -207,38 +207,40 @@ def to_formula(value: Any, path: Place = ()) -> Formula:
     """
     try:
         if isinstance(value, str):
-            return _atom(value)
+            match = _ATOM.fullmatch(value)
+            if match is None:
+                example = "reacting_force.force < 45 N"
+                raise ExpectationError(f"{shown(value)} is no comparison, as {example}")
+            return _about(signal(match[1] or match[3]), match[2] or match[4])
         if not isinstance(value, Mapping):
             raise ExpectationError(f"{shown(value)} is neither a comparison nor a mapping")
-        name = _form(value)
-        if name in _READERS:
-            return _READERS[name](value, path)
-        form = _FORMS[name]
-        fields = {
-            field: _field(field, value[key], (*path, key)) for key, field in form.fields.items()
-        }
-        return form.make(**fields, **({"window": _window(value)} if form.may else {}))
+        form = _form(value)
+        if form.make is Compare:
+            text = value["is"]
+            if isinstance(text, str) and text[:1] not in "<>=!":
+                text = f"is {text}"
+            return _about(signal(value["signal"], value.get("hold")), text)
+        fields: dict[str, Any] = {}
+        for key, part in value.items():
+            if key not in _WINDOW:
+                fields |= _fields(form.fields.get(key, key), part, (*path, key))
+        if _WINDOW[0] in form.may:
+            fields["window"] = _window(value)
+        if form.make is Count:
+            if fields["number"].unit:
+                raise ExpectationError(f"a count has no unit, given {fields['number']}")
+            fields["number"] = fields["number"].value
+        return form.make(**fields)
     except ParameterError as error:
         raise ExpectationError(error, getattr(error, "path", ()) or path) from None
 
 
-def _field(name: str, value: Any, path: Place) -> Any:
-    """Return the value of a field of a formula."""
-    if name == "fault":
-        return value
-    if name != "formulas":
-        return to_formula(value, path)
-    if not isinstance(value, list):
-        raise ExpectationError(f"{path[-1]} = {shown(value)} is not a list", path)
-    return tuple(to_formula(part, (*path, n)) for n, part in enumerate(value))
-
-
-def _form(value: Mapping[Any, Any]) -> str:
-    """Return the name of a mapping's form, and check its keys."""
+def _form(value: Mapping[Any, Any]) -> _Form:
+    """Return the form of a mapping, and check its keys."""
     keys = [str(key) for key in value]
     for name, form in _FORMS.items():
         first, *others = form.fields
-        if first not in keys or (first == "hold" and ("signal" in keys or others[0] not in keys)):
+        if first not in keys or (first == "hold" and others[0] not in keys):
             continue
         for key in keys:
             if key not in form.fields and key not in form.may:
@@ -248,24 +250,42 @@ def _form(value: Mapping[Any, Any]) -> str:
         for key in others:
             if key not in keys:
                 raise ExpectationError(f"{name} lacks its {key}")
-        return name
+        return form
     if "hold" in keys:
         raise ExpectationError("hold lacks its until or unless")
     first = keys[0] if keys else ""
     raise ExpectationError(f"{shown(first)} begins no formula; {did_you_mean(first, _MAIN)}")
 
 
-def _atom(text: str) -> Formula:
-    match = _ATOM.fullmatch(text)
-    if match is None:
-        raise ExpectationError(f"{shown(text)} is no comparison, as reacting_force.force < 45 N")
-    return _about(signal(match[1] or match[3]), match[2] or match[4])
+def _fields(name: str, value: Any, path: Place) -> dict[str, Any]:
+    """Return the fields of a formula that a value gives; a comparison gives two."""
+    if name == "number":
+        match = _COMPARED.fullmatch(value.strip()) if isinstance(value, str) else None
+        if match is None or match[3]:
+            raise ExpectationError(f"is: {shown(value)} is no comparison, as < 45 N", path)
+        return {"operator": _operator(match[1]), name: Number(*parse_quantity(match[2]))}
+    if name == "formulas":
+        if not isinstance(value, list):
+            raise ExpectationError(f"{path[-1]} = {shown(value)} is not a list", path)
+        return {name: tuple(to_formula(part, (*path, n)) for n, part in enumerate(value))}
+    if name == "share":
+        if isinstance(value, bool) or not isinstance(value, (int, float)):
+            raise ExpectationError(f"quantile = {shown(value)} is no number in (0, 1]", path)
+        return {name: float(value)}
+    if name == "topic":
+        if not isinstance(value, str):
+            raise ExpectationError(f"message = {shown(value)} is no topic", path)
+        return {name: "/diagnostics" if value == "diagnostics" else value}
+    if name == "signal":
+        return {name: signal(value)}
+    return {name: value if name == "fault" else to_formula(value, path)}
 
 
-def _about(about: Signal, text: str) -> Compare | Says:
-    if text.startswith("is "):
+def _about(about: Signal, text: Any) -> Compare | Says:
+    """Return the formula about a signal of a text such as ``< 45 N`` or ``is running``."""
+    if isinstance(text, str) and text.startswith("is "):
         return about.says(text[3:].strip())
-    match = _COMPARED.fullmatch(text)
+    match = _COMPARED.fullmatch(text) if isinstance(text, str) else None
     if match is None:
         raise ExpectationError(
             f"{shown(text)} is no comparison of {about}, as < 45 N, == 0 N +- 0.1 N or is running"
@@ -275,63 +295,6 @@ def _about(about: Signal, text: str) -> Compare | Says:
 
 def _operator(text: str) -> str:
     return "==" if text == "=" else text
-
-
-def _bare(text: Any) -> tuple[str, str]:
-    """Return operator and number of a comparison without a signal."""
-    match = _COMPARED.fullmatch(text.strip()) if isinstance(text, str) else None
-    if match is None or match[3]:
-        raise ExpectationError(f"is: {shown(text)} is no comparison, as < 45 N")
-    return _operator(match[1]), match[2]
-
-
-def _signal(value: Mapping[str, Any], path: Place) -> Formula:
-    about, text = signal(value["signal"], value.get("hold")), value["is"]
-    if not isinstance(text, str):
-        raise ExpectationError(f"is: {shown(text)} is no text, as < 45 N", (*path, "is"))
-    return _about(about, text if text[:1] in "<>=!" else f"is {text}")
-
-
-def _message(value: Mapping[str, Any], path: Place) -> Message:
-    where = to_formula(value["where"], (*path, "where")) if "where" in value else None
-    if not isinstance(where, (Compare, Says, type(None))):
-        raise ExpectationError("where is no comparison", (*path, "where"))
-    topic = value["message"]
-    if not isinstance(topic, str):
-        raise ExpectationError(f"message = {shown(topic)} is no topic")
-    return Message("/diagnostics" if topic == "diagnostics" else topic, where)
-
-
-def _count(value: Mapping[str, Any], path: Place) -> Count:
-    event = to_formula(value["count"], (*path, "count"))
-    if not isinstance(event, Event):
-        raise ExpectationError("count needs an event: onset, cleared, message or becomes")
-    operator, number = _bare(value["is"])
-    plain, unit = parse_quantity(number)
-    if unit:
-        raise ExpectationError(f"a count has no unit, given {number}", (*path, "is"))
-    goal = to_formula(value["until"], (*path, "until")) if "until" in value else None
-    return Count(event, operator, plain, _window(value), goal)
-
-
-def _quantile(value: Mapping[str, Any], path: Place) -> Quantile:
-    share = value["quantile"]
-    if isinstance(share, bool) or not isinstance(share, (int, float)):
-        raise ExpectationError(f"quantile = {shown(share)} is no number in (0, 1]")
-    if not isinstance(value["of"], str):
-        raise ExpectationError(f"of = {shown(value['of'])} is no signal", (*path, "of"))
-    operator, number = _bare(value["is"])
-    about = signal(value["of"])
-    return Quantile(float(share), about, operator, Number(*parse_quantity(number)), _window(value))
-
-
-# Forms whose keys are no fields of their formulas.
-_READERS: Mapping[str, Callable[[Mapping[str, Any], Place], Formula]] = {
-    "signal": _signal,
-    "message": _message,
-    "count": _count,
-    "quantile": _quantile,
-}
 
 
 def _window(value: Mapping[str, Any]) -> Window:
@@ -345,26 +308,27 @@ def to_plain(formula: Formula) -> Any:
     """Return the plain value of a formula, the inverse of ``to_formula``."""
     if isinstance(formula, (Compare, Says)):
         return _plain_atom(formula)
-    weak = isinstance(formula, Until) and formula.weak
-    make = unless if weak else type(formula)
+    make = unless if isinstance(formula, Until) and formula.weak else type(formula)
     form = next(each for each in _FORMS.values() if each.make is make)
-    plain = {key: _plain_field(formula, field) for key, field in form.fields.items()}
-    plain |= _plain_window(getattr(formula, "window", WHOLE))
-    for key, part in (("where", Message), ("until", Count)):
-        if isinstance(formula, part) and getattr(formula, key) is not None:
-            plain[key] = to_plain(getattr(formula, key))
+    further = {key: key for key in form.may if key not in _WINDOW}
+    plain: dict[str, Any] = {}
+    for key, field in (*form.fields.items(), *further.items()):
+        value = getattr(formula, field)
+        if isinstance(formula, (Count, Quantile)) and field == "number":
+            plain[key] = f"{formula.operator} {Number(value) if make is Count else value}"
+        elif isinstance(value, tuple):
+            plain[key] = [to_plain(part) for part in value]
+        elif isinstance(value, Formula):
+            plain[key] = to_plain(value)
+        elif value is not None:
+            plain[key] = str(value) if isinstance(value, Signal) else value
+    part = getattr(formula, "window", WHOLE)
+    end = "end" if part.end is None else duration_text(part.end)
+    if part.start == 0 and part.end is not None:
+        plain["within"] = end
+    elif part != WHOLE:
+        plain["between"] = [duration_text(part.start), end]
     return plain
-
-
-def _plain_field(formula: Formula, name: str) -> Any:
-    value = getattr(formula, name)
-    if isinstance(formula, (Count, Quantile)) and name == "number":
-        return f"{formula.operator} {Number(value) if isinstance(formula, Count) else value}"
-    if isinstance(value, tuple):
-        return [to_plain(part) for part in value]
-    if isinstance(value, Formula):
-        return to_plain(value)
-    return str(value) if isinstance(value, Signal) else value
 
 
 def _plain_atom(formula: Compare | Says) -> Any:
@@ -379,12 +343,3 @@ def _plain_atom(formula: Compare | Says) -> Any:
         return f"{formula.signal} {text}"
     hold = duration_text(formula.signal.hold)
     return {"signal": str(formula.signal), "is": text.removeprefix("is "), "hold": hold}
-
-
-def _plain_window(part: Window) -> dict[str, Any]:
-    if part == WHOLE:
-        return {}
-    if part.start == 0 and part.end is not None:
-        return {"within": duration_text(part.end)}
-    end = "end" if part.end is None else duration_text(part.end)
-    return {"between": [duration_text(part.start), end]}

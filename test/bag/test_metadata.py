@@ -13,6 +13,7 @@ from rpud_sim.bag.metadata import (
     BagMetadata,
     FileInformation,
     QosProfile,
+    ReadMetadata,
     dump_offered_qos,
     load_offered_qos,
     metadata_from_document,
@@ -27,7 +28,6 @@ METADATA = BagMetadata(
     files=(FileInformation("bag_0.mcap", START, 3_000, 7),),
     custom_data={"operator": "yes", "number": "1"},
     ros_distro="jazzy",
-    relative_file_paths=("bag_0.mcap",),
 )
 
 
@@ -63,14 +63,14 @@ def test_every_field_of_version_9_is_there():
 
 
 def test_round_trip():
-    same = replace(METADATA, topics=((TALK, 0), (TALK, 0)))
-    for metadata in (METADATA, same, replace(METADATA, custom_data={})):
-        document = metadata.to_document()
-        assert metadata_from_document(document) == metadata
-        assert metadata_from_record(metadata.to_record()) == metadata
-        assert not {"&", "*"} & {*document}  # no aliases
-        null = document.replace("custom_data: {}", "custom_data: ~")
-        assert metadata_from_document(null) == metadata
+    read = ReadMetadata("mcap", ("bag_0.mcap",), "", "", {"operator": "yes", "number": "1"})
+    assert metadata_from_document(METADATA.to_document()) == read
+    assert metadata_from_record(METADATA.to_record()) == read
+    null = replace(METADATA, custom_data={}).to_document().replace("{}", "~")
+    assert "custom_data: ~" in null
+    assert metadata_from_document(null).custom_data == {}
+    same = replace(METADATA, topics=((TALK, 0), (TALK, 0))).to_document()
+    assert not {"&", "*"} & {*same}  # no aliases
 
 
 def test_version_4_of_galactic_is_read():
@@ -99,11 +99,7 @@ rosbag2_bagfile_information:
   version: 4
 """
     metadata = metadata_from_document(document)
-    assert metadata.version == 4
     assert metadata.relative_file_paths == ("talker.mcap",)
-    [(topic, count)] = metadata.topics
-    assert (topic.name, count) == ("/topic", 10)
-    assert [qos.reliability for qos in topic.offered_qos] == ["reliable"]
 
 
 durations = st.one_of(st.just(INFINITE), st.integers(0, 10**18))

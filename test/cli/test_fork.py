@@ -3,7 +3,7 @@
 import json
 
 import pytest
-from sample_bags import write_bag, write_offline_bag
+from sample_bags import write_offline_bag
 
 import rpud_sim.bag
 from rpud_sim.simulation import preset
@@ -51,42 +51,3 @@ def test_what_a_repeat_refuses_is_one_line_each(bag, tmp_path, rpud):
         "rpud fork: refused at 0.11 s: hard_rock cannot be honoured: it needs a rock_model, "
         "which is none, or strata\n"
     )
-
-
-@pytest.mark.parametrize(
-    ("words", "code", "reason"),
-    [
-        (("--at", "0.1"), 2, "where to? give --out DIR, or --live"),
-        (("--at", "-1", "--out", "x"), 2, "--at = -1 s is outside its range"),
-        (("--at", "nan", "--out", "x"), 2, "--at = nan s is outside its range"),
-        (("--at", "0.3", "--out", "x"), 1, "--at = 0.3 s is outside the run of the bag: [0, 0.2]"),
-        (("--at", "0.2", "--out", "x"), 1, "nothing is left of the recorded run after --at = 0.2"),
-        (("--at", "0.1", "--run", "2", "--out", "x"), 1, "--run = 2 is outside its range [1, 1]"),
-        (("--at", "0.1", "--set", "gravty=1", "--out", "x"), 2, "did you mean gravity"),
-        (("--at", "0.1", "--set", "gravity=-1", "--out", "x"), 2, "gravity = -1 m/s^2 is outside"),
-        (("--at", "0.1", "--inject", "jammed", "--out", "x"), 2, "free_mass_jammed"),
-        (("--at", "0.1", "--commands", "none.yaml", "--out", "x"), 2, "none.yaml"),
-        (("--at", "0.1", "--duration", "0", "--out", "x"), 2, "--duration = 0 s is outside"),
-        (("--at", "0.1", "--quiet", "--out", "x"), 2, "--namespace and --quiet go with --live"),
-        (("--at", "0.1", "--live", "--json"), 2, "--json goes with a bag, not with --live"),
-        (("--at", "0.1", "--set", "publish_clock=true", "--out", "x"), 2, "publish_clock cannot"),
-    ],
-)
-def test_bad_usage_is_one_line(bag, tmp_path, rpud, monkeypatch, words, code, reason):
-    monkeypatch.chdir(tmp_path)
-    ended, out, err = rpud("fork", bag, *words)
-    assert (ended, out) == (code, "")
-    assert err.splitlines()[-1].startswith("rpud fork: ")
-    assert err.count("rpud fork: ") == 1
-    assert reason in err
-    assert not (tmp_path / "x").exists()
-
-
-def test_an_existing_bag_or_one_without_a_journal_is_refused(bag, tmp_path, rpud):
-    (tmp_path / "fork").mkdir()
-    words = ("--at", "0.1", "--out", tmp_path / "fork")
-    code, _, err = rpud("fork", bag, *words)
-    assert (code, f"{tmp_path / 'fork'} exists already" in err) == (1, True)
-    write_bag(tmp_path / "talk")
-    code, _, err = rpud("fork", tmp_path / "talk", "--at", "0.1", "--out", tmp_path / "new")
-    assert (code, "holds no journal; record the topic journal" in err) == (1, True)

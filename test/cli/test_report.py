@@ -1,8 +1,6 @@
 """`rpud report` from the shell: what it prints, and its exit codes."""
 
-import json
-
-from sample_bags import DAMAGED, STRING_DEFINITION, TALK, write_bag, write_damaged
+from sample_bags import write_bag
 
 from rpud_sim.bag import BagWriter, Topic
 from rpud_sim.bag.definitions import find_definition
@@ -14,37 +12,6 @@ def test_it_says_where_the_page_is(tmp_path, rpud, monkeypatch):
     code, out, err = rpud("report", "bag")
     assert (code, out, err) == (0, "report.html: 10 messages on 2 topics\n", "")
     assert (tmp_path / "report.html").read_text().startswith("<!DOCTYPE html>")
-
-
-def test_json_is_one_object_and_what_is_left_out_is_named(tmp_path, rpud):
-    with BagWriter(tmp_path / "bag") as bag:
-        bag.add_topic(TALK, STRING_DEFINITION)
-        bag.add_topic(Topic("/untold", "pkg/msg/Untold"))
-    out_file = tmp_path / "out.html"
-    code, out, err = rpud("report", tmp_path / "bag", "--out", out_file, "--json")
-    reason = "the bag does not hold the definition of its type"
-    assert code == 0
-    assert err == f"rpud report: left out /untold: {reason}\n"
-    assert json.loads(out) == {
-        "out": str(out_file),
-        "topics": 1,
-        "messages": 0,
-        "left_out": {"/untold": reason},
-        "damaged": {},
-    }
-
-
-def test_what_is_damaged_is_left_out_and_all_else_is_shown(tmp_path, rpud):
-    path = write_damaged(tmp_path / "bag")
-    code, out, err = rpud("report", path, "--out", tmp_path / "out.html", "--json")
-    content = json.loads(out)
-    assert (code, content["topics"], content["left_out"]) == (3, 1, {})
-    read = {name: reason for name, reason in DAMAGED.items() if name != TALK.name}
-    assert content["damaged"].keys() == read.keys()  # a topic without numbers is not read
-    for line in err.splitlines():
-        [reason] = [read[name] for name in read if f"left out {name}: " in line]
-        assert reason in line
-    assert len(err.splitlines()) == len(read)
 
 
 def test_a_bag_of_which_nothing_can_be_read_has_a_report(tmp_path, rpud):

@@ -160,15 +160,6 @@ def test_what_cannot_be_used_is_one_line_and_exit_code_2(simulate, words, compla
     assert errors == f"rpud simulate: {complaint}\n"
 
 
-def test_an_actuator_off_its_resonance_strikes_less(figures):
-    resonant = ["--set", "actuator_model=resonance", "--duration", 2]
-    tuned = figures(*resonant)
-    detuned = figures(*resonant, "--set", "resonance_frequency=16100")
-    assert detuned["kinetic_energy_rate"] < 0.5 * tuned["kinetic_energy_rate"]
-    assert detuned["actuator"]["resonance_frequency"] == 16100.0
-    assert tuned["actuator"]["actuator_model"] == "resonance"
-
-
 def test_depth_and_penetration_rate_are_there_where_there_is_a_rock(figures, simulate):
     assert "depth" not in figures("--duration", 0.1)
     rock = ["--set", "rock_model=specific_energy", "--duration", 2]

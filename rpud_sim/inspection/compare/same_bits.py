@@ -15,7 +15,7 @@ from rpud_sim.bag.messages import MessageBlock
 from rpud_sim.foundation.time import SECOND, join_seconds
 from rpud_sim.inspection.recorded_drill import RecordedDrill
 from rpud_sim.inspection.recorded_topics import RecordedTopics
-from rpud_sim.inspection.verify.messages import differing_fields
+from rpud_sim.inspection.verify.messages import first_field
 from rpud_sim.simulation.topics import PROVED
 
 EQUAL, DIFFERENT, NOT_COMPARED = "equal", "different", "not compared"
@@ -181,7 +181,7 @@ def _difference(codec: Codec, first: _Timed, second: _Timed) -> tuple[str, str, 
         pair = [_shifted(codec.decode(each.data), each.origin) for each in (first, second)]
     except BagFormatError as error:
         return None if first.data == second.data else ("", "a message", str(error))
-    return next(differing_fields(*pair), None)
+    return first_field(*pair)
 
 
 def _stamp_of(data: bytes) -> int:

@@ -62,15 +62,10 @@ class JournalStretches:
         self._ordered = all((np.diff(times) >= 0).all() for times in self._edges)
 
     def fitting(self, stretch: int, publish_times: np.ndarray) -> int:
-        """Return how many messages, from the first on, may belong to a stretch by these times [ns].
-
-        Stretches ascend with the times. So if the earliest and the latest time fit, all do.
-        """
-        first, last = self.ranges(np.array([publish_times.max(), publish_times.min()]))
-        if first[0] <= stretch <= last[1]:
-            return len(publish_times)
+        """Return how many messages, from the first on, may belong to a stretch by these times."""
         first, last = self.ranges(publish_times)
-        return int(np.argmin((first <= stretch) & (stretch <= last)))
+        fit = (first <= stretch) & (stretch <= last)
+        return int(np.argmin(np.append(fit, False)))
 
     def ranges(self, publish_times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the first and the last stretch that messages may belong to, by these times."""

@@ -1,84 +1,72 @@
-"""Messages of a proof: computed ones by topic, keys, bytes, and the fields in which two differ."""
+"""Messages of a proof: computed ones in blocks, keys, and the field in which two differ."""
 
 from __future__ import annotations
 
+import struct
 from array import array
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, is_dataclass
+from dataclasses import is_dataclass
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from rpud_sim.bag import BagFormatError, Message
+from rpud_sim.bag import BagFormatError
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.messages import MessageBlock
 from rpud_sim.foundation.time import join_seconds
 from rpud_sim.inspection.offline_bag import encoded_columns
-from rpud_sim.inspection.verify.coverage import Position
-from rpud_sim.simulation.fields import stamp_of
-from rpud_sim.simulation.telemetry import Columns, Together
-from rpud_sim.simulation.topics import Fields
+from rpud_sim.simulation.telemetry import Entry, Together
 
 # Stamp [ns] and sequence number: unique within a topic, unless something is wrong.
 Key = tuple[int, int]
 
-_KEY_FIELDS = ("header", "sequence")  # of which it is made; not every type has the second one
-
 UNREADABLE: Key = (-1, -1)  # key of a recorded message that cannot be decoded
 
 
-@dataclass(frozen=True)
-class ComputedBlock:
-    """Computed messages of one topic, at least one; their keys ascend."""
+class ComputedBlock(NamedTuple):
+    """Consecutive computed messages of one topic."""
 
-    messages: MessageBlock  # serialized
-    source: Columns  # the same as columns
+    messages: MessageBlock
     stretch: int  # of the journal in which they were computed
-    ends: np.ndarray  # stamp of the end of each message's block [ns]
-
-    def fields(self, number: int) -> Fields:
-        return self.source.row(number)
-
-    def key(self, number: int) -> Key:
-        return computed_key(self.source.row(number, _KEY_FIELDS))
-
-    def position(self, number: int) -> Position:
-        """Return the progress of the drill at a message."""
-        return self.stretch, int(self.ends[number])
+    ends: np.ndarray  # stamp that the drill had reached at each [ns]
 
 
 def computed_blocks(
-    together: Together, codecs: Mapping[str, Codec], stretch: int, origin: int
+    found: Entry | Together, codecs: Mapping[str, Codec], stretch: int, reached: int
 ) -> Iterator[tuple[str, ComputedBlock]]:
-    """Yield each topic's messages, by its name in the run; ``origin`` is time zero's stamp [ns]."""
-    ends = together.ends + origin
-    for columns in together.columns:
-        if columns.topic in codecs:
-            messages = encoded_columns(columns, codecs[columns.topic].encoder, "")
-            yield columns.topic, ComputedBlock(messages, columns, stretch, ends[columns.blocks])
+    """Yield what a simulation gave by topic, its name in the run; ``reached`` is a stamp [ns]."""
+    if isinstance(found, Together):
+        ends = found.ends + (reached - found.end)
+        for columns in found.columns:
+            if columns.topic in codecs:
+                block = encoded_columns(columns, codecs[columns.topic].encoder, "")
+                yield columns.topic, ComputedBlock(block, stretch, ends[columns.blocks])
+        return
+    time, name, fields = found
+    if name in codecs:
+        data = np.frombuffer(codecs[name].encode(fields), np.uint8)
+        times = np.array([time])
+        block = MessageBlock(name, times, times, data, np.array([0]), np.array([len(data)]))
+        yield name, ComputedBlock(block, stretch, np.array([reached]))
 
 
-def computed_key(fields: Fields) -> Key:
-    return stamp_of(fields), int(fields.get("sequence", 0))
-
-
-def recorded_key(recorded: Message, codec: Codec) -> Key:
-    """Return the key of a recorded message, ``UNREADABLE`` if it cannot be decoded."""
+def key_of(data: bytes, codec: Codec) -> Key:
+    """Return the key of a message, ``UNREADABLE`` if it cannot be decoded."""
     try:
-        message = codec.decode(recorded.data)
+        message = codec.decode(data)
     except BagFormatError:
         return UNREADABLE
     stamp = message.header.stamp
     return join_seconds(stamp.sec, stamp.nanosec), getattr(message, "sequence", 0)
 
 
-def without_padding(message: Message, codec: Codec) -> bytes:
+def without_padding(data: bytes, codec: Codec) -> bytes:
     """Return a message's bytes with zeros between fields; unchanged if it cannot be decoded."""
     try:
-        return codec.without_padding(message.data)
+        return codec.without_padding(data)
     except BagFormatError:
-        return message.data
+        return data
 
 
 def first_difference(codec: Codec, recorded: bytes, expected: bytes) -> tuple[str, str, str]:
@@ -90,31 +78,37 @@ def first_difference(codec: Codec, recorded: bytes, expected: bytes) -> tuple[st
         found = codec.decode(recorded)
     except BagFormatError as error:
         return "", str(error), "a message"
-    return next(differing_fields(found, codec.decode(expected)))
+    return first_field(found, codec.decode(expected)) or ("", "a message", "the same one")
 
 
-def differing_fields(found: Any, expected: Any, path: str = "") -> Iterator[tuple[str, str, str]]:
-    """Yield each field in which two decoded messages differ, and its value in each, as texts."""
-    if is_dataclass(found) or isinstance(found, SimpleNamespace):
-        for name in vars(found):
+def first_field(found: Any, expected: Any) -> tuple[str, str, str] | None:
+    """Return the first field in which decoded messages differ, and its values; None if none is."""
+    # The length of a sequence comes before its items, so both sides keep the same pace.
+    for (path, own), (_, other) in zip(_leaves(found), _leaves(expected), strict=False):
+        if _bits(own) != _bits(other):
+            first, second = _text(own), _text(other)
+            if first == second:  # only the bits of NaN differ
+                first, second = (f"{each} (bits {_bits(each).hex()})" for each in (own, other))
+            return path, first, second
+    return None
+
+
+def _leaves(value: Any, path: str = "") -> Iterator[tuple[str, Any]]:
+    if is_dataclass(value) or isinstance(value, SimpleNamespace):
+        for name, inner in vars(value).items():
             if not name.startswith("__"):
-                inner = f"{path}.{name}" if path else name
-                yield from differing_fields(getattr(found, name), getattr(expected, name), inner)
-    elif isinstance(found, (list, np.ndarray, array)):
-        if len(found) != len(expected):
-            yield f"length of {path}", str(len(found)), str(len(expected))
-        for i in range(min(len(found), len(expected))):
-            yield from differing_fields(found[i], expected[i], f"{path}[{i}]")
-    elif _bits(found) != _bits(expected):
-        yield path, _to_text(found, expected), _to_text(expected, found)
+                yield from _leaves(inner, f"{path}.{name}" if path else name)
+    elif isinstance(value, (list, np.ndarray, array)):
+        yield f"length of {path}", len(value)
+        for number, inner in enumerate(value):
+            yield from _leaves(inner, f"{path}[{number}]")
+    else:
+        yield path, value
 
 
 def _bits(value: Any) -> Any:
-    return np.float64(value).tobytes() if isinstance(value, float) else value
+    return struct.pack(">d", value) if isinstance(value, float) else value
 
 
-def _to_text(value: Any, other: Any) -> str:
-    """Return a value as text; with its bits, if the other one would have the same text."""
-    if isinstance(value, float) and repr(float(value)) == repr(float(other)):
-        return f"{value!r} (bits {np.float64(value).tobytes()[::-1].hex()})"
+def _text(value: Any) -> str:
     return f"{float(value)!r}" if isinstance(value, float) else f"{value!r:.100}"

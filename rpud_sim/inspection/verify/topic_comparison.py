@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections import Counter, deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
 from functools import partial
 from itertools import groupby
+from typing import NamedTuple
 
 from rpud_sim.bag import Message
 from rpud_sim.bag.cdr import Codec
@@ -15,19 +16,17 @@ from rpud_sim.inspection.verify.messages import (
     UNREADABLE,
     ComputedBlock,
     Key,
-    computed_key,
     first_difference,
-    recorded_key,
+    key_of,
     without_padding,
 )
 from rpud_sim.inspection.verify.recorded_messages import RecordedMessages
-from rpud_sim.simulation.topics import Fields
 
 # Suspects kept of a topic: further ones show nothing that these do not.
 _MOST_SUSPECTS = 10_000
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclass(frozen=True)
 class MessageDifference:
     """Difference between a recorded message and the computed one."""
 
@@ -39,7 +38,7 @@ class MessageDifference:
     computed: str | None  # value in the simulation; None if the simulation gives no such message
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclass(frozen=True)
 class Counts:
     """Numbers of messages of a topic, by result of the comparison."""
 
@@ -51,29 +50,26 @@ class Counts:
     before: int = 0  # in the bag, of before the journal begins: not compared
 
 
-@dataclasses.dataclass(frozen=True)
-class Suspect:
+class Suspect(NamedTuple):
     """Recorded message that its run does not give."""
 
     difference: MessageDifference  # how it differs
-    key: Key  # stamp [ns] and sequence number
     data: bytes  # its bytes, zero between fields
     published: int  # when it was published [ns]
 
 
-@dataclasses.dataclass(frozen=True)
-class _Computed:
+class _Computed(NamedTuple):
     key: Key
-    fields: Fields
+    data: bytes
     position: Position
     last_stretch: int  # in which it was computed again, with nothing between
 
 
-@dataclasses.dataclass(frozen=True)
-class _Recorded:
+class _Recorded(NamedTuple):
     key: Key
     message: Message
-    first_stretch: int
+    data: bytes  # its bytes, zero between fields
+    first_stretch: int  # to which it may belong
     last_stretch: int
 
 
@@ -88,7 +84,6 @@ class TopicComparison:
 
     def __init__(
         self,
-        topic: str,
         codec: Codec,
         recorded: RecordedMessages,
         stretches: JournalStretches,
@@ -97,19 +92,17 @@ class TopicComparison:
         begins: tuple[int, int] | None = None,
     ) -> None:
         self.older: Message | None = None  # the last one of before the journal begins
-        self._latched = latched
-        self._begins = begins
-        self._counts = Counter[str]()  # results so far
-        # messages so far that are not as computed, at most 10,000
-        self.suspects: list[Suspect] = []
-        self._topic = topic
+        self.suspects: list[Suspect] = []  # at most 10,000
         self._codec = codec
+        self._source = recorded
         self._stretches = stretches
         self._coverage = coverage
-        self._source = recorded
+        self._latched = latched
+        self._begins = begins
+        self._counts = Counter[str]()
         self._recorded: deque[_Recorded] = deque()
         self._computed: deque[_Computed] = deque()
-        self._last: tuple[Key, Callable[[], Fields]] = (UNREADABLE, dict)
+        self._last_recorded = self._last_computed = b""
         self._missing = 0  # computed messages skipped since the last recorded one
 
     @property
@@ -122,77 +115,20 @@ class TopicComparison:
         """Whether all recorded messages are compared."""
         return not self._recorded and self._source.exhausted
 
-    def add(self, computed: Fields, position: Position) -> None:
-        """Add the next computed message, and the progress of the drill at it."""
-        key = computed_key(computed)
-        if self._latched and key == self._last[0] and computed == self._last[1]():
-            # A repeated computed message adds nothing; repeats in the bag are skipped as well.
-            if self._computed:
-                again = dataclasses.replace(self._computed[-1], last_stretch=position[0])
-                self._computed[-1] = again
-            return
-        self._last = (key, lambda: computed)
-        self._computed.append(_Computed(key, computed, position, position[0]))
-        while len(self._computed) > 1:
-            self._step()
-
-    def add_block(self, computed: ComputedBlock) -> None:
-        """Add the next computed messages; what they equal bit for bit is compared at once.
-
-        A message and its follower need not be looked at where the bytes are equal and the times
-        fit: they match whatever follows.
-        """
+    def add(self, block: ComputedBlock) -> None:
+        """Add the next computed messages."""
         number = 0
-        count = len(computed.messages)
-        if self._latched and computed.key(0) == self._last[0]:
-            self.add(computed.fields(0), computed.position(0))
-            number = 1
-        while number < count:
+        while number < len(block.messages):
             self._match_equal()
-            if self._computed or self._recorded:
-                self.add(computed.fields(number), computed.position(number))
-                number += 1
-                continue
-            passed = self._source.pass_equal(
-                computed.messages, number, partial(self._stretches.fitting, computed.stretch)
-            )
-            if passed:
-                self._begins = None
-                self._count("equal", passed)
-                number += passed
-            elif self._source.exhausted:
-                for rest in range(number, count):
-                    self._add_tail(computed.position(rest))
-                number = count
-            else:
-                self.add(computed.fields(number), computed.position(number))
-                number += 1
-                continue
-            self._last = (computed.key(number - 1), partial(computed.fields, number - 1))
-
-    def _match_equal(self) -> None:
-        """Match the first messages of both sides while they are equal bit for bit."""
-        while self._computed and (recorded := self._peek(0)) is not None:
-            computed = self._computed[0]
-            if not (
-                recorded.first_stretch <= computed.last_stretch
-                and computed.position[0] <= recorded.last_stretch
-                and recorded.message.data == self._codec.encode(computed.fields)
-            ):
-                return
-            self._match(computed, recorded)
-
-    def _count(self, result: str, more: int = 1) -> None:
-        """Count matched messages, and the missing ones between them and those before."""
-        # Messages before a topic's first one were published before the recorder subscribed.
-        if self._matched:
-            self._counts["missing"] += self._missing
-        self._missing = 0
-        self._counts[result] += more
-
-    @property
-    def _matched(self) -> int:
-        return self._counts["equal"] + self._counts["different"]
+            if not (self._computed or self._recorded or self._latched):
+                fitting = partial(self._stretches.fitting, block.stretch)
+                if passed := self._source.pass_equal(block.messages, number, fitting):
+                    self._begins = None
+                    self._count("equal", passed)
+                    number += passed
+                    continue
+            self._append(block, number)
+            number += 1
 
     def finish(self) -> None:
         """Compare the remaining messages: no more are computed."""
@@ -201,12 +137,28 @@ class TopicComparison:
         while (recorded := self._peek(0)) is not None:
             self._add_unexpected(recorded)
 
+    def _append(self, block: ComputedBlock, number: int) -> None:
+        data = block.messages.message(number)
+        if self._latched and data == self._last_computed:
+            # A repeated computed message adds nothing; repeats in the bag are skipped as well.
+            if self._computed:
+                self._computed[-1] = self._computed[-1]._replace(last_stretch=block.stretch)
+            return
+        self._last_computed = data
+        position = block.stretch, int(block.ends[number])
+        self._computed.append(_Computed(key_of(data, self._codec), data, position, block.stretch))
+        while len(self._computed) > 1:
+            self._step()
+
     def _peek(self, index: int) -> _Recorded | None:
         while len(self._recorded) <= index:
             message = self._source.pop()
             if message is None:
                 return None
-            key = recorded_key(message, self._codec)
+            if self._latched and message.data == self._last_recorded:
+                continue
+            self._last_recorded = message.data
+            key = key_of(message.data, self._codec)
             if self._begins is not None:
                 stamp, published = self._begins
                 # Of the same stamp, a sample is of before the entry, and a waveform of after it.
@@ -217,16 +169,28 @@ class TopicComparison:
                     self._counts["before"] += 1
                     continue
                 self._begins = None
-            self._recorded.append(_Recorded(key, message, *self._stretches.of(message)))
+            data = without_padding(message.data, self._codec)
+            self._recorded.append(_Recorded(key, message, data, *self._stretches.of(message)))
         return self._recorded[index]
+
+    def _match_equal(self) -> None:
+        """Match the first messages of both sides while they are equal, whatever follows them."""
+        while self._computed and (recorded := self._peek(0)) is not None:
+            computed = self._computed[0]
+            if (
+                recorded.first_stretch > computed.last_stretch
+                or computed.position[0] > recorded.last_stretch
+                or recorded.message.data != computed.data
+            ):
+                return
+            self._match(computed, recorded)
 
     def _step(self) -> None:
         """Decide about the first computed message, the first recorded one, or both."""
         computed = self._computed[0]
         recorded = self._peek(0)
         if recorded is None:
-            self._computed.popleft()  # the recording of this topic has ended
-            self._add_tail(computed.position)
+            self._add_tail(computed.position)  # the recording of this topic has ended
         elif computed.last_stretch < recorded.first_stretch:
             self._skip_computed()
         elif computed.position[0] > recorded.last_stretch:
@@ -238,20 +202,22 @@ class TopicComparison:
         after_computed = self._computed[1].key if len(self._computed) > 1 else None
         after = self._peek(1)
         after_recorded = None if after is None else after.key
+        may_follow = recorded.last_stretch > computed.last_stretch
         if recorded.key == computed.key:
             # A later computed message may have the same key, and be the one that was recorded.
             ambiguous = after_computed == computed.key or (
-                after_computed not in (None, after_recorded)
-                and self._may_follow(recorded, computed)
+                after_computed not in (None, after_recorded) and may_follow
             )
-            if ambiguous and not self._is_equal(recorded, self._codec.encode(computed.fields)):
+            if ambiguous and recorded.data != computed.data:
                 self._skip_computed()
             else:
                 self._match(computed, recorded)
         elif after_computed == after_recorded:
             self._match(computed, recorded)  # its followers agree: an altered stamp
         elif recorded.key != after_computed and (
-            after_recorded == computed.key or not self._is_later(recorded, computed)
+            after_recorded == computed.key
+            or recorded.key == UNREADABLE
+            or not (recorded.key > computed.key or may_follow)
         ):
             self._add_unexpected(recorded)
         else:
@@ -260,18 +226,32 @@ class TopicComparison:
     def _match(self, computed: _Computed, recorded: _Recorded) -> None:
         self._computed.popleft()
         self._recorded.popleft()
-        expected = self._codec.encode(computed.fields)
-        equal = self._is_equal(recorded, expected)
-        self._count("equal" if equal else "different")
-        if not equal:
-            found = first_difference(self._codec, recorded.message.data, expected)
-            self._add_suspect(computed.key[0], recorded, *found)
+        if recorded.data == computed.data:
+            self._count("equal")
+            return
+        self._count("different")
+        found = first_difference(self._codec, recorded.message.data, computed.data)
+        self._add_suspect(computed.key[0], recorded, *found)
+
+    def _count(self, result: str, more: int = 1) -> None:
+        """Count matched messages, and the missing ones between them and those before."""
+        # Messages before a topic's first one were published before the recorder subscribed.
+        if self._matched:
+            self._counts["missing"] += self._missing
+        self._missing = 0
+        self._counts[result] += more
+
+    @property
+    def _matched(self) -> bool:
+        return self._counts["equal"] + self._counts["different"] > 0
 
     def _add_tail(self, position: Position) -> None:
-        matched = bool(self._matched)
-        if position <= self._coverage.reached and (matched or position > self._coverage.begun):
+        self._computed.popleft()
+        if position <= self._coverage.reached and (
+            self._matched or position > self._coverage.begun
+        ):
             # Skipped ones lie before an unexpected message here, so they are missing at the end.
-            self._counts["tail"] += self._missing * matched + 1
+            self._counts["tail"] += self._missing * self._matched + 1
             self._missing = 0
 
     def _skip_computed(self) -> None:
@@ -283,30 +263,15 @@ class TopicComparison:
         self._counts["unexpected"] += 1
         self._add_suspect(recorded.key[0], recorded, "", "a message", None)
 
-    def _is_later(self, recorded: _Recorded, computed: _Computed) -> bool:
-        if recorded.key == UNREADABLE:
-            return False
-        return recorded.key > computed.key or self._may_follow(recorded, computed)
-
-    def _may_follow(self, recorded: _Recorded, computed: _Computed) -> bool:
-        return recorded.last_stretch > computed.last_stretch
-
     def _add_suspect(
         self, stamp: int, recorded: _Recorded, field: str, value: str, computed: str | None
     ) -> None:
         if len(self.suspects) < _MOST_SUSPECTS:
             message = recorded.message
             difference = MessageDifference(
-                self._topic, stamp, message.log_time, field, value, computed
+                message.topic, stamp, message.log_time, field, value, computed
             )
-            data = without_padding(message, self._codec)
-            suspect = Suspect(difference, recorded.key, data, message.publish_time)
-            self.suspects.append(suspect)
-
-    def _is_equal(self, recorded: _Recorded, expected: bytes) -> bool:
-        """Whether all fields are equal bit for bit; padding between fields is ignored."""
-        message = recorded.message
-        return message.data == expected or without_padding(message, self._codec) == expected
+            self.suspects.append(Suspect(difference, recorded.data, message.publish_time))
 
 
 class ContentComparison:
@@ -317,45 +282,26 @@ class ContentComparison:
     """
 
     def __init__(
-        self, suspects: Sequence[Suspect], codec: Codec, recorded: Iterator[Message], latched: bool
+        self, suspects: Iterable[Suspect], codec: Codec, recorded: Iterator[Message], latched: bool
     ) -> None:
         self.equal = 0  # number of recorded messages that were computed, in the recorded order
-        self._codec = codec
-        self._recorded = recorded
-        if latched:  # they repeat where a bag's next file begins
-            self._recorded = (next(group) for _, group in groupby(recorded, lambda each: each.data))
-        self._suspects: dict[Key, list[Suspect]] = {}
-        for suspect in suspects:
-            self._suspects.setdefault(suspect.key, []).append(suspect)
-        self._next = self._read_next()
+        self.unmatched = list(suspects)  # those that no run gives
+        data = (without_padding(message.data, codec) for message in recorded)
+        # Latched ones repeat where a bag's next file begins.
+        self._recorded = (each for each, _ in groupby(data)) if latched else data
+        self._next = next(self._recorded, None)
+        self._suspected = {suspect.data for suspect in self.unmatched}
 
     @property
     def in_order(self) -> bool:
         """Whether every recorded message was computed, in the recorded order."""
         return self._next is None
 
-    @property
-    def unmatched(self) -> list[Suspect]:
-        """Suspects that no run gives."""
-        return [suspect for group in self._suspects.values() for suspect in group]
-
-    def add(self, computed: Fields) -> None:
+    def add(self, computed: bytes) -> None:
         """Add the next computed message."""
-        key = computed_key(computed)
-        awaited = self._next is not None and self._next[0] == key
-        if not awaited and key not in self._suspects:
-            return
-        expected = self._codec.encode(computed)
-        if awaited and self._next == (key, expected):
+        if computed == self._next:
             self.equal += 1
-            self._next = self._read_next()
-        if key in self._suspects:
-            left = [suspect for suspect in self._suspects.pop(key) if suspect.data != expected]
-            if left:
-                self._suspects[key] = left
-
-    def _read_next(self) -> tuple[Key, bytes] | None:
-        message = next(self._recorded, None)
-        if message is None:
-            return None
-        return recorded_key(message, self._codec), without_padding(message, self._codec)
+            self._next = next(self._recorded, None)
+        if computed in self._suspected:
+            self._suspected.remove(computed)
+            self.unmatched = [each for each in self.unmatched if each.data != computed]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import nullcontext, suppress
 from dataclasses import astuple, dataclass
 from functools import cached_property
@@ -25,11 +25,17 @@ from rpud_sim.inspection.recorded_journal import (
     wrong_header,
 )
 from rpud_sim.inspection.recorded_topics import RecordedTopics
-from rpud_sim.inspection.verify.coverage import BEGINNINGS, JournalStretches, find_coverage
+from rpud_sim.inspection.verify.coverage import (
+    BEGINNINGS,
+    JournalStretches,
+    Position,
+    find_coverage,
+)
 from rpud_sim.inspection.verify.messages import (
+    ComputedBlock,
     computed_blocks,
     first_difference,
-    recorded_key,
+    key_of,
     without_padding,
 )
 from rpud_sim.inspection.verify.recorded_messages import RecordedMessages
@@ -45,7 +51,7 @@ from rpud_sim.simulation.fields import faults_fields, header_fields
 from rpud_sim.simulation.journal import STARTS, JournalEntry
 from rpud_sim.simulation.rerun import JournalError, Rerun
 from rpud_sim.simulation.run import Run
-from rpud_sim.simulation.telemetry import Entry, Together, one_by_one
+from rpud_sim.simulation.telemetry import Entry, Together
 from rpud_sim.simulation.topics import PROVED, TOPICS, Fields
 from rpud_sim.simulation.versions import other_engine
 
@@ -193,9 +199,8 @@ class _Proof:
         recorded = RecordedTopics(self._bag, set(names.values()))
         comparisons = {
             name: TopicComparison(
-                names[name],
                 codec,
-                RecordedMessages(recorded.blocks(names[name]), names[name], TOPICS[name].latched),
+                RecordedMessages(recorded.blocks(names[name])),
                 self._stretches,
                 self._coverage,
                 TOPICS[name].latched,
@@ -203,16 +208,10 @@ class _Proof:
             )
             for name, codec in self._codecs.items()
         }
-        for found, stretch, reached in self._computed():
-            if isinstance(found, Together):
-                origin = reached - found.end
-                for name, block in computed_blocks(found, self._codecs, stretch, origin):
-                    comparisons[name].add_block(block)
-            elif found[1] in comparisons:
-                comparisons[found[1]].add(found[2], (stretch, reached))
-            else:
-                continue
-            if (stretch, reached) > self._coverage.reached and all(
+        for blocks, position in self._computed():
+            for name, block in blocks:
+                comparisons[name].add(block)
+            if position > self._coverage.reached and all(
                 comparison.exhausted for comparison in comparisons.values()
             ):
                 break
@@ -238,9 +237,11 @@ class _Proof:
             )
             for name, group in suspects.items()
         }
-        for _, name, values in one_by_one(found for found, _, _ in self._computed()):
-            if name in contents:
-                contents[name].add(values)
+        for blocks, _ in self._computed():
+            for name, block in blocks:
+                if name in contents:
+                    for number in range(len(block.messages)):
+                        contents[name].add(block.messages.message(number))
         self.simulated = simulated
         for name, content in contents.items():
             if content.in_order:
@@ -256,10 +257,18 @@ class _Proof:
             for suspect in content.unmatched
         ]
 
-    def _computed(self) -> Iterator[tuple[Entry | Together, int, int]]:
-        """Yield the messages of the simulation, the stretch, and the stamp that it reached [ns]."""
+    def _computed(self) -> Iterator[tuple[Iterator[tuple[str, ComputedBlock]], Position]]:
+        """Yield computed messages by topic, and the progress of the drill at their end."""
         rerun = Rerun()
         stretch = -1
+
+        def blocks(
+            messages: Iterable[Entry | Together],
+        ) -> Iterator[tuple[Iterator[tuple[str, ComputedBlock]], Position]]:
+            for found in messages:
+                reached = rerun.origin + rerun.time
+                yield computed_blocks(found, self._codecs, stretch, reached), (stretch, reached)
+
         try:
             for message, entry in self._entries():
                 before = rerun.time
@@ -267,27 +276,24 @@ class _Proof:
                     stretch += 1
                 if entry.kind == "begin":
                     before = 0
-                if entry.kind == "state" and rerun.run is None:
-                    before = entry.time
                 known = rerun.run
-                for found in rerun.repeat(entry):
-                    yield found, stretch, rerun.origin + rerun.time
+                if entry.kind == "state" and known is None:
+                    before = entry.time
+                yield from blocks(rerun.repeat(entry))
                 if entry.kind == "state" and known is not None:
                     self._compare_state(message, entry, known)
-                if entry.kind == "state" and known is None and rerun.run is not None:
+                elif entry.kind == "state" and rerun.run is not None:
                     faults = rerun.run.simulation.faults
                     self._first_faults = faults_fields(faults, rerun.time, rerun.origin)
                 # A restored checkpoint takes the time back.
-                reached = entry.time if entry.kind == "restore" else rerun.time
-                self._count(reached - before)
+                self._count((entry.time if entry.kind == "restore" else rerun.time) - before)
             if entry.kind == "end":
                 return
             # The recording ended before the drill did.
             last = self._coverage.last_stamp + _TAIL - rerun.origin
             while rerun.time < last:
                 before = rerun.time
-                for found in rerun.advance_to(min(before + SECOND, last)):
-                    yield found, stretch, rerun.origin + rerun.time
+                yield from blocks(rerun.advance_to(min(before + SECOND, last)))
                 self._count(rerun.time - before)
         except (JournalError, EngineError) as error:
             raise UnverifiableError(f"{self._journal}: {error}") from error
@@ -324,11 +330,11 @@ class _Proof:
         if older is None or not self._first_faults:
             return  # a journal that begins with a run has no state of before
         codec = self._codecs["faults"]
-        header = {"header": header_fields("faults", recorded_key(older, codec)[0])}
+        header = {"header": header_fields("faults", key_of(older.data, codec)[0])}
         expected = codec.encode({**self._first_faults, **header})
-        if without_padding(older, codec) != expected:
+        if without_padding(older.data, codec) != expected:
             found = first_difference(codec, older.data, expected)
-            stamp = recorded_key(older, codec)[0]
+            stamp = key_of(older.data, codec)[0]
             self.differences.append(MessageDifference(older.topic, stamp, older.log_time, *found))
 
     def _check_commands(self) -> None:

@@ -117,8 +117,6 @@ class LiveRun:
         """Whether simulation time has reached its end."""
         return self.run.time >= self._end
 
-    # From the configuration to the clean-up.
-
     def announce(self) -> None:
         """Publish status and diagnostics before the beginning."""
         self.run.place(self._source.origin(self.run.time))
@@ -408,8 +406,6 @@ class LiveRun:
         # recorder that ends in between has blocks which nothing explains.
         for message in self.run.flush(kind):
             self.publishers.publish([message])
-
-    # The run, and another one in its place.
 
     @property
     def _next_planned(self) -> int:
