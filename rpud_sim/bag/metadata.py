@@ -12,7 +12,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import yaml
 
@@ -160,13 +160,19 @@ class FileInformation:
     message_count: int
 
 
+class ReadMetadata(NamedTuple):
+    """What a reader needs of a bag's metadata, of this or an earlier version."""
+
+    storage_identifier: str
+    relative_file_paths: tuple[str, ...]
+    compression_format: str  # of whole files or messages, not that of MCAP chunks
+    compression_mode: str
+    custom_data: dict[str, str]
+
+
 @dataclass(frozen=True)
 class BagMetadata:
-    """Metadata that rosbag2 keeps of a bag. Times are nanoseconds since the epoch.
-
-    ``compression_format`` is that of whole files or messages outside of the storage, not that of
-    MCAP chunks.
-    """
+    """Metadata of a bag that is written. Times are nanoseconds since the epoch."""
 
     start_time: int
     duration: int
@@ -175,11 +181,6 @@ class BagMetadata:
     files: tuple[FileInformation, ...]
     custom_data: Mapping[str, str] = field(default_factory=dict)
     ros_distro: str = field(default_factory=lambda: os.environ.get("ROS_DISTRO") or "jazzy")
-    relative_file_paths: tuple[str, ...] = ()
-    compression_format: str = ""
-    compression_mode: str = ""
-    storage_identifier: str = "mcap"
-    version: int = VERSION
 
     def to_document(self) -> str:
         return _dump({_OUTER_KEY: self._to_mapping()})
@@ -189,8 +190,8 @@ class BagMetadata:
 
     def _to_mapping(self) -> dict[str, Any]:
         return {
-            "version": self.version,
-            "storage_identifier": self.storage_identifier,
+            "version": VERSION,
+            "storage_identifier": "mcap",
             "duration": {"nanoseconds": self.duration},
             "starting_time": {"nanoseconds_since_epoch": self.start_time},
             "message_count": self.message_count,
@@ -207,10 +208,9 @@ class BagMetadata:
                 }
                 for topic, count in self.topics
             ],
-            "compression_format": self.compression_format,
-            "compression_mode": self.compression_mode,
-            "relative_file_paths": list(self.relative_file_paths)
-            or [file.path for file in self.files],
+            "compression_format": "",
+            "compression_mode": "",
+            "relative_file_paths": [file.path for file in self.files],
             "files": [
                 {
                     "path": file.path,
@@ -238,7 +238,7 @@ def metadata_of(
     return BagMetadata(start, end - start, count, topics, tuple(files), custom_data)
 
 
-def metadata_from_document(text: str) -> BagMetadata:
+def metadata_from_document(text: str) -> ReadMetadata:
     """Return the metadata from the text of a ``metadata.yaml``, of this or an earlier version."""
     document = _load(text)
     if not isinstance(document, Mapping) or _OUTER_KEY not in document:
@@ -246,11 +246,11 @@ def metadata_from_document(text: str) -> BagMetadata:
     return _from_mapping(document[_OUTER_KEY])
 
 
-def metadata_from_record(text: str) -> BagMetadata:
+def metadata_from_record(text: str) -> ReadMetadata:
     return _from_mapping(_load(text))
 
 
-def read_document(path: Path) -> BagMetadata:
+def read_document(path: Path) -> ReadMetadata:
     if path.stat().st_size > SIZE_LIMIT:
         raise BagFormatError(f"it has more than {SIZE_LIMIT} bytes")
     return metadata_from_document(path.read_text(encoding="utf-8"))
@@ -281,49 +281,17 @@ def local_name(name: str) -> str:
         raise BagFormatError(f"the name {name!r:.200} is not UTF-8, as a bag's must be") from None
 
 
-def _from_mapping(value: Any) -> BagMetadata:
+def _from_mapping(value: Any) -> ReadMetadata:
     with parsing("the rosbag2 metadata"):
-        return BagMetadata(
-            start_time=int(value["starting_time"]["nanoseconds_since_epoch"]),
-            duration=int(value["duration"]["nanoseconds"]),
-            message_count=int(value["message_count"]),
-            topics=tuple(
-                (_topic(item["topic_metadata"]), int(item["message_count"]))
-                for item in value["topics_with_message_count"] or ()
-            ),
-            files=tuple(
-                FileInformation(
-                    path=str(item["path"]),
-                    start_time=int(item["starting_time"]["nanoseconds_since_epoch"]),
-                    duration=int(item["duration"]["nanoseconds"]),
-                    message_count=int(item["message_count"]),
-                )
-                for item in value.get("files") or ()
-            ),
-            custom_data={
-                str(key): str(item) for key, item in (value.get("custom_data") or {}).items()
-            },
-            ros_distro=str(value.get("ros_distro") or ""),
+        return ReadMetadata(
+            storage_identifier=str(value["storage_identifier"]),
             relative_file_paths=tuple(str(path) for path in value["relative_file_paths"] or ()),
             compression_format=str(value.get("compression_format") or ""),
             compression_mode=str(value.get("compression_mode") or ""),
-            storage_identifier=str(value["storage_identifier"]),
-            version=int(value["version"]),
+            custom_data={
+                str(key): str(item) for key, item in (value.get("custom_data") or {}).items()
+            },
         )
-
-
-def _topic(value: Mapping[str, Any]) -> Topic:
-    offered = value.get("offered_qos_profiles")
-    # A list since version 9; before, the YAML text of a list.
-    if isinstance(offered, str):
-        offered = _load(offered)
-    return Topic(
-        name=str(value["name"]),
-        type=str(value["type"]),
-        type_hash=str(value.get("type_description_hash") or ""),
-        offered_qos=profiles_from_yaml(offered),
-        serialization_format=str(value["serialization_format"]),
-    )
 
 
 def _dump(value: Any) -> str:

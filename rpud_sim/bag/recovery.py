@@ -31,8 +31,8 @@ from rpud_sim.bag.metadata import (
     RECORD_KEY,
     RECORD_NAME,
     SIZE_LIMIT,
-    BagMetadata,
     QosProfile,
+    ReadMetadata,
     Topic,
     dump_offered_qos,
     load_offered_qos,
@@ -196,7 +196,7 @@ def _holds_records(file: Path) -> bool:
         return scan.begins or any(not isinstance(item, Damage) for item in scan)
 
 
-def _document(torn: Path) -> BagMetadata | None:
+def _document(torn: Path) -> ReadMetadata | None:
     """Return the metadata of a bag's directory; None if it cannot be read."""
     with suppress(BagError, OSError, ValueError):
         if torn.is_dir():

@@ -14,7 +14,7 @@ from rpud_sim.bag.errors import BagFormatError, BagNotFoundError
 from rpud_sim.bag.losses import LOSSES_RECORD, Losses, losses_from_record
 from rpud_sim.bag.mcap_file import McapFile
 from rpud_sim.bag.messages import Message
-from rpud_sim.bag.metadata import FILE_NAME, BagMetadata, TopicSummary, local_name, read_document
+from rpud_sim.bag.metadata import FILE_NAME, ReadMetadata, TopicSummary, local_name, read_document
 from rpud_sim.bag.records import CONTENT_LIMIT, reading
 
 if TYPE_CHECKING:
@@ -109,7 +109,7 @@ def _open(file: Path, first: bool, opened: ExitStack, unclosed: bool, most: int)
     return opened.enter_context(McapFile(path, repeats=first, shown=file, unclosed=unclosed))
 
 
-def _compresses_messages(metadata: BagMetadata) -> bool:
+def _compresses_messages(metadata: ReadMetadata) -> bool:
     """Return whether each message is compressed; compressed files have the suffix ``SUFFIX``."""
     mode = metadata.compression_mode.lower()
     if mode in ("", "none"):

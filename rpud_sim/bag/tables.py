@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property, lru_cache, partial
@@ -257,8 +256,7 @@ class Tables:
         self, tables: Mapping[str, Table], blocks: Iterable[MessageBlock]
     ) -> dict[str, dict[str, np.ndarray]]:
         """Return the columns of each topic, from all its messages."""
-        counts = {name: self._known[name].message_count for name in tables}
-        return filled(tables, counts, self.batches(tables, blocks, batch_size=PART_SIZE))
+        return filled(tables, self.batches(tables, blocks, batch_size=PART_SIZE))
 
 
 class _Waiting:
@@ -305,63 +303,22 @@ def _listed(names: Iterable[str]) -> str:
 # topic that fills half of a chunk is read from the chunk without a copy of its messages.
 PART_SIZE = 2**19
 
-# A damaged count of messages must not take all memory. The first step is smaller, since arrays that
-# are nearly whole would take long to copy.
-_FIRST_GROWTH = 32
-_GREATEST_GROWTH = 256
-
 
 def filled(
-    tables: Mapping[str, Table], counts: Mapping[str, int], pieces: Iterable[Batch]
+    tables: Mapping[str, Table], pieces: Iterable[Batch]
 ) -> dict[str, dict[str, np.ndarray]]:
-    """Return the columns of each topic, from batches that come in any order of topics.
-
-    Arrays are allocated for the counts of messages that the bag holds.
-    """
-    growing = {name: _Growing(table.columns, counts[name]) for name, table in tables.items()}
+    """Return the columns of each topic, from batches that come in any order of topics."""
+    parts = {name: [dict(table.empty().columns)] for name, table in tables.items()}
     for piece in pieces:
-        growing[piece.topic].add(piece)
-    for name, table in tables.items():
-        if not growing[name].arrays:
-            growing[name].add(table.empty())
-    return {name: each.whole() for name, each in growing.items()}
-
-
-class _Growing:
-    """Columns of one table that grow in arrays allocated for the whole."""
-
-    def __init__(self, columns: Iterable[Column], count: int) -> None:
-        self._columns = tuple(columns)
-        self._count = count
-        self.arrays: dict[str, np.ndarray] = {}
-        self._room = self._rows = self._messages = 0
-
-    def add(self, batch: Batch) -> None:
-        end = self._rows + len(batch)
-        self._messages += batch.message_count
-        if end > self._room or not self.arrays:
-            # As many rows in each message that is still to come as in those so far.
-            expected = math.ceil(self._count * end / max(self._messages, 1))
-            growth = _GREATEST_GROWTH if self.arrays else _FIRST_GROWTH
-            self._resize(batch, max(end, min(expected, end * growth)))
-        for name, array in self.arrays.items():
-            array[self._rows : end] = batch.columns[name]
-        self._rows = end
-
-    def whole(self) -> dict[str, np.ndarray]:
-        for array in self.arrays.values():
-            array.resize((self._rows, *array.shape[1:]), refcheck=False)
-        return self.arrays
-
-    def _resize(self, batch: Batch, room: int) -> None:
-        # Pages that no row reaches take no memory.
-        for column in self._columns:
-            values = batch.columns[column.name]
-            array = np.empty((room, *values.shape[1:]), values.dtype)
-            if column.name in self.arrays:
-                array[: self._rows] = self.arrays[column.name][: self._rows]
-            self.arrays[column.name] = array
-        self._room = room
+        parts[piece.topic].append(dict(piece.columns))
+    # Column by column, and each is gone from its parts: they and the whole take little more memory.
+    return {
+        name: {
+            column.name: np.concatenate([part.pop(column.name) for part in parts[name]])
+            for column in table.columns
+        }
+        for name, table in tables.items()
+    }
 
 
 def to_frame(table: Table, columns: Mapping[str, np.ndarray]) -> pandas.DataFrame:

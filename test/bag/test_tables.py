@@ -28,15 +28,11 @@ from rpud_sim.bag.columns import Kind
 from rpud_sim.bag.columns import _offsets as offsets_of_blocks
 from rpud_sim.bag.columns import _starts as starts_of_segments
 from rpud_sim.bag.definitions import find_definition
-from rpud_sim.bag.metadata import TopicSummary
-from rpud_sim.bag.tables import Batch, Table, filled
 from rpud_sim.simulation import preset
 from rpud_sim.simulation.sampling import Times
 from rpud_sim.simulation.simulation import Simulation
 
 DURATION = 0.31
-TABLE = Table(TopicSummary(TALK, 0, None, None, STRING_DEFINITION))
-COLUMNS = [column.name for column in TABLE.columns]
 
 
 @pytest.fixture(scope="module")
@@ -231,21 +227,6 @@ def test_batches_are_the_whole_in_pieces_of_bounded_size(tmp_path, monkeypatch):
     assert sum(piece.message_count for piece in pieces) == 50
     joined = np.concatenate([piece.columns["log_time"] for piece in pieces])
     assert np.array_equal(joined, whole["log_time"])
-
-
-def test_the_first_rows_make_no_room_that_a_damaged_count_would_waste():
-    times = np.arange(1000)
-    columns = {name: times.astype(object) for name in COLUMNS}
-    batches = [Batch("/talk", columns, 1000) for _ in range(40)]
-    tracemalloc.start()
-    try:
-        filled({"/talk": TABLE}, {"/talk": 10**9}, batches[:1])
-        once = tracemalloc.get_traced_memory()[1]
-        found = filled({"/talk": TABLE}, {"/talk": 40_000}, batches)["/talk"]
-    finally:
-        tracemalloc.stop()
-    assert once < 40 * len(COLUMNS) * times.nbytes
-    assert all(np.array_equal(found[name], np.tile(times, 40)) for name in COLUMNS)
 
 
 def test_memory_stays_bounded_while_the_bag_grows(tmp_path, monkeypatch):

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import json
 import os
-from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import nullcontext, suppress
 from dataclasses import astuple, dataclass
 from functools import cached_property
-from itertools import chain
 
 import rpud_sim.bag
 from rpud_sim.bag import BagFormatError, BagReader, Message, TopicSummary
@@ -57,9 +55,6 @@ from rpud_sim.simulation.versions import other_engine
 
 # Time that is simulated beyond the last stamp: a block may end later [ns].
 _TAIL = 2 * SECOND
-_COMMANDS = ("command/weight_on_bit", "command/drive", "command/feed")
-_COUNTERS = ("commands_accepted", "commands_rejected", "commands_discarded")  # of a status
-_LAST_STATUS = 10 * SECOND  # of a bag, in which a living drill has published a status [ns]
 
 
 @dataclass(frozen=True)
@@ -136,8 +131,10 @@ class _Proof:
         self._report = report
         self._journal = journal.topic.name
         self._codec = journal_codec(journal)
+        self._first_faults: Fields = {}  # of the state with which a late recording begins
         self._stretches = JournalStretches(self._entries())  # first: it refuses another engine
         prefix = self._journal[: -len("journal")]
+        # By the names of topics in the run.
         self._summaries = {
             summary.topic.name.removeprefix(prefix): summary
             for summary in bag.topics
@@ -151,27 +148,22 @@ class _Proof:
                     self._codecs[name] = proof_codec(summary)
         if not any(self._summaries[name].message_count for name in self._codecs):
             raise UnverifiableError(f"the bag holds nothing that {self._journal} could prove")
-
-    def run(self) -> None:
-        # A status of any version shows the progress of the drill.
-        codecs = {self._summaries[name].topic.name: codec for name, codec in self._codecs.items()}
-        self._status_codec: Codec | None = None
+        shown = {self._summaries[name].topic.name: codec for name, codec in self._codecs.items()}
         status = self._summaries.get("status")
         if status and status.topic.type == TOPICS["status"].type and status.definition:
-            with suppress(BagFormatError):
-                self._status_codec = Codec(status.topic.type, status.definition)
-                codecs[status.topic.name] = self._status_codec
-        self._coverage = find_coverage(self._bag, codecs, self._stretches)
-        self._first_faults: Fields = {}
+            with suppress(BagFormatError):  # one of any version shows the progress of the drill
+                shown[status.topic.name] = Codec(status.topic.type, status.definition)
+        self._coverage = find_coverage(bag, shown, self._stretches)
+
+    def run(self) -> None:
         if wrong := wrong_header(self._entries(), self._codec):
             self._add_difference(*wrong)
         comparisons = self._compare()
         counts = {name: comparison.counts for name, comparison in comparisons.items()}
-        suspects = {name: c.suspects for name, c in comparisons.items() if c.suspects}
-        found = [suspect for group in suspects.values() for suspect in group]
-        if suspects and self._stretches.runs > 1:
-            found = self._decide(suspects, counts)
-            left = [name for name in suspects if counts[name].different + counts[name].unexpected]
+        found = [suspect for each in comparisons.values() for suspect in each.suspects]
+        if found and self._stretches.runs > 1:
+            found = self._decide(comparisons, counts)
+            left = [n for n in comparisons if counts[n].different + counts[n].unexpected]
             if left and not found:
                 self.undecided = (
                     f"the bag holds {self._stretches.runs} runs, and it cannot be decided which "
@@ -179,20 +171,23 @@ class _Proof:
                 )
         until = self._coverage.journal_until
         decided = [each for each in found if until is None or each.published <= until]
-        if found and not decided:
-            self.undecided = self._early_end(len(found))
         older = sum(counts[name].before for name in counts if not TOPICS[name].latched)
-        if not self.undecided and older:
+        if found and not decided:
+            held, counted = self._stretches.count, self._coverage.journal_count
+            self.undecided = (
+                f"the journal ends early: the bag holds {held} of its entries, and a status "
+                f"counts {counted or 'none'}. {len(found)} messages after it are not as computed"
+            )
+        elif not self.undecided and older:
             self.undecided = f"{older} messages are of before the journal begins"
-        self._check_older_faults(comparisons)
-        self._check_commands()
         self.differences += [each.difference for each in decided]
-        for name in self._codecs:
+        if "faults" in comparisons:
+            self._check_older_faults(comparisons["faults"].older)
+        for name, each in counts.items():
             summary = self._summaries[name]
-            if summary.message_count or counts[name].tail:
-                self.topics[summary.topic.name] = counts[name]
-                losses = summary.losses
-                self.lost[summary.topic.name] = None if losses is None else losses.total
+            if summary.message_count or each.tail:
+                self.topics[summary.topic.name] = each
+                self.lost[summary.topic.name] = summary.losses.total if summary.losses else None
 
     def _compare(self) -> dict[str, TopicComparison]:
         names = {name: self._summaries[name].topic.name for name in self._codecs}
@@ -220,7 +215,7 @@ class _Proof:
         return comparisons
 
     def _decide(
-        self, suspects: Mapping[str, Sequence[Suspect]], counts: dict[str, Counts]
+        self, comparisons: Mapping[str, TopicComparison], counts: dict[str, Counts]
     ) -> list[Suspect]:
         """Look for suspects in all runs; return those that no run gives.
 
@@ -230,12 +225,13 @@ class _Proof:
         simulated = self.simulated
         contents = {
             name: ContentComparison(
-                group,
+                comparison.suspects,
                 self._codecs[name],
                 self._bag.messages({self._summaries[name].topic.name}),
                 TOPICS[name].latched,
             )
-            for name, group in suspects.items()
+            for name, comparison in comparisons.items()
+            if comparison.suspects
         }
         for blocks, _ in self._computed():
             for name, block in blocks:
@@ -243,19 +239,17 @@ class _Proof:
                     for number in range(len(block.messages)):
                         contents[name].add(block.messages.message(number))
         self.simulated = simulated
+        unmatched: list[Suspect] = []
         for name, content in contents.items():
-            if content.in_order:
-                counts[name] = Counts(equal=content.equal)
-                self.warnings.append(
-                    "times in the bag do not show which run messages belong to: they are matched "
-                    "by content, and missing ones are not counted"
-                )
-        return [
-            suspect
-            for content in contents.values()
-            if not content.in_order
-            for suspect in content.unmatched
-        ]
+            if not content.in_order:
+                unmatched += content.unmatched
+                continue
+            counts[name] = Counts(equal=content.equal)
+            self.warnings.append(
+                "times in the bag do not show which run messages belong to: they are matched "
+                "by content, and missing ones are not counted"
+            )
+        return unmatched
 
     def _computed(self) -> Iterator[tuple[Iterator[tuple[str, ComputedBlock]], Position]]:
         """Yield computed messages by topic, and the progress of the drill at their end."""
@@ -308,13 +302,6 @@ class _Proof:
         stamp = self._codec.decode(message.data).header.stamp
         return join_seconds(stamp.sec, stamp.nanosec), message.publish_time
 
-    def _early_end(self, count: int) -> str:
-        held, counted = self._stretches.count, self._coverage.journal_count
-        why = f"the bag holds {held} of its entries, and a status counts {counted}"
-        if counted <= held:
-            why = "its last entries may be missing"
-        return f"the journal ends early: {why}. {count} messages after it are not as computed"
-
     def _compare_state(self, message: Message, entry: JournalEntry, run: Run) -> None:
         # As texts, for NaN is not itself. The faults are published before or after the entry.
         texts = []
@@ -324,41 +311,16 @@ class _Proof:
         if texts[0] != texts[1]:
             self._add_difference(message, entry, "state", "a state", "another one")
 
-    def _check_older_faults(self, comparisons: Mapping[str, TopicComparison]) -> None:
+    def _check_older_faults(self, older: Message | None) -> None:
         """Compare the faults that a late recorder got first with those of the first state."""
-        older = comparisons["faults"].older if "faults" in comparisons else None
         if older is None or not self._first_faults:
             return  # a journal that begins with a run has no state of before
         codec = self._codecs["faults"]
-        header = {"header": header_fields("faults", key_of(older.data, codec)[0])}
-        expected = codec.encode({**self._first_faults, **header})
+        stamp = key_of(older.data, codec)[0]
+        expected = codec.encode({**self._first_faults, "header": header_fields("faults", stamp)})
         if without_padding(older.data, codec) != expected:
             found = first_difference(codec, older.data, expected)
-            stamp = key_of(older.data, codec)[0]
             self.differences.append(MessageDifference(older.topic, stamp, older.log_time, *found))
-
-    def _check_commands(self) -> None:
-        """Warn if the drill took more commands than a bag with all of their topics holds."""
-        status = self._summaries.get("status")
-        held = [self._summaries.get(name) for name in (*_COMMANDS, "joint_commands")]
-        if status is None or self._stretches.runs > 1 or None in held[: len(_COMMANDS)]:
-            return  # the counters may have begun again, or the commands were not to be recorded
-        codec = self._status_codec
-        if codec is None or not status.message_count:
-            return
-        names = {status.topic.name}
-        first = next(iter(self._bag.messages(names)))
-        end = max(0, self._bag.duration - _LAST_STATUS)
-        last = deque(chain([first], self._bag.messages(names, end)), maxlen=1)[0]
-        with suppress(BagFormatError, TypeError):  # of another definition
-            before, after = codec.decode(first.data), codec.decode(last.data)
-            taken = sum(getattr(after, each, 0) - getattr(before, each, 0) for each in _COUNTERS)
-            count = sum(summary.message_count for summary in held if summary)
-            if taken > count:
-                self.warnings.append(
-                    f"the drill took {taken} commands from the first to the last status, and the "
-                    f"bag holds {count}"
-                )
 
     def _add_difference(
         self, message: Message, entry: JournalEntry, field: str, value: str, computed: str
