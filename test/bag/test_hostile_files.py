@@ -3,9 +3,8 @@
 import io
 import os
 import struct
-import subprocess
-import sys
 import zlib
+from contextlib import suppress
 
 import lz4.frame
 import pytest
@@ -15,7 +14,7 @@ from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
 from mcap.reader import make_reader
 from mcap.records import Channel, Chunk, ChunkIndex, Footer, Metadata, MetadataIndex, Statistics
-from sample_bags import START, write_bag
+from sample_bags import write_bag
 
 import rpud_sim.bag
 from rpud_sim.bag import BagError, BagFormatError
@@ -133,10 +132,14 @@ def test_a_bomb_is_one_line_in_bounded_memory(name, said_of_bombs):
     assert recovered == ("5" if "overlap" in name else "0")
 
 
+def chunk_start(content):
+    [index] = make_reader(io.BytesIO(content)).get_summary().chunk_indexes
+    return index.chunk_start_offset
+
+
 def test_the_bombs_are_files_that_another_reader_takes_for_bags():
     content = mcap(chunk("zstd", zeros(2**20), 1000))
-    [index] = make_reader(io.BytesIO(content)).get_summary().chunk_indexes
-    assert content[index.chunk_start_offset] == Opcode.CHUNK
+    assert content[chunk_start(content)] == Opcode.CHUNK
 
 
 def test_a_chunk_within_the_limit_is_read(tmp_path):
@@ -168,17 +171,6 @@ def test_a_summary_that_was_changed_is_found_by_its_checksum(tmp_path):
     assert recover(file, tmp_path / "out").topics["/rpud/talk"].recovered == 10
 
 
-def test_hostile_times_do_not_disturb_recovery(tmp_path):
-    path = write_bag(tmp_path / "run") / "run_0.mcap"
-    with rpud_sim.bag.open(path) as bag:
-        assert bag.start_time == START
-    footer = struct.pack("<BQ", Opcode.FOOTER, 20) + bytes(20) + MAGIC
-    path.write_bytes(path.read_bytes()[: -len(footer)] + footer)
-    with pytest.raises(BagFormatError, match="no summary section"):
-        rpud_sim.bag.open(path)
-    assert recover(path, tmp_path / "out").complete
-
-
 def test_statistics_that_contradict_the_indexes_give_no_negative_rate(tmp_path):
     message = record(Opcode.MESSAGE, struct.pack("<HIQQ", 1, 0, 5, 5))
     times = struct.pack("<QQQQ", 5, 0, 9, 0)
@@ -199,33 +191,14 @@ def test_statistics_that_contradict_the_indexes_give_no_negative_rate(tmp_path):
     assert topic.rate is None
 
 
-CUT = """
-import pathlib, resource, sys
-from rpud_sim.bag.recovery import recover
-resource.setrlimit(resource.RLIMIT_CPU, (60, 60))
-content, head = pathlib.Path(sys.argv[1]).read_bytes(), int(sys.argv[2])
-for whole in (content, content[head:]):
-    start = head if whole is content else 0
-    for size in range(start, min(start + 80, len(whole))):
-        torn = pathlib.Path(sys.argv[1]).with_name("torn.mcap")
-        torn.write_bytes(whole[:size])
-        try:
-            count = recover(torn, torn.with_name(f"{start}-{size}")).message_count
-            print(size - start, count, flush=True)
-        except Exception as error:
-            print(size - start, type(error).__name__, flush=True)
-"""
-
-
 @pytest.mark.parametrize("compression", ["none", "lz4", "zstd"])
 def test_a_cut_at_any_byte_of_a_chunk_s_head_ends(tmp_path, compression):
     content = (write_bag(tmp_path / "run", compression=compression) / "run_0.mcap").read_bytes()
-    [index] = make_reader(io.BytesIO(content)).get_summary().chunk_indexes
-    (tmp_path / "whole.mcap").write_bytes(content)
-    command = [sys.executable, "-c", CUT, tmp_path / "whole.mcap", str(index.chunk_start_offset)]
-    result = subprocess.run(command, capture_output=True, text=True, timeout=200.0, check=False)
-    assert result.returncode == 0, result.stdout[-200:] + result.stderr[-2000:]
-    rows = [line.split() for line in result.stdout.splitlines()]
-    assert len(rows) == 160
-    assert {result for _, result in rows[:80]} <= {"0", "1"}  # nothing before is lost
-    assert {result for _, result in rows[80:]} <= {"0", "1", "BagFormatError"}
+    head = chunk_start(content)
+    torn = tmp_path / "torn.mcap"
+    for size in range(head, head + 80):
+        torn.write_bytes(content[:size])
+        assert recover(torn, tmp_path / str(size)).message_count <= 1  # nothing before is lost
+        torn.write_bytes(content[head:size])
+        with suppress(BagFormatError):
+            assert recover(torn, tmp_path / f"alone-{size}").message_count <= 1

@@ -5,7 +5,7 @@ import os
 
 import pytest
 from bounded_memory import read_in_bounded_memory
-from sample_bags import write_bag
+from sample_bags import rewrite, write_bag
 
 import rpud_sim.bag
 from rpud_sim.bag import BagFormatError
@@ -35,10 +35,20 @@ LAUGHS = "a: &a [x, x, x, x, x, x, x, x, x, x]\n" + "".join(
         "? [a]\n: b\n",
         "a: !!int x\n",
         "a: .inf\n",
+        "a: 1",
+        "[",
+        "{",
+        "\x00",
+        "3",
+        "- 3",
+        "reliable",
+        "- {depth: 1}",
+        "rosbag2_bagfile_information: 3",
+        "rosbag2_bagfile_information: {version: 9}",
     ],
     ids=lambda text: text[:12],
 )
-def test_metadata_that_grows_is_refused(text):
+def test_metadata_that_is_none_or_grows_is_refused(text):
     for load in (metadata_from_document, load_offered_qos):
         with pytest.raises(BagFormatError) as caught:
             load(text)
@@ -67,8 +77,7 @@ def test_no_path_leads_out_of_the_bag(tmp_path, name):
     secret = write_bag(tmp_path / "other") / "other_0.mcap"
     secret.rename(tmp_path / "secret.mcap")
     path = write_bag(tmp_path / "run")
-    document = path / "metadata.yaml"
-    document.write_text(document.read_text().replace("- run_0.mcap", f"- {name}"))
+    rewrite(path / "metadata.yaml", "- run_0.mcap", f"- {name}")
     with pytest.raises(BagFormatError, match="is outside of the bag"):
         rpud_sim.bag.open(path)
     # Recovery takes what is in the folder, and nothing else.
@@ -78,9 +87,7 @@ def test_no_path_leads_out_of_the_bag(tmp_path, name):
 @pytest.mark.parametrize("name", ["run_0.mcap", "./run_0.mcap", "run_0.mcap/."])
 def test_a_file_named_twice_is_refused(tmp_path, name):
     path = write_bag(tmp_path / "run")
-    document = path / "metadata.yaml"
-    text = document.read_text().replace("- run_0.mcap", f"- run_0.mcap\n  - {name}")
-    document.write_text(text)
+    rewrite(path / "metadata.yaml", "- run_0.mcap", f"- run_0.mcap\n  - {name}")
     with pytest.raises(BagFormatError, match="a file is named twice"):
         rpud_sim.bag.open(path)
 

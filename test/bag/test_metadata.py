@@ -1,12 +1,13 @@
 """Metadata and offers have every field that rosbag2 reads; earlier versions are read."""
 
+from dataclasses import replace
+
 import pytest
 import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 from sample_bags import CHAT, START, TALK
 
-from rpud_sim.bag.errors import BagFormatError
 from rpud_sim.bag.metadata import (
     INFINITE,
     BagMetadata,
@@ -61,16 +62,15 @@ def test_every_field_of_version_9_is_there():
     }
 
 
-def test_the_text_has_no_yaml_aliases():
-    same = BagMetadata(START, 0, 0, ((TALK, 0), (TALK, 0)), METADATA.files)
-    assert "&" not in same.to_document()
-    assert "*" not in same.to_document()
-
-
 def test_round_trip():
     read = ReadMetadata("mcap", ("bag_0.mcap",), "", "", {"operator": "yes", "number": "1"})
     assert metadata_from_document(METADATA.to_document()) == read
     assert metadata_from_record(METADATA.to_record()) == read
+    null = replace(METADATA, custom_data={}).to_document().replace("{}", "~")
+    assert "custom_data: ~" in null
+    assert metadata_from_document(null).custom_data == {}
+    same = replace(METADATA, topics=((TALK, 0), (TALK, 0))).to_document()
+    assert not {"&", "*"} & {*same}  # no aliases
 
 
 def test_version_4_of_galactic_is_read():
@@ -100,32 +100,6 @@ rosbag2_bagfile_information:
 """
     metadata = metadata_from_document(document)
     assert metadata.relative_file_paths == ("talker.mcap",)
-
-
-def test_empty_custom_data_may_be_null():
-    document = METADATA.to_document().replace("  custom_data:\n", "  custom_data: ~\n")
-    document = "\n".join(
-        line for line in document.splitlines() if "operator" not in line and "number:" not in line
-    )
-    assert metadata_from_document(document).custom_data == {}
-
-
-@pytest.mark.parametrize(
-    "text",
-    [
-        "",
-        "a: 1",
-        "[",
-        "\x00",
-        "rosbag2_bagfile_information: 3",
-        "rosbag2_bagfile_information: {version: 9}",
-        METADATA.to_document().replace("relative_file_paths:", "other:"),
-    ],
-)
-def test_what_is_no_metadata_is_refused_in_one_line(text):
-    with pytest.raises(BagFormatError) as caught:
-        metadata_from_document(text)
-    assert len(str(caught.value).splitlines()) == 1
 
 
 durations = st.one_of(st.just(INFINITE), st.integers(0, 10**18))
@@ -204,9 +178,3 @@ def test_numbers_of_versions_before_9_are_understood():
 )
 def test_offers_that_are_none_or_unknown(text, offered):
     assert load_offered_qos(text) == offered
-
-
-@pytest.mark.parametrize("text", ["reliable", "- {depth: 1}", "- 3", "{", "3"])
-def test_what_is_no_list_of_profiles_is_refused(text):
-    with pytest.raises(BagFormatError):
-        load_offered_qos(text)

@@ -10,6 +10,7 @@ from sample_bags import (
     START,
     STRING_DEFINITION,
     TALK,
+    rewrite,
     serialized_string,
     write_bag,
     write_mcap,
@@ -178,10 +179,7 @@ def test_what_is_no_bag_is_named(tmp_path, content):
     ],
 )
 def test_metadata_that_cannot_be_followed_is_refused(tmp_path, old, new, complaint):
-    document = write_bag(tmp_path / "run") / "metadata.yaml"
-    text = document.read_text()
-    assert old in text
-    document.write_text(text.replace(old, new))
+    rewrite(write_bag(tmp_path / "run") / "metadata.yaml", old, new)
     with pytest.raises(BagFormatError, match=complaint):
         rpud_sim.bag.open(tmp_path / "run")
 
@@ -196,7 +194,7 @@ def test_a_file_cut_off_anywhere_is_a_clear_error(tmp_path):
 
 def test_a_damaged_chunk_is_found_by_its_checksum(tmp_path):
     file = write_bag(tmp_path / "run", 5, compression="none") / "run_0.mcap"
-    file.write_bytes(file.read_bytes().replace(b"message 3", b"massage 3"))
+    rewrite(file, "message 3", "massage 3")
     with (
         rpud_sim.bag.open(tmp_path / "run") as bag,
         pytest.raises(BagFormatError, match=r"run_0.mcap: the checksum of a chunk is wrong"),
