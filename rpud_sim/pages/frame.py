@@ -48,12 +48,9 @@ _SCROLLED = Markup(' tabindex="0" role="region" aria-label="{}"')
 _NARROW = 480  # pixels; a wider picture can be scrolled on a phone
 
 
-def figure(plot: Plot) -> Markup:
-    """Return a plot with its title and its legend as an element of a page."""
-    return _figure(plot, _keys(plot.layers))
-
-
-def _figure(plot: Plot, keys: str) -> Markup:
+def figure(plot: Plot, keys: str | None = None) -> Markup:
+    """Return a plot with its title and its legend, or other ``keys``, as an element of a page."""
+    keys = _keys(plot.layers) if keys is None else keys
     columns = plot.y.columns
     upward = scale_of(plot, "y", plot.height, 0.0)
     texts = [text for _, text in upward.ticks(_APART)]
@@ -82,35 +79,9 @@ def figures(plots: Sequence[Plot], least: float = 20.0) -> Markup:
     """
     keys = [_keys(plot.layers) for plot in plots]
     one = len(keys) > 1 and len(set(keys)) == 1
-    drawn = [_figure(plot, "" if one else each) for plot, each in zip(plots, keys, strict=True)]
+    drawn = [figure(plot, "" if one else each) for plot, each in zip(plots, keys, strict=True)]
     legend = _LEGEND.format(keys[0]) if one and keys[0] else ""
     return _GRID.format(legend, least, Markup("").join(drawn))
-
-
-def corner(title: str, rows: Sequence[Sequence[Plot]], alt: str, width: int = 1000) -> Markup:
-    """Return plots as a triangle: those of a column share x, and those of a row, but the last, y.
-
-    Every last plot of a row has no scale upward.
-    """
-    count = len(rows)
-    texts = [text for row in rows[1:] for _, text in scale_of(row[0], "y", 0, 150).ticks(_APART)]
-    left = 2.0 * _LINE + max(map(_width, texts), default=0.0)
-    size = min((width - left) / count, 260.0)
-    parts: list[Markup] = []
-    for number, row in enumerate(rows):
-        for place, plot in enumerate(row):
-            outer = number == count - 1, place == 0 and number > 0
-            x, y = left + place * size, _GAP + number * size
-            parts += _panel(plot, x, y, size - _GAP, size - _GAP, *outer)
-        if number:
-            middle = _GAP + (number + 0.5) * size
-            turned = f"rotate(-90 12 {middle:.0f})"
-            heading = _heading(row[0].y)
-            parts.append(text_at(heading, 12, middle, "middle", "label", transform=turned))
-    whole, height = math.ceil(left + count * size), math.ceil(2 * _GAP + count * size + 2 * _LINE)
-    layers = {layer.name: layer for row in rows for plot in row for layer in plot.layers}
-    picture = _picture(title, alt, whole, height, parts)
-    return _FIGURE.format(printable(title), _keys([*layers.values()]), picture)
 
 
 def _picture(title: str, alt: str, width: float, height: float, parts: Sequence[Markup]) -> Markup:
@@ -127,31 +98,22 @@ def _keys(layers: Sequence[Layer]) -> Markup:
     return Markup("").join(keys) if len(keys) > 1 else Markup("")
 
 
-def _panel(
-    plot: Plot,
-    left: float,
-    top: float,
-    width: float,
-    height: float,
-    labelled_x: bool = True,
-    labelled_y: bool = True,
-) -> Iterator[Markup]:
+def _panel(plot: Plot, left: float, top: float, width: float, height: float) -> Iterator[Markup]:
     """Yield the parts of one plot: its grid and texts, and its layers inside its frame."""
     x, y = scale_of(plot, "x", 0.0, width), scale_of(plot, "y", height, 0.0)
     for value, text in x.ticks(max(46.0, _widest(x))):
         place = left + float(x(value))
         yield line("grid", (place, top, place, top + height))
         over = 0.5 * _width(text) - min(place - left, left + width - place)
-        if labelled_x and over < _OVERHANG:
+        if over < _OVERHANG:
             yield text_at(text, place, top + height + _LINE - 2, "middle")
-    if labelled_x and plot.x.label:
+    if plot.x.label:
         middle = left + 0.5 * width
         yield text_at(_heading(plot.x), middle, top + height + 2 * _LINE, "middle", "label")
-    for value, text in y.ticks(_APART) if labelled_y or plot.y.categories else ():
+    for value, text in y.ticks(_APART):
         place = top + float(y(value))
         yield line("grid", (left, place, left + width, place))
-        if labelled_y:
-            yield text_at(_shortened(text, left), left - _GAP, place + 4, "end")
+        yield text_at(_shortened(text, left), left - _GAP, place + 4, "end")
     # An inner picture cuts off what is outside of it.
     inner = Markup("").join(part for layer in plot.layers for part in _draw(layer, x, y, plot))
     yield Markup('<svg x="{:.1f}" y="{:.1f}" width="{:.1f}" height="{:.1f}">{}</svg>').format(

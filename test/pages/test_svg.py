@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rpud_sim.pages import frame as svg
-from rpud_sim.pages.frame import corner, figure, figures
+from rpud_sim.pages.frame import figure, figures
 from rpud_sim.pages.plot import Axis, Line, Plot, Points, Rule, Zone
 
 STYLE = (Path(svg.__file__).parent / "share" / "page.css").read_text()
@@ -116,21 +116,6 @@ def test_texts_stay_texts():
     parsed(html)
     words = Axis(categories=(EVIL,), columns=((EVIL, (EVIL,)),))
     parsed(figure(Plot(EVIL, (points,), y=words)))
-
-
-def test_a_corner_is_one_picture_with_shared_scales():
-    axes = [Axis(name, "N", low=0.0, high=1.0) for name in "abc"]
-    rows = [
-        [*(Plot("p", (LAYERS[5],), y=axes[row], x=axes[column]) for column in range(row)),
-         Plot("s", (LAYERS[6],), x=axes[row])]
-        for row in range(3)
-    ]  # fmt: skip
-    html = corner("pairs", rows, "All pairs.")
-    parsed(html)
-    assert html.count('role="img"') == 1
-    assert html.count("<svg x=") == 6
-    assert [html.count(f">{name} [N]</text>") for name in "abc"] == [1, 2, 2]
-    parsed(corner("one", [[rows[0][0]]], ""))
 
 
 @given(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import io
+import itertools
 import json
 from pathlib import Path
 from typing import Any
@@ -12,13 +13,13 @@ import numpy as np
 
 from rpud_sim.foundation.json_values import finite_values
 from rpud_sim.foundation.quantities import Flag, Quantity
-from rpud_sim.pages.frame import corner, render_page
+from rpud_sim.pages.frame import render_page
 from rpud_sim.pages.plot import Axis, Layer, Line, Plot, Points, Rule, Zone
 from rpud_sim.pages.quantities import Quantity as ShownQuantity
 from rpud_sim.pages.quantities import quantity_in
 from rpud_sim.simulation.configuration import PARAMETERS, to_values
 from rpud_sim.studies.fit.fit import BEST_RUNS, Fit, TargetComparison
-from rpud_sim.studies.fit.posterior import LEVEL, PERCENT, Identifiability, Interval
+from rpud_sim.studies.fit.posterior import LEVEL, PERCENT, Identifiability
 from rpud_sim.studies.fit.rounds import fit_versions
 from rpud_sim.studies.store import write_whole
 from rpud_sim.studies.sweep.specification import unit_of
@@ -27,6 +28,7 @@ _MOST_DOTS = 1500
 _BINS = 40
 _TAIL = 0.002  # share of the posterior beyond each end of what is shown
 _MARGIN = 0.15  # of what is shown, on each side
+_HEIGHT, _WIDTH = 150, 344  # of a plot of the posterior [pixels]
 _ROW = 26  # height of a target [pixels]
 _COLUMN = 43  # of the parameter file, where comments begin
 _IMPACT_DYNAMICS_END = "regime"  # last of the parameters that are always written
@@ -39,7 +41,15 @@ _BODY = """\
 {% for miss in missed %}
 <p class="warning">{{ miss }}</p>
 {% endfor %}
-{{ corner }}
+{% if singles %}
+<h2>Posterior of the unknown parameters</h2>
+{{ figures(singles) }}
+{% endif %}
+{% if pairs %}
+<details><summary>Posterior of pairs</summary>
+{{ figures(pairs) }}
+</details>
+{% endif %}
 {% if ridges %}
 <p class="warning">The targets determine these pairs only together:
 {% for ridge in ridges %}{{ ridge }}{{ "." if loop.last else "; " }}{% endfor %}</p>
@@ -132,41 +142,30 @@ def _comparison(item: TargetComparison) -> dict[str, Any]:
 
 def _page(fit: Fit, command: str) -> str:
     found = fit.found
+    used = sum(not item.target.hold_out for item in fit.comparisons)
+    missed = f"Not met: the model does not reach {len(fit.missed)} of {used} targets."
+    reached = f"The model reaches all {used} targets that the fit used."
+    heading = ("parameter", "best point", f"{PERCENT} interval", "width", "remarks")
     return render_page(
         _BODY,
         "Fit of a drill",
         command=command,
         seed=fit.specification.seed,
-        verdict=_verdict(fit),
+        verdict=reached if fit.reached else missed,
         refusal=fit.refusal,
         missed=[item.miss for item in fit.missed],
         runs=fit.simulations + fit.kept,
         percent=PERCENT,
-        heading=("parameter", "best point", f"{PERCENT} interval", "width", "remarks")[
-            : 5 if found else 2
-        ],
+        heading=heading if found else heading[:2],
         unknowns=[_unknown(fit, name) for name in fit.specification.unknowns],
         choices=[(choices, f"{share:.3f}") for choices, share in fit.choices],
         ridges=[str(ridge) for ridge in found.ridges] if found else [],
-        corner=corner(
-            "Posterior of the unknown parameters",
-            corner_rows(fit, found),
-            _posterior_text(fit, found),
-        )
-        if found
-        else "",
+        singles=single_plots(fit, found) if found else [],
+        pairs=_pair_plots(fit) if found else [],
         target_plot=target_plot(fit),
         best_runs=BEST_RUNS,
         misfit=fit.misfit_text,
     )
-
-
-def _verdict(fit: Fit) -> str:
-    """Return in one sentence whether the model reaches the targets."""
-    used = sum(not item.target.hold_out for item in fit.comparisons)
-    if fit.reached:
-        return f"The model reaches all {used} targets that the fit used."
-    return f"Not met: the model does not reach {len(fit.missed)} of {used} targets."
 
 
 def _unknown(fit: Fit, name: str) -> tuple[str, ...]:
@@ -180,13 +179,6 @@ def _unknown(fit: Fit, name: str) -> tuple[str, ...]:
     return (*best, ends, f"{interval.width:.2f}", "; ".join(interval.remarks))
 
 
-def _posterior_text(fit: Fit, found: Identifiability) -> str:
-    """Return the intervals and the correlations of the unknowns in words."""
-    rows = [_unknown(fit, name) for name in found.intervals]
-    texts = [f"{row[0]}: best point {row[1]}, {PERCENT} interval {row[2]}." for row in rows]
-    return " ".join([*texts, *(f"{ridge}." for ridge in found.ridges)])
-
-
 def unknown_quantity(fit: Fit, name: str) -> ShownQuantity:
     """Return how an unknown is shown."""
     greatest = abs(fit.specification.unknowns[name].maximum)
@@ -194,59 +186,55 @@ def unknown_quantity(fit: Fit, name: str) -> ShownQuantity:
     return dataclasses.replace(quantity_in(unit_of(name), greatest, name), digits=digits)
 
 
-def corner_rows(fit: Fit, found: Identifiability) -> list[list[Plot]]:
-    """Return the posterior of every unknown and pair of them, as the rows of a triangle.
+def single_plots(fit: Fit, found: Identifiability) -> list[Plot]:
+    """Return the posterior of every unknown."""
+    plots = []
+    for name, interval in found.intervals.items():
+        axis, scale = _axis(fit, name), unknown_quantity(fit, name).scale
+        space = np.geomspace if axis.log else np.linspace
+        edges = space(axis.low or 0.0, axis.high or 0.0, _BINS + 1)
+        shares = np.histogram(scale * fit.samples[name], edges)[0] / len(fit.samples[name])
+        layers: tuple[Layer, ...] = (
+            Zone(f"{PERCENT} interval", scale * interval.low, scale * interval.high, False),
+            Line("posterior", edges, np.append(shares, 0.0), steps=True),
+            Rule("best point", scale * fit.best[name], False, "series1", "solid"),
+        )
+        _, best, ends, *_ = _unknown(fit, name)
+        alt = f"Best point {best}, {PERCENT} interval {ends}."
+        plots.append(Plot(name, layers, alt, Axis(low=0.0), axis, _HEIGHT, _WIDTH))
+    return plots
 
-    Each is shown where the posterior and the best point are, not from bound to bound.
-    """
+
+def _pair_plots(fit: Fit) -> list[Plot]:
+    """Return the posterior of every pair of unknowns."""
     every = -(-len(fit.shares) // _MOST_DOTS)
-    axes = {name: _axis(fit, name) for name in fit.specification.unknowns}
-    rows = []
-    for number, y in enumerate(axes):
-        row = [_pair(fit, x, y, axes, every) for x in list(axes)[:number]]
-        rows.append([*row, _single(fit, y, axes[y], found.intervals[y])])
-    return rows
-
-
-def _single(fit: Fit, name: str, axis: Axis, interval: Interval) -> Plot:
-    shown = unknown_quantity(fit, name)
-    low, high = axis.low or 0.0, axis.high or 0.0
-    edges = np.geomspace(low, high, _BINS + 1) if axis.log else np.linspace(low, high, _BINS + 1)
-    counts, _ = np.histogram(shown.scale * fit.samples[name], edges)
-    layers: tuple[Layer, ...] = (
-        Zone(f"{PERCENT} interval", shown.scale * interval.low, shown.scale * interval.high, False),
-        Line("posterior", edges, np.append(counts, 0) / max(len(fit.samples[name]), 1), steps=True),
-        Rule("best point", shown.scale * fit.best[name], False, "series1", "solid"),
-    )
-    return Plot(name, layers, y=Axis(low=0.0), x=axis)
-
-
-def _pair(fit: Fit, x: str, y: str, axes: dict[str, Axis], every: int) -> Plot:
-    scale_x, scale_y = (unknown_quantity(fit, name).scale for name in (x, y))
-    dots = scale_x * fit.samples[x][::every], scale_y * fit.samples[y][::every]
-    best = np.array([scale_x * fit.best[x]]), np.array([scale_y * fit.best[y]])
-    layers = (
-        Points("posterior", *dots, size=2.5),
-        Points("best point", *best, marker="x", size=10.0, color="series1"),
-    )
-    return Plot(y, layers, y=axes[y], x=axes[x])
+    scales = {name: unknown_quantity(fit, name).scale for name in fit.specification.unknowns}
+    dots = {name: scale * fit.samples[name][::every] for name, scale in scales.items()}
+    best = {name: np.array([scale * fit.best[name]]) for name, scale in scales.items()}
+    return [
+        Plot(
+            y,
+            (
+                Points("posterior", dots[x], dots[y], size=2.5),
+                Points("best point", best[x], best[y], marker="x", size=10.0, color="series1"),
+            ),
+            y=_axis(fit, y),
+            x=_axis(fit, x),
+            height=_HEIGHT,
+            width=_WIDTH,
+        )
+        for x, y in itertools.combinations(scales, 2)
+    ]
 
 
 def _axis(fit: Fit, name: str) -> Axis:
-    """Return the axis of an unknown: where its posterior is, within the bounds."""
+    """Return the axis of an unknown: where its posterior and best point are, within the bounds."""
     spread, shown = fit.specification.unknowns[name], unknown_quantity(fit, name)
-    low, high = np.quantile(fit.samples[name], [_TAIL, 1.0 - _TAIL]).tolist()
-    low, high = min(low, fit.best[name]), max(high, fit.best[name])
-    log = spread.scale == "log"
+    ends = [*np.quantile(fit.samples[name], [_TAIL, 1.0 - _TAIL]).tolist(), fit.best[name]]
     # A posterior of one point has no width.
-    if log:
-        factor = max((high / low) ** _MARGIN, 1.001)
-        low, high = low / factor, high * factor
-    else:
-        more = max(_MARGIN * (high - low), 1e-3 * (spread.maximum - spread.minimum))
-        low, high = low - more, high + more
-    low, high = max(low, spread.minimum), min(high, spread.maximum)
-    return Axis(name, shown.unit, log, shown.scale * low, shown.scale * high)
+    more = max(_MARGIN * (max(ends) - min(ends)), 1e-3 * (spread.maximum - spread.minimum))
+    low, high = max(min(ends) - more, spread.minimum), min(max(ends) + more, spread.maximum)
+    return Axis(name, shown.unit, spread.scale == "log", shown.scale * low, shown.scale * high)
 
 
 def target_plot(fit: Fit) -> Plot:

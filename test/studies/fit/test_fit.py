@@ -14,7 +14,7 @@ from rpud_sim.simulation.configuration import read_parameter_file, to_settings
 from rpud_sim.studies.fit import fit as fits
 from rpud_sim.studies.fit import rounds
 from rpud_sim.studies.fit.fit import fit_in, prove, run_fit
-from rpud_sim.studies.fit.fit_report import corner_rows, target_plot, unknown_quantity, write_fit
+from rpud_sim.studies.fit.fit_report import single_plots, target_plot, unknown_quantity, write_fit
 from rpud_sim.studies.fit.rounds import FitFolder
 from rpud_sim.studies.fit.surrogate import Region
 from rpud_sim.studies.fit.target_file import parse_targets, read_target_file
@@ -107,13 +107,13 @@ def test_a_known_drill_is_found_with_its_choice_and_resumed(specification, tmp_p
         run_fit(dataclasses.replace(specification, seed=1), tmp_path / "fit", 1)
 
 
-def test_a_corner_shows_where_the_posterior_is(specification, tmp_path):
+def test_a_plot_shows_where_the_posterior_is(specification, tmp_path):
     fit = run_fit(specification, tmp_path / "fit", 2)
     random = np.random.default_rng(0)
     shares = random.normal(6.0 / 16.0, 0.01 / 16.0, (20_000, 1))
     shares[0] = 15.0 / 16.0  # far away
     narrow = dataclasses.replace(fit, shares=shares, best={**fit.best, "weight_on_bit": 10.05})
-    [[single]] = corner_rows(narrow, fit.found)
+    [single] = single_plots(narrow, fit.found)
     assert 9.9 < single.x.low < 9.97
     assert 10.05 < single.x.high < 10.1
     plot = target_plot(fit)
@@ -220,7 +220,7 @@ def test_amplitude_and_restitution_that_cannot_be_told_apart_are_a_ridge(tmp_pat
     (ridge,) = fit.found.ridges
     assert ridge.names == ("vibration_amplitude", "actuator_restitution")
     assert ridge.correlation < -0.9
-    assert outputs(fit, tmp_path).count("vibration_amplitude falls as actuator_restitution") >= 3
+    assert outputs(fit, tmp_path).count("vibration_amplitude falls as actuator_restitution") == 2
     assert fit.found.intervals["actuator_restitution"].identified == "no"
 
 

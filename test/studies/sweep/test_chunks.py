@@ -105,15 +105,6 @@ def test_a_point_outside_the_ranges_is_a_failure_of_its_own_alone():
     assert "2 simulations have no figures" in sweep_page(specification, columns, 2)
 
 
-def test_sweeps_of_two_seeds_share_no_simulation():
-    specifications = [sweep(points=64, repeat=2, seed=seed) for seed in (0, 1)]
-    seeds = [{each.point_seed(n, {}) for n in range(64)} for each in specifications]
-    assert [len(each) for each in seeds] == [64, 64]
-    assert not seeds[0] & seeds[1]
-    weights = [set(design_points(each)["weight_on_bit"].tolist()) for each in specifications]
-    assert not weights[0] & weights[1]
-
-
 SWEPT = {
     "weight_on_bit": {"minimum": 0.0, "maximum": 32.0},
     "free_mass": {"minimum": 1e-3, "maximum": 1e-2, "scale": "log"},
@@ -130,19 +121,12 @@ def points(design, number, seed=0):
 
 
 def test_a_grid_has_every_combination_once():
-    found = design_points(
-        parse_specification(
-            {
-                "design": "grid",
-                "duration": 1,
-                "swept": {
-                    "weight_on_bit": {"minimum": 0, "maximum": 40, "points": 3},
-                    "regime": ["free", "drilling"],
-                    "gravity": [9.81, 1.62],
-                },
-            }
-        )
-    )
+    swept = {
+        "weight_on_bit": {"minimum": 0, "maximum": 40, "points": 3},
+        "regime": ["free", "drilling"],
+        "gravity": [9.81, 1.62],
+    }
+    found = design_points(parse_specification({"design": "grid", "duration": 1, "swept": swept}))
     expected = itertools.product([0.0, 20.0, 40.0], ["free", "drilling"], [9.81, 1.62])
     assert list(zip(*(column.tolist() for column in found.values()), strict=True)) == list(expected)
 
