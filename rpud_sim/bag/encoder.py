@@ -19,9 +19,25 @@ import numpy as np
 from rpud_sim.foundation.ragged import Ragged
 
 TEXT = "s"
-# Codes of the struct, by the names of types in definitions.
-_NAMES = "bool byte char uint8 uint16 uint32 uint64 int8 int16 int32 int64 float32 float64 string"
-CODES = dict(zip(_NAMES.split(), "?BBBHIQbhiqfd" + TEXT, strict=True))
+# Codes of the struct, by the names of types in definitions and in IDL.
+CODES = {
+    name: code
+    for code, names in {
+        "?": "bool boolean",
+        "B": "byte char octet uint8",
+        "H": "uint16",
+        "I": "uint32",
+        "Q": "uint64",
+        "b": "int8",
+        "h": "int16",
+        "i": "int32",
+        "q": "int64",
+        "f": "float float32",
+        "d": "double float64",
+        TEXT: "string",
+    }.items()
+    for name in names.split()
+}
 
 # Plain CDR in the byte order of this machine, as in arrays; alignment counts from its end.
 _ENCAPSULATION = b"\0\1\0\0" if sys.byteorder == "little" else b"\0\0\0\0"

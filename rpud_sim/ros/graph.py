@@ -24,7 +24,11 @@ from rclpy.topic_endpoint_info import TopicEndpointInfo
 from rclpy.type_support import check_for_type_support
 from std_srvs.srv import Trigger
 
+from rpud_sim.bag.encoder import CODES, Members
+from rpud_sim.bag.encoder import Sequence as SequenceOf
+
 _TYPE_NAME = re.compile(r"([A-Za-z]\w*)/([a-z]+)/([A-Za-z]\w*)")
+_SEQUENCE = re.compile(r"sequence<([^,]+)>")
 # Services of rosbag2 that need no fields.
 _TRIGGERS = ("pause", "resume", "toggle_paused", "play_next", "stop", "split_bagfile")
 _UNKNOWN = "_NODE_NAME_UNKNOWN_"  # as rcl calls it
@@ -65,6 +69,24 @@ def fill_known(response: Any, values: Mapping[str, Any]) -> Any:
     for name in values.keys() & response.get_fields_and_field_types():
         setattr(response, name, values[name])
     return response
+
+
+def members_of(message: Any) -> Members:
+    """Return the members of a message class, as an encoder needs them: without rosbags.
+
+    A type with others than numbers, texts, messages and their sequences is an UnknownTypeError.
+    """
+    members = message.get_fields_and_field_types().items()
+    return Members(tuple((name, _member(described)) for name, described in members))
+
+
+def _member(described: str) -> Any:
+    if described in CODES:
+        return CODES[described]
+    sequence = _SEQUENCE.fullmatch(described)
+    if sequence is not None:
+        return SequenceOf(_member(sequence[1]))
+    return members_of(message_class(described.replace("/", "/msg/")))
 
 
 def request_for(offers: Sequence[QoSProfile], depth: int) -> QoSProfile:

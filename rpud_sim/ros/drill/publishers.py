@@ -12,9 +12,8 @@ from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
-from rpud_sim.bag.cdr import Codec
-from rpud_sim.bag.definitions import find_definition
-from rpud_sim.ros.graph import message_class
+from rpud_sim.bag.encoder import Encoder
+from rpud_sim.ros.graph import members_of, message_class
 from rpud_sim.simulation.fields import time_fields
 from rpud_sim.simulation.telemetry import Stream
 from rpud_sim.simulation.topics import TOPICS, DrillTopic, Fields
@@ -73,9 +72,7 @@ class DrillPublishers:
         self._awaits_status = True  # not for ever: a subscriber that was killed never acknowledges
         self._topics = {**offered, **OF_NODE, **({"/clock": CLOCK} if publish_clock else {})}
         types = {name: message_class(topic.type) for name, topic in self._topics.items()}
-        kinds = {topic.type for topic in self._topics.values()}
-        encoders = {kind: Codec(kind, find_definition(kind)).encoder for kind in kinds}
-        self._encoders = {name: encoders[topic.type] for name, topic in self._topics.items()}
+        self._encoders = {name: Encoder(members_of(kind)) for name, kind in types.items()}
         self._publishers = {
             name: node.create_publisher(types[name], name, _qos_of(topic))
             for name, topic in self._topics.items()

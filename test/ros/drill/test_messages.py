@@ -24,12 +24,13 @@ from sensor_msgs.msg import JointState
 from support import trajectory_messages
 from trajectories import arrays_of
 
+from rpud_sim.bag.encoder import Encoder
 from rpud_sim.drilling.rock import RockParameters
-from rpud_sim.inspection.recorded_journal import installed_codec
 from rpud_sim.model import segment
 from rpud_sim.model.segment import CONSTANTS, SEGMENT
 from rpud_sim.ros.drill.publishers import filled, nanoseconds_to_time
 from rpud_sim.ros.drill.services import message_to_fault
+from rpud_sim.ros.graph import members_of
 from rpud_sim.simulation import fields, preset
 from rpud_sim.simulation.actuator import ActuatorParameters
 from rpud_sim.simulation.commands import Drive, WeightOnBit
@@ -236,8 +237,7 @@ def test_the_ledger_is_said_record_by_record():
     ledger.inject(5, Fault("free_mass_jammed"))
     ledger.clear(SECOND + 4, 1)
     values = fields.faults_fields(ledger, 2 * SECOND, ORIGIN)
-    data = installed_codec("rpud_msgs/msg/Faults").encode(values)
-    message = deserialize_message(data, FaultsMessage)
+    message = deserialize_message(Encoder(members_of(FaultsMessage)).encode(values), FaultsMessage)
     assert nanoseconds(message.header.stamp) == ORIGIN + 2 * SECOND
     assert (message.header.frame_id, message.forgotten) == ("rpud_mount", 0)
     over, lasting = message.faults
