@@ -5,21 +5,22 @@ from __future__ import annotations
 import dataclasses
 import os
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import partial
+from operator import itemgetter
 from typing import Any
 
 import rpud_sim.bag
 from rpud_sim.bag import Message
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.foundation.quantities import ParameterError
-from rpud_sim.foundation.time import SECOND
+from rpud_sim.foundation.time import SECOND, join_seconds
 from rpud_sim.inspection import InspectionError
 from rpud_sim.inspection.recorded_drill import RecordedDrill, find_run
-from rpud_sim.simulation.changes import Change, Changes, apply_change, apply_parameters
+from rpud_sim.simulation.changes import Changes, apply_change, apply_parameters
 from rpud_sim.simulation.configuration import PARAMETERS, Settings, to_configuration
 from rpud_sim.simulation.faults import Fault, FaultError
-from rpud_sim.simulation.fields import Bookkeeping
+from rpud_sim.simulation.fields import Bookkeeping, header_fields
 from rpud_sim.simulation.journal import JournalEntry
 from rpud_sim.simulation.rerun import JournalError, Rerun, Resumed, Start, repeat_change, resume
 from rpud_sim.simulation.run import Run
@@ -28,9 +29,6 @@ from rpud_sim.simulation.topics import Fields
 
 # Parameters of a node that a live fork may have otherwise, for they change no bit.
 LIVE = ("autostart", "publish_clock", "start_paused", "thread_priority")
-
-# A change of a run, at a time in nanoseconds; it yields messages.
-_Event = tuple[int, Callable[[], Iterable[Entry]]]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -69,7 +67,7 @@ def open_fork(
     with rpud_sim.bag.open(path) as bag:
         recorded = find_run(bag, run, topic)
     time = round(at * SECOND)
-    _check_instant(recorded, time, at)
+    _check_instant(recorded, time)
     recorded.check_engine()
     try:
         resumed = resume(recorded.necessary(time), time, stop=stop, report=report)
@@ -133,28 +131,19 @@ def begin_changes(run: Run, settings: Settings, changes: Changes) -> Settings:
 def _fields(message: Message, codec: Codec) -> Fields:
     decoded = codec.decode(message.data)
     stamp = decoded.header.stamp
-    return {
-        "header": {
-            "stamp": {"sec": stamp.sec, "nanosec": stamp.nanosec},
-            "frame_id": decoded.header.frame_id,
-        },
-        "sequence": decoded.sequence,
-        "kind": decoded.kind,
-        "content": decoded.content,
-    }
+    own = {name: getattr(decoded, name) for name in ("sequence", "kind", "content")}
+    return {"header": header_fields("journal", join_seconds(stamp.sec, stamp.nanosec)), **own}
 
 
-def _check_instant(recorded: RecordedDrill, time: int, at: float) -> None:
-    start, end = recorded.start / SECOND, recorded.end / SECOND
+def _check_instant(recorded: RecordedDrill, time: int) -> None:
     if recorded.start <= time <= recorded.end:
         return
-    given = f"--at = {at:.9g} s"
+    start, end, at = (each / SECOND for each in (recorded.start, recorded.end, time))
     if time > recorded.end and recorded.torn:
-        raise InspectionError(
-            f"{given}: the journal is complete up to {end:.9g} s alone: {recorded.torn}"
-        )
-    which = f"run {recorded.number} of {recorded.runs}" if recorded.runs > 1 else "the run"
-    raise InspectionError(f"{given} is outside {which} of the bag: [{start:.9g}, {end:.9g}] s")
+        why = f"complete up to {end:.9g} s alone: {recorded.torn}"
+        raise InspectionError(f"--at = {at:.9g} s: the journal is {why}")
+    which = f"run {recorded.number} of {recorded.runs} of the bag"
+    raise InspectionError(f"--at = {at:.9g} s is outside {which}: [{start:.9g}, {end:.9g}] s")
 
 
 def _to_json(changes: Changes) -> dict[str, Any]:
@@ -175,7 +164,9 @@ class Continuation:
     """Messages of a fork, from its instant on for a duration [s].
 
     Without a duration it goes up to the end of the recorded run. A journal that does not hold what
-    followed raises a InspectionError.
+    followed raises an InspectionError. The recorded changes are repeated, but what the fork sets by
+    itself is not taken back: changes of these parameters are left out, and recorded commands where
+    it has its own.
     """
 
     def __init__(self, fork: Fork, changes: Changes, duration: float | None) -> None:
@@ -186,6 +177,7 @@ class Continuation:
         self._run = fork.resumed.run
         # Without commands of its own the fork repeats what the watchdog did.
         self._watches = changes.replaces_commands
+        self._cleared: dict[int, Fault] = {}  # by the number of the journal's entry
 
     def begin(self) -> Iterator[Entry]:
         """Apply the changes at the instant, and yield their messages and a status."""
@@ -196,7 +188,7 @@ class Continuation:
 
     def messages(self, report: Callable[[float], object]) -> Iterator[Entry]:
         run = self._run
-        events = deque(sorted(self._events(), key=lambda event: event[0]))
+        events = deque(sorted(self._events(), key=itemgetter(0)))
         while True:
             time = min(events[0][0] if events else self.end, self.end)
             while run.time < time:
@@ -209,17 +201,22 @@ class Continuation:
                     yield from self._watch()
             if not events or events[0][0] > self.end:
                 break
-            changed = False
+            shown = self._shown()
             while events and events[0][0] == time:
-                before_change = run.simulation.applied, run.simulation.configuration
-                faults = run.simulation.faults.active
-                yield from events.popleft()[1]()
-                after = run.simulation.applied, run.simulation.configuration
-                changed |= after != before_change or run.simulation.faults.active is not faults
-            if changed:
+                try:
+                    yield from events.popleft()[1]() or ()
+                    yield from run.changes()
+                except ParameterError as error:  # a node would refuse it as well
+                    self.warnings.append(f"refused at {time / SECOND:.9g} s: {error}")
+            if self._shown() != shown:
                 yield self._status()
         yield from run.flush("end")
         yield run.status("stopped", Bookkeeping())
+
+    def _shown(self) -> tuple[Any, ...]:
+        """Return what a status follows if it changes."""
+        simulation = self._run.simulation
+        return simulation.applied, simulation.configuration, simulation.faults.active
 
     def _status(self) -> Entry:
         lost = self._run.control.commands_lost if self._watches else False
@@ -231,21 +228,50 @@ class Continuation:
             yield from self._run.changes()
             yield self._status()
 
-    def _events(self) -> Iterator[_Event]:
-        fork, run = self._fork, self._run
-        for time, repeat in _repeated(fork, self.end, self._changes):
-            yield time, partial(self._try, time, repeat)
-        for planned in self._changes.planned:
+    def _events(self) -> Iterator[tuple[int, Callable[[], Iterable[Entry] | None]]]:
+        """Yield times [ns] and what happens then; it may give messages."""
+        recorded, time, changes = self._fork.recorded, self._fork.time, self._changes
+        later = [entry for entry in recorded.later(time) if entry.time <= self.end]
+        kinds = (("weight_on_bit", "weight_on_bit"), ("drive", "drive_enabled"), ("feed", ""))
+        dropped = {
+            kind for kind, name in kinds if changes.replaces_commands or name in changes.parameters
+        }
+        if changes.planned and any(entry.kind == "clear" for entry in later):
+            self._cleared = _cleared_faults(recorded.necessary(time), later)
+        for entry in later:
+            if entry.kind not in dropped:
+                yield entry.time, partial(self._repeat, entry)
+        for planned in changes.planned:
             if planned.delay:
-                time = fork.time + planned.delay
-                yield time, partial(self._try, time, partial(_apply, planned.change, run))
+                yield time + planned.delay, partial(apply_change, self._run, planned.change)
 
-    def _try(self, time: int, act: Callable[[], Iterable[Entry]]) -> Iterator[Entry]:
-        """Act; a fork may refuse what the recorded run did not, as a node would."""
+    def _repeat(self, entry: JournalEntry) -> Iterator[Entry]:
+        own = self._changes.parameters
+        refused = f"journal entry {entry.sequence} cannot be done"
         try:
-            yield from act()
+            if entry.kind == "configure" and own:
+                values = entry.content["parameters"]
+                kept = {name: value for name, value in own.items() if name in values}
+                self._run.simulation.configure(to_configuration({**values, **kept}))
+            elif entry.sequence in self._cleared:
+                self._clear(self._cleared[entry.sequence])
+            else:
+                yield from repeat_change(self._run, entry)
         except ParameterError as error:
-            self.warnings.append(f"refused at {time / SECOND:.9g} s: {error}")
+            if self._changes.empty:
+                raise InspectionError(f"{refused}: {error}") from error
+            raise
+        except (ArithmeticError, LookupError, TypeError, ValueError) as error:
+            raise InspectionError(f"{refused}: {error!r:.100}") from error
+
+    def _clear(self, fault: Fault) -> None:
+        """Clear a recorded fault, which may have another number in the forked run."""
+        simulation, wanted = self._run.simulation, (fault.kind, fault.channel)
+        active = simulation.faults.active
+        found = [r.number for r in active if (r.fault.kind, r.fault.channel) == wanted]
+        if not found:
+            raise FaultError(f"there is no {fault} to clear")
+        simulation.clear(found[0])
 
 
 def _end(fork: Fork, duration: float | None) -> int:
@@ -257,76 +283,15 @@ def _end(fork: Fork, duration: float | None) -> int:
             "give a --duration that ends before"
         )
     if end <= fork.time:
-        raise InspectionError(
-            f"nothing is left of the recorded run after --at = {fork.time / SECOND:.9g} s: give "
-            "--duration"
-        )
+        at = f"--at = {fork.time / SECOND:.9g} s"
+        raise InspectionError(f"nothing is left of the recorded run after {at}: give --duration")
     return end
 
 
-def _repeated(fork: Fork, end: int, changes: Changes) -> Iterator[_Event]:
-    """Yield the recorded changes between the instant and a time [ns], repeated on the forked run.
-
-    What a fork sets by itself is not taken back: recorded changes of these parameters are left out,
-    and recorded commands where it has its own.
-    """
-    recorded, run = fork.recorded, fork.resumed.run
-    later = [entry for entry in recorded.later(fork.time) if entry.time <= end]
-    kinds = (("weight_on_bit", "weight_on_bit"), ("drive", "drive_enabled"), ("feed", ""))
-    dropped = {
-        kind for kind, name in kinds if changes.replaces_commands or name in changes.parameters
-    }
-    cleared = {}
-    if changes.planned and any(entry.kind == "clear" for entry in later):
-        cleared = _cleared_faults(recorded.necessary(fork.time), later)
-    for entry in later:
-        if entry.kind in dropped:
-            continue
-        if entry.kind == "configure" and changes.parameters:
-            yield entry.time, partial(_configure, entry, changes, run)
-        elif entry.kind == "clear" and entry.sequence in cleared:
-            yield entry.time, partial(_clear, cleared[entry.sequence], run)
-        else:
-            yield entry.time, partial(_repeat, entry, run, strict=changes.empty)
-
-
-def _apply(change: Change, run: Run) -> Iterator[Entry]:
-    apply_change(run, change)
-    yield from run.changes()
-
-
-def _repeat(entry: JournalEntry, run: Run, *, strict: bool) -> Iterator[Entry]:
-    refused = f"journal entry {entry.sequence} cannot be done"
-    try:
-        yield from repeat_change(run, entry)
-    except FaultError as error:
-        if strict:
-            raise InspectionError(f"{refused}: {error}") from error
-        raise
-    except (ArithmeticError, LookupError, TypeError, ValueError) as error:
-        raise InspectionError(f"{refused}: {error!r:.100}") from error
-
-
-def _configure(entry: JournalEntry, changes: Changes, run: Run) -> Iterator[Entry]:
-    values = entry.content["parameters"]
-    own = {name: value for name, value in changes.parameters.items() if name in values}
-    run.simulation.configure(to_configuration({**values, **own}))
-    yield from run.changes()
-
-
-def _clear(fault: Fault, run: Run) -> Iterator[Entry]:
-    """Clear a recorded fault, which may have another number in the forked run."""
-    for record in run.simulation.faults.active:
-        if (record.fault.kind, record.fault.channel) == (fault.kind, fault.channel):
-            run.simulation.clear(record.number)
-            yield from run.changes()
-            return
-    raise FaultError(f"there is no {fault} to clear")
-
-
 def _cleared_faults(
-    before: Sequence[JournalEntry], later: Iterable[JournalEntry]
+    before: Iterable[JournalEntry], later: Iterable[JournalEntry]
 ) -> dict[int, Fault]:
+    """Return the faults that recorded entries clear, by the numbers of these entries."""
     rerun = Rerun(wanted=lambda topic: False)
     found: dict[int, Fault] = {}
     try:

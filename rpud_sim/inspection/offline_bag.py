@@ -188,34 +188,12 @@ def write_fork(
     fork = open_fork(path, at, changes, run=run, topic=topic, stop=not changes.empty, report=report)
     continuation = Continuation(fork, changes, duration)
     first = list(continuation.begin())
-    written = _write(out, fork, continuation, first, report)
-    return ForkedBag(
-        os.fspath(out),
-        os.fspath(path),
-        run,
-        fork.time / SECOND,
-        (continuation.end - fork.time) / SECOND,
-        written,
-        not changes.empty,
-        tuple(continuation.warnings),
-    )
-
-
-def _write(
-    out: str | os.PathLike[str],
-    fork: Fork,
-    continuation: Continuation,
-    first: list[Entry],
-    report: Callable[[float], object],
-) -> int:
-    """Write the bag; return the number of messages after the history."""
-    prefix, resumed = fork.recorded.prefix, fork.resumed
-    beginning = resumed.run.beginning
-    topics = offered_topics(beginning.settings.values())
+    resumed, prefix = fork.resumed, fork.recorded.prefix
+    topics = offered_topics(resumed.run.beginning.settings.values())
+    values = {**resumed.settings.values(), "seed": resumed.run.beginning.seed}
     zero, published = _clock(fork)
     instant = zero + fork.time
-    values = {**resumed.settings.values(), "seed": beginning.seed}
-    count = 0
+    count = 0  # of messages after those of the instant
     with _new_bag(out, prefix, topics, _manifest(values, fork.scenario, fork.origin)) as bag:
 
         def write(name: str, fields: Fields, log_time: int, publish_time: int) -> None:
@@ -230,11 +208,20 @@ def _write(
             write(name, fields, instant, instant)
         between = resumed.run.time < fork.time
         for time, name, fields in continuation.messages(report):
-            if between and time <= fork.time:  # of the block in which the instant lies, before it
-                continue
-            write(name, fields, zero + time, zero + time)
-            count += 1
-    return count
+            # Without those of the block in which the instant lies, before it.
+            if not between or time > fork.time:
+                write(name, fields, zero + time, zero + time)
+                count += 1
+    return ForkedBag(
+        os.fspath(out),
+        os.fspath(path),
+        run,
+        fork.time / SECOND,
+        (continuation.end - fork.time) / SECOND,
+        count,
+        not changes.empty,
+        tuple(continuation.warnings),
+    )
 
 
 def _clock(fork: Fork) -> tuple[int, list[int]]:
@@ -245,9 +232,8 @@ def _clock(fork: Fork) -> tuple[int, list[int]]:
     """
     zero = max(0, fork.resumed.run.origin)
     count = len(fork.history) if fork.recorded.before else 0
-    zero += max(0, count - zero - fork.time)
-    instant = zero + fork.time
-    return zero, [
+    instant = max(zero + fork.time, count)
+    return instant - fork.time, [
         min(publish_time, instant - max(0, count - place))
         for place, (publish_time, _) in enumerate(fork.history)
     ]

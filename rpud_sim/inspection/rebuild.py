@@ -63,7 +63,7 @@ class Rebuilt:
     origin: int  # stamp of simulation time zero [ns]
     run: int  # number of the simulation in the bag, from 1; a reset begins the next one
     runs: int  # number of simulations in the bag
-    trajectory_size: int  # of all messages of the trajectory [bytes]
+    trajectory_size: int  # of the messages of the trajectory [bytes]
     size: int  # of the files [bytes]
 
 
@@ -86,8 +86,11 @@ def rebuild(
     """
     with rpud_sim.bag.open(path) as bag:
         topic = _topic(bag, topics)
-        pieces = _Pieces(bag, topic)
-        begin, end, origin, runs = _survey(pieces, rate, run)
+
+        def pieces() -> Iterator[TrajectoryPiece]:
+            return trajectory_pieces(bag.messages({topic}), installed_codec(_TYPE), bag.path)
+
+        begin, end, origin, runs, size = _survey(pieces(), rate, run)
         first = begin + round(start * rate)
         if first >= end:
             held = (end - begin) / rate
@@ -110,7 +113,7 @@ def rebuild(
             file = make_table(file_format, folder / file_stem(topic), _COLUMNS, metadata)
             missing = 0
             with closing(file):
-                for place, count, values in _rows(_samples(pieces, rate, run, end), first, end):
+                for place, count, values in _rows(_samples(pieces(), rate, run, end), first, end):
                     none = dict.fromkeys(CHANNELS, np.full(0 if values else count, np.nan))
                     file.write({"time": _stamps(place, count, rate, origin), **(values or none)})
                     missing += 0 if values else count
@@ -120,7 +123,7 @@ def rebuild(
                 format=file_format,
                 table=file.paths[0].relative_to(folder).parts[0],
                 missing=missing,
-                trajectory_size=pieces.size,
+                trajectory_size=size,
                 size=sum(each.stat().st_size for each in file.paths),
                 **about,
             )
@@ -130,42 +133,42 @@ def rebuild(
 
 
 def _topic(bag: BagReader, wanted: Collection[str] | None) -> str:
-    names = [
-        summary.topic.name
-        for summary in bag.topics
-        if summary.topic.type == _TYPE
-        and summary.message_count
-        and (wanted is None or summary.topic.name in wanted)
-    ]
-    if not names:
-        what = "no trajectory" if wanted is None else f"no trajectory named {' or '.join(wanted)}"
-        raise InspectionError(f"{bag.path} holds {what}; record the topic trajectory")
+    held = [s.topic.name for s in bag.topics if s.topic.type == _TYPE and s.message_count]
+    names = [name for name in held if wanted is None or name in wanted]
     if len(names) > 1:
         raise InspectionError(
             f"{bag.path} holds several trajectories: choose one by --topics of {', '.join(names)}"
         )
+    if not names:
+        what = "no trajectory" if wanted is None else f"no trajectory named {' or '.join(wanted)}"
+        raise InspectionError(f"{bag.path} holds {what}; record the topic trajectory")
     return names[0]
 
 
-def _survey(pieces: _Pieces, rate: int, run: int) -> tuple[int, int, int, int]:
-    """Return first sample, end and first origin of a run, and the number of runs."""
-    first = end = origin = runs = 0
+def _survey(
+    pieces: Iterable[TrajectoryPiece], rate: int, run: int
+) -> tuple[int, int, int, int, int]:
+    """Return first sample, end and first origin of a run, number of runs, and size of all."""
+    first = end = origin = runs = size = 0
     for piece in pieces:
         if piece.run == run:
             if runs < run:
                 first, origin = first_sample(piece.segments[0], rate), piece.origin
             end = end_sample(piece.segments[-1], rate)
         runs = piece.run
+        size += piece.size
     if not runs:
         raise InspectionError("the trajectory holds no segments")
     if not 1 <= run <= runs:
         raise InspectionError(
             f"--run = {run} is outside its range [1, {runs}]: resets begin new ones"
         )
-    return first, end, origin, runs
+    return first, end, origin, runs, size
 
 
-def _samples(pieces: _Pieces, rate: int, run: int, end: int) -> Iterator[tuple[int, Samples]]:
+def _samples(
+    pieces: Iterable[TrajectoryPiece], rate: int, run: int, end: int
+) -> Iterator[tuple[int, Samples]]:
     """Yield the samples of a run before sample ``end``, each array with its first number."""
     rebuilder = Rebuilder(rate)
     for piece in pieces:
@@ -188,6 +191,7 @@ class TrajectoryPiece:
     origin: int  # stamp of simulation time zero [ns]
     segments: np.ndarray  # ``SEGMENT`` records; at least one
     log_time: int  # of the message [ns]
+    size: int  # of the message [bytes]
 
 
 def trajectory_pieces(
@@ -209,29 +213,11 @@ def trajectory_pieces(
             following = -1
         origin = join_seconds(message.origin.sec, message.origin.nanosec)
         follows = message.sequence == following
-        yield TrajectoryPiece(run, follows, origin, segments, recorded.log_time)
+        size = len(recorded.data)
+        yield TrajectoryPiece(run, follows, origin, segments, recorded.log_time, size)
         following = message.sequence + len(segments)
         last = segments[-1]
         end = int(last["start_seconds"]) + float(last["start_fraction"] + last["duration"])
-
-
-class _Pieces:
-    """Pieces of a trajectory, one for each message; it can be iterated several times."""
-
-    def __init__(self, bag: BagReader, topic: str) -> None:
-        self._bag = bag
-        self._topic = topic
-        self._codec = installed_codec(_TYPE)
-        self.size = 0  # of the messages of the last iteration [bytes]
-
-    def __iter__(self) -> Iterator[TrajectoryPiece]:
-        self.size = 0
-        return trajectory_pieces(self._counted(), self._codec, self._bag.path)
-
-    def _counted(self) -> Iterator[Message]:
-        for message in self._bag.messages({self._topic}):
-            self.size += len(message.data)
-            yield message
 
 
 def _rows(

@@ -69,12 +69,10 @@ class Clock:
         """Return times since the beginning [s], of stamps and times [ns]; all (n,)."""
         if self.zero is None:
             return (times - _number(self.begin)) / SECOND
-        zero = _number(self.zero)
-        if not self.jumps:
-            return (stamps - zero) / SECOND
         steps = np.cumsum([0, *(jump.step for jump in self.jumps)], dtype=np.int64)
         moments = np.array([jump.time for jump in self.jumps], np.int64)
-        return (stamps - zero - steps[np.searchsorted(moments, times, "right")]) / SECOND
+        passed = steps[np.searchsorted(moments, times, "right")]
+        return (stamps - _number(self.zero) - passed) / SECOND
 
 
 def _number(time: int) -> int | float:
@@ -146,10 +144,8 @@ class RecordedDrill:
         if not self.entries:
             return dict(self.manifest.parameters) if self.manifest else {}
         held = self.beginning.get("parameters")
-        found = {**held} if isinstance(held, dict) else {}
-        return found | {
-            name: self.beginning[name] for name in ("initial_phase",) if name in self.beginning
-        }
+        phase = {n: self.beginning[n] for n in ("initial_phase",) if n in self.beginning}
+        return {**(held if isinstance(held, dict) else {}), **phase}
 
     @property
     def versions(self) -> dict[str, str]:
@@ -184,14 +180,10 @@ class RecordedDrill:
     def necessary(self, time: int) -> list[JournalEntry]:
         """Return the entries from which the state at an instant [ns] follows."""
         entries = [entry for _, entry in self.history(time)]
-        begins = [place for place, entry in enumerate(entries) if entry.kind == "begin"]
+        kinds = [entry.kind for entry in entries]
+        last = max((n for n, kind in enumerate(kinds) if kind == "begin"), default=0)
         # A checkpoint may be of a run before.
-        first = next(
-            place
-            for place in (*reversed(begins), 0)
-            if place == 0 or all(entry.kind != "restore" for entry in entries[place:])
-        )
-        return entries[first:]
+        return entries[0 if "restore" in kinds[last:] else last :]
 
     def later(self, time: int) -> list[JournalEntry]:
         """Return the run's entries after an instant [ns], without those that close it."""
@@ -227,25 +219,21 @@ def find_run(
     except UnverifiableError as error:
         torn = f"{name}: {error}"
     # The first entry is a beginning, or a state from which a late recording goes on.
-    begins = [
-        place
-        for place, (_, entry) in enumerate(entries)
-        if not place or entry.kind in ("begin", "restore")
-    ]
-    if not begins:
-        raise InspectionError(torn or f"{name} holds no beginning of a run")
-    if not 1 <= number <= len(begins):
+    kinds = [entry.kind for _, entry in entries]
+    begins = [n for n, kind in enumerate(kinds) if not n or kind in ("begin", "restore")]
+    runs = len(begins)
+    if not 1 <= number <= runs:
         raise InspectionError(
             torn
-            or f"--run = {number} is outside its range [1, {len(begins)}]: resets and restored "
+            or f"--run = {number} is outside its range [1, {runs}]: resets and restored "
             "checkpoints begin new ones"
         )
-    first, last = begins[number - 1], number == len(begins)
-    own = entries[first:] if last else entries[first : begins[number]]
-    starts = (place for place in range(first + 1) if entries[place][1].sequence == 0)
-    closed = own[-1][1].kind == "end" or (not last and own[-1][1].kind == "flush")
-    if not closed and not last and not torn:
-        torn = f"{name}: the recording does not tell how run {number} went on"
+    first, *following = begins[number - 1 :]
+    own = entries[first : following[0] if following else None]
+    starts = [n for n, (_, entry) in enumerate(entries[: first + 1]) if entry.sequence == 0]
+    closed = own[-1][1].kind in (("end", "flush") if following else ("end",))
+    if not closed and following:
+        torn = torn or f"{name}: the recording does not tell how run {number} went on"
     found = RecordedDrill(
         os.fspath(bag.path),
         name,
@@ -253,7 +241,7 @@ def find_run(
         find_manifest(bag, damages or Damages(bag), name.rpartition("/")[0]),
         _clock(own),
         number,
-        len(begins),
+        runs,
         tuple(entries[max(starts, default=0) : first]),
         tuple(own),
         own[-1][1].time,
@@ -274,13 +262,13 @@ def _journal(bag: BagReader, wanted: str | None) -> TopicSummary:
             f"{bag.path} holds no journal; record the topic journal, or all of the namespace"
         )
     names = ", ".join(found)
+    if wanted is None and len(found) > 1:
+        raise InspectionError(f"{bag.path} holds several journals: choose with --topic of {names}")
     if wanted is not None and wanted not in found:
         raise InspectionError(
             f"{bag.path} holds no journal named {wanted}, but {names}{suggestion(wanted, found)}"
         )
-    if wanted is None and len(found) > 1:
-        raise InspectionError(f"{bag.path} holds several journals: choose with --topic of {names}")
-    return found[wanted] if wanted is not None else next(iter(found.values()))
+    return found[wanted or names]
 
 
 def _clock(entries: list[Recorded]) -> Clock:
@@ -298,16 +286,15 @@ def _clock(entries: list[Recorded]) -> Clock:
 
 def _up_to_its_end(bag: BagReader, drill: RecordedDrill) -> RecordedDrill:
     """Return a run that was not closed with the time that it reached, at the end of a block."""
-    origin = next(
-        (e.content["origin"] for _, e in reversed(drill.entries) if e.kind == "origin"), 0
-    )
+    origins = [e.content["origin"] for _, e in drill.entries if e.kind == "origin"]
     latest = {"": drill.end}
     try:
         if not drill.beginning:
             drill.check_engine()
         rate = int(drill.beginning["parameters"]["telemetry_rate"])
-        for topic, stamps in _last_stamps(bag, drill.prefix):
-            latest[topic] = max(int(stamps.max()) - origin, latest.get(topic, drill.end))
+        for topic, stamps in _stamps(bag, drill.prefix, max(0, bag.duration - _END_LENGTH)):
+            reached = int(stamps.max()) - (origins[-1] if origins else 0)
+            latest[topic] = max(reached, latest.get(topic, drill.end))
     except (ArithmeticError, LookupError, TypeError, ValueError) as error:
         raise InspectionError(f"{drill.journal} cannot be understood: {error!r:.100}") from None
     # Two topics have to agree, so that one altered stamp changes nothing.
@@ -315,14 +302,17 @@ def _up_to_its_end(bag: BagReader, drill: RecordedDrill) -> RecordedDrill:
     return replace(drill, end=max(drill.end, boundary(boundaries_until(reached, rate), rate)))
 
 
-def _last_stamps(bag: BagReader, prefix: str) -> Iterator[tuple[str, np.ndarray]]:
+def _stamps(
+    bag: BagReader, prefix: str, start: int, duration: int | None = None
+) -> Iterator[tuple[str, np.ndarray]]:
+    """Yield topics and stamps of the messages that show the progress of a drill."""
     readers: dict[str, ProgressReader] = {}
     for summary in bag.topics:
         name = summary.topic.name
         if name.startswith(prefix) and name[len(prefix) :] in PROVED and summary.definition:
             with suppress(BagFormatError):
                 readers[name] = ProgressReader(Codec(summary.topic.type, summary.definition))
-    for block in bag.blocks(readers.keys(), max(0, bag.duration - _END_LENGTH)):
+    for block in bag.blocks(readers.keys(), start, duration):
         stamps = readers[block.topic].read(block)["stamp"]
         if len(stamps):
             yield block.topic, stamps
@@ -354,7 +344,8 @@ def find_drill(
     elif run not in (None, 1):
         raise InspectionError(f"{bag.path} holds no journal, so there is no run {run}")
     manifest = find_manifest(bag, damages, chosen)
-    clock = Clock(_first_stamp(bag, chosen))  # the origin is unknown
+    stamps = [int(found.min()) for _, found in _stamps(bag, f"{chosen}/", 0, SECOND)]
+    clock = Clock(min(stamps, default=bag.start_time))  # the origin is unknown
     codec = installed_codec(JOURNAL)
     return RecordedDrill(os.fspath(bag.path), journal, codec, manifest, clock, warnings=(reason,))
 
@@ -394,17 +385,3 @@ def find_manifest(bag: BagReader, damages: Damages, namespace: str) -> Manifest 
             damages.add_record(MANIFEST, error)
     own = [m for m in found if m.node.rpartition("/")[0] == namespace and m.node]
     return next(iter((*own, *(found if len(found) == 1 else ()))), None)
-
-
-def _first_stamp(bag: BagReader, namespace: str) -> int:
-    readable = {summary.topic.name for summary in bag.readable_topics} - bag.left_out.keys()
-    stamps = []
-    for name, topic in TOPICS.items():
-        full = f"{namespace}/{name}"
-        if topic.latched or full not in readable:
-            continue
-        for batch in bag.batches(full, 0, SECOND, leave_out=lambda topic, reason: None):
-            if len(batch) and "header.stamp" in batch.columns:
-                stamps.append(int(batch.columns["header.stamp"].min()))
-                break
-    return min(stamps, default=bag.start_time)

@@ -72,7 +72,7 @@ def fill_known(response: Any, values: Mapping[str, Any]) -> Any:
 
 
 def members_of(message: Any) -> Members:
-    """Return the members of a message class, as an encoder needs them.
+    """Return the members of a message class, as an encoder needs them: without rosbags.
 
     A type with others than numbers, texts, messages and their sequences is an UnknownTypeError.
     """

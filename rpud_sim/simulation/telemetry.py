@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import chain
@@ -68,12 +68,9 @@ class Columns(Shared):
         """Place of each among all messages of the span; equal where they follow each other."""
         return self.blocks * len(_ORDER) + _ORDER.index(self.topic)
 
-    def row(self, number: int, names: Collection[str] | None = None) -> Fields:
-        """Return the fields of one message; those of ``names``, as far as there are any."""
-        fields = self.fields
-        if names is not None:
-            fields = {name: fields[name] for name in names if name in fields}
-        return row_of(fields, number)
+    def row(self, number: int) -> Fields:
+        """Return the fields of one message."""
+        return row_of(self.fields, number)
 
     def messages(self) -> Iterator[Entry]:
         """Yield the messages one by one."""

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from altered_bags import flipped
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from support import examples
@@ -152,28 +151,6 @@ def test_by_the_block_the_result_is_that_of_single_messages(name, runs, damages,
         assert comparison.exhausted
         results.append((comparison.counts, repr(comparison.suspects)))
     assert results[1] == results[0]
-
-
-def small_messages():
-    """Messages of several small sizes, each with bytes of its own."""
-    data = [bytes([number + 1]) * (4 + number % 3) for number in range(9)]
-    return [Message("/a", number, number, each) for number, each in enumerate(data)]
-
-
-def flipped_byte(place):
-    return lambda data: flipped(data, place)
-
-
-@pytest.mark.parametrize("number", range(9))
-@pytest.mark.parametrize(
-    "change", [flipped_byte(0), flipped_byte(-1), lambda data: data + data[:1]]
-)
-def test_small_messages_are_equal_up_to_the_first_that_differs(number, change):
-    own = small_messages()
-    altered = [*own]
-    altered[number] = own[number]._replace(data=change(own[number].data))
-    recorded = RecordedMessages(blocks_of(altered, []))
-    assert recorded.pass_equal(block_of(own), 0, len) == number
 
 
 # --- reading ----------------------------------------------------------------------------------
