@@ -102,6 +102,11 @@ class OpenChunk:
             indexes[channel] = head + INDEX.pack(channel, len(content)) + content
         return indexes
 
+    @property
+    def counts(self) -> dict[int, int]:
+        """Numbers of messages, by channel."""
+        return {channel: len(entries) // 2 for channel, entries in self._entries.items()}
+
     def declare(self, record: bytes) -> None:
         self._parts.append(record)
         self.size += len(record)

@@ -22,6 +22,7 @@ from mcap.records import (
     Attachment,
     AttachmentIndex,
     Channel,
+    Chunk,
     ChunkIndex,
     DataEnd,
     Footer,
@@ -34,8 +35,8 @@ from mcap.records import (
     SummaryOffset,
 )
 
-from rpud_sim.bag.chunks import COMPRESSIONS, HEAD_SIZE, OpenChunk, compressor, in_order
-from rpud_sim.bag.messages import LATEST, MessageBlock
+from rpud_sim.bag.chunks import COMPRESSIONS, OpenChunk, compressor, in_order
+from rpud_sim.bag.messages import MessageBlock
 from rpud_sim.bag.metadata import FileInformation, stored_name
 from rpud_sim.bag.records import MAGIC
 
@@ -66,36 +67,32 @@ class McapWriter:
         self._chunk = OpenChunk()
         self._schemas: dict[tuple[str, str, bytes], Schema] = {}
         self._channels: list[Channel] = []
-        self._counts: dict[int, int] = {}  # messages of each channel
-        self._first, self._last = LATEST, 0
+        self._counts: dict[int, int] = {}  # messages of each channel in closed chunks
         self._chunk_indexes: list[ChunkIndex] = []
         self._attachments: list[AttachmentIndex] = []
         self._metadata: list[MetadataIndex] = []
         self._declared_size = 0
-        self._part_count = 0  # chunks and other parts of the file, at least as many as chunks
-        self._pending = 0  # bytes in memory, at most
-        self._written = 0  # bytes of the file at the last count
-        self._unsafe = True  # whether something may not be on the disk yet
         self._stream.write(MAGIC + _bytes_of(Header("ros2", "rpud_sim")))
         self.flush()
 
     @property
     def information(self) -> FileInformation:
-        """Entry of the file in the bag's metadata."""
-        start = self._first if self._counts else 0
-        count = sum(self._counts.values())
-        return FileInformation(stored_name(self.path), start, self._last - start, count)
+        """Entry of the file in the bag's metadata, for what was flushed."""
+        first, last = self._span
+        name = stored_name(self.path)
+        return FileInformation(name, first, last - first, sum(self._counts.values()))
 
     @property
     def unwritten(self) -> int:
         """Greatest size that is still to be written, were the file closed now [bytes]."""
-        return self.closed_size - self._written
+        chunk = self._chunk.size + _ENTRY_SIZE * self._chunk.count
+        parts = len(self._chunk_indexes) + len(self._attachments) + len(self._metadata) + 1
+        return chunk + parts * (128 + 10 * len(self._channels)) + self.end_size
 
     @property
     def closed_size(self) -> int:
         """Greatest size of the file, were it closed now [bytes]."""
-        size = self._written + self._pending
-        return size + self._part_count * (128 + 10 * len(self._channels)) + self.end_size
+        return self._stream.tell() + self.unwritten
 
     @property
     def end_size(self) -> int:
@@ -127,44 +124,24 @@ class McapWriter:
         content += _bytes_of(channel)
         self._stream.write(content)
         self._declared_size += 2 * len(content)  # the metadata has it too
-        self._pending += len(content)
-        self._note_part()
         return number
 
     def write(
         self, channel: int, data: bytes, log_time: int, publish_time: int, sequence: int
     ) -> None:
         self._chunk.add(channel, data, log_time, publish_time, sequence)
-        self._unsafe = True
-        self._counts[channel] = self._counts.get(channel, 0) + 1
-        if log_time < self._first:
-            self._first = log_time
-        if log_time > self._last:
-            self._last = log_time
-        self._pending += len(data) + HEAD_SIZE + _ENTRY_SIZE
         if self._chunk.size > self._chunk_size:
             self._close_chunk()
-            self._note_part()
-            self._pending = 0
 
     def write_blocks(self, parts: list[tuple[int, MessageBlock, np.ndarray]]) -> None:
         """Add many messages: channel, messages, and the place of each among all of them.
 
         Chunks end where they would if the messages came one by one.
         """
-        records = in_order(parts)
-        count = len(records.ends)
-        if not count:
+        if not parts:
             return
-        self._unsafe = True
-        self._first = min(self._first, int(records.log_times.min()))
-        self._last = max(self._last, int(records.log_times.max()))
-        numbers, firsts, counts = np.unique(records.channels, return_index=True, return_counts=True)
-        for place in np.argsort(firsts).tolist():
-            number = int(numbers[place])
-            self._counts[number] = self._counts.get(number, 0) + int(counts[place])
-        self._pending += len(records.data) + _ENTRY_SIZE * count
-        done, closed = 0, len(self._chunk_indexes)
+        records = in_order(parts)
+        done, count = 0, len(records.ends)
         while done < count:
             start = int(records.ends[done - 1]) if done else 0
             room = start + self._chunk_size - self._chunk.size
@@ -174,10 +151,6 @@ class McapWriter:
             done = end
             if self._chunk.size > self._chunk_size:
                 self._close_chunk()
-        if len(self._chunk_indexes) > closed:
-            self._part_count += len(self._chunk_indexes) - closed
-            self._written = self._stream.tell()
-            self._pending = self._chunk.size + _ENTRY_SIZE * self._chunk.count
 
     def add_attachment(self, attachment: Attachment) -> None:
         content = _bytes_of(attachment)
@@ -192,22 +165,17 @@ class McapWriter:
         )
         self._attachments.append(index)
         self._stream.write(content)
-        self._note_part()
 
     def add_record(self, name: str, content: Mapping[str, str]) -> None:
         record = _bytes_of(Metadata(name=name, metadata=dict(content)))
         self._metadata.append(MetadataIndex(self._stream.tell(), len(record), name))
         self._stream.write(record)
-        self._note_part()
 
     def flush(self) -> None:
         """Close the chunk in progress and wait until everything is on the disk."""
-        if not self._unsafe:
-            return
         self._close_chunk()
-        self._sync()
-        self._pending = 0
-        self._unsafe = False
+        self._stream.flush()
+        os.fsync(self._stream.fileno())
 
     def finish(self) -> None:
         """Write the index and the statistics; the file remains open."""
@@ -237,7 +205,7 @@ class McapWriter:
         head = struct.pack("<BQQQ", Opcode.FOOTER, 20, start, offset_start)
         footer = Footer(start, offset_start, zlib.crc32(content + head))
         self._stream.write(content + _bytes_of(footer) + MAGIC)
-        self._sync()
+        self.flush()
 
     def close(self) -> None:
         """Close the file, complete or not."""
@@ -249,17 +217,16 @@ class McapWriter:
         chunk, self._chunk = self._chunk, OpenChunk()
         content = chunk.data
         data = self._compress(content)
-        name = self._compression.encode()
-        head = struct.pack("<QQQI", chunk.first, chunk.last, len(content), zlib.crc32(content))
-        head += struct.pack(f"<I{len(name)}sQ", len(name), name, len(data))
-        start = self._stream.tell()
-        self._stream.write(struct.pack("<BQ", Opcode.CHUNK, len(head) + len(data)) + head)
-        self._stream.write(data)
+        crc, start = zlib.crc32(content), self._stream.tell()
+        record = Chunk(self._compression, data, chunk.last, chunk.first, crc, len(content))
+        self._stream.write(_bytes_of(record))
         end = place = self._stream.tell()
         offsets = {}
         for channel, index in chunk.indexes.items():
             offsets[channel] = place
             place += self._stream.write(index)
+        for channel, messages in chunk.counts.items():
+            self._counts[channel] = self._counts.get(channel, 0) + messages
         self._chunk_indexes.append(
             ChunkIndex(
                 message_start_time=chunk.first,
@@ -274,28 +241,25 @@ class McapWriter:
             )
         )
 
+    @property
+    def _span(self) -> tuple[int, int]:
+        """Log times of the first and the last message in closed chunks [ns]; 0 without any."""
+        first = min((each.message_start_time for each in self._chunk_indexes), default=0)
+        return first, max((each.message_end_time for each in self._chunk_indexes), default=0)
+
     def _statistics(self) -> Statistics:
+        first, last = self._span
         return Statistics(
             attachment_count=len(self._attachments),
             channel_count=len(self._channels),
             channel_message_counts=self._counts,
             chunk_count=len(self._chunk_indexes),
             message_count=sum(self._counts.values()),
-            message_end_time=self._last,
-            message_start_time=self._first if self._counts else 0,
+            message_end_time=last,
+            message_start_time=first,
             metadata_count=len(self._metadata),
             schema_count=len(self._schemas),
         )
-
-    def _sync(self) -> None:
-        self._stream.flush()
-        os.fsync(self._stream.fileno())
-        self._note_part()
-
-    def _note_part(self) -> None:
-        self._unsafe = True
-        self._part_count += 1
-        self._written = self._stream.tell()
 
 
 def _bytes_of(record: McapRecord) -> bytes:
