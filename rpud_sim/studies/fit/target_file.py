@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +29,7 @@ from rpud_sim.studies.fit.measures import (
     missing_model,
 )
 from rpud_sim.studies.sweep.specification import SCALES, Range
+from rpud_sim.studies.sweep.specification_file import checked_range, read_mapping, read_values
 
 _LONGEST = 100.0  # end of a window [s]
 _GREATEST = 1e300  # value of a target
@@ -140,14 +141,12 @@ def parse_targets(content: Any, folder: Path = Path()) -> FitSpecification:
 
 
 def _specification(top: Cursor, folder: Path) -> FitSpecification:
-    if top.value is None:
-        raise top.refusal("is empty")
-    entries = _entries(top, (*_ENTRIES, *_EFFORT))
+    entries = read_mapping(top, (*_ENTRIES, *_EFFORT), ("unknowns",))
     parameters = top.get("parameters", {})
     fixed = _parameters(parameters, parameters, {})
     unknowns, choices = _unknowns(top.get("unknowns"), fixed)
-    targets = [_target(item, fixed) for item in _items(top.get("targets", []))]
-    for item in _items(top.get("data", [])):
+    targets = [_target(item, fixed) for item in _items(top, "targets")]
+    for item in _items(top, "data"):
         targets += _data_targets(item, fixed, folder)
     effort = {name: entries[name].check(_EFFORT[name]) for name in _EFFORT if name in entries}
     specification = FitSpecification(fixed, unknowns, choices, tuple(targets), **effort)
@@ -168,33 +167,13 @@ def _specification(top: Cursor, folder: Path) -> FitSpecification:
     return dataclasses.replace(specification, targets=kept)
 
 
-def _entries(
-    cursor: Cursor, known: Iterable[str], kind: str = "an entry", needed: Iterable[str] = ()
-) -> dict[Any, Cursor]:
-    other = "is missing" if cursor.value is None else "holds no mapping"
-    found = cursor.mapping(other=other if cursor.name else f"the file: {other}")
-    for key, each in found.items():
-        _check_known(each, key, known, kind)
-    return cursor.mapping(needed=needed, missing="is missing")
-
-
-def _check_known(cursor: Cursor, name: Any, known: Iterable[str], kind: str) -> None:
-    known = tuple(known)
-    if not (isinstance(name, str) and name in known):
-        bare = dataclasses.replace(cursor, value=name, label="")
-        raise bare.refusal(f"{{name}} is not {kind}; {{hint}}", known)
-
-
-def _items(cursor: Cursor) -> list[Cursor]:
-    return cursor.sequence(other="holds no list")
+def _items(top: Cursor, name: str) -> list[Cursor]:
+    return top.get(name, []).sequence(other="holds no list")
 
 
 def _parameters(cursor: Cursor, entry: Cursor, fixed: Mapping[str, Any]) -> dict[str, Any]:
     """Return the parameters of an entry; with those that are fixed they make a drill."""
-    other = "is missing" if cursor.value is None else "holds no mapping"
-    own = {name: each.value for name, each in cursor.mapping(other=other).items()}
-    for name in {**fixed, **own}:
-        _check_known(entry.get(name), name, _NAMES, "a parameter")
+    own = {name: each.value for name, each in read_mapping(cursor, _NAMES).items()}
     with entry.errors():
         to_configuration({**fixed, **own})
     return own
@@ -205,19 +184,16 @@ def _unknowns(
 ) -> tuple[dict[str, Range], dict[str, tuple[Any, ...]]]:
     ranges: dict[str, Range] = {}
     choices: dict[str, tuple[Any, ...]] = {}
-    other = "is missing" if cursor.value is None else "holds no mapping"
-    for name, item in cursor.mapping(other=other).items():
-        _check_known(item, name, _NAMES, "a parameter")
+    for name, item in read_mapping(cursor, _NAMES).items():
         if name in fixed:
             raise item.refusal("is among the parameters as well")
         allowed = PARAMETERS[name].allowed
         if isinstance(item.value, Mapping) and "values" in item.value:
-            _entries(item, ["values"], "an entry beside values")
-            choices[name] = _choices(dataclasses.replace(item, value=item.value["values"]), name)
+            choices[name] = read_values(read_mapping(item, ["values"])["values"], name)
         elif isinstance(allowed, Quantity):
             ranges[name] = _range(item, name)
         elif isinstance(allowed, Choice | Flag):
-            choices[name] = _choices(item, name)
+            choices[name] = read_values(item, name)
         else:
             raise item.refusal("is a text, which cannot be fitted")
     if not ranges:
@@ -226,38 +202,19 @@ def _unknowns(
 
 
 def _range(cursor: Cursor, name: str) -> Range:
-    content, scale = cursor.value, "linear"
-    if isinstance(content, Mapping):
-        entries = _entries(cursor, ["low", "high", "scale"])
-        if "scale" in entries and entries["scale"].value not in SCALES:
-            scale_cursor = dataclasses.replace(entries["scale"], label="")
-            raise scale_cursor.refusal("{name} = {shown} is not one of linear, log")
-        scale = content.get("scale", "linear")
-        content = [content.get("low"), content.get("high")]
-    if not (isinstance(content, list) and len(content) == 2):
+    ends, more = cursor.value, {}
+    if isinstance(ends, Mapping):
+        entries = read_mapping(cursor, ["low", "high", "scale"])
+        if "scale" in entries:
+            more["scale"] = entries["scale"].check(Choice("", SCALES))
+        ends = [cursor.value.get("low"), cursor.value.get("high")]
+    if not (isinstance(ends, list) and len(ends) == 2):
         raise cursor.refusal("{shown} is not of the form [low, high]")
-    with cursor.errors():
-        low, high = (float(PARAMETERS[name].allowed.check(name, value)) for value in content)
-    if not low < high:
-        raise cursor.refusal(f"low {low:g} is not below high {high:g}")
-    if scale == "log" and not low > 0.0:
-        raise cursor.refusal(f"low {low:g} has no logarithm; it must be above 0")
-    return Range(low, high, scale)
-
-
-def _choices(cursor: Cursor, name: str) -> tuple[Any, ...]:
-    items = _items(cursor)
-    with cursor.errors():
-        values = tuple(PARAMETERS[name].allowed.check(name, item.value) for item in items)
-    if not values:
-        raise cursor.refusal("holds no value")
-    if len(set(values)) < len(values):
-        raise cursor.refusal("holds a value twice")
-    return values
+    return checked_range(cursor, name, {"low": ends[0], "high": ends[1]}, **more)
 
 
 def _target(item: Cursor, fixed: Mapping[str, Any]) -> FitTarget:
-    entries = _entries(item, _TARGET, "an entry of a target", ("figure", "value", "tolerance"))
+    entries = read_mapping(item, _TARGET, ("figure", "value", "tolerance"))
     measure = _measure(item, entries)
     least = -_GREATEST if measure.figure in SIGNED else 0.0
     value = float(entries["value"].check(Quantity(measure.unit, "", least, _GREATEST)))
@@ -328,10 +285,8 @@ def _tolerance(cursor: Cursor, value: float, unit: str) -> float:
 
 def _data_targets(item: Cursor, fixed: Mapping[str, Any], folder: Path) -> list[FitTarget]:
     """Return the targets of an entry of ``data``: the figures of a bag or a CSV file."""
-    if not isinstance(item.value, Mapping):
-        raise item.refusal("is missing" if item.value is None else "holds no mapping")
+    entries = read_mapping(item, _DATA)
     own = _parameters(item.get("parameters", {}), item, fixed)
-    entries = _entries(item, _DATA)
     if ("bag" in entries) == ("csv" in entries):
         raise item.refusal("needs either bag or csv, the path of a file")
     file = entries["bag" if "bag" in entries else "csv"]

@@ -8,7 +8,7 @@ from collections.abc import Collection, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from rpud_sim.foundation.quantities import Flag, Quantity, shown_name
+from rpud_sim.foundation.quantities import Allowed, Choice, Flag, Quantity, Text, shown_name
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.foundation.yaml_files import Cursor, Source, open_yaml
 from rpud_sim.simulation.changes import Planned, check_commands, parse_commands
@@ -29,9 +29,19 @@ from rpud_sim.studies.sweep.specification import (
 
 MOST_SIMULATIONS = 10_000_000
 _MOST_BAGS = 100_000
-_MOST_SEED = 2**32
 _MOST_VALUES = 10_000  # in a list
-_DURATION = Quantity("s", "", 1e-9, 1e6)
+_PLAIN: Mapping[str, Allowed] = {
+    "design": Choice("", DESIGNS),
+    "points": Quantity("", "", 1, MOST_SIMULATIONS, whole=True),
+    "seed": Quantity("", "", 0, 2**32, whole=True),
+    "repeat": Quantity("", "", 1, 1_000_000, whole=True),
+    "duration": Quantity("s", "", 1e-9, 1e6),
+}
+_OF_RANGE: Mapping[str, Allowed] = {
+    "scale": Choice("", SCALES),
+    "points": Quantity("", "", 2, MOST_SIMULATIONS, whole=True),
+    "source": Text("", ""),
+}
 _TIME = Quantity("s", "", 0.0, 1e6)
 _NAME = re.compile(r"[a-z][a-z0-9_]{0,39}")
 _ENDS = ("minimum", "maximum")
@@ -56,33 +66,27 @@ def parse_specification(content: Any) -> SweepSpecification:
 
 def _specification(top: Cursor) -> SweepSpecification:
     names = [field.name for field in dataclasses.fields(SweepSpecification)]
-    top_errors = dataclasses.replace(top, label="the file")
-    if not isinstance(top.value, Mapping):
-        raise top_errors.refusal("holds no mapping")
-    entries = _mapping(top, names, ("design", "duration"))
-    design = _choice(entries["design"], DESIGNS)
-    points = _points(entries, design)
+    entries = read_mapping(top, names, ("design", "duration"))
+    plain = {name: entries[name].check(_PLAIN[name]) for name in _PLAIN if name in entries}
+    design = plain["design"]
+    _check_points(top, design, plain.get("points"))
     fixed = _parameters(top.get("fixed", {}))
-    swept = _mapping(top.get("swept", {}), _NAMES)
+    swept = read_mapping(top.get("swept", {}), _NAMES)
     for name, item in swept.items():
         if name in fixed:
             raise item.refusal("is fixed as well")
     ranges = {name: _range_or_values(item, name, design) for name, item in swept.items()}
     specification = SweepSpecification(
-        design,
-        points,
-        _whole(top.get("seed", 0), 0, _MOST_SEED),
-        _whole(top.get("repeat", 1), 1, 1_000_000),
-        float(entries["duration"].check(_DURATION)),
-        fixed,
-        ranges,
-        _names(top.get("figures", []), SWEEP_FIGURES) or tuple(FIGURES),
-        _cases(top.get("cases", {}), {*fixed, *swept}),
-        _faults(top.get("faults", [])),
-        _interval(entries["onset"]) if "onset" in entries else None,
-        _interval(entries["lasting"]) if "lasting" in entries else None,
-        _commands(top.get("commands", [])),
-        _names(top.get("bags", []), TOPICS),
+        **{"points": None, "seed": 0, "repeat": 1, **plain},
+        fixed=fixed,
+        swept=ranges,
+        figures=_names(top.get("figures", []), SWEEP_FIGURES) or tuple(FIGURES),
+        cases=_cases(top.get("cases", {}), {*fixed, *swept}),
+        faults=_faults(top.get("faults", [])),
+        onset=_interval(entries["onset"]) if "onset" in entries else None,
+        lasting=_interval(entries["lasting"]) if "lasting" in entries else None,
+        commands=_commands(top.get("commands", [])),
+        bags=_names(top.get("bags", []), TOPICS),
     )
     _check_design(top, specification)
     _check_times(top, specification)
@@ -149,25 +153,20 @@ def _check_drills(top: Cursor, specification: SweepSpecification) -> None:
                     check_supported(fault, drill)
 
 
-def _points(entries: Mapping[Any, Cursor], design: str) -> int | None:
-    given = entries.get("points")
+def _check_points(top: Cursor, design: str, points: int | None) -> None:
     if design == "grid":
-        if given is not None:
-            raise given.refusal("a grid has its points at each range of swept")
-        return None
-    if given is None:
-        missing = dataclasses.replace(entries["design"], label="points")
-        raise missing.refusal(f"is missing, the number of points of the {design} design")
-    points = _whole(given, 1, MOST_SIMULATIONS)
-    if design in ("sobol", "saltelli") and points & (points - 1):
-        raise given.refusal(f"{points} is no power of two, as a {design} design needs")
-    if design == "saltelli" and points < 2:
-        raise given.refusal("a saltelli design needs at least 2")
-    return points
+        if points is not None:
+            raise top.refusal("points: a grid has its points at each range of swept")
+    elif points is None:
+        raise top.refusal(f"points: is missing, the number of points of the {design} design")
+    elif design in ("sobol", "saltelli") and points & (points - 1):
+        raise top.refusal(f"points: {points} is no power of two, as a {design} design needs")
+    elif design == "saltelli" and points < 2:
+        raise top.refusal("points: a saltelli design needs at least 2")
 
 
 def _parameters(cursor: Cursor, taken: Collection[str] = ()) -> dict[str, Any]:
-    values = _mapping(cursor, _NAMES)
+    values = read_mapping(cursor, _NAMES)
     for name, item in values.items():
         if name in taken:
             raise item.refusal("is given elsewhere as well")
@@ -176,12 +175,12 @@ def _parameters(cursor: Cursor, taken: Collection[str] = ()) -> dict[str, Any]:
 
 def _cases(cursor: Cursor, taken: Collection[str]) -> dict[str, Case]:
     cases: dict[str, Case] = {}
-    for name, item in _mapping(cursor).items():
+    for name, item in read_mapping(cursor).items():
         if not (isinstance(name, str) and _NAME.fullmatch(name)):
             raise item.refusal(
                 "is not a name: lower-case letters, digits and underscores, at most 40"
             )
-        values = {key: each.value for key, each in _mapping(item).items()}
+        values = {key: each.value for key, each in read_mapping(item).items()}
         commands = _commands(item.get("commands", []))
         values.pop("commands", None)
         own = dataclasses.replace(item, value=values)
@@ -229,7 +228,7 @@ def _faults(cursor: Cursor) -> dict[str, Fault]:
 
 
 def _interval(cursor: Cursor) -> TimeInterval:
-    values = _mapping(cursor, _ENDS, _ENDS)
+    values = read_mapping(cursor, _ENDS, _ENDS)
     low, high = (float(values[end].check(_TIME)) for end in _ENDS)
     if not low <= high:
         raise cursor.refusal(f"minimum {low:g} is above maximum {high:g}")
@@ -238,30 +237,32 @@ def _interval(cursor: Cursor) -> TimeInterval:
 
 def _range_or_values(cursor: Cursor, name: str, design: str) -> Range | Values:
     if isinstance(cursor.value, list):
-        return _values(cursor, name)
+        return Values(read_values(cursor, name))
     if not isinstance(cursor.value, Mapping):
         raise cursor.refusal("{shown} is neither a list nor minimum and maximum")
     allowed = PARAMETERS[name].allowed
     if not isinstance(allowed, Quantity) or allowed.whole:
         raise cursor.refusal("has no range; give a list of its choices")
     needed = (*_ENDS, *(["points"] if design == "grid" else []))
-    entries = _mapping(cursor, (*needed, "scale", "source"), needed)
-    low, high = (float(_checked(entries[end], name, entries[end].value)) for end in _ENDS)
+    entries = read_mapping(cursor, (*needed, "scale", "source"), needed)
+    more = {key: entries[key].check(_OF_RANGE[key]) for key in _OF_RANGE if key in entries}
+    return checked_range(cursor, name, {end: entries[end].value for end in _ENDS}, **more)
+
+
+def checked_range(cursor: Cursor, name: str, ends: Mapping[str, Any], **more: Any) -> Range:
+    """Return the range of a parameter between two ends, given by their names in the file."""
+    (first, _), (last, _) = ends.items()
+    low, high = (float(_checked(cursor, name, value)) for value in ends.values())
     if not low < high:
-        raise cursor.refusal(f"minimum {low:g} is not below maximum {high:g}")
-    scale = _choice(cursor.get("scale", "linear"), SCALES)
-    if scale == "log" and not low > 0.0:
-        raise entries["minimum"].refusal(f"{low:g} has no logarithm; it must be above 0")
-    points = cursor.get("points")
-    count = None if points.value is None else _whole(points, 2, MOST_SIMULATIONS)
-    source = cursor.get("source", "")
-    if not isinstance(source.value, str):
-        raise source.refusal("{shown} is not a text")
-    return Range(low, high, scale, count, source.value)
+        raise cursor.refusal(f"{first} {low:g} is not below {last} {high:g}")
+    if more.get("scale") == "log" and not low > 0.0:
+        raise cursor.refusal(f"{first} {low:g} has no logarithm; it must be above 0")
+    return Range(low, high, **more)
 
 
-def _values(cursor: Cursor, name: str) -> Values:
-    items = cursor.sequence()
+def read_values(cursor: Cursor, name: str) -> tuple[Any, ...]:
+    """Return the values of a parameter in a list."""
+    items = cursor.sequence(other="{shown} is not a list of values")
     if not items:
         raise cursor.refusal("holds no value")
     if len(items) > _MOST_VALUES:
@@ -269,7 +270,7 @@ def _values(cursor: Cursor, name: str) -> Values:
     values = tuple(_checked(item, name, item.value) for item in items)
     if len(set(values)) < len(values):
         raise cursor.refusal("holds a value twice")
-    return Values(values)
+    return values
 
 
 def _checked(place: Cursor, name: str, value: Any) -> Any:
@@ -291,22 +292,10 @@ def _names(cursor: Cursor, known: Iterable[str]) -> tuple[str, ...]:
     return tuple(name for name in known if name in cursor.value)
 
 
-def _mapping(
+def read_mapping(
     cursor: Cursor, known: Iterable[str] | None = None, needed: Iterable[str] = ()
 ) -> dict[Any, Cursor]:
-    return cursor.mapping(
-        known, needed, other="holds no mapping", unknown="is unknown; {hint}", missing="is missing"
-    )
-
-
-def _choice(cursor: Cursor, choices: tuple[str, ...]) -> str:
-    if not (isinstance(cursor.value, str) and cursor.value in choices):
-        raise cursor.refusal("{shown} is not one of {names}", choices)
-    return str(cursor.value)
-
-
-def _whole(cursor: Cursor, least: int, most: int) -> int:
-    value = cursor.value
-    if not isinstance(value, int) or isinstance(value, bool) or not least <= value <= most:
-        raise cursor.refusal(f"{{shown}} is no whole number from {least} to {most}")
-    return value
+    """Return the values of a mapping by key, of which some are ``known`` and some are needed."""
+    texts = {"unknown": "is unknown; {hint}", "missing": "is missing"}
+    other = "holds no mapping" if cursor.name else "the file: holds no mapping"
+    return cursor.mapping(known, needed, other=other, **texts)

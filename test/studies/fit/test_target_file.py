@@ -67,12 +67,12 @@ targets:
 @pytest.mark.parametrize(
     ("content", "complaint"),
     [
-        (None, "is empty"),
-        (changed(target=1), "target is not an entry; did you mean targets?"),
+        (None, "the file: holds no mapping"),
+        (changed(target=1), "target: is unknown; did you mean targets?"),
         (changed(unknowns={}), "unknowns: holds no parameter with bounds"),
         (target(hold_out=True), "targets: holds no target that the fit may use"),
         (changed(points=100), "points = 100 is no power of two"),
-        (changed(parameters={"gravty": 1}), "parameters.gravty is not a parameter; did you mean g"),
+        (changed(parameters={"gravty": 1}), "parameters.gravty: is unknown; did you mean g"),
         (changed(parameters={"weight_on_bit": 1}), "unknowns.weight_on_bit: is among the param"),
         (unknown("weight_on_bit", [2, 1]), "unknowns.weight_on_bit: low 2 is not below high 1"),
         (unknown("weight_on_bit", 2), "unknowns.weight_on_bit: 2 is not of the form [low, high]"),
