@@ -11,8 +11,31 @@ from numpy.lib.format import dtype_to_descr, write_array_header_1_0
 
 from rpud_sim.bag.columns import Column, Kind
 from rpud_sim.foundation.json_values import to_json
+from rpud_sim.inspection import InspectionError
 
-_VARYING = (Kind.SEQUENCE, Kind.TEXT, Kind.NESTED)
+_MOST_TEXT = 2**31 - 1  # of a batch [bytes], for offsets of 32 bits
+
+
+def packed(column: Column, values: Any, as_text: bool) -> tuple[np.ndarray, np.ndarray]:
+    """Return where each value begins and the last one ends, and all values one after the other.
+
+    Texts are UTF-8 bytes; ``as_text`` writes other values as JSON.
+    """
+    if not as_text:
+        ends = np.cumsum([0, *map(len, values)])
+        return ends, np.concatenate([np.empty(0, column.dtype), *values])
+    texts = np.empty(len(values), object)
+    texts[:] = values if column.kind is Kind.TEXT else [to_json(value) for value in values]
+    # Rows of a block have the same text.
+    starts = np.flatnonzero(np.append([True], texts[1:] != texts[:-1])[: len(texts)])
+    counts = np.diff(starts, append=len(texts))
+    parts = [text.encode() for text in texts[starts]]
+    sizes = np.array([*map(len, parts)], np.int64)
+    if int((sizes * counts).sum()) > _MOST_TEXT:
+        raise InspectionError(f"column {column.name:.80}: a batch has more than 2 GiB of text")
+    data = b"".join(part * count for part, count in zip(parts, counts.tolist(), strict=True))
+    ends = np.cumsum(np.append([0], np.repeat(sizes, counts)))
+    return ends, np.frombuffer(data, np.uint8)
 
 
 class NumpyFolder:
@@ -25,43 +48,36 @@ class NumpyFolder:
     """
 
     def __init__(self, path: Path, columns: Sequence[Column], metadata: Mapping[str, Any]) -> None:
-        self._columns = columns
         path.mkdir()
+        self._columns = columns
         self._files: dict[str, _GrowingFile] = {}
         for column in columns:
-            name = column.name
-            if column.kind in _VARYING:
-                dtype = column.dtype if column.kind is Kind.SEQUENCE else np.dtype(np.uint8)
-                self._files[name] = _GrowingFile(path / f"{name}.npy", dtype)
-                offsets = _GrowingFile(path / f"{name}.offsets.npy", np.dtype(np.int64))
+            text = column.kind in (Kind.TEXT, Kind.NESTED)
+            dtype = np.dtype(np.uint8) if text else column.dtype
+            shape = (column.length,) if column.kind is Kind.ARRAY else ()
+            self._add(path, column.name, dtype, shape)
+            if text or column.kind is Kind.SEQUENCE:
+                offsets = self._add(path, f"{column.name}.offsets", np.dtype(np.int64))
                 offsets.write(np.zeros(1, np.int64))
-                self._files[f"{name}.offsets"] = offsets
-            else:
-                shape = (column.length,) if column.kind is Kind.ARRAY else ()
-                self._files[name] = _GrowingFile(path / f"{name}.npy", column.dtype, shape)
         self.paths = [file.path for file in self._files.values()]
+
+    def _add(
+        self, path: Path, name: str, dtype: np.dtype, shape: tuple[int, ...] = ()
+    ) -> _GrowingFile:
+        file = self._files[name] = _GrowingFile(path / f"{name}.npy", dtype, shape)
+        return file
 
     def write(self, values: Mapping[str, np.ndarray]) -> None:
         for column in self._columns:
-            file = self._files[column.name]
-            found = values[column.name]
-            if column.kind in _VARYING:
-                lengths, found = _concatenate(column, found)
-                ends = file.length + np.cumsum(lengths, dtype=np.int64)
-                self._files[f"{column.name}.offsets"].write(ends)
+            file, found = self._files[column.name], values[column.name]
+            if (offsets := self._files.get(f"{column.name}.offsets")) is not None:
+                ends, found = packed(column, found, column.kind is not Kind.SEQUENCE)
+                offsets.write(file.length + ends[1:])
             file.write(found)
 
     def close(self) -> None:
         for file in self._files.values():
             file.close()
-
-
-def _concatenate(column: Column, values: np.ndarray) -> tuple[list[int], np.ndarray]:
-    if column.kind is Kind.SEQUENCE:
-        return [*map(len, values)], np.concatenate([np.empty(0, column.dtype), *values])
-    texts = values if column.kind is Kind.TEXT else map(to_json, values)
-    encoded = [text.encode() for text in texts]
-    return [*map(len, encoded)], np.frombuffer(b"".join(encoded), np.uint8)
 
 
 class _GrowingFile:
@@ -70,18 +86,17 @@ class _GrowingFile:
     It is not kept open: a bag may have more columns than a process may have open files.
     """
 
-    def __init__(self, path: Path, dtype: np.dtype, shape: tuple[int, ...] = ()) -> None:
+    def __init__(self, path: Path, dtype: np.dtype, shape: tuple[int, ...]) -> None:
         self.path = path  # of the file
-        self.dtype = dtype  # of its numbers
         self.length = 0  # rows so far
-        self._shape = shape
+        self._dtype, self._shape = dtype, shape
         with path.open("xb") as stream:
             self._write_header(stream)
             self._begin = stream.tell()
 
     def write(self, values: np.ndarray) -> None:
         with self.path.open("ab") as stream:
-            stream.write(np.ascontiguousarray(values, self.dtype).data)
+            stream.write(np.ascontiguousarray(values, self._dtype).data)
         self.length += len(values)
 
     def close(self) -> None:
@@ -92,5 +107,5 @@ class _GrowingFile:
 
     def _write_header(self, stream: Any) -> None:
         shape = (self.length, *self._shape)
-        descr = dtype_to_descr(self.dtype)
+        descr = dtype_to_descr(self._dtype)
         write_array_header_1_0(stream, {"descr": descr, "fortran_order": False, "shape": shape})
