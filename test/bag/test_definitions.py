@@ -50,13 +50,14 @@ def test_dependencies_follow_in_order_once_each(prefix):
     assert parts[2] == "MSG: b_msgs/Leaf\nint8 LEAF=1\nuint8 y"
 
 
-def test_earlier_prefixes_win(prefix, tmp_path, monkeypatch):
-    overlay = tmp_path / "overlay"
-    file = overlay / "share" / "b_msgs" / "msg" / "Leaf.msg"
+@pytest.mark.parametrize("name", ["b_msgs/Leaf", "std_msgs/Header"])
+def test_earlier_prefixes_win_and_those_of_the_package_are_last(prefix, monkeypatch, name):
+    package, message = name.split("/")
+    file = prefix / "overlay" / "share" / package / "msg" / f"{message}.msg"
     file.parent.mkdir(parents=True)
     file.write_text("int16 other\n")
-    monkeypatch.setenv("AMENT_PREFIX_PATH", f"{overlay}:{prefix}")
-    assert find_definition("b_msgs/msg/Leaf") == "int16 other\n"
+    monkeypatch.setenv("AMENT_PREFIX_PATH", f"{prefix / 'overlay'}:{prefix}")
+    assert find_definition(f"{package}/msg/{message}") == "int16 other\n"
 
 
 @pytest.mark.parametrize("name", ["a_msgs/msg/Missing", "Outer", "a/b/c/d", "../a/Outer", ""])
@@ -116,14 +117,6 @@ def test_without_ros_fields_and_hash_are_the_same(name, monkeypatch):
     installed = fields(find_definition(name)), find_type_hash(name)
     monkeypatch.delenv("AMENT_PREFIX_PATH")
     assert (fields(find_definition(name)), find_type_hash(name)) == installed
-
-
-def test_what_is_installed_wins_over_the_package_s_own(prefix, monkeypatch):
-    file = prefix / "share" / "std_msgs" / "msg" / "Header.msg"
-    file.parent.mkdir(parents=True)
-    file.write_text("int8 other\n")
-    monkeypatch.setenv("AMENT_PREFIX_PATH", str(prefix))
-    assert find_definition("std_msgs/msg/Header") == "int8 other\n"
 
 
 def test_a_definition_without_a_description_gets_its_hash_calculated(prefix):

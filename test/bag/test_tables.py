@@ -2,6 +2,7 @@
 
 import builtins
 import math
+import re
 import tracemalloc
 
 import numpy as np
@@ -9,6 +10,7 @@ import pandas as pd
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from mcap.writer import CompressionType
 from sample_bags import (
     SECOND,
     START,
@@ -234,14 +236,13 @@ def test_memory_stays_bounded_while_the_bag_grows(tmp_path, monkeypatch):
     monkeypatch.setattr("rpud_sim.bag.tables.TOTAL_SIZE", 900_000)
 
     def peak(count):
-        with BagWriter(tmp_path / str(count), compression="none", chunk_size=500_000) as bag:
-            for number in range(5):
-                bag.add_topic(Topic(f"/talk{number}", TALK.type), STRING_DEFINITION)
-            for number in range(count):
-                bag.write(f"/talk{number % 5}", serialized_string("x" * 2000), number, 0)
+        data = serialized_string("x" * 2000)
+        entries = [(f"/talk{number % 5}", number, data) for number in range(count)]
+        path = tmp_path / f"{count}.mcap"
+        write_mcap(path, entries, compression=CompressionType.NONE, chunk_size=500_000)
         tracemalloc.start()
         try:
-            with rpud_sim.bag.open(tmp_path / str(count)) as bag:
+            with rpud_sim.bag.open(path) as bag:
                 assert sum(len(batch) for batch in bag.batches()) == count
             return tracemalloc.get_traced_memory()[1]
         finally:
@@ -253,10 +254,10 @@ def test_memory_stays_bounded_while_the_bag_grows(tmp_path, monkeypatch):
 
 def test_a_type_without_fields_is_a_table_of_times(tmp_path):
     # As std_msgs/msg/Empty: its definition is an empty text, not one that is unknown.
-    with BagWriter(tmp_path / "run") as bag:
-        bag.add_topic(Topic("/e", "std_msgs/msg/Empty"), "")
-        bag.write("/e", b"\x00\x01\x00\x00\x00", START + 1, START)
-    with rpud_sim.bag.open(tmp_path / "run") as bag:
+    entries = [("/e", START + 1, b"\x00\x01\x00\x00\x00")]
+    kind = {"kind": "std_msgs/msg/Empty", "definitions": {"/e": ""}}
+    path = write_mcap(tmp_path / "run.mcap", entries, **kind)
+    with rpud_sim.bag.open(path) as bag:
         assert bag.left_out == {}
         columns = bag.arrays("/e")
     assert {name: list(values) for name, values in columns.items()} == {
@@ -279,22 +280,17 @@ def test_a_type_that_changed_within_a_bag_is_not_read_as_the_first(tmp_path):
         assert bag.left_out == {"/a": "its messages are of several types or definitions"}
 
 
-def write_odd(path):
-    """A bag with topics that cannot be tables, and one that can."""
-    wide = "\n".join(f"float64 f{number}" for number in range(11))
+def test_what_cannot_be_a_table_is_left_out_with_its_reason(tmp_path, monkeypatch):
+    path = tmp_path / "odd"
     with BagWriter(path) as bag:
         bag.add_topic(TALK, STRING_DEFINITION)
         bag.add_topic(Topic("/untold", "pkg/msg/Untold"))
         bag.add_topic(Topic("/wrong", "pkg/msg/Wrong"), "this is no definition !")
+        wide = "\n".join(f"float64 f{number}" for number in range(11))
         bag.add_topic(Topic("/wide", "pkg/msg/Wide"), wide)
     write_mcap(path / "odd_1.mcap", [("/json", 1, b"{}")], encoding="json")
-    return path
-
-
-def test_what_cannot_be_a_table_is_left_out_with_its_reason(tmp_path, monkeypatch):
-    monkeypatch.setattr("rpud_sim.bag.columns.COLUMNS_LIMIT", 10)
-    path = write_odd(tmp_path / "odd")
     (path / "metadata.yaml").unlink()
+    monkeypatch.setattr("rpud_sim.bag.columns.COLUMNS_LIMIT", 10)
     reasons = {
         "/json": "its messages are 'json'; only 'cdr' is read",
         "/untold": "the bag does not hold the definition of its type",
@@ -311,45 +307,39 @@ def test_what_cannot_be_a_table_is_left_out_with_its_reason(tmp_path, monkeypatc
                 bag.arrays(topic)
 
 
-def test_a_damaged_message_is_an_error_that_names_its_topic(tmp_path):
-    with BagWriter(tmp_path / "bag") as bag:
-        bag.add_topic(TALK, STRING_DEFINITION)
-        bag.write(TALK.name, b"\x00\x01\x00\x00\xff\xff", START, START)
-    with (
-        rpud_sim.bag.open(tmp_path / "bag") as bag,
-        pytest.raises(BagFormatError, match=r"bag: /rpud/talk: a message of std_msgs/msg/String"),
-    ):
-        bag.arrays(TALK.name)
-
-
-def test_a_time_that_is_none_is_an_error(tmp_path):
-    path = write_mcap(tmp_path / "far.mcap", [("/a", 2**63, serialized_string("far"))])
-    with (
-        rpud_sim.bag.open(path) as bag,
-        pytest.raises(BagFormatError, match=r"/a: a message does not fit its columns"),
-    ):
-        bag.arrays("/a")
-
-
-def test_blocks_of_unequal_arrays_are_an_error(tmp_path):
+def waveform(counts):
+    """Return a message of a waveform with so many values of each kind, in turn."""
     kind = "rpud_msgs/msg/Waveform"
     definition = find_definition(kind)
-    values = {name: np.zeros(3) for name in ("nodal_plane_position", "actuator_position")}
-    values |= {name: np.zeros(3) for name in ("free_mass_position", "drill_tool_displacement")}
+    names = re.findall(r"^float64\[\] (\w+)", definition, re.MULTILINE)
     header = {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": ""}
-    fields = {"header": header, "sequence": 0, "sample_period": 0.1, **values}
-    with BagWriter(tmp_path / "bag") as bag:
-        bag.add_topic(Topic("/w", kind), definition)
-        forces = {"contact_force": np.zeros(3), "reacting_force": np.zeros(2)}
-        data = serialized(kind, definition, {**fields, **forces})
-        bag.write("/w", data, START, START)
+    fields = dict(zip(names, map(np.zeros, counts), strict=True))
+    fields |= {"header": header, "sequence": 0, "sample_period": 0.1}
+    return kind, definition, serialized(kind, definition, fields)
+
+
+STRINGS = (TALK.type, STRING_DEFINITION)
+
+
+@pytest.mark.parametrize(
+    ("kind", "definition", "data", "time", "complaint"),
+    [
+        (*STRINGS, b"\0\1\0\0\xff\xff", START, "a message of std_msgs/msg/String"),
+        (*STRINGS, serialized_string("far"), 2**63, "a message does not fit its columns"),
+        (*waveform([3, 3, 3, 3, 3, 2]), START, r"\w+ has 2 values, and \w+ 3"),
+    ],
+)
+def test_a_damaged_message_is_an_error_that_names_its_topic(
+    tmp_path, kind, definition, data, time, complaint
+):
+    path = write_mcap(
+        tmp_path / "a.mcap", [("/a", time, data)], kind=kind, definitions={"/a": definition}
+    )
     with (
-        rpud_sim.bag.open(tmp_path / "bag") as bag,
-        pytest.raises(
-            BagFormatError, match=r"/w: reacting_force has 2 values, and nodal_plane_position 3"
-        ),
+        rpud_sim.bag.open(path) as bag,
+        pytest.raises(BagFormatError, match=rf"a\.mcap: /a: {complaint}"),
     ):
-        bag.arrays("/w")
+        bag.arrays("/a")
 
 
 def test_without_pandas_a_frame_is_one_clear_line(tmp_path, monkeypatch):
