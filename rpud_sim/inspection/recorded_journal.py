@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections import OrderedDict
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from functools import cache
 from itertools import groupby
 
@@ -15,7 +15,6 @@ from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.columns import Kind, columns_of
 from rpud_sim.bag.definitions import find_definition, find_type_hash
 from rpud_sim.bag.field_values import FieldReader
-from rpud_sim.bag.messages import MessageBlock
 from rpud_sim.foundation.time import NEVER, join_seconds
 from rpud_sim.inspection import InspectionError
 from rpud_sim.simulation.journal import STARTS, JournalEntry
@@ -155,43 +154,48 @@ def wrong_header(
     return None
 
 
-class ProgressReader:
-    """Reader of what the messages of one topic show of the progress of a drill."""
+# Progress of a drill at one message. Times are in nanoseconds. Only a status says whether the drill
+# stopped, and counts the journal's entries so far: -1 elsewhere.
+PROGRESS = np.dtype(
+    [
+        ("log_time", np.uint64),
+        ("published", np.int64),
+        ("stamp", np.int64),
+        ("status", np.bool_),
+        ("stopped", np.bool_),
+        ("entries", np.int64),
+    ]
+)
 
-    # Only a status says whether the drill stopped, and counts the journal's entries so far: -1
-    # elsewhere. Times are in nanoseconds.
-    DTYPE = np.dtype(
-        [
-            ("log_time", np.uint64),
-            ("published", np.int64),
-            ("stamp", np.int64),
-            ("status", np.bool_),
-            ("stopped", np.bool_),
-            ("entries", np.int64),
-        ]
-    )
 
-    def __init__(self, codec: Codec) -> None:
+def recorded_progress(
+    bag: BagReader, codecs: Mapping[str, Codec], start: int, duration: int | None = None
+) -> Iterator[tuple[str, np.ndarray]]:
+    """Yield topics, and ``PROGRESS`` (n,) at some of their messages, those that can be read.
+
+    ``start`` counts from the beginning of the bag [ns].
+    """
+    readers = {}
+    for topic, codec in codecs.items():
         wanted = {"header.stamp": Kind.TIME}
         if codec.type_name == TOPICS["status"].type:
             wanted |= {"state": Kind.TEXT, "journal_entries": Kind.NUMBER}
         columns = [c for c in columns_of(codec, "") if wanted.get(c.attribute) is c.kind]
-        self._names = {column.attribute: column.name for column in columns}
-        self._reader = FieldReader(codec, columns)
-
-    def read(self, block: MessageBlock) -> np.ndarray:
-        """Return the progress at messages (n,), without those that cannot be read."""
-        if "header.stamp" not in self._names:
-            return np.empty(0, self.DTYPE)
-        values = self._reader.read(block)
-        columns = {attribute: values.columns[name] for attribute, name in self._names.items()}
-        found = np.zeros(len(values.rows), self.DTYPE)
+        names = {column.attribute: column.name for column in columns}
+        if "header.stamp" in names:
+            readers[topic] = names, FieldReader(codec, columns)
+    for block in bag.blocks(readers.keys(), start, duration):
+        names, reader = readers[block.topic]
+        values = reader.read(block)
+        held = {attribute: values.columns[name] for attribute, name in names.items()}
+        found = np.zeros(len(values.rows), PROGRESS)
         found["log_time"] = block.log_times[values.rows]
         found["published"] = block.publish_times[values.rows]
-        found["stamp"] = columns["header.stamp"]
+        found["stamp"] = held["header.stamp"]
         found["entries"] = -1
-        if "state" in columns:
-            found["status"] = columns["state"] != ""
-            found["stopped"] = columns["state"] == _STOPPED
-            found["entries"] = columns.get("journal_entries", -1)
-        return found
+        if "state" in held:
+            found["status"] = held["state"] != ""
+            found["stopped"] = held["state"] == _STOPPED
+            found["entries"] = held.get("journal_entries", -1)
+        if len(found):
+            yield block.topic, found
