@@ -25,6 +25,7 @@ from rpud_sim.inspection.recorded_journal import (
     ProgressReader,
     Recorded,
     UnverifiableError,
+    held_journals,
     installed_codec,
     journal_codec,
     journal_entries,
@@ -252,15 +253,7 @@ def find_run(
 
 
 def _journal(bag: BagReader, wanted: str | None) -> TopicSummary:
-    found = {
-        summary.topic.name: summary
-        for summary in bag.topics
-        if summary.topic.type == JOURNAL and summary.message_count
-    }
-    if not found:
-        raise InspectionError(
-            f"{bag.path} holds no journal; record the topic journal, or all of the namespace"
-        )
+    found = held_journals(bag)
     names = ", ".join(found)
     if wanted is None and len(found) > 1:
         raise InspectionError(f"{bag.path} holds several journals: choose with --topic of {names}")

@@ -10,7 +10,7 @@ from itertools import groupby
 
 import numpy as np
 
-from rpud_sim.bag import BagFormatError, Message, TopicSummary
+from rpud_sim.bag import BagFormatError, BagReader, Message, TopicSummary
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.columns import Kind, columns_of
 from rpud_sim.bag.definitions import find_definition, find_type_hash
@@ -40,6 +40,16 @@ class UnverifiableError(InspectionError):
 def installed_codec(type_name: str) -> Codec:
     """Return the codec of a type as it is installed here; making one takes long."""
     return Codec(type_name, find_definition(type_name))
+
+
+def held_journals(bag: BagReader) -> dict[str, TopicSummary]:
+    """Return the journals that have messages, by name, at least one."""
+    held = {s.topic.name: s for s in bag.topics if s.topic.type == JOURNAL and s.message_count}
+    if not held:
+        raise UnverifiableError(
+            f"{bag.path} holds no journal; record the topic journal, or all of the namespace"
+        )
+    return held
 
 
 def journal_codec(summary: TopicSummary) -> Codec:
@@ -162,31 +172,26 @@ class ProgressReader:
     )
 
     def __init__(self, codec: Codec) -> None:
-        columns = {column.attribute: column for column in columns_of(codec, "")}
-        status = codec.type_name == TOPICS["status"].type
-
-        def name(attribute: str, kind: Kind, *, held: bool = True) -> str:
-            column = columns.get(attribute) if held else None
-            return column.name if column and column.kind is kind else ""
-
-        self._stamp = name("header.stamp", Kind.TIME)
-        self._state = name("state", Kind.TEXT, held=status)
-        self._entries = name("journal_entries", Kind.NUMBER, held=bool(self._state))
-        wanted = {self._stamp, self._state, self._entries}
-        self._reader = FieldReader(codec, [c for c in columns.values() if c.name in wanted])
+        wanted = {"header.stamp": Kind.TIME}
+        if codec.type_name == TOPICS["status"].type:
+            wanted |= {"state": Kind.TEXT, "journal_entries": Kind.NUMBER}
+        columns = [c for c in columns_of(codec, "") if wanted.get(c.attribute) is c.kind]
+        self._names = {column.attribute: column.name for column in columns}
+        self._reader = FieldReader(codec, columns)
 
     def read(self, block: MessageBlock) -> np.ndarray:
         """Return the progress at messages (n,), without those that cannot be read."""
-        if not self._stamp:
+        if "header.stamp" not in self._names:
             return np.empty(0, self.DTYPE)
         values = self._reader.read(block)
+        columns = {attribute: values.columns[name] for attribute, name in self._names.items()}
         found = np.zeros(len(values.rows), self.DTYPE)
         found["log_time"] = block.log_times[values.rows]
         found["published"] = block.publish_times[values.rows]
-        found["stamp"] = values.columns[self._stamp]
-        found["entries"] = values.columns[self._entries] if self._entries else -1
-        if self._state:
-            states = values.columns[self._state]
-            found["status"] = states != ""
-            found["stopped"] = states == _STOPPED
+        found["stamp"] = columns["header.stamp"]
+        found["entries"] = -1
+        if "state" in columns:
+            found["status"] = columns["state"] != ""
+            found["stopped"] = columns["state"] == _STOPPED
+            found["entries"] = columns.get("journal_entries", -1)
         return found
