@@ -22,12 +22,13 @@ from rpud_sim.inspection import InspectionError
 from rpud_sim.inspection.output import Damages
 from rpud_sim.inspection.recorded_journal import (
     JOURNAL,
-    ProgressReader,
     Recorded,
     UnverifiableError,
+    held_journals,
     installed_codec,
     journal_codec,
     journal_entries,
+    recorded_progress,
 )
 from rpud_sim.simulation.block import boundaries_until, boundary
 from rpud_sim.simulation.journal import JournalEntry
@@ -252,15 +253,7 @@ def find_run(
 
 
 def _journal(bag: BagReader, wanted: str | None) -> TopicSummary:
-    found = {
-        summary.topic.name: summary
-        for summary in bag.topics
-        if summary.topic.type == JOURNAL and summary.message_count
-    }
-    if not found:
-        raise InspectionError(
-            f"{bag.path} holds no journal; record the topic journal, or all of the namespace"
-        )
+    found = held_journals(bag)
     names = ", ".join(found)
     if wanted is None and len(found) > 1:
         raise InspectionError(f"{bag.path} holds several journals: choose with --topic of {names}")
@@ -306,16 +299,14 @@ def _stamps(
     bag: BagReader, prefix: str, start: int, duration: int | None = None
 ) -> Iterator[tuple[str, np.ndarray]]:
     """Yield topics and stamps of the messages that show the progress of a drill."""
-    readers: dict[str, ProgressReader] = {}
+    codecs: dict[str, Codec] = {}
     for summary in bag.topics:
         name = summary.topic.name
         if name.startswith(prefix) and name[len(prefix) :] in PROVED and summary.definition:
             with suppress(BagFormatError):
-                readers[name] = ProgressReader(Codec(summary.topic.type, summary.definition))
-    for block in bag.blocks(readers.keys(), start, duration):
-        stamps = readers[block.topic].read(block)["stamp"]
-        if len(stamps):
-            yield block.topic, stamps
+                codecs[name] = Codec(summary.topic.type, summary.definition)
+    for topic, progress in recorded_progress(bag, codecs, start, duration):
+        yield topic, progress["stamp"]
 
 
 def find_drill(

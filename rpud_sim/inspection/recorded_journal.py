@@ -4,18 +4,17 @@ from __future__ import annotations
 
 import json
 from collections import OrderedDict
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from functools import cache
 from itertools import groupby
 
 import numpy as np
 
-from rpud_sim.bag import BagFormatError, Message, TopicSummary
+from rpud_sim.bag import BagFormatError, BagReader, Message, TopicSummary
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.columns import Kind, columns_of
 from rpud_sim.bag.definitions import find_definition, find_type_hash
 from rpud_sim.bag.field_values import FieldReader
-from rpud_sim.bag.messages import MessageBlock
 from rpud_sim.foundation.time import NEVER, join_seconds
 from rpud_sim.inspection import InspectionError
 from rpud_sim.simulation.journal import STARTS, JournalEntry
@@ -40,6 +39,16 @@ class UnverifiableError(InspectionError):
 def installed_codec(type_name: str) -> Codec:
     """Return the codec of a type as it is installed here; making one takes long."""
     return Codec(type_name, find_definition(type_name))
+
+
+def held_journals(bag: BagReader) -> dict[str, TopicSummary]:
+    """Return the journals that have messages, by name, at least one."""
+    held = {s.topic.name: s for s in bag.topics if s.topic.type == JOURNAL and s.message_count}
+    if not held:
+        raise UnverifiableError(
+            f"{bag.path} holds no journal; record the topic journal, or all of the namespace"
+        )
+    return held
 
 
 def journal_codec(summary: TopicSummary) -> Codec:
@@ -145,48 +154,48 @@ def wrong_header(
     return None
 
 
-class ProgressReader:
-    """Reader of what the messages of one topic show of the progress of a drill."""
+# Progress of a drill at one message. Times are in nanoseconds. Only a status says whether the drill
+# stopped, and counts the journal's entries so far: -1 elsewhere.
+PROGRESS = np.dtype(
+    [
+        ("log_time", np.uint64),
+        ("published", np.int64),
+        ("stamp", np.int64),
+        ("status", np.bool_),
+        ("stopped", np.bool_),
+        ("entries", np.int64),
+    ]
+)
 
-    # Only a status says whether the drill stopped, and counts the journal's entries so far: -1
-    # elsewhere. Times are in nanoseconds.
-    DTYPE = np.dtype(
-        [
-            ("log_time", np.uint64),
-            ("published", np.int64),
-            ("stamp", np.int64),
-            ("status", np.bool_),
-            ("stopped", np.bool_),
-            ("entries", np.int64),
-        ]
-    )
 
-    def __init__(self, codec: Codec) -> None:
-        columns = {column.attribute: column for column in columns_of(codec, "")}
-        status = codec.type_name == TOPICS["status"].type
+def recorded_progress(
+    bag: BagReader, codecs: Mapping[str, Codec], start: int, duration: int | None = None
+) -> Iterator[tuple[str, np.ndarray]]:
+    """Yield topics, and ``PROGRESS`` (n,) at some of their messages, those that can be read.
 
-        def name(attribute: str, kind: Kind, *, held: bool = True) -> str:
-            column = columns.get(attribute) if held else None
-            return column.name if column and column.kind is kind else ""
-
-        self._stamp = name("header.stamp", Kind.TIME)
-        self._state = name("state", Kind.TEXT, held=status)
-        self._entries = name("journal_entries", Kind.NUMBER, held=bool(self._state))
-        wanted = {self._stamp, self._state, self._entries}
-        self._reader = FieldReader(codec, [c for c in columns.values() if c.name in wanted])
-
-    def read(self, block: MessageBlock) -> np.ndarray:
-        """Return the progress at messages (n,), without those that cannot be read."""
-        if not self._stamp:
-            return np.empty(0, self.DTYPE)
-        values = self._reader.read(block)
-        found = np.zeros(len(values.rows), self.DTYPE)
+    ``start`` counts from the beginning of the bag [ns].
+    """
+    readers = {}
+    for topic, codec in codecs.items():
+        wanted = {"header.stamp": Kind.TIME}
+        if codec.type_name == TOPICS["status"].type:
+            wanted |= {"state": Kind.TEXT, "journal_entries": Kind.NUMBER}
+        columns = [c for c in columns_of(codec, "") if wanted.get(c.attribute) is c.kind]
+        names = {column.attribute: column.name for column in columns}
+        if "header.stamp" in names:
+            readers[topic] = names, FieldReader(codec, columns)
+    for block in bag.blocks(readers.keys(), start, duration):
+        names, reader = readers[block.topic]
+        values = reader.read(block)
+        held = {attribute: values.columns[name] for attribute, name in names.items()}
+        found = np.zeros(len(values.rows), PROGRESS)
         found["log_time"] = block.log_times[values.rows]
         found["published"] = block.publish_times[values.rows]
-        found["stamp"] = values.columns[self._stamp]
-        found["entries"] = values.columns[self._entries] if self._entries else -1
-        if self._state:
-            states = values.columns[self._state]
-            found["status"] = states != ""
-            found["stopped"] = states == _STOPPED
-        return found
+        found["stamp"] = held["header.stamp"]
+        found["entries"] = -1
+        if "state" in held:
+            found["status"] = held["state"] != ""
+            found["stopped"] = held["state"] == _STOPPED
+            found["entries"] = held.get("journal_entries", -1)
+        if len(found):
+            yield block.topic, found

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from rpud_sim.foundation.quantities import ParameterError, did_you_mean, shown
+from rpud_sim.foundation.quantities import ParameterError, Quantity, did_you_mean, shown
 from rpud_sim.foundation.yaml_files import open_yaml
 from rpud_sim.verdicts.formulas import (
     Active,
@@ -141,6 +141,7 @@ _FORMS = {
 }
 _MAIN = tuple(dict.fromkeys(next(iter(form.fields)) for form in _FORMS.values()))
 _KEYS = ("name", "requirement", "expect")
+_SHARE = Quantity("", "", 0.0, 1.0, exclusive=True)
 
 _ATOM = re.compile(r"\s*(\S+)\s+(.*\S)\s*|\s*([A-Za-z/][\w./\[\]]*)\s*([<>=!].*\S)\s*", re.DOTALL)
 _COMPARED = re.compile(rf"(<=|>=|==|!=|<|>|=)\s*({NUMBER}[^+]*?)\s*(?:(?:\+-|±)\s*(.*\S))?")
@@ -269,9 +270,7 @@ def _fields(name: str, value: Any, path: Place) -> dict[str, Any]:
             raise ExpectationError(f"{path[-1]} = {shown(value)} is not a list", path)
         return {name: tuple(to_formula(part, (*path, n)) for n, part in enumerate(value))}
     if name == "share":
-        if isinstance(value, bool) or not isinstance(value, (int, float)):
-            raise ExpectationError(f"quantile = {shown(value)} is no number in (0, 1]", path)
-        return {name: float(value)}
+        return {name: _SHARE.check("quantile", value)}
     if name == "topic":
         if not isinstance(value, str):
             raise ExpectationError(f"message = {shown(value)} is no topic", path)

@@ -31,15 +31,8 @@ def bag(tmp_path_factory):
     return path
 
 
-def proved(path):
-    verification = verify(path)
-    return verification.first_difference is None and not any(
-        counts.missing for counts in verification.topics.values()
-    )
-
-
 def test_a_bag_of_a_feed_is_proved(bag):
-    assert proved(bag)
+    assert verify(bag).proved
 
 
 def test_the_figures_are_those_of_the_run_in_the_bag():
@@ -55,13 +48,13 @@ def test_the_figures_are_those_of_the_run_in_the_bag():
     assert abs(feed.residual(energy.weight_on_bit_work)) < 1e-12
 
 
-@pytest.mark.parametrize("at", [0.0567, 0.15, 0.3])
+@pytest.mark.parametrize("at", [0.0567, 0.3])
 def test_a_fork_goes_on_with_the_same_bits(bag, tmp_path, at):
     write_fork(bag, tmp_path / "fork", at)
     since = round(at * 1000 * MILLISECOND)
     rest = [[each for each in held(path) if each[0] > since] for path in (tmp_path / "fork", bag)]
     assert rest[0] == rest[1]
-    assert proved(tmp_path / "fork")
+    assert verify(tmp_path / "fork").proved
 
 
 def test_a_fork_with_feeds_of_its_own_is_proved(bag, tmp_path):
@@ -71,7 +64,7 @@ def test_a_fork_with_feeds_of_its_own_is_proved(bag, tmp_path):
     )
     fork = write_fork(bag, tmp_path / "fork", 0.1, 0.3, changes)
     assert fork.warnings == ()
-    assert proved(tmp_path / "fork")
+    assert verify(tmp_path / "fork").proved
 
 
 def test_a_fork_of_a_feed_takes_no_weight_on_bit(bag, tmp_path):

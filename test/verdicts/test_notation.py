@@ -131,6 +131,7 @@ REFUSED = {
     "{count: {message: status}, is: few}": "is no comparison, as < 45 N",
     "{count: {message: status}, is: < 3 N}": "a count has no unit, given 3 N",
     "{quantile: 2, of: status.impacts, is: < 3}": "quantile = 2 is outside its range (0, 1]",
+    f"{{quantile: 1{'0' * 400}, of: status.impacts, is: < 3}}": "is outside its range (0, 1]",
     "{message: contact_forces}": "did you mean contact_force?",
     "{message: status, where: journal.kind is begin}": "a message of status has no journal.kind",
     "{becomes: {onset: choking}}": "an event is an instant, and becomes nothing",

@@ -12,7 +12,7 @@ import numpy as np
 from rpud_sim.bag import BagFormatError, BagReader, Message
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.foundation.time import SECOND, join_seconds
-from rpud_sim.inspection.recorded_journal import ProgressReader, Recorded
+from rpud_sim.inspection.recorded_journal import PROGRESS, Recorded, recorded_progress
 
 # Kinds of entries after which stamps may repeat: each begins a stretch, counted from 0.
 BEGINNINGS = ("begin", "origin")
@@ -104,17 +104,14 @@ def find_coverage(
     The last second of a recording shows nothing about its end: when a recorder closes, messages of
     some topics are still on their way. If the drill ended first, its last status shows the end.
     """
-    readers = {topic: ProgressReader(codec) for topic, codec in codecs.items()}
-    end = 0
     latest: dict[str, int] = {}
-    parts = [np.empty(0, ProgressReader.DTYPE)]
-    for block in bag.blocks(codecs.keys(), max(0, bag.duration - _END_LENGTH)):
-        end = max(end, int(block.log_times[-1]))
-        progress = readers[block.topic].read(block)
-        if len(progress):
-            latest[block.topic] = int(progress["stamp"][-1])
-            parts.append(progress)
+    parts = [np.empty(0, PROGRESS)]
+    start = max(0, bag.duration - _END_LENGTH)
+    for topic, progress in recorded_progress(bag, codecs, start):
+        latest[topic] = int(progress["stamp"][-1])
+        parts.append(progress)
     found = np.concatenate(parts)
+    end = int(found["log_time"].max(initial=0))
     return Coverage(
         _find_begin(bag, codecs, stretches),
         _reached(found, end, stretches),

@@ -14,9 +14,9 @@ from rpud_sim.bag import BagFormatError, BagReader, Message, TopicSummary
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.foundation.time import SECOND, join_seconds
 from rpud_sim.inspection.recorded_journal import (
-    JOURNAL,
     Recorded,
     UnverifiableError,
+    held_journals,
     journal_codec,
     journal_entries,
     proof_codec,
@@ -92,13 +92,7 @@ def verify(
     UnverifiableError.
     """
     with rpud_sim.bag.open(path) as bag:
-        journals = [summary for summary in bag.topics if summary.topic.type == JOURNAL]
-        held = [summary for summary in journals if summary.message_count]
-        if not held:
-            raise UnverifiableError(
-                f"{path} holds no journal; record the topic journal, or all of the namespace"
-            )
-        proofs = [_Proof(bag, journal, report) for journal in held]
+        proofs = [_Proof(bag, journal, report) for journal in held_journals(bag).values()]
         for proof in proofs:
             proof.run()
     begins = [proof.begins[0] for proof in proofs if proof.begins]

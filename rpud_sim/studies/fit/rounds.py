@@ -111,12 +111,8 @@ class FitFolder(StudyStore):
         if missing:
             condition = self._specification.conditions[0]
             configuration = self._specification.configuration(points[0], condition)
-
-            def compile_first() -> None:
-                compile_members(configuration)
-                compile_kernels(configuration)  # of figures that are sampled
-
-            compile_first()
+            compile_members(configuration)
+            compile_kernels(configuration)  # of figures that are sampled
             outcomes = run_on_processes(simulate, missing, self._workers)
             with contextlib.closing(outcomes):
                 for chunk, outcome in outcomes:

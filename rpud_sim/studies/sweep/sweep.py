@@ -81,21 +81,18 @@ def run_sweep(
         report(kept)
         if len(finished) < chunk_count(sweep):
             points = design_points(sweep)
-
-            def compile_first() -> None:
-                first = {name: values[0].item() for name, values in points.items()}
-                drill = sweep.configuration(first)
-                compile_members(drill)
-                if sweep.faults or sweep.bags:
-                    compile_kernels(drill, messages=bool(sweep.bags))
-
             chunks = make_chunks(sweep, points, finished)
             if scheduler is not None:
                 from rpud_sim.studies.cluster import run_on_cluster
 
                 outcomes = run_on_cluster(chunks, scheduler, simulate)
             else:
-                compile_first()  # or each process would
+                # Compiled first, or each process would.
+                first = {name: values[0].item() for name, values in points.items()}
+                drill = sweep.configuration(first)
+                compile_members(drill)
+                if sweep.faults or sweep.bags:
+                    compile_kernels(drill, messages=bool(sweep.bags))
                 outcomes = run_on_processes(simulate, chunks, workers)
             with contextlib.closing(outcomes):
                 for chunk, outcome in outcomes:
