@@ -80,7 +80,7 @@ TAKEN = "exists already; nothing is overwritten"
         ("fork drill --at 0.1", 2, "where to? give --out DIR, or --live"),
         ("fork drill --at -1 --out x", 2, "--at = -1 s is outside its range"),
         ("fork drill --at nan --out x", 2, "--at = nan s is outside its range"),
-        ("fork drill --at 0.3 --out x", 1, "--at = 0.3 s is outside the run of the bag: [0, 0.2]"),
+        ("fork drill --at 0.3 --out x", 1, "0.3 s is outside run 1 of 1 of the bag: [0, 0.2] s"),
         ("fork drill --at 0.2 --out x", 1, "nothing is left of the recorded run after --at = 0.2"),
         ("fork drill --at 0.1 --run 2 --out x", 1, "--run = 2 is outside its range [1, 1]"),
         ("fork drill --at 0.1 --set gravty=1 --out x", 2, "did you mean gravity"),
