@@ -5,6 +5,7 @@ import signal
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
+from pathlib import Path
 
 import pytest
 from ament_index_python.packages import get_package_prefix
@@ -54,6 +55,18 @@ providers.is_local_module_file = lambda _: False
 settings.register_profile("few", deadline=None, derandomize=True, database=None, max_examples=FEW)
 settings.register_profile("many", deadline=None, print_blob=True)
 settings.load_profile("many" if MANY_EXAMPLES else "few")
+
+
+@pytest.fixture(scope="session")
+def drill_bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the bag of a drill of 0.2 s; tests alter copies of it."""
+    from sample_bags import write_offline_bag
+
+    from rpud_sim.simulation import preset
+
+    path = tmp_path_factory.mktemp("drill") / "bag"
+    write_offline_bag(path, preset("drilling"), 0.2, 0.4)
+    return path
 
 
 @pytest.fixture

@@ -15,7 +15,6 @@ from sample_bags import (
     STRING_HASH,
     rewrite,
     serialized_string,
-    write_offline_bag,
 )
 from support import called
 
@@ -23,7 +22,6 @@ import rpud_sim.bag
 from rpud_sim.bag import BagFormatError
 from rpud_sim.bag.messages import messages_of
 from rpud_sim.bag.recovery import recover
-from rpud_sim.simulation import preset
 
 COMPRESSION = {
     CompressionMode.NONE: "none",
@@ -280,14 +278,6 @@ def test_an_unknown_compression_names_what_converts_it(tmp_path):
         rpud_sim.bag.open(path)
 
 
-@pytest.fixture(scope="module")
-def drilled(tmp_path_factory):
-    """Write a bag of a drill with its journal and return the path."""
-    path = tmp_path_factory.mktemp("drilled") / "bag"
-    write_offline_bag(path, preset("drilling"), 0.2, 0.4)
-    return path
-
-
 @pytest.mark.parametrize(
     ("storage", "mode"),
     [
@@ -295,10 +285,10 @@ def drilled(tmp_path_factory):
         (StoragePlugin.MCAP, CompressionMode.MESSAGE),
     ],
 )
-def test_a_drill_that_was_recorded_so_is_proved(tmp_path, capsys, drilled, storage, mode):
+def test_a_drill_that_was_recorded_so_is_proved(tmp_path, capsys, drill_bag, storage, mode):
     writer = Writer(tmp_path / "run", version=9, storage_plugin=storage)
     writer.set_compression(mode, CompressionFormat.ZSTD)
-    with rpud_sim.bag.open(drilled) as bag, writer:
+    with rpud_sim.bag.open(drill_bag) as bag, writer:
         connections = {
             topic.topic.name: writer.add_connection(
                 topic.topic.name,

@@ -9,11 +9,9 @@ from sample_bags import (
     TALK,
     write_bag,
     write_damaged,
-    write_offline_bag,
 )
 
 from rpud_sim.bag import BagWriter, Topic
-from rpud_sim.simulation import preset
 
 
 @pytest.fixture
@@ -73,13 +71,6 @@ def test_what_is_damaged_is_left_out_and_all_else_is_there(tmp_path, rpud, words
         assert f"rpud {command}: left out {name}: " in err
     if command == "export":
         assert [each["rows"] for each in content["topics"]] == [3]
-
-
-@pytest.fixture(scope="module")
-def drill_bag(tmp_path_factory):
-    path = tmp_path_factory.mktemp("bags") / "bag"
-    write_offline_bag(path, preset("drilling"), 0.2, 0.4)
-    return path
 
 
 def test_a_rebuilt_waveform_and_its_size(drill_bag, tmp_path, rpud):

@@ -5,22 +5,13 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
-from sample_bags import write_offline_bag
 from support import called
 
-from rpud_sim.simulation import preset
 from rpud_sim.verdicts import read_expectations
 
 PASSED = "- {name: light, requirement: REQ-1, expect: {always: reacting_force.force < 1 kN}}"
 FAILED = "- {name: heavy, expect: {always: reacting_force.force > 1 kN}}"
 UNDECIDED = "- {name: long, expect: {always: reacting_force.force < 1 kN, within: 1 h}}"
-
-
-@pytest.fixture(scope="module")
-def bag(tmp_path_factory):
-    path = tmp_path_factory.mktemp("bags") / "bag"
-    write_offline_bag(path, preset("drilling"), 0.2, 0.4)
-    return path
 
 
 @pytest.fixture
@@ -35,21 +26,23 @@ def rpud(capsys, tmp_path):
     return call
 
 
-def test_all_passed_gives_0(bag, rpud):
-    code, out, err = rpud(bag, [PASSED])
+def test_all_passed_gives_0(drill_bag, rpud):
+    code, out, err = rpud(drill_bag, [PASSED])
     assert (code, err) == (0, "")
     assert out.splitlines()[1].split()[:3] == ["REQ-1", "light", "passed"]
     assert out.splitlines()[-1] == "1 passed, 0 failed, 0 undecided"
 
 
 @pytest.mark.parametrize(("entries", "expected"), [([FAILED, UNDECIDED], 3), ([UNDECIDED], 1)])
-def test_failed_gives_3_and_undecided_alone_1(bag, rpud, entries, expected):
-    code, _, err = rpud(bag, [PASSED, *entries])
+def test_failed_gives_3_and_undecided_alone_1(drill_bag, rpud, entries, expected):
+    code, _, err = rpud(drill_bag, [PASSED, *entries])
     assert (code, err) == (expected, "")
 
 
-def test_json_and_junit_have_every_verdict(bag, rpud, tmp_path):
-    code, out, _ = rpud(bag, [PASSED, FAILED, UNDECIDED], "--json", "--junit", tmp_path / "j.xml")
+def test_json_and_junit_have_every_verdict(drill_bag, rpud, tmp_path):
+    code, out, _ = rpud(
+        drill_bag, [PASSED, FAILED, UNDECIDED], "--json", "--junit", tmp_path / "j.xml"
+    )
     content = json.loads(out)
     assert code == 3
     assert content["counts"] == {"passed": 1, "failed": 1, "undecided": 1}
