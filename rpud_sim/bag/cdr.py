@@ -69,7 +69,7 @@ class Budget:
     def check(self, data: bytes) -> None:
         """Check that a message takes at most ``DECODED_LIMIT``."""
         if self.most(len(data)) > DECODED_LIMIT:
-            _Walk(self, data).member(self._type, 4)
+            _CodecWalk(self, data).member(self._type, 4)
 
     def shape(self, node: Nodetype, described: Any) -> _Shape:
         if node == Nodetype.NAME:
@@ -119,7 +119,7 @@ def _is_number(node: Nodetype, described: Any) -> bool:
     return node == Nodetype.BASE and described[0] not in _TEXTS
 
 
-class _Walk:
+class _CodecWalk:
     def __init__(self, budget: Budget, data: bytes) -> None:
         self._budget = budget
         self._data = data

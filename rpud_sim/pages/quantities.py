@@ -15,7 +15,7 @@ _SCALED = ("m", "m/s", "N", "N s", "J", "W", "s", "V", "A", "Hz", "Pa", "C", "oh
 
 
 @dataclass(frozen=True)
-class Quantity:
+class ShownQuantity:
     """Quantity of a drill, and how it is shown; values are in SI units elsewhere."""
 
     name: str  # such as ``peak_force``
@@ -61,53 +61,56 @@ def number_text(value: float, digits: int = 3) -> str:
 
 
 _TABLE = (
-    Quantity("impact_rate", "impacts", "/s", 1.0, "force", 1e-3),
-    Quantity("peak_force", "peak force", "kN", 1e-3, "force", 0.5, "ContactForce"),
-    Quantity("contact_force", "contact force", "kN", 1e-3, "force", 0.5),
-    Quantity("reacting_force", "load on the mount", "N", 1.0, "load", 1e-6, "ReactingForce.force"),
-    Quantity("weight_on_bit", "weight on bit", "N", 1.0, "command", 1e-6, "Mount Status"),
-    Quantity("nodal_plane", "nodal plane", "mm", 1e3, "plane", 1e-12, "NodalPlane.position",
-             zero=False),
-    Quantity("actuator", "actuator tip", "mm", 1e3, "plane", 1e-12, zero=False),
-    Quantity("free_mass", "free mass", "mm", 1e3, "mass", 1e-12, zero=False),
-    Quantity("drill_tool", "drill tool", "mm", 1e3, "tool", 1e-12, "DrillTool.displacement",
-             zero=False),
-    Quantity("electrical_power", "electrical power", "W", 1.0, "power", 1e-6,
-             "ActuatorState Status"),
-    Quantity("actuator_power", "power of the vibration", "W", 1.0, "power", 1e-6, "Status"),
-    Quantity("absorbed_power", "power into tool and rock", "W", 1.0, "depth", 1e-6, "Status"),
-    Quantity("power", "power", "W", 1.0, "power", 1e-6),
-    Quantity("depth", "depth", "mm", 1e3, "depth", 1e-9, "Borehole Status"),
-    Quantity("penetration_rate", "penetration rate", "mm/min", 6e4, "depth", 1e-10,
-             "Borehole Status"),
-    Quantity("torque", "torque of rock and cuttings", "mN m", 1e3, "torque", 1e-9, "Rotation"),
-    Quantity("drive_torque", "torque of the drive", "mN m", 1e3, "power", 1e-9, "Rotation"),
-    Quantity("rotation_rate", "rotation", "rad/s", 1.0, "torque", 1e-6, "Rotation.rate"),
-    Quantity("mount_force", "force of the arm", "N", 1.0, "load", 1e-6, "Mount.force"),
-    Quantity("mount_position", "mount", "mm", 1e3, "plane", 1e-9, "Mount.position", zero=False),
-    Quantity("feed", "feed", "mm", 1e3, "command", 1e-9, "Mount", zero=False),
-    Quantity("vibration_amplitude", "vibration", "µm", 1e6, "plane", 1e-12,
-             "Status ActuatorState.amplitude"),
-    Quantity("current", "current", "A", 1.0, "power", 1e-9, "ActuatorState"),
-    Quantity("drive_voltage", "voltage", "V", 1.0, "command", 1e-6, "Status ActuatorState.voltage"),
-    Quantity("drive_frequency", "frequency of the drive", "kHz", 1e-3, "command", 1e-3,
-             "Status ActuatorState.frequency", zero=False),
-    Quantity("resonance_frequency", "resonance", "kHz", 1e-3, "plane", 1e-3,
-             "Status ActuatorState", zero=False),
-    Quantity("temperature", "temperature of the actuator", "K", 1.0, "fault", 0.0,
-             "Status.actuator_temperature ActuatorState", zero=False),
-    Quantity("packed_cuttings", "packed cuttings", "mm³", 1e9, "depth", 1e-13, "Borehole"),
-    Quantity("bit_wear", "wear of the bit", "", 1.0, "tool", 1e-9, "Borehole"),
-    Quantity("lateness", "latest block", "ms", 1e3, "other", 1e-6, "Status.lateness_max"),
-    Quantity("feed_rate", "rate of the feed", "mm/s", 1e3, "command", 1e-9),
-    Quantity("impact_interval", "interval between impacts", "ms", 1e3, "force", 1e-9),
-    Quantity("impact_velocity", "impact velocity", "m/s", 1.0, "mass", 1e-6),
-    Quantity("impact_energy", "energy of an impact", "mJ", 1e3, "force", 1e-9),
-    Quantity("contact_duration", "contact duration", "µs", 1e6, "force", 1e-9),
-    Quantity("impact_power", "power of the impacts", "W", 1.0, "power", 1e-6),
-    Quantity("weight_power", "power of weight on bit and gravity", "W", 1.0, "power", 1e-6),
-    Quantity("load_damper_power", "power lost in the load damper", "W", 1.0, "power", 1e-6),
-    Quantity("collision_power", "power lost in collisions", "W", 1.0, "power", 1e-6),
+    ShownQuantity("impact_rate", "impacts", "/s", 1.0, "force", 1e-3),
+    ShownQuantity("peak_force", "peak force", "kN", 1e-3, "force", 0.5, "ContactForce"),
+    ShownQuantity("contact_force", "contact force", "kN", 1e-3, "force", 0.5),
+    ShownQuantity("reacting_force", "load on the mount", "N", 1.0, "load", 1e-6,
+                  "ReactingForce.force"),
+    ShownQuantity("weight_on_bit", "weight on bit", "N", 1.0, "command", 1e-6, "Mount Status"),
+    ShownQuantity("nodal_plane", "nodal plane", "mm", 1e3, "plane", 1e-12, "NodalPlane.position",
+                  zero=False),
+    ShownQuantity("actuator", "actuator tip", "mm", 1e3, "plane", 1e-12, zero=False),
+    ShownQuantity("free_mass", "free mass", "mm", 1e3, "mass", 1e-12, zero=False),
+    ShownQuantity("drill_tool", "drill tool", "mm", 1e3, "tool", 1e-12, "DrillTool.displacement",
+                  zero=False),
+    ShownQuantity("electrical_power", "electrical power", "W", 1.0, "power", 1e-6,
+                  "ActuatorState Status"),
+    ShownQuantity("actuator_power", "power of the vibration", "W", 1.0, "power", 1e-6, "Status"),
+    ShownQuantity("absorbed_power", "power into tool and rock", "W", 1.0, "depth", 1e-6, "Status"),
+    ShownQuantity("power", "power", "W", 1.0, "power", 1e-6),
+    ShownQuantity("depth", "depth", "mm", 1e3, "depth", 1e-9, "Borehole Status"),
+    ShownQuantity("penetration_rate", "penetration rate", "mm/min", 6e4, "depth", 1e-10,
+                  "Borehole Status"),
+    ShownQuantity("torque", "torque of rock and cuttings", "mN m", 1e3, "torque", 1e-9, "Rotation"),
+    ShownQuantity("drive_torque", "torque of the drive", "mN m", 1e3, "power", 1e-9, "Rotation"),
+    ShownQuantity("rotation_rate", "rotation", "rad/s", 1.0, "torque", 1e-6, "Rotation.rate"),
+    ShownQuantity("mount_force", "force of the arm", "N", 1.0, "load", 1e-6, "Mount.force"),
+    ShownQuantity("mount_position", "mount", "mm", 1e3, "plane", 1e-9,
+                  "Mount.position", zero=False),
+    ShownQuantity("feed", "feed", "mm", 1e3, "command", 1e-9, "Mount", zero=False),
+    ShownQuantity("vibration_amplitude", "vibration", "µm", 1e6, "plane", 1e-12,
+                  "Status ActuatorState.amplitude"),
+    ShownQuantity("current", "current", "A", 1.0, "power", 1e-9, "ActuatorState"),
+    ShownQuantity("drive_voltage", "voltage", "V", 1.0, "command", 1e-6,
+                  "Status ActuatorState.voltage"),
+    ShownQuantity("drive_frequency", "frequency of the drive", "kHz", 1e-3, "command", 1e-3,
+                  "Status ActuatorState.frequency", zero=False),
+    ShownQuantity("resonance_frequency", "resonance", "kHz", 1e-3, "plane", 1e-3,
+                  "Status ActuatorState", zero=False),
+    ShownQuantity("temperature", "temperature of the actuator", "K", 1.0, "fault", 0.0,
+                  "Status.actuator_temperature ActuatorState", zero=False),
+    ShownQuantity("packed_cuttings", "packed cuttings", "mm³", 1e9, "depth", 1e-13, "Borehole"),
+    ShownQuantity("bit_wear", "wear of the bit", "", 1.0, "tool", 1e-9, "Borehole"),
+    ShownQuantity("lateness", "latest block", "ms", 1e3, "other", 1e-6, "Status.lateness_max"),
+    ShownQuantity("feed_rate", "rate of the feed", "mm/s", 1e3, "command", 1e-9),
+    ShownQuantity("impact_interval", "interval between impacts", "ms", 1e3, "force", 1e-9),
+    ShownQuantity("impact_velocity", "impact velocity", "m/s", 1.0, "mass", 1e-6),
+    ShownQuantity("impact_energy", "energy of an impact", "mJ", 1e3, "force", 1e-9),
+    ShownQuantity("contact_duration", "contact duration", "µs", 1e6, "force", 1e-9),
+    ShownQuantity("impact_power", "power of the impacts", "W", 1.0, "power", 1e-6),
+    ShownQuantity("weight_power", "power of weight on bit and gravity", "W", 1.0, "power", 1e-6),
+    ShownQuantity("load_damper_power", "power lost in the load damper", "W", 1.0, "power", 1e-6),
+    ShownQuantity("collision_power", "power lost in collisions", "W", 1.0, "power", 1e-6),
 )  # fmt: skip
 QUANTITIES = {quantity.name: quantity for quantity in _TABLE}
 
@@ -131,25 +134,25 @@ _FIGURES = {
 }
 
 
-def figure_quantity(name: str) -> Quantity:
+def figure_quantity(name: str) -> ShownQuantity:
     """Return how a figure of a run is shown, by its name; its label is that name."""
-    known = QUANTITIES.get(_FIGURES.get(name, ""), Quantity("", "", ""))
+    known = QUANTITIES.get(_FIGURES.get(name, ""), ShownQuantity("", "", ""))
     return replace(known, name=name, label=name)
 
 
-def quantity_in(unit: str, greatest: float, label: str = "") -> Quantity:
+def quantity_in(unit: str, greatest: float, label: str = "") -> ShownQuantity:
     """Return how a quantity outside the table is shown, such as a parameter.
 
     ``unit`` is its SI unit. ``greatest`` is its greatest size: it gets one to three digits before
     the point.
     """
     if unit == "kg" and 0.0 < greatest < 1.0:
-        return Quantity("", label, "g", 1e3)
+        return ShownQuantity("", label, "g", 1e3)
     if unit not in _SCALED or not math.isfinite(greatest) or greatest <= 0.0:
-        return Quantity("", label, "/s" if unit == "1/s" else unit)
+        return ShownQuantity("", label, "/s" if unit == "1/s" else unit)
     exponent = min(max(3 * math.floor(math.log10(greatest) / 3.0 + 1e-12), -9), 9)
     exponent = min(exponent, 0) if unit == "s" else exponent
-    return Quantity("", label, _PREFIXES[exponent] + unit, 10.0**-exponent)
+    return ShownQuantity("", label, _PREFIXES[exponent] + unit, 10.0**-exponent)
 
 
 def for_browser() -> list[dict[str, object]]:

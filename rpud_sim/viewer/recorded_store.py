@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from rpud_sim.bag import BagError
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.foundation.time import SECOND
-from rpud_sim.pages.quantities import QUANTITIES, Quantity, for_browser
+from rpud_sim.pages.quantities import QUANTITIES, ShownQuantity, for_browser
 from rpud_sim.viewer.picture import choice_of, chosen_quantities, drill_plots
 from rpud_sim.viewer.recording import RecordedSignal
 from rpud_sim.viewer.session import ClientState, Store, StoreError
@@ -289,7 +289,7 @@ def serve_bag(
         server.run()
 
 
-def _quantity(signal: RecordedSignal, drill: str) -> Quantity:
+def _quantity(signal: RecordedSignal, drill: str) -> ShownQuantity:
     """Return a signal as a quantity of the table that the browser has."""
     label = f"{signal.topic.removeprefix(f'{drill}/')} {signal.column}"
-    return Quantity(signal.name, label, signal.unit, zero=False)
+    return ShownQuantity(signal.name, label, signal.unit, zero=False)

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from rpud_sim.pages.quantities import (
     QUANTITIES,
-    Quantity,
+    ShownQuantity,
     figure_quantity,
     for_browser,
     number_text,
@@ -80,7 +80,7 @@ def test_figures_of_a_run_are_shown_as_their_quantities():
 
 
 def test_a_sign_and_more_digits_are_on_demand():
-    share = Quantity("share", "share", "%", 100.0, floor=1e-5)
+    share = ShownQuantity("share", "share", "%", 100.0, floor=1e-5)
     assert share.text(0.0521, sign=True) == "+5.21 %"
     assert share.text(-0.0521, sign=True) == "-5.21 %"
     assert share.text(1e-7, sign=True) == "0 %"

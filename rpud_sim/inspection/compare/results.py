@@ -25,9 +25,9 @@ from rpud_sim.inspection.compare.values import (
     shown,
 )
 from rpud_sim.inspection.recorded_drill import RecordedDrill
-from rpud_sim.pages.quantities import NONE, Quantity
+from rpud_sim.pages.quantities import NONE, ShownQuantity
 
-_PERCENT = Quantity("relative", "relative difference", "%", 100.0, floor=1e-5)
+_PERCENT = ShownQuantity("relative", "relative difference", "%", 100.0, floor=1e-5)
 
 
 class RunFigures(NamedTuple):

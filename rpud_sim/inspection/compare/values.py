@@ -16,7 +16,7 @@ from rpud_sim.foundation.time import SECOND, join_seconds
 from rpud_sim.inspection.output import Damages
 from rpud_sim.inspection.recorded_drill import RecordedDrill
 from rpud_sim.pages.quantities import QUANTITIES as SHOWN
-from rpud_sim.pages.quantities import Quantity
+from rpud_sim.pages.quantities import ShownQuantity
 from rpud_sim.simulation.topics import TOPICS
 
 MEAN, MEDIAN, P95 = "mean", "median", "p95"  # figures of a distribution
@@ -70,7 +70,7 @@ QUANTITIES = (
 )
 
 
-def shown(quantity: str) -> Quantity:
+def shown(quantity: str) -> ShownQuantity:
     """Return how people read a quantity, by its name."""
     names = {"energy": "impact_energy", "nodal_plane_position": "nodal_plane"}
     return SHOWN[names.get(quantity, quantity)]

@@ -15,8 +15,7 @@ from rpud_sim.foundation.json_values import finite_values
 from rpud_sim.foundation.quantities import Flag, Quantity
 from rpud_sim.pages.frame import render_page
 from rpud_sim.pages.plot import Axis, Layer, Line, Plot, Points, Rule, Zone
-from rpud_sim.pages.quantities import Quantity as ShownQuantity
-from rpud_sim.pages.quantities import quantity_in
+from rpud_sim.pages.quantities import ShownQuantity, quantity_in
 from rpud_sim.simulation.configuration import PARAMETERS, to_values
 from rpud_sim.studies.fit.fit import BEST_RUNS, Fit, TargetComparison
 from rpud_sim.studies.fit.posterior import LEVEL, PERCENT, Identifiability

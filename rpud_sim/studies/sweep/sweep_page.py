@@ -12,7 +12,7 @@ from scipy import stats
 
 from rpud_sim.pages.frame import render_page
 from rpud_sim.pages.plot import Axis, Plot, Points
-from rpud_sim.pages.quantities import NONE, Quantity, figure_quantity, number_text, quantity_in
+from rpud_sim.pages.quantities import NONE, ShownQuantity, figure_quantity, number_text, quantity_in
 from rpud_sim.studies.sweep.indices import independent
 from rpud_sim.studies.sweep.specification import Range, SweepSpecification, Values, unit_of
 
@@ -218,11 +218,11 @@ def _is_choice(spread: Range | Values) -> bool:
     return isinstance(spread, Values) and isinstance(spread.values[0], str | bool)
 
 
-def axis_quantity(sweep: SweepSpecification, name: str) -> Quantity:
+def axis_quantity(sweep: SweepSpecification, name: str) -> ShownQuantity:
     """Return how an axis is shown."""
     spread = sweep.axes[name]
     if _is_choice(spread):
-        return Quantity(name, name, "")
+        return ShownQuantity(name, name, "")
     ends = (spread.minimum, spread.maximum) if isinstance(spread, Range) else spread.values
     return quantity_in(unit_of(name), max(abs(float(end)) for end in ends), name)
 

@@ -87,6 +87,13 @@ def test_faults_that_began_before_the_journal_are_compared_with_the_state(late, 
     assert verification.first_difference.topic == "/rpud/faults"
 
 
+def test_only_the_first_messages_are_of_before_the_journal(late, tmp_path):
+    change = numbered("wrench", 5, lambda m: [m.data[:4] + bytes(4) + m.data[8:]])
+    verification = verify(altered(late, tmp_path / "bag", change))
+    assert verification.first_difference.field == "header.stamp.sec"
+    assert verification.topics["/rpud/wrench"].before == 0
+
+
 def test_the_last_thousand_entries_hold_a_state_at_any_time(late):
     kinds = [JOURNAL.decode(m.data).kind for m in messages_of(late, {"/rpud/journal"})]
     places = [place for place, kind in enumerate(kinds) if kind == "state"]
