@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import json
 import os
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import nullcontext, suppress
 from dataclasses import astuple, dataclass
 from functools import cached_property
+from itertools import chain
 
 import rpud_sim.bag
 from rpud_sim.bag import BagFormatError, BagReader, Message, TopicSummary
@@ -55,6 +57,9 @@ from rpud_sim.simulation.versions import other_engine
 
 # Time that is simulated beyond the last stamp: a block may end later [ns].
 _TAIL = 2 * SECOND
+_COMMANDS = ("command/weight_on_bit", "command/drive", "command/feed")
+_COUNTERS = ("commands_accepted", "commands_rejected", "commands_discarded")  # of a status
+_LAST_STATUS = 10 * SECOND  # of a bag, in which a living drill has published a status [ns]
 
 
 @dataclass(frozen=True)
@@ -143,10 +148,12 @@ class _Proof:
         if not any(self._summaries[name].message_count for name in self._codecs):
             raise UnverifiableError(f"the bag holds nothing that {self._journal} could prove")
         shown = {self._summaries[name].topic.name: codec for name, codec in self._codecs.items()}
+        self._status_codec: Codec | None = None
         status = self._summaries.get("status")
         if status and status.topic.type == TOPICS["status"].type and status.definition:
             with suppress(BagFormatError):  # one of any version shows the progress of the drill
-                shown[status.topic.name] = Codec(status.topic.type, status.definition)
+                self._status_codec = Codec(status.topic.type, status.definition)
+                shown[status.topic.name] = self._status_codec
         self._coverage = find_coverage(bag, shown, self._stretches)
 
     def run(self) -> None:
@@ -177,6 +184,7 @@ class _Proof:
         self.differences += [each.difference for each in decided]
         if "faults" in comparisons:
             self._check_older_faults(comparisons["faults"].older)
+        self._check_commands()
         for name, each in counts.items():
             summary = self._summaries[name]
             if summary.message_count or each.tail:
@@ -315,6 +323,27 @@ class _Proof:
         if without_padding(older.data, codec) != expected:
             found = first_difference(codec, older.data, expected)
             self.differences.append(MessageDifference(older.topic, stamp, older.log_time, *found))
+
+    def _check_commands(self) -> None:
+        """Warn if the drill took more commands than a bag with all of their topics holds."""
+        status, codec = self._summaries.get("status"), self._status_codec
+        held = [self._summaries.get(name) for name in (*_COMMANDS, "joint_commands")]
+        if self._stretches.runs > 1 or None in held[: len(_COMMANDS)]:
+            return  # the counters may have begun again, or the commands were not to be recorded
+        if status is None or codec is None or not status.message_count:
+            return
+        first = next(iter(self._bag.messages({status.topic.name})))
+        late = self._bag.messages({status.topic.name}, max(0, self._bag.duration - _LAST_STATUS))
+        last = deque(chain([first], late), maxlen=1)[0]
+        with suppress(BagFormatError, TypeError):  # of another definition
+            before, after = codec.decode(first.data), codec.decode(last.data)
+            taken = sum(getattr(after, each, 0) - getattr(before, each, 0) for each in _COUNTERS)
+            count = sum(summary.message_count for summary in held if summary)
+            if taken > count:
+                self.warnings.append(
+                    f"the drill took {taken} commands from the first to the last status, and the "
+                    f"bag holds {count}"
+                )
 
     def _add_difference(
         self, message: Message, entry: JournalEntry, field: str, value: str, computed: str

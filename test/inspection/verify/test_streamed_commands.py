@@ -25,8 +25,11 @@ HELD = ("journal", "status", "faults", "wrench", "contact_force", "waveform")
 JOURNAL = installed_codec(TOPICS["journal"].type)
 
 
-def streamed_bag(path, rate, duration, start):
-    """Record a drill whose weight on bit is a ramp, from a start on [s]: latched entries first."""
+def streamed_bag(path, rate, duration, start, silent=()):
+    """Record a drill whose weight on bit is a ramp, from a start on [s]: latched entries first.
+
+    Silent topics have no message.
+    """
     heard = []
     run = Run(
         Beginning(Settings(telemetry_rate=rate)), Journal(), lambda topic: heard and topic in HELD
@@ -38,6 +41,8 @@ def streamed_bag(path, rate, duration, start):
         for name in HELD:
             topic = TOPICS[name]
             bag.add_topic(Topic(f"/rpud/{name}", topic.type), find_definition(topic.type))
+        for name in silent:
+            bag.add_topic(Topic(f"/rpud/{name}", "rpud_msgs/msg/WeightOnBit"))
 
         def write(messages, log_time=None):
             for time, name, values in messages:
@@ -78,6 +83,15 @@ def test_verify_says_from_where_it_proves(late, capsys):
     code, output, _ = called(capsys, "verify", late)
     assert code == 0
     assert f"proved from {verification.begins / SECOND:.9f} s on" in output
+
+
+def test_commands_that_the_drill_took_and_the_bag_lacks_are_a_warning(tmp_path, late):
+    topics = ("command/weight_on_bit", "command/drive", "command/feed")
+    verification = verify(streamed_bag(tmp_path / "bag", 100, 3.1, 0.0, topics))
+    assert verification.proved
+    lacking = "the drill took 200 commands from the first to the last status, and the bag holds 0"
+    assert lacking in verification.warnings
+    assert not any("commands" in text for text in verify(late).warnings)  # none were to be recorded
 
 
 def test_faults_that_began_before_the_journal_are_compared_with_the_state(late, tmp_path):
