@@ -61,7 +61,7 @@ def streamed_bag(path, rate, duration, start, silent=()):
             if heard:
                 write(messages)
                 if run.time % SECOND == 0:
-                    write([run.status("running", Bookkeeping())])
+                    write([run.status("running", Bookkeeping(commands_accepted=number))])
             else:
                 latched.extend(each for each in messages if each[1] == "journal")
                 faults.extend(each for each in messages if each[1] == "faults")
