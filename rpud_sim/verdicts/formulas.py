@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 from rpud_sim.foundation.quantities import shown
 from rpud_sim.simulation.faults import Fault
@@ -32,10 +32,30 @@ from rpud_sim.verdicts.units import (
     to_number,
 )
 
-if TYPE_CHECKING:  # it gives formulas their meaning
-    from rpud_sim.verdicts.evaluation import Evaluation
-
 OPERATORS = ("<", "<=", ">", ">=", "==", "!=")
+
+
+class Meaning(Protocol):
+    """Meaning of formulas from ``begin`` to ``end`` [ns] of a recording; `Evaluation` gives it."""
+
+    begin: int
+    end: int
+
+    def steps(self, formula: Formula, once: bool = False) -> Steps: ...
+
+    def trigger(self, formula: Formula) -> Steps: ...
+
+    def shown(self, formula: Formula, begin: int, last: int, held: bool) -> int: ...
+
+    def active(self, part: Active) -> Steps: ...
+
+    def compared_signal(self, part: Compare | Says) -> Steps: ...
+
+    def event(self, event: Event) -> Steps: ...
+
+    def count(self, formula: Count) -> Steps: ...
+
+    def quantile(self, formula: Quantile, once: bool) -> Steps: ...
 
 
 class Formula:
@@ -66,11 +86,11 @@ class Formula:
         for child in self.children():
             yield from child.walk()
 
-    def _steps(self, on: Evaluation, once: bool) -> Steps:
+    def _steps(self, on: Meaning, once: bool) -> Steps:
         """Return what it means on a recording, ``once`` only at the beginning."""
         raise NotImplementedError
 
-    def _decided(self, on: Evaluation, time: int, held: bool) -> int:
+    def _decided(self, on: Meaning, time: int, held: bool) -> int:
         """Return the instant at which it shows that it holds at a time, or does not [ns]."""
         return time
 
@@ -78,7 +98,7 @@ class Formula:
 class Event(Formula):
     """Base of formulas that hold at single nanoseconds."""
 
-    def _steps(self, on: Evaluation, once: bool) -> Steps:
+    def _steps(self, on: Meaning, once: bool) -> Steps:
         return on.event(self)
 
 
@@ -136,7 +156,7 @@ class Compare(Formula):
         if self.tolerance.value < 0.0:
             raise ExpectationError(f"tolerance = {self.tolerance} is below zero")
 
-    def _steps(self, on: Evaluation, once: bool) -> Steps:
+    def _steps(self, on: Meaning, once: bool) -> Steps:
         return on.compared_signal(self)
 
 
@@ -153,7 +173,7 @@ class Says(Formula):
         if not fits or word in ("true", "false"):
             raise ExpectationError(f"{self.signal} is {shown(word)}: that is no word")
 
-    def _steps(self, on: Evaluation, once: bool) -> Steps:
+    def _steps(self, on: Meaning, once: bool) -> Steps:
         return on.compared_signal(self)
 
 
@@ -175,7 +195,7 @@ class _OfFault:
 class Active(_OfFault, Formula):
     """A fault lasts: from its onset to just before its clearing."""
 
-    def _steps(self, on: Evaluation, once: bool) -> Steps:
+    def _steps(self, on: Meaning, once: bool) -> Steps:
         return on.active(self)
 
 
@@ -210,7 +230,7 @@ class Becomes(Event):
 
     formula: Formula
 
-    def _steps(self, on: Evaluation, once: bool) -> Steps:
+    def _steps(self, on: Meaning, once: bool) -> Steps:
         return beginnings(on.steps(self.formula))
 
 
@@ -220,10 +240,10 @@ class Not(Formula):
 
     formula: Formula
 
-    def _steps(self, on: Evaluation, once: bool) -> Steps:
+    def _steps(self, on: Meaning, once: bool) -> Steps:
         return negate(on.steps(self.formula, once))
 
-    def _decided(self, on: Evaluation, time: int, held: bool) -> int:
+    def _decided(self, on: Meaning, time: int, held: bool) -> int:
         return self.formula._decided(on, time, not held)
 
 
@@ -235,11 +255,11 @@ class _Several(Formula):
         if not self.formulas:
             raise ExpectationError("all and any need at least one formula")
 
-    def _steps(self, on: Evaluation, once: bool) -> Steps:
+    def _steps(self, on: Meaning, once: bool) -> Steps:
         parts = [on.steps(each, once) for each in self.formulas]
         return combine(parts, least=isinstance(self, And))
 
-    def _decided(self, on: Evaluation, time: int, held: bool) -> int:
+    def _decided(self, on: Meaning, time: int, held: bool) -> int:
         times = [
             part._decided(on, time, held)
             for part in self.formulas
@@ -267,10 +287,10 @@ class Implies(Formula):
     def _either(self) -> Or:
         return Or((Not(self.condition), self.formula))
 
-    def _steps(self, on: Evaluation, once: bool) -> Steps:
+    def _steps(self, on: Meaning, once: bool) -> Steps:
         return on.steps(self._either, once)
 
-    def _decided(self, on: Evaluation, time: int, held: bool) -> int:
+    def _decided(self, on: Meaning, time: int, held: bool) -> int:
         return self._either._decided(on, time, held)
 
 
@@ -279,11 +299,11 @@ class _OverWindow(Formula):
     formula: Formula
     window: Window = WHOLE
 
-    def _steps(self, on: Evaluation, once: bool) -> Steps:
+    def _steps(self, on: Meaning, once: bool) -> Steps:
         span = self.window.start, self.window.end
         return over_window(on.steps(self.formula), *span, isinstance(self, Always), once)
 
-    def _decided(self, on: Evaluation, time: int, held: bool) -> int:
+    def _decided(self, on: Meaning, time: int, held: bool) -> int:
         last = self.window.last(time, on.end)
         if held is isinstance(self, Always):
             return last
@@ -311,14 +331,14 @@ class Until(Formula):
         if self.weak and self.window != WHOLE:
             raise ExpectationError("unless has no window: its goal may come at any time, or never")
 
-    def _steps(self, on: Evaluation, once: bool) -> Steps:
+    def _steps(self, on: Meaning, once: bool) -> Steps:
         kept = on.steps(self.formula)
         found = until(kept, on.steps(self.goal), self.window.start, self.window.end)
         if not self.weak:
             return found
         return combine([found, over_window(kept, 0, None, least=True)], least=False)
 
-    def _decided(self, on: Evaluation, time: int, held: bool) -> int:
+    def _decided(self, on: Meaning, time: int, held: bool) -> int:
         last = self.window.last(time, on.end)
         if held:
             return on.shown(self.goal, time + self.window.start, last, held)
@@ -332,7 +352,7 @@ class After(Formula):
     trigger: Formula  # an event; another formula stands for the instants at which it begins to hold
     formula: Formula  # that holds then
 
-    def _steps(self, on: Evaluation, once: bool) -> Steps:
+    def _steps(self, on: Meaning, once: bool) -> Steps:
         trigger, then = on.trigger(self.trigger), on.steps(self.formula)
         implied = combine([negate(trigger), then], least=False)
         implied, never = aligned(implied, trigger)
@@ -346,7 +366,7 @@ class After(Formula):
         always.values[:, unsure] = UNKNOWN[:, None]
         return always.merged()
 
-    def _decided(self, on: Evaluation, time: int, held: bool) -> int:
+    def _decided(self, on: Meaning, time: int, held: bool) -> int:
         if not held:
             then = on.steps(self.formula)
             for instant in on.trigger(self.trigger).sure(time):
@@ -372,10 +392,10 @@ class Count(Formula):
         if not 0.0 <= self.number < 1e15:
             raise ExpectationError(f"count = {self.number:g} is outside its range [0, 1e15)")
 
-    def _steps(self, on: Evaluation, once: bool) -> Steps:
+    def _steps(self, on: Meaning, once: bool) -> Steps:
         return on.count(self)
 
-    def _decided(self, on: Evaluation, time: int, held: bool) -> int:
+    def _decided(self, on: Meaning, time: int, held: bool) -> int:
         if self.until is None:
             return self.window.last(time, on.end)
         found = on.steps(self.until).first(time, on.end, True)
@@ -397,10 +417,10 @@ class Quantile(Formula):
         if not 0.0 < self.share <= 1.0:
             raise ExpectationError(f"quantile = {self.share:g} is outside its range (0, 1]")
 
-    def _steps(self, on: Evaluation, once: bool) -> Steps:
+    def _steps(self, on: Meaning, once: bool) -> Steps:
         return on.quantile(self, once)
 
-    def _decided(self, on: Evaluation, time: int, held: bool) -> int:
+    def _decided(self, on: Meaning, time: int, held: bool) -> int:
         return self.window.last(time, on.end)
 
 
