@@ -59,6 +59,13 @@ class DrillNode(ManagedNode):
         self, duration: float | None = None, start: Start | None = None, **options: Any
     ) -> None:
         super().__init__(NAME, **options)
+        try:
+            self._set_up(duration, start)
+        except BaseException:
+            super().destroy_node()  # or the topic of its transitions would stay in the graph
+            raise
+
+    def _set_up(self, duration: float | None, start: Start | None) -> None:
         self.loop = PacingLoop()
         self._start = start
         self._drill_parameters = DrillParameters(self, self._apply_settings, self._fixed)

@@ -2,6 +2,7 @@
 
 import pytest
 from rclpy.parameter import Parameter
+from support import until
 
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.ros.drill.drill_node import DrillNode
@@ -14,10 +15,23 @@ def node(nodes):
     return nodes[0]
 
 
-def test_a_scenario_that_is_missing_ends_the_start(node):
-    missing = Parameter("scenario", value="/missing.yaml")
-    with pytest.raises(ParameterError, match=r"^/missing\.yaml: No such file or directory$"):
-        DrillNode(namespace="/another", parameter_overrides=[missing])
+@pytest.mark.parametrize(
+    ("name", "value", "reason"),
+    [
+        ("scenario", "/missing.yaml", r"^/missing\.yaml: No such file or directory$"),
+        ("weight_on_bit", -1.0, "is outside its range"),
+    ],
+)
+def test_what_cannot_be_used_ends_the_start_and_leaves_no_topic(node, name, value, reason):
+    parameter = Parameter(name, value=value)
+    with pytest.raises(ParameterError, match=reason):
+        DrillNode(namespace="/another", parameter_overrides=[parameter])
+
+    def left():
+        names = [name for name, _ in node.get_topic_names_and_types()]
+        return [name for name in names if name.startswith("/another")]
+
+    until(lambda: not left())
 
 
 def test_a_clean_up_is_no_end_of_the_process_however_long_its_listeners_take(node, monkeypatch):
