@@ -201,3 +201,9 @@ def trajectory_messages(segments, sequence, origin):
     cuts = np.array([0, *trajectory_cuts(segments).tolist(), len(segments)])
     columns = trajectory_fields(segments, cuts, sequence, origin)
     return [row_of(columns, number) for number in range(len(cuts) - 1)]
+
+
+def one_by_one(found):
+    """Yield a run's messages, of which many may come together, one by one in order."""
+    for each in found:
+        yield from (each,) if isinstance(each, tuple) else each.messages()

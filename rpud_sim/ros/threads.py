@@ -66,7 +66,7 @@ class Requests:
                 result.set_exception(error)
 
     def close(self) -> None:
-        """Serve no more: whoever waits is told so."""
+        """Serve no more: requests that wait raise a StoppedError."""
         self._closed = True
 
 

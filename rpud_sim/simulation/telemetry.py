@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import chain
@@ -99,12 +99,6 @@ class Together:
         ]
         for _, number, columns in sorted(found, key=itemgetter(0)):
             yield int(columns.times[number]), columns.topic, columns.row(number)
-
-
-def one_by_one(found: Iterable[Entry | Together]) -> Iterator[Entry]:
-    """Yield messages that come together one by one, in order."""
-    for each in found:
-        yield from each.messages() if isinstance(each, Together) else (each,)
 
 
 def row_of(fields: Fields, number: int) -> Fields:

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from support import one_by_one
 
 from rpud_sim.simulation.commands import Drive, Feed, WeightOnBit
 from rpud_sim.simulation.configuration import to_configuration, to_settings, to_values
@@ -26,7 +27,6 @@ from rpud_sim.simulation.rerun import (
 from rpud_sim.simulation.run import Beginning, Run
 from rpud_sim.simulation.scenario import Scenario, ScheduledFault
 from rpud_sim.simulation.simulation import initial_phases
-from rpud_sim.simulation.telemetry import one_by_one
 
 SECOND = 1_000_000_000
 MILLISECOND = 1_000_000

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
+from support import one_by_one
 
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.definitions import find_definition
@@ -27,7 +28,7 @@ from rpud_sim.simulation.sampling import Times
 from rpud_sim.simulation.scenario import Scenario, ScheduledFault
 from rpud_sim.simulation.simulation import Simulation
 from rpud_sim.simulation.statistics import account_of
-from rpud_sim.simulation.telemetry import Together, one_by_one
+from rpud_sim.simulation.telemetry import Together
 from rpud_sim.simulation.topics import TOPICS
 
 SECOND = 1_000_000_000
