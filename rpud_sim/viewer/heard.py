@@ -137,6 +137,7 @@ class Heard:
                 waiting.clear()
         if monotonic() - self._pending_since >= _WHOLE_PERIOD:
             self._pending_since = monotonic()
+            self.version += bool(self._pending)
             for signal, parts in self._pending.items():
                 times, values = (np.concatenate(each) for each in zip(*parts, strict=True))
                 self.whole.add(signal, times, values)

@@ -122,7 +122,7 @@ class LiveStore(Store):
             if client.sent.get("run", (None,))[0] != heard.run:
                 client.sent.clear()
                 client.section = True
-            return self._state(drill, heard, client) | _measured(heard, client) or None
+            return self._state(drill, heard, client) | measured(heard, client) or None
 
     def request(self, client: ClientState, name: str, content: Any) -> None:
         """Queue an action."""
@@ -178,8 +178,8 @@ class LiveStore(Store):
         return frame
 
 
-def _measured(heard: Heard, client: ClientState) -> dict[str, Any]:
-    """Return what is new of commands, plots, numbers and motion."""
+def measured(heard: Heard, client: ClientState) -> dict[str, Any]:
+    """Return what is new for a browser: commands, plots, numbers and motion."""
     sent, due, view, found = client.sent, client.is_due, client.view, dict[str, Any]()
     now = heard.time or 0.0
     start, end = (view.start, view.end) if view.follow is None else (now - view.follow, now)
@@ -192,13 +192,14 @@ def _measured(heard: Heard, client: ClientState) -> dict[str, Any]:
         found["steps"] = {name: steps[name] for name in steps if heard.is_stepped(name)}
     if heard.time is None:
         return found
-    if due("has", now, 1.0):
+    # By what was heard, not by its time: a message that arrives late is shown too.
+    if due("has", heard.version, 1.0):
         plots = drill_plots(heard.has)
         if due("plots", plots):
             found["plots"] = plots
-    if due("numbers", now, 0.2):
+    if due("numbers", heard.version, 0.2):
         found["numbers"] = heard.picture().numbers(now)
-    if due("whole", heard.whole.end, 1.0):
+    if due("whole", heard.version, 1.0):
         whole = heard.picture(0.0)
         found["timeline"] = whole.line("peak_force", 0.0, now)
         if (hole := whole.hole(now, heard.commands.parameters)) is not None:

@@ -2,6 +2,7 @@
 
 import json
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,6 +10,8 @@ from builtin_interfaces.msg import Time
 from rpud_msgs.msg import Fault, Faults, JournalEntry, Status
 
 from rpud_sim.viewer.heard import BIN, Heard
+from rpud_sim.viewer.live_store import measured
+from rpud_sim.viewer.session import ClientState
 
 SECOND = 1_000_000_000
 ORIGIN = 1_700_000_000 * SECOND + 123
@@ -102,6 +105,30 @@ def test_a_status_fills_what_no_topic_has(heard):
 def test_a_faulty_signal_without_a_number_leaves_the_bin_empty(heard):
     hear(heard, "reacting_force", 0, math.nan)
     assert not heard.fine.has("reacting_force")
+
+
+def test_what_arrives_late_is_in_the_numbers_and_the_timeline(heard, monkeypatch):
+    now = [0.0]
+    clock = SimpleNamespace(monotonic=lambda: now[0])
+    monkeypatch.setattr("rpud_sim.viewer.session.time", clock)
+    monkeypatch.setattr("rpud_sim.viewer.heard.monotonic", clock.monotonic)
+    client = ClientState()
+
+    def frame():
+        now[0] += 10.0
+        heard.settle()
+        return measured(heard, client)
+
+    impact(heard, 1 * SECOND, 100.0)
+    heard.latched("status", status(3 * SECOND))
+    assert frame()["numbers"]["impact_rate"]["mean"] == 0.0
+    impact(heard, 5 * SECOND // 2, 300.0)
+    shown = frame()
+    assert shown["numbers"]["impact_rate"]["mean"] == 1.0
+    assert np.nanmax(shown["timeline"]["high"]) == 300.0
+    impact(heard, 2 * SECOND, 900.0)
+    assert np.nanmax(frame()["timeline"]["high"]) == 900.0
+    assert "numbers" not in frame()
 
 
 def test_a_block_of_the_waveform_is_shown_when_its_impacts_had_time_to_arrive(heard):
