@@ -46,9 +46,12 @@ def client(drill):
 @pytest.fixture
 def live(server, client, page_of):
     """Screen of a drill that plays as at its start."""
+    page = opened(page_of, server, NAMESPACE)
+    run = of_screen(page, "screen.seen.run")
     client.reset("all")
     client.play()
-    return opened(page_of, server, NAMESPACE)
+    until_screen(page, f"screen.seen.run > {run} && screen.seen.now > 0")
+    return page
 
 
 def click(page, name, *, inside="body"):
@@ -180,6 +183,7 @@ def test_a_refusal_stands_beside_its_control_and_a_jam_is_called_so(live):
 
     click(live, "Fault")
     live.tab.locator("#kinds").select_option("free_mass_jammed")
+    until_screen(live, "screen.clock.block")
     block = of_screen(live, "screen.clock.block.time")
     of_screen(live, "screen.clock.speed = 1e-3")  # so slow that it never ends
     click(live, "Inject")
