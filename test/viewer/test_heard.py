@@ -77,6 +77,20 @@ def test_status_and_faults_before_the_journal_are_shown_as_soon_as_it_comes():
     assert (shown["kind"], shown["onset"], shown["end"]) == ("bias", 0.5, None)
 
 
+@pytest.mark.parametrize("reset", [0, 3 * SECOND])  # the stamp: the clock begins again, or goes on
+def test_a_fault_is_shown_to_who_joins_after_a_reset(reset):
+    heard = Heard()
+    faults = Faults(faults=[Fault(number=1, kind="bias", active=True, onset=stamp(ORIGIN + reset))])
+    faults.header.stamp = stamp(ORIGIN + 4 * SECOND)
+    heard.latched("faults", faults)
+    begins = [entry(number, "begin", 0, parameters=PARAMETERS) for number in range(2)]
+    begins[1].header.stamp = stamp(ORIGIN + reset)
+    for begin in begins:
+        heard.latched("journal", begin)
+    [shown] = heard.faults
+    assert (shown["kind"], shown["onset"]) == ("bias", 0.0)
+
+
 def test_all_quantities_of_the_whole_run_are_kept(heard):
     sinks = heard.sinks()
     for time, force in ((0, 5.0), (SECOND // 25, 9.0), (SECOND // 20, 7.0), (3 * SECOND, 1.0)):
