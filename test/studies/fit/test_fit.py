@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from specifications import parse_targets
 
 from rpud_sim.cli.studies import fit_text
 from rpud_sim.foundation.quantities import ParameterError
@@ -16,7 +17,7 @@ from rpud_sim.studies.fit.fit import fit_in, prove, run_fit
 from rpud_sim.studies.fit.fit_report import single_plots, unknown_quantity, write_fit
 from rpud_sim.studies.fit.rounds import FitFolder
 from rpud_sim.studies.fit.surrogate import Region
-from rpud_sim.studies.fit.target_file import parse_targets, read_target_file
+from rpud_sim.studies.fit.target_file import read_target_file
 
 FIT = {
     "parameters": {"regime": "drilling"},

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
+from specifications import parse_specification
 
 from rpud_sim.studies.sweep.chunks import design_points
 from rpud_sim.studies.sweep.indices import figure_indices, find_indices, saltelli_shares
-from rpud_sim.studies.sweep.specification_file import parse_specification
 from rpud_sim.studies.sweep.sweep import run_sweep
 from rpud_sim.studies.sweep.sweep_page import sweep_page
 
