@@ -31,6 +31,8 @@ def descendants(pid):
     return children + [inner for child in children for inner in descendants(child)]
 
 
+
+
 def alive(pid):
     try:
         return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
@@ -72,6 +74,8 @@ def test_one_object_says_what_was_made(made):
     assert {path.name for path in folder.iterdir()} == {*FILES, "report.html"}
 
 
+
+
 @pytest.mark.extended
 def test_a_killed_sweep_goes_on_where_it_was(spec, made, tmp_path, process):
     out = tmp_path / "out"
@@ -84,7 +88,7 @@ def test_a_killed_sweep_goes_on_where_it_was(spec, made, tmp_path, process):
     kept = {path: path.stat().st_mtime_ns for path in chunks(out)}
     assert 1 < len(kept) < CHUNKS
     again = rpud("sweep", spec, "--out", out, "--workers", 2, "--json")
-    assert again.returncode == 0, again.stderr
+    assert again.returncode == 0, again.stderr  # a slow machine shows progress there
     printed = json.loads(again.stdout)
     assert printed["kept"] == 2 * len(kept)
     assert printed["run"] == 64 - 2 * len(kept)
@@ -126,6 +130,8 @@ def test_a_cluster_that_is_not_there_is_one_line(spec, tmp_path):
     assert done.returncode == 1
     assert done.stderr.startswith("rpud sweep: --scheduler tcp://127.0.0.1:1: cannot be reached")
     assert done.stderr.count("\n") == 1
+
+
 
 
 def test_a_folder_that_cannot_be_made_is_one_line(spec, tmp_path):
