@@ -31,8 +31,6 @@ def descendants(pid):
     return children + [inner for child in children for inner in descendants(child)]
 
 
-
-
 def alive(pid):
     try:
         return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
@@ -72,8 +70,6 @@ def test_one_object_says_what_was_made(made):
     assert (printed["run"], printed["kept"], printed["failures"]) == (64, 0, 0)
     assert printed["report"] == str(folder / "report.html")
     assert {path.name for path in folder.iterdir()} == {*FILES, "report.html"}
-
-
 
 
 @pytest.mark.extended
@@ -130,8 +126,6 @@ def test_a_cluster_that_is_not_there_is_one_line(spec, tmp_path):
     assert done.returncode == 1
     assert done.stderr.startswith("rpud sweep: --scheduler tcp://127.0.0.1:1: cannot be reached")
     assert done.stderr.count("\n") == 1
-
-
 
 
 def test_a_folder_that_cannot_be_made_is_one_line(spec, tmp_path):
