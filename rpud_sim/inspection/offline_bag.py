@@ -18,6 +18,7 @@ from rpud_sim.bag.encoder import Encoder
 from rpud_sim.bag.losses import LOSSES_RECORD, Losses, losses_to_record
 from rpud_sim.bag.manifest import MANIFEST_RECORD, Manifest, installed_versions, machine_name
 from rpud_sim.bag.messages import MessageBlock
+from rpud_sim.bag.writer import whole_bag
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.inspection.fork import Continuation, Fork, open_fork
 from rpud_sim.inspection.recorded_journal import installed_codec
@@ -116,7 +117,7 @@ def _new_bag(
     manifest: Manifest,
 ) -> Iterator[BagWriter]:
     """Yield a bag with a drill's topics, of which it will lose no message."""
-    with BagWriter(path) as bag:
+    with whole_bag(path) as bag:
         bag.add_record(MANIFEST_RECORD, manifest.to_record())
         for name, topic in topics.items():
             # The offers of the node's publishers, as a recorder discovers them.
