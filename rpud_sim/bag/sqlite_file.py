@@ -224,7 +224,8 @@ def _check_tables(path: Path, size: int) -> None:
             " lower(t.name) = 'messages' AND lower(c.name) = 'data'"
         ).fetchall()
         for name, query in sums:
-            if database.execute(query).fetchone()[0] > size:
+            [(total,)] = database.execute(str(query))
+            if total > size:
                 raise BagFormatError(f"its {name} have more than the file's {size} bytes")
         # Each message would be read once for each topic with its number.
         for number, count in database.execute(

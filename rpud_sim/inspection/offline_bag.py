@@ -12,13 +12,12 @@ from typing import Any
 
 import numpy as np
 
-from rpud_sim.bag import BagExistsError, BagWriter, QosProfile, Topic
+from rpud_sim.bag import BagExistsError, BagWriter, QosProfile, Topic, whole_bag
 from rpud_sim.bag.definitions import find_definition, find_type_hash
 from rpud_sim.bag.encoder import Encoder
 from rpud_sim.bag.losses import LOSSES_RECORD, Losses, losses_to_record
 from rpud_sim.bag.manifest import MANIFEST_RECORD, Manifest, installed_versions, machine_name
 from rpud_sim.bag.messages import MessageBlock
-from rpud_sim.bag.writer import whole_bag
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.inspection.fork import Continuation, Fork, open_fork
 from rpud_sim.inspection.recorded_journal import installed_codec
