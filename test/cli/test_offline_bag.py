@@ -17,8 +17,11 @@ import rpud_sim.bag
 from rpud_sim.bag.manifest import MANIFEST_RECORD as MANIFEST
 from rpud_sim.bag.manifest import manifest_from_record
 from rpud_sim.foundation.time import SECOND
+from rpud_sim.inspection.offline_bag import write_offline_bag
 from rpud_sim.simulation import preset
+from rpud_sim.simulation.configuration import Configuration, Settings
 from rpud_sim.simulation.fields import SEGMENT_ARRAYS
+from rpud_sim.simulation.run import Beginning
 from rpud_sim.simulation.sampling import Times
 from rpud_sim.simulation.simulation import Simulation
 
@@ -257,3 +260,13 @@ def test_faults_of_a_scenario_are_in_the_bag_with_what_they_do(tmp_path):
 def test_a_bag_is_never_overwritten(capsys, tmp_path):
     line = f"rpud simulate: {tmp_path} exists already; a bag is never overwritten\n"
     assert called(capsys, "simulate", "--duration", 0.1, "--bag", tmp_path) == (1, "", line)
+
+
+def test_an_interrupted_run_leaves_no_bag(tmp_path):
+    def interrupt(seconds):
+        raise KeyboardInterrupt
+
+    beginning = Beginning(Settings(Configuration(preset("drilling"))))
+    with pytest.raises(KeyboardInterrupt):
+        write_offline_bag(tmp_path / "bag", beginning, 1.0, report=interrupt)
+    assert not (tmp_path / "bag").exists()
