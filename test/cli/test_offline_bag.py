@@ -16,7 +16,10 @@ import rpud_sim.bag
 from rpud_sim.bag.manifest import MANIFEST_RECORD as MANIFEST
 from rpud_sim.bag.manifest import manifest_from_record
 from rpud_sim.foundation.time import SECOND
+from rpud_sim.inspection.offline_bag import write_offline_bag
 from rpud_sim.simulation import preset
+from rpud_sim.simulation.configuration import Configuration, Settings
+from rpud_sim.simulation.run import Beginning
 from rpud_sim.simulation.simulation import Simulation
 
 DURATION = 1.234  # no whole number of blocks
@@ -144,3 +147,13 @@ def test_a_scenario_is_in_the_manifest_and_its_faults_are_in_the_bag(capsys, tmp
     assert manifest.versions.keys() >= {"rpud_sim", "python", "numpy", "numba"}
     # Two come and one goes, each published at the end of its block.
     assert faults == [0, SECOND // 50, SECOND // 25, SECOND * 13 // 100]
+
+
+def test_an_interrupted_run_leaves_no_bag(tmp_path):
+    def interrupt(seconds):
+        raise KeyboardInterrupt
+
+    beginning = Beginning(Settings(Configuration(preset("drilling"))))
+    with pytest.raises(KeyboardInterrupt):
+        write_offline_bag(tmp_path / "bag", beginning, 1.0, report=interrupt)
+    assert not (tmp_path / "bag").exists()
