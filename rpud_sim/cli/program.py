@@ -164,12 +164,11 @@ class _Interrupt:
     def __init__(self) -> None:
         self.seen = False  # whether there was one of them
         self.code = int(ExitCode.INTERRUPTED)  # of the program after it
-        if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
-            for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-                if signal.getsignal(number) is not signal.SIG_IGN:  # as nohup sets it
-                    signal.signal(number, self._handle)
-            signal.signal(signal.SIGALRM, self._repeat)
-            sys.unraisablehook = self._report
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            if signal.getsignal(number) is not signal.SIG_IGN:  # as nohup and a shell's & set it
+                signal.signal(number, self._handle)
+        signal.signal(signal.SIGALRM, self._repeat)
+        sys.unraisablehook = self._report
 
     def end(self) -> None:
         """Raise no exception again: Python is about to end."""

@@ -65,6 +65,7 @@ _WRITER = """
 import signal, sys
 from pathlib import Path
 from rpud_sim.cli.program import run_program
+signal.signal(int(sys.argv[1]), signal.SIG_IGN)
 from rpud_sim.foundation.whole_folder import whole_file, whole_folder
 def run():
     with whole_folder("folder") as folder, whole_file(folder / "a"), whole_file(Path("b")) as b:
@@ -75,9 +76,16 @@ run_program("writer", run)
 """
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-def test_a_signal_leaves_nothing_that_is_not_whole(tmp_path, number):
-    command = (sys.executable, "-c", _WRITER)
+@pytest.mark.parametrize(
+    ("number", "ignored"),
+    [
+        (signal.SIGINT, signal.SIGHUP),  # under nohup
+        (signal.SIGTERM, signal.SIGINT),  # in the background of a script
+        (signal.SIGHUP, signal.SIGINT),
+    ],
+)
+def test_a_signal_leaves_nothing_that_is_not_whole(tmp_path, number, ignored):
+    command = (sys.executable, "-c", _WRITER, str(int(ignored)))
     with subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, text=True) as writer:
         assert writer.stdout.readline() == "half\n"
         writer.send_signal(number)
