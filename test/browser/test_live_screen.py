@@ -50,7 +50,7 @@ def live(server, client, page_of):
     run = of_screen(page, "screen.seen.run")
     client.reset("all")
     client.play()
-    until_screen(page, f"screen.seen.run > {run} && screen.seen.now > 0")
+    until_screen(page, f"screen.seen.run > {run} && screen.seen.status?.state === 'running'")
     return page
 
 
