@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from scipy import stats
 
-from rpud_sim.studies.fit.posterior import LEVEL, Identifiability, identify, interval_shares
+from rpud_sim.studies.fit.posterior import LEVEL, Interval, Ridge, identify, interval_shares
 from rpud_sim.studies.fit.rounds import (
     CANDIDATE,
     FINAL,
@@ -92,7 +92,8 @@ class Fit:
     comparisons: tuple[TargetComparison, ...]  # by target
     refusal: str  # why there are no intervals; empty if there are
     shares: np.ndarray  # equally probable points of the posterior over all choices
-    found: Identifiability | None  # what the targets determine; None without intervals
+    intervals: Mapping[str, Interval]  # of the posterior, by unknown; none if refused
+    ridges: tuple[Ridge, ...]  # pairs that the targets determine only together; none if refused
     probabilities: tuple[tuple[Mapping[str, Any], float], ...]  # of the combinations of choices
     simulations: int  # runs of this call
     kept: int  # runs of earlier calls
@@ -187,7 +188,7 @@ def fit_in(folder: FitFolder, specification: FitSpecification) -> Fit:
         comparisons,
         refusal,
         shares,
-        None if refusal else identify(shares, specification.unknowns),
+        *(({}, ()) if refusal else identify(shares, specification.unknowns)),
         tuple((branch.choices, branch.probability) for branch in branches),
         folder.simulated,
         folder.kept,
