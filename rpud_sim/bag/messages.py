@@ -333,6 +333,6 @@ def _due(waiting: dict[str, list[_TimedBlock]], until: int) -> dict[str, list[_T
 
 
 def _count_before(times: np.ndarray, time: int, side: Literal["left", "right"] = "left") -> int:
-    if time > np.iinfo(times.dtype).max:
+    if not len(times) or times[-1] < time:
         return len(times)
     return int(np.searchsorted(times, times.dtype.type(time), side))
