@@ -87,7 +87,11 @@ def test_help_of_every_command_has_an_example_that_is_one(capsys, name):
         ([], "rpud: the following arguments are required: COMMAND; see rpud --help"),
         (["excavate"], "rpud: argument COMMAND: invalid choice: 'excavate'; known are run, record"),
         (["recrod"], "rpud: argument COMMAND: invalid choice: 'recrod'; did you mean record?"),
-        (["simulate", "--bogus"], "rpud: unrecognized arguments: --bogus; see rpud --help"),
+        (
+            ["simulate", "--bogus"],
+            "rpud simulate: unrecognized arguments: --bogus; see rpud simulate",
+        ),
+        (["test", "bag", "--expct", "x"], "rpud test: unrecognized arguments: --expct x"),
         (["simulate", "--regime", "x"], "rpud simulate: argument --regime: invalid choice: 'x'"),
         (
             ["run", "--duration", "-1"],
