@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from rpud_sim.bag.reader import BagReader
     from rpud_sim.bag.recovery import Recovery, TopicRecovery, recover
     from rpud_sim.bag.tables import Batch
-    from rpud_sim.bag.writer import BagWriter
+    from rpud_sim.bag.writer import BagWriter, whole_bag
 
 __all__ = [
     "BagError",
@@ -44,6 +44,7 @@ __all__ = [
     "TopicSummary",
     "open",
     "recover",
+    "whole_bag",
 ]
 
 # Loaded at first use. A drill that records nothing uses this package too, and must run where the
@@ -57,7 +58,7 @@ _MODULES = {
     "reader": ("BagReader",),
     "recovery": ("Recovery", "TopicRecovery", "recover"),
     "tables": ("Batch",),
-    "writer": ("BagWriter",),
+    "writer": ("BagWriter", "whole_bag"),
 }
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import shutil
 from collections import Counter
 from collections.abc import Callable, Mapping
 from contextlib import suppress
@@ -43,7 +42,7 @@ from rpud_sim.bag.reader import BagReader
 from rpud_sim.bag.records import RecordFile, reading
 from rpud_sim.bag.scan import Damage, Scan, UnreadMessages
 from rpud_sim.bag.storage_files import SUFFIXES, in_order, storage_files
-from rpud_sim.bag.writer import BagWriter
+from rpud_sim.bag.writer import BagWriter, whole_bag
 
 # Metadata record of a recovered bag with the account of its recovery.
 RECOVERY_RECORD = "rpud_recovery"
@@ -146,8 +145,7 @@ def recover(
     recovery = Recovery(Path(out))
     if not any(_holds_records(file) for file in files):
         raise BagFormatError(f"{torn} holds nothing of an MCAP file")
-    bag = BagWriter(out)
-    try:
+    with whole_bag(out) as bag:
         document = _document(Path(torn))
         recovered = _RecoveredBag(bag, recovery)
         recovered.add_custom_data(document.custom_data if document else {})
@@ -157,11 +155,6 @@ def recover(
         bag.close()
         with BagReader(bag.path) as whole:
             _ = whole.topics  # raises an error if the new bag cannot be listed
-    except BaseException:
-        with suppress(BagError):
-            bag.close()
-        shutil.rmtree(bag.path, ignore_errors=True)
-        raise
     return recovery
 
 

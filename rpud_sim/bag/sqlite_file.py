@@ -50,7 +50,7 @@ class SqliteFile:
             quoted = Path(quote(os.path.abspath(path)))
             self._reader = Sqlite3Reader(quoted)
         with self._reading():
-            _check_tables(quoted)
+            _check_tables(quoted, self.size)
             self._reader.open()
         try:
             with self._reading():
@@ -148,8 +148,6 @@ class SqliteFile:
             return
         with self._reading():
             for connection, time, data in self._reader.messages(wanted, start, end):
-                if not isinstance(data, bytes):
-                    raise BagFormatError(f"a message of {connection.topic:.200} has no data")
                 yield Message(connection.topic, time, time, data)
 
     @property
@@ -170,16 +168,18 @@ class SqliteFile:
             self.topic_channels.setdefault(each.topic, []).append(each)
         known = {each.id for each in self._reader.connections}
         self._spans: dict[int, tuple[int, int, int]] = {}
-        # Rows have the lengths of their data: these are not read, as they would be in groups.
-        [(total,)] = database.execute("SELECT SUM(LENGTH(data)) FROM messages")
-        if total and total > self.size:
-            raise BagFormatError(f"its messages have more than the file's {self.size} bytes")
+        for time, kind in database.execute(
+            "SELECT timestamp, typeof(data) FROM messages WHERE typeof(timestamp) <> 'integer'"
+            " OR timestamp < 0 OR typeof(data) <> 'blob' LIMIT 1"
+        ):
+            raise BagFormatError(
+                f"a message has the time {time!r:.80} and {kind} data; times are integers from 0 "
+                f"to {LATEST}, and data is a blob"
+            )
         for topic, count, first, last in database.execute(
             "SELECT topic_id, COUNT(*), MIN(timestamp), MAX(timestamp)"
             " FROM messages GROUP BY topic_id"
         ):
-            if not all(isinstance(time, int) and 0 <= time <= LATEST for time in (first, last)):
-                raise BagFormatError(f"times are from 0 to {LATEST}, not {first!r} to {last!r}")
             if topic in known:
                 self._spans[topic] = (count, first, last)
 
@@ -203,8 +203,8 @@ class SqliteFile:
                 raise BagFormatError(f"it is damaged: {' '.join(str(error).split())}") from error
 
 
-def _check_tables(path: Path) -> None:
-    """Refuse tables whose content is not in the file: a few bytes could make any size of it."""
+def _check_tables(path: Path, size: int) -> None:
+    """Refuse tables of more content than the file: a few bytes could make any size of it."""
     place = f"file:{path}?immutable=1"
     flags = apsw.SQLITE_OPEN_READONLY | apsw.SQLITE_OPEN_URI
     with closing(apsw.Connection(place, flags=flags)) as database:
@@ -213,5 +213,22 @@ def _check_tables(path: Path) -> None:
             " WHERE lower(t.name) IN ('schema', 'topics', 'messages', 'message_definitions')"
             " AND (t.type <> 'table' OR c.hidden OR c.dflt_value IS NOT NULL)"
         ).fetchone()
-    if strange:
-        raise BagFormatError(f"its table {strange[0]:.80} has content that is not stored in it")
+        if strange:
+            raise BagFormatError(f"its table {strange[0]:.80} has content that is not stored in it")
+        # Rows have the lengths of their content, which is not read for it, and which several rows
+        # of a damaged file may share.
+        sums = database.execute(
+            'SELECT t.name, printf(\'SELECT TOTAL(octet_length("%w")) FROM "%w"\', c.name, t.name)'
+            " FROM pragma_table_list AS t JOIN pragma_table_xinfo(t.name) AS c WHERE"
+            " lower(t.name) IN ('topics', 'message_definitions') OR"
+            " lower(t.name) = 'messages' AND lower(c.name) = 'data'"
+        ).fetchall()
+        for name, query in sums:
+            [(total,)] = database.execute(str(query))
+            if total > size:
+                raise BagFormatError(f"its {name} have more than the file's {size} bytes")
+        # Each message would be read once for each topic with its number.
+        for number, count in database.execute(
+            "SELECT id, COUNT(*) FROM topics GROUP BY id HAVING COUNT(*) > 1 LIMIT 1"
+        ):
+            raise BagFormatError(f"{count} topics have the number {number!r:.80}")

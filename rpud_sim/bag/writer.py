@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -91,10 +92,14 @@ class BagWriter:
         self._file: McapWriter | None = None
         stored_name(self.path)  # before anything is created
         _create(self.path)
-        self._reserve = Reserve(self.path) if reserved else None
-        with self._writing():
-            self._file = self._open_file()
-            _sync(self.path.parent)
+        try:
+            self._reserve = Reserve(self.path) if reserved else None
+            with self._writing():
+                self._file = self._open_file()
+                _sync(self.path.parent)
+        except BaseException:
+            shutil.rmtree(self.path, ignore_errors=True)
+            raise
 
     @property
     def message_count(self) -> int:
@@ -330,6 +335,20 @@ class BagWriter:
     def _failure(self, error: OSError) -> BagError:
         self._failed = True
         return BagError(f"cannot write the bag {self.path}: {error.strerror}")
+
+
+@contextmanager
+def whole_bag(path: str | os.PathLike[str]) -> Iterator[BagWriter]:
+    """Context with a new bag, which is deleted after an error or an interruption."""
+    bag = BagWriter(path)
+    try:
+        yield bag
+        bag.close()
+    except BaseException:
+        shutil.rmtree(bag.path, ignore_errors=True)
+        bag._failed = True  # it cannot be completed any more
+        bag.close()
+        raise
 
 
 def _undeclared(topic: str) -> BagError:

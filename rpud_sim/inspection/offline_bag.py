@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from rpud_sim.bag import BagExistsError, BagWriter, QosProfile, Topic
+from rpud_sim.bag import BagExistsError, BagWriter, QosProfile, Topic, whole_bag
 from rpud_sim.bag.definitions import find_definition, find_type_hash
 from rpud_sim.bag.encoder import Encoder
 from rpud_sim.bag.losses import LOSSES_RECORD, Losses, losses_to_record
@@ -116,7 +116,7 @@ def _new_bag(
     manifest: Manifest,
 ) -> Iterator[BagWriter]:
     """Yield a bag with a drill's topics, of which it will lose no message."""
-    with BagWriter(path) as bag:
+    with whole_bag(path) as bag:
         bag.add_record(MANIFEST_RECORD, manifest.to_record())
         for name, topic in topics.items():
             # The offers of the node's publishers, as a recorder discovers them.

@@ -1,23 +1,66 @@
-"""Kinds of faults of the drill and of its signals: what each is and needs.
+"""Kinds of faults of the drill and of its signals: what each is, needs and does.
 
-A physical fault changes the drill (``faults.effects_of``), so that every channel shows its effect
-through the physics. A signal fault changes the messages of one channel of a healthy drill
-(``signals.Stage``). ``docs/reference/faults.md`` explains the kinds and says where the effect of a
-magnitude is assumed.
+A physical fault changes the drill, so that every channel shows its effect through the physics. A
+signal fault changes the messages of one channel of a healthy drill. ``docs/reference/faults.md``
+explains the kinds and says where the effect of a magnitude is assumed.
 """
 
 from __future__ import annotations
 
 import dataclasses
+import math
+import operator
+from collections import deque
 from collections.abc import Callable, Mapping
+from typing import Any
 
+import numpy as np
+
+from rpud_sim.drilling.inputs import Disturbances
 from rpud_sim.foundation.quantities import Quantity
-from rpud_sim.model.parameters import QUANTITIES
+from rpud_sim.foundation.time import SECOND
+from rpud_sim.model.elementary import logarithm_one_plus, sin_cos_cycles
+from rpud_sim.model.parameters import QUANTITIES, Parameters
 from rpud_sim.simulation.configuration import Configuration
-from rpud_sim.simulation.topics import CHANNELS
+from rpud_sim.simulation.topics import CHANNELS, FieldPath, Fields
+
+# Share of the values of a garbage channel that are NaN or infinite, so that mission software meets
+# them; of random bit patterns only one in two thousand is.
+NOT_FINITE_SHARE = 0.1
+
+
+@dataclasses.dataclass(frozen=True)
+class FaultEffects(Disturbances):
+    """Drill and rock under faults."""
+
+    # in force, always inside their ranges
+    parameters: Parameters = dataclasses.field(default_factory=Parameters)
+    pushing_rate: float = 0.0  # k_1 without a binding, with which the load spring pushes [N/m]
+    jammed: bool = False  # whether the free mass is wedged to the drill tool
+    progress_factor: float = 1.0  # on the progress into the rock by percussion alone, 0 to 1
+    resonance_offset: float = 0.0  # of the actuator [Hz]
+    lock_lost: bool = False  # whether a tracking generator does not track
+
+
+@dataclasses.dataclass
+class Stage:
+    """State of a fault on its channel, through which the messages of the channel pass."""
+
+    channel: str  # one of ``CHANNELS``
+    magnitude: float  # in the unit of the kind
+    random: np.random.Generator
+    last: Fields | None  # what the channel published before
+    next: int = 0  # time of the next message of a slow channel [ns]
+    # messages that are late, and when due
+    waiting: deque[tuple[int, Fields]] = dataclasses.field(default_factory=deque)
+
 
 # Why a fault would have no effect, or no meaning, on a drill; empty if it has.
 _Need = Callable[[float, Configuration], str]
+# New value of a parameter or an effect, for the value without the fault and the magnitude.
+_Effect = Callable[[Any, float], Any]
+# Messages that go on, for those that come at a time [ns].
+_Signal = Callable[[Stage, int, list[Fields]], list[Fields]]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -35,8 +78,15 @@ class FaultKind:
     unchanging: float | None = None
     # whether the magnitude has the unit of the channel's main quantity
     in_channel_unit: bool = False
-    # whether it changes the drill; otherwise it changes the messages of a channel
-    physical: bool = True
+    # by name of a parameter or a field of ``FaultEffects``; a parameter that would leave its range
+    # takes the end of the range
+    effects: Mapping[str, _Effect] = dataclasses.field(default_factory=dict)
+    signal: _Signal | None = None  # what it does to the messages of a channel
+
+    @property
+    def physical(self) -> bool:
+        """Whether it changes the drill; otherwise it changes the messages of a channel."""
+        return self.signal is None
 
     def quantity_on(self, channel: str) -> Quantity | None:
         """Return the meaning of the magnitude on a channel; None if the kind has none."""
@@ -120,25 +170,113 @@ def _above_one(description: str, greatest: float = 1e3) -> Quantity:
     return Quantity("", description, 1.0, greatest, exclusive=True)
 
 
-KINDS: Mapping[str, FaultKind] = {
+def _rest(value: float, lost: float) -> float:
+    return value * (1.0 - lost)
+
+
+def _bound(damping_ratio: float, factor: float) -> float:
+    """Return the damping ratio of a body that the same force moves 1/factor as far (assumed)."""
+    return 1.0 - (1.0 - damping_ratio) / factor
+
+
+def _true(value: bool, magnitude: float) -> bool:
+    return True
+
+
+def _slow(stage: Stage, time: int, messages: list[Fields]) -> list[Fields]:
+    if not messages or time < stage.next:
+        return []
+    stage.next = time + round(stage.magnitude * SECOND)
+    return messages[:1]
+
+
+def _delayed(stage: Stage, time: int, messages: list[Fields]) -> list[Fields]:
+    due = time + round(stage.magnitude * SECOND)
+    stage.waiting.extend((due, fields) for fields in messages)
+    late = []
+    while stage.waiting and stage.waiting[0][0] <= time:
+        late.append(stage.waiting.popleft()[1])
+    return late
+
+
+def _intermittent(stage: Stage, time: int, messages: list[Fields]) -> list[Fields]:
+    return [fields for fields in messages if stage.random.random() >= stage.magnitude]
+
+
+def _changed(change: Callable[[Stage, FieldPath, Any], Any], most: int | None = None) -> _Signal:
+    """Return what changes copies of messages: all measured values, or the first ``most``."""
+
+    def changed(stage: Stage, fields: Fields) -> Fields:
+        stage.last = stage.last or fields
+        copy, channel = _copy(fields), CHANNELS[stage.channel]
+        for path in (*channel.numbers, *channel.flags)[:most]:
+            _at(copy, path[:-1])[path[-1]] = change(stage, path, _at(fields, path))
+        return copy
+
+    return lambda stage, time, messages: [changed(stage, fields) for fields in messages]
+
+
+def _at(fields: Any, path: FieldPath) -> Any:
+    for name in path:
+        fields = fields[name]
+    return fields
+
+
+def _copy(fields: Fields) -> Fields:
+    return {
+        name: _copy(value) if isinstance(value, dict) else value for name, value in fields.items()
+    }
+
+
+def _wrong(stage: Stage, path: FieldPath, value: Any) -> Any:
+    return value if isinstance(value, bool) else stage.magnitude * value
+
+
+def _garbage(stage: Stage, path: FieldPath, value: Any) -> Any:
+    """Return a random bit pattern, or a random truth value."""
+    random = stage.random
+    if isinstance(value, bool):
+        return random.random() < 0.5
+    if random.random() < NOT_FINITE_SHARE:
+        return (math.nan, math.inf, -math.inf)[int(3.0 * random.random())]
+    return float(np.uint64(random.bit_generator.random_raw()).view(np.float64))
+
+
+def _noise(stage: Stage, path: FieldPath, value: float) -> float:
+    """Return a value with normal noise, by Box and Muller's transform."""
+    size = math.sqrt(-2.0 * logarithm_one_plus(-stage.random.random()))
+    sine, _ = sin_cos_cycles(stage.random.random())
+    return value + stage.magnitude * float(size * sine)
+
+
+KINDS: dict[str, FaultKind] = {
     "free_mass_jammed": FaultKind(
-        "the free mass is wedged to the drill tool and strikes it no more"
+        "the free mass is wedged to the drill tool and strikes it no more",
+        effects={"jammed": _true},
     ),
     "lost_preload": FaultKind(
         "the load spring pushes less than commanded",
         magnitude=_above_zero("", "share of the weight on bit that is lost", 1.0),
         default=0.5,
+        effects={"preload_factor": _rest},
     ),
     "load_spring_binding": FaultKind(
         "the RPUD binds in its linear guide",
         magnitude=_above_one("factor on the rate of the load spring"),
         default=5.0,
+        effects={"load_spring_rate": operator.mul, "rpud_damping_ratio": _bound},
     ),
     "drill_tool_binding": FaultKind(
         "the bit binds in its hole",
         needs=(_rock_while_drilling,),
         magnitude=_above_one("factor on the rate of the restoring spring, divisor of the progress"),
         default=5.0,
+        effects={
+            "restoring_spring_rate": operator.mul,
+            "drill_tool_damping_ratio": _bound,
+            "progress_factor": operator.truediv,
+            "progress": operator.truediv,
+        },
     ),
     "choking": FaultKind(
         "cuttings clog the hole",
@@ -147,12 +285,19 @@ KINDS: Mapping[str, FaultKind] = {
             "", "share lost of the progress and of the drill tool's restitution", 1.0
         ),
         default=0.8,
+        effects={
+            "drill_tool_restitution": _rest,
+            "progress_factor": _rest,
+            "clearing": _rest,
+            "clogged": lambda clogged, lost: 1.0 - (1.0 - lost),
+        },
     ),
     "hard_rock": FaultKind(
         "the bit meets harder rock",
         needs=(_rock,),
         magnitude=_above_one("factor on the specific energy of the rock"),
         default=3.0,
+        effects={"hardness": operator.mul},
     ),
     "resonance_drift": FaultKind(
         "the resonance of the actuator has moved",
@@ -160,95 +305,109 @@ KINDS: Mapping[str, FaultKind] = {
         magnitude=Quantity("Hz", "offset of the resonance frequency", -1e4, 1e4),
         default=-200.0,
         unchanging=0.0,
+        effects={"resonance_offset": operator.add},
     ),
     "restitution_loss": FaultKind(
         "the impacts are less elastic",
         magnitude=Quantity("", "factor on both coefficients of restitution", 0.0, 1.0, below=True),
         default=0.5,
+        effects={"actuator_restitution": operator.mul, "drill_tool_restitution": operator.mul},
     ),
     "generator_lock_loss": FaultKind(
         "the generator tracks no more and runs at the commanded frequency",
         needs=(_tracking,),
+        effects={"lock_lost": _true},
     ),
     "binding": FaultKind(
         "friction along the tool in its hole resists the rotation",
         needs=(_rotation, _hole),
         magnitude=_above_zero("N m", "torque of the friction", 100.0),
         default=0.05,
+        effects={"extra_torque": operator.add},
     ),
     "hard_inclusion": FaultKind(
         "the bit meets a stone that is harder than its layer",
         needs=(_hole, _softer_rock),
         magnitude=_above_zero("Pa", "strength of the stone", 1e9),
         default=2e8,
+        effects={"inclusion_strength": operator.add},
     ),
     "corkscrewing": FaultKind(
         "rock protrudes into the flutes, along which the tool screws itself in",
         needs=(_rotation, _hole),
         magnitude=_above_zero("N m", "torque of the rock that protrudes", 100.0),
         default=0.02,
+        effects={"screw_torque": operator.add},
     ),
     "bit_walk": FaultKind(
         "the bit walks sideways until its hole guides it",
         needs=(_hole,),
         magnitude=_above_zero("m/s", "rate at which the bit walks", 0.1),
         default=5e-4,
+        effects={"side_walk": operator.add},
     ),
-    "feed_stall": FaultKind("the drive of the feed stands still", needs=(_feed,)),
+    "feed_stall": FaultKind(
+        "the drive of the feed stands still", needs=(_feed,), effects={"feed_stalled": _true}
+    ),
     "arm_slip": FaultKind(
         "the host of the arm slips away from the rock",
         needs=(_feed,),
         magnitude=_above_zero("m/s", "rate at which the host slips", 0.1),
         default=2e-4,
+        effects={"arm_slip_rate": operator.add},
     ),
     "worn_bit": FaultKind(
         "the bit is worn",
         needs=(_hole, _wear),
         magnitude=_above_one("factor on the area of its wear flats", 1e4),
         default=3.0,
+        effects={"worn_factor": operator.mul},
     ),
-    "off": FaultKind("nothing is published", physical=False),
-    "stuck": FaultKind("the values last published are repeated with new stamps", physical=False),
-    "garbage": FaultKind("random bit patterns in place of every value", physical=False),
+    "off": FaultKind("nothing is published", signal=lambda stage, time, messages: []),
+    "stuck": FaultKind(
+        "the values last published are repeated with new stamps",
+        signal=_changed(lambda stage, path, value: _at(stage.last, path)),
+    ),
+    "garbage": FaultKind("random bit patterns in place of every value", signal=_changed(_garbage)),
     "wrong": FaultKind(
         "plausible values that are consistently wrong",
-        physical=False,
         magnitude=Quantity("", "factor on every measured number", -10.0, 10.0),
         default=0.5,
         unchanging=1.0,
+        signal=_changed(_wrong),
     ),
     "slow": FaultKind(
         "messages go out at a lower rate",
-        physical=False,
         magnitude=_above_zero("s", "period in which at most one message goes out", 1e3),
         default=0.5,
+        signal=_slow,
     ),
     "delayed": FaultKind(
         "every message comes late",
-        physical=False,
         magnitude=_above_zero("s", "time by which a message is late", 10.0),
         default=0.5,
+        signal=_delayed,
     ),
     "intermittent": FaultKind(
         "messages are lost at random",
-        physical=False,
         magnitude=_above_zero("", "probability that a message is lost", 1.0),
         default=0.5,
+        signal=_intermittent,
     ),
     "noise": FaultKind(
         "Gaussian noise on the main quantity",
-        physical=False,
         magnitude=_above_zero("", "standard deviation", 1e6),
         default=1.0,
         in_channel_unit=True,
+        signal=_changed(_noise, 1),
     ),
     "bias": FaultKind(
         "a constant offset on the main quantity",
-        physical=False,
         magnitude=Quantity("", "offset", -1e6, 1e6),
         default=1.0,
         unchanging=0.0,
         in_channel_unit=True,
+        signal=_changed(lambda stage, path, value: value + stage.magnitude, 1),
     ),
 }
 # What a channel of a model needs, whichever fault is on it.

@@ -1,4 +1,4 @@
-"""Faults, checked when they are made, what they make of the drill, and the ledger of a run."""
+"""Faults, checked when they are made, their effects together, and the ledger of a run."""
 
 from __future__ import annotations
 
@@ -8,12 +8,11 @@ from collections import deque
 from collections.abc import Iterable
 from typing import Any
 
-from rpud_sim.drilling.inputs import UNDISTURBED, Disturbances
 from rpud_sim.foundation.quantities import ParameterError, shown, suggestion
 from rpud_sim.foundation.shared import Shared
 from rpud_sim.model.parameters import QUANTITIES, Parameters
 from rpud_sim.simulation.configuration import Configuration
-from rpud_sim.simulation.fault_kinds import CHANNEL_NEEDS, KINDS, FaultKind
+from rpud_sim.simulation.fault_kinds import CHANNEL_NEEDS, KINDS, FaultEffects, FaultKind
 from rpud_sim.simulation.topics import CHANNELS, GROUND_TRUTH
 
 # A binding raises the damping ratio up to this. The closed forms of the paper need less than
@@ -126,65 +125,22 @@ def supported_kinds(configuration: Configuration) -> tuple[str, ...]:
     return tuple(name for name, kind in KINDS.items() if supported(name, kind))
 
 
-@dataclasses.dataclass(frozen=True)
-class FaultEffects:
-    """Drill and rock under faults."""
-
-    parameters: Parameters  # in force, always inside their ranges
-    load_spring_rate: float  # k_1 without a binding, with which the load spring pushes [N/m]
-    jammed: bool = False  # whether the free mass is wedged to the drill tool
-    progress_factor: float = 1.0  # on the progress into the rock, 0 to 1
-    resonance_offset: float = 0.0  # of the actuator [Hz]
-    lock_lost: bool = False  # whether a tracking generator does not track
-    disturbances: Disturbances = UNDISTURBED  # of the slow processes around the percussion
-
-
 def effects_of(faults: Iterable[Fault], parameters: Parameters) -> FaultEffects:
-    """Return the effects of any faults; signal faults do not change the drill.
-
-    There is one fault of a kind at most. A binding by a factor f means that the same force moves a
-    body 1/f as far, and takes the damping ratio xi to 1 - (1 - xi)/f, up to ``MOST_DAMPING_RATIO``
-    (assumed). A parameter that would leave its range takes the end of the range.
-    """
+    """Return the effects of any faults, at most one of a kind, on a drill."""
     given = {fault.kind: fault.magnitude for fault in faults}
-    spring, tool = given.get("load_spring_binding", 1.0), given.get("drill_tool_binding", 1.0)
-    clear = 1.0 - given.get("choking", 0.0)
-    elastic = given.get("restitution_loss", 1.0)
-    wanted = {
-        "load_spring_rate": parameters.load_spring_rate * spring,
-        "rpud_damping_ratio": _bound(parameters.rpud_damping_ratio, spring),
-        "restoring_spring_rate": parameters.restoring_spring_rate * tool,
-        "drill_tool_damping_ratio": _bound(parameters.drill_tool_damping_ratio, tool),
-        "actuator_restitution": parameters.actuator_restitution * elastic,
-        "drill_tool_restitution": parameters.drill_tool_restitution * elastic * clear,
-    }
-    limited = {name: min(value, _most(parameters, name)) for name, value in wanted.items()}
-    return FaultEffects(
-        parameters.replace(**limited),
-        parameters.load_spring_rate,
-        jammed="free_mass_jammed" in given,
-        progress_factor=clear / tool,
-        resonance_offset=given.get("resonance_drift", 0.0),
-        lock_lost="generator_lock_loss" in given,
-        disturbances=Disturbances(
-            hardness=given.get("hard_rock", 1.0),
-            progress=1.0 / tool,
-            clearing=clear,
-            clogged=1.0 - clear,
-            inclusion_strength=given.get("hard_inclusion", 0.0),
-            extra_torque=given.get("binding", 0.0),
-            feed_stalled="feed_stall" in given,
-            arm_slip_rate=given.get("arm_slip", 0.0),
-            side_walk=given.get("bit_walk", 0.0),
-            worn_factor=given.get("worn_bit", 1.0),
-            screw_torque=given.get("corkscrewing", 0.0),
-            preload_factor=1.0 - given.get("lost_preload", 0.0),
-        ),
+    healthy = FaultEffects(parameters=parameters, pushing_rate=parameters.load_spring_rate)
+    values = {**vars(parameters), **vars(healthy)}
+    for name in reversed(KINDS):  # not in the order of injection: factors round otherwise
+        for changed, effect in KINDS[name].effects.items() if name in given else ():
+            values[changed] = effect(values[changed], given[name])
+    values["parameters"] = parameters.replace(
+        **{
+            name: min(values[name], _most(parameters, name))
+            for name, value in vars(parameters).items()
+            if values[name] != value
+        }
     )
-
-
-def _bound(damping_ratio: float, factor: float) -> float:
-    return damping_ratio if factor == 1.0 else 1.0 - (1.0 - damping_ratio) / factor
+    return FaultEffects(**{name: values[name] for name in vars(healthy)})
 
 
 def _most(parameters: Parameters, name: str) -> float:

@@ -19,7 +19,8 @@ from rpud_sim.simulation.actuator import Actuator, ActuatorReading
 from rpud_sim.simulation.commands import Drive
 from rpud_sim.simulation.configuration import Configuration
 from rpud_sim.simulation.energy_account import FeedAccount
-from rpud_sim.simulation.faults import FaultEffects, effects_of
+from rpud_sim.simulation.fault_kinds import FaultEffects
+from rpud_sim.simulation.faults import effects_of
 from rpud_sim.simulation.percussion import LoadSpring, PercussionMeter, nodal_plane_position
 
 
@@ -175,7 +176,7 @@ class Plant:
         )
         mount = self.process.mount
         was_in_contact = mount is not None and mount.in_contact
-        self.process.step(percussion, self._surroundings(), self._effects.disturbances)
+        self.process.step(percussion, self._surroundings(), self._effects)
         if self._load_spring and mount is not None:
             if mount.in_contact is not was_in_contact:
                 self._drill = self._derived()
@@ -210,13 +211,13 @@ class Plant:
     def _pushing_rate(self) -> float:
         """Rate with which the load spring pushes [N/m]."""
         acting = self._effects
-        return acting.load_spring_rate * acting.disturbances.preload_factor
+        return acting.pushing_rate * acting.preload_factor
 
     def _surroundings(self) -> Surroundings:
         parameters = self._effects.parameters
         depth = self.progress.depth
         return Surroundings(
-            self._effects.load_spring_rate,
+            self._effects.pushing_rate,
             parameters.regime == "drilling",
             depth if math.isfinite(depth) else 0.0,
             self._hardness,
@@ -245,14 +246,12 @@ class Plant:
             self._percussion.add(impacts)
         if self._drill.in_rock:
             acting = self._effects
-            self.progress.add(
-                impacts, self._hardness * acting.disturbances.hardness, acting.progress_factor
-            )
+            self.progress.add(impacts, self._hardness * acting.hardness, acting.progress_factor)
 
     def _weight_on_bit(self) -> float:
         if (mount := self.process.mount) is not None:
             return mount.preload
-        return self.weight_on_bit * self._effects.disturbances.preload_factor
+        return self.weight_on_bit * self._effects.preload_factor
 
     def _commands(self) -> tuple[tuple[float, float, float], float]:
         actuator = self.actuator

@@ -23,8 +23,7 @@ from rpud_sim.model.parameters import Parameters
 from rpud_sim.model.segment import IMPACT, SEGMENT
 from rpud_sim.simulation.block import Block
 from rpud_sim.simulation.configuration import Configuration
-from rpud_sim.simulation.faults import Fault
-from rpud_sim.simulation.signals import Stage
+from rpud_sim.simulation.fault_kinds import Stage
 
 _DTYPES: Mapping[str, np.dtype[Any]] = {
     "state": STATE,
@@ -121,7 +120,7 @@ def read_state(old: Any, tree: Any, configuration: Configuration) -> Any:
 
     def read_object(old: Any, name: str, trees: Mapping[str, Any]) -> Any:
         if name == f"{Stage.__module__}.{Stage.__name__}":
-            old = Stage(Fault("off", "wrench"), np.random.default_rng(0), None)
+            old = Stage("", 0.0, np.random.default_rng(0), None)
         if old is None or _name(old) != name:
             raise ValueError(f"{name:.80} does not belong to the state")
         held = vars(old)

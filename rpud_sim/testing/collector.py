@@ -13,10 +13,12 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.serialization import deserialize_message
 from rpud_msgs.srv import GetDelivery
+from sensor_msgs.msg import JointState
 
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.ros.client import DrillClient
 from rpud_sim.ros.client.topic_listener import listening_qos, types_of_topic
+from rpud_sim.ros.drill.commands import joints_to_feed
 from rpud_sim.ros.graph import message_class
 from rpud_sim.simulation.topics import TOPICS
 from rpud_sim.testing.errors import is_verdict
@@ -27,6 +29,7 @@ COMMANDS: Mapping[str, str] = {
     "command/weight_on_bit": "rpud_msgs/msg/WeightOnBit",
     "command/drive": "rpud_msgs/msg/Drive",
     "command/feed": "rpud_msgs/msg/Feed",
+    "joint_commands": "sensor_msgs/msg/JointState",
 }
 _STAMPED = ("std_msgs/Header", "builtin_interfaces/Time")  # types of a first field with a time
 _STAMP = {0: struct.Struct(">iI"), 1: struct.Struct("<iI")}  # by the byte order of the payload
@@ -58,7 +61,7 @@ class HeardTopic:
         self.latched = qos.durability == DurabilityPolicy.TRANSIENT_LOCAL
         self.number: int | None = None  # of the latest message, by its publisher
         self.lost = 0
-        self.arrived = 0  # messages since the test began, also those that are left out
+        self.commands = 0  # that the drill counts, if this is a topic of commands
         self._node = node
         self._numbered = numbered
         self._changes = changes
@@ -79,6 +82,7 @@ class HeardTopic:
             while taken := handle.take_message(self.kind, True):
                 payload, info = taken
                 self._count(info["publication_sequence_number"])
+                self.commands += self.kind is not JointState or _commands_feed(payload)
                 if not self._repeats(payload):
                     self.payloads.append(payload)
                     self.stamps.append(self._stamp(payload, time))
@@ -98,15 +102,13 @@ class HeardTopic:
 
     def forget(self, until: int) -> None:
         del self.payloads[:until], self.stamps[:until], self._messages[:until]
-        self.arrived = len(self.payloads)
-        self.lost = 0
+        self.commands = self.lost = 0
 
     def close(self) -> None:
         """Unsubscribe."""
         self._node.destroy_subscription(self.subscription)
 
     def _count(self, number: int | None) -> None:
-        self.arrived += 1
         if number is None:
             return
         if self._numbered and self.number is not None and number > self.number + 1:
@@ -127,6 +129,14 @@ class HeardTopic:
         stamp = int(second * SECOND + nanosecond)
         # Zero is a time of the drill, but no stamp of others.
         return stamp if stamp or self._numbered else time
+
+
+def _commands_feed(payload: bytes) -> bool:
+    """Return whether the drill counts a message to joints, which may command none of its own."""
+    try:
+        return joints_to_feed(deserialize_message(payload, JointState)) is not None
+    except Exception:  # it is refused, which counts too
+        return True
 
 
 def _ignore(payload: bytes) -> None:

@@ -143,8 +143,8 @@ class _Answer:
 class Answers:
     """Declared answers of the nodes under test.
 
-    An answer to a step has the stamp that the step has reached, or a later one. A message without a
-    stamp answers if it comes after the step has begun.
+    An answer to a step has the stamp that the step has reached: a later one is of before a reset,
+    or of another clock. A message without a stamp answers if it comes after the step has begun.
     """
 
     def __init__(self, collector: Collector, introductions: Introductions) -> None:
@@ -245,5 +245,5 @@ def _answered(answer: _Answer, stamp: int) -> bool:
         return False
     since = topic.stamps[answer.begun :]
     if topic.stamped:
-        since = [each for each in since if each >= stamp]
+        return since.count(stamp) >= answer.count
     return len(since) >= answer.count

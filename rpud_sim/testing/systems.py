@@ -211,7 +211,7 @@ class Systems:
         status = collector.own("status")
 
         def given() -> int:
-            return sum(collector.own(name).arrived for name in COMMANDS)
+            return sum(collector.own(name).commands for name in COMMANDS)
 
         def counted() -> bool:
             latest = status.latest()

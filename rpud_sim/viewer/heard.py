@@ -241,9 +241,11 @@ class Heard:
         if entry.kind in ("begin", "restore"):
             self.run += 1
             self._clear()
-            if self._located:  # where the clock goes back, what is later belongs to the run before
-                kept = self._kept.items()
-                self._kept = {k: each for k, each in kept if _stamp(each.header.stamp) <= stamp}
+            # Where the clock goes back, a later status belongs to the run before. Faults are not
+            # repeated: those may be the newest ones, heard before the journal.
+            back, status = stamp - time <= (self.origin or 0), self._kept.get("status")
+            if self._located and back and status and _stamp(status.header.stamp) > stamp:
+                del self._kept["status"]
             self._locate(stamp - time)
         elif entry.kind == "origin" and isinstance(origin := content.get("origin"), int):
             former = self.origin if self._located and self.time is not None else None

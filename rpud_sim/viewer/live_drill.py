@@ -262,7 +262,7 @@ class LiveDrill:
 
     def _follow(self, client: DrillClient) -> str:
         """Hear the drill and act on it; return why it is gone, empty if this is to close."""
-        due, asked_run = 0.0, 0
+        due, asked_run = 0.0, -1
         while not self._closed:
             client.take()
             self._settle()
@@ -275,11 +275,11 @@ class LiveDrill:
                     return "it has left"
                 if now - self._status_at > _SILENCE:
                     return f"it has published no status for {_SILENCE:g} s"
-                if self._heard.run != asked_run:
-                    asked_run = self._heard.run
-                    with suppress(ClientError):  # it may be gone, which the next look shows
+                if (run := self._heard.run) != asked_run:
+                    with suppress(ClientError):  # asked again, unless it is gone
                         response = client.list_faults()
                         self.kinds, self.channels = tuple(response.kinds), tuple(response.channels)
+                        asked_run = run
             self._wake.wait(_PERIOD)
             self._wake.clear()
         return ""

@@ -187,9 +187,12 @@ def measured(heard: Heard, client: ClientState) -> dict[str, Any]:
         found["values"] = heard.values
     if due("log", heard.log_version, 0.5):
         found |= heard.commands.frame(heard.faults)
-    if due("steps", (heard.log_version, view), 0.5):
-        steps = heard.commands.steps(start, end, view.width)
-        found["steps"] = {name: steps[name] for name in steps if heard.is_stepped(name)}
+    stepped = [name for name in heard.commands.quantities if heard.is_stepped(name)]
+    if due("steps", (heard.log_version, view, stepped), 0.5):
+        # An entry of the journal may come before the messages of its time.
+        last = math.inf if view.follow else end
+        steps = heard.commands.steps(start, last, view.width)
+        found["steps"] = {name: steps[name] for name in stepped}
     if heard.time is None:
         return found
     # By what was heard, not by its time: a message that arrives late is shown too.
@@ -202,11 +205,11 @@ def measured(heard: Heard, client: ClientState) -> dict[str, Any]:
     if due("whole", heard.version, 1.0):
         whole = heard.picture(0.0)
         found["timeline"] = whole.line("peak_force", 0.0, now)
-        if (hole := whole.hole(now, heard.commands.parameters)) is not None:
-            found["hole"] = hole
-    if client.section and heard.block is not None and due("section", heard.block[0]):
-        found["section"] = _section(heard, heard.block)
-    if due("asked", (view, client.choices)):
+        found["hole"] = whole.hole(now, heard.commands.parameters)
+    block = heard.block
+    if client.section and block is not None and due("section", (block[0], heard.impacts.total)):
+        found["section"] = _section(heard, block)
+    if due("asked", (view, client.choices, sent["plots"][0])):
         sent["view"] = None, -math.inf
     if due("view", heard.version, sent.get("cost", 0.0) * _SHARE):
         began = time.perf_counter()

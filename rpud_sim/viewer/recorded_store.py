@@ -124,15 +124,17 @@ class RecordedStore(Store):
             frame |= {"drills": self.drills, "drill": drill, "run": self._opened}
         if due("plots", plots):
             frame |= {"plots": plots, "quantities": for_browser() + others}
-        if due("state", version):
+        if due("state", (version, bag.recording.growing, bag.recording.lost)):
             frame |= {**self._state(now), "timeline": bag.timeline(drill)}
         if due("marks", overview.version):
             faults = overview.faults(drill)
             frame |= {"faults": faults, **commands.frame(faults)}
         # A long view is made of what was read so far, and a late one may grow.
         moving = end - start > MESSAGES_RANGE or end > now - _REFRESH
-        if due("view", (start, end, width, kinds, version if moving else 0)):
+        basis = version if moving else bag.recording.clocks[drill]
+        if due("view", (start, end, width, kinds, basis)):
             frame["view"] = bag.view(drill, start, end, width, kinds)
+        if due("steps", (start, end, width, overview.version)):
             frame["steps"] = commands.steps(start, end, width)
         if due("moment", (playhead, version)):
             frame |= bag.moment(drill, playhead)
@@ -244,7 +246,6 @@ class RecordedStore(Store):
                         self._wait_for_growth()
                     except BagError as error:  # what was read stays
                         self._bag.recording.lost = f"it cannot be opened again ({error})"
-                        self._version += 1
         except Exception as error:  # the pages must know
             self._error = f"the bag cannot be read on: {error!r:.300}"
             raise
@@ -260,17 +261,15 @@ class RecordedStore(Store):
             begin = time.monotonic()
             with self._lock:
                 recording = self._bag.recording
-                before = len(recording.pieces), recording.lost, recording.growing
+                before = len(recording.pieces)
                 if not recording.grow():
                     opened = Views(self.path)
                     recording.close()
                     self._bag = opened
                     self._opened += 1
                     return
-                after = len(recording.pieces), recording.lost, recording.growing
-            if after[0] > before[0]:
-                return
-            self._version += after != before
+                if len(recording.pieces) > before:
+                    return
             pause = max(_REFRESH, (time.monotonic() - begin) / _SHARE)
 
 

@@ -217,14 +217,31 @@ _STRANGE = r"essage.* has content that is not stored in it"
 @pytest.mark.parametrize(
     ("statement", "complaint"),
     [
-        ("UPDATE messages SET timestamp = 'soon'", "is damaged"),
-        ("UPDATE messages SET timestamp = -1", "times are from 0"),
-        ("UPDATE messages SET data = 'text'", "has no data"),
+        (
+            "UPDATE messages SET timestamp = 'soon' WHERE id = 2",
+            "the time 'soon' and blob data; times are integers from 0",
+        ),
+        ("UPDATE messages SET timestamp = -1", "the time -1 and"),
+        (
+            f"{_MESSAGES} data); INSERT INTO messages VALUES(1, 1, 5, x''), (2, 1, 6.5, x'');"
+            "INSERT INTO messages VALUES(3, 1, 7, x'')",
+            "the time 6.5 and blob data",
+        ),
+        (
+            f"{_MESSAGES} data); INSERT INTO messages VALUES(1, 1, 5, x''), (2, 1, NULL, x'')",
+            "the time None and blob data",
+        ),
+        ("UPDATE messages SET data = 'text'", "text data; .* data is a blob"),
         ("UPDATE topics SET name = x'ff'", "a topic has no name"),
         ("UPDATE topics SET name = CAST(x'ff' AS TEXT)", "damaged"),
         ("UPDATE topics SET offered_qos_profiles = '[1]'", "damaged"),
         ("UPDATE message_definitions SET encoding = 'other'", "damaged"),
-        ("DROP TABLE topics", "missing tables"),
+        ("DROP TABLE topics", "no such table: topics"),
+        (
+            "CREATE TABLE copy AS SELECT * FROM topics UNION ALL SELECT * FROM topics;"
+            "DROP TABLE topics; ALTER TABLE copy RENAME TO topics",
+            "2 topics have the number 1",
+        ),
         ("DROP TABLE message_definitions", "no such table"),
         (
             f"{_MESSAGES} data AS (zeroblob(1e8))); INSERT INTO messages(topic_id) VALUES(1);",
@@ -246,17 +263,32 @@ def test_a_database_that_is_no_bag_is_one_line(tmp_path, statement, complaint):
     assert str(file) in str(caught.value)
 
 
-def test_messages_larger_than_their_database_are_refused_before_they_are_read(tmp_path):
+@pytest.mark.parametrize(
+    ("column", "table", "kind"),
+    [
+        ("data", "messages", "BLOB"),
+        ("data", "messages", "TEXT"),
+        ("name", "topics", "TEXT"),
+        ("encoded_message_definition", "message_definitions", "TEXT"),
+    ],
+)
+def test_content_larger_than_its_database_is_refused_before_it_is_read(
+    tmp_path, column, table, kind
+):
     with edited(tmp_path / "run") as (file, database):
         (size,) = database.execute("PRAGMA page_size").fetchone()
         (pages,) = database.execute("PRAGMA page_count").fetchone()
         database.execute("DELETE FROM messages WHERE id > 1")
-        database.execute("UPDATE messages SET data = zeroblob(10000000)")
-    # Without the pages of the large message, whose length its row still has.
+        database.execute(
+            f"UPDATE {table} SET {column} = CAST(zeroblob(10000000) AS {kind}) WHERE id = 1"
+        )
+    # Without the pages of the large content, whose length its row still has.
     content = bytearray(file.read_bytes()[: pages * size])
     content[28:32] = pages.to_bytes(4, "big")
     file.write_bytes(content)
-    with pytest.raises(BagFormatError, match=f"more than the file's {pages * size} bytes"):
+    with pytest.raises(
+        BagFormatError, match=f"{table} have more than the file's {pages * size} bytes"
+    ):
         rpud_sim.bag.open(tmp_path / "run")
 
 

@@ -30,6 +30,7 @@ from support import examples
 
 import rpud_sim.bag
 from rpud_sim.bag import BagError, BagExistsError, BagWriter
+from rpud_sim.bag.writer import whole_bag
 
 
 @pytest.mark.parametrize("compression", ["none", "lz4", "zstd"])
@@ -226,3 +227,18 @@ def test_a_full_disk_is_one_clear_error(tmp_path, small_disk):
         bag.flush()
     bag.close()
     assert not (tmp_path / "run" / "metadata.yaml").exists()
+
+
+@pytest.mark.parametrize(
+    "step",
+    ["_sync", "_write_document", *(f"McapWriter.{step}" for step in ("write", "finish"))],
+)
+def test_an_interruption_at_any_step_leaves_nothing_of_a_whole_bag(tmp_path, monkeypatch, step):
+    def interrupt(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(f"rpud_sim.bag.writer.{step}", interrupt)
+    with pytest.raises(KeyboardInterrupt), whole_bag(tmp_path / "run") as bag:  # noqa: PT012
+        bag.add_topic(TALK, STRING_DEFINITION)
+        bag.write(TALK.name, serialized_string("one"), START, START)
+    assert os.listdir(tmp_path) == []

@@ -98,7 +98,10 @@ def test_faults_and_commands_are_marked_and_playing_moves_the_playhead(recorded)
     page.tab.get_by_text("log of commands", exact=True).click()
 
     of_screen(page, "screen.zoom(0.9, 1.5)")
-    put_playhead(page, 1.4)
+    for time in (1.2, 1.4):  # the section shows the playhead's motion, also one that was held
+        of_screen(page, "screen.clock.still(0)")
+        put_playhead(page, time)
+        until_screen(page, f"Math.abs(screen.clock.block.time + screen.clock.end - {time}) < 1e-3")
     box = page.tab.locator("[data-plot=load] .u-over").bounding_box()
     page.tab.mouse.move(box["x"] + 0.9 * box["width"], box["y"] + 5)
     text_has(page, "#cursor", r"^1\.\d+.s . restitution loss$")

@@ -65,6 +65,7 @@ _WRITER = """
 import signal, sys
 from pathlib import Path
 from rpud_sim.cli.program import run_program
+signal.signal(int(sys.argv[1]), signal.SIG_IGN)
 from rpud_sim.foundation.whole_folder import whole_file, whole_folder
 def run():
     with whole_folder("folder") as folder, whole_file(folder / "a"), whole_file(Path("b")) as b:
@@ -75,13 +76,43 @@ run_program("writer", run)
 """
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-def test_a_signal_leaves_nothing_that_is_not_whole(tmp_path, number):
-    command = (sys.executable, "-c", _WRITER)
+@pytest.mark.parametrize(
+    ("number", "ignored"),
+    [
+        (signal.SIGINT, signal.SIGHUP),  # under nohup
+        (signal.SIGTERM, signal.SIGINT),  # in the background of a script
+        (signal.SIGHUP, signal.SIGINT),
+    ],
+)
+def test_a_signal_leaves_nothing_that_is_not_whole(tmp_path, number, ignored):
+    command = (sys.executable, "-c", _WRITER, str(int(ignored)))
     with subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, text=True) as writer:
         assert writer.stdout.readline() == "half\n"
         writer.send_signal(number)
         assert writer.wait(60) == 128 + number
+    assert os.listdir(tmp_path) == []
+
+
+_IMPATIENT = """
+import signal, sys
+from rpud_sim.cli.program import run_program
+from rpud_sim.foundation.whole_folder import whole_folder
+def trace(frame, event, argument):
+    if frame.f_code.co_name in ("rmtree", "end"):
+        signal.raise_signal(signal.SIGTERM)
+def run():
+    sys.settrace(trace)
+    with whole_folder("folder"):
+        signal.raise_signal(signal.SIGINT)
+run_program("writer", run if sys.argv[1] == "cleanup" else lambda: sys.settrace(trace))
+"""
+
+
+@pytest.mark.parametrize("during", ["cleanup", "end"])
+def test_a_signal_during_the_cleanup_or_the_end_is_no_error(tmp_path, during):
+    command = (sys.executable, "-c", _IMPATIENT, during)
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (128 + signal.SIGTERM, "")
     assert os.listdir(tmp_path) == []
 
 

@@ -9,15 +9,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from support import refusal
 
-from rpud_sim.drilling.inputs import Disturbances
 from rpud_sim.model.parameters import QUANTITIES
 from rpud_sim.simulation import Parameters
 from rpud_sim.simulation.configuration import to_configuration
-from rpud_sim.simulation.fault_kinds import KINDS
+from rpud_sim.simulation.fault_kinds import KINDS, FaultEffects
 from rpud_sim.simulation.faults import (
     MOST_DAMPING_RATIO,
     Fault,
-    FaultEffects,
     FaultError,
     check_supported,
     effects_of,
@@ -78,10 +76,7 @@ def test_a_magnitude_that_is_left_open_is_the_default_or_none(kind):
         ),
         (("bias", "wrench", 0.0), "magnitude of bias on wrench = 0 would change nothing; NaN "),
         (("wrong", "wrench", 1), "magnitude of wrong on wrench = 1 would change nothing; "),
-        (("hard_rock", "", math.inf), "magnitude of hard_rock = inf is outside its range "),
-        (("hard_rock", "", 10**5000), "magnitude of hard_rock = a number too long to show is out"),
         (("hard_rock", "", "2"), "magnitude of hard_rock = '2' is outside its range "),
-        (("hard_rock", "", True), "magnitude of hard_rock = True is outside its range "),
     ],
 )
 def test_what_cannot_be_a_fault_is_refused_with_its_name(arguments, complaint):
@@ -140,7 +135,8 @@ any_parameters = st.builds(Parameters, **{name: inside(each) for name, each in Q
 
 def healthy(parameters, **changes):
     """Effects with parameters, and with the load spring rate of the drill's default."""
-    return FaultEffects(parameters, Parameters().load_spring_rate, **changes)
+    rate = Parameters().load_spring_rate
+    return FaultEffects(parameters=parameters, pushing_rate=rate, **changes)
 
 
 def under(*faults, **parameters):
@@ -177,24 +173,24 @@ def test_signal_faults_leave_the_drill_as_it_is():
             "drill_tool_binding",
             4.0,
             {"restoring_spring_rate": 8000.0, "drill_tool_damping_ratio": 0.875},
-            {"progress_factor": 0.25, "disturbances": Disturbances(progress=0.25)},
+            {"progress_factor": 0.25, "progress": 0.25},
         ),
         (
             "choking",
             0.75,
             {"drill_tool_restitution": 0.25},
-            {"progress_factor": 0.25, "disturbances": Disturbances(clearing=0.25, clogged=0.75)},
+            {"progress_factor": 0.25, "clearing": 0.25, "clogged": 0.75},
         ),
         # These leave the percussion as it is.
-        ("lost_preload", 0.25, {}, {"disturbances": Disturbances(preload_factor=0.75)}),
-        ("hard_rock", 4.0, {}, {"disturbances": Disturbances(hardness=4.0)}),
-        ("binding", 0.3, {}, {"disturbances": Disturbances(extra_torque=0.3)}),
-        ("hard_inclusion", 1e8, {}, {"disturbances": Disturbances(inclusion_strength=1e8)}),
-        ("corkscrewing", 0.01, {}, {"disturbances": Disturbances(screw_torque=0.01)}),
-        ("bit_walk", 1e-3, {}, {"disturbances": Disturbances(side_walk=1e-3)}),
-        ("feed_stall", math.nan, {}, {"disturbances": Disturbances(feed_stalled=True)}),
-        ("arm_slip", 1e-3, {}, {"disturbances": Disturbances(arm_slip_rate=1e-3)}),
-        ("worn_bit", 4.0, {}, {"disturbances": Disturbances(worn_factor=4.0)}),
+        ("lost_preload", 0.25, {}, {"preload_factor": 0.75}),
+        ("hard_rock", 4.0, {}, {"hardness": 4.0}),
+        ("binding", 0.3, {}, {"extra_torque": 0.3}),
+        ("hard_inclusion", 1e8, {}, {"inclusion_strength": 1e8}),
+        ("corkscrewing", 0.01, {}, {"screw_torque": 0.01}),
+        ("bit_walk", 1e-3, {}, {"side_walk": 1e-3}),
+        ("feed_stall", math.nan, {}, {"feed_stalled": True}),
+        ("arm_slip", 1e-3, {}, {"arm_slip_rate": 1e-3}),
+        ("worn_bit", 4.0, {}, {"worn_factor": 4.0}),
     ],
 )
 def test_each_kind_acts_where_it_should(kind, magnitude, parameters, others):
@@ -225,8 +221,8 @@ def test_any_faults_together_leave_valid_effects(several, parameters):
     found = effects_of(several, parameters)
     assert Parameters(**vars(found.parameters)) == found.parameters  # each inside its range
     assert 0.0 <= found.progress_factor <= 1.0
-    assert 0.0 <= found.disturbances.preload_factor <= 1.0
-    assert found.disturbances.hardness >= 1.0
+    assert 0.0 <= found.preload_factor <= 1.0
+    assert found.hardness >= 1.0
     # Faults make nothing softer, less damped or more elastic.
     for name in ("load_spring_rate", "restoring_spring_rate"):
         assert getattr(found.parameters, name) >= getattr(parameters, name)

@@ -7,11 +7,11 @@ import sys
 import time
 
 import pytest
+from specifications import parse_specification
 
 from rpud_sim.studies import cluster
 from rpud_sim.studies.cluster import run_on_cluster
 from rpud_sim.studies.sweep.chunks import design_points, make_chunks, simulate
-from rpud_sim.studies.sweep.specification_file import parse_specification
 from rpud_sim.studies.workers import WorkerError
 
 pytestmark = pytest.mark.extended

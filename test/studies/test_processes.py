@@ -8,9 +8,9 @@ import subprocess
 import weakref
 
 import pytest
+from specifications import parse_specification
 
 from rpud_sim.studies.sweep.chunks import SweepChunk, design_points, make_chunks, simulate
-from rpud_sim.studies.sweep.specification_file import parse_specification
 from rpud_sim.studies.workers import WorkerError, run_on_processes
 
 SPECIFICATION = parse_specification(

@@ -1,11 +1,16 @@
 """Nodes under test of a drill: how they are started, connected, paused, and told of."""
 
+import math
+from unittest.mock import MagicMock
+
 import pytest
+from sensor_msgs.msg import JointState
 
 import rpud_sim.bag
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.testing import LostMessagesError, SystemUnderTestError
 from rpud_sim.testing.artefacts import write_bag
+from rpud_sim.testing.nodes import Answers
 from rpud_sim.verdicts import always
 from rpud_sim.verdicts import signal as field
 
@@ -155,3 +160,28 @@ def test_a_bag_declares_what_the_test_has_lost(drill, tmp_path):
     with rpud_sim.bag.open(tmp_path / "bag") as bag:
         losses = {each.topic.name: each.losses for each in bag.topics}
     assert losses["/rpud/contact_force"].total == 2
+
+
+@pytest.mark.rpud(feed_model="arm")
+def test_commands_to_joints_are_commands_and_what_commands_no_feed_is_none(drill):
+    publisher = drill.client.node.create_publisher(JointState, "joint_commands", 10)
+    drill.client.until(lambda: publisher.get_subscription_count() == 2)
+    drill.await_connections()
+    for rate in (0.001, math.nan, -0.001):
+        publisher.publish(JointState(name=["rpud_feed"], position=[math.nan], velocity=[rate]))
+    drill.step(0.01)
+    assert len(drill.messages("joint_commands")) == 3
+    assert drill.status.commands_accepted == 2
+    drill.client.node.destroy_publisher(publisher)
+
+
+def test_an_answer_of_before_a_reset_is_none():
+    """It has a later stamp, and may arrive after the reset."""
+    heard = [300_000_000]
+    topic = MagicMock(stamped=True, stamps=heard)
+    answers = Answers(MagicMock(subscribe=lambda *_: topic), MagicMock())
+    answers.declare(("heartbeat",))
+    answers.connect()
+    assert answers.missing(200_000_000)
+    heard.append(200_000_000)
+    assert not answers.missing(200_000_000)

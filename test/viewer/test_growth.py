@@ -87,6 +87,18 @@ def test_a_recorder_that_deletes_its_oldest_file_is_followed(recorder, tmp_path)
         assert not recording.grow()
 
 
+def test_pages_see_that_nobody_records_any_more(recorder, monkeypatch):
+    with RecordedStore(recorder.path) as store:
+        client = ClientState()
+        store.open(client)
+        store.read_all()
+        assert store.frame(client)["growing"]
+        monkeypatch.setattr("rpud_sim.viewer.recording._STILL", 0.0)
+        shown = store.frame(client)
+        assert not shown["growing"]
+        assert "lost its end" in shown["notice"]
+
+
 def test_pages_follow_the_end_and_see_that_the_recording_ended(recorder, monkeypatch):
     monkeypatch.setattr(stores, "_REFRESH", 0.02)
     seen = {}

@@ -77,6 +77,20 @@ def test_status_and_faults_before_the_journal_are_shown_as_soon_as_it_comes():
     assert (shown["kind"], shown["onset"], shown["end"]) == ("bias", 0.5, None)
 
 
+@pytest.mark.parametrize("reset", [0, 3 * SECOND])  # the stamp: the clock begins again, or goes on
+def test_a_fault_is_shown_to_who_joins_after_a_reset(reset):
+    heard = Heard()
+    faults = Faults(faults=[Fault(number=1, kind="bias", active=True, onset=stamp(ORIGIN + reset))])
+    faults.header.stamp = stamp(ORIGIN + 4 * SECOND)
+    heard.latched("faults", faults)
+    begins = [entry(number, "begin", 0, parameters=PARAMETERS) for number in range(2)]
+    begins[1].header.stamp = stamp(ORIGIN + reset)
+    for begin in begins:
+        heard.latched("journal", begin)
+    [shown] = heard.faults
+    assert (shown["kind"], shown["onset"]) == ("bias", 0.0)
+
+
 def test_all_quantities_of_the_whole_run_are_kept(heard):
     sinks = heard.sinks()
     for time, force in ((0, 5.0), (SECOND // 25, 9.0), (SECOND // 20, 7.0), (3 * SECOND, 1.0)):
@@ -107,18 +121,25 @@ def test_a_faulty_signal_without_a_number_leaves_the_bin_empty(heard):
     assert not heard.fine.has("reacting_force")
 
 
-def test_what_arrives_late_is_in_the_numbers_and_the_timeline(heard, monkeypatch):
-    now = [0.0]
-    clock = SimpleNamespace(monotonic=lambda: now[0])
+@pytest.fixture
+def frame(heard, monkeypatch):
+    """Frames of one browser, each some time after the one before [s]."""
+    now, client = [0.0], ClientState()
+    clock = SimpleNamespace(monotonic=lambda: now[0], perf_counter=lambda: now[0])
     monkeypatch.setattr("rpud_sim.viewer.session.time", clock)
+    monkeypatch.setattr("rpud_sim.viewer.live_store.time", clock)
     monkeypatch.setattr("rpud_sim.viewer.heard.monotonic", clock.monotonic)
-    client = ClientState()
 
-    def frame():
-        now[0] += 10.0
+    def make(passed=10.0, *, section=False):
+        now[0] += passed
         heard.settle()
+        client.section = section
         return measured(heard, client)
 
+    return make
+
+
+def test_what_arrives_late_is_in_the_numbers_and_the_timeline(heard, frame):
     impact(heard, 1 * SECOND, 100.0)
     heard.latched("status", status(3 * SECOND))
     assert frame()["numbers"]["impact_rate"]["mean"] == 0.0
@@ -129,6 +150,46 @@ def test_what_arrives_late_is_in_the_numbers_and_the_timeline(heard, monkeypatch
     impact(heard, 2 * SECOND, 900.0)
     assert np.nanmax(frame()["timeline"]["high"]) == 900.0
     assert "numbers" not in frame()
+
+
+def test_a_command_that_is_heard_before_its_time_is_a_step(heard, frame):
+    heard.latched("status", status(SECOND))
+    frame()
+    heard.latched("journal", entry(1, "weight_on_bit", 2 * SECOND, force=20.0))
+    assert frame()["steps"]["weight_on_bit"]["v"].tolist() == [8.0, 20.0]
+
+
+def test_a_quantity_that_is_new_is_drawn_at_once(heard, frame):
+    # Plots are made once a second, after the messages, which are put in the bins of the whole run.
+    for passed, depth in ((10.0, math.nan), (1.0, None), (0.5, math.nan), (0.4, 0.1), (0.1, None)):
+        if depth is not None:
+            heard.latched("status", status(SECOND, depth=depth))
+        shown = frame(passed)
+    assert "plots" not in shown
+    shown = frame(0.5)
+    assert shown["plots"][-1]["choices"][0]["id"] == "depth"
+    assert "depth" in shown["view"]["layers"]
+
+
+def test_an_impact_that_is_heard_after_its_block_is_in_the_section(heard, frame):
+    block = 1e-4, tuple(np.full(200, number) for number in range(6))
+    hear(heard, "reacting_force", 0, 1.0)
+    hear(heard, "waveform", SECOND, 0, *block)
+    assert frame(section=True)["section"]["impacts"] == []
+    assert "section" not in frame(section=True)
+    impact(heard, SECOND + SECOND // 100, 300.0)
+    [[time, *_]] = frame(section=True)["section"]["impacts"]
+    assert time == pytest.approx(0.01)
+
+
+def test_the_hole_of_a_run_before_goes(heard, frame):
+    rock = PARAMETERS | {"rock_model": "specific_energy"}
+    heard.latched("journal", entry(1, "begin", 0, parameters=rock))
+    heard.latched("status", status(SECOND, depth=0.1))
+    assert frame()["hole"]["depth"] == 0.1
+    heard.latched("journal", entry(2, "begin", 0, parameters=PARAMETERS))
+    heard.latched("status", status(2 * SECOND, depth=math.nan))
+    assert frame()["hole"] is None
 
 
 def test_a_block_of_the_waveform_is_shown_when_its_impacts_had_time_to_arrive(heard):

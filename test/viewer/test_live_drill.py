@@ -1,6 +1,6 @@
 """A real drill, heard and commanded over DDS, as a browser without a screen sees it."""
 
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 
 import numpy as np
 import pytest
@@ -8,7 +8,10 @@ from drill_client import start_drill
 from support import until
 from viewer.screen_client import ClosedError, ScreenClient, serving
 
+from rpud_sim.ros.client import DrillClient, NoAnswerError
 from rpud_sim.ros.client.drill_finder import DrillFinder
+from rpud_sim.viewer.heard import Heard
+from rpud_sim.viewer.live_drill import LiveDrill
 from rpud_sim.viewer.live_store import LiveStore
 from rpud_sim.viewer.session import ClientState, StoreError
 
@@ -95,7 +98,7 @@ def test_an_action_is_done_or_refused_in_the_users_words(client):
     assert outcome_of(client, "press", force=21.0) == ("done", "")
     client.until(lambda seen: seen["status"]["weight_on_bit"] == 21.0)
     client.until(lambda seen: seen["commands"]["list"][-1]["text"] == "weight on bit 21 N")
-    assert client.seen["steps"]["weight_on_bit"]["v"][-1] == 21.0
+    client.until(lambda seen: seen["steps"]["weight_on_bit"]["v"][-1] == 21.0)
     count = len(client.seen["commands"]["list"])
     assert outcome_of(client, "press", force=21.0)[0] == "done"
     assert outcome_of(client, "press", force=-1.0) == ("refused", "-1 N is below 0 N")
@@ -117,6 +120,24 @@ def test_a_fault_is_shown_from_its_onset_to_its_end(client):
     assert 0.0 < fault["onset"] < fault["end"] <= client.seen["now"]
     begins = f"fault {fault['number']}: free mass jammed begins"
     client.until(lambda seen: begins in [entry["text"] for entry in seen["log"]])
+
+
+def test_kinds_of_faults_are_asked_for_until_the_drill_answers(drill, monkeypatch):
+    answered, latched, refusals = DrillClient.list_faults, Heard.latched, iter(["busy"])
+
+    def answer(client):
+        for reason in refusals:
+            raise NoAnswerError(reason)
+        return answered(client)
+
+    def without_journal(heard, topic, message):
+        if topic != "journal":  # one that was long begins later
+            latched(heard, topic, message)
+
+    monkeypatch.setattr(DrillClient, "list_faults", answer)
+    monkeypatch.setattr(Heard, "latched", without_journal)
+    with closing(LiveDrill(NAMESPACE)) as found:
+        until(lambda: found.kinds)
 
 
 def test_a_pause_need_not_wait_for_a_long_step(client):

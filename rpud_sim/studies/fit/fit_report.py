@@ -1,36 +1,31 @@
-"""Files of a fit: numbers, posterior, parameter file, and a page with plots."""
+"""Files of a fit: numbers, posterior, parameter file, and a page."""
 
 from __future__ import annotations
 
 import dataclasses
 import io
-import itertools
 import json
+import math
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import yaml
 
 from rpud_sim.foundation.json_values import finite_values
-from rpud_sim.foundation.quantities import Flag, Quantity
 from rpud_sim.pages.frame import render_page
-from rpud_sim.pages.plot import Axis, Layer, Line, Plot, Points, Rule, Zone
+from rpud_sim.pages.plot import Axis, Line, Plot, Rule, Zone
 from rpud_sim.pages.quantities import ShownQuantity, quantity_in
-from rpud_sim.simulation.configuration import PARAMETERS, to_values
+from rpud_sim.simulation.configuration import to_configuration, to_values
 from rpud_sim.studies.fit.fit import BEST_RUNS, Fit, TargetComparison
-from rpud_sim.studies.fit.posterior import LEVEL, PERCENT, Identifiability
+from rpud_sim.studies.fit.posterior import LEVEL, PERCENT
 from rpud_sim.studies.fit.rounds import fit_versions
 from rpud_sim.studies.store import write_whole
 from rpud_sim.studies.sweep.specification import unit_of
 
-_MOST_DOTS = 1500
 _BINS = 40
 _TAIL = 0.002  # share of the posterior beyond each end of what is shown
-_MARGIN = 0.15  # of what is shown, on each side
 _HEIGHT, _WIDTH = 150, 344  # of a plot of the posterior [pixels]
-_ROW = 26  # height of a target [pixels]
-_COLUMN = 43  # of the parameter file, where comments begin
-_IMPACT_DYNAMICS_END = "regime"  # last of the parameters that are always written
 
 _BODY = """\
 <p class="verdict">{{ verdict }} Root mean square of the deviations: {{ misfit }}.</p>
@@ -44,11 +39,6 @@ _BODY = """\
 <h2>Posterior of the unknown parameters</h2>
 {{ figures(singles) }}
 {% endif %}
-{% if pairs %}
-<details><summary>Posterior of pairs</summary>
-{{ figures(pairs) }}
-</details>
-{% endif %}
 {% if ridges %}
 <p class="warning">The targets determine these pairs only together:
 {% for ridge in ridges %}{{ ridge }}{{ "." if loop.last else "; " }}{% endfor %}</p>
@@ -57,7 +47,8 @@ _BODY = """\
 {% if choices %}
 {{ table(("choices", "probability"), choices, caption="Choices") }}
 {% endif %}
-{{ figure(target_plot) }}
+{{ table(("target", "value", "model", "ratio", "standard deviations"), targets,
+caption="Targets") }}
 <details><summary>How to read it</summary>
 <p>Made by <code>{{ command }}</code>. Seed {{ seed }}, {{ runs }} runs. The model's figures are
 means of {{ best_runs }} runs at the best point. All numbers are in fit.json.
@@ -85,7 +76,6 @@ def write_fit(fit: Fit, folder: Path, command: str) -> None:
 
 def fit_content(fit: Fit) -> dict[str, Any]:
     """Return all numbers of a fit as plain values."""
-    found = fit.found
     content = {
         "reached": fit.reached,
         "missed": [item.target.title for item in fit.missed],
@@ -95,12 +85,9 @@ def fit_content(fit: Fit) -> dict[str, Any]:
         "unknowns": {
             name: {"best": fit.best[name], "unit": unit_of(name)}
             | (
-                {}
-                if found is None
-                else {
-                    **dataclasses.asdict(found.intervals[name]),
-                    "identified": found.intervals[name].identified,
-                }
+                {**vars(interval), "identified": interval.identified}
+                if (interval := fit.intervals.get(name))
+                else {}
             )
             for name in fit.specification.unknowns
         },
@@ -109,7 +96,7 @@ def fit_content(fit: Fit) -> dict[str, Any]:
         ],
         "ridges": [
             {"parameters": list(ridge.names), "correlation": ridge.correlation}
-            for ridge in (found.ridges if found else ())
+            for ridge in fit.ridges
         ],
         "targets": [_comparison(item) for item in fit.comparisons],
         "misfit": fit.misfit(False),
@@ -140,7 +127,6 @@ def _comparison(item: TargetComparison) -> dict[str, Any]:
 
 
 def _page(fit: Fit, command: str) -> str:
-    found = fit.found
     used = sum(not item.target.hold_out for item in fit.comparisons)
     missed = f"Not met: the model does not reach {len(fit.missed)} of {used} targets."
     reached = f"The model reaches all {used} targets that the fit used."
@@ -155,13 +141,12 @@ def _page(fit: Fit, command: str) -> str:
         missed=[item.miss for item in fit.missed],
         runs=fit.simulations + fit.kept,
         percent=PERCENT,
-        heading=heading if found else heading[:2],
+        heading=heading if fit.intervals else heading[:2],
         unknowns=[_unknown(fit, name) for name in fit.specification.unknowns],
         choices=[(choices, f"{share:.3f}") for choices, share in fit.choices],
-        ridges=[str(ridge) for ridge in found.ridges] if found else [],
-        singles=single_plots(fit, found) if found else [],
-        pairs=_pair_plots(fit) if found else [],
-        target_plot=target_plot(fit),
+        ridges=[str(ridge) for ridge in fit.ridges],
+        singles=single_plots(fit),
+        targets=[_target(item) for item in fit.comparisons],
         best_runs=BEST_RUNS,
         misfit=fit.misfit_text,
     )
@@ -171,9 +156,8 @@ def _unknown(fit: Fit, name: str) -> tuple[str, ...]:
     """Return name, best point, interval, width and remarks of an unknown."""
     shown = unknown_quantity(fit, name)
     best = (name, shown.text(fit.best[name]))
-    if fit.found is None:
+    if (interval := fit.intervals.get(name)) is None:
         return best
-    interval = fit.found.intervals[name]
     ends = f"{shown.text(interval.low, unit=False)} to {shown.text(interval.high)}"
     return (*best, ends, f"{interval.width:.2f}", "; ".join(interval.remarks))
 
@@ -181,99 +165,39 @@ def _unknown(fit: Fit, name: str) -> tuple[str, ...]:
 def unknown_quantity(fit: Fit, name: str) -> ShownQuantity:
     """Return how an unknown is shown."""
     greatest = abs(fit.specification.unknowns[name].maximum)
-    digits = fit.found.intervals[name].digits if fit.found else 4
+    digits = fit.intervals[name].digits if name in fit.intervals else 4
     return dataclasses.replace(quantity_in(unit_of(name), greatest, name), digits=digits)
 
 
-def single_plots(fit: Fit, found: Identifiability) -> list[Plot]:
-    """Return the posterior of every unknown."""
+def single_plots(fit: Fit) -> list[Plot]:
+    """Return the posterior of every unknown that has an interval; its bounds may be outside."""
     plots = []
-    for name, interval in found.intervals.items():
-        axis, scale = _axis(fit, name), unknown_quantity(fit, name).scale
-        space = np.geomspace if axis.log else np.linspace
-        edges = space(axis.low or 0.0, axis.high or 0.0, _BINS + 1)
-        shares = np.histogram(scale * fit.samples[name], edges)[0] / len(fit.samples[name])
-        layers: tuple[Layer, ...] = (
+    for name, interval in fit.intervals.items():
+        shown, samples, best = unknown_quantity(fit, name), fit.samples[name], fit.best[name]
+        ends = [*np.quantile(samples, [_TAIL, 1.0 - _TAIL]).tolist(), best]
+        log = fit.specification.unknowns[name].scale == "log"
+        edges = (np.geomspace if log else np.linspace)(min(ends), max(ends), _BINS + 1)
+        shares = np.histogram(samples, edges)[0] / len(samples)
+        scale = shown.scale
+        layers = (
             Zone(f"{PERCENT} interval", scale * interval.low, scale * interval.high, False),
-            Line("posterior", edges, np.append(shares, 0.0), steps=True),
-            Rule("best point", scale * fit.best[name], False, "series1", "solid"),
+            Line("posterior", scale * edges, np.append(shares, 0.0), steps=True),
+            Rule("best point", scale * best, False, "series1", "solid"),
         )
-        _, best, ends, *_ = _unknown(fit, name)
-        alt = f"Best point {best}, {PERCENT} interval {ends}."
-        plots.append(Plot(name, layers, alt, Axis(low=0.0), axis, _HEIGHT, _WIDTH))
+        _, text, between, *_ = _unknown(fit, name)
+        alt = f"Best point {text}, {PERCENT} interval {between}."
+        axes = Axis(low=0.0), Axis(name, shown.unit, log)
+        plots.append(Plot(name, layers, alt, *axes, _HEIGHT, _WIDTH))
     return plots
 
 
-def _pair_plots(fit: Fit) -> list[Plot]:
-    """Return the posterior of every pair of unknowns."""
-    every = -(-len(fit.shares) // _MOST_DOTS)
-    scales = {name: unknown_quantity(fit, name).scale for name in fit.specification.unknowns}
-    dots = {name: scale * fit.samples[name][::every] for name, scale in scales.items()}
-    best = {name: np.array([scale * fit.best[name]]) for name, scale in scales.items()}
-    return [
-        Plot(
-            y,
-            (
-                Points("posterior", dots[x], dots[y], size=2.5),
-                Points("best point", best[x], best[y], marker="x", size=10.0, color="series1"),
-            ),
-            y=_axis(fit, y),
-            x=_axis(fit, x),
-            height=_HEIGHT,
-            width=_WIDTH,
-        )
-        for x, y in itertools.combinations(scales, 2)
-    ]
-
-
-def _axis(fit: Fit, name: str) -> Axis:
-    """Return the axis of an unknown: where its posterior and best point are, within the bounds."""
-    spread, shown = fit.specification.unknowns[name], unknown_quantity(fit, name)
-    ends = [*np.quantile(fit.samples[name], [_TAIL, 1.0 - _TAIL]).tolist(), fit.best[name]]
-    # A posterior of one point has no width.
-    more = max(_MARGIN * (max(ends) - min(ends)), 1e-3 * (spread.maximum - spread.minimum))
-    low, high = max(min(ends) - more, spread.minimum), min(max(ends) + more, spread.maximum)
-    return Axis(name, shown.unit, spread.scale == "log", shown.scale * low, shown.scale * high)
-
-
-def target_plot(fit: Fit) -> Plot:
-    """Return the model over each target, with the target's tolerance."""
-    shown = [item for item in fit.comparisons if item.target.value]
-    places = np.arange(len(shown), dtype=float)
-    tolerance = np.array([abs(item.target.error(0.0) / item.target.value) for item in shown])
-    layers: list[Layer] = [
-        Rule("", 1.0, False, dash="solid"),
-        Points(
-            "tolerance of the target", np.ones(len(shown)), places + 0.25,
-            1.0 - tolerance, 1.0 + tolerance, across=True, size=3.0, color="muted",
-        ),
-    ]  # fmt: skip
-    for held, name, color in (
-        (False, "model at the best point", "series0"),
-        (True, "held out", "series2"),
-    ):
-        chosen = [i for i, item in enumerate(shown) if item.target.hold_out == held]
-        if chosen:
-            ratio = np.array([shown[i].ratio for i in chosen])
-            titles = tuple(str(shown[i]) for i in chosen)
-            layers.append(Points(name, ratio, places[chosen], size=8.0, color=color, titles=titles))
-    texts = [_texts(item) for item in shown]
-    columns = (
-        tuple(zip(("target", "model"), zip(*texts, strict=True), strict=True)) if texts else ()
-    )
-    titles = tuple(
-        f"{item.target.source} {item.target.title}{' (held out)' * item.target.hold_out}".strip()
-        for item in shown
-    )
-    far = max(shown, key=lambda item: abs(item.deviation), default=None)
-    alt = "" if far is None else f"Furthest: {far}."
-    up = Axis(categories=titles, flipped=True, columns=columns)
-    return Plot("Targets", tuple(layers), alt, up, Axis("model / target"), _ROW * len(shown), 1068)
-
-
-def _texts(item: TargetComparison) -> tuple[str, str]:
-    shown = quantity_in(item.target.measure.unit, abs(item.target.value))
-    return shown.text(item.target.value), shown.text(item.mean)
+def _target(item: TargetComparison) -> tuple[str, ...]:
+    """Return name, value, model, ratio and deviation of a target."""
+    target = item.target
+    shown = quantity_in(target.measure.unit, abs(target.value))
+    name = f"{target.source} {target.title}{' (held out)' * target.hold_out}".strip()
+    texts = (shown.text(target.value), shown.text(item.mean))
+    return (name, *texts, f"{item.ratio:.3f}", f"{item.deviation:.2f}")
 
 
 def _parameter_file(fit: Fit, command: str) -> str:
@@ -293,41 +217,23 @@ def _parameter_file(fit: Fit, command: str) -> str:
         source = f"{item.target.source}: " if item.target.source else ""
         lines.append(f"# {source}{item}")
     lines += ["/**:", "  ros__parameters:"]
-    names = list(PARAMETERS)
-    always = names[: names.index(_IMPACT_DYNAMICS_END) + 1]
-    ordered = ["regime", *(name for name in names if name != "regime")]
-    for name in ordered:
-        if name not in values:
-            continue
-        if name not in always and values[name] == PARAMETERS[name].default:
-            continue
-        value = _written(name, values[name])
-        lines.append(f"{f'    {name}: {value}':{_COLUMN}} {_comment(fit, name)}")
-    return "\n".join(line.rstrip() for line in lines) + "\n"
-
-
-def _written(name: str, value: object) -> str:
-    """Return a value as YAML that ROS reads with the right type."""
-    if isinstance(PARAMETERS[name].allowed, Flag):
-        return str(value).lower()
-    if isinstance(value, float):
-        text = f"{value:.6g}" if float(f"{value:.6g}") == value else repr(value)
-        mantissa, e, exponent = text.partition("e")
-        return (mantissa if "." in mantissa else f"{mantissa}.0") + e + exponent
-    return str(value)
+    preset = to_values(to_configuration({"regime": values["regime"]}))
+    for name, value in values.items():
+        if name == "regime" or name in fit.best or value != preset[name]:
+            written = yaml.safe_dump({name: value}, width=math.inf).rstrip()
+            lines.append(f"    {written}{_comment(fit, name)}")
+    return "\n".join(lines) + "\n"
 
 
 def _comment(fit: Fit, name: str) -> str:
+    """Return the comment behind a fitted value; nothing for others."""
     unit = f" [{unit_of(name)}]" if unit_of(name) else ""
-    if name in fit.specification.unknowns:
-        if fit.found is None:
-            return f"# fitted: no interval{unit}"
-        interval = fit.found.intervals[name]
-        return f"# fitted: {', '.join((f'{PERCENT} interval {interval}{unit}', *interval.remarks))}"
     if name in fit.specification.choices:
         share = sum(p for choices, p in fit.probabilities if choices[name] == fit.best[name])
         allowed = ", ".join(str(value) for value in fit.specification.choices[name])
-        return f"# fitted: probability {share:.2g} among {allowed}{unit}"
-    if not isinstance(PARAMETERS[name].allowed, Quantity):
+        return f"  # fitted: probability {share:.2g} among {allowed}{unit}"
+    if name not in fit.specification.unknowns:
         return ""
-    return f"#{unit}" if unit else ""
+    if (interval := fit.intervals.get(name)) is None:
+        return f"  # fitted: no interval{unit}"
+    return f"  # fitted: {', '.join((f'{PERCENT} interval {interval}{unit}', *interval.remarks))}"

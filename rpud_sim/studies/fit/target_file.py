@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from rpud_sim.foundation.quantities import Choice, Flag, Quantity, Text, shown_name
-from rpud_sim.foundation.yaml_files import Cursor, Source, open_yaml
+from rpud_sim.foundation.quantities import Allowed, Choice, Flag, Quantity, Text, shown_name
+from rpud_sim.foundation.yaml_files import Cursor, open_yaml
 from rpud_sim.simulation.configuration import (
     NODE_NAMES,
     PARAMETERS,
@@ -29,7 +29,12 @@ from rpud_sim.studies.fit.measures import (
     missing_model,
 )
 from rpud_sim.studies.sweep.specification import SCALES, Range
-from rpud_sim.studies.sweep.specification_file import checked_range, read_mapping, read_values
+from rpud_sim.studies.sweep.specification_file import (
+    checked_range,
+    read_checked,
+    read_mapping,
+    read_values,
+)
 
 _LONGEST = 100.0  # end of a window [s]
 _GREATEST = 1e300  # value of a target
@@ -37,16 +42,18 @@ _LEAST_ERROR = 1e-3  # of the value: instruments are not better
 _MOST_COMBINATIONS = 64
 _ENTRIES = ("parameters", "unknowns", "targets", "data")
 _DATA = ("bag", "csv", "skip", "parameters", "hold_out")
-_TARGET = (
-    *("figure", "statistic", "window", "value", "tolerance", "runs"),
-    *("parameters", "hold_out", "source"),
-)
-_EFFORT = {
+_TARGET = ("figure", "statistic", "window", "value", "tolerance", "parameters")
+_EFFORT: Mapping[str, Allowed] = {
     "seed": Quantity("", "seed of everything that is drawn", 0, 2**32 - 1, whole=True),
     "points": Quantity("", "points of a round", 16, 2**16, whole=True),
     "rounds": Quantity("", "rounds", 1, 20, whole=True),
     "repeat": Quantity("", "runs at a point", 2, 1000, whole=True),
     "phase_spread": Quantity("cycles", "greatest initial phase", 0.0, 0.5),
+}
+_MORE: Mapping[str, Allowed] = {
+    "runs": Quantity("", "", 1, 1e9, whole=True),
+    "hold_out": Flag(""),
+    "source": Text("", ""),
 }
 # Parameters of the drill; those of the node change no figure.
 _NAMES = tuple(name for name in PARAMETERS if name not in NODE_NAMES)
@@ -132,15 +139,11 @@ class FitSpecification:
 
 def read_target_file(path: str | Path) -> FitSpecification:
     """Return the specification of a YAML file; the paths in it begin at its folder."""
-    return _specification(open_yaml(path, dotted=True), Path(path).parent)
+    return specification_of(open_yaml(path, dotted=True), Path(path).parent)
 
 
-def parse_targets(content: Any, folder: Path = Path()) -> FitSpecification:
-    """Return the specification of plain values from YAML; the paths in it begin at a folder."""
-    return _specification(Cursor(content, Source("", where="", dotted=True)), folder)
-
-
-def _specification(top: Cursor, folder: Path) -> FitSpecification:
+def specification_of(top: Cursor, folder: Path) -> FitSpecification:
+    """Return the fit that a file, at its top, describes; the paths in it begin at a folder."""
     entries = read_mapping(top, (*_ENTRIES, *_EFFORT), ("unknowns",))
     parameters = top.get("parameters", {})
     fixed = _parameters(parameters, parameters, {})
@@ -148,7 +151,7 @@ def _specification(top: Cursor, folder: Path) -> FitSpecification:
     targets = [_target(item, fixed) for item in _items(top, "targets")]
     for item in _items(top, "data"):
         targets += _data_targets(item, fixed, folder)
-    effort = {name: entries[name].check(_EFFORT[name]) for name in _EFFORT if name in entries}
+    effort = read_checked(entries, _EFFORT)
     specification = FitSpecification(fixed, unknowns, choices, tuple(targets), **effort)
     if specification.points & (specification.points - 1):
         raise top.refusal(f"points = {specification.points} is no power of two")
@@ -205,29 +208,22 @@ def _range(cursor: Cursor, name: str) -> Range:
     ends, more = cursor.value, {}
     if isinstance(ends, Mapping):
         entries = read_mapping(cursor, ["low", "high", "scale"])
-        if "scale" in entries:
-            more["scale"] = entries["scale"].check(Choice("", SCALES))
-        ends = [cursor.value.get("low"), cursor.value.get("high")]
+        more = read_checked(entries, {"scale": Choice("", SCALES)})
+        ends = [ends.get("low"), ends.get("high")]
     if not (isinstance(ends, list) and len(ends) == 2):
         raise cursor.refusal("{shown} is not of the form [low, high]")
     return checked_range(cursor, name, {"low": ends[0], "high": ends[1]}, **more)
 
 
 def _target(item: Cursor, fixed: Mapping[str, Any]) -> FitTarget:
-    entries = read_mapping(item, _TARGET, ("figure", "value", "tolerance"))
+    entries = read_mapping(item, (*_TARGET, *_MORE), ("figure", "value", "tolerance"))
     measure = _measure(item, entries)
     least = -_GREATEST if measure.figure in SIGNED else 0.0
     value = float(entries["value"].check(Quantity(measure.unit, "", least, _GREATEST)))
     own = _parameters(item.get("parameters", {}), item, fixed)
-    return FitTarget(
-        measure,
-        value,
-        _tolerance(entries["tolerance"], value, measure.unit),
-        item.get("runs", 1).check(Quantity("", "", 1, 1e9, whole=True)),
-        tuple(own.items()),
-        item.get("hold_out", False).check(Flag("")),
-        item.get("source", "").check(Text("", "")),
-    )
+    tolerance = _tolerance(entries["tolerance"], value, measure.unit)
+    more = read_checked(entries, _MORE)
+    return FitTarget(measure, value, tolerance, parameters=tuple(own.items()), **more)
 
 
 def _measure(item: Cursor, entries: Mapping[str, Cursor]) -> Measure:
@@ -256,26 +252,24 @@ def _quantile(cursor: Cursor, figure: str) -> float | None:
     if cursor.value == "mean":
         return None
     word, _, share = str(cursor.value).partition(" ")
+    if word != "quantile":
+        raise cursor.refusal("{shown} is neither mean nor quantile Q")
+    return float(_number(cursor, share).check(Quantity("", "", 0, 1)))
+
+
+def _number(cursor: Cursor, text: str) -> Cursor:
+    """Return the cursor with a number in place of its text; as it is if that is none."""
     try:
-        number = float(share) if word == "quantile" else None
+        return dataclasses.replace(cursor, value=float(text))
     except ValueError:
-        number = None
-    if number is None:
-        bare = dataclasses.replace(cursor, label="")
-        raise bare.refusal("{name} = {shown} is neither mean nor quantile Q")
-    with cursor.errors():
-        return float(Quantity("", "", 0, 1).check("quantile", number))
+        return cursor
 
 
 def _tolerance(cursor: Cursor, value: float, unit: str) -> float:
     content = cursor.value
     if isinstance(content, str) and content.strip().endswith("%"):
-        try:
-            share: Any = float(content.strip()[:-1])
-        except ValueError:
-            share = content
         percent = Quantity("%", "", 0.0, 1e3, exclusive=True)
-        tolerance = 0.01 * dataclasses.replace(cursor, value=share).check(percent) * abs(value)
+        tolerance = 0.01 * _number(cursor, content.strip()[:-1]).check(percent) * abs(value)
     else:
         tolerance = cursor.check(Quantity(unit, "", 0.0, _GREATEST, exclusive=True))
     if not tolerance > 0.0:

@@ -96,18 +96,6 @@ class Values:
 
 
 @dataclasses.dataclass(frozen=True)
-class TimeInterval:
-    """Interval from which a time is drawn evenly."""
-
-    minimum: float  # [s]
-    maximum: float  # [s]
-
-    def at(self, share: float) -> float:
-        """Return the time at a share of the way, from 0 to 1."""
-        return min(self.minimum + share * (self.maximum - self.minimum), self.maximum)
-
-
-@dataclasses.dataclass(frozen=True)
 class Case:
     """Parameters and commands that belong together, such as those of a rock."""
 
@@ -164,8 +152,8 @@ class SweepSpecification:
     cases: Mapping[str, Case] = dataclasses.field(default_factory=dict)
     # by name; the design is repeated with each, and without any
     faults: Mapping[str, Fault] = dataclasses.field(default_factory=dict)
-    onset: TimeInterval | None = None  # of the faults; None without faults
-    lasting: TimeInterval | None = None  # of the faults; None for to the end of the simulation
+    onset: Range | None = None  # of the faults [s]; None without faults
+    lasting: Range | None = None  # of the faults [s]; None for to the end of the simulation
     commands: tuple[Planned, ...] = ()  # in every simulation, in the order of their times
     bags: tuple[str, ...] = ()  # topics of the bag of each simulation; none for no bags
 
@@ -228,10 +216,10 @@ class SweepSpecification:
         label = point.get("fault", HEALTHY)
         if label == HEALTHY or self.onset is None:
             return PlannedRun(name, seed)
-        onset = round(self.onset.at(self._draw(f"{name}/onset")) * SECOND)
+        onset = self._draw_time(f"{name}/onset", self.onset)
         clear = None
         if self.lasting:
-            clear = onset + round(self.lasting.at(self._draw(f"{name}/lasting")) * SECOND)
+            clear = onset + self._draw_time(f"{name}/lasting", self.lasting)
         return PlannedRun(name, seed, self.faults[label], onset, clear)
 
     def content(self) -> dict[str, Any]:
@@ -246,6 +234,9 @@ class SweepSpecification:
 
     def _seed(self, name: str) -> int:
         return int(self._draw(f"{name}/seed") * 2**32)
+
+    def _draw_time(self, name: str, interval: Range) -> int:
+        return round(interval.at(np.array([self._draw(name)])).item() * SECOND)
 
     def _draw(self, name: str) -> float:
         """Return a random number in [0, 1).

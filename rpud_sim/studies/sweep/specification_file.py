@@ -10,7 +10,7 @@ from typing import Any
 
 from rpud_sim.foundation.quantities import Allowed, Choice, Flag, Quantity, Text, shown_name
 from rpud_sim.foundation.time import SECOND
-from rpud_sim.foundation.yaml_files import Cursor, Source, open_yaml
+from rpud_sim.foundation.yaml_files import Cursor, open_yaml
 from rpud_sim.simulation.changes import Planned, check_commands, parse_commands
 from rpud_sim.simulation.configuration import NODE_NAMES, PARAMETERS
 from rpud_sim.simulation.faults import Fault, check_supported
@@ -23,7 +23,6 @@ from rpud_sim.studies.sweep.specification import (
     Case,
     Range,
     SweepSpecification,
-    TimeInterval,
     Values,
 )
 
@@ -56,18 +55,14 @@ _NAMES = tuple(
 def read_specification(path: str | Path) -> SweepSpecification:
     """Return the sweep of a YAML file."""
     # Without truth values: off is a kind of fault.
-    return _specification(open_yaml(path, truth_values=False, dotted=True))
+    return specification_of(open_yaml(path, truth_values=False, dotted=True))
 
 
-def parse_specification(content: Any) -> SweepSpecification:
-    """Return the sweep that plain values from YAML describe."""
-    return _specification(Cursor(content, Source("", where="", dotted=True)))
-
-
-def _specification(top: Cursor) -> SweepSpecification:
+def specification_of(top: Cursor) -> SweepSpecification:
+    """Return the sweep that a file, at its top, describes."""
     names = [field.name for field in dataclasses.fields(SweepSpecification)]
     entries = read_mapping(top, names, ("design", "duration"))
-    plain = {name: entries[name].check(_PLAIN[name]) for name in _PLAIN if name in entries}
+    plain = read_checked(entries, _PLAIN)
     design = plain["design"]
     _check_points(top, design, plain.get("points"))
     fixed = _parameters(top.get("fixed", {}))
@@ -227,12 +222,12 @@ def _faults(cursor: Cursor) -> dict[str, Fault]:
     return faults
 
 
-def _interval(cursor: Cursor) -> TimeInterval:
+def _interval(cursor: Cursor) -> Range:
     values = read_mapping(cursor, _ENDS, _ENDS)
     low, high = (float(values[end].check(_TIME)) for end in _ENDS)
     if not low <= high:
         raise cursor.refusal(f"minimum {low:g} is above maximum {high:g}")
-    return TimeInterval(low, high)
+    return Range(low, high)
 
 
 def _range_or_values(cursor: Cursor, name: str, design: str) -> Range | Values:
@@ -245,8 +240,8 @@ def _range_or_values(cursor: Cursor, name: str, design: str) -> Range | Values:
         raise cursor.refusal("has no range; give a list of its choices")
     needed = (*_ENDS, *(["points"] if design == "grid" else []))
     entries = read_mapping(cursor, (*needed, "scale", "source"), needed)
-    more = {key: entries[key].check(_OF_RANGE[key]) for key in _OF_RANGE if key in entries}
-    return checked_range(cursor, name, {end: entries[end].value for end in _ENDS}, **more)
+    ends = {end: entries[end].value for end in _ENDS}
+    return checked_range(cursor, name, ends, **read_checked(entries, _OF_RANGE))
 
 
 def checked_range(cursor: Cursor, name: str, ends: Mapping[str, Any], **more: Any) -> Range:
@@ -290,6 +285,11 @@ def _names(cursor: Cursor, known: Iterable[str]) -> tuple[str, ...]:
             wrong = dataclasses.replace(item, name=shown_name(item.value), label=cursor.label)
             raise wrong.refusal("{name} is unknown; {hint}", known)
     return tuple(name for name in known if name in cursor.value)
+
+
+def read_checked(entries: Mapping[str, Cursor], allowed: Mapping[str, Allowed]) -> dict[str, Any]:
+    """Return the values of those entries that are given, checked."""
+    return {name: entries[name].check(each) for name, each in allowed.items() if name in entries}
 
 
 def read_mapping(

@@ -1,4 +1,4 @@
-"""Page of a sweep: every figure over every swept parameter, with intervals, and its points."""
+"""Page of a sweep: every figure over every swept parameter, with intervals."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from scipy import stats
 
 from rpud_sim.pages.frame import render_page
 from rpud_sim.pages.plot import Axis, Plot, Points
-from rpud_sim.pages.quantities import NONE, ShownQuantity, figure_quantity, number_text, quantity_in
+from rpud_sim.pages.quantities import ShownQuantity, figure_quantity, number_text, quantity_in
 from rpud_sim.studies.sweep.indices import independent
 from rpud_sim.studies.sweep.specification import Range, SweepSpecification, Values, unit_of
 
@@ -31,7 +31,6 @@ _HEADLINES = (
     "reacting_force_mean",
 )
 _OPEN = 3
-_MOST_ROWS = 200  # the table of points in Parquet has all
 
 _BODY = """\
 <p class="verdict">{{ count }} points, {{ design }}: each is the mean over {{ repeat }}.</p>
@@ -45,12 +44,9 @@ _BODY = """\
 {% if shares %}
 <h2 id="shares">Shares of the variance</h2>
 <p>An input causes the share <em>alone</em> by itself; <em>in all</em> also counts what it causes
-together with others, and the noise of the chaotic motion.</p>
+together with others, and the noise of the chaotic motion. <code>indices.json</code> has the
+numbers.</p>
 {{ figures(shares, 20) }}
-<details><summary>Shares in numbers</summary>
-<p>Brackets hold 95 % intervals. <code>indices.json</code> has all numbers.</p>
-{{ table(("figure", "input", "alone", "in all"), share_rows, false, "Sobol indices") }}
-</details>
 {% endif %}
 <h2 id="figures">Figures over parameters</h2>
 <p class="none">A marker is the mean over all points with one value of the parameter, or with
@@ -62,13 +58,9 @@ Student's t, from the spread of the points; a single point has the spread of its
 </details>
 {% endfor %}
 <details id="parameters"><summary>Parameters</summary>
-<p>Seed {{ seed }}. Simulations of one point have initial phases of their own.</p>
+<p>Seed {{ seed }}. Simulations of one point have initial phases of their own. The points are in
+<code>points.parquet</code>, in SI units.</p>
 {{ table(("parameter", "values", "unit"), parameters, false, "Swept and fixed parameters") }}
-</details>
-<details id="points"><summary>Points</summary>
-<p>{{ rows | length }} of {{ count }} points. The tables are <code>points.parquet</code> and
-<code>simulations.parquet</code>, in SI units.</p>
-{{ table(heading, rows, caption="Means, and standard errors after ±") }}
 </details>
 """
 
@@ -89,10 +81,6 @@ def sweep_page(
     found = {name: indices[name] for name in figures if "inputs" in indices.get(name, {})}
     count = len(points["point"])
     repeat = "1 simulation" if sweep.repeat == 1 else f"{sweep.repeat} simulations"
-    columns = [axis_quantity(sweep, name) for name in sweep.axes]
-    columns += [figure_quantity(name) for name in sweep.figures]
-    headings = [f"{each.label} [{each.unit}]" if each.unit else each.label for each in columns]
-    headings.insert(len(sweep.axes), "members")
     return render_page(
         _BODY,
         f"Sweep over {', '.join(sweep.axes)}",
@@ -105,16 +93,13 @@ def sweep_page(
             (name, _values(spread), unit_of(name))
             for name, spread in (sweep.axes | dict(sweep.fixed)).items()
         ],
-        shares=[share_plot(name, found[name]) for name in list(found)[:_OPEN]],
-        share_rows=list(_shares(found)),
+        shares=[share_plot(name, item) for name, item in found.items()],
         missing=[(name, item["missing"]) for name, item in indices.items() if "missing" in item],
         plots=[
             (figure, [point_plot(sweep, points, name, figure) for name in sweep.axes])
             for figure in figures
         ],
         open=_OPEN,
-        heading=("point", *headings),
-        rows=[_row(sweep, points, i) for i in range(min(count, _MOST_ROWS))],
     )
 
 
@@ -127,39 +112,6 @@ def _values(spread: Any) -> str:
     count = f", {spread.points} values" if spread.points else ""
     scale = ", logarithmic" if spread.scale == "log" else ""
     return f"{number_text(spread.minimum)} to {number_text(spread.maximum)}{count}{scale}"
-
-
-def _shares(indices: Mapping[str, Any]) -> Iterator[tuple[str, str, str, str]]:
-    """Yield the rows of the table of indices: for each figure the greatest share first."""
-
-    def text(share: Mapping[str, Any], key: str) -> str:
-        low, high = share[f"{key}_interval"]
-        return f"{share[key]:.2f} [{low:.2f}, {high:.2f}]"
-
-    for name, item in indices.items():
-        for cause, share in _causes(item):
-            yield name, cause, text(share, "first"), text(share, "total")
-        yield name, "noise", "", text(item, "noise_share")
-
-
-def _causes(item: Mapping[str, Any]) -> list[tuple[str, Any]]:
-    """Return the inputs of a figure with their indices, the greatest share first."""
-    return sorted(item["inputs"].items(), key=lambda each: -each[1]["total"])
-
-
-def _row(sweep: SweepSpecification, points: Mapping[str, np.ndarray], i: int) -> tuple[Any, ...]:
-    """Return the number of a point, its places, the members, and the figures with their errors."""
-    places: list[str] = []
-    for name, spread in sweep.axes.items():
-        value = points[name][i]
-        shown = axis_quantity(sweep, name)
-        places.append(str(value) if _is_choice(spread) else shown.text(float(value), unit=False))
-    means: list[str] = []
-    for name in sweep.figures:
-        shown, mean, error = figure_quantity(name), points[name][i], points[error_name(name)][i]
-        spread_text = "" if math.isnan(error) else f" ± {error * shown.scale:.1g}"
-        means.append(NONE if math.isnan(mean) else shown.text(mean, unit=False) + spread_text)
-    return (points["point"][i], *places, points["members"][i], *means)
 
 
 def point_plot(
@@ -199,7 +151,7 @@ def point_plot(
 
 def share_plot(figure: str, item: Mapping[str, Any]) -> Plot:
     """Return the shares of a figure's variance that inputs cause, the greatest first."""
-    causes = _causes(item)
+    causes = sorted(item["inputs"].items(), key=lambda each: -each[1]["total"])
     names = (*(name for name, _ in causes), "noise")
     rows: list[Sequence[float]] = [(s["total"], *s["total_interval"]) for _, s in causes]
     value, low, high = np.array([*rows, (item["noise_share"], *item["noise_share_interval"])]).T

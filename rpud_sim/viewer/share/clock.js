@@ -44,7 +44,13 @@ export class MotionClock {
 
   /** Show a block after the present one; the newest replaces one that waits. @param {Section} section */
   set(section) {
-    if (!section.free_mass.length || (this.next ?? this.block)?.time === section.time) return;
+    const last = this.next ?? this.block;
+    if (!section.free_mass.length) return;
+    if (last?.time === section.time) { // more of its impacts may be known
+      last.impacts = section.impacts;
+      this._changed = true;
+      return this._start();
+    }
     this.next = section;
     this._asked = -Infinity;
     this._start();

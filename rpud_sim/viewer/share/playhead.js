@@ -55,6 +55,7 @@ export class Playhead {
     element("play").ariaPressed = String(this.playing > 0);
     element("play").textContent = this.playing ? "Pause" : "Play";
     if (this.playing) requestAnimationFrame((now) => this.step(now));
+    else this.onMove();
   }
 
   /** @param {number} now [ms] */

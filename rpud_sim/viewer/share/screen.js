@@ -98,6 +98,7 @@ class Screen {
     if (frame.run !== undefined && run !== undefined && frame.run !== run) {
       this.seen = { mode, drill, drills, plots };
       this.zoomed = null;
+      this.ask();
       this.clock.clear();
     }
     Object.assign(this.seen, frame);
@@ -129,12 +130,13 @@ class Screen {
     if (changed && !frame.section) this.source.send({ section: true });
     this.jumps ||= changed;
     this.shown = shown;
-    if (!frame.section) return;
-    const { time, kept } = frame.section;
+    const section = frame.section ?? (this.jumps ? this.clock.next : null); // one that waits, until a newer one comes
+    if (!section) return;
+    const { time, kept } = section;
     if (kept) element("found").textContent = `motion at ${timeText(time, 1)}, the nearest of ${kept.length} blocks that the report keeps`;
-    if (this.jumps || (this.past && !this.playhead.playing)) this.clock.jump(frame.section, status.state === "paused" && !this.past);
-    else this.clock.set(frame.section);
-    this.jumps = false;
+    if (this.jumps || (this.past && !this.playhead.playing)) this.clock.jump(section, status.state === "paused" && !this.past);
+    else this.clock.set(section);
+    this.jumps &&= !frame.section;
   }
 
   /** Whether the moving section strikes and the number of a live drill says that it does not, or the other way round.
@@ -225,7 +227,8 @@ class Screen {
   /** Keep the playhead in view. */
   reveal() {
     const { start, end } = this.range;
-    const { time, playing } = this.playhead;
+    const { time, playing, moved } = this.playhead;
+    if (moved && !playing) this.source.send({ section: true });
     if (this.zoomed && (time < start || time > end)) this.move(time - start - (playing ? 0.1 : 0.5) * (end - start));
     else this.drawTime();
   }

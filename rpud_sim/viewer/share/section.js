@@ -164,7 +164,7 @@ export function mountSection(element, clock) {
     const known = Number.isFinite(hole?.depth), deep = known ? Number(hole?.depth) : 0;
     const log = known ? hole?.log : null, tracks = SECTION_TRACKS.filter(([name]) => log && Array.from(log[name]).some(Number.isFinite));
     const layers = hole?.layers?.length ? hole.layers : [{ from: 0, to: null, name: "rock", colour: 3 }];
-    const state = JSON.stringify([known, deep.toPrecision(4), layers, log?.depth.length, inRock, crushed]);
+    const state = JSON.stringify([known, deep.toPrecision(4), layers, log?.depth.length, tracks.length, inRock, crushed]);
     if (state === drawn) return;
     drawn = state;
     const boundary = layers.find((each) => each.from > deep)?.from ?? 0;

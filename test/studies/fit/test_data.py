@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from sample_bags import write_mcap
+from specifications import parse_targets
 
 from rpud_sim import bag
 from rpud_sim.foundation.quantities import ParameterError
@@ -12,7 +13,6 @@ from rpud_sim.inspection.offline_bag import write_offline_bag
 from rpud_sim.simulation.configuration import to_configuration, to_settings
 from rpud_sim.simulation.run import Beginning
 from rpud_sim.studies.fit.measures import measure
-from rpud_sim.studies.fit.target_file import parse_targets
 
 BAG = Path(__file__).parents[2] / "data" / "0.1.0" / "run"
 FIT = {"parameters": {"regime": "drilling"}, "unknowns": {"weight_on_bit": [2.0, 20.0]}}

@@ -10,6 +10,7 @@ import pytest
 from fault_signatures import ROWS
 from hypothesis import given
 from hypothesis import strategies as st
+from specifications import parse_specification
 
 from rpud_sim.foundation.yaml_files import open_yaml
 from rpud_sim.simulation import preset
@@ -23,7 +24,7 @@ from rpud_sim.studies.sweep.chunks import (
     make_chunks,
     simulate,
 )
-from rpud_sim.studies.sweep.specification_file import parse_specification, read_specification
+from rpud_sim.studies.sweep.specification_file import read_specification
 from rpud_sim.studies.sweep.sweep import point_table, run_sweep, simulation_table
 from rpud_sim.studies.sweep.sweep_page import error_name, sweep_page
 

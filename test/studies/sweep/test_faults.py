@@ -4,13 +4,14 @@ import pyarrow.parquet as pq
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from specifications import parse_specification
 
 import rpud_sim.bag
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.inspection.verify.verification import verify
 from rpud_sim.simulation.commands import Feed
 from rpud_sim.studies.sweep.chunks import design_points, make_chunks, simulate
-from rpud_sim.studies.sweep.specification_file import parse_specification, read_specification
+from rpud_sim.studies.sweep.specification_file import read_specification
 from rpud_sim.studies.sweep.sweep import SweepFolder, run_sweep
 
 SECOND = 1_000_000_000

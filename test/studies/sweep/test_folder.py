@@ -4,12 +4,12 @@ import json
 
 import pyarrow.parquet as pq
 import pytest
+from specifications import parse_specification
 
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.simulation.simulation import initial_phases
 from rpud_sim.simulation.statistics import FIGURES
 from rpud_sim.studies.sweep.chunks import design_points, make_chunks, simulate
-from rpud_sim.studies.sweep.specification_file import parse_specification
 from rpud_sim.studies.sweep.sweep import SweepFolder, make_manifest
 
 CONTENT = {

@@ -8,6 +8,7 @@ import yaml
 from hostile import contents
 from hypothesis import example, given
 from hypothesis import strategies as st
+from specifications import parse_specification
 
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.model.contact_models import CONTACT_MODELS
@@ -18,7 +19,7 @@ from rpud_sim.studies.sweep.specification import (
     Range,
     Values,
 )
-from rpud_sim.studies.sweep.specification_file import parse_specification, read_specification
+from rpud_sim.studies.sweep.specification_file import read_specification
 
 GRID = {
     "design": "grid",
@@ -81,7 +82,6 @@ LINE = {"minimum": 1.0, "maximum": 2.0, "points": 3}
         (changed(design="sobol"), "points: is missing, the number of points of the sobol design"),
         (changed(design="sobol", points=12), "points: 12 is no power of two"),
         (changed(duration=math.nan), "duration = nan s is outside its range"),
-        (changed(repeat=True), "repeat = True is outside its range [1, 1e+06]"),
         (changed(fixed={"gravity": -1}), "fixed: gravity = -1 m/s^2 is outside its range"),
         (changed(fixed={"weight_on_bit": 1}), "swept.weight_on_bit: is fixed as well"),
         (swept(), "swept: names no parameter"),
@@ -90,17 +90,13 @@ LINE = {"minimum": 1.0, "maximum": 2.0, "points": 3}
         (swept(free_mass=[1, 1.0]), "swept.free_mass: holds a value twice"),
         (swept(free_mass=list(range(1, 10_002))), "swept.free_mass: holds 10001 values, more than"),
         (swept(regime=LINE), "swept.regime: has no range; give a list of its choices"),
-        (swept(free_mass={"minimum": 1}), "swept.free_mass.maximum: is missing"),
-        (swept(free_mass=LINE | {"step": 1}), "swept.free_mass.step: is unknown; known are minim"),
         (swept(free_mass=LINE | {"minimum": 2}), "swept.free_mass: minimum 2 is not below maximum"),
         (
             swept(gravity=LINE | {"minimum": 0, "scale": "log"}),
             "swept.gravity: minimum 0 has no logarithm",
         ),
         (swept(free_mass=LINE | {"maximum": 20}), "swept.free_mass: free_mass = 20 kg is"),
-        (swept(free_mass=LINE | {"source": 7}), "swept.free_mass.source = 7 is not a text"),
         (changed(figures=["force"]), "figures: force is unknown; known are events, drill_tool"),
-        (changed(design="saltelli", points=6), "points: 6 is no power of two, as a saltelli"),
         (
             changed(design="saltelli", points=4, swept={"gravity": [1, 2]}, cases={"a": {}}),
             "design: a saltelli design takes neither cases nor faults",
