@@ -258,14 +258,15 @@ class _Frames(_Guarded, WebSocketHandler):
         drill = self.get_query_argument("namespace", "")
         self._session = Session(self.server.store, self.server.work, self._send, drill)
         self._task = asyncio.create_task(self._run(self._session))
+        self._task.add_done_callback(self._end)  # also of one that is cancelled before it begins
 
     async def _run(self, session: Session) -> None:
-        try:
-            with suppress(WebSocketClosedError):
-                await session.run()
-        finally:
-            self.server.pages -= 1
-            self.close(_FAILED, "there are no more frames")
+        with suppress(WebSocketClosedError):
+            await session.run()
+
+    def _end(self, _: asyncio.Task[None]) -> None:
+        self.server.pages -= 1
+        self.close(_FAILED, "there are no more frames")
 
     async def _send(self, frame: bytes) -> None:
         await self.write_message(frame, binary=True)

@@ -4,6 +4,8 @@ import hashlib
 import http.client
 import math
 import re
+import socket
+import struct
 from pathlib import Path
 from urllib.parse import quote
 
@@ -12,6 +14,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from support import until
 from viewer.frame_reader import decode
 from viewer.screen_client import ClosedError, ScreenClient, serving
 
@@ -249,6 +252,18 @@ def test_a_browser_that_has_gone_is_forgotten(server, store):
         with ScreenClient(server.port) as goes:
             goes.frame()
         stays.until(lambda seen: len(store.clients) == 1)
+
+
+def test_browsers_that_go_at_once_are_no_pages(server, store):
+    lines = ("GET /frames HTTP/1.1", f"Host: 127.0.0.1:{server.port}", "Upgrade: websocket")
+    key = "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ=="
+    request = "\r\n".join([*lines, "Connection: Upgrade", key, "Sec-WebSocket-Version: 13", "", ""])
+    for _ in range(200):
+        with socket.create_connection(("127.0.0.1", server.port)) as connection:
+            connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+            connection.sendall(request.encode())
+    answer(server)  # after all of them
+    until(lambda: (server.pages, store.clients) == (0, []))
 
 
 times = arrays(np.float64, st.integers(0, 20), elements=st.floats(allow_nan=False))
