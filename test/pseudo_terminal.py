@@ -1,5 +1,6 @@
 """A real program in a pseudo terminal, as a user's shell starts it."""
 
+import contextlib
 import fcntl
 import os
 import pty
@@ -25,19 +26,15 @@ class PseudoTerminal:
 
     def __init__(self, *command, columns=80, rows=24, **environment):
         """Start `command`; the environment is added to that of this process."""
-        self._master, slave = pty.openpty()
-        fcntl.ioctl(slave, termios.TIOCSWINSZ, struct.pack("HHHH", rows, columns, 0, 0))
-        self.modes_before = termios.tcgetattr(slave)
-        self._slave = slave  # open, or the modes would be gone with the process
         self.drawn = b""
-        self.pid = os.fork()
+        self._code = None
+        self.pid, self._master = pty.fork()
         if self.pid == 0:
             try:
-                os.login_tty(slave) if hasattr(os, "login_tty") else _login(slave)
+                fcntl.ioctl(0, termios.TIOCSWINSZ, struct.pack("HHHH", rows, columns, 0, 0))
                 os.execvpe(command[0], list(command), {**os.environ, **environment})
             finally:
                 os._exit(127)
-        self._code = None
 
     def __enter__(self):
         return self
@@ -47,17 +44,11 @@ class PseudoTerminal:
             os.kill(self.pid, signal.SIGKILL)
             os.waitpid(self.pid, 0)
         os.close(self._master)
-        os.close(self._slave)
 
     @property
     def text(self):
         """What it has drawn, without what steers the terminal."""
         return without_steering(self.drawn.decode(errors="replace"))
-
-    @property
-    def modes(self):
-        """Modes of the terminal, such as whether it echoes."""
-        return termios.tcgetattr(self._slave)
 
     def type(self, keys):
         """Send keys."""
@@ -86,14 +77,10 @@ class PseudoTerminal:
 
     def _read(self, seconds):
         readable, _, _ = select.select([self._master], [], [], seconds)
-        if readable:
-            self.drawn += os.read(self._master, 65536)
-        return bool(readable)
-
-
-def _login(slave):
-    """Make a terminal the controlling one of this process, as Python 3.11 can do it itself."""
-    os.setsid()
-    fcntl.ioctl(slave, termios.TIOCSCTTY, 0)
-    for number in (0, 1, 2):
-        os.dup2(slave, number)
+        if not readable:
+            return False
+        with contextlib.suppress(OSError):  # EIO: nobody has the terminal open any more
+            drawn = os.read(self._master, 65536)
+            self.drawn += drawn
+            return bool(drawn)
+        return False

@@ -12,44 +12,27 @@ pytestmark = pytest.mark.extended
 PROGRAM = Path(__file__).parent / "busy.py"
 
 
-def children(pid):
-    return Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
-
-
-def ticks(pid):
-    """Processor time that a process has used, in ticks."""
-    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
-    return int(fields[11]) + int(fields[12])
-
-
-def ended(pid):
+def stat(pid):
+    """Fields of /proc/PID/stat after the name: the state first; of a process that is gone, Z."""
     try:
-        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] == "Z"
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
     except (FileNotFoundError, ProcessLookupError):
-        return True
+        return ["Z"]
 
 
-def start(process, *command):
-    return process(sys.executable, PROGRAM, "--loops", "2", "--", *command)
-
-
-def test_it_gives_the_exit_code_of_the_command(process):
-    busy = start(process, sys.executable, "-c", "print('ran'); raise SystemExit(3)")
-    assert busy.wait() == 3
-    assert busy.output == "ran"
-
-
-def test_loops_use_the_processors_and_die_with_their_parent_however_it_dies(process):
-    busy = start(process, sys.executable, "-c", "import time; print('runs'); time.sleep(100)")
+@pytest.mark.parametrize("killed", [False, True])
+def test_loops_use_the_processors_and_end_with_the_command_or_their_killed_parent(process, killed):
+    command = "import sys; print('runs'); sys.stdin.read(); sys.exit(3)"
+    command = command if not killed else "import time; print('runs'); time.sleep(1000)"
+    words = ("--loops", "2", "--", sys.executable, "-c", command)
+    busy = process(sys.executable, PROGRAM, *words)
     busy.wait_for_line("runs")
-    loops = [pid for pid in children(busy.pid) if re.search("getppid", command_line(pid))]
-    assert len(loops) == 2
-    for pid in loops:
-        until(lambda pid=pid: ticks(pid) > 10)
-    busy.kill()
-    for pid in loops:
-        until(lambda pid=pid: ended(pid))
-
-
-def command_line(pid):
-    return Path(f"/proc/{pid}/cmdline").read_text()
+    children = Path(f"/proc/{busy.pid}/task/{busy.pid}/children").read_text().split()
+    lines = {pid: Path(f"/proc/{pid}/cmdline").read_text() for pid in children}
+    loops = [pid for pid, line in lines.items() if re.search("getppid", line)]
+    if killed:
+        assert len(loops) == 2
+        until(lambda: all(sum(map(int, stat(pid)[11:13])) > 10 for pid in loops))  # ticks
+        busy.kill()
+    assert busy.wait() == (-9 if killed else 3)
+    until(lambda: all(stat(pid)[0] == "Z" for pid in loops))

@@ -82,7 +82,7 @@ def _moment(nanoseconds: int) -> str:
 @command(
     "recover",
     "bags/torn --out bags/whole",
-    "make a whole bag of one that was cut off or damaged",
+    "make a complete bag from one that was cut off or damaged",
     "Exit codes: 0 nothing is lost, 3 recovered, and something is lost, 1 failed, 2 wrong call.",
     JSON,
     torn=positional("TORN", "a bag's folder or one MCAP file; it is not changed"),

@@ -107,6 +107,7 @@ def _run(parser: argparse.ArgumentParser, words: Sequence[str]) -> int:
     arguments, further = parser.parse_known_args(words)
     chosen = DECLARED[arguments.command]
     if further and "further" not in chosen.fields:
+        parser.prog = f"rpud {arguments.command}"
         parser.error(f"unrecognized arguments: {' '.join(further)}")
     arguments.further = further
     return chosen.run(options_from(arguments, chosen.fields, chosen.kind))

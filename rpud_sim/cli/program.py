@@ -81,18 +81,20 @@ def run_program(program: str, run: Callable[[], Any]) -> NoReturn:
     _open_streams()
     interrupt = _Interrupt()
     try:
-        code = run()
+        try:
+            code = run()
+        finally:
+            interrupt.end()
     except SystemExit as end:
         code = end.code
     except BrokenPipeError:  # the reader of our output has gone, as `head` does
         code = ExitCode.DONE
     except KeyboardInterrupt:
+        interrupt.end()  # which may have been interrupted itself
         code = interrupt.code
     except Exception as error:
         # An import that is interrupted may end in any error.
         code = interrupt.code if interrupt.seen else _report_unexpected(program, error)
-    finally:
-        interrupt.end()
     gc.freeze()  # Python else searches all that is left for cycles, which takes 0.1 s
     sys.exit(_flush(program, code))
 
@@ -167,7 +169,7 @@ class _Interrupt:
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
             if signal.getsignal(number) is not signal.SIG_IGN:  # as nohup and a shell's & set it
                 signal.signal(number, self._handle)
-        signal.signal(signal.SIGALRM, self._repeat)
+        signal.signal(signal.SIGALRM, self._handle)
         sys.unraisablehook = self._report
 
     def end(self) -> None:
@@ -179,16 +181,12 @@ class _Interrupt:
         if number != signal.SIGALRM:
             self.code = 128 + number
         signal.setitimer(signal.ITIMER_REAL, _RETRY_DELAY)
-        raise KeyboardInterrupt
-
-    def _repeat(self, number: int, frame: FrameType | None) -> None:
         error = sys.exc_info()[1]
         while error is not None:
             if isinstance(error, KeyboardInterrupt):  # what it interrupted is being cleaned up
-                signal.setitimer(signal.ITIMER_REAL, _RETRY_DELAY)
                 return
             error = error.__context__
-        self._handle(number, frame)
+        raise KeyboardInterrupt
 
     def _report(self, unraisable: Any) -> None:
         if not isinstance(unraisable.exc_value, KeyboardInterrupt):

@@ -165,7 +165,7 @@ def fit_text(fit: Fit) -> str:
         lines.append(f"no intervals: {fit.refusal}")
     lines += [_unknown(fit, name) for name in fit.specification.unknowns]
     lines += [f"{choices}: probability {share:.3f}" for choices, share in fit.choices]
-    lines += [f"ridge: {ridge}" for ridge in (fit.found.ridges if fit.found else ())]
+    lines += [f"ridge: {ridge}" for ridge in fit.ridges]
     lines += map(str, fit.comparisons)
     lines.append(f"misfit {fit.misfit_text}")
     return "\n".join(lines)
@@ -174,9 +174,8 @@ def fit_text(fit: Fit) -> str:
 def _unknown(fit: Fit, name: str) -> str:
     from rpud_sim.studies.sweep.specification import unit_of
 
-    if fit.found is None:
+    if (interval := fit.intervals.get(name)) is None:
         return f"{name:28} {fit.best[name]:.4g} {unit_of(name)}".rstrip()
-    interval = fit.found.intervals[name]
     best = f"{fit.best[name]:.{interval.digits}g}"
     text = f"{name:28} {best:10} {interval} {unit_of(name)}".rstrip()
     return text + "".join(f" ({remark})" for remark in interval.remarks)

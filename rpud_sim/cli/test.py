@@ -29,9 +29,9 @@ _QUIET = ("-W", "ignore::pytest.PytestAssertRewriteWarning")
 @command(
     "test",
     "bags/first --expect config/expectations.yaml",
-    "judge a bag by the expectations of a file, or fly a campaign of tests",
+    "judge a bag by the expectations of a file, or run a campaign of tests",
     "Each expectation is passed, failed or undecided. The last run in a bag is judged. "
-    "A campaign flies scenarios, parameters and seeds against a system under test, by pytest, "
+    "A campaign runs scenarios, parameters and seeds against a system under test, by pytest, "
     "which gets all further options, such as -n 4 or --lf. "
     "Exit codes: 0 all passed, 1 one is undecided, or a drill failed, 2 wrong call, 3 one failed.",
     subject=positional(
@@ -48,17 +48,17 @@ _QUIET = ("-W", "ignore::pytest.PytestAssertRewriteWarning")
         metavar="DIR",
         group="campaigns",
     ),
-    only=option(None, "fly these runs only: -k of pytest", metavar="EXPRESSION", group="campaigns"),
+    only=option(None, "only these runs: -k of pytest", metavar="EXPRESSION", group="campaigns"),
     further=field(default=()),  # words for pytest
 )
 def _run(options: Any) -> int:
     if Path(options.subject).suffix in SUFFIXES and not Path(options.subject).is_dir():
         return _test_campaign(options)
-    if options.expect is None:
-        raise CommandError("a bag needs --expect FILE; see rpud test --help", ExitCode.USAGE)
     if options.further:
         words = printable(" ".join(options.further))
-        raise CommandError(f"unrecognized arguments: {words}", ExitCode.USAGE)
+        raise CommandError(f"unrecognized arguments: {words}; see rpud test --help", ExitCode.USAGE)
+    if options.expect is None:
+        raise CommandError("a bag needs --expect FILE; see rpud test --help", ExitCode.USAGE)
     return _test_bag(options, options.expect)
 
 

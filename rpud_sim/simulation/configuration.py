@@ -99,12 +99,7 @@ class Configuration(ParameterGroup):
             if not self.has_feed:
                 raise ParameterError("a feed cannot be commanded with feed_model = none")
             self.mount.check(command)
-        else:
-            self.check_weight_on_bit()
-
-    def check_weight_on_bit(self) -> None:
-        """Check that the weight on bit is commanded."""
-        if self.has_feed:
+        elif self.has_feed:
             raise ParameterError(
                 f"weight_on_bit cannot be commanded with feed_model = {self.mount.feed_model}: "
                 "it follows from the feed"

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from rpud_sim.foundation.time import SECOND, split_fraction
+from rpud_sim.foundation.time import SECOND
 from rpud_sim.model.closed_form import reacting_force
 from rpud_sim.model.compile import compiled
 from rpud_sim.model.search import force_on_drill_tool
@@ -26,9 +26,6 @@ class Times:
     @staticmethod
     def from_nanoseconds(nanoseconds: np.ndarray | int) -> Times:
         """Return the times given in integer nanoseconds, shape (n,)."""
-        if isinstance(nanoseconds, int):  # sampled for every telemetry message
-            whole, fraction = split_fraction(nanoseconds)
-            return Times(np.array([whole], np.int64), np.array([fraction]))
         seconds, rest = np.divmod(np.atleast_1d(np.asarray(nanoseconds, np.int64)), SECOND)
         return Times(seconds, rest / SECOND)
 

@@ -70,25 +70,23 @@ class StudyStore:
         write_whole(path, json.dumps(self.manifest, indent=2) + "\n")
 
 
-def _difference(found: Any, wanted: Any, entry: str = "") -> str:
+def _difference(found: Any, wanted: Any) -> str:
     """Return the first entry in which two manifests differ, empty if they are equal."""
-    if isinstance(found, dict) and isinstance(wanted, dict):
-        for name in {**wanted, **found}:
-            inner = f"{entry}.{name}" if entry else name
-            if difference := _difference(found.get(name), wanted.get(name), inner):
-                return difference
-        return ""
-    if type(found) is type(wanted) and found == wanted:
-        return ""
-    if isinstance(found, list) and isinstance(wanted, list):
-        if len(found) != len(wanted):
-            return f"{entry} has {len(found)} entries there and {len(wanted)} here"
-        pairs = enumerate(zip(found, wanted, strict=True))
-        return next(d for i, (a, b) in pairs if (d := _difference(a, b, f"{entry}[{i}]")))
-    return f"{entry} is {_short(found)} there and {_short(wanted)} here"
+    there, here = dict(_entries(found)), dict(_entries(wanted))
+    for name in {**here, **there}:
+        old, new = (json.dumps(each.get(name)) for each in (there, here))
+        if old != new:
+            return f"{name} is {old:.{_LONGEST_VALUE}} there and {new:.{_LONGEST_VALUE}} here"
+    return ""
 
 
-def _short(value: Any) -> str:
-    """Return a value as JSON, cut off where a line would get too long."""
-    text = json.dumps(value)
-    return text if len(text) <= _LONGEST_VALUE else f"{text[:_LONGEST_VALUE]}..."
+def _entries(value: Any, path: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield every entry of nested mappings and lists by its path; an empty one is an entry."""
+    if not (isinstance(value, (dict, list)) and value):
+        yield path, value
+    elif isinstance(value, list):
+        for number, inner in enumerate(value):
+            yield from _entries(inner, f"{path}[{number}]")
+    else:
+        for name, inner in value.items():
+            yield from _entries(inner, f"{path}.{name}" if path else name)

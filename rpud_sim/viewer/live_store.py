@@ -187,11 +187,12 @@ def measured(heard: Heard, client: ClientState) -> dict[str, Any]:
         found["values"] = heard.values
     if due("log", heard.log_version, 0.5):
         found |= heard.commands.frame(heard.faults)
-    if due("steps", (heard.log_version, view), 0.5):
+    stepped = [name for name in heard.commands.quantities if heard.is_stepped(name)]
+    if due("steps", (heard.log_version, view, stepped), 0.5):
         # An entry of the journal may come before the messages of its time.
         last = math.inf if view.follow else end
         steps = heard.commands.steps(start, last, view.width)
-        found["steps"] = {name: steps[name] for name in steps if heard.is_stepped(name)}
+        found["steps"] = {name: steps[name] for name in stepped}
     if heard.time is None:
         return found
     # By what was heard, not by its time: a message that arrives late is shown too.

@@ -54,7 +54,9 @@ def of_screen(page, expression):
 
 
 def until_screen(page, condition):
-    page.until(SCREEN % f"Boolean({condition})")
+    """Wait for a condition; it does not hold while it looks at something that was not seen yet."""
+    unseen = "(error) => { if (!(error instanceof TypeError)) throw error; }"
+    page.until(f"{SCREEN % f'Boolean({condition})'}.catch({unseen})")
 
 
 def text_is(page, selector, text):

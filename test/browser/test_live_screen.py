@@ -50,7 +50,7 @@ def live(server, client, page_of):
     run = of_screen(page, "screen.seen.run")
     client.reset("all")
     client.play()
-    until_screen(page, f"screen.seen.run > {run} && screen.seen.now > 0")
+    until_screen(page, f"screen.seen.run > {run} && screen.seen.status?.state === 'running'")
     return page
 
 
@@ -72,9 +72,8 @@ def test_numbers_on_the_screen_are_those_of_the_drill(live, client):
     status = client.status
     text_is(live, "#doing", "paused")
     live.until("document.querySelector('#weight').value === '23.5'")
-    until_screen(live, f"screen.seen.status.impacts === {status.impacts}")
-    for name in ("weight_on_bit", "drive_voltage", "depth", "deadlines_missed"):
-        assert of_screen(live, f"screen.seen.status.{name}") == getattr(status, name), name
+    for name in ("impacts", "weight_on_bit", "drive_voltage", "depth", "deadlines_missed"):
+        until_screen(live, f"screen.seen.status.{name} === {getattr(status, name)}")
     text_is(
         live, "#driven", f"{status.drive_voltage:g}\N{NO-BREAK SPACE}V, 16\N{NO-BREAK SPACE}kHz"
     )
@@ -142,6 +141,9 @@ def test_each_control_does_what_it_says(live, client):
     tab.get_by_label("step [s]").fill("0.25")
     click(live, "Step")
     client.until(lambda: client.time >= before + 0.25)
+    done = "screen.seen.outcomes.some(({ name, state }) => name === 'step' && state === 'done')"
+    until_screen(live, done)  # meanwhile the drill runs, and the button stops it
+    text_is(live, "#pause", "Play")
     tab.evaluate("document.activeElement.blur()")
     tab.keyboard.press(" ")
     until_status(client, state="running")

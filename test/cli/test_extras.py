@@ -63,22 +63,16 @@ def test_a_command_on_a_bag_names_its_extra(lacking, bag, words, line):
 
 
 def test_bags_need_no_extra(lacking, bag):
-    for words in (["info", bag], ["verify", bag], ["recover", bag, "--out", "whole"]):
-        assert lacking(EXTRAS, *words).returncode == 0, words
-
-
-def test_a_report_needs_no_extra(lacking, bag):
-    done = lacking(EXTRAS, "report", bag)
-    assert (done.returncode, done.stderr) == (0, "")
+    calls = (["info", bag], ["verify", bag], ["report", bag], ["recover", bag, "--out", "whole"])
+    for words in calls:
+        done = lacking(EXTRAS, *words)
+        assert (done.returncode, done.stderr) == (0, ""), words
 
 
 @pytest.mark.parametrize("command", ["sweep", "fit"])
 def test_a_study_names_the_extra_of_all_studies(lacking, command):
-    files = {
-        "sweep": "sweep.yaml",
-        "fit": "fit_example.yaml",
-    }
-    done = lacking(EXTRAS, command, str(CONFIG / files[command]), "--out", "out")
+    file = {"sweep": "sweep.yaml", "fit": "fit_example.yaml"}[command]
+    done = lacking(EXTRAS, command, str(CONFIG / file), "--out", "out")
     assert (done.returncode, done.stdout) == (1, "")
     (line,) = done.stderr.splitlines()
     missing = line.removeprefix(f"rpud {command}: needs ").partition(":")[0]

@@ -22,18 +22,20 @@ def rpud(folder, *words, **environment):
     )
 
 
-@pytest.mark.parametrize(
-    "words",
-    [
-        ["info", "größe"],
-        ["report", "größe", "--out", "ä.html"],
-        ["export", "größe", "--out", "ä", "--format", "csv"],
-        ["recover", "größe", "--out", "ä"],
-        ["simulate", "--duration", "0.1", "--bag", "ä"],
-    ],
+WORDS = (
+    ["info", "{bag}"],
+    ["report", "{bag}", "--out", "{new}.html"],
+    ["export", "{bag}", "--out", "{new}", "--format", "csv"],
+    ["recover", "{bag}", "--out", "{new}"],
+    ["simulate", "--duration", "0.1", "--bag", "{new}"],
 )
+every_command = pytest.mark.parametrize("words", WORDS, ids=lambda words: words[0])
+
+
+@every_command
 def test_the_locale_is_no_damage(tmp_path, words):
     write_bag(tmp_path / "größe")
+    words = [word.format(bag="größe", new="ä") for word in words]
     done = rpud(tmp_path, *words, LC_ALL="C", PYTHONUTF8="0")
     assert (done.returncode, done.stderr) == (0, b"")
     for path in tmp_path.glob("ä/metadata.yaml"):
@@ -44,25 +46,17 @@ def test_the_locale_is_no_damage(tmp_path, words):
         assert all(manifest.command[-1] == "ä" for manifest in manifests)
 
 
-@pytest.mark.parametrize(
-    "words",
-    [
-        ["info", b"\xff/bag"],
-        ["report", b"\xff/bag", "--out", b"\xff.html"],
-        ["export", b"\xff/bag", "--out", b"\xff.out"],
-        ["recover", b"\xff/bag", "--out", b"\xff/new"],
-        ["simulate", "--duration", "0.1", "--bag", b"\xff/new"],
-    ],
-)
+@every_command
 def test_a_folder_may_have_any_name(capsys, monkeypatch, tmp_path, words):
     folder = tmp_path / os.fsdecode(b"\xff")
     folder.mkdir()
     write_bag(folder / "bag")
     monkeypatch.chdir(tmp_path)
-    code, _, errors = called(capsys, *map(os.fsdecode, words))
+    names = {"bag": os.fsdecode(b"\xff/bag"), "new": os.fsdecode(b"\xff/new")}
+    code, _, errors = called(capsys, *(word.format(**names) for word in words))
     assert (code, errors) == (0, "")
-    if words[-1] == b"\xff/new":
-        assert called(capsys, "info", os.fsdecode(b"\xff/new"))[0] == 0
+    if words[0] in ("recover", "simulate"):
+        assert called(capsys, "info", names["new"])[0] == 0
 
 
 @pytest.mark.parametrize(

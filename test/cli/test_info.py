@@ -14,8 +14,13 @@ def run(*words):
     return execute(["info", *map(str, words)])
 
 
-def test_json_has_the_figures(tmp_path, capsys):
+def test_table_and_json_have_the_figures(tmp_path, capsys):
     path = write_bag(tmp_path / "run", 11)
+    assert run(path) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert {"duration  0.010 s", "start     2023-11-14 22:13:20.000 UTC", "messages  11"} < {*lines}
+    [talk] = [line.split() for line in lines if line.startswith(TALK.name)]
+    assert talk == [TALK.name, STRING, "11", "1000.00", "unknown"]
     assert run(path, "--json") == 0
     assert json.loads(capsys.readouterr().out) == {
         "path": str(path),
@@ -53,17 +58,6 @@ def test_losses_are_shown(tmp_path, capsys):
     assert run(tmp_path / "run", "--json") == 0
     topics = json.loads(capsys.readouterr().out)["topics"]
     assert [topic["losses"] for topic in topics] == [None, 3]
-
-
-def test_the_table_has_a_line_for_each_topic(tmp_path, capsys):
-    path = write_bag(tmp_path / "run", 11)
-    assert run(path) == 0
-    lines = capsys.readouterr().out.splitlines()
-    assert "duration  0.010 s" in lines
-    assert "start     2023-11-14 22:13:20.000 UTC" in lines
-    assert "messages  11" in lines
-    [talk] = [line.split() for line in lines if line.startswith(TALK.name)]
-    assert talk == [TALK.name, STRING, "11", "1000.00", "unknown"]
 
 
 def test_fewer_than_ten_messages_have_no_rate(tmp_path, capsys):

@@ -75,15 +75,10 @@ def test_help_of_every_command_has_an_example_that_is_one(capsys, name):
     program, *words = shlex.split(example)
     assert program == "rpud"
     assert words[0] == name
-    assert build_parser().parse_args(words).command == name
-
-
-@pytest.mark.parametrize("name", COMMANDS)
-def test_help_of_every_command_explains_every_argument(capsys, name):
     parser = build_parser()
+    assert parser.parse_args(words).command == name
     choices = next(action.choices for action in parser._actions if action.dest == "command")
-    for action in choices[name]._actions:
-        assert action.help, f"{name} {action.dest}"
+    assert all(action.help for action in choices[name]._actions)
 
 
 @pytest.mark.parametrize(
@@ -92,7 +87,11 @@ def test_help_of_every_command_explains_every_argument(capsys, name):
         ([], "rpud: the following arguments are required: COMMAND; see rpud --help"),
         (["excavate"], "rpud: argument COMMAND: invalid choice: 'excavate'; known are run, record"),
         (["recrod"], "rpud: argument COMMAND: invalid choice: 'recrod'; did you mean record?"),
-        (["simulate", "--bogus"], "rpud: unrecognized arguments: --bogus; see rpud --help"),
+        (
+            ["simulate", "--bogus"],
+            "rpud simulate: unrecognized arguments: --bogus; see rpud simulate",
+        ),
+        (["test", "bag", "--expct", "x"], "rpud test: unrecognized arguments: --expct x"),
         (["simulate", "--regime", "x"], "rpud simulate: argument --regime: invalid choice: 'x'"),
         (
             ["run", "--duration", "-1"],
@@ -100,6 +99,10 @@ def test_help_of_every_command_explains_every_argument(capsys, name):
         ),
         (["record"], "rpud record: the following arguments are required: --out"),
         (["replay"], "rpud replay: the following arguments are required: BAG"),
+        (["sweep", "a.yaml"], "rpud sweep: the following arguments are required: --out; see rpud "),
+        (["sweep", "a.yaml", "--out", "o"], "rpud sweep: a.yaml: No such file or directory"),
+        (["sweep", "a", "--out", "o", "--workers", "0"], "rpud sweep: --workers = 0 is outside"),
+        (["sweep", "a", "--out=o", "--workers=2", "--scheduler=tcp://a:1"], "rpud sweep: argument"),
         (["export", "bag", "--run", "2", "--out", "x"], "rpud export: --run goes with --rate"),
         *((["watch", f"--port={port}"], "rpud watch: --port = ") for port in (65536, -1, 1.5, "x")),
         (["press", "abc"], "rpud press: argument FORCE: 'abc' is not a number; see rpud press"),
@@ -221,85 +224,56 @@ def test_output_that_cannot_be_written_is_one_line(tmp_path, redirection, reason
     assert (done.returncode, done.stdout, done.stderr) == (1, "", f"rpud info: {reason}\n")
 
 
-INTERRUPTED_IMPORT = """
-import signal, sys, types
-from rpud_sim.cli import bags, main
+# A command in which Ctrl-C comes.
+INTERRUPTED = """
+import contextlib, signal, sys, threading, types
+from rpud_sim.cli import bags, main, options
 
-class Interrupted(types.ModuleType):
+def interrupt():
+    signal.raise_signal(signal.SIGINT)
+
+class Import(types.ModuleType):
     def __getattr__(self, name):
         try:
-            signal.raise_signal(signal.SIGINT)
+            interrupt()
         except KeyboardInterrupt:
             raise ImportError("half of it is loaded")
 
-sys.modules["rpud_sim.bag"] = Interrupted("rpud_sim.bag")
-main.main(["info", "bag"])
-"""
-
-INTERRUPTED_CALLBACK = """
-import signal, threading
-from rpud_sim.cli import bags, main, options
-from rpud_sim.cli.options import command
-
 class Dying:
     def __del__(self):
-        signal.raise_signal(signal.SIGINT)
+        interrupt()
 
-@command("info", "", "fail", "", options.BAG)
-def run(arguments):
-    Dying()
+def goes_on():
     threading.Event().wait(20.0)
     print("it went on")
 
-main.main(["info", "bag"])
-"""
-
-# So does the import of a module that Cython has compiled.
-INTERRUPTED_MODULE = """
-import contextlib, signal, threading
-from rpud_sim.cli import bags, main, options
-from rpud_sim.cli.options import command
-
-@command("info", "", "fail", "", options.BAG)
 def run(arguments):
-    with contextlib.suppress(BaseException):
-        signal.raise_signal(signal.SIGINT)
-    threading.Event().wait(20.0)
-    print("it went on")
+    {}
 
-main.main(["info", "bag"])
-"""
-
-INTERRUPTED_WORK = """
-import signal
-from rpud_sim.cli import bags, main, options
-from rpud_sim.cli.options import command
-
-@command("info", "", "fail", "", options.BAG)
-def run(arguments):
-    try:
-        signal.raise_signal(signal.SIGINT)
-    finally:
-        signal.pause()
-        signal.pause()
-        print("cleaned up")
-
+options.command("info", "", "fail", "", options.BAG)(run)
 main.main(["info", "bag"])
 """
 
 
 @pytest.mark.parametrize(
-    ("script", "output"),
+    ("body", "output"),
     [
-        (INTERRUPTED_IMPORT, ""),
-        (INTERRUPTED_CALLBACK, ""),
-        (INTERRUPTED_MODULE, ""),
-        (INTERRUPTED_WORK, "cleaned up\n"),
+        (
+            "sys.modules['rpud_sim.bag'] = Import('bag')\n    import rpud_sim.bag as b; b.open",
+            "",
+        ),
+        ("Dying(); goes_on()", ""),
+        # As in the import of a module that Cython has compiled.
+        ("with contextlib.suppress(BaseException): interrupt()\n    goes_on()", ""),
+        (
+            "try: interrupt()\n    finally: signal.pause(); signal.pause(); print('cleaned up')",
+            "cleaned up\n",
+        ),
     ],
 )
-def test_ctrl_c_ends_quietly_even_where_its_exception_is_dropped(script, output):
+def test_ctrl_c_ends_quietly_even_where_its_exception_is_dropped(body, output):
     done = subprocess.run(
-        [sys.executable, "-c", script], capture_output=True, text=True, check=False
+        [sys.executable, "-c", INTERRUPTED.format(body)], capture_output=True, text=True
     )
     assert (done.returncode, done.stdout, done.stderr) == (130, output, "")
 

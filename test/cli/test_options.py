@@ -53,20 +53,13 @@ def test_the_defaults_of_the_command_line_are_those_of_the_options():
     assert set(record_options.COMPRESSIONS) == set(COMPRESSIONS)
 
 
-@pytest.mark.parametrize("value", ["0", "-1", "nan", "inf", "-inf", "fast", ""])
-@pytest.mark.parametrize(("option", "unit"), [("--rate", ""), ("--clock", " Hz")])
-def test_what_must_be_positive_is_refused_otherwise(option, unit, value):
-    said = value if value in ("0", "-1", "nan", "inf", "-inf") else repr(value)
-    with pytest.raises(
-        ParameterError, match=rf"{option} = {said}{unit} is outside its range \(0, "
-    ):
-        replay(f"{option}={value}")
-
-
 @pytest.mark.parametrize(
     ("make", "words", "complaint"),
     [
         (replay, ["--start=-0.1"], "--start = -0.1 s is outside its range [0, 1e+09] s"),
+        (replay, ["--rate", "0"], "--rate = 0 is outside its range (0, 1e+06]"),
+        (replay, ["--rate", "fast"], "--rate = 'fast' is outside its range (0, 1e+06]"),
+        (replay, ["--clock=-inf"], "--clock = -inf Hz is outside its range (0, 10000] Hz"),
         (replay, ["--rate", "1e7"], "--rate = 1e+07 is outside its range (0, 1e+06]"),
         (
             replay,
@@ -87,20 +80,6 @@ def test_what_must_be_positive_is_refused_otherwise(option, unit, value):
 def test_numbers_that_cannot_be_are_refused(make, words, complaint):
     with pytest.raises(ParameterError, match=f"^{re.escape(complaint)}$"):
         make(*words)
-
-
-@pytest.mark.parametrize(
-    ("words", "complaint"),
-    [
-        (["--remap", "talk:=/b"], "'talk:=/b' is not of the form OLD:=NEW with two absolute topic"),
-        (["--remap", "/a:=/b", "/c"], "'/c' is not of the form OLD:=NEW"),
-    ],
-)
-def test_a_replay_refuses_what_is_no_rule(capsys, words, complaint):
-    with pytest.raises(SystemExit) as ended:
-        replay(*words)
-    assert ended.value.code == 2
-    assert complaint in capsys.readouterr().err
 
 
 def test_words_for_ros_are_split_from_those_of_the_program():

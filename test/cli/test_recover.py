@@ -37,7 +37,7 @@ def test_nothing_lost_is_0(tmp_path, capsys):
     assert run(tmp_path / "out", command="info") == 0
 
 
-def test_a_loss_is_shown_with_exit_code_3(torn, tmp_path, capsys):
+def test_a_loss_is_shown_with_exit_code_3_and_json_has_the_account(torn, tmp_path, capsys):
     assert run(torn, "--out", tmp_path / "out") == 3
     output = capsys.readouterr().out
     assert "recovered 40 messages" in output
@@ -45,12 +45,9 @@ def test_a_loss_is_shown_with_exit_code_3(torn, tmp_path, capsys):
     assert "messages on /rpud/talk have no checksum" in output
     assert "not closed: what its recorder had yet to write is missing" in output
     assert "nothing is lost" not in output
-
-
-def test_json_has_the_account(torn, tmp_path, capsys):
-    assert run(torn.parent, "--out", tmp_path / "out", "--json") == 3
+    assert run(torn.parent, "--out", tmp_path / "json", "--json") == 3
     account = json.loads(capsys.readouterr().out)
-    assert account["path"] == str(tmp_path / "out")
+    assert account["path"] == str(tmp_path / "json")
     assert (account["complete"], account["closed"], account["max_loss"]) == (False, False, None)
     assert account["message_count"] == 40
     assert account["damage_count"] == len(account["damages"]) == 1

@@ -11,7 +11,6 @@ import random
 import resource
 import shutil
 import signal
-import sys
 import tempfile
 import time
 import traceback
@@ -22,6 +21,7 @@ from pathlib import Path
 from typing import Any
 
 from fuzz.bag_inputs import draw_bag
+from fuzz.tally import Outcome
 from rpud_sim.cli.main import execute, load_command
 
 CPU = 10  # seconds that a command may take
@@ -79,26 +79,6 @@ WAYS = {
 }
 
 
-@dataclasses.dataclass
-class Tally:
-    """Counts and extremes of the bags that one reader read."""
-
-    inputs: int = 0
-    refused: int = 0
-    slowest: float = 0.0  # CPU [s]
-    largest: int = 0  # resident [byte]
-
-
-@dataclasses.dataclass
-class Outcome:
-    """Result of a campaign."""
-
-    tallies: dict[str, Tally] = dataclasses.field(
-        default_factory=lambda: {way: Tally() for way in WAYS}
-    )
-    harms: list[str] = dataclasses.field(default_factory=list)
-
-
 class HarmError(Exception):
     """Error of a command that breaks its contract."""
 
@@ -107,7 +87,7 @@ def run(
     inputs: int, seed: int, workers: int = 1, progress: Callable[[], object] = lambda: None
 ) -> Outcome:
     """Run a campaign; each bag depends on the seed and its own number, and can be repeated."""
-    outcome = Outcome()
+    outcome = Outcome(WAYS)
     with tempfile.TemporaryDirectory() as folder, contextlib.ExitStack() as stack:
         started = [
             _Worker(range(first, inputs, workers), seed, Path(folder, str(first)))
@@ -144,11 +124,7 @@ class _Worker:
             harms = [f"ended by {_name(self._process.exitcode)}"]
             if self.numbers:
                 self._start()
-        tally = outcome.tallies[way]
-        tally.inputs += 1
-        tally.refused += refused
-        tally.slowest = max(tally.slowest, cpu)
-        tally.largest = max(tally.largest, memory)
+        outcome.tallies[way].add(refused, cpu, memory)
         outcome.harms += [f"bag {number} of seed {self._seed}, {way}: {harm}" for harm in harms]
 
     def end(self) -> None:
@@ -303,22 +279,3 @@ def _peak() -> int:
         if line.startswith("VmHWM"):
             return int(line.split()[1]) * 1024
     raise RuntimeError("no VmHWM")
-
-
-def show(outcome: Outcome) -> None:
-    """Print the result of a campaign."""
-    row = "{:28} {:>8} {:>8} {:>14} {:>12}".format
-    print(row("command", "bags", "refused", "slowest [s]", "most [MB]"))
-    for way, tally in outcome.tallies.items():
-        print(
-            row(
-                way,
-                tally.inputs,
-                tally.refused,
-                f"{tally.slowest:.2f}",
-                f"{tally.largest / 1e6:.0f}",
-            )
-        )
-    print(f"crashes, hangs, greed and errors that are not one line: {len(outcome.harms)}")
-    for harm in outcome.harms[:20]:
-        print(f"harmed: {harm}", file=sys.stderr)

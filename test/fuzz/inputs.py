@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import random
 from collections.abc import Callable, Mapping
-from pathlib import Path
 from typing import Any
 
 from builtin_interfaces.msg import Duration, Time
@@ -18,17 +17,11 @@ from fuzz import hostile
 from fuzz.drill import Drill
 from rpud_sim.foundation.quantities import ParameterError, Quantity
 from rpud_sim.ros.drill.managed_node import declare_settings
-from rpud_sim.simulation.changes import read_commands
 from rpud_sim.simulation.configuration import (
     CHANGEABLE,
     PARAMETERS,
-    parse_assignment,
-    read_parameter_file,
-    to_configuration,
-    to_settings,
 )
 from rpud_sim.simulation.fault_kinds import KINDS
-from rpud_sim.simulation.scenario import read_scenario
 from rpud_sim.simulation.topics import CHANNELS
 
 NUMBERS = {
@@ -37,18 +30,8 @@ NUMBERS = {
     if isinstance(declaration.allowed, Quantity)
 }
 
-ROOT = Path(__file__).resolve().parent.parent.parent
 SECOND = 1_000_000_000
 LONGEST_STEP = 1_000_000 * SECOND  # that the drill takes; a fuzz that waits for one never ends
-CONFIG = ROOT / "config"
-PARAMETER_FILES = tuple((CONFIG / name).read_text() for name in ("drilling.yaml", "free.yaml"))
-SCENARIOS = ((CONFIG / "faults.yaml").read_text(),)
-COMMANDS = """
-commands:
-  - {time: 0.1, weight_on_bit: 15}
-  - {time: 0.3, drive: {voltage: 80, frequency: 16000}}
-  - {time: 0.5, drive: {enabled: false}}
-"""
 ROS_NAMES = ("use_sim_time", "start_type_description_service")
 # Those that an active drill has would end it, rightly.
 IMPOSSIBLE_TRANSITIONS = (0, 1, 2, 3, *range(8, 256))
@@ -232,21 +215,6 @@ def _answered(response: Any) -> Reason:
     return None
 
 
-def _reason(drill: Drill, action: Callable[[], Any]) -> Reason:
-    """Do what is done before a drill plays; give why it was refused."""
-    with drill.paused():
-        try:
-            action()
-        except ParameterError as error:
-            return str(error)
-    return None
-
-
-def _overrides(random: random.Random, drill: Drill) -> Reason:
-    names = [hostile.name(random, tuple(PARAMETERS)) for _ in range(random.randrange(1, 4))]
-    return _reason(drill, lambda: to_settings({name: hostile.value(random) for name in names}))
-
-
 def _node(random: random.Random, drill: Drill) -> Reason:
     """Another node, with overrides of the types that rcl knows."""
     values = {
@@ -264,27 +232,13 @@ def _node(random: random.Random, drill: Drill) -> Reason:
     }
     node = drill.create_node(values)
     try:
-        return _reason(drill, lambda: declare_settings(node))
+        with drill.paused():
+            declare_settings(node)
+    except ParameterError as error:
+        return str(error)
     finally:
         node.destroy_node()
-
-
-def _file(name: str, read: Callable[[Path], Any], templates: tuple[str, ...]) -> Send:
-    names = (*PARAMETERS, *KINDS, *CHANNELS, "seed", "onset", "duration", "magnitude")
-
-    def send(random: random.Random, drill: Drill) -> Reason:
-        path = drill.folder / name
-        path.write_bytes(hostile.yaml(random, templates, names))
-        return _reason(drill, lambda: read(path))
-
-    return send
-
-
-def _assignment(random: random.Random, drill: Drill) -> Reason:
-    text = f"{hostile.name(random, tuple(PARAMETERS))}={hostile.scalar(random)}"
-    if random.random() < 0.1:
-        text = hostile.text(random)
-    return _reason(drill, lambda: to_configuration(dict([parse_assignment(text)])))
+    return None
 
 
 WAYS: Mapping[str, Send] = {
@@ -324,13 +278,6 @@ WAYS: Mapping[str, Send] = {
     ),
     "simulation/save": _service("simulation/save", _of_result, name=_checkpoint),
     "simulation/restore": _service("simulation/restore", _of_result, name=_checkpoint),
-    "overrides": _overrides,
-    "parameter file": _file(
-        "parameters.yaml", lambda path: to_configuration(read_parameter_file(path)), PARAMETER_FILES
-    ),
-    "scenario file": _file("scenario.yaml", read_scenario, SCENARIOS),
-    "command file": _file("commands.yaml", read_commands, (*SCENARIOS, COMMANDS)),
-    "--set": _assignment,
     "node": _node,
 }
 # Their share of the turns: these take milliseconds, and rclpy never frees all that a node took.

@@ -3,7 +3,6 @@
 import pytest
 from drill_client import Client, contents, end, nanoseconds, stamps
 from rpud_msgs.msg import Drive, Result, Status, WeightOnBit
-from rpud_msgs.srv import ResetSimulation
 from sample_bags import PLAIN_PROVED, proved_messages
 from support import Process
 
@@ -122,20 +121,14 @@ def test_its_bag_is_proved(used):
     for name, counts in verification.topics.items():
         # Latched ground truth may be overwritten before it is sent; all else arrives.
         assert counts.missing == 0 or name == "/rpud/faults"
-    kinds = [entry.kind for entry in entries_of(bag)]
+    codec = installed_codec(TOPICS["journal"].type)
+    with rpud_sim.bag.open(bag) as opened:
+        kinds = [codec.decode(each.data).kind for each in opened.messages({"/rpud/journal"})]
     assert (kinds.count("save"), kinds.count("restore")) == (2, 2)
     assert (kinds.count("begin"), kinds[-1]) == (2, "end")
 
 
-def entries_of(bag):
-    codec = installed_codec(TOPICS["journal"].type)
-    with rpud_sim.bag.open(bag) as opened:
-        return [codec.decode(message.data) for message in opened.messages({"/rpud/journal"})]
-
-
-@pytest.mark.parametrize(
-    ("run", "at"), [(1, 0.1801), (2, 0.1534567), (2, 0.2), (3, 0.0111), (4, 0.3034567), (4, 0.32)]
-)
+@pytest.mark.parametrize(("run", "at"), [(1, 0.1801), (2, 0.1534567), (3, 0.0111), (4, 0.32)])
 def test_each_of_its_runs_is_forked(used, tmp_path, run, at):
     """Runs 2 and 4 began at the checkpoints, run 3 at the reset."""
     bag, _ = used
@@ -149,17 +142,3 @@ def test_each_of_its_runs_is_forked(used, tmp_path, run, at):
     others = [topic for topic, data in own if (topic, data) not in source]
     assert others == ["/rpud/journal"] * (run < 4)
     assert len(own) > 20
-
-
-def test_a_checkpoint_is_replaced_and_too_many_are_refused(start_drill, connect):
-    start_drill("/many", start_paused="true", publish_clock="true")
-    client = connect("/many")
-    for number in range(16):
-        assert client.save(f"c{number}").result.result == Result.RESULT_OK
-    refused = client.save("c16")
-    assert refused.result.result == Result.RESULT_OPERATION_FAILED
-    assert "'c16' would be one more than 16 checkpoints" in refused.result.error_message
-    assert client.save("c3").names[-1] == "c3"
-    scope = ResetSimulation.Request.SCOPE_ALL
-    assert client.reset(scope).result == Result.RESULT_OK
-    assert nanoseconds(client.restore("c3").time) == 0

@@ -140,7 +140,9 @@ def test_a_step_is_over_when_all_its_messages_are_there(drill):
             before = drill.published["contact_force"] - len(impacts)
     assert drill.published["contact_force"] - before == len(impacts) > 0
     told = drill.delivery()
-    assert drill.published == dict(zip(told.topics, told.published, strict=True))
+    published = dict(zip(told.topics, told.published, strict=True))
+    del published["status"]  # which a paused drill goes on to publish
+    assert drill.published.items() >= published.items()
     assert drill.run_to(1.5) == 1.5
     assert len(forces) == 150
     with pytest.raises(RefusedError, match=r"is not after the drill's time") as refused:
@@ -159,23 +161,6 @@ def test_time_plays_and_pauses_and_a_playing_drill_refuses_a_step(drill):
     drill.pause()
     drill.pause()
     assert drill.status.state == Status.STATE_PAUSED
-
-
-def test_faults_are_injected_and_cleared_by_number_kind_or_all(drill):
-    jam = drill.inject("free_mass_jammed")
-    noise = drill.inject("noise", "reacting_force", magnitude=0.5)
-    short = drill.inject("bias", "wrench", duration=0.05)
-    assert [each.number for each in drill.faults] == [jam, noise, short]
-    drill.step(0.1)
-    drill.until(lambda: not drill.faults[2].active)
-    assert drill.clear("noise") == [noise]
-    assert drill.clear(jam) == [jam]
-    assert not any(each.active for each in drill.faults)
-    assert drill.clear() == []
-    with pytest.raises(RefusedError, match=r"did you mean free_mass_jammed?"):
-        drill.inject("free_mass_jamed")
-    with pytest.raises(RefusedError, match=r"^no fault is active$"):
-        drill.clear("noise")
 
 
 def test_it_works_beside_the_default_context_of_the_process(process):

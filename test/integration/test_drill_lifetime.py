@@ -149,39 +149,31 @@ def test_a_killed_drill_leaves_recorder_and_listener_for_the_next_one(
 
 @pytest.mark.extended
 def test_a_drill_that_stood_still_counts_it_and_skips_nothing(start_drill, connect):
-    node = start_drill("/frozen")
+    node = start_drill("/frozen", real_time_factor=0.2)  # slow, so that a busy machine keeps up
     client = connect("/frozen")
     planes, impacts = client.listen("nodal_plane"), client.listen("contact_force")
     statuses, diagnostics = client.status, client.listen("/diagnostics")
     waveforms, trajectories = client.listen("waveform"), client.listen("trajectory")
-    client.until(lambda: statuses and len(planes) > 20 and waveforms and trajectories)
+    client.until(lambda: statuses and planes and waveforms and trajectories)
     missed = statuses[-1].deadlines_missed
-    before = stamps(planes[-1:])[0]
     os.kill(node.pid, signal.SIGSTOP)
-    time.sleep(1.0)
+    time.sleep(1.0)  # which is 20 periods of the telemetry
     os.kill(node.pid, signal.SIGCONT)
-
-    def caught_up():
-        return time.time_ns() - stamps(planes[-1:])[0] < SECOND // 5
-
-    client.until(lambda: stamps(planes[-1:])[0] > before + SECOND and caught_up())
-    client.until(lambda: statuses[-1].deadlines_missed >= missed + 80)
+    client.until(lambda: statuses[-1].deadlines_missed >= missed + 16)
+    client.until(lambda: abs(statuses[-1].lag) < 0.05)
     assert max(status.lateness_max for status in statuses) > 0.9
+    end = stamps(statuses[-1:])[0]
+    client.until(lambda: stamps(planes[-1:])[0] > end)
     assert set(steps(stamps(planes))) == {SECOND // 100}
     assert set(steps([message.sequence for message in impacts])) == {1}
     for stream, name in ((waveforms, "reacting_force"), (trajectories, "duration")):
         assert steps([message.sequence for message in stream]) == [
             len(getattr(message, name)) for message in stream[:-1]
         ]
-
-    def warned():
-        return [
-            status.message
+    client.until(
+        lambda: any(
+            status.name == "/frozen/drill_node: timing" and status.level != b"\x00"
             for message in diagnostics
             for status in message.status
-            if status.name == "/frozen/drill_node: timing" and status.level != b"\x00"
-        ]
-
-    client.until(warned)
-    count = len(statuses)
-    client.until(lambda: len(statuses) >= count + 2 and abs(statuses[-1].lag) < 0.05)
+        )
+    )

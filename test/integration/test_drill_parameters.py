@@ -3,7 +3,7 @@
 import re
 
 import pytest
-from drill_client import ACTIVATE, CONFIGURE, parameters, stamps
+from drill_client import parameters, stamps
 from rcl_interfaces.msg import Parameter, ParameterEvent
 from rcl_interfaces.srv import (
     GetParameters,
@@ -12,7 +12,7 @@ from rcl_interfaces.srv import (
     SetParametersAtomically,
 )
 from rclpy.qos import qos_profile_parameter_events
-from rpud_msgs.msg import Result, SimulationState, Status
+from rpud_msgs.msg import Result, SimulationState
 from rpud_msgs.srv import ResetSimulation
 
 from rpud_sim.simulation.configuration import CHANGEABLE
@@ -162,18 +162,3 @@ def test_a_reset_of_the_state_restores_the_parameters_of_the_start(client, begin
 
     client.until(lambda: restored() >= {"regime", *CHANGED})
     client.set_state(SimulationState.STATE_PAUSED)
-
-
-def test_what_is_set_before_the_activation_is_in_force_and_restored(start_drill, connect):
-    start_drill("/early", "waiting for the transitions", autostart=False, start_paused=True)
-    client = connect("/early")
-
-    assert client.change(CONFIGURE)
-    assert client.engage(False).success
-    assert client.change(ACTIVATE)
-    client.until(lambda: client.status and client.status[-1].state == Status.STATE_PAUSED)
-    assert client.status[-1].regime == "free"
-    assert client.engage(True).success
-    client.until(lambda: client.status[-1].regime == "drilling")
-    assert client.reset().result == Result.RESULT_OK
-    client.until(lambda: client.status[-1].regime == "free")

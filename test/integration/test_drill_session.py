@@ -114,24 +114,6 @@ def test_a_bag_is_never_overwritten_and_that_is_said_in_one_line(tmp_path):
     assert list((tmp_path / "bag").iterdir()) == []
 
 
-@pytest.mark.parametrize(
-    ("words", "complaint"),
-    [
-        (["--set", "weight_on_bit=-1"], "weight_on_bit = -1 N is outside its range [0, 1000] N"),
-        (["--config", "/missing.yaml"], "/missing.yaml: No such file or directory"),
-        (["--duration", "0"], "--duration = 0 s is outside its range (0, 1e+09] s"),
-        (["--namespace", "a b"], "Invalid namespace: namespace must not contain characters"),
-    ],
-)
-def test_what_cannot_be_used_is_one_line_and_leaves_no_bag(capsys, tmp_path, words, complaint):
-    code, output, errors = called(capsys, "run", *words, "--record", tmp_path / "bag")
-    assert code == 2
-    assert output == ""
-    assert errors.startswith(f"rpud run: {complaint}")
-    assert errors.count("\n") == 1
-    assert not (tmp_path / "bag").exists()
-
-
 def test_ctrl_c_ends_drill_and_recorder_and_the_bag_is_whole(process, tmp_path):
     path = tmp_path / "bag"
     running = process("rpud", "run", "--record", path)

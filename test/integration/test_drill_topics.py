@@ -5,7 +5,7 @@ import time
 import pytest
 from drill_client import SECOND, TELEMETRY, nanoseconds, stamps, steps
 from rclpy.qos import QoSProfile, qos_profile_sensor_data
-from rpud_msgs.msg import Drive, Result, Status
+from rpud_msgs.msg import Status
 
 
 @pytest.fixture(scope="module")
@@ -57,43 +57,3 @@ def test_the_status_is_latched_for_who_comes_late(client):
     assert second.impacts > first.impacts
     assert nanoseconds(second.weight_on_bit_applied) == nanoseconds(second.drive_applied)
     assert second.commands_accepted == second.commands_rejected == second.messages_dropped == 0
-
-
-def test_the_diagnostics_count_what_is_refused_and_say_why(client):
-    heard = client.listen("/diagnostics")
-
-    def latest(key):
-        found = [
-            pair.value
-            for message in heard
-            for status in message.status
-            if status.name == "/listened/drill_node: commands"
-            for pair in status.values
-            if pair.key == key
-        ]
-        return found[-1] if found else None
-
-    before = int(client.until(lambda: latest("requests_refused")))
-    assert not client.inject("no_such_kind").success
-    client.until(lambda: latest("requests_refused") == str(before + 1))
-    assert "no_such_kind" in latest("last_refusal")
-    [result] = client.set_each(weight_on_bit=-1.0)
-    assert not result.successful
-    client.until(lambda: latest("requests_refused") == str(before + 2))
-    assert latest("last_refusal") == result.reason
-    assert client.reset(8).result != Result.RESULT_OK
-    client.until(lambda: latest("requests_refused") == str(before + 3))
-    assert latest("last_refusal") == "scope 8 is unknown"
-
-
-def test_applied_commands_come_back_with_the_time_at_which_they_took_effect(client):
-    client.command(Drive(enabled=True, voltage=80.0, frequency=17000.0))
-    status = client.until(
-        lambda: next((it for it in client.status if it.drive_frequency == 17000.0), None)
-    )
-    assert status.drive_voltage == 80.0
-    trajectories = client.listen("trajectory")
-    client.until(lambda: trajectories and 17000.0 in trajectories[-1].vibration_frequency)
-    origin = nanoseconds(trajectories[-1].origin)
-    # A block boundary: a whole number of telemetry periods since time zero.
-    assert (nanoseconds(status.drive_applied) - origin) % (SECOND // 100) == 0

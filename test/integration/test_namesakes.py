@@ -47,10 +47,3 @@ def test_rpud_run_refuses_to_be_the_second_unless_that_is_allowed(first):
     assert code == 0
     assert f"2 nodes are named {NAME}" in errors
     assert first.running
-
-
-def test_a_drill_that_was_killed_keeps_none_from_taking_its_name(first):
-    first.kill()
-    first.wait()
-    code, errors = run()
-    assert code == 0, errors

@@ -16,7 +16,7 @@ from rclpy.serialization import deserialize_message, serialize_message
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import QosDurability, QosReliability
 from rpud_msgs.msg import ContactForce, NodalPlane, Status
-from support import PATIENCE, called, until
+from support import PATIENCE, until
 
 import rpud_sim.bag
 from rpud_sim.bag import BagWriter, QosProfile, Topic
@@ -271,19 +271,6 @@ def test_a_recorder_says_when_the_disk_is_full(process, program, tmp_path):
     recorded = numbers(contents(tmp_path / "whole")[CONTACT_FORCE])
     assert recorded == list(range(len(recorded)))
     assert len(recorded) > 100
-
-
-def test_a_replay_of_no_bag_is_one_line(capsys, bag, tmp_path):
-    missing = tmp_path / "missing"
-    line = f"rpud replay: there is no bag at {missing}\n"
-    assert called(capsys, "replay", missing) == (1, "", line)
-    file = bag / "bag_0.mcap"
-    file.write_bytes(file.read_bytes()[:500])
-    line = (
-        f"rpud replay: {file} is cut off: it was not closed, or lost its end; "
-        "rpud recover makes a whole bag of it\n"
-    )
-    assert called(capsys, "replay", bag) == (1, "", line)
 
 
 def test_a_replay_names_types_that_are_not_installed(process, bag):

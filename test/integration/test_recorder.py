@@ -12,7 +12,6 @@ import yaml
 from rclpy.serialization import deserialize_message
 from rosbags.highlevel import AnyReader
 from rpud_msgs.msg import ContactForce
-from support import called
 
 import rpud_sim.bag
 from rpud_sim.bag.manifest import MANIFEST_RECORD as MANIFEST
@@ -209,14 +208,3 @@ def test_a_recorder_stops_before_its_bag_is_too_large(process, talker, tmp_path)
     recorded = sequences(tmp_path / "run")
     assert recorded == list(range(len(recorded)))
     assert len(recorded) > 100
-
-
-def test_what_a_recorder_cannot_use_is_one_line(capsys, tmp_path):
-    for words, complaint in (
-        (("--regex", "("), "argument --regex: '\\(' is no regular expression"),
-        (("--max-disk", "0"), r"--max-disk = 0 bytes is outside its range \[1, 1e\+18\] bytes"),
-    ):
-        code, output, errors = called(capsys, "record", "--out", tmp_path / "run", *words)
-        assert (code, output, errors.count("\n")) == (2, "", 1)
-        assert re.search(complaint, errors)
-        assert not (tmp_path / "run").exists()

@@ -1,7 +1,6 @@
 """A replay is controlled by services, in a process of its own, and heard over DDS."""
 
 import itertools
-import re
 
 import pytest
 import rclpy
@@ -13,7 +12,7 @@ from rclpy.serialization import deserialize_message
 from rosgraph_msgs.msg import Clock
 from sample_bags import SECOND, START, STRING, STRING_DEFINITION, STRING_HASH, serialized_string
 from std_msgs.msg import String
-from support import called, until
+from support import until
 
 from rpud_sim.bag import BagWriter, Topic
 from rpud_sim.bag import QosProfile as RecordedProfile
@@ -173,21 +172,6 @@ def test_a_hurried_replay_loses_nothing(process, audience, tmp_path):
     assert not missing, process.output
     assert numbers == list(range(count))
     assert process.wait() == 0
-
-
-@pytest.mark.parametrize(
-    ("words", "complaint"),
-    [
-        (["--remap", "/rpud/none:=/b"], "--remap names /rpud/none; .* has /rpud/chat, /rpud/talk"),
-        (["--exclude", "/rpud/none"], "--exclude names /rpud/none"),
-        (["--start", "2.5"], "--start is 2.5 s; it must be from 0 to 1.950 s"),
-        (["--topics", "/rpud/tlak"], r"names /rpud/tlak \(did you mean /rpud/talk\?\); "),
-    ],
-)
-def test_wrong_calls_are_refused(capsys, bag, words, complaint):
-    code, output, errors = called(capsys, "replay", bag, *words)
-    assert (code, output, errors.count("\n")) == (2, "", 1)
-    assert re.search(complaint, errors)
 
 
 def test_a_damaged_bag_ends_the_replay_with_an_error(process, audience, tmp_path):

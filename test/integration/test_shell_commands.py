@@ -8,6 +8,7 @@ import yaml
 from support import PATIENCE
 
 from rpud_sim.cli.main import main
+from rpud_sim.simulation.topics import CHANNELS
 
 PAUSED = {"start_paused": True, "publish_clock": True}
 HERE = ("--namespace", "/shell", "--patience", str(PATIENCE))
@@ -62,12 +63,15 @@ def test_faults_are_injected_listed_and_cleared(rpud, fresh):
     listed = json.loads(rpud("inject", "--list", "--json")[1])
     assert [fault["kind"] for fault in listed["active"]] == ["free_mass_jammed", "noise"]
     assert listed["active"][1]["magnitude"] == 0.5
-    assert "wrench" in listed["channels"]
+    assert set(listed["channels"]) == set(CHANNELS) - {"mount", "rotation"}  # not published
+    assert {"free_mass_jammed", "noise", "off"} <= set(listed["kinds"])
     text = rpud("inject", "--list")[1].splitlines()
     assert re.match(r"noise +reacting_force +2 +0.5 +0.000$", text[2])
     assert text[3].startswith("possible kinds: free_mass_jammed, ")
     assert rpud("clear", "noise") == (0, "cleared: 2\n", "")
-    assert rpud("clear", "--all") == (0, "cleared: 1\n", "")
+    assert rpud("clear", 1) == (0, "cleared: 1\n", "")
+    rpud("inject", "bias", "--channel", "wrench", "--magnitude", 1)
+    assert rpud("clear", "--all") == (0, "cleared: 3\n", "")
     assert rpud("inject", "--list")[1].startswith("no fault is active\n")
 
 

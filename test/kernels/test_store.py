@@ -46,13 +46,28 @@ def test_a_file_that_is_cut_short_or_changed_is_not_used(store):
         assert store.read(NAME) is None
 
 
+def belongs(monkeypatch, strange, **changed):
+    """Let a path have another owner or group, which only root could give it."""
+    stat = Path.stat
+
+    def changed_stat(path, **how):
+        its = stat(path, **how)
+        fields = ("st_mode", "st_ino", "st_dev", "st_nlink", "st_uid", "st_gid", "st_size")
+        values = [changed.get(name, getattr(its, name)) for name in fields]
+        return os.stat_result((*values, 0, 0, 0)) if path == strange else its
+
+    monkeypatch.setattr(Path, "stat", changed_stat)
+
+
 @pytest.mark.parametrize("strange", ["folder", "file"])
 @pytest.mark.parametrize("bits", [0o002, 0o020])
-def test_what_others_may_write_is_not_read_and_the_reason_is_a_line(store, strange, bits):
+def test_what_others_may_write_is_not_read_and_the_reason_is_a_line(
+    store, strange, bits, monkeypatch
+):
     file = store.write(NAME, pickle.dumps("machine code"))
     path = file.parent if strange == "folder" else file
     path.chmod(path.stat().st_mode | bits)
-    os.chown(path, -1, 12345)  # a group that does not write this package
+    belongs(monkeypatch, path, st_gid=12345)  # a group that does not write this package
     assert store.read(NAME) is None
     assert store.refused == f"{path} is not used, because other users may write it"
     assert store.refused in notice(Target(BASELINE), store)
@@ -62,12 +77,7 @@ def test_what_others_may_write_is_not_read_and_the_reason_is_a_line(store, stran
 
 
 def test_what_another_user_owns_is_not_read(store, monkeypatch):
-    store.write(NAME, pickle.dumps("machine code"))
-    others = os.stat_result((0o100644, 0, 0, 1, 54321, 0, 0, 0, 0, 0))
-    stat = Path.stat
-    monkeypatch.setattr(
-        Path, "stat", lambda path, **how: others if path.name == NAME else stat(path, **how)
-    )
+    belongs(monkeypatch, store.write(NAME, pickle.dumps("machine code")), st_uid=54321)
     assert store.read(NAME) is None
 
 

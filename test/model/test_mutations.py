@@ -34,6 +34,13 @@ PROGRAM = """
 import json, runpy, sys, traceback
 from pathlib import Path
 
+from hypothesis import Phase, settings
+
+# What breaks is not shrunk: that would take half a minute of a slow machine.
+settings.register_profile(
+    "once", database=None, deadline=None, derandomize=True, phases=[Phase.generate]
+)
+settings.load_profile("once")
 checks, folder, requests = sys.argv[1], Path(sys.argv[2]), json.loads(sys.argv[3])
 
 def check(equation, name, text, broken):

@@ -53,10 +53,6 @@ def test_the_wheels_use_loopback_alone_unless_the_user_has_said_otherwise(prefix
     assert completed(prefix, **variables) == {"AMENT_PREFIX_PATH": prefix} | variables | added
 
 
-def test_without_the_profile_the_range_is_this_machine(tmp_path):
-    assert completed(str(tmp_path))["ROS_AUTOMATIC_DISCOVERY_RANGE"] == "LOCALHOST"
-
-
 def test_an_installed_ros_is_left_as_it_is(prefix):
     environment = {}
     complete_environment(environment, prefix)

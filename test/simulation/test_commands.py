@@ -3,6 +3,8 @@
 import math
 
 import pytest
+import yaml
+from hostile import contents
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from support import examples, refusal
@@ -195,6 +197,17 @@ def test_a_command_file_that_cannot_be_is_named(tmp_path, text, reason):
     found = refusal(read_commands, path)
     assert found.startswith(str(path))
     assert reason in found
+
+
+_, VALUES = contents(("time", "weight_on_bit", "drive", "feed", "rate", "voltage"), ("off", "1 s"))
+
+
+@given(st.lists(VALUES, max_size=3) | VALUES)
+def test_any_command_file_is_used_or_refused_in_one_line(tmp_path_factory, commands):
+    path = tmp_path_factory.getbasetemp() / "commands.yaml"
+    path.write_text(yaml.safe_dump({"commands": commands}))
+    found = refusal(read_commands, path)
+    assert not found or found.startswith(str(path))
 
 
 def test_a_command_file_holds_feeds(tmp_path):

@@ -110,19 +110,11 @@ def test_settings_are_what_was_given_in_the_type_of_each_parameter():
 @pytest.mark.parametrize(
     ("values", "complaint"),
     [
-        ({"publish_clock": "yes"}, "publish_clock = 'yes' is not true or false"),
-        ({"sample_rate": 44100.5}, "sample_rate = 44100.5 Hz is not a whole number"),
         ({"nominal_voltage": 0}, "nominal_voltage = 0 V is outside its range [0.001, 1000] V"),
         ({"wieght_on_bit": 1.0}, "wieght_on_bit is not a parameter; did you mean weight_on_bit?"),
         ({"two\nlines": 1}, "'two\\nlines' is not a parameter; known are "),
         ({"real_time_factor": 0.005}, "real_time_factor = 0.005 is neither 0, as fast as "),
-        ({"scenario": 3}, "scenario = 3 is not a text"),
         ({"regime": "moon"}, "regime = 'moon' is not one of free, drilling"),
-        ({"regime": 3}, "regime = 3 is not one of free, drilling"),
-        ({"free_mass": 0}, "free_mass = 0 kg is outside its range [1e-12, 10] kg"),
-        ({"rpud_damping_ratio": 1.0}, "rpud_damping_ratio = 1 is outside its range [0, 1)"),
-        ({"gravity": 10**5000}, "gravity = a number too long to show m/s^2 is outside its range"),
-        ({"hole_area": "wide"}, "hole_area = 'wide' m^2 is outside its range [1e-08, 1] m^2"),
         ({"heating": True}, "heating = True needs actuator_model = resonance"),
         (
             {"block_duration": 0.005, "telemetry_rate": 100},

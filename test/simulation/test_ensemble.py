@@ -268,7 +268,6 @@ def test_a_failure_has_the_words_of_a_simulation(monkeypatch, duration, threads)
 @pytest.mark.parametrize(
     ("configuration", "duration"),
     [
-        (Configuration(preset("free")), 0.4),
         (DRILLING, 10.5),
         (Configuration(PARAMETERS, rock=SANDSTONE), 0.3),
         (Configuration(PARAMETERS, TRACKING), 0.1),

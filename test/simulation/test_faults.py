@@ -76,10 +76,7 @@ def test_a_magnitude_that_is_left_open_is_the_default_or_none(kind):
         ),
         (("bias", "wrench", 0.0), "magnitude of bias on wrench = 0 would change nothing; NaN "),
         (("wrong", "wrench", 1), "magnitude of wrong on wrench = 1 would change nothing; "),
-        (("hard_rock", "", math.inf), "magnitude of hard_rock = inf is outside its range "),
-        (("hard_rock", "", 10**5000), "magnitude of hard_rock = a number too long to show is out"),
         (("hard_rock", "", "2"), "magnitude of hard_rock = '2' is outside its range "),
-        (("hard_rock", "", True), "magnitude of hard_rock = True is outside its range "),
     ],
 )
 def test_what_cannot_be_a_fault_is_refused_with_its_name(arguments, complaint):

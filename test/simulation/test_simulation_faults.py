@@ -85,27 +85,20 @@ def run(configuration, faults, given_commands, stops):
     )
 
 
-@settings(max_examples=20)
-@given(
-    st.builds(
-        Configuration,
-        st.sampled_from([preset("free"), preset("drilling")]),
-        st.sampled_from([RESONANT, HOT]),
-        st.just(SANDSTONE),
-    ),
-    scenarios(PHYSICAL),
-    st.dictionaries(moments, commands, max_size=3),
-    st.lists(moments, max_size=15),
+drills = st.builds(
+    Configuration,
+    st.sampled_from([preset("free"), preset("drilling")]),
+    st.sampled_from([RESONANT, HOT]),
+    st.just(SANDSTONE),
 )
-def test_where_a_caller_stops_changes_no_bit(drill, faults, given_commands, stops):
-    assert run(drill, faults, given_commands, []) == run(drill, faults, given_commands, stops)
+alone = st.tuples(drills, scenarios(PHYSICAL), st.dictionaries(moments, commands, max_size=3))
+on_an_arm = st.tuples(st.just(ON_AN_ARM), scenarios(SLOW), st.just({0: Feed("rate", 1e-3)}))
 
 
-@settings(max_examples=5)
-@given(scenarios(SLOW), st.lists(moments, max_size=10))
-def test_on_an_arm_too_where_a_caller_stops_changes_no_bit(faults, stops):
-    feed = {0: Feed("rate", 1e-3)}
-    assert run(ON_AN_ARM, faults, feed, []) == run(ON_AN_ARM, faults, feed, stops)
+@settings(max_examples=25)
+@given(alone | on_an_arm, st.lists(moments, max_size=15))
+def test_where_a_caller_stops_changes_no_bit(drilled, stops):
+    assert run(*drilled, []) == run(*drilled, stops)
 
 
 @pytest.mark.parametrize("kind", [kind for kind in SLOW if kind not in ("feed_stall", "arm_slip")])

@@ -1,6 +1,5 @@
 """What goes out of a run is complete, at its times, and the same one by one and together."""
 
-import dataclasses
 import itertools
 from collections import defaultdict
 from contextlib import suppress
@@ -27,7 +26,6 @@ from rpud_sim.simulation.run import Beginning, Run
 from rpud_sim.simulation.sampling import Times
 from rpud_sim.simulation.scenario import Scenario, ScheduledFault
 from rpud_sim.simulation.simulation import Simulation
-from rpud_sim.simulation.statistics import account_of
 from rpud_sim.simulation.telemetry import Together
 from rpud_sim.simulation.topics import TOPICS
 
@@ -277,32 +275,6 @@ def test_serialized_by_the_block_they_are_the_same(values):
         placed.sort(key=lambda each: each[:2])
         expected = [(t, f"/rpud/{topic}", data) for t, topic, data in serialized(found.messages())]
         assert [each[2:] for each in placed] == expected
-
-
-@settings(max_examples=15)
-@given(
-    values=VALUES,
-    ends=st.lists(st.integers(1, 300 * MILLISECOND), min_size=1, max_size=30, unique=True),
-    scenario=scenarios(),
-)
-def test_a_span_is_its_blocks(values, ends, scenario):
-    configuration = to_settings(values).configuration
-    ends = sorted(ends)
-    simulation = Simulation(configuration, 0.2, scenario)
-    blocks = [simulation.advance_to(end) for end in ends]
-    span = Simulation(configuration, 0.2, scenario).advance_through(np.array(ends))
-    assert np.diff(span.finished, prepend=0).tolist() == [len(each.segments) for each in blocks]
-    assert np.diff(span.struck, prepend=0).tolist() == [len(each.impacts) for each in blocks]
-    assert span.impacts.tobytes() == b"".join(each.impacts.tobytes() for each in blocks)
-    assert [repr(each) for each in span.readings] == [repr(each.actuator) for each in blocks]
-    samples = span.sample_ends()
-    for number, each in enumerate(blocks):
-        expected = each.sample(Times.from_nanoseconds(each.end))
-        for field in dataclasses.fields(samples):
-            values = getattr(samples, field.name)[number : number + 1]
-            assert values.tobytes() == getattr(expected, field.name).tobytes()
-    account = account_of(span)
-    assert account.residual == pytest.approx(0.0, abs=1e-6)
 
 
 def test_an_engine_that_fails_has_not_moved_and_gives_the_same_error():

@@ -191,7 +191,3 @@ words = {line[1].partition(":")[0] for line in lines if line[9] in inodes}
 addresses = [socket.inet_ntoa(bytes.fromhex(word)[::-1]) for word in sorted(words)]
 print({"force": heard[0].force, "addresses": addresses})
 """
-
-
-def test_a_build_leaves_nothing_in_the_clone(wheels):
-    assert not [*ROOT.glob("*.egg-info"), *ROOT.glob("build/lib"), *ROOT.glob("build/bdist*")]

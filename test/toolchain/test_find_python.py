@@ -30,15 +30,6 @@ def assert_python_outside(result: subprocess.CompletedProcess) -> None:
     assert output.split() == [sys.base_prefix, *map(str, sys.version_info)]
 
 
-def assert_one_line(result: subprocess.CompletedProcess, text: str) -> None:
-    """Check that a failure is one line that has the text."""
-    assert result.returncode == 1
-    assert result.stdout == ""
-    assert result.stderr.startswith("rpud_sim: ")
-    assert result.stderr.count("\n") == 1
-    assert text in result.stderr
-
-
 def test_finds_the_python_outside_the_virtual_environment():
     result = find_python()
     assert result.returncode == 0
@@ -52,27 +43,23 @@ def test_goes_on_to_the_next_candidate(tmp_path):
     assert_python_outside(result)
 
 
-@pytest.mark.parametrize("machine", ["Linux aarch64", "Darwin arm64"])
-def test_refuses_another_machine(tmp_path, machine):
-    path = command(tmp_path, "uname", f"echo {machine}")
-    assert_one_line(find_python(PATH=path), f"needs Linux on x86-64, this is {machine}")
-
-
-def test_refuses_another_python(tmp_path):
-    path = command(tmp_path, "python-new", "exit 10")
-    assert_one_line(find_python(PATH=path, PYTHON="python-new"), "needs CPython 3.10 to 3.13")
-
-
-def test_names_the_debian_packages_that_an_incomplete_python_lacks(tmp_path):
-    path = command(tmp_path, "python-bare", "exit 20")
-    assert_one_line(find_python(PATH=path, PYTHON="python-bare"), "python3-dev python3-venv")
-
-
-def test_names_the_compiler_that_is_missing():
-    assert_one_line(find_python(CXX="no-compiler"), "sudo apt install g++")
-
-
-def test_wants_the_python_of_an_installed_ros(tmp_path):
-    path = command(tmp_path, "python-old", "exit 10")
-    result = find_python(PATH=path, PYTHON="python-old", ROS_PREFIX="/opt/ros/jazzy")
-    assert_one_line(result, "needs CPython 3.12, that of /opt/ros/jazzy")
+@pytest.mark.parametrize(
+    ("program", "script", "variables", "said"),
+    [
+        ("uname", "echo Linux aarch64", {}, "needs Linux on x86-64, this is Linux aarch64"),
+        ("uname", "echo Darwin arm64", {}, "needs Linux on x86-64, this is Darwin arm64"),
+        ("python-own", "exit 10", {"PYTHON": "python-own"}, "needs CPython 3.10 to 3.13"),
+        ("python-own", "exit 20", {"PYTHON": "python-own"}, "python3-dev python3-venv"),
+        ("other", "", {"CXX": "no-compiler"}, "sudo apt install g++"),
+        (
+            *("python-own", "exit 10", {"PYTHON": "python-own", "ROS_PREFIX": "/opt/ros/jazzy"}),
+            "needs CPython 3.12, that of /opt/ros/jazzy",
+        ),
+    ],
+)
+def test_what_is_missing_is_one_line(tmp_path, program, script, variables, said):
+    result = find_python(PATH=command(tmp_path, program, script), **variables)
+    assert (result.returncode, result.stdout) == (1, "")
+    assert result.stderr.startswith("rpud_sim: ")
+    assert result.stderr.count("\n") == 1
+    assert said in result.stderr

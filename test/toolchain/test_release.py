@@ -14,6 +14,7 @@ from catkin_pkg.changelog import get_changelog_from_path
 from catkin_pkg.packages import find_packages
 
 from toolchain import backend, release
+from toolchain.dist import measure
 from toolchain.dist.messages import with_owner
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -100,3 +101,12 @@ def test_what_is_left_to_do_is_said(monkeypatch):
     left = release.unfinished("9.9.9")
     assert "CHANGELOG.rst has no section 9.9.9" in left
     assert "CITATION.cff does not name 9.9.9" in left
+
+
+def test_the_check_of_a_wheel_drills_beside_any_other_drill(monkeypatch):
+    called = []
+    monkeypatch.setattr(measure.Steps, "install", lambda *_: None)
+    monkeypatch.setattr(measure.Steps, "call", lambda _, *words: called.append(words))
+    monkeypatch.setattr(sys, "argv", ["measure", "--extras", "ros"])
+    assert measure.main() == 0
+    assert f"/measure_{os.getpid()}" in called[1]

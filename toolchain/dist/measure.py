@@ -124,7 +124,9 @@ def main() -> int:
                 return 0
             steps.call("rpud", "simulate", "--duration", "0.1")
             if "ros" in arguments.extras.split(","):
-                steps.call("rpud", "run", "--duration", "1", "--record", "bag", "--quiet")
+                # Its own name: another drill may run on this machine.
+                words = ("--record", "bag", "--quiet", "--namespace", f"/measure_{os.getpid()}")
+                steps.call("rpud", "run", "--duration", "1", *words)
             else:
                 steps.call("rpud", "simulate", "--duration", "1", "--bag", "bag")
             steps.call("rpud", "verify", "bag")

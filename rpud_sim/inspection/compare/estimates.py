@@ -60,6 +60,7 @@ def autocovariances(values: np.ndarray) -> np.ndarray:
     count = len(values)
     # Zeros after the end keep the series from being taken for a circle.
     length = 2 ** math.ceil(math.log2(max(2 * count, 2)))
+    values = values - values[:1]  # equal values are equal to their mean, whatever that rounds to
     spectrum = np.fft.rfft(values - values.mean(), length)
     return np.fft.irfft(np.abs(spectrum) ** 2, length)[:count] / count
 

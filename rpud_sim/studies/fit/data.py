@@ -187,13 +187,10 @@ def _read_csv(path: Path) -> Series:
 
 def _column(path: Path, heading: list[str], rows: list[list[str]], name: str) -> np.ndarray:
     """Return a column; empty cells are NaN."""
-    place = heading.index(name)
-    try:
-        return np.array([float(row[place]) if row[place].strip() else math.nan for row in rows])
-    except (ValueError, IndexError):
-        for number, row in enumerate(rows, 2):
-            try:
-                float(row[place] or 0.0)
-            except (ValueError, IndexError):
-                raise ParameterError(f"{path}: line {number} has no number in {name}") from None
-        raise ParameterError(f"{path}: {name} holds no numbers") from None
+    place, found = heading.index(name), np.empty(len(rows))
+    for number, row in enumerate(rows):
+        try:
+            found[number] = float(row[place]) if row[place].strip() else math.nan
+        except (ValueError, IndexError):
+            raise ParameterError(f"{path}: line {number + 2} has no number in {name}") from None
+    return found

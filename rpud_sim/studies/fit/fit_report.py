@@ -5,19 +5,20 @@ from __future__ import annotations
 import dataclasses
 import io
 import json
+import math
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import yaml
 
 from rpud_sim.foundation.json_values import finite_values
-from rpud_sim.foundation.quantities import Flag, Quantity
 from rpud_sim.pages.frame import render_page
 from rpud_sim.pages.plot import Axis, Line, Plot, Rule, Zone
 from rpud_sim.pages.quantities import ShownQuantity, quantity_in
-from rpud_sim.simulation.configuration import PARAMETERS, to_values
+from rpud_sim.simulation.configuration import to_configuration, to_values
 from rpud_sim.studies.fit.fit import BEST_RUNS, Fit, TargetComparison
-from rpud_sim.studies.fit.posterior import LEVEL, PERCENT, Identifiability
+from rpud_sim.studies.fit.posterior import LEVEL, PERCENT
 from rpud_sim.studies.fit.rounds import fit_versions
 from rpud_sim.studies.store import write_whole
 from rpud_sim.studies.sweep.specification import unit_of
@@ -25,8 +26,6 @@ from rpud_sim.studies.sweep.specification import unit_of
 _BINS = 40
 _TAIL = 0.002  # share of the posterior beyond each end of what is shown
 _HEIGHT, _WIDTH = 150, 344  # of a plot of the posterior [pixels]
-_COLUMN = 43  # of the parameter file, where comments begin
-_IMPACT_DYNAMICS_END = "regime"  # last of the parameters that are always written
 
 _BODY = """\
 <p class="verdict">{{ verdict }} Root mean square of the deviations: {{ misfit }}.</p>
@@ -77,7 +76,6 @@ def write_fit(fit: Fit, folder: Path, command: str) -> None:
 
 def fit_content(fit: Fit) -> dict[str, Any]:
     """Return all numbers of a fit as plain values."""
-    found = fit.found
     content = {
         "reached": fit.reached,
         "missed": [item.target.title for item in fit.missed],
@@ -87,12 +85,9 @@ def fit_content(fit: Fit) -> dict[str, Any]:
         "unknowns": {
             name: {"best": fit.best[name], "unit": unit_of(name)}
             | (
-                {}
-                if found is None
-                else {
-                    **dataclasses.asdict(found.intervals[name]),
-                    "identified": found.intervals[name].identified,
-                }
+                {**vars(interval), "identified": interval.identified}
+                if (interval := fit.intervals.get(name))
+                else {}
             )
             for name in fit.specification.unknowns
         },
@@ -101,7 +96,7 @@ def fit_content(fit: Fit) -> dict[str, Any]:
         ],
         "ridges": [
             {"parameters": list(ridge.names), "correlation": ridge.correlation}
-            for ridge in (found.ridges if found else ())
+            for ridge in fit.ridges
         ],
         "targets": [_comparison(item) for item in fit.comparisons],
         "misfit": fit.misfit(False),
@@ -132,7 +127,6 @@ def _comparison(item: TargetComparison) -> dict[str, Any]:
 
 
 def _page(fit: Fit, command: str) -> str:
-    found = fit.found
     used = sum(not item.target.hold_out for item in fit.comparisons)
     missed = f"Not met: the model does not reach {len(fit.missed)} of {used} targets."
     reached = f"The model reaches all {used} targets that the fit used."
@@ -147,11 +141,11 @@ def _page(fit: Fit, command: str) -> str:
         missed=[item.miss for item in fit.missed],
         runs=fit.simulations + fit.kept,
         percent=PERCENT,
-        heading=heading if found else heading[:2],
+        heading=heading if fit.intervals else heading[:2],
         unknowns=[_unknown(fit, name) for name in fit.specification.unknowns],
         choices=[(choices, f"{share:.3f}") for choices, share in fit.choices],
-        ridges=[str(ridge) for ridge in found.ridges] if found else [],
-        singles=single_plots(fit, found) if found else [],
+        ridges=[str(ridge) for ridge in fit.ridges],
+        singles=single_plots(fit),
         targets=[_target(item) for item in fit.comparisons],
         best_runs=BEST_RUNS,
         misfit=fit.misfit_text,
@@ -162,9 +156,8 @@ def _unknown(fit: Fit, name: str) -> tuple[str, ...]:
     """Return name, best point, interval, width and remarks of an unknown."""
     shown = unknown_quantity(fit, name)
     best = (name, shown.text(fit.best[name]))
-    if fit.found is None:
+    if (interval := fit.intervals.get(name)) is None:
         return best
-    interval = fit.found.intervals[name]
     ends = f"{shown.text(interval.low, unit=False)} to {shown.text(interval.high)}"
     return (*best, ends, f"{interval.width:.2f}", "; ".join(interval.remarks))
 
@@ -172,14 +165,14 @@ def _unknown(fit: Fit, name: str) -> tuple[str, ...]:
 def unknown_quantity(fit: Fit, name: str) -> ShownQuantity:
     """Return how an unknown is shown."""
     greatest = abs(fit.specification.unknowns[name].maximum)
-    digits = fit.found.intervals[name].digits if fit.found else 4
+    digits = fit.intervals[name].digits if name in fit.intervals else 4
     return dataclasses.replace(quantity_in(unit_of(name), greatest, name), digits=digits)
 
 
-def single_plots(fit: Fit, found: Identifiability) -> list[Plot]:
-    """Return the posterior of every unknown: where it is, the bounds may be outside."""
+def single_plots(fit: Fit) -> list[Plot]:
+    """Return the posterior of every unknown that has an interval; its bounds may be outside."""
     plots = []
-    for name, interval in found.intervals.items():
+    for name, interval in fit.intervals.items():
         shown, samples, best = unknown_quantity(fit, name), fit.samples[name], fit.best[name]
         ends = [*np.quantile(samples, [_TAIL, 1.0 - _TAIL]).tolist(), best]
         log = fit.specification.unknowns[name].scale == "log"
@@ -224,41 +217,23 @@ def _parameter_file(fit: Fit, command: str) -> str:
         source = f"{item.target.source}: " if item.target.source else ""
         lines.append(f"# {source}{item}")
     lines += ["/**:", "  ros__parameters:"]
-    names = list(PARAMETERS)
-    always = names[: names.index(_IMPACT_DYNAMICS_END) + 1]
-    ordered = ["regime", *(name for name in names if name != "regime")]
-    for name in ordered:
-        if name not in values:
-            continue
-        if name not in always and values[name] == PARAMETERS[name].default:
-            continue
-        value = _written(name, values[name])
-        lines.append(f"{f'    {name}: {value}':{_COLUMN}} {_comment(fit, name)}")
-    return "\n".join(line.rstrip() for line in lines) + "\n"
-
-
-def _written(name: str, value: object) -> str:
-    """Return a value as YAML that ROS reads with the right type."""
-    if isinstance(PARAMETERS[name].allowed, Flag):
-        return str(value).lower()
-    if isinstance(value, float):
-        text = f"{value:.6g}" if float(f"{value:.6g}") == value else repr(value)
-        mantissa, e, exponent = text.partition("e")
-        return (mantissa if "." in mantissa else f"{mantissa}.0") + e + exponent
-    return str(value)
+    preset = to_values(to_configuration({"regime": values["regime"]}))
+    for name, value in values.items():
+        if name == "regime" or name in fit.best or value != preset[name]:
+            written = yaml.safe_dump({name: value}, width=math.inf).rstrip()
+            lines.append(f"    {written}{_comment(fit, name)}")
+    return "\n".join(lines) + "\n"
 
 
 def _comment(fit: Fit, name: str) -> str:
+    """Return the comment behind a fitted value; nothing for others."""
     unit = f" [{unit_of(name)}]" if unit_of(name) else ""
-    if name in fit.specification.unknowns:
-        if fit.found is None:
-            return f"# fitted: no interval{unit}"
-        interval = fit.found.intervals[name]
-        return f"# fitted: {', '.join((f'{PERCENT} interval {interval}{unit}', *interval.remarks))}"
     if name in fit.specification.choices:
         share = sum(p for choices, p in fit.probabilities if choices[name] == fit.best[name])
         allowed = ", ".join(str(value) for value in fit.specification.choices[name])
-        return f"# fitted: probability {share:.2g} among {allowed}{unit}"
-    if not isinstance(PARAMETERS[name].allowed, Quantity):
+        return f"  # fitted: probability {share:.2g} among {allowed}{unit}"
+    if name not in fit.specification.unknowns:
         return ""
-    return f"#{unit}" if unit else ""
+    if (interval := fit.intervals.get(name)) is None:
+        return f"  # fitted: no interval{unit}"
+    return f"  # fitted: {', '.join((f'{PERCENT} interval {interval}{unit}', *interval.remarks))}"

@@ -221,14 +221,6 @@ class Ridge:
         return f"{first} {moves} as {second} rises (rank correlation {self.correlation:.2f})"
 
 
-@dataclasses.dataclass(frozen=True)
-class Identifiability:
-    """What the targets determine."""
-
-    intervals: Mapping[str, Interval]  # by unknown
-    ridges: tuple[Ridge, ...]  # the strongest first
-
-
 def cut_off(
     shares: np.ndarray, low: np.ndarray | float = 0.0, high: np.ndarray | float = 1.0
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -252,8 +244,13 @@ def interval_shares(shares: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return low, high
 
 
-def identify(shares: np.ndarray, unknowns: Mapping[str, Range]) -> Identifiability:
-    """Return what equally probable points determine; the unknowns are in the columns' order."""
+def identify(
+    shares: np.ndarray, unknowns: Mapping[str, Range]
+) -> tuple[dict[str, Interval], tuple[Ridge, ...]]:
+    """Return what equally probable points determine: intervals, and ridges, the strongest first.
+
+    The unknowns are in the columns' order.
+    """
     names = list(unknowns)
     ends = np.stack([*interval_shares(shares), np.median(shares, axis=0)])
     at_bound = np.stack(cut_off(shares))
@@ -273,4 +270,4 @@ def identify(shares: np.ndarray, unknowns: Mapping[str, Range]) -> Identifiabili
         if abs(correlation[i, j]) >= _RIDGE
     ]
     ridges = tuple(sorted(pairs, key=lambda ridge: -abs(ridge.correlation)))
-    return Identifiability(intervals, ridges)
+    return intervals, ridges

@@ -4,7 +4,7 @@ import pytest
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-from rpud_msgs.msg import ContactForce, Faults, NodalPlane, ReactingForce
+from rpud_msgs.msg import ContactForce, Faults
 from sensor_msgs.msg import JointState
 from support import until
 
@@ -71,23 +71,6 @@ def test_every_topic_is_offered_reliably_and_the_clock_where_it_is_asked_for(dri
         assert latched == topic.latched
     DrillPublishers(drill_node, publish_clock=False)
     assert drill.node.count_publishers("/clock") == 1
-
-
-def test_the_wire_says_what_faults_make_of_a_signal(drill):
-    forces = drill.hear(ReactingForce, "reacting_force")
-    planes = drill.hear(NodalPlane, "nodal_plane")
-    drill.go_on(5)
-    drill.run.simulation.inject(Fault("off", "nodal_plane"), 50 * MILLISECOND)
-    number = drill.run.simulation.inject(Fault("bias", "reacting_force", 1000.0))
-    drill.go_on(5)
-    drill.run.simulation.clear(number)
-    drill.go_on(5)
-    drill.until(lambda: len(forces) == 15)
-    biased = [message.force > 500.0 for message in forces]
-    assert biased == [False] * 5 + [True] * 5 + [False] * 5
-    drill.until(lambda: len(planes) == 11)
-    stamps = [(nanoseconds(each.header.stamp) - ORIGIN) // MILLISECOND for each in planes]
-    assert stamps == [10, 20, 30, 40, 50, 100, 110, 120, 130, 140, 150]
 
 
 def test_a_dropped_subscriber_knows_what_it_missed_by_the_numbers(drill):

@@ -75,7 +75,7 @@ def test_a_known_drill_is_found_with_its_choice_and_resumed(specification, tmp_p
     counted = []
     fit = run_fit(specification, tmp_path / "fit", 2, counted.append)
     assert fit.best["contact_model"] == "mode_shape"
-    interval = fit.found.intervals["weight_on_bit"]
+    interval = fit.intervals["weight_on_bit"]
     assert 4.0 < interval.low < 10.0 < interval.high < 20.0
     assert fit.reached
     assert fit.misfit(True) < 3.0
@@ -114,7 +114,7 @@ def test_a_plot_shows_where_the_posterior_is(specification, tmp_path):
     shares = random.normal(6.0 / 16.0, 0.01 / 16.0, (20_000, 1))
     shares[0] = 15.0 / 16.0  # far away
     narrow = dataclasses.replace(fit, shares=shares, best={**fit.best, "weight_on_bit": 10.05})
-    [single] = single_plots(narrow, fit.found)
+    [single] = single_plots(narrow)
     edges = single.layers[1].x
     assert 9.9 < edges[0] < 9.99
     assert edges[-1] == 10.05
@@ -184,11 +184,11 @@ def outputs(fit, folder):
 def test_at_a_bound_the_interval_ends_there_and_says_so(weight, end, tmp_path):
     drill = ClosedForm()
     fit = fit_in(drill, drill.specification(TWO, weight=weight, loss=0.5))
-    interval = fit.found.intervals["weight_on_bit"]
+    interval = fit.intervals["weight_on_bit"]
     assert interval.at_bound == (end,)
     assert getattr(interval, end) == (20.0 if end == "high" else 2.0)
     assert interval.low <= fit.best["weight_on_bit"] <= interval.high
-    assert fit.found.intervals["actuator_restitution"].at_bound == ()
+    assert fit.intervals["actuator_restitution"].at_bound == ()
     assert f"the {end} end is the bound: the true value may be beyond" in outputs(fit, tmp_path)
 
 
@@ -203,7 +203,7 @@ def test_a_posterior_that_the_last_region_cuts_off_has_no_interval(monkeypatch, 
     assert "use more rounds" in fit_text(fit)
     assert "% interval" not in outputs(fit, tmp_path)
     assert not (tmp_path / "posterior.csv").exists()
-    assert fit.found is None
+    assert not fit.intervals
 
 
 def test_amplitude_and_restitution_that_cannot_be_told_apart_are_a_ridge(tmp_path):
@@ -214,11 +214,11 @@ def test_amplitude_and_restitution_that_cannot_be_told_apart_are_a_ridge(tmp_pat
     )
     bounds = ([10e-6, 40e-6], [0.2, 1.0])
     fit = fit_in(drill, drill.specification(bounds, amplitude=20e-6, loss=0.6))
-    (ridge,) = fit.found.ridges
+    (ridge,) = fit.ridges
     assert ridge.names == ("vibration_amplitude", "actuator_restitution")
     assert ridge.correlation < -0.9
     assert outputs(fit, tmp_path).count("vibration_amplitude falls as actuator_restitution") == 2
-    assert fit.found.intervals["actuator_restitution"].identified == "no"
+    assert fit.intervals["actuator_restitution"].identified == "no"
 
 
 def test_no_output_of_a_fit_that_misses_its_targets_has_an_interval(tmp_path):
@@ -253,9 +253,7 @@ def test_all_rounds_together_keep_the_truth_and_the_best_point():
             value = target.value * float(np.exp(0.03 * random.standard_normal(2)).prod())
             targets.append(dataclasses.replace(target, value=value, tolerance=0.03 * value))
         fit = fit_in(drill, dataclasses.replace(base, targets=tuple(targets), seed=seed))
-        for (name, interval), value in zip(
-            fit.found.intervals.items(), truth.values(), strict=True
-        ):
+        for (name, interval), value in zip(fit.intervals.items(), truth.values(), strict=True):
             held.append(interval.low <= value <= interval.high)
             assert interval.low <= fit.best[name] <= interval.high
     assert 0.87 <= np.mean(held) <= 1.0
