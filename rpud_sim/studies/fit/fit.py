@@ -161,15 +161,7 @@ def fit_in(folder: FitFolder, specification: FitSpecification) -> Fit:
     assert branch.posterior is not None
     outside = not box.holds(branch.posterior.shares).any()
     best, runs = _best(folder, specification, branch, branch.region if outside else box)
-    comparisons = tuple(
-        TargetComparison(
-            target,
-            float(runs[:, i].mean()),
-            float(runs[:, i].std(ddof=1) / math.sqrt(len(runs))),
-            float(runs[:, i].std(ddof=1)),
-        )
-        for i, target in enumerate(specification.targets)
-    )
+    comparisons = _compared(specification, runs)
     used = [item for item in comparisons if not item.target.hold_out]
     missed = sum(not item.reached for item in used)
     refusal = ""
@@ -215,7 +207,7 @@ def _best(
     ]
     seed = specification.seed
     runs = folder.simulate("candidates", points, CANDIDATE_RUNS, (seed, CANDIDATE))
-    best = points[int(np.argmin([_loss(specification, figures) for figures in runs]))]
+    best = points[int(np.argmin([_loss(_compared(specification, figures)) for figures in runs]))]
     return best, folder.simulate("best", [best], BEST_RUNS, (seed, FINAL))[0]
 
 
@@ -228,18 +220,20 @@ def _rounded(value: float, low: float, high: float) -> float:
     return min(max(value, low), high)
 
 
-def _loss(specification: FitSpecification, figures: np.ndarray) -> float:
-    """Return the sum of squared deviations of the targets, from runs at one point."""
-    total = 0.0
-    for i, target in enumerate(specification.targets):
-        if not target.hold_out:
-            runs = figures[:, i]
-            if not np.isfinite(runs).all():
-                return math.inf
-            spread = runs.std(ddof=1)
-            error = math.hypot(target.error(spread), spread / math.sqrt(len(runs)))
-            total += ((runs.mean() - target.value) / error) ** 2
-    return float(total)
+def _compared(specification: FitSpecification, runs: np.ndarray) -> tuple[TargetComparison, ...]:
+    """Return the targets beside runs at one point, shape (runs, targets)."""
+    found = []
+    for target, column in zip(specification.targets, runs.T, strict=True):
+        spread = float(column.std(ddof=1))
+        error = spread / math.sqrt(len(column))
+        found.append(TargetComparison(target, float(column.mean()), error, spread))
+    return tuple(found)
+
+
+def _loss(comparisons: tuple[TargetComparison, ...]) -> float:
+    """Return the sum of squared deviations of the targets; infinite if a run lacks a figure."""
+    total = math.fsum(item.deviation**2 for item in comparisons if not item.target.hold_out)
+    return total if math.isfinite(total) else math.inf
 
 
 @dataclasses.dataclass(frozen=True)
