@@ -147,10 +147,11 @@ def _column_at(data: np.ndarray, begins: np.ndarray | slice, code: str, value: A
     if dtype.itemsize and len(data):
         # An overlapping view with an item at each byte.
         view: np.ndarray = np.ndarray((len(data) - dtype.itemsize + 1,), dtype, data, strides=(1,))
+        if dtype.kind in "iu" and getattr(value, "dtype", None) != dtype:
+            given, value = value, np.asarray(value).astype(dtype)
+            if (value != given).any():
+                raise ValueError(f"a value does not fit {dtype}")
         view[begins] = value
-        other = dtype.kind in "iu" and getattr(value, "dtype", None) != dtype
-        if other and not (view[begins] == value).all():
-            raise ValueError(f"a value does not fit {dtype}")
 
 
 def _flattener(kind: Members) -> Flattener:

@@ -241,7 +241,8 @@ def _blocks_in(content: bytes, topics: dict[int, str]) -> list[MessageBlock]:
     ``topics`` has the names of the channels to read, by their numbers.
     """
     data = np.frombuffer(content, np.uint8)
-    starts = [start for opcode, start, _ in records_in(content) if opcode == Opcode.MESSAGE]
+    message = Opcode.MESSAGE
+    starts = [start for opcode, start, _ in records_in(content) if opcode == message]
     places = np.array(starts, np.int64) - RECORD.size
     heads = items(data, HEAD)[places] if starts else np.empty(0, HEAD)
     names: dict[str, int] = {}

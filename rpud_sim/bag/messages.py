@@ -58,6 +58,8 @@ class MessageBlock:
 
     def part(self, chosen: slice | np.ndarray) -> MessageBlock:
         """Return some of the messages, in the same buffer."""
+        if isinstance(chosen, slice) and chosen.indices(len(self)) == (0, len(self), 1):
+            return self
         times = self.log_times[chosen], self.publish_times[chosen]
         return MessageBlock(self.topic, *times, self.data, self.starts[chosen], self.sizes[chosen])
 
@@ -301,8 +303,8 @@ def _steps(
         last = -1
         for block in segment.blocks(topics):
             first = _count_before(block.log_times, start)
-            behind = None if end is None else _count_before(block.log_times, end)
-            block = block.part(slice(first, behind)) if first or behind is not None else block
+            behind = len(block) if end is None else _count_before(block.log_times, end)
+            block = block.part(slice(first, behind))
             times = block.log_times
             if not len(times):
                 continue
@@ -333,6 +335,6 @@ def _due(waiting: dict[str, list[_TimedBlock]], until: int) -> dict[str, list[_T
 
 
 def _count_before(times: np.ndarray, time: int, side: Literal["left", "right"] = "left") -> int:
-    if time > np.iinfo(times.dtype).max:
+    if not len(times) or times[-1] < time:
         return len(times)
     return int(np.searchsorted(times, times.dtype.type(time), side))

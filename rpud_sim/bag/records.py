@@ -134,15 +134,15 @@ def message_index(record: RawRecord) -> tuple[int, np.ndarray]:
 
 def records_in(data: bytes) -> Iterator[tuple[int, int, int]]:
     """Yield kind, and start and end of the content, of each record in a chunk's data."""
-    offset = 0
-    while offset < len(data):
-        if offset + RECORD.size > len(data):
+    unpack, head, least = RECORD.unpack_from, RECORD.size, MESSAGE.size
+    offset, size, message = 0, len(data), Opcode.MESSAGE  # looked up once: chunks have thousands
+    while offset < size:
+        if offset + head > size:
             raise BagFormatError("a record reaches beyond its chunk")
-        opcode, length = RECORD.unpack_from(data, offset)
-        start = offset + RECORD.size
+        opcode, length = unpack(data, offset)
+        start = offset + head
         offset = start + length
-        short = opcode == Opcode.MESSAGE and length < MESSAGE.size
-        if offset > len(data) or opcode == 0 or short:
+        if offset > size or opcode == 0 or (length < least and opcode == message):
             raise BagFormatError("a chunk holds what is no record")
         yield opcode, start, offset
 

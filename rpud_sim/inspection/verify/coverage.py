@@ -27,6 +27,11 @@ _LATEST = 2**63 - 1  # a damaged bag may have later times [ns]
 _NOWHERE: Position = (-1, -1)
 
 
+def leading(holds: np.ndarray) -> int:
+    """Return how many values, from the first on, are true."""
+    return len(holds) if holds.all() else int(np.argmin(holds))
+
+
 class JournalStretches:
     """Stretches of a journal, each of one simulation and one origin of time.
 
@@ -65,7 +70,7 @@ class JournalStretches:
         """Return how many messages, from the first on, may belong to a stretch by these times."""
         first, last = self.ranges(publish_times)
         fit = (first <= stretch) & (stretch <= last)
-        return int(np.argmin(np.append(fit, False)))
+        return leading(fit)
 
     def ranges(self, publish_times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the first and the last stretch that messages may belong to, by these times."""

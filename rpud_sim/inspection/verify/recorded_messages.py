@@ -8,6 +8,7 @@ import numpy as np
 
 from rpud_sim.bag import Message
 from rpud_sim.bag.messages import MessageBlock, gathered
+from rpud_sim.inspection.verify.coverage import leading
 
 
 class RecordedMessages:
@@ -58,7 +59,7 @@ class RecordedMessages:
 
 def _equal_count(first: MessageBlock, second: MessageBlock) -> int:
     """Return the number of messages, from the first on, that are equal bit for bit."""
-    count = int(np.argmin(np.append(first.sizes == second.sizes, False)))
+    count = leading(first.sizes == second.sizes)
     sizes = first.sizes[:count]
     one, other = (gathered(each.data, each.starts[:count], sizes) for each in (first, second))
     if np.array_equal(one, other):
