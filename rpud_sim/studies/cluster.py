@@ -12,6 +12,7 @@ from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING, Any, TypeVar
 from urllib.parse import urlsplit
 
+from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.studies.workers import Numbered, WorkerError
 
 if TYPE_CHECKING:
@@ -164,5 +165,7 @@ def _check_reachable(address: str) -> None:
             f"--scheduler {address}: cannot be reached: no answer of a Dask scheduler in "
             f"{CONNECT_TIMEOUT:g} s"
         ) from None
-    except (OSError, ValueError) as error:
+    except OSError as error:
         raise WorkerError(f"--scheduler {address}: cannot be reached: {error}") from None
+    except ValueError as error:
+        raise ParameterError(f"--scheduler = {address!r}: {error}") from None

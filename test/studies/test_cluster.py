@@ -9,6 +9,7 @@ import time
 import pytest
 from specifications import parse_specification
 
+from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.studies import cluster
 from rpud_sim.studies.cluster import run_on_cluster
 from rpud_sim.studies.sweep.chunks import design_points, make_chunks, simulate
@@ -77,6 +78,12 @@ def test_a_port_that_accepts_and_stays_silent_is_one_line(monkeypatch):
         address = f"tcp://127.0.0.1:{silent.getsockname()[1]}"
         with pytest.raises(WorkerError, match=r"no answer of a Dask scheduler in 0\.5 s"):
             list(run_on_cluster(CHUNKS, address, simulate))
+
+
+@pytest.mark.parametrize("address", ["a:1", "http://a:1", "tcp://a", "tcp://a:99999", "tcp://[a:1"])
+def test_what_is_no_address_is_a_wrong_call(address):
+    with pytest.raises(ParameterError, match="--scheduler = "):
+        list(run_on_cluster(CHUNKS, address, simulate))
 
 
 def test_a_killed_worker_and_a_restarted_scheduler_lose_and_repeat_nothing(dask, capfd):
