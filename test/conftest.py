@@ -22,7 +22,7 @@ for _number in (signal.SIGHUP, signal.SIGTERM):
     signal.signal(_number, signal.SIG_DFL)
 os.umask(0o022)
 for _name in list(os.environ):
-    if _name.startswith(("LC_", "RPUD_TRACEBACK")) or _name.lower().endswith("_proxy"):
+    if _name.startswith(("LC_", "RCUTILS_", "RPUD_TRACEBACK")) or _name.lower().endswith("_proxy"):
         del os.environ[_name]
 for _name in ("COLUMNS", "LINES", "NO_COLOR", "FORCE_COLOR", "LANGUAGE", "PYTHONWARNINGS", "TZ"):
     os.environ.pop(_name, None)

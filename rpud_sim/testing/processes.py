@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import fcntl
 import os
 import shutil
 import signal
@@ -38,32 +37,28 @@ class DomainError(RuntimeError):
 class DomainClaim:
     """ROS domain that is this process's own until it is released, or the process ends.
 
-    A locked file keeps other test runs out. Domains in which a program without a lock runs are
-    passed over: its sockets are open. If all domains are in use, it raises a DomainError.
+    An abstract socket keeps other test runs out: it is seen wherever the ports of the domain are,
+    also by another user and with another temporary folder. Domains in which a program without one
+    runs are passed over: its ports are open. If all domains are in use, it raises a DomainError.
     """
 
     def __init__(self) -> None:
-        folder = Path(tempfile.gettempdir()) / f"rpud_sim_domains_{os.getuid()}"
-        folder.mkdir(exist_ok=True)
         theirs = {*_DEFAULT_DOMAINS, *_environment_domain()}
         for domain in range(_LAST_DOMAIN, 0, -1):
             if domain in theirs:
                 continue
-            lock = (folder / str(domain)).open("w")
-            try:
-                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except BlockingIOError:
-                lock.close()
-                continue
-            if _is_quiet(domain):
-                self.domain = domain
-                self._lock = lock
-                return
-            lock.close()
-        raise DomainError(f"all ROS domains are in use: see {folder}")
+            held = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+            with contextlib.suppress(OSError):  # another test run has it
+                held.bind(f"\0rpud_sim domain {domain}")
+                if _is_quiet(domain):
+                    self.domain = domain
+                    self._held = held
+                    return
+            held.close()
+        raise DomainError("all ROS domains are in use")
 
     def release(self) -> None:
-        self._lock.close()
+        self._held.close()
 
 
 def loopback_environment(domain: int, environ: Mapping[str, str] = os.environ) -> dict[str, str]:

@@ -23,10 +23,13 @@ def claims():
         each.release()
 
 
-def test_a_claimed_domain_is_exclusive(claims):
+def test_a_claimed_domain_is_exclusive_whatever_the_temporary_folder(claims, tmp_path, monkeypatch):
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     domains = {claims() for _ in range(3)}
     assert len(domains) == 3
-    other = subprocess.check_output([sys.executable, "-c", CLAIM], text=True)
+    (other_folder := tmp_path / "other").mkdir()
+    environment = {**os.environ, "TMPDIR": str(other_folder)}
+    other = subprocess.check_output([sys.executable, "-c", CLAIM], env=environment, text=True)
     assert int(other) not in domains
     assert int(os.environ["ROS_DOMAIN_ID"]) not in domains  # that of this run of tests
     assert not domains & {0, 42}
