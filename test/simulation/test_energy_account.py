@@ -124,9 +124,16 @@ def check_actuator(reading, account):
 )
 @example(
     {
-        **{"regime": "drilling", "gravity": 100.0, "gravity_on_drill": True, "rpud_mass": 23.0},
-        **{"load_spring_rate": 100.0, "restoring_spring_rate": 100.0, "drill_tool_mass": 1.0},
-        **{"free_mass": 0.001953125, "contact_model": "printed", "rpud_damping_ratio": 0.99},
+        "regime": "drilling",
+        "gravity": 100.0,
+        "gravity_on_drill": True,
+        "rpud_mass": 23.0,
+        "load_spring_rate": 100.0,
+        "restoring_spring_rate": 100.0,
+        "drill_tool_mass": 1.0,
+        "free_mass": 0.001953125,
+        "contact_model": "printed",
+        "rpud_damping_ratio": 0.99,
         "drill_tool_damping_ratio": 0.0,
     },
     RESONANCE,
