@@ -11,7 +11,7 @@ TOUCHING = 1e-12
 
 # A bounce that is lower is a contact that lasts, and so is a cage between actuator and drill tool
 # that the free mass cannot force wider against what presses them together [m]. The energy that
-# this removes is less than the contact force times this length.
+# this takes or adds is less than the contact force times this length, each time.
 LOWEST_BOUNCE = 1e-9
 
 # Touching bodies do not collide if their velocities differ by less [m/s].
