@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import dataclasses
+import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any
 
@@ -189,6 +190,9 @@ class Run:
             self.simulation, settings.command_timeout, settings.command_loss_ramp, active
         )
         self._recent_energy = RecentEnergy(settings.configuration.has_feed)
+        # power that the steps of the arm lost in the second before the last status [W]; NaN
+        # without a feed
+        self.coupling_power = math.nan
         self._published_faults: object = self.simulation.faults.active
 
     @property
@@ -349,12 +353,8 @@ class Run:
         fields = status_fields(self.simulation, self.origin, state, bookkeeping)
         entries = self._journal.count if self._journal is not None else 0
         powers = self._recent_energy.powers()
+        self.coupling_power = powers.pop("coupling_power")
         return self.time, "status", {**fields, **powers, "journal_entries": entries}
-
-    @property
-    def coupling_power(self) -> float:
-        """Mean power in the last second that the steps of the arm lose [W]; NaN without a feed."""
-        return self._recent_energy.coupling_power()
 
     def note(self, kind: str, **content: Any) -> None:
         """Append an entry to the journal, if there is one, at the present time."""

@@ -55,6 +55,11 @@ def figures_of(tally: np.void, duration: float, quantile: int) -> Figures:
 
     ``quantile`` is the class of the 99 % quantile of the contact force, -1 for none.
     """
+
+    def force_of(number: int) -> float:
+        decades, part = divmod(number, CLASSES_PER_DECADE)
+        return float(LEAST_FORCE * float(f"1e{decades}") * power(10.0, part / CLASSES_PER_DECADE))
+
     totals = dict(zip(TALLY.names or (), tally.item(), strict=True))
     count = totals["impacts"]
 
@@ -71,7 +76,7 @@ def figures_of(tally: np.void, duration: float, quantile: int) -> Figures:
         "actuator_impact_rate": rate(totals["actuator_impacts"]),
         "impact_velocity_mean": mean(totals["impact_velocity"]),
         "contact_force_mean": mean(totals["contact_force"]),
-        "contact_force_p99": _force_of(quantile) if quantile >= 0 else None,
+        "contact_force_p99": force_of(quantile) if quantile >= 0 else None,
         "contact_force_max": totals["contact_force_max"] if count else None,
         "contact_duration_mean": mean(totals["contact_duration"]),
         "squeezed_impact_rate": rate(totals["squeezed"]),
@@ -80,12 +85,6 @@ def figures_of(tally: np.void, duration: float, quantile: int) -> Figures:
         "energy_absorbed_rate": rate(account_of_tally(tally).absorbed),
         "reacting_force_mean": rate(totals["reacting_impulse"]),
     }
-
-
-def _force_of(number: int) -> float:
-    """Return the contact force of a class [N]."""
-    decades, part = divmod(number, CLASSES_PER_DECADE)
-    return float(LEAST_FORCE * float(f"1e{decades}") * power(10.0, part / CLASSES_PER_DECADE))
 
 
 class Statistics:
@@ -197,7 +196,8 @@ class RecentEnergy:
 
         ``actuator_power + weight_power + change_power`` is ``load_damper_power + collision_power +
         absorbed_power + stored_power``, and with a feed ``feed_power`` is ``mount_power +
-        weight_on_bit_power``. Without one the first two of these are NaN.
+        weight_on_bit_power``. Without one ``feed_power``, ``mount_power``, and ``coupling_power``,
+        which no status has, are NaN.
         """
         total, feed, seconds = self._last_second()
         energies = {
@@ -211,13 +211,13 @@ class RecentEnergy:
             "weight_on_bit_power": total.weight_on_bit_work,
             "feed_power": feed.work,
             "mount_power": feed.kept,
+            "coupling_power": feed.coupling,
         }
-        return {name: _power(energy, seconds) for name, energy in energies.items()}
-
-    def coupling_power(self) -> float:
-        """Return the mean power of ``FeedAccount.coupling`` [W]; NaN without a feed."""
-        _, feed, seconds = self._last_second()
-        return _power(feed.coupling, seconds)
+        # A quotient of NaN may have another sign on another processor.
+        return {
+            name: math.nan if math.isnan(energy) else energy / seconds
+            for name, energy in energies.items()
+        }
 
     def _last_second(self) -> tuple[EnergyAccount, FeedAccount, float]:
         """Return the accounts of the parts of the last second, and the time of these [s]."""
@@ -234,8 +234,3 @@ class RecentEnergy:
         feeds = islice(chain.from_iterable(block.feeds for block in self._blocks), late, None)
         total = account_of(dataclasses.replace(last, start=start, covering=covering))
         return total, sum(feeds, self._no_feed), (last.end - start) / SECOND
-
-
-def _power(energy: float, seconds: float) -> float:
-    # A quotient of NaN may have another sign on another processor.
-    return math.nan if math.isnan(energy) else energy / seconds
