@@ -107,11 +107,10 @@ class EnsembleRuns:
 
     @property
     def depth(self) -> float:
-        """Depth of the hole of a single run that is advanced [m]; NaN without a rock model."""
         return self._progress.depth
 
     def run(self, end: int, whole: bool) -> list[Member]:
-        """Run all from time zero to an end [ns], and return their results."""
+        """Run all from time zero to an end [ns]."""
         tallies = empty_tallies(len(self._states))
         self._advance(end, tallies, _room.classes, (True, True, True, True, whole))
         found = []
@@ -192,7 +191,7 @@ class Ensemble:
     real_time_factor: float  # simulated seconds over wall seconds, over all members
 
     def mean(self) -> Figures:
-        """Return the mean of each figure over the members; None where no member has it."""
+        """Return the mean of each figure; None where no member has it."""
         return {
             name: float(np.mean(column)) if len(column) > 1 else next(iter(column), None)
             for name, column in self._columns().items()
@@ -220,9 +219,8 @@ def compile_kernels(
 ) -> None:
     """Compile every kernel, or load it from the cache, before anything is timed.
 
-    Args:
-        report: called in another thread with a line that says so, if compiling takes long.
-        messages: also those that make a run's messages many at once.
+    ``report`` is called in another thread with a line that says so, if it takes long; ``messages``:
+    also what makes messages many at once.
     """
     with compilation_reported(report):
         for function, arguments in CALLED_BY_PYTHON:

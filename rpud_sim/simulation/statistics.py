@@ -113,12 +113,10 @@ class Statistics:
 
     @property
     def duration(self) -> float:
-        """Simulated time of the blocks so far [s]."""
         return self._duration / SECOND
 
     @property
     def account(self) -> EnergyAccount:
-        """The energy account of the blocks so far."""
         return account_of_tally(self._tally[0], self._electrical)
 
     def add(self, block: Block) -> None:
@@ -139,16 +137,12 @@ class Statistics:
         return self._tally, self._classes
 
     def note_part(self, start: int, end: int, electrical_energy: float) -> None:
-        """Note a part of a run that is, or will be, in the sums.
-
-        electrical_energy: that the actuator drew in it [J]; NaN where its model has no power.
-        """
+        """Note a part of a run that is, or will be, in the sums, and its electrical energy [J]."""
         self.begun = True
         self._duration += end - start
         self._electrical += electrical_energy
 
     def merge(self, other: Statistics) -> None:
-        """Add the sums of other statistics."""
         self.begun = self.begun or other.begun
         self._duration += other._duration
         self._electrical += other._electrical
@@ -160,7 +154,6 @@ class Statistics:
         self._classes += other._classes
 
     def figures(self) -> Figures:
-        """Return duration and ``FIGURES`` in SI units; None if there is nothing to average."""
         quantile = class_at(self._tally, self._classes, QUANTILE)
         return figures_of(self._tally[0], self.duration, quantile)
 
@@ -172,7 +165,6 @@ def account_of_tally(tally: np.void, electrical: float = 0.0) -> EnergyAccount:
 
 
 def account_of(block: Block) -> EnergyAccount:
-    """Return the account of a block."""
     statistics = Statistics()
     statistics.add(block)
     return statistics.account
@@ -186,7 +178,6 @@ class RecentEnergy:
         self._blocks: deque[Block] = deque()
 
     def add(self, block: Block) -> None:
-        """Add a block that follows."""
         self._blocks.append(block)
         while self._blocks[0].end <= block.end - SECOND:
             self._blocks.popleft()
@@ -220,7 +211,7 @@ class RecentEnergy:
         }
 
     def _last_second(self) -> tuple[EnergyAccount, FeedAccount, float]:
-        """Return the accounts of the parts of the last second, and the time of these [s]."""
+        """Return the accounts of the last second, and its length [s]."""
         if not self._blocks:
             return EnergyAccount(), self._no_feed, math.inf
         first, *others = self._blocks
