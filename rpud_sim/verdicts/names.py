@@ -18,11 +18,8 @@ from rpud_sim.foundation.time import SECOND
 from rpud_sim.simulation.topics import TOPICS
 from rpud_sim.verdicts.formulas import (
     Active,
-    Becomes,
     Cleared,
     Compare,
-    Count,
-    Event,
     Formula,
     Message,
     Onset,
@@ -185,10 +182,6 @@ def _check_formula(formula: Formula) -> None:
             check_use(part, find_field(part.signal, known) if known is not None else None)
         elif isinstance(part, Message):
             _check_topic(part.topic)
-        elif isinstance(part, Count) and not isinstance(part.event, Event):
-            raise ExpectationError("count needs an event: onset, cleared, message or becomes")
-        elif isinstance(part, Becomes) and isinstance(part.formula, Event):
-            raise ExpectationError("an event is an instant, and becomes nothing")
 
 
 def _check_kind(formula: object) -> None:
