@@ -239,7 +239,7 @@ class Tables:
             rest: MessageBlock | None = block
             while rest is not None:
                 size = waiting[name].size
-                rest = waiting[name].add(rest, tables[name].codec.budget.sizes(rest.sizes))
+                rest = waiting[name].add(rest, tables[name].codec.type.most(rest.sizes))
                 total += waiting[name].size - size
                 if waiting[name].full:
                     total -= waiting[name].size

@@ -191,6 +191,6 @@ def test_a_message_with_too_many_parts_is_left_to_the_library():
 
 def test_the_largest_size_keeps_the_bound_on_memory():
     codec = Codec("std_msgs/msg/String", "string data\n")
-    largest = codec.budget.largest(10_000)
-    memory = codec.budget.sizes(np.array([largest, largest + 2]))
+    largest = codec.type.largest(10_000)
+    memory = codec.type.most(np.array([largest, largest + 2]))
     assert memory[0] <= 10_000 < memory[1]

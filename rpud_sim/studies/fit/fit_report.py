@@ -104,7 +104,7 @@ def fit_content(fit: Fit) -> dict[str, Any]:
         "seed": fit.specification.seed,
         "simulations": fit.simulations + fit.kept,
         "versions": fit_versions(),
-        "specification": fit.specification.content(),
+        "specification": dataclasses.asdict(fit.specification),
     }
     plain: dict[str, Any] = finite_values(content)
     return plain

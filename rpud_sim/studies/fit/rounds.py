@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
-import json
 import math
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -87,8 +86,11 @@ class FitFolder(StudyStore):
     def __init__(
         self, path: Path, specification: FitSpecification, workers: int, report: Report
     ) -> None:
-        content = {"specification": specification.content(), "versions": fit_versions()}
-        super().__init__(path, json.loads(json.dumps(content)), "fit")
+        content = {
+            "specification": dataclasses.asdict(specification),
+            "versions": fit_versions(),
+        }
+        super().__init__(path, content, "fit")
         self._specification = specification
         self._workers = workers
         self._report = report

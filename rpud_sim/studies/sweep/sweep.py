@@ -115,7 +115,7 @@ def make_manifest(sweep: SweepSpecification) -> dict[str, Any]:
     # What draws the design and writes the files.
     writers = ("scipy", "pyarrow", *(("mcap", "zstandard") if sweep.bags else ()))
     depends = {
-        "specification": sweep.content(),
+        "specification": dataclasses.asdict(sweep),
         "versions": engine_versions() | {name: version_of(name) for name in writers},
     }
     text = json.dumps(depends, sort_keys=True)
