@@ -43,6 +43,7 @@ _PACKED = {
 _LEFT_OUT = frozenset(
     (
         *("beginning", "control", "_journal", "_wanted", "_on_block", "_recent_energy"),
+        *("coupling_power",),
         *("_published_faults", "_refusals", "_parameters"),
         *("_telemetry_rate", "_sample_rate", "_stream_period"),
         *("_goal", "_segment_room", "_impact_room", "_written"),

@@ -74,7 +74,9 @@ def test_a_point_is_the_ensemble_of_its_seed():
         rows = slice(2 * point, 2 * point + 2)
         assert outcome.phases[rows].tolist() == list(phases)
         for row, member in zip(outcome.figures[rows].tolist(), expected, strict=True):
-            assert row == pytest.approx([member[name] for name in FIGURES], rel=0, nan_ok=True)
+            assert row == pytest.approx(
+                [member.figures[name] for name in FIGURES], rel=0, nan_ok=True
+            )
     assert outcome.failures == (None,) * 6
 
 
