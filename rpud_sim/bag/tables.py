@@ -27,7 +27,7 @@ from rpud_sim.bag.messages import LATEST, MessageBlock
 from rpud_sim.bag.messages import joined as joined_blocks
 from rpud_sim.bag.metadata import TopicSummary
 from rpud_sim.foundation.quantities import suggestion
-from rpud_sim.foundation.ragged import Ragged
+from rpud_sim.foundation.values import Ragged
 
 if TYPE_CHECKING:
     import pandas
@@ -239,7 +239,7 @@ class Tables:
             rest: MessageBlock | None = block
             while rest is not None:
                 size = waiting[name].size
-                rest = waiting[name].add(rest, tables[name].codec.budget.sizes(rest.sizes))
+                rest = waiting[name].add(rest, tables[name].codec.type.most(rest.sizes))
                 total += waiting[name].size - size
                 if waiting[name].full:
                     total -= waiting[name].size
