@@ -82,7 +82,7 @@ UNDERSTOOD = [
     ),
     (
         {"count": {"message": "journal"}, "is": "<= 3", "until": {"cleared": JAMMED}},
-        count(Message("journal"), "<=", 3, until=Cleared(JAMMED)),
+        count(Published("journal"), "<=", 3, until=Cleared(JAMMED)),
     ),
     (
         {"quantile": 0.99, "of": "contact_force.peak_force", "is": "< 9 kN"},
