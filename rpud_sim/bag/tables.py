@@ -27,7 +27,7 @@ from rpud_sim.bag.messages import LATEST, MessageBlock
 from rpud_sim.bag.messages import joined as joined_blocks
 from rpud_sim.bag.metadata import TopicSummary
 from rpud_sim.foundation.quantities import suggestion
-from rpud_sim.foundation.ragged import Ragged
+from rpud_sim.foundation.values import Ragged
 
 if TYPE_CHECKING:
     import pandas

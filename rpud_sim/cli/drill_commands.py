@@ -349,7 +349,7 @@ def _listen(listener: TopicListener, show: Callable[[Any], None], options: Any) 
 
 
 def _json_text(plain: Any) -> str:
-    from rpud_sim.foundation.json_values import finite_values
+    from rpud_sim.foundation.values import finite_values
 
     return json.dumps(finite_values(plain)) + "\n"
 

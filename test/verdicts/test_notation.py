@@ -81,6 +81,10 @@ UNDERSTOOD = [
         count(Message("contact_force"), ">=", 10, within=1.0),
     ),
     (
+        {"count": {"message": "journal"}, "is": "<= 3", "until": {"cleared": JAMMED}},
+        count(Message("journal"), "<=", 3, until=Cleared(JAMMED)),
+    ),
+    (
         {"quantile": 0.99, "of": "contact_force.peak_force", "is": "< 9 kN"},
         quantile(0.99, signal("contact_force.peak_force"), "<", "9 kN"),
     ),

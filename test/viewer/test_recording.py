@@ -136,6 +136,11 @@ def test_time_passes_as_the_stamps_do_except_at_jumps(steps, first):
         assert elapsed[place] - elapsed[place - 1] == pytest.approx(expected / SECOND, abs=1e-6)
 
 
+@pytest.mark.parametrize("clock", [Clock(2**63), Clock(None, 2**64)])
+def test_a_time_that_no_clock_has_is_no_error(clock):
+    assert clock.elapsed(np.array([0]), np.array([0]))[0] < -9e9
+
+
 def test_a_topic_without_stamps_goes_by_the_log_times():
     clock = Clock(None, 5 * SECOND)
     assert clock.elapsed(np.array([0]), np.array([7 * SECOND])).tolist() == [2.0]
