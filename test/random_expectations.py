@@ -77,9 +77,9 @@ WHERE = comparisons() | st.sampled_from(WORDS).map(
 EVENTS = st.one_of(
     st.sampled_from(FAULTS).map(f.Onset),
     st.sampled_from(FAULTS).map(f.Cleared),
-    st.sampled_from(["contact_force", "journal", "status"]).map(f.Message),
+    st.sampled_from(["contact_force", "journal", "status"]).map(f.Published),
     WHERE.map(f.Becomes),
-    WHERE.map(lambda each: f.Message(each.signal.topic, each)),
+    WHERE.map(lambda each: f.Published(each.signal.topic, each)),
 )
 ATOMS = st.one_of(
     WHERE,

@@ -14,8 +14,8 @@ from rpud_sim.bag.columns import Column, Kind, objects
 from rpud_sim.bag.errors import BagFormatError
 from rpud_sim.bag.layout import DECODED_LIMIT, HEAD, Field, Layout
 from rpud_sim.bag.messages import MessageBlock, gathered, items
-from rpud_sim.foundation.ragged import Ragged
 from rpud_sim.foundation.time import SECOND
+from rpud_sim.foundation.values import Ragged
 
 _LEAST = 8  # messages of one layout that are not decoded one by one
 _MOST_LAYOUTS = 100  # of messages of one size

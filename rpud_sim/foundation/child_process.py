@@ -93,7 +93,6 @@ class ChildProcess:
 
     @property
     def ending(self) -> str:
-        """How it has ended, in words."""
         code = self.code
         if code is None:
             return "runs"
@@ -113,7 +112,6 @@ class ChildProcess:
             self.join(_POLL_PERIOD)
 
     def send(self, number: int) -> None:
-        """Send a signal to its group."""
         with contextlib.suppress(ProcessLookupError):
             os.killpg(self.pid, number)
 

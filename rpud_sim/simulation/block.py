@@ -10,8 +10,8 @@ from itertools import accumulate
 import numpy as np
 
 from rpud_sim.drilling.process import AT_REST, ProcessState
-from rpud_sim.foundation.shared import Shared
 from rpud_sim.foundation.time import SECOND
+from rpud_sim.foundation.values import Shared
 from rpud_sim.model.energy import RpudConstants
 from rpud_sim.model.segment import IMPACT, SEGMENT, join_records
 from rpud_sim.simulation.actuator import ActuatorReading

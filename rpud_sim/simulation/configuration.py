@@ -12,15 +12,18 @@ from rpud_sim.drilling.mount import MountParameters
 from rpud_sim.drilling.process import DrillingParameters
 from rpud_sim.drilling.rock import RockParameters, StrataParameters
 from rpud_sim.drilling.rotor import RotationParameters
-from rpud_sim.foundation.parameters import (
+from rpud_sim.foundation.quantities import (
     Declaration,
+    ParameterError,
     ParameterGroup,
     declarations,
+    did_you_mean,
     flag,
     number,
+    shown,
+    shown_name,
     text,
 )
-from rpud_sim.foundation.quantities import ParameterError, did_you_mean, shown, shown_name
 from rpud_sim.foundation.yaml_files import open_yaml, parse_yaml
 from rpud_sim.model.parameters import QUANTITIES, Parameters, preset
 from rpud_sim.simulation.actuator import ActuatorParameters

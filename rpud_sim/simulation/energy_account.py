@@ -8,7 +8,7 @@ import operator
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, TypeVar
 
-from rpud_sim.foundation.shared import Shared
+from rpud_sim.foundation.values import Shared
 
 if TYPE_CHECKING:  # Python 3.10 has none
     from typing_extensions import Self

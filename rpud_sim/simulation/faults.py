@@ -9,7 +9,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from rpud_sim.foundation.quantities import ParameterError, shown, suggestion
-from rpud_sim.foundation.shared import Shared
+from rpud_sim.foundation.values import Shared
 from rpud_sim.model.parameters import QUANTITIES, Parameters
 from rpud_sim.simulation.configuration import Configuration
 from rpud_sim.simulation.fault_kinds import CHANNEL_NEEDS, KINDS, FaultEffects, FaultKind

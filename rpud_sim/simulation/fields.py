@@ -23,8 +23,8 @@ import numpy as np
 
 from rpud_sim.drilling.mount import FEED_MODES
 from rpud_sim.drilling.process import ProcessState
-from rpud_sim.foundation.ragged import Ragged
 from rpud_sim.foundation.time import SECOND
+from rpud_sim.foundation.values import Ragged
 from rpud_sim.model.segment import CONSTANTS, IMPACT, SEGMENT
 from rpud_sim.simulation.actuator import ActuatorReading
 from rpud_sim.simulation.faults import FaultLedger, FaultRecord

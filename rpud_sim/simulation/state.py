@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from rpud_sim.drilling.rock import Strata
-from rpud_sim.foundation.parameters import ParameterGroup
+from rpud_sim.foundation.quantities import ParameterGroup
 from rpud_sim.model.drill import STATE, DrillConstants
 from rpud_sim.model.parameters import Parameters
 from rpud_sim.model.segment import IMPACT, SEGMENT

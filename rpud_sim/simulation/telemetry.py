@@ -11,9 +11,8 @@ from operator import itemgetter
 
 import numpy as np
 
-from rpud_sim.foundation.ragged import Ragged
-from rpud_sim.foundation.shared import Shared
 from rpud_sim.foundation.time import SECOND
+from rpud_sim.foundation.values import Ragged, Shared
 from rpud_sim.simulation.block import Block, boundaries_until, boundary, first_sample, join_blocks
 from rpud_sim.simulation.configuration import Settings
 from rpud_sim.simulation.faults import FaultRecord

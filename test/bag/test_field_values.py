@@ -12,7 +12,7 @@ from rpud_sim.bag.columns import Kind, columns_of
 from rpud_sim.bag.errors import BagFormatError
 from rpud_sim.bag.field_values import FieldReader
 from rpud_sim.bag.messages import MessageBlock
-from rpud_sim.foundation.ragged import Ragged
+from rpud_sim.foundation.values import Ragged
 
 PARTS = f"""
 {SEPARATOR}
