@@ -143,16 +143,17 @@ def _figures(
         ensemble = run_ensemble(
             configuration, duration, phases, bar.update, scenario, threads, planned
         )
+    members = ensemble.members
     figures: dict[str, Any] = dict(ensemble.mean())
     figures["real_time_factor"] = ensemble.real_time_factor
-    deepest = max(member.get("depth") or 0.0 for member in ensemble.members)
+    deepest = max(member.figures.get("depth") or 0.0 for member in members)
     if deepest >= configuration.parameters.tool_length:
         _show(NO_DEEPER)
-    account = mean_of(ensemble.accounts)
+    account = mean_of([member.account for member in members if member.account])
     figures["energy_account"] = account.to_dict()
-    if feeds := ensemble.feed_accounts:
+    if feeds := [member.feed for member in members if member.feed]:
         figures["feed_account"] = mean_of(feeds).to_dict(account.weight_on_bit_work)
-    if works := ensemble.rotor_works:
+    if works := [member.rotation for member in members if member.rotation]:
         figures["rotation_account"] = dataclasses.asdict(mean_of(works))
     figures["regime"] = configuration.parameters.regime
     figures["repeat"] = options.repeat

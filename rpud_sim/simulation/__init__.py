@@ -34,8 +34,8 @@ from rpud_sim.simulation.configuration import (
     to_configuration,
     to_settings,
 )
-from rpud_sim.simulation.energy_account import FeedAccount
-from rpud_sim.simulation.ensemble import Ensemble, compile_kernels, run_ensemble
+from rpud_sim.simulation.energy_account import EnergyAccount, FeedAccount
+from rpud_sim.simulation.ensemble import Ensemble, Member, compile_kernels, run_ensemble
 from rpud_sim.simulation.fault_kinds import KINDS
 from rpud_sim.simulation.faults import Fault, FaultError, FaultLedger, FaultRecord
 from rpud_sim.simulation.fields import Bookkeeping
@@ -63,6 +63,7 @@ __all__ = [
     "Control",
     "DrillTopic",
     "Drive",
+    "EnergyAccount",
     "EngineError",
     "Ensemble",
     "Fault",
@@ -73,6 +74,7 @@ __all__ = [
     "FeedAccount",
     "Journal",
     "JournalEntry",
+    "Member",
     "MountParameters",
     "MountState",
     "ParameterError",

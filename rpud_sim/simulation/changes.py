@@ -7,15 +7,15 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from rpud_sim.foundation.quantities import ParameterError, did_you_mean, shown, shown_name
+from rpud_sim.foundation.quantities import ParameterError, shown
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.foundation.yaml_files import Cursor, open_yaml
 from rpud_sim.simulation.commands import Command, Drive, Feed, WeightOnBit
 from rpud_sim.simulation.configuration import (
     CHANGEABLE,
-    PARAMETERS,
     Configuration,
     Settings,
+    check_names,
     parse_assignment,
 )
 from rpud_sim.simulation.faults import Fault
@@ -39,7 +39,6 @@ class DriveChange:
     frequency: float | None = None  # [Hz]; None for the present one
 
     def on(self, present: Drive) -> Drive:
-        """Return the command, given the drive in force."""
         return Drive(
             self.enabled,
             present.voltage if self.voltage is None else self.voltage,
@@ -77,7 +76,6 @@ class Changes:
 
     @property
     def empty(self) -> bool:
-        """Whether nothing differs."""
         return not (self.parameters or self.planned or self.replaces_commands)
 
     def __add__(self, other: Changes) -> Changes:
@@ -99,10 +97,8 @@ def parameter_changes(values: Mapping[str, Any], fixed: Sequence[str] = ()) -> C
     What a fork takes is checked later, with the other values of the run.
     """
     allowed = (*CHANGEABLE, *COMMANDED, *fixed)
+    check_names(values)
     for name in values:
-        if name not in PARAMETERS:
-            hint = did_you_mean(name, PARAMETERS)
-            raise ParameterError(f"{shown_name(name)} is not a parameter; {hint}")
         if name not in allowed:
             raise ParameterError(
                 f"{name} cannot change during a run; those that can are {', '.join(allowed)}"

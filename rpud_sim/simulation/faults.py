@@ -9,7 +9,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from rpud_sim.foundation.quantities import ParameterError, shown, suggestion
-from rpud_sim.foundation.shared import Shared
+from rpud_sim.foundation.values import Shared
 from rpud_sim.model.parameters import QUANTITIES, Parameters
 from rpud_sim.simulation.configuration import Configuration
 from rpud_sim.simulation.fault_kinds import CHANNEL_NEEDS, KINDS, FaultEffects, FaultKind
@@ -25,7 +25,6 @@ class FaultError(ParameterError):
 
 
 def check_kind(kind: Any, possible: Iterable[str]) -> None:
-    """Raise a FaultError for a kind that does not exist, with the nearest and the possible ones."""
     if not (isinstance(kind, str) and kind in KINDS):
         raise FaultError(
             f"fault kind = {shown(kind)} is unknown{suggestion(kind, KINDS)}; "
@@ -49,17 +48,15 @@ class Fault:
         object.__setattr__(self, "magnitude", self._checked_magnitude())
 
     def __str__(self) -> str:
-        """The fault's name, as in ``noise on wrench``."""
+        """As in ``noise on wrench``."""
         return f"{self.kind} on {self.channel}" if self.channel else self.kind
 
     @property
     def declared(self) -> FaultKind:
-        """Its kind."""
         return KINDS[self.kind]
 
     @property
     def physical(self) -> bool:
-        """Whether it changes the drill; otherwise it changes the messages of its channel."""
         return self.declared.physical
 
     def _check_channel(self) -> None:
@@ -192,7 +189,6 @@ class FaultLedger:
         return tuple(each for each in self.records if each.clear is None or each.clear > time)
 
     def inject(self, time: int, fault: Fault) -> int:
-        """Let a fault begin and return its number."""
         for record in self.active:
             if (record.fault.kind, record.fault.channel) == (fault.kind, fault.channel):
                 raise FaultError(f"{fault} is already there as fault {record.number}")
@@ -201,7 +197,6 @@ class FaultLedger:
         return self._number
 
     def clear(self, time: int, number: int) -> FaultRecord:
-        """Let a fault end and return its record."""
         found = [record for record in self.active if record.number == number]
         if not found:
             raise FaultError(f"there is no fault {shown(number)} to clear")
@@ -212,6 +207,5 @@ class FaultLedger:
         return ended
 
     def clear_all(self, time: int) -> None:
-        """Let every fault end."""
         for record in self.active:
             self.clear(time, record.number)

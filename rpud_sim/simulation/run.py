@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import dataclasses
+import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any
 
@@ -100,7 +101,6 @@ class Control:
         self.commands_lost = False
 
     def set(self, timeout: float, ramp: float) -> None:
-        """Set another timeout and ramp [s]."""
         # In nanoseconds, so that the end of the ramp is exact. At least 1: 0 would be no timeout.
         self._timeout = max(1, round(timeout * SECOND)) if timeout > 0.0 else 0
         self._ramp = round(ramp * SECOND)
@@ -121,7 +121,6 @@ class Control:
         self.commands_lost = False
 
     def apply(self, command: Command) -> None:
-        """Put a command into force now, if commands act."""
         if not self.active:
             return
         if isinstance(command, Drive):
@@ -189,11 +188,13 @@ class Run:
             self.simulation, settings.command_timeout, settings.command_loss_ramp, active
         )
         self._recent_energy = RecentEnergy(settings.configuration.has_feed)
+        # power that the steps of the arm lost in the second before the last status [W]; NaN
+        # without a feed
+        self.coupling_power = math.nan
         self._published_faults: object = self.simulation.faults.active
 
     @property
     def time(self) -> int:
-        """Simulation time [ns]."""
         return self.simulation.time
 
     @property
@@ -219,10 +220,7 @@ class Run:
         wanted: Callable[[str], bool] | None = None,
         on_block: Callable[[Block], object] | None = None,
     ) -> Run:
-        """Return a run in the same state, which goes on by itself.
-
-        It has other arguments of ``Run`` where given; a journal only if this run has one.
-        """
+        """Return a run in the same state, with other arguments of ``Run`` where given."""
         own = (self.beginning, self._journal, self._wanted, self._on_block)
         others = (None, journal, wanted, on_block)
         pairs: Iterable[tuple[Any, Any]] = zip(own, others, strict=True)
@@ -248,7 +246,6 @@ class Run:
 
     @property
     def faults_published(self) -> bool:
-        """Whether the present faults are published."""
         return self._published_faults is self.simulation.faults.active
 
     @faults_published.setter
@@ -280,11 +277,9 @@ class Run:
     ) -> Iterator[Entry]:
         """Advance to a time [ns], block by block, and yield the messages.
 
-        Impacts and the samples at the end of a block come first, waveform and trajectory last.
-
-        Args:
-            defer: called with each stream of waveform and trajectory, which is not yielded then:
-                the caller makes and publishes it when it has time. None to have it yielded.
+        Impacts and the samples at the end of a block come first, waveform and trajectory last. With
+        ``defer`` these two are not yielded: the caller makes and publishes each stream when it has
+        time.
         """
         yield from self.changes()
         simulation = self.simulation
@@ -305,10 +300,7 @@ class Run:
             self._on_block(block)
 
     def advance_together(self, time: int) -> Iterator[Entry | Together]:
-        """Advance to a time [ns], and yield the messages of ``advance_to``, many at once.
-
-        Where nothing changes from outside, those of about a second come together.
-        """
+        """Advance to a time [ns]; where nothing changes, the messages come many at once."""
         yield from self.changes()
         simulation = self.simulation
         while simulation.time < time:
@@ -321,7 +313,6 @@ class Run:
             self._on_block(block)
 
     def _undisturbed_ends(self, time: int) -> np.ndarray:
-        """Return the ends of the blocks that can be done together, up to a time [ns]."""
         now = self.time
         until = min(time, self.simulation.next_scheduled - 1)
         faults = self.simulation.faults
@@ -345,19 +336,13 @@ class Run:
         yield from self._telemetry.flush()
 
     def status(self, state: str, bookkeeping: Bookkeeping) -> Entry:
-        """Return the status message of the present time."""
         fields = status_fields(self.simulation, self.origin, state, bookkeeping)
         entries = self._journal.count if self._journal is not None else 0
         powers = self._recent_energy.powers()
+        self.coupling_power = powers.pop("coupling_power")
         return self.time, "status", {**fields, **powers, "journal_entries": entries}
 
-    @property
-    def coupling_power(self) -> float:
-        """Mean power in the last second that the steps of the arm lose [W]; NaN without a feed."""
-        return self._recent_energy.coupling_power()
-
     def note(self, kind: str, **content: Any) -> None:
-        """Append an entry to the journal, if there is one, at the present time."""
         self.simulation.note(kind, **content)
 
     def entries(self) -> Iterator[Entry]:

@@ -66,7 +66,6 @@ def read_scenario(path: str | Path, seed: int | None = None) -> Scenario:
 
 
 def parse_scenario(content: Any, name: str, seed: int | None = None) -> Scenario:
-    """Return the scenario of a file's content."""
     return _scenario(cursor_at(content, name, FaultError), seed)
 
 

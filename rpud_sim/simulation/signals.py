@@ -39,13 +39,8 @@ class SignalFaults:
     ) -> list[Fields]:
         """Return the messages that the channel publishes in place of one, in order; maybe none.
 
-        A healthy channel publishes the same object.
-
-        Args:
-            time: simulation time of the message, never before the channel's last one [ns].
-            fields: the message; it must not change from now on.
-            records: at least those that last at this time; those that do not, and those of other
-                channels, are ignored.
+        A healthy channel publishes the same object, which must not change from now on. Times [ns]
+        do not go back. ``records`` are at least those that last; others are ignored.
         """
         if not records and channel not in self._stages:
             self._last[channel] = fields
@@ -53,10 +48,7 @@ class SignalFaults:
         return self._pass(channel, time, [fields], records)
 
     def release(self, time: int, records: Sequence[FaultRecord]) -> list[tuple[str, Fields]]:
-        """Return the late messages that are due, with their channels.
-
-        Call it once a block: otherwise a late message would wait for the channel's next one.
-        """
+        """Return the late messages that are due, with their channels; call it once a block."""
         return [
             (channel, fields)
             for channel in tuple(self._stages)

@@ -9,28 +9,7 @@ from typing import Any, NamedTuple
 
 from rpud_sim.foundation.quantities import ParameterError, Quantity, did_you_mean, shown
 from rpud_sim.foundation.yaml_files import open_yaml
-from rpud_sim.verdicts.formulas import (
-    Active,
-    After,
-    Always,
-    And,
-    Becomes,
-    Cleared,
-    Compare,
-    Count,
-    Event,
-    Eventually,
-    Formula,
-    Implies,
-    Message,
-    Not,
-    Onset,
-    Or,
-    Quantile,
-    Says,
-    Signal,
-    Until,
-)
+from rpud_sim.verdicts import formulas as f
 from rpud_sim.verdicts.names import Expectation
 from rpud_sim.verdicts.units import (
     NUMBER,
@@ -50,7 +29,7 @@ _SIGNAL = re.compile(r"([A-Za-z/][\w/]*)\.(\S.*)")
 Place = tuple[str | int, ...]
 
 
-def signal(name: str, hold: str | float | None = None) -> Signal:
+def signal(name: str, hold: str | float | None = None) -> f.Signal:
     """Return a signal by topic and field, as in ``reacting_force.force``.
 
     A value holds at most for ``hold``, as ``0.1 s``; None for that of the topic.
@@ -59,85 +38,85 @@ def signal(name: str, hold: str | float | None = None) -> Signal:
     if match is None:
         raise ExpectationError(f"{shown(name)} is not a topic and a field, as reacting_force.force")
     topic = "/diagnostics" if match[1] == "diagnostics" else match[1]
-    return Signal(topic, match[2], None if hold is None else parse_duration(hold, "hold"))
+    return f.Signal(topic, match[2], None if hold is None else parse_duration(hold, "hold"))
 
 
-def always(formula: Formula, within: Any = None, between: Any = None) -> Always:
+def always(formula: f.Formula, within: Any = None, between: Any = None) -> f.Always:
     """Return the formula that ``formula`` holds at every instant of a window."""
-    return Always(formula, window(within, between))
+    return f.Always(formula, window(within, between))
 
 
-def eventually(formula: Formula, within: Any = None, between: Any = None) -> Eventually:
+def eventually(formula: f.Formula, within: Any = None, between: Any = None) -> f.Eventually:
     """Return the formula that ``formula`` holds at some instant of a window."""
-    return Eventually(formula, window(within, between))
+    return f.Eventually(formula, window(within, between))
 
 
-def until(formula: Formula, goal: Formula, within: Any = None, between: Any = None) -> Until:
+def until(formula: f.Formula, goal: f.Formula, within: Any = None, between: Any = None) -> f.Until:
     """Return the formula that ``goal`` comes in a window and ``formula`` holds until then."""
-    return Until(formula, goal, window(within, between))
+    return f.Until(formula, goal, window(within, between))
 
 
-def unless(formula: Formula, goal: Formula) -> Until:
+def unless(formula: f.Formula, goal: f.Formula) -> f.Until:
     """Return the formula that ``formula`` holds until ``goal`` comes, or always."""
-    return Until(formula, goal, WHOLE, True)
+    return f.Until(formula, goal, WHOLE, True)
 
 
-def after(trigger: Formula, formula: Formula) -> After:
+def after(trigger: f.Formula, formula: f.Formula) -> f.After:
     """Return the formula that ``formula`` holds at each instant of ``trigger``."""
-    return After(trigger, formula)
+    return f.After(trigger, formula)
 
 
 def count(
-    event: Event,
+    event: f.Event,
     operator: str,
     number: float,
     within: Any = None,
     between: Any = None,
-    until: Formula | None = None,
-) -> Count:
+    until: f.Formula | None = None,
+) -> f.Count:
     """Return the comparison of the number of events in a window, or before ``until`` holds."""
-    return Count(event, operator, float(number), window(within, between), until)
+    return f.Count(event, operator, float(number), window(within, between), until)
 
 
 def quantile(
     share: float,
-    of: Signal,
+    of: f.Signal,
     operator: str,
     number: str | float,
     within: Any = None,
     between: Any = None,
-) -> Quantile:
+) -> f.Quantile:
     """Return the comparison of a quantile of a signal's messages in a window."""
-    return Quantile(float(share), of, operator, to_number(number), window(within, between))
+    return f.Quantile(float(share), of, operator, to_number(number), window(within, between))
 
 
 class _Form(NamedTuple):
     """Mapping that stands for a formula. Its first key tells the form."""
 
-    make: Callable[..., Formula]  # from the fields of the formula
+    make: Callable[..., f.Formula]  # from the fields of the formula
     fields: Mapping[str, str]  # of the formula, by the key that holds it
     may: tuple[str, ...] = ()  # further keys that it may have; outside a window, names of fields
 
 
 _WINDOW = ("within", "between")
 _FORMS = {
-    "signal": _Form(Compare, {"signal": "signal", "is": "number"}, ("hold",)),
-    "fault": _Form(Active, {"fault": "fault"}),
-    "onset": _Form(Onset, {"onset": "fault"}),
-    "cleared": _Form(Cleared, {"cleared": "fault"}),
-    "message": _Form(Message, {"message": "topic"}, ("where",)),
-    "becomes": _Form(Becomes, {"becomes": "formula"}),
-    "not": _Form(Not, {"not": "formula"}),
-    "all": _Form(And, {"all": "formulas"}),
-    "any": _Form(Or, {"any": "formulas"}),
-    "if": _Form(Implies, {"if": "condition", "then": "formula"}),
-    "always": _Form(Always, {"always": "formula"}, _WINDOW),
-    "eventually": _Form(Eventually, {"eventually": "formula"}, _WINDOW),
-    "hold until": _Form(Until, {"hold": "formula", "until": "goal"}, _WINDOW),
+    "signal": _Form(f.Compare, {"signal": "signal", "is": "number"}, ("hold",)),
+    "fault": _Form(f.Active, {"fault": "fault"}),
+    "onset": _Form(f.Onset, {"onset": "fault"}),
+    "cleared": _Form(f.Cleared, {"cleared": "fault"}),
+    "message": _Form(f.Published, {"message": "topic"}, ("where",)),
+    "becomes": _Form(f.Becomes, {"becomes": "formula"}),
+    "not": _Form(f.Not, {"not": "formula"}),
+    "all": _Form(f.And, {"all": "formulas"}),
+    "any": _Form(f.Or, {"any": "formulas"}),
+    "if": _Form(f.Implies, {"if": "condition", "then": "formula"}),
+    "always": _Form(f.Always, {"always": "formula"}, _WINDOW),
+    "eventually": _Form(f.Eventually, {"eventually": "formula"}, _WINDOW),
+    "hold until": _Form(f.Until, {"hold": "formula", "until": "goal"}, _WINDOW),
     "hold unless": _Form(unless, {"hold": "formula", "unless": "goal"}),
-    "after": _Form(After, {"after": "trigger", "expect": "formula"}),
-    "count": _Form(Count, {"count": "event", "is": "number"}, (*_WINDOW, "until")),
-    "quantile": _Form(Quantile, {"quantile": "share", "of": "signal", "is": "number"}, _WINDOW),
+    "after": _Form(f.After, {"after": "trigger", "expect": "formula"}),
+    "count": _Form(f.Count, {"count": "event", "is": "number"}, (*_WINDOW, "until")),
+    "quantile": _Form(f.Quantile, {"quantile": "share", "of": "signal", "is": "number"}, _WINDOW),
 }
 _MAIN = tuple(dict.fromkeys(next(iter(form.fields)) for form in _FORMS.values()))
 _KEYS = ("name", "requirement", "expect")
@@ -200,7 +179,7 @@ def _expectation(entry: Any, place: Place) -> Expectation:
         raise ExpectationError(error, inner) from None
 
 
-def to_formula(value: Any, path: Place = ()) -> Formula:
+def to_formula(value: Any, path: Place = ()) -> f.Formula:
     """Return the formula of a plain value.
 
     The value is a text such as ``reacting_force.force < 45 N``, or a mapping of one of ``_FORMS``.
@@ -216,7 +195,7 @@ def to_formula(value: Any, path: Place = ()) -> Formula:
         if not isinstance(value, Mapping):
             raise ExpectationError(f"{shown(value)} is neither a comparison nor a mapping")
         form = _form(value)
-        if form.make is Compare:
+        if form.make is f.Compare:
             text = value["is"]
             if isinstance(text, str) and text[:1] not in "<>=!":
                 text = f"is {text}"
@@ -227,7 +206,7 @@ def to_formula(value: Any, path: Place = ()) -> Formula:
                 fields |= _fields(form.fields.get(key, key), part, (*path, key))
         if _WINDOW[0] in form.may:
             fields["window"] = _window(value)
-        if form.make is Count:
+        if form.make is f.Count:
             if fields["number"].unit:
                 raise ExpectationError(f"a count has no unit, given {fields['number']}")
             fields["number"] = fields["number"].value
@@ -280,7 +259,7 @@ def _fields(name: str, value: Any, path: Place) -> dict[str, Any]:
     return {name: value if name == "fault" else to_formula(value, path)}
 
 
-def _about(about: Signal, text: Any) -> Compare | Says:
+def _about(about: f.Signal, text: Any) -> f.Compare | f.Says:
     """Return the formula about a signal of a text such as ``< 45 N`` or ``is running``."""
     if isinstance(text, str) and text.startswith("is "):
         return about.says(text[3:].strip())
@@ -303,24 +282,24 @@ def _window(value: Mapping[str, Any]) -> Window:
     return window(value.get("within"), between)
 
 
-def to_plain(formula: Formula) -> Any:
+def to_plain(formula: f.Formula) -> Any:
     """Return the plain value of a formula, the inverse of ``to_formula``."""
-    if isinstance(formula, (Compare, Says)):
+    if isinstance(formula, (f.Compare, f.Says)):
         return _plain_atom(formula)
-    make = unless if isinstance(formula, Until) and formula.weak else type(formula)
+    make = unless if isinstance(formula, f.Until) and formula.weak else type(formula)
     form = next(each for each in _FORMS.values() if each.make is make)
     further = {key: key for key in form.may if key not in _WINDOW}
     plain: dict[str, Any] = {}
     for key, field in (*form.fields.items(), *further.items()):
         value = getattr(formula, field)
-        if isinstance(formula, (Count, Quantile)) and field == "number":
-            plain[key] = f"{formula.operator} {Number(value) if make is Count else value}"
+        if isinstance(formula, (f.Count, f.Quantile)) and field == "number":
+            plain[key] = f"{formula.operator} {Number(value) if make is f.Count else value}"
         elif isinstance(value, tuple):
             plain[key] = [to_plain(part) for part in value]
-        elif isinstance(value, Formula):
+        elif isinstance(value, f.Formula):
             plain[key] = to_plain(value)
         elif value is not None:
-            plain[key] = str(value) if isinstance(value, Signal) else value
+            plain[key] = str(value) if isinstance(value, f.Signal) else value
     part = getattr(formula, "window", WHOLE)
     end = "end" if part.end is None else duration_text(part.end)
     if part.start == 0 and part.end is not None:
@@ -330,8 +309,8 @@ def to_plain(formula: Formula) -> Any:
     return plain
 
 
-def _plain_atom(formula: Compare | Says) -> Any:
-    if isinstance(formula, Says):
+def _plain_atom(formula: f.Compare | f.Says) -> Any:
+    if isinstance(formula, f.Says):
         word = str(formula.word).lower() if isinstance(formula.word, bool) else formula.word
         text = f"is {word}"
     else:

@@ -43,8 +43,9 @@ def test_the_figures_are_those_of_the_run_in_the_bag():
         apply_change(run, planned.change)
     list(run.advance_to(400 * MILLISECOND))
     ensemble = run_ensemble(BEGINNING.settings.configuration, 0.4, [0.3], planned=PLANNED)
-    assert ensemble.members[0]["depth"] == run.simulation.depth
-    [feed], [energy] = ensemble.feed_accounts, ensemble.accounts
+    [member] = ensemble.members
+    assert member.figures["depth"] == run.simulation.depth
+    feed, energy = member.feed, member.account
     assert abs(feed.residual(energy.weight_on_bit_work)) < 1e-12
 
 

@@ -10,8 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from support import refusal
 
-from rpud_sim.foundation.parameters import quantities
-from rpud_sim.foundation.quantities import ParameterError
+from rpud_sim.foundation.quantities import ParameterError, quantities
 from rpud_sim.model.engine import EngineError
 from rpud_sim.simulation import Parameters, preset
 from rpud_sim.simulation.actuator import ActuatorParameters

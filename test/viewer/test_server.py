@@ -98,10 +98,16 @@ def test_another_origin_and_another_host_are_refused(server, path):
 
 @pytest.mark.parametrize(
     ("path", "status"),
-    [("/", 200), ("/share/screen.js", 200), ("/share/x.js", 404), ("/x", 404)],
+    [
+        *(("/", 200), ("/share/screen.js", 200), ("/share/x.js", 404), ("/x", 404)),
+        *(("/screen?drill=/a", 200), ("/drill?namespace=/a", 404)),
+    ],
 )
-def test_each_answer_forbids_scripts_and_frames_of_others(server, path, status):
+def test_each_answer_forbids_scripts_and_frames_of_others_and_opens_no_drill(
+    server, store, path, status
+):
     response, _ = answer(server, path)
+    assert store.clients == []
     assert response.status == status
     policy = response.headers["Content-Security-Policy"]
     for part in ("default-src 'none'", "script-src 'self'", "frame-ancestors 'none'"):

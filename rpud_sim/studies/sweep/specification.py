@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
-import json
 import math
 from collections.abc import Mapping
 from types import MappingProxyType
@@ -221,11 +220,6 @@ class SweepSpecification:
         if self.lasting:
             clear = onset + self._draw_time(f"{name}/lasting", self.lasting)
         return PlannedRun(name, seed, self.faults[label], onset, clear)
-
-    def content(self) -> dict[str, Any]:
-        """Return the specification as JSON reads it back; equal sweeps give equal values."""
-        content: dict[str, Any] = json.loads(json.dumps(dataclasses.asdict(self)))
-        return content
 
     def _point_name(self, number: int, point: Mapping[str, Any]) -> str:
         """Return the name of a point: case, fault, and number in the design."""
