@@ -5,7 +5,15 @@ import base64
 import numpy as np
 import pytest
 from browser.pages import PHONE, SCHEMES, WIDE
-from browser.screens import SHARE, of_screen, page_with_share, text_has, text_is, until_screen, view_of
+from browser.screens import (
+    SHARE,
+    of_screen,
+    page_with_share,
+    text_has,
+    text_is,
+    until_screen,
+    view_of,
+)
 
 from rpud_sim.pages.quantities import QUANTITIES, for_browser
 from rpud_sim.viewer.picture import drill_plots
