@@ -12,6 +12,7 @@ from rpud_msgs.msg import Status
 
 from rpud_sim.foundation.quantities import suggestion
 from rpud_sim.ros.client.listening_node import ListeningNode
+from rpud_sim.ros.graph import node_name
 
 _LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _STEP = "/simulation/step"
@@ -68,6 +69,15 @@ def drill_namespaces(node: Node) -> list[str]:
         for name, types in node.get_service_names_and_types()
         if name.endswith(_STEP) and _STEP_TYPE in types
     )
+
+
+def drill_nodes(node: Node) -> list[str]:
+    """Return the names of the nodes that publish a drill's status in the namespace of a node.
+
+    A name is empty where it is not discovered yet.
+    """
+    infos = node.get_publishers_info_by_topic(node.resolve_topic_name("status"))
+    return [node_name(info) for info in infos if info.topic_type == "rpud_msgs/msg/Status"]
 
 
 def no_drill(node: Node, namespace: str, domain_id: int, patience: float) -> str:
