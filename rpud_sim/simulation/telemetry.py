@@ -15,7 +15,7 @@ from rpud_sim.foundation.time import SECOND
 from rpud_sim.foundation.values import Ragged, Shared
 from rpud_sim.simulation.block import Block, boundaries_until, boundary, first_sample, join_blocks
 from rpud_sim.simulation.configuration import Settings
-from rpud_sim.simulation.faults import FaultRecord
+from rpud_sim.simulation.faults import FaultRecord, SignalFaults
 from rpud_sim.simulation.fields import (
     PROCESS_TOPICS,
     SAMPLED,
@@ -33,7 +33,6 @@ from rpud_sim.simulation.fields import (
     wrench_fields,
 )
 from rpud_sim.simulation.sampling import Times, join_samples
-from rpud_sim.simulation.signals import SignalFaults
 from rpud_sim.simulation.topics import CHANNELS, Fields
 
 # A message: simulation time at which it is published [ns], topic, fields.
