@@ -113,11 +113,11 @@ class RandomFormulas:
         if kind < 2:
             return (f.Onset, f.Cleared)[kind](self.random.choice(FAULTS))
         if kind == 2:
-            return f.Message(self.random.choice(["contact_force", "journal", "status"]))
+            return f.Published(self.random.choice(["contact_force", "journal", "status"]))
         where = self.random.choice([self.compare, self.says])()
         if kind == 3:
             return f.Becomes(where)
-        return f.Message(where.signal.topic, where)
+        return f.Published(where.signal.topic, where)
 
     def count(self):
         """Return a comparison of a count."""

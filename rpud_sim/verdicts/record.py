@@ -13,7 +13,7 @@ from rpud_sim.bag import Batch, Column, Kind, TopicSummary
 from rpud_sim.bag import open as open_bag
 from rpud_sim.bag.columns import RECEIVED, objects, to_rows
 from rpud_sim.foundation.quantities import suggestion
-from rpud_sim.foundation.ragged import Ragged
+from rpud_sim.foundation.values import Ragged
 from rpud_sim.verdicts.formulas import Signal, SignalFormula
 from rpud_sim.verdicts.messages import MissingMessages, Piece, TopicMessages, get, time_of
 from rpud_sim.verdicts.names import (

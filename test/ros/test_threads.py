@@ -124,6 +124,26 @@ def test_where_it_is_not_permitted_the_reason_is_reported(thread, monkeypatch):
     assert thread(scheduled) == (os.SCHED_OTHER, 0)
 
 
+def test_what_a_transition_destroys_in_the_midst_of_its_use_is_no_failure(nodes):
+    node = rclpy.create_node("cleaned_up")
+    nodes.append(node)
+    publisher = node.create_publisher(Clock, "late", 1)
+    uses = []
+
+    def use():
+        uses.append(publisher)
+        publisher.publish(Clock())
+
+    node.create_timer(0.001, use)
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
+    node.destroy_publisher(publisher)
+    failures = []
+    while not uses:
+        serve(executor, failures.append)
+    assert failures == []
+
+
 @pytest.mark.parametrize("kind", [SingleThreadedExecutor, MultiThreadedExecutor])
 def test_a_message_for_which_rclpy_raises_an_error_is_reported_in_one_line(kind, nodes):
     simulated = [Parameter("use_sim_time", value=True)]

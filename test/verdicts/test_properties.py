@@ -61,9 +61,11 @@ def test_a_file_gives_the_same_expectations_back(tmp_path_factory, formula):
 @example(
     f.Quantile(0.01, PEAK, "<", f.Number(1.0, "kN"), f.Window(0, 0))
 )  # impacts are missing later
-@example(f.Count(f.Message("contact_force"), "<=", 1, f.Window(0, SECOND // 1000)))
+@example(f.Count(f.Published("contact_force"), "<=", 1, f.Window(0, SECOND // 1000)))
 @example(
-    f.Not(f.Count(f.Message("contact_force", PEAK > "1 kN"), ">=", 1000, f.Window(0, SECOND // 2)))
+    f.Not(
+        f.Count(f.Published("contact_force", PEAK > "1 kN"), ">=", 1000, f.Window(0, SECOND // 2))
+    )
 )
 def test_a_verdict_that_is_decided_early_stays(record, faulty_messages, formula):
     """What is decided in a bounded window stays so, however long the recording goes on."""

@@ -36,8 +36,8 @@ def windows():
 
 def events():
     where = comparisons().filter(lambda each: each.signal is not SHORT)
-    messages = where.map(lambda each: f.Message(each.signal.topic, each))
-    messages |= st.sampled_from(["reacting_force", "status"]).map(f.Message)
+    messages = where.map(lambda each: f.Published(each.signal.topic, each))
+    messages |= st.sampled_from(["reacting_force", "status"]).map(f.Published)
     return messages | st.builds(f.Becomes, comparisons())
 
 
@@ -142,7 +142,7 @@ class Oracle:
             return UNKNOWN, False
         return self.judged(value, formula.operator, formula.number.value), False
 
-    def message(self, formula, time):
+    def published(self, formula, time):
         samples = self.signals[formula.topic]
         if not any(self.begin <= stamp for stamp in samples):
             return UNKNOWN, True
@@ -257,7 +257,7 @@ class Oracle:
         high = math.inf if beyond else sum(bounds[3] > 0.0 for bounds in found)
         unsure = [not absent and bounds[2] < bounds[3] for bounds, absent in every]
         for first in range(self.begin, self.end):  # any number of events in two such instants
-            if isinstance(formula.event, f.Message):
+            if isinstance(formula.event, f.Published):
                 break
             if all(unsure[first - self.begin :][:2]) and {first, first + 1} & {*times}:
                 high = math.inf

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import yaml
 
-from rpud_sim.foundation.json_values import finite_values
+from rpud_sim.foundation.values import finite_values
 from rpud_sim.pages.frame import render_page
 from rpud_sim.pages.plot import Axis, Line, Plot, Rule, Zone
 from rpud_sim.pages.quantities import ShownQuantity, quantity_in
