@@ -307,8 +307,10 @@ def _echo(options: Any) -> ExitCode:
     from rpud_sim.ros.client.listening_node import ListeningNode
     from rpud_sim.ros.client.topic_listener import CUT, TopicListener, field_getter, to_plain
 
-    with ListeningNode("rpud_echo", options.namespace, options.domain) as listening:
-        listener = TopicListener(listening, options.topic, options.patience)
+    with ListeningNode(
+        "rpud_echo", options.namespace, options.domain, options.patience
+    ) as listening:
+        listener = TopicListener(listening, options.topic)
         field = field_getter(options.field, listener.kind) if options.field else None
         cut = None if options.full_length or options.json else CUT
         text = _json_text if options.json else _yaml_text()

@@ -19,9 +19,8 @@ from rpud_sim.foundation.quantities import ParameterError, Quantity
 from rpud_sim.foundation.terminal import complain
 
 if TYPE_CHECKING:
-    from rpud_sim.simulation.changes import Planned
     from rpud_sim.simulation.configuration import Configuration
-    from rpud_sim.simulation.scenario import Scenario
+    from rpud_sim.simulation.plans import Planned, Scenario
 
 _DURATION = Quantity("s", "simulated time", 1e-9, 1e6)  # time is whole nanoseconds
 _REPEAT = Quantity("", "number of runs", 1, 1e6, whole=True)
@@ -90,10 +89,9 @@ def _refuse_assignments_to_the_node(assignments: Sequence[str]) -> None:
 
 
 def _simulate(options: Any) -> dict[str, Any]:
-    from rpud_sim.simulation.changes import read_commands
     from rpud_sim.simulation.configuration import to_settings
     from rpud_sim.simulation.ensemble import compile_kernels, compile_members
-    from rpud_sim.simulation.scenario import read_scenario
+    from rpud_sim.simulation.plans import read_commands, read_scenario
     from rpud_sim.simulation.simulation import initial_phases
 
     settings = to_settings(parameter_values(options))

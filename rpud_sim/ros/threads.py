@@ -13,8 +13,8 @@ from concurrent.futures import TimeoutError as FutureTimeoutError
 from contextlib import contextmanager
 from typing import Any
 
+from rclpy.exceptions import InvalidHandle
 from rclpy.executors import Executor
-from rclpy.impl.implementation_singleton import rclpy_implementation
 
 _POLL_PERIOD = 0.1  # between checks that requests are served [s]
 _LONGEST_WAIT = 0.1  # for a callback that is ready [s]
@@ -120,7 +120,7 @@ def serve(executor: Executor, failed: Callable[[str], None]) -> None:
     """
     try:
         executor.spin_once(timeout_sec=_LONGEST_WAIT)
-    except rclpy_implementation.InvalidHandle:
+    except InvalidHandle:
         return
     except Exception as error:
         failed(raised(error))

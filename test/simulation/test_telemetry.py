@@ -22,9 +22,9 @@ from rpud_sim.simulation.configuration import to_settings
 from rpud_sim.simulation.faults import Fault, FaultError
 from rpud_sim.simulation.fields import Bookkeeping
 from rpud_sim.simulation.journal import Journal
+from rpud_sim.simulation.plans import Scenario, ScheduledFault
 from rpud_sim.simulation.run import Beginning, Run
 from rpud_sim.simulation.sampling import Times
-from rpud_sim.simulation.scenario import Scenario, ScheduledFault
 from rpud_sim.simulation.simulation import Simulation
 from rpud_sim.simulation.telemetry import Together
 from rpud_sim.simulation.topics import TOPICS
