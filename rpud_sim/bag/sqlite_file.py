@@ -32,7 +32,7 @@ _MOST_PARTS = 256  # each is a query, which may read the whole table
 _COLUMNS = ("name", "type", "serialization_format", "offered_qos_profiles", "type_description_hash")
 
 
-class _Channel(NamedTuple):
+class _RecordedTopic(NamedTuple):
     number: int
     name: str
     type: str
@@ -140,9 +140,9 @@ class SqliteFile:
     def _read_topics(self) -> None:
         held = {name for _, name, *_ in self._database.execute("PRAGMA table_info(topics)")}
         columns = [f"COALESCE({each}, '')" if each in held else "''" for each in _COLUMNS]
-        self.topic_channels: dict[str, list[_Channel]] = {}
+        self.topic_channels: dict[str, list[_RecordedTopic]] = {}
         query = f"SELECT id, {', '.join(columns)} FROM topics ORDER BY id"
-        for channel in map(_Channel._make, self._database.execute(query)):
+        for channel in map(_RecordedTopic._make, self._database.execute(query)):
             if not all(isinstance(text, str) for text in channel[1:]):
                 raise BagFormatError("a topic has a name, type or format that is no text")
             self.topic_channels.setdefault(channel.name, []).append(channel)

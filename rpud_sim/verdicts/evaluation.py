@@ -281,7 +281,7 @@ class Evaluation:
             times = np.array(faults, np.int64).reshape(-1, 2)[:, int(isinstance(event, f.Cleared))]
             stamps = np.sort(times[(times >= self.begin) & (times <= self.end)])
             return _Instants(stamps, columns(TRUE, len(stamps)))
-        if isinstance(event, f.Message):
+        if isinstance(event, f.Published):
             stamps = self._record.messages(event.topic).stamps
             values = columns(TRUE, len(stamps))
             if event.where is not None and len(stamps):

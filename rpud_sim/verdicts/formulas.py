@@ -152,7 +152,7 @@ class Cleared(_OfFault, Event):
 
 
 @dataclasses.dataclass(frozen=True)
-class Message(Event):
+class Published(Event):
     """A message of a topic, at its stamp."""
 
     topic: str  # as in ``Signal``

@@ -21,8 +21,8 @@ from rpud_sim.verdicts.formulas import (
     Cleared,
     Compare,
     Formula,
-    Message,
     Onset,
+    Published,
     Says,
     Signal,
     SignalFormula,
@@ -111,7 +111,7 @@ class Expectation:
         for part in self.formula.walk():
             if isinstance(part, SignalFormula):
                 found.add(part.signal.topic)
-            elif isinstance(part, Message):
+            elif isinstance(part, Published):
                 found.add(part.topic)
             elif isinstance(part, Active | Onset | Cleared):
                 found.add("faults")
@@ -180,7 +180,7 @@ def _check_formula(formula: Formula) -> None:
             # The type of a topic of others is known only to a bag.
             known = drill_columns(topic) if topic in TYPES else None
             check_use(part, find_field(part.signal, known) if known is not None else None)
-        elif isinstance(part, Message):
+        elif isinstance(part, Published):
             _check_topic(part.topic)
 
 

@@ -104,7 +104,7 @@ _FORMS = {
     "fault": _Form(f.Active, {"fault": "fault"}),
     "onset": _Form(f.Onset, {"onset": "fault"}),
     "cleared": _Form(f.Cleared, {"cleared": "fault"}),
-    "message": _Form(f.Message, {"message": "topic"}, ("where",)),
+    "message": _Form(f.Published, {"message": "topic"}, ("where",)),
     "becomes": _Form(f.Becomes, {"becomes": "formula"}),
     "not": _Form(f.Not, {"not": "formula"}),
     "all": _Form(f.And, {"all": "formulas"}),

@@ -8,8 +8,8 @@ from rpud_sim.verdicts import (
     Cleared,
     Expectation,
     ExpectationError,
-    Message,
     Onset,
+    Published,
     after,
     always,
     count,
@@ -45,7 +45,7 @@ UNDERSTOOD = [
     ({"onset": JAMMED}, Onset(JAMMED)),
     (
         {"message": "journal", "where": "journal.kind is inject"},
-        Message("journal", signal("journal.kind").says("inject")),
+        Published("journal", signal("journal.kind").says("inject")),
     ),
     ({"always": "reacting_force.force < 45 N"}, always(FORCE < "45 N")),
     (
@@ -78,11 +78,11 @@ UNDERSTOOD = [
     ),
     (
         {"count": {"message": "contact_force"}, "is": ">= 10", "within": "1 s"},
-        count(Message("contact_force"), ">=", 10, within=1.0),
+        count(Published("contact_force"), ">=", 10, within=1.0),
     ),
     (
         {"count": {"message": "journal"}, "is": "<= 3", "until": {"cleared": JAMMED}},
-        count(Message("journal"), "<=", 3, until=Cleared(JAMMED)),
+        count(Published("journal"), "<=", 3, until=Cleared(JAMMED)),
     ),
     (
         {"quantile": 0.99, "of": "contact_force.peak_force", "is": "< 9 kN"},

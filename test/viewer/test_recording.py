@@ -10,13 +10,11 @@ from hypothesis import strategies as st
 from sample_bags import write_bag
 from viewer.recorded_bags import SECOND, rows_of, write_forces
 
-import rpud_sim.bag
-from rpud_sim.bag.messages import blocks_of
 from rpud_sim.inspection.recorded_drill import Clock, Jump
 from rpud_sim.viewer import recording as recordings
 from rpud_sim.viewer.overview import Overview
 from rpud_sim.viewer.recorded_store import RecordedStore
-from rpud_sim.viewer.recording import RecordedBag, find_jumps, topic_readers
+from rpud_sim.viewer.recording import RecordedBag, find_jumps
 from rpud_sim.viewer.session import ClientState
 
 STEP = 10_000_000
@@ -106,17 +104,6 @@ def test_the_clock_of_each_drill_is_its_own(tmp_path):
     with closing(RecordedBag(path)) as recording:
         assert recording.clocks["/b"].zero == 500 * SECOND
         assert times_of(recording).tolist() == [number / 100 for number in range(200)]
-
-
-def test_messages_whose_times_need_64_bits_are_counted_as_unreadable(tmp_path):
-    path = write_forces(tmp_path / "bag", [(SECOND, SECOND, 1.5), (2 * SECOND, 0, 2.5)])
-    with rpud_sim.bag.open(path) as bag:
-        [reader] = topic_readers(bag)[0].values()
-        first, second = bag.messages()
-    [block] = blocks_of([first, second._replace(log_time=2**63)])
-    rows = reader.read(block)
-    assert rows.values["force"].tolist() == [1.5]
-    assert reader.unreadable == 1
 
 
 STEPS = st.lists(

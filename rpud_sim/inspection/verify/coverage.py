@@ -21,7 +21,6 @@ Position = tuple[int, int]  # progress of the drill: number of the stretch, and 
 
 # Longest delay between topics on their way to a recorder [ns].
 _TOPIC_DELAY = 1 * SECOND
-_LATEST = 2**63 - 1  # a damaged bag may have later times [ns]
 _NOWHERE: Position = (-1, -1)
 
 
@@ -48,7 +47,7 @@ class JournalStretches:
         begins: list[int] = []  # publishing time of the entry that begins each [ns]
         before, beginning = 0, False
         for message, entry in journal:
-            published = min(message.publish_time, _LATEST)
+            published = message.publish_time
             if self.first is None:
                 self.first = message, entry
             if entry.kind in BEGINNINGS or not begins:

@@ -35,8 +35,8 @@ from rpud_sim.ros.threads import StoppedError, quick_switches, serve
 from rpud_sim.simulation.configuration import Settings
 from rpud_sim.simulation.ensemble import compile_kernels
 from rpud_sim.simulation.faults import FaultRecord
+from rpud_sim.simulation.plans import scenario_of
 from rpud_sim.simulation.rerun import Start
-from rpud_sim.simulation.scenario import scenario_of
 from rpud_sim.simulation.statistics import Statistics
 
 NAME = "drill_node"

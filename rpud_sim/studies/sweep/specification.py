@@ -14,7 +14,6 @@ import numpy as np
 from rpud_sim.foundation.quantities import Quantity
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.model.elementary import power
-from rpud_sim.simulation.changes import Planned
 from rpud_sim.simulation.configuration import (
     PARAMETERS,
     Configuration,
@@ -24,7 +23,7 @@ from rpud_sim.simulation.configuration import (
 )
 from rpud_sim.simulation.fault_kinds import KINDS
 from rpud_sim.simulation.faults import Fault
-from rpud_sim.simulation.scenario import Scenario, ScheduledFault
+from rpud_sim.simulation.plans import Planned, Scenario, ScheduledFault
 from rpud_sim.simulation.statistics import FIGURES
 from rpud_sim.simulation.topics import TOPICS
 
