@@ -16,8 +16,7 @@ from collections import Counter
 
 import numpy as np
 
-from rpud_sim.foundation.parameters import declarations
-from rpud_sim.foundation.quantities import Choice, Flag, Quantity
+from rpud_sim.foundation.quantities import Choice, Flag, Quantity, declarations
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.model.parameters import Parameters
 from rpud_sim.simulation import EngineError, Simulation

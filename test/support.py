@@ -5,9 +5,8 @@ import os
 import re
 import signal
 import subprocess
-import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import TypeVar
@@ -17,6 +16,7 @@ import pytest
 from ament_index_python.packages import get_package_share_directory
 
 from rpud_sim.cli.main import main
+from rpud_sim.foundation.child_process import ChildProcess
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.simulation.fields import trajectory_cuts, trajectory_fields
 from rpud_sim.simulation.telemetry import row_of
@@ -31,7 +31,6 @@ LOOPBACK = {
 
 Value = TypeVar("Value")
 
-GRACE = 5.0  # seconds that a process has to obey a signal
 PATIENCE = 100.0
 """Seconds that a test waits for a condition at most: a first drill compiles, beside busy loops."""
 
@@ -93,25 +92,9 @@ def called(capsys: pytest.CaptureFixture, *words: object) -> tuple[int, str, str
 class Process:
     """A real process in a group of its own; its output and errors are read as they come."""
 
-    def __init__(self, *command: str | os.PathLike, **options):
-        """Start `command`; `options` go to `subprocess.Popen`."""
-        self.command = [os.fspath(word) for word in command]
-        self._popen = subprocess.Popen(
-            self.command,
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-            errors="replace",
-            start_new_session=True,
-            **options,
-        )
-        self.pid = self._popen.pid
-        self._lines: list[str] = []
-        self._ended = False
-        self._changed = threading.Condition()
-        self._reader = threading.Thread(target=self._read, daemon=True)
-        self._reader.start()
+    def __init__(self, *command: str | os.PathLike, env: Mapping[str, str] | None = None):
+        self._child = ChildProcess([os.fspath(word) for word in command], environment=env)
+        self.pid = self._child.pid
 
     def __enter__(self) -> "Process":
         return self
@@ -119,79 +102,67 @@ class Process:
     def __exit__(self, *_: object) -> None:
         self.stop()
 
-    def _read(self) -> None:
-        for line in self._popen.stdout:
-            with self._changed:
-                self._lines.append(line.rstrip("\n"))
-                self._changed.notify_all()
-        with self._changed:
-            self._ended = True
-            self._changed.notify_all()
-
     @property
     def output(self) -> str:
         """All that it printed until now."""
-        with self._changed:
-            return "\n".join(self._lines)
+        return self._child.output.rstrip("\n")
 
     @property
     def running(self) -> bool:
         """Whether it has not ended yet."""
-        return self._popen.poll() is None
+        return self._child.running
 
     def wait_for_line(self, pattern: str, timeout: float = PATIENCE) -> re.Match:
-        """Return the match in the first line of all its output that has `pattern`, or fail."""
+        """Return the match in the first line of all its output that has `pattern`, or fail.
+
+        What it has started may go on to print when it has ended itself.
+        """
         expression = re.compile(pattern)
-
-        def match() -> re.Match | None:
-            return next(filter(None, map(expression.search, self._lines)), None)
-
-        with self._changed:
-            self._changed.wait_for(lambda: match() or self._ended, timeout)
-            if found := match():
+        deadline = time.monotonic() + timeout
+        while True:
+            last = not self._group_lives() or time.monotonic() >= deadline
+            lines = self._child.output.split("\n")
+            complete = lines if last else lines[:-1]
+            if found := next(filter(None, map(expression.search, complete)), None):
                 return found
-            reason = "ended without it" if self._ended else f"not within {timeout} s"
-            raise self._failure(f"did not print {pattern!r} ({reason})")
+            if last:
+                raise self._failure(f"did not print {pattern!r} within {timeout} s, or ended")
+            time.sleep(0.01)
 
     def wait(self, timeout: float = PATIENCE) -> int:
-        """Return the exit code, all output read; fail when it does not end."""
-        try:
-            code = self._popen.wait(timeout)
-        except subprocess.TimeoutExpired:
-            raise self._failure(f"did not end within {timeout} s") from None
-        self._reader.join(GRACE)
-        return code
+        """Return the exit code; fail when it does not end."""
+        if not self._child.join(timeout):
+            raise self._failure(f"did not end within {timeout} s")
+        return self._child.code
 
     def interrupt(self) -> None:
         """Send SIGINT, as Ctrl-C does."""
-        self._popen.send_signal(signal.SIGINT)
+        self._send(signal.SIGINT)
 
     def terminate(self) -> None:
         """Send SIGTERM, as `kill` and service managers do."""
-        self._popen.terminate()
+        self._send(signal.SIGTERM)
 
     def kill(self) -> None:
         """Send SIGKILL, which leaves it no time for anything."""
-        self._popen.kill()
+        self._send(signal.SIGKILL)
 
     def stop(self) -> None:
         """End it by the gentlest signal that it obeys, then whatever it left in its group."""
-        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGKILL):
-            self._popen.send_signal(number)
-            try:
-                self._popen.wait(GRACE)
-                break
-            except subprocess.TimeoutExpired:
-                pass
+        self._child.stop()
+
+    def _send(self, number: int) -> None:
+        if self.running:  # to itself alone, not to what it has started
+            os.kill(self.pid, number)
+
+    def _group_lives(self) -> bool:
         with contextlib.suppress(ProcessLookupError):
-            os.killpg(self.pid, signal.SIGKILL)
-        self._reader.join(GRACE)
-        self._popen.stdout.close()
+            os.killpg(self.pid, 0)
+            return True
+        return False
 
     def _failure(self, what: str) -> AssertionError:
-        return AssertionError(
-            f"{' '.join(self.command)} {what}; its output:\n" + "\n".join(self._lines)
-        )
+        return AssertionError(f"{' '.join(self._child.command)} {what}; its output:\n{self.output}")
 
 
 def trajectory_messages(segments, sequence, origin):

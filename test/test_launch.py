@@ -17,6 +17,7 @@ from ament_index_python.packages import (
 from support import until
 
 from rpud_sim.ros.record.record_options import COMPRESSIONS
+from rpud_sim.testing import launcher
 
 pytestmark = pytest.mark.extended
 
@@ -108,30 +109,13 @@ def test_launch_description_can_be_built(path):
     assert {call.args[0].value for call in calls(path, "DeclareLaunchArgument")} <= arguments
 
 
-LAUNCH = """
-import sys
-from launch import LaunchDescription, LaunchService
-from launch.actions import IncludeLaunchDescription
-from launch.launch_description_sources import PythonLaunchDescriptionSource
-
-source = PythonLaunchDescriptionSource(sys.argv[1])
-arguments = [word.split(":=", 1) for word in sys.argv[2:]]
-service = LaunchService(noninteractive=True)  # it interrupts what it started
-service.include_launch_description(
-    LaunchDescription([IncludeLaunchDescription(source, launch_arguments=arguments)])
-)
-sys.exit(service.run())
-"""
-"""What `ros2 launch` does, whose command line may be missing where the library is."""
-
-
 @pytest.fixture
 def launch(process):
     """Launch a file for real, with arguments."""
     pytest.importorskip("launch_ros", reason="launch comes with an installed ROS only")
 
     def start(name, *arguments):
-        return process(sys.executable, "-c", LAUNCH, ROOT / "launch" / name, *arguments)
+        return process(sys.executable, "-m", launcher.__name__, ROOT / "launch" / name, *arguments)
 
     return start
 

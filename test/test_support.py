@@ -32,7 +32,7 @@ def has_ended(pid: int) -> bool:
 
 
 def test_stop_ends_a_process_that_ignores_sigint_and_its_children(monkeypatch):
-    monkeypatch.setattr("support.GRACE", 1.0)
+    monkeypatch.setattr("rpud_sim.foundation.child_process._GRACE", 1.0)
     stubborn = Process(sys.executable, "-c", STUBBORN)
     child = int(stubborn.wait_for_line(r"child (\d+)").group(1))
     stubborn.stop()

@@ -17,8 +17,8 @@ from rosbags.interfaces import Nodetype
 
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.errors import BagFormatError
-from rpud_sim.foundation.ragged import Ragged
 from rpud_sim.foundation.time import SECOND
+from rpud_sim.foundation.values import Ragged
 
 _GREATEST = 1e150  # squares of values beyond would overflow
 

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rpud_sim.foundation.ragged import Ragged
+from rpud_sim.foundation.values import Ragged
 
 TEXT = "s"
 # Codes of the struct, by the names of types in definitions and in IDL.

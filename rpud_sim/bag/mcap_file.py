@@ -257,11 +257,13 @@ def _blocks_in(content: bytes, topics: dict[int, str]) -> list[MessageBlock]:
     blocks = []
     for number, name in enumerate(names):
         rows = order[cuts[number] : cuts[number + 1]]
-        logs, sent = (_times(heads[each][rows]) for each in ("log_time", "publish_time"))
+        logs, sent = (heads[each][rows] for each in ("log_time", "publish_time"))
+        if len(rows) and max(logs.max(), sent.max()) > LATEST:
+            raise BagFormatError(
+                f"a message of {name:.200} has a time of more than {LATEST} ns; rpud recover "
+                "makes a bag without it"
+            )
         sizes = heads["length"][rows].astype(np.int64) - MESSAGE.size
-        blocks.append(MessageBlock(name, logs, sent, data, places[rows] + HEAD.itemsize, sizes))
+        times = logs.astype(np.int64), sent.astype(np.int64)
+        blocks.append(MessageBlock(name, *times, data, places[rows] + HEAD.itemsize, sizes))
     return blocks
-
-
-def _times(times: np.ndarray) -> np.ndarray:
-    return times.astype(np.uint64 if (times > np.uint64(LATEST)).any() else np.int64)

@@ -12,7 +12,8 @@ import io
 import os
 import struct
 import zlib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -36,6 +37,7 @@ from mcap.records import (
 )
 
 from rpud_sim.bag.chunks import COMPRESSIONS, OpenChunk, compressor, in_order
+from rpud_sim.bag.errors import BagError
 from rpud_sim.bag.messages import MessageBlock
 from rpud_sim.bag.metadata import FileInformation, stored_name
 from rpud_sim.bag.records import MAGIC
@@ -60,7 +62,8 @@ class McapWriter:
         self, path: Path, compression: str, chunk_size: int, reserve: Reserve | None = None
     ) -> None:
         self.path = path
-        self._stream = io.BufferedWriter(ReservedFile(path, reserve))
+        self._disk = ReservedFile(path, reserve)
+        self._stream = io.BufferedWriter(self._disk)
         self._chunk_size = chunk_size
         self._compression = COMPRESSIONS[compression]
         self._compress = compressor(self._compression)
@@ -73,7 +76,11 @@ class McapWriter:
         self._metadata: list[MetadataIndex] = []
         self._declared_size = 0
         self._stream.write(MAGIC + _bytes_of(Header("ros2", "rpud_sim")))
-        self.flush()
+
+    @property
+    def failed(self) -> bool:
+        """Whether a write has failed, after which the file cannot be completed."""
+        return self._disk.failed
 
     @property
     def information(self) -> FileInformation:
@@ -175,7 +182,7 @@ class McapWriter:
         """Close the chunk in progress and wait until everything is on the disk."""
         self._close_chunk()
         self._stream.flush()
-        os.fsync(self._stream.fileno())
+        self._disk.sync()
 
     def finish(self) -> None:
         """Write the index and the statistics; the file remains open."""
@@ -310,17 +317,44 @@ class Reserve:
 
 
 class ReservedFile(io.FileIO):
-    """New unbuffered file that uses the reserve when the disk is full."""
+    """New unbuffered file of a bag that uses the reserve when the disk is full."""
 
     def __init__(self, path: Path, reserve: Reserve | None) -> None:
-        super().__init__(path, "xb")
+        self.failed = False  # whether a write failed
         self._reserve = reserve
+        self._bag = path.parent
+        with writing(self._bag):
+            super().__init__(path, "xb")
 
     def write(self, data: object, /) -> int:
         """Write some of the bytes and return their number; the reserve serves a full disk."""
+        with self._writing():
+            try:
+                return super().write(data)  # type: ignore[arg-type]
+            except OSError as error:
+                if error.errno not in _FULL or self._reserve is None or not self._reserve.release():
+                    raise
+                return super().write(data)  # type: ignore[arg-type]
+
+    def sync(self) -> None:
+        """Wait until everything is on the disk."""
+        with self._writing():
+            os.fsync(self.fileno())
+
+    @contextmanager
+    def _writing(self) -> Iterator[None]:
         try:
-            return super().write(data)  # type: ignore[arg-type]
-        except OSError as error:
-            if error.errno not in _FULL or self._reserve is None or not self._reserve.release():
-                raise
-            return super().write(data)  # type: ignore[arg-type]
+            with writing(self._bag):
+                yield
+        except BagError:
+            self.failed = True
+            raise
+
+
+@contextmanager
+def writing(bag: Path) -> Iterator[None]:
+    """Replace errors of the disk by a BagError that names the bag."""
+    try:
+        yield
+    except OSError as error:
+        raise BagError(f"cannot write the bag {bag}: {error.strerror}") from error

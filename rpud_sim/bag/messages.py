@@ -41,10 +41,8 @@ class MessageBlock:
     """Consecutive serialized messages of one topic."""
 
     topic: str  # its name
-    # when they were received [ns since the epoch], int64, shape (n,); uint64 only if a
-    # damaged file has a time that int64 cannot hold
-    log_times: np.ndarray
-    publish_times: np.ndarray  # when they were sent [ns since the epoch], as ``log_times``
+    log_times: np.ndarray  # when they were received [ns since the epoch], int64, shape (n,)
+    publish_times: np.ndarray  # when they were sent [ns since the epoch], int64, shape (n,)
     data: np.ndarray  # bytes (CDR) of all messages, uint8; they may have other bytes between them
     starts: np.ndarray  # where each message begins in ``data``, int64, shape (n,)
     sizes: np.ndarray  # of each message [bytes], int64, shape (n,)
@@ -148,8 +146,8 @@ def joined(blocks: Sequence[MessageBlock]) -> MessageBlock:
     begins = accumulate((len(block.data) for block in blocks), initial=0)
     return MessageBlock(
         blocks[0].topic,
-        _same_times([block.log_times for block in blocks]),
-        _same_times([block.publish_times for block in blocks]),
+        np.concatenate([block.log_times for block in blocks]),
+        np.concatenate([block.publish_times for block in blocks]),
         np.concatenate([block.data for block in blocks]),
         np.concatenate(
             [block.starts + begin for block, begin in zip(blocks, begins, strict=False)]
@@ -172,13 +170,13 @@ def messages_of(
     numbers = [buffers.setdefault(id(block.data), len(buffers)) for block in blocks]
     counts = [len(block) for block in blocks]
     starts = np.concatenate([block.starts for block in blocks])
-    logs = _same_times([block.log_times for block in blocks])
-    times = logs if due is None else _same_times(due)
+    logs = np.concatenate([block.log_times for block in blocks])
+    times = logs if due is None else np.concatenate(due)
     # Those that are earlier than their segment have one time there, and keep the order of blocks.
     order = np.lexsort((starts, logs, np.repeat(numbers, counts), times))
     own = np.repeat(np.arange(len(blocks)), counts)[order].tolist()
     ends = starts + np.concatenate([block.sizes for block in blocks])
-    sent = _same_times([block.publish_times for block in blocks])
+    sent = np.concatenate([block.publish_times for block in blocks])
     topics, contents = [block.topic for block in blocks], [block.data.data for block in blocks]
     places = zip(own, starts[order].tolist(), ends[order].tolist(), strict=True)
     yield from map(
@@ -216,21 +214,10 @@ def _grouped(messages: Sequence[Message]) -> Iterator[MessageBlock]:
         found.setdefault(message.topic, []).append((message, end))
     for topic, pairs in found.items():
         sizes = np.array([len(message.data) for message, _ in pairs], np.int64)
-        logs = _times([message.log_time for message, _ in pairs])
-        sent = _times([message.publish_time for message, _ in pairs])
+        logs = np.array([message.log_time for message, _ in pairs], np.int64)
+        sent = np.array([message.publish_time for message, _ in pairs], np.int64)
         starts = np.array([end for _, end in pairs], np.int64) - sizes
         yield MessageBlock(topic, logs, sent, data, starts, sizes)
-
-
-def _times(times: list[int]) -> np.ndarray:
-    return np.array(times, np.int64 if max(times) <= LATEST else np.uint64)
-
-
-def _same_times(times: Sequence[np.ndarray]) -> np.ndarray:
-    """Return times together; int64 and uint64 would become inexact numbers."""
-    if len({part.dtype for part in times}) > 1:
-        times = [part.astype(np.uint64) for part in times]
-    return np.concatenate(times)
 
 
 class _TimedBlock(NamedTuple):
@@ -259,7 +246,7 @@ def blocks_in_order(
                 yield from (part.block for part in parts)
             else:
                 block = joined([part.block.packed() for part in parts])
-                times = _same_times([part.times for part in parts])
+                times = np.concatenate([part.times for part in parts])
                 yield block.part(np.argsort(times, kind="stable"))
 
 
@@ -309,7 +296,7 @@ def _steps(
             if not len(times):
                 continue
             if times[0] < segment.start_time:  # the index is wrong
-                times = np.maximum(times, times.dtype.type(min(segment.start_time, LATEST)))
+                times = np.maximum(times, min(segment.start_time, LATEST))
             waiting.setdefault(block.topic, []).append(_TimedBlock(block, times, number))
             last = max(last, int(times[-1]))
         if last >= 0:
@@ -337,4 +324,4 @@ def _due(waiting: dict[str, list[_TimedBlock]], until: int) -> dict[str, list[_T
 def _count_before(times: np.ndarray, time: int, side: Literal["left", "right"] = "left") -> int:
     if not len(times) or times[-1] < time:
         return len(times)
-    return int(np.searchsorted(times, times.dtype.type(time), side))
+    return int(np.searchsorted(times, time, side))

@@ -10,7 +10,7 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -82,16 +82,6 @@ class QosProfile:
         }
 
 
-def profiles_from_yaml(value: Any) -> tuple[QosProfile, ...]:
-    """Return the profiles of a parsed YAML list, with policies as words or as older numbers."""
-    if not value:
-        return ()
-    if not isinstance(value, Sequence) or isinstance(value, str):
-        raise BagFormatError(f"offered_qos_profiles is {value!r:.80}; it must be a list")
-    with parsing("a profile of offered_qos_profiles"):
-        return tuple(map(_profile, value))
-
-
 def _profile(item: Mapping[str, Any]) -> QosProfile:
     values: dict[str, Any] = {name: _policy(item[name], words) for name, words in _POLICIES.items()}
     values |= {name: _duration(item[name]) for name in _DURATIONS}
@@ -150,8 +140,7 @@ class TopicSummary:
         return (self.message_count - 1) * 1e9 / (self.last_time - self.first_time)
 
 
-@dataclass(frozen=True)
-class FileInformation:
+class FileInformation(NamedTuple):
     """One storage file of the bag: its name in the bag, time and duration [ns], and messages."""
 
     path: str
@@ -170,72 +159,56 @@ class ReadMetadata(NamedTuple):
     custom_data: dict[str, str]
 
 
-@dataclass(frozen=True)
-class BagMetadata:
-    """Metadata of a bag that is written. Times are nanoseconds since the epoch."""
-
-    start_time: int
-    duration: int
-    message_count: int
-    topics: tuple[tuple[Topic, int], ...]  # with their message counts
-    files: tuple[FileInformation, ...]
-    custom_data: Mapping[str, str] = field(default_factory=dict)
-    ros_distro: str = field(default_factory=lambda: os.environ.get("ROS_DISTRO") or "jazzy")
-
-    def to_document(self) -> str:
-        return _dump({_OUTER_KEY: self._to_mapping()})
-
-    def to_record(self) -> str:
-        return _dump(self._to_mapping())
-
-    def _to_mapping(self) -> dict[str, Any]:
-        return {
-            "version": VERSION,
-            "storage_identifier": "mcap",
-            "duration": {"nanoseconds": self.duration},
-            "starting_time": {"nanoseconds_since_epoch": self.start_time},
-            "message_count": self.message_count,
-            "topics_with_message_count": [
-                {
-                    "topic_metadata": {
-                        "name": topic.name,
-                        "type": topic.type,
-                        "serialization_format": topic.serialization_format,
-                        "offered_qos_profiles": [qos.to_mapping() for qos in topic.offered_qos],
-                        "type_description_hash": topic.type_hash,
-                    },
-                    "message_count": count,
-                }
-                for topic, count in self.topics
-            ],
-            "compression_format": "",
-            "compression_mode": "",
-            "relative_file_paths": [file.path for file in self.files],
-            "files": [
-                {
-                    "path": file.path,
-                    "starting_time": {"nanoseconds_since_epoch": file.start_time},
-                    "duration": {"nanoseconds": file.duration},
-                    "message_count": file.message_count,
-                }
-                for file in self.files
-            ],
-            "custom_data": dict(self.custom_data),
-            "ros_distro": self.ros_distro,
-        }
-
-
 def metadata_of(
-    files: Sequence[FileInformation],
-    topics: tuple[tuple[Topic, int], ...],
-    custom_data: Mapping[str, str],
-) -> BagMetadata:
+    files: Sequence[FileInformation], counts: Mapping[Topic, int], custom_data: Mapping[str, str]
+) -> dict[str, Any]:
     """Return the metadata of a bag with these files, and topics with their message counts."""
     filled = [file for file in files if file.message_count]
     start = min((file.start_time for file in filled), default=0)
     end = max((file.start_time + file.duration for file in filled), default=0)
-    count = sum(file.message_count for file in files)
-    return BagMetadata(start, end - start, count, topics, tuple(files), custom_data)
+    return {
+        "version": VERSION,
+        "storage_identifier": "mcap",
+        **_extent(start, end - start, sum(file.message_count for file in files)),
+        "topics_with_message_count": [
+            {
+                "topic_metadata": {
+                    "name": topic.name,
+                    "type": topic.type,
+                    "serialization_format": topic.serialization_format,
+                    "offered_qos_profiles": [qos.to_mapping() for qos in topic.offered_qos],
+                    "type_description_hash": topic.type_hash,
+                },
+                "message_count": count,
+            }
+            for topic, count in counts.items()
+        ],
+        "compression_format": "",
+        "compression_mode": "",
+        "relative_file_paths": [file.path for file in files],
+        "files": [{"path": path, **_extent(*extent)} for path, *extent in files],
+        "custom_data": dict(custom_data),
+        "ros_distro": os.environ.get("ROS_DISTRO") or "jazzy",
+    }
+
+
+def _extent(start: int, duration: int, count: int) -> dict[str, Any]:
+    return {
+        "duration": {"nanoseconds": duration},
+        "starting_time": {"nanoseconds_since_epoch": start},
+        "message_count": count,
+    }
+
+
+def dump_document(metadata: Mapping[str, Any]) -> str:
+    """Return the text of a ``metadata.yaml``."""
+    return dump_yaml({_OUTER_KEY: metadata})
+
+
+def dump_yaml(value: Any) -> str:
+    """Return the text of a metadata record."""
+    text: str = yaml.dump(value, Dumper=_DUMPER, sort_keys=False, allow_unicode=True)
+    return text
 
 
 def metadata_from_document(text: str) -> ReadMetadata:
@@ -258,11 +231,18 @@ def read_document(path: Path) -> ReadMetadata:
 
 def dump_offered_qos(profiles: tuple[QosProfile, ...]) -> str:
     """Return the YAML text of the channel metadata ``offered_qos_profiles``."""
-    return _dump([profile.to_mapping() for profile in profiles])
+    return dump_yaml([profile.to_mapping() for profile in profiles])
 
 
 def load_offered_qos(text: str) -> tuple[QosProfile, ...]:
-    return profiles_from_yaml(_load(text))
+    """Return the profiles of such a text, with policies as words or as older numbers."""
+    value = _load(text)
+    if not value:
+        return ()
+    if not isinstance(value, list):
+        raise BagFormatError(f"offered_qos_profiles is {value!r:.80}; it must be a list")
+    with parsing("a profile of offered_qos_profiles"):
+        return tuple(map(_profile, value))
 
 
 def stored_name(path: Path) -> str:
@@ -292,11 +272,6 @@ def _from_mapping(value: Any) -> ReadMetadata:
                 str(key): str(item) for key, item in (value.get("custom_data") or {}).items()
             },
         )
-
-
-def _dump(value: Any) -> str:
-    text: str = yaml.dump(value, Dumper=_DUMPER, sort_keys=False, allow_unicode=True)
-    return text
 
 
 def _load(text: str) -> Any:

@@ -23,16 +23,19 @@ from rpud_sim.bag.columns import (
 )
 from rpud_sim.bag.errors import BagError, BagFormatError
 from rpud_sim.bag.field_values import FieldReader
-from rpud_sim.bag.messages import LATEST, MessageBlock
+from rpud_sim.bag.messages import MessageBlock
 from rpud_sim.bag.messages import joined as joined_blocks
 from rpud_sim.bag.metadata import TopicSummary
 from rpud_sim.foundation.quantities import suggestion
-from rpud_sim.foundation.ragged import Ragged
+from rpud_sim.foundation.values import Ragged
 
 if TYPE_CHECKING:
     import pandas
 
 BATCH_SIZE = 8 * 2**20  # size of a topic's messages that become one batch [bytes]
+# Size of messages that are copied into the arrays together [bytes]: a processor's cache holds it. A
+# topic that fills half of a chunk is read from the chunk without a copy of its messages.
+PART_SIZE = 2**19
 TOTAL_SIZE = 64 * 2**20  # greatest size of all topics' messages that wait to become batches [bytes]
 
 # Greatest size of a batch's decoded messages, unless there is a single one [bytes].
@@ -95,7 +98,7 @@ class Table:
         then skipped; None for an error.
         """
         fields = self._reader.read(block)
-        reasons = {**late_messages(block), **dict(fields.errors)}
+        reasons = dict(fields.errors)
         if not reasons:
             try:
                 return self._batch(block, fields.columns)
@@ -119,10 +122,7 @@ class Table:
         return self.batch(MessageBlock(self._name, none, none, data, none, none))
 
     def _batch(self, block: MessageBlock, columns: Mapping[str, np.ndarray | Ragged]) -> Batch:
-        received = {
-            "log_time": block.log_times.astype(np.int64, copy=False),
-            "publish_time": block.publish_times.astype(np.int64, copy=False),
-        }
+        received = {"log_time": block.log_times, "publish_time": block.publish_times}
         if self._blocks:
             values = to_rows((*_RECEIVED, *self._fields), {**received, **columns})
         else:
@@ -131,16 +131,6 @@ class Table:
                 for name, each in columns.items()
             }
         return Batch(self._name, values, len(block))
-
-
-def late_messages(block: MessageBlock) -> dict[int, str]:
-    """Return why messages have no time in int64, by their places."""
-    late = np.zeros(len(block), bool)
-    for times in (block.log_times, block.publish_times):
-        if times.dtype == np.uint64:
-            late |= times > np.uint64(LATEST)
-    reason = "a message does not fit its columns: its times need more than 63 bits"
-    return dict.fromkeys(np.flatnonzero(late).tolist(), reason)
 
 
 @lru_cache(maxsize=256)  # topics of one type share it
@@ -239,7 +229,7 @@ class Tables:
             rest: MessageBlock | None = block
             while rest is not None:
                 size = waiting[name].size
-                rest = waiting[name].add(rest, tables[name].codec.budget.sizes(rest.sizes))
+                rest = waiting[name].add(rest, tables[name].codec.type.most(rest.sizes))
                 total += waiting[name].size - size
                 if waiting[name].full:
                     total -= waiting[name].size
@@ -256,7 +246,18 @@ class Tables:
         self, tables: Mapping[str, Table], blocks: Iterable[MessageBlock]
     ) -> dict[str, dict[str, np.ndarray]]:
         """Return the columns of each topic, from all its messages."""
-        return filled(tables, self.batches(tables, blocks, batch_size=PART_SIZE))
+        parts = {name: [dict(table.empty().columns)] for name, table in tables.items()}
+        for piece in self.batches(tables, blocks, batch_size=PART_SIZE):
+            parts[piece.topic].append(dict(piece.columns))
+        # Column by column, and each is gone from its parts: they and the whole take little more
+        # memory.
+        return {
+            name: {
+                column.name: np.concatenate([part.pop(column.name) for part in parts[name]])
+                for column in table.columns
+            }
+            for name, table in tables.items()
+        }
 
 
 class _Waiting:
@@ -297,28 +298,6 @@ def _listed(names: Iterable[str]) -> str:
     names = sorted(names)
     more = f" and {len(names) - _NAMES_SHOWN} more" if len(names) > _NAMES_SHOWN else ""
     return ", ".join(f"{name:.80}" for name in names[:_NAMES_SHOWN]) + more or "none"
-
-
-# Size of messages that are copied into the arrays together [bytes]: a processor's cache holds it. A
-# topic that fills half of a chunk is read from the chunk without a copy of its messages.
-PART_SIZE = 2**19
-
-
-def filled(
-    tables: Mapping[str, Table], pieces: Iterable[Batch]
-) -> dict[str, dict[str, np.ndarray]]:
-    """Return the columns of each topic, from batches that come in any order of topics."""
-    parts = {name: [dict(table.empty().columns)] for name, table in tables.items()}
-    for piece in pieces:
-        parts[piece.topic].append(dict(piece.columns))
-    # Column by column, and each is gone from its parts: they and the whole take little more memory.
-    return {
-        name: {
-            column.name: np.concatenate([part.pop(column.name) for part in parts[name]])
-            for column in table.columns
-        }
-        for name, table in tables.items()
-    }
 
 
 def to_frame(table: Table, columns: Mapping[str, np.ndarray]) -> pandas.DataFrame:

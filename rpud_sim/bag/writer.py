@@ -7,13 +7,14 @@ import shutil
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from mcap.records import Attachment, Schema
 
 from rpud_sim.bag.chunks import COMPRESSIONS
 from rpud_sim.bag.errors import BagError, BagExistsError
-from rpud_sim.bag.mcap_writer import McapWriter, Reserve
+from rpud_sim.bag.mcap_writer import McapWriter, Reserve, writing
 from rpud_sim.bag.messages import (
     LATEST,
     REPEATED_KEY,
@@ -26,10 +27,11 @@ from rpud_sim.bag.metadata import (
     FILE_NAME,
     RECORD_KEY,
     RECORD_NAME,
-    BagMetadata,
     FileInformation,
     Topic,
+    dump_document,
     dump_offered_qos,
+    dump_yaml,
     metadata_of,
     stored_name,
 )
@@ -88,17 +90,16 @@ class BagWriter:
         self._closed_files: list[FileInformation] = []
         self._closed_size = 0
         self._listed_size = 0  # bytes that topics take in the metadata, at most
-        self._failed = False
         self._file: McapWriter | None = None
         stored_name(self.path)  # before anything is created
         _create(self.path)
         try:
             self._reserve = Reserve(self.path) if reserved else None
-            with self._writing():
-                self._file = self._open_file()
+            self._open_file()
+            with writing(self.path):
                 _sync(self.path.parent)
         except BaseException:
-            shutil.rmtree(self.path, ignore_errors=True)
+            self._discard()
             raise
 
     @property
@@ -148,8 +149,7 @@ class BagWriter:
         if len(self._channels) >= _MOST_CHANNELS:
             raise BagError(f"a bag has at most {_MOST_CHANNELS} channels")
         channel = (topic.name, topic.serialization_format, schema, dict(metadata))
-        with self._writing():
-            self._numbers.append(self._opened.add_channel(*channel))
+        self._numbers.append(self._opened.add_channel(*channel))
         self._channels.append(channel)
         self._listed_size += 1024 + len(topic.name) + 512 * len(topic.offered_qos)
         self._topics.setdefault(topic.name, topic)
@@ -177,10 +177,7 @@ class BagWriter:
         self, channel: int, data: bytes, log_time: int, publish_time: int, sequence: int = 0
     ) -> None:
         """Add one message of a channel to the open file."""
-        try:  # faster than a context, and recorders write many messages
-            self._opened.write(self._numbers[channel], data, log_time, publish_time, sequence)
-        except OSError as error:
-            raise self._failure(error) from error
+        self._opened.write(self._numbers[channel], data, log_time, publish_time, sequence)
         self._counts[self._channels[channel][0]] += 1
 
     def write_blocks(self, blocks: Sequence[tuple[MessageBlock, np.ndarray]]) -> None:
@@ -200,10 +197,9 @@ class BagWriter:
                 self.write(message.topic, message.data, message.log_time, message.publish_time)
             return
         channels = [self._numbers[self._channel_of[block.topic]] for block, _ in blocks]
-        with self._writing():
-            self._opened.write_blocks(
-                [(channel, *block) for channel, block in zip(channels, blocks, strict=True)]
-            )
+        self._opened.write_blocks(
+            [(channel, *block) for channel, block in zip(channels, blocks, strict=True)]
+        )
         last = max((int(places[-1]) for _, places in blocks), default=0)
         for block, places in blocks:
             self._counts[block.topic] += len(block)
@@ -212,32 +208,26 @@ class BagWriter:
 
     def split(self) -> None:
         """Complete the file and go on in a new one that begins with the latched messages."""
-        with self._writing():
-            self._complete_file()
-            self._file = self._open_file()
-            marked: dict[int, int] = {}
-            for message in self._latched.at(self._last):
-                channel = self._channel_of[message.topic]
-                if channel not in marked:
-                    topic, encoding, schema, metadata = self._channels[channel]
-                    marked[channel] = self._file.add_channel(
-                        topic, encoding, schema, {**metadata, REPEATED_KEY: "true"}
-                    )
-                _, log_time, publish_time, data = message
-                self._file.write(marked[channel], data, log_time, publish_time, 0)
-                self._counts[message.topic] += 1
-                self._repeated += 1
+        self._complete_file()
+        self._open_file()
+        marked: dict[str, int] = {}
+        for topic, log_time, publish_time, data in self._latched.at(self._last):
+            if topic not in marked:
+                _, encoding, schema, metadata = self._channels[self._channel_of[topic]]
+                metadata = {**metadata, REPEATED_KEY: "true"}
+                marked[topic] = self._opened.add_channel(topic, encoding, schema, metadata)
+            self._opened.write(marked[topic], data, log_time, publish_time, 0)
+            self._counts[topic] += 1
+            self._repeated += 1
         self._began = None
 
     def add_record(self, name: str, content: Mapping[str, str]) -> None:
         """Add a metadata record: named texts, such as how the bag was made."""
-        with self._writing():
-            self._opened.add_record(name, content)
+        self._opened.add_record(name, content)
 
     def add_attachment(self, attachment: Attachment) -> None:
         """Add a file that belongs to the bag, as MCAP has it."""
-        with self._writing():
-            self._opened.add_attachment(attachment)
+        self._opened.add_attachment(attachment)
 
     def reserve(self, size: int) -> bool:
         """Return whether a message of ``size`` bytes can be written and the bag then be closed.
@@ -247,13 +237,12 @@ class BagWriter:
         if self._reserve is None:
             return True
         size += self._opened.unwritten + 2 * self._listed_size + self._latched.size + _END
-        with self._writing():
+        with writing(self.path):
             return self._reserve.hold(size)
 
     def flush(self) -> None:
         """Close the chunk in progress and wait until everything written is on the disk."""
-        with self._writing():
-            self._opened.flush()
+        self._opened.flush()
 
     def close(self) -> None:
         """Complete the bag with its index, its statistics and ``metadata.yaml``.
@@ -263,19 +252,14 @@ class BagWriter:
         if self._file is None:
             return
         try:
-            if self._reserve is not None:
-                with self._writing():
+            with writing(self.path):
+                if self._reserve is not None:
                     self._reserve.release()
-            if not self._failed:
-                with self._writing():
+                if not self._file.failed:
                     self._complete_file()
                     _write_document(self.path, self._metadata(self._closed_files))
         finally:
-            if self._file is not None:
-                file, self._file = self._file, None
-                # After a failed write the rest of a buffer fails here again.
-                with suppress(OSError) if self._failed else self._writing():
-                    file.close()
+            self._release()
 
     def __enter__(self) -> BagWriter:
         return self
@@ -298,43 +282,43 @@ class BagWriter:
             return True
         return self._max_size is not None and self._opened.closed_size + size > self._max_size
 
-    def _open_file(self) -> McapWriter:
+    def _open_file(self) -> None:
         path = self.path / f"{self.path.name}_{len(self._closed_files)}.mcap"
-        file = McapWriter(path, self._compression, self._chunk_size, self._reserve)
-        self._numbers = [file.add_channel(*channel) for channel in self._channels]
-        _sync(self.path)
-        return file
+        self._file = McapWriter(path, self._compression, self._chunk_size, self._reserve)
+        self._numbers = [self._file.add_channel(*channel) for channel in self._channels]
+        self._file.flush()
+        with writing(self.path):
+            _sync(self.path)
 
     def _complete_file(self) -> None:
         file = self._opened
         file.flush()
         files = [*self._closed_files, file.information]
-        file.add_record(RECORD_NAME, {RECORD_KEY: self._metadata(files).to_record()})
+        file.add_record(RECORD_NAME, {RECORD_KEY: dump_yaml(self._metadata(files))})
         file.finish()
-        self._file = None
-        file.close()
+        self._release()
         self._closed_files = files
         self._closed_size += file.path.stat().st_size
 
-    def _metadata(self, files: Sequence[FileInformation]) -> BagMetadata:
-        topics = tuple((topic, self._counts[name]) for name, topic in self._topics.items())
-        return metadata_of(files, topics, self.custom_data)
+    def _metadata(self, files: Sequence[FileInformation]) -> dict[str, Any]:
+        counts = {topic: self._counts[name] for name, topic in self._topics.items()}
+        return metadata_of(files, counts, self.custom_data)
 
     @property
     def _opened(self) -> McapWriter:
         assert self._file is not None
         return self._file
 
-    @contextmanager
-    def _writing(self) -> Iterator[None]:
-        try:
-            yield
-        except OSError as error:
-            raise self._failure(error) from error
+    def _release(self) -> None:
+        """Close the file, complete or not; after a failed write the rest of it fails again."""
+        if self._file is not None:
+            file, self._file = self._file, None
+            with suppress(BagError):
+                file.close()
 
-    def _failure(self, error: OSError) -> BagError:
-        self._failed = True
-        return BagError(f"cannot write the bag {self.path}: {error.strerror}")
+    def _discard(self) -> None:
+        shutil.rmtree(self.path, ignore_errors=True)
+        self._release()
 
 
 @contextmanager
@@ -345,9 +329,7 @@ def whole_bag(path: str | os.PathLike[str]) -> Iterator[BagWriter]:
         yield bag
         bag.close()
     except BaseException:
-        shutil.rmtree(bag.path, ignore_errors=True)
-        bag._failed = True  # it cannot be completed any more
-        bag.close()
+        bag._discard()
         raise
 
 
@@ -371,11 +353,11 @@ def _create(folder: Path) -> None:
         raise BagError(f"cannot create the bag {folder}: {error.strerror}") from error
 
 
-def _write_document(folder: Path, metadata: BagMetadata) -> None:
+def _write_document(folder: Path, metadata: Mapping[str, Any]) -> None:
     # Renamed when it is whole, so that there is never half a metadata.yaml.
     draft = folder / f"{FILE_NAME}.tmp"
     with draft.open("x", encoding="utf-8") as document:
-        document.write(metadata.to_document())
+        document.write(dump_document(metadata))
         document.flush()
         os.fsync(document.fileno())
     draft.rename(folder / FILE_NAME)

@@ -307,8 +307,10 @@ def _echo(options: Any) -> ExitCode:
     from rpud_sim.ros.client.listening_node import ListeningNode
     from rpud_sim.ros.client.topic_listener import CUT, TopicListener, field_getter, to_plain
 
-    with ListeningNode("rpud_echo", options.namespace, options.domain) as listening:
-        listener = TopicListener(listening, options.topic, options.patience)
+    with ListeningNode(
+        "rpud_echo", options.namespace, options.domain, options.patience
+    ) as listening:
+        listener = TopicListener(listening, options.topic)
         field = field_getter(options.field, listener.kind) if options.field else None
         cut = None if options.full_length or options.json else CUT
         text = _json_text if options.json else _yaml_text()
@@ -347,7 +349,7 @@ def _listen(listener: TopicListener, show: Callable[[Any], None], options: Any) 
 
 
 def _json_text(plain: Any) -> str:
-    from rpud_sim.foundation.json_values import finite_values
+    from rpud_sim.foundation.values import finite_values
 
     return json.dumps(finite_values(plain)) + "\n"
 

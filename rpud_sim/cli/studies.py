@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import shlex
 import time
@@ -18,7 +17,7 @@ from rpud_sim.foundation.quantities import Quantity
 from rpud_sim.foundation.terminal import printable
 
 if TYPE_CHECKING:
-    from rpud_sim.studies.fit.fit import Fit, Proof
+    from rpud_sim.studies.fit.fit import Fit
     from rpud_sim.studies.fit.target_file import FitSpecification
 
 _CAUSES = 3  # inputs of a figure in the table; the page and indices.json have all
@@ -139,19 +138,14 @@ def _fit(options: Any, specification: FitSpecification) -> int:
 
 
 def _prove(options: Any, specification: FitSpecification) -> int:
-    from rpud_sim.studies.fit.fit import proof_simulations, prove
-    from rpud_sim.studies.fit.rounds import FitFolder
-    from rpud_sim.studies.store import write_whole
+    from rpud_sim.studies.fit.fit import proof_simulations, run_proof
 
-    out, drills = Path(options.out), options.prove
+    drills = options.prove
     with progress_bar(" runs", proof_simulations(specification, drills) + drills) as bar:
-        folder = FitFolder(out, specification, _worker_count(options.workers), bar.update)
-        with folder.held():
-            proof = prove(folder, specification, drills, bar.update)
-            content = proof.content()
-            write_whole(out / "proof.json", f"{json.dumps(content, indent=1)}\n")
-    print_result(options, content, lambda: _proof_lines(proof))
-    return ExitCode.DONE if proof.holds else ExitCode.FAILED
+        workers = _worker_count(options.workers)
+        proof = run_proof(specification, Path(options.out), workers, drills, bar.update)
+    print_result(options, proof, lambda: _proof_lines(proof))
+    return ExitCode.DONE if proof["holds"] else ExitCode.FAILED
 
 
 def fit_text(fit: Fit) -> str:
@@ -181,17 +175,16 @@ def _unknown(fit: Fit, name: str) -> str:
     return text + "".join(f" ({remark})" for remark in interval.remarks)
 
 
-def _proof_lines(proof: Proof) -> Iterator[str]:
-    content = proof.content()
-    for name, found in content["covered"].items():
+def _proof_lines(proof: dict[str, Any]) -> Iterator[str]:
+    for name, found in proof["covered"].items():
         low, high = found["interval"]
         yield (
-            f"{name:28} {found['count']} of {proof.drills} intervals hold the true value: "
+            f"{name:28} {found['count']} of {proof['drills']} intervals hold the true value: "
             f"{100 * found['share']:.1f} % ({100 * low:.1f} to {100 * high:.1f} %)"
         )
-    verdict = "within" if proof.holds else "outside"
+    verdict = "within" if proof["holds"] else "outside"
     yield (
-        f"{100 * content['level']:g} % is {verdict} what chance allows; {proof.refused} synthetic "
+        f"{100 * proof['level']:g} % is {verdict} what chance allows; {proof['refused']} synthetic "
         "drills have no intervals"
     )
 

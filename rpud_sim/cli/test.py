@@ -105,14 +105,14 @@ def _test_campaign(options: Any) -> int:
 
 def _test_bag(options: Any, expect: str) -> int:
     from rpud_sim.verdicts import ExpectationError, Record, evaluate, read_expectations
-    from rpud_sim.verdicts.record import check_bag
     from rpud_sim.verdicts.verdict import OUTCOMES, junit_xml
 
     expectations = read_expectations(expect)
     topics = sorted({topic for each in expectations for topic in each.topics})
-    check_bag(options.subject, expectations, options.namespace, expect)
     with progress_bar(" messages", scaled=True) as bar:
-        record = Record.from_bag(options.subject, topics, options.namespace, bar.update)
+        record = Record.from_bag(
+            options.subject, topics, options.namespace, bar.update, expectations
+        )
     with failing(ExpectationError):  # they fit the types: a message holds an impossible value
         verdicts = [evaluate(each, record) for each in expectations]
     for topic in topics:

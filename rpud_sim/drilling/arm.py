@@ -34,7 +34,7 @@ class Arm:
         return self.half_play + self.anchoring / self.stiffness
 
     def stretch(self, deflection: float) -> float:
-        """Return the deflection beyond the play [m]."""
+        """Deflection beyond the play [m]."""
         if deflection > self.half_play:
             return deflection - self.half_play
         behind = deflection + self.half_play
@@ -54,11 +54,11 @@ class SpringLoad(NamedTuple):
     push: float  # constant force toward the rock [N]
 
     def force(self, position: float) -> float:
-        """Return the force of the drill on a mount at rest [N]."""
+        """Force on a mount at rest [N]."""
         return self.spring_rate * (position - self.origin) - self.push
 
     def work(self, start: float, end: float) -> float:
-        """Return the work of this force on the drill in a motion [J]."""
+        """Work of this force on the drill in a motion [J]."""
         return 0.5 * (self.force(start) + self.force(end)) * (end - start)
 
 
@@ -175,7 +175,6 @@ def _duration(damping: float, net: float, steepness: float, distance: float) -> 
 
 
 def _excess(arm: Arm, position: float, rest: float) -> float:
-    """Return how far the host slips, for the mount is out of the arm's reach [m]."""
     deflection = position - rest
     excess = abs(deflection) - arm.reach
     return math.copysign(excess, deflection) if excess > 0.0 else 0.0

@@ -10,8 +10,7 @@ from typing import NamedTuple
 from rpud_sim.drilling.inputs import Disturbances, Percussion
 from rpud_sim.drilling.rock import Layer, RockParameters, Strata, inclusion_in
 from rpud_sim.drilling.rotor import NO_RESISTANCE, Resistance, Turned
-from rpud_sim.foundation.parameters import ParameterGroup, number
-from rpud_sim.foundation.quantities import ParameterError
+from rpud_sim.foundation.quantities import ParameterError, ParameterGroup, number
 from rpud_sim.model.elementary import exponential_minus_one
 
 
@@ -138,10 +137,7 @@ class Cuttings:
         self.volume = 0.0  # in the hole [m^3]
 
     def filling(self, depth: float, clogged: float = 0.0) -> float:
-        """Return the share of the flutes that is full, from 0 to 1.
-
-        A fault may clog a share of their free room.
-        """
+        """Share of the flutes that is full, 0 to 1; a fault may clog a share of their free room."""
         if depth <= 0.0:
             return 0.0
         full = self.volume / (self._bit.flute_area * depth)
@@ -149,13 +145,13 @@ class Cuttings:
         return full + clogged * (1.0 - full)
 
     def clearance(self, depth: float, clogged: float = 0.0) -> float:
-        """Return the factor on the progress: 1 up to the choke, falling to 0 with full flutes."""
+        """Factor on the progress: 1 up to the choke, falling to 0 with full flutes."""
         choke = self._bit.cuttings_choke
         free = (1.0 - self.filling(depth, clogged)) / (1.0 - choke)
         return free if free < 1.0 else 1.0
 
     def torque(self, depth: float, clogged: float = 0.0) -> float:
-        """Return the torque that resists the rotation [N m], in proportion to depth and filling."""
+        """Torque that resists the rotation [N m], in proportion to depth and filling."""
         return self._bit.flute_torque * depth * self.filling(depth, clogged)
 
     def step(
@@ -183,7 +179,6 @@ class Cuttings:
         self.volume = min(self.volume, bit.flute_area * depth)
 
     def withdraw(self, before: float, after: float) -> None:
-        """Take out what the flutes hold along the way when the tool is drawn back."""
         self.volume *= after / before if before > 0.0 else 0.0
 
 
@@ -200,7 +195,7 @@ class RecentDrilling:
         self._now = 0
 
     def add(self, interval: float, depth: float, energy: float) -> None:
-        """Add a step, with the depth of the hole [m] and the energy spent [J] at its end."""
+        """Add a step; depth of the hole [m] and energy spent [J] are at its end."""
         values = (self._times[self._now] + interval, depth, energy)
         rings = (self._times, self._depths, self._energies)
         steps = len(self._times)
@@ -338,7 +333,7 @@ class Borehole:
         self._worn_factor, self._clogged = disturbances.worn_factor, disturbances.clogged
 
     def _drills(self, percussion: Percussion) -> bool:
-        """Return whether the tool is in rock into which it can get deeper."""
+        """Whether the tool is in rock into which it can get deeper."""
         return percussion.in_rock and not self._through and self._depth < self._deepest
 
     def _cut(self, layer: Layer, force: float, disturbances: Disturbances) -> Cut:
@@ -349,13 +344,13 @@ class Borehole:
         return cut(self._bit, layer, self._radius, force, flat, disturbances.hardness)
 
     def _layer_under(self, disturbances: Disturbances) -> Layer:
-        """Return the layer at the bottom, or the stone in it that is harder."""
+        """Return the layer at the bottom, or a harder stone in it."""
         layer = self._strata.layers[self._layer]
         strength = disturbances.inclusion_strength
         return inclusion_in(layer, strength) if strength > layer.strength else layer
 
     def _screw_slope(self, layer: Layer) -> float:
-        """Return torque over radius and axial force of a screw with friction: tan(phi + rho)."""
+        """Torque over radius and axial force of a screw with friction: tan(phi + rho)."""
         slope = self._bit.flute_pitch / (2.0 * math.pi * self._radius)
         rest = 1.0 - slope * layer.friction
         total = slope + layer.friction

@@ -8,8 +8,15 @@ from typing import NamedTuple
 
 from rpud_sim.drilling.arm import Arm, Move, SpringLoad, arm_force, drift, shift
 from rpud_sim.drilling.inputs import Disturbances, Percussion
-from rpud_sim.foundation.parameters import ParameterGroup, choice, number
-from rpud_sim.foundation.quantities import ParameterError, Quantity, shown, suggestion
+from rpud_sim.foundation.quantities import (
+    ParameterError,
+    ParameterGroup,
+    Quantity,
+    choice,
+    number,
+    shown,
+    suggestion,
+)
 
 RATE = "rate"
 POSITION = "position"
@@ -37,7 +44,7 @@ class Feed:
         object.__setattr__(self, "value", quantity.check(f"feed {self.mode}", self.value))
 
     def reduced(self, share: float) -> Feed:
-        """Return what is left of it while a share of the commands acts: a position is given up."""
+        """What is left of it while a share of the commands acts: a position is given up."""
         if share == 1.0:
             return self
         return Feed(RATE, self.value * share if self.mode == RATE else 0.0)
@@ -269,7 +276,7 @@ class Mount:
         self._drill_work += work + share * damper
 
     def _next_feed(self, interval: float, stalled: bool) -> float:
-        """Return the position of the feed's drive after a step [m]."""
+        """Position of the feed's drive after a step [m]."""
         feed, motion = self._feed, self.motion
         if stalled or motion is STOPPED:
             return feed

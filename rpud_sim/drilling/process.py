@@ -11,8 +11,8 @@ from rpud_sim.drilling.inputs import Disturbances, Percussion
 from rpud_sim.drilling.mount import Mount, MountParameters, MountState
 from rpud_sim.drilling.rock import RockParameters, Strata, StrataParameters, uniform_strata
 from rpud_sim.drilling.rotor import NO_RESISTANCE, NOT_TURNED, RotationParameters, Rotor, RotorState
-from rpud_sim.foundation.shared import Shared
 from rpud_sim.foundation.time import NEVER, SECOND
+from rpud_sim.foundation.values import Shared
 
 
 @dataclasses.dataclass(frozen=True)
@@ -109,12 +109,11 @@ class Process:
 
     @property
     def next_step(self) -> int:
-        """Time of the next step [ns]; ``NEVER`` if there is nothing to step."""
         return self._next_step
 
     @property
     def mount(self) -> Mount | None:
-        """Mount of the drill; None without a feed: weight on bit and regime are commanded."""
+        """None without a feed: weight on bit and regime are commanded."""
         return self._mount
 
     @property

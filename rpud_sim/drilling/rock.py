@@ -12,17 +12,20 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from rpud_sim.foundation.parameters import (
+from rpud_sim.foundation.quantities import (
+    ParameterError,
     ParameterGroup,
+    Quantity,
     choice,
     declarations,
+    did_you_mean,
     number,
     quantities,
+    shown,
     text,
 )
-from rpud_sim.foundation.quantities import ParameterError, Quantity, did_you_mean, shown
-from rpud_sim.foundation.shared import Shared
 from rpud_sim.foundation.time import SECOND
+from rpud_sim.foundation.values import Shared
 from rpud_sim.foundation.yaml_files import Cursor, cursor_at, open_yaml, parse_yaml
 
 _PROPERTIES = ("specific_energy", "strength", "threshold_energy", "abrasiveness", "friction")
@@ -104,7 +107,7 @@ class Strata(Shared):
                 )
 
     def end_of(self, number_: int) -> float:
-        """Return the depth at which a layer ends [m]; infinite for the last one without bottom."""
+        """Depth at which a layer ends [m]; infinite for the last one without bottom."""
         if number_ + 1 < len(self.layers):
             return self.layers[number_ + 1].depth_from
         return self.bottom
@@ -164,7 +167,6 @@ def find_strata(choice: str) -> Strata:
 
 
 def read_strata(path: str | Path) -> Strata:
-    """Return the strata of a file in YAML; an error has its name, the line and the layer."""
     return _strata_at(open_yaml(path, where="{file}: line {line}: "))
 
 
@@ -272,7 +274,6 @@ class Progress:
 
     @property
     def depth(self) -> float:
-        """Depth of the hole [m]; NaN without a rock model."""
         return self._depth
 
     def add(self, impacts: np.ndarray, hardness: float = 1.0, clearing: float = 1.0) -> None:

@@ -6,7 +6,7 @@ import dataclasses
 import math
 from typing import NamedTuple
 
-from rpud_sim.foundation.parameters import ParameterGroup, choice, number
+from rpud_sim.foundation.quantities import ParameterGroup, choice, number
 from rpud_sim.model.elementary import exponential, exponential_minus_one, logarithm_one_plus
 
 
@@ -39,7 +39,6 @@ class RotorWork:
 
     @property
     def resisted(self) -> float:
-        """Work against everything that resists the rotation [J]."""
         return math.fsum((self.cutting, self.friction, self.flutes, self.faults))
 
     @property

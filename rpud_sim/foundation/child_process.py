@@ -93,7 +93,6 @@ class ChildProcess:
 
     @property
     def ending(self) -> str:
-        """How it has ended, in words."""
         code = self.code
         if code is None:
             return "runs"
@@ -110,10 +109,9 @@ class ChildProcess:
             line, found, _ = self.output.partition("\n")
             if found or last:
                 return line + found if found else ""
-            self.wait(_POLL_PERIOD)
+            self.join(_POLL_PERIOD)
 
     def send(self, number: int) -> None:
-        """Send a signal to its group."""
         with contextlib.suppress(ProcessLookupError):
             os.killpg(self.pid, number)
 
@@ -126,7 +124,7 @@ class ChildProcess:
         for number in numbers:
             if self.running:
                 self.send(number)
-                self.wait(seconds)
+                self.join(seconds)
         self.kill()
 
     def kill(self) -> None:
@@ -139,7 +137,7 @@ class ChildProcess:
             self._output.close()
             self._errors.close()
 
-    def wait(self, seconds: float) -> bool:
+    def join(self, seconds: float) -> bool:
         """Wait until it has ended, at most for some seconds; return whether it has."""
         with contextlib.suppress(subprocess.TimeoutExpired):
             self._process.wait(seconds)
@@ -154,7 +152,7 @@ def stop_all(processes: Sequence[ChildProcess]) -> None:
             process.send(number)
         deadline = time.monotonic() + _GRACE
         for process in running:
-            process.wait(max(0.0, deadline - time.monotonic()))
+            process.join(max(0.0, deadline - time.monotonic()))
     for process in processes:
         process.kill()
 

@@ -1,4 +1,11 @@
-"""Allowed values: numbers with unit and range, choices, flags and texts, each with its check."""
+"""Allowed values, each with its check: numbers with unit and range, choices, flags and texts.
+
+A frozen dataclass that inherits from ``ParameterGroup`` declares each parameter by one field:
+
+    free_mass: float = number(5e-3, "kg", "mass of the free mass, m_fm", 0.0, 10.0, exclusive=True)
+
+Checks, parameter files, ROS descriptors and ``--set`` derive from it.
+"""
 
 from __future__ import annotations
 
@@ -6,7 +13,9 @@ import dataclasses
 import difflib
 import math
 import reprlib
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from functools import cache
+from types import MappingProxyType
 from typing import Any
 
 
@@ -65,7 +74,7 @@ class Quantity:
 
     @property
     def range(self) -> str:
-        """The allowed range as text, for example ``(0, 100] kg``."""
+        """Text, for example ``(0, 100] kg``."""
         left = "(" if self.exclusive else "["
         right = ")" if self.below else "]"
         return f"{left}{self.minimum:g}, {self.maximum:g}{right} {self.unit}".rstrip()
@@ -103,11 +112,9 @@ class Choice:
 
     @property
     def range(self) -> str:
-        """The allowed words as text, for example ``one of free, drilling``."""
         return f"one of {', '.join(self.choices)}"
 
     def check(self, name: str, value: Any) -> str:
-        """Return the value, or refuse it if it is none of the words."""
         if not (isinstance(value, str) and value in self.choices):
             raise ParameterError(f"{name} = {shown(value)} is not {self.range}")
         return value
@@ -121,7 +128,6 @@ class Flag:
     range: str = dataclasses.field(default="true or false", init=False)
 
     def check(self, name: str, value: Any) -> bool:
-        """Return the value, or refuse it."""
         if not isinstance(value, bool):
             raise ParameterError(f"{name} = {shown(value)} is not true or false")
         return value
@@ -135,10 +141,83 @@ class Text:
     range: str  # which texts are allowed, in words
 
     def check(self, name: str, value: Any) -> str:
-        """Return the value, or refuse it if it is no text."""
         if not isinstance(value, str):
             raise ParameterError(f"{name} = {shown(value)} is not a text")
         return value
 
 
 Allowed = Quantity | Choice | Flag | Text
+
+
+@dataclasses.dataclass(frozen=True)
+class Declaration:
+    """Declaration of a parameter."""
+
+    name: str  # of the parameter
+    default: Any  # its value if none is given
+    allowed: Allowed  # meaning and allowed values
+    changeable: bool  # whether it may change while the drill runs
+
+
+def number(
+    default: float,
+    unit: str,
+    description: str,
+    minimum: float,
+    maximum: float,
+    *,
+    exclusive: bool = False,
+    below: bool = False,
+    whole: bool = False,
+    changeable: bool = False,
+) -> Any:
+    allowed = Quantity(unit, description, minimum, maximum, exclusive, below, whole)
+    return _field(default, allowed, changeable)
+
+
+def choice(
+    default: str, choices: tuple[str, ...], description: str, *, changeable: bool = False
+) -> Any:
+    return _field(default, Choice(description, choices), changeable)
+
+
+def flag(default: bool, description: str) -> Any:
+    return _field(default, Flag(description), False)
+
+
+def text(default: str, range: str, description: str) -> Any:
+    return _field(default, Text(description, range), False)
+
+
+def _field(default: Any, allowed: Allowed, changeable: bool) -> Any:
+    return dataclasses.field(
+        default=default, metadata={"allowed": allowed, "changeable": changeable}
+    )
+
+
+class ParameterGroup:
+    """Base of frozen dataclasses whose fields declare parameters; refuses what is not allowed."""
+
+    def __post_init__(self) -> None:
+        group: Any = type(self)
+        for name, declaration in declarations(group).items():
+            given = getattr(self, name)
+            if (value := declaration.allowed.check(name, given)) is not given:
+                object.__setattr__(self, name, value)
+
+
+@cache
+def declarations(group: type) -> Mapping[str, Declaration]:
+    """Return the declarations of a group by name, without fields that declare nothing."""
+    fields = [field for field in dataclasses.fields(group) if field.metadata]
+    return MappingProxyType(
+        {field.name: Declaration(field.name, field.default, **field.metadata) for field in fields}
+    )
+
+
+def quantities(group: type) -> Mapping[str, Quantity]:
+    return {
+        name: declaration.allowed
+        for name, declaration in declarations(group).items()
+        if isinstance(declaration.allowed, Quantity)
+    }

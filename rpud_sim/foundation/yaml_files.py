@@ -184,7 +184,6 @@ class Cursor:
         return self.mapping()
 
     def get(self, key: str, default: Any = None) -> Cursor:
-        """Return the value of a key of a mapping, or a default in its place."""
         return self._at(key, self.value.get(key, default))
 
     def sequence(

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.lib.format import dtype_to_descr, write_array_header_1_0
 
 from rpud_sim.bag.columns import Column, Kind
-from rpud_sim.foundation.json_values import to_json
+from rpud_sim.foundation.values import to_json
 from rpud_sim.inspection import InspectionError
 
 _MOST_TEXT = 2**31 - 1  # of a batch [bytes], for offsets of 32 bits

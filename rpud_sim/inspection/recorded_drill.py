@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Iterator, Mapping
-from contextlib import suppress
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -22,22 +21,24 @@ from rpud_sim.inspection import InspectionError
 from rpud_sim.inspection.output import Damages
 from rpud_sim.inspection.recorded_journal import (
     JOURNAL,
+    Extent,
     Recorded,
     UnverifiableError,
+    agreed,
     held_journals,
     installed_codec,
     journal_codec,
     journal_entries,
     recorded_progress,
+    wrong_header,
 )
 from rpud_sim.simulation.block import boundaries_until, boundary
 from rpud_sim.simulation.journal import JournalEntry
-from rpud_sim.simulation.topics import PROVED, TOPICS
+from rpud_sim.simulation.topics import TOPICS
 from rpud_sim.simulation.versions import engine_of, other_engine
 
 _NO_COMMANDS = ("begin", "origin", "stop", "flush", "save", "state", "end")
 _LATEST = 2**62  # later than every time [ns]
-_END_LENGTH = 10 * SECOND  # end of a bag that shows how far its last run came [ns]
 
 
 @dataclass(frozen=True)
@@ -213,10 +214,11 @@ def find_run(
     summary = _journal(bag, topic)
     name = summary.topic.name
     codec = journal_codec(summary)
+    extent = Extent(bag, name[: -len("journal")])
     entries: list[Recorded] = []
     torn = ""
     try:
-        entries.extend(journal_entries(bag.messages({name}), codec))
+        entries.extend(extent.check(journal_entries(bag.messages({name}), codec), codec))
     except UnverifiableError as error:
         torn = f"{name}: {error}"
     # The first entry is a beginning, or a state from which a late recording goes on.
@@ -249,7 +251,7 @@ def find_run(
         "" if closed else torn,
         closed,
     )
-    return found if closed or torn else _up_to_its_end(bag, found)
+    return found if closed or torn else _up_to_its_end(extent, found)
 
 
 def _journal(bag: BagReader, wanted: str | None) -> TopicSummary:
@@ -277,36 +279,24 @@ def _clock(entries: list[Recorded]) -> Clock:
     )
 
 
-def _up_to_its_end(bag: BagReader, drill: RecordedDrill) -> RecordedDrill:
+def _up_to_its_end(extent: Extent, drill: RecordedDrill) -> RecordedDrill:
     """Return a run that was not closed with the time that it reached, at the end of a block."""
+    if wrong := wrong_header(drill.entries, drill.codec):
+        _, entry, field, value, right = wrong
+        raise InspectionError(
+            f"{drill.journal}: {field} of entry {entry.sequence} is {value}, not {right}"
+        )
     origins = [e.content["origin"] for _, e in drill.entries if e.kind == "origin"]
-    latest = {"": drill.end}
     try:
         if not drill.beginning:
             drill.check_engine()
         rate = int(drill.beginning["parameters"]["telemetry_rate"])
-        for topic, stamps in _stamps(bag, drill.prefix, max(0, bag.duration - _END_LENGTH)):
-            reached = int(stamps.max()) - (origins[-1] if origins else 0)
-            latest[topic] = max(reached, latest.get(topic, drill.end))
+        origin = origins[-1] if origins else 0
+        reached = agreed([drill.end + origin, *extent.last]) - origin
+        end = boundary(boundaries_until(reached, rate), rate)
     except (ArithmeticError, LookupError, TypeError, ValueError) as error:
         raise InspectionError(f"{drill.journal} cannot be understood: {error!r:.100}") from None
-    # Two topics have to agree, so that one altered stamp changes nothing.
-    reached = min(sorted(latest.values())[-2:])
-    return replace(drill, end=max(drill.end, boundary(boundaries_until(reached, rate), rate)))
-
-
-def _stamps(
-    bag: BagReader, prefix: str, start: int, duration: int | None = None
-) -> Iterator[tuple[str, np.ndarray]]:
-    """Yield topics and stamps of the messages that show the progress of a drill."""
-    codecs: dict[str, Codec] = {}
-    for summary in bag.topics:
-        name = summary.topic.name
-        if name.startswith(prefix) and name[len(prefix) :] in PROVED and summary.definition:
-            with suppress(BagFormatError):
-                codecs[name] = Codec(summary.topic.type, summary.definition)
-    for topic, progress in recorded_progress(bag, codecs, start, duration):
-        yield topic, progress["stamp"]
+    return replace(drill, end=max(drill.end, end))
 
 
 def find_drill(
@@ -335,7 +325,10 @@ def find_drill(
     elif run not in (None, 1):
         raise InspectionError(f"{bag.path} holds no journal, so there is no run {run}")
     manifest = find_manifest(bag, damages, chosen)
-    stamps = [int(found.min()) for _, found in _stamps(bag, f"{chosen}/", 0, SECOND)]
+    extent = Extent(bag, f"{chosen}/")
+    stamps = [
+        int(found["stamp"].min()) for _, found in recorded_progress(bag, extent.codecs, 0, SECOND)
+    ]
     clock = Clock(min(stamps, default=bag.start_time))  # the origin is unknown
     codec = installed_codec(JOURNAL)
     return RecordedDrill(os.fspath(bag.path), journal, codec, manifest, clock, warnings=(reason,))

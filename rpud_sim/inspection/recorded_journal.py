@@ -5,7 +5,8 @@ from __future__ import annotations
 import json
 from collections import OrderedDict
 from collections.abc import Iterable, Iterator, Mapping
-from functools import cache
+from contextlib import suppress
+from functools import cache, cached_property
 from itertools import groupby
 
 import numpy as np
@@ -15,14 +16,16 @@ from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.columns import Kind, columns_of
 from rpud_sim.bag.definitions import find_definition, find_type_hash
 from rpud_sim.bag.field_values import FieldReader
-from rpud_sim.foundation.time import NEVER, join_seconds
+from rpud_sim.foundation.time import NEVER, SECOND, join_seconds
 from rpud_sim.inspection import InspectionError
 from rpud_sim.simulation.journal import STARTS, JournalEntry
-from rpud_sim.simulation.topics import TOPICS
+from rpud_sim.simulation.topics import PROVED, TOPICS
 
 JOURNAL = TOPICS["journal"].type
 
 _STOPPED = "stopped"  # the STATE constant of rpud_msgs/Status
+_END_LENGTH = 4 * SECOND  # end of a bag that shows how far a drill came [ns]
+_BEYOND = 60 * SECOND  # of an entry after all messages: topics may be silent so long [ns]
 
 Recorded = tuple[Message, JournalEntry]
 
@@ -119,6 +122,7 @@ def journal_entries(recorded: Iterable[Message], codec: Codec) -> Iterator[Recor
 def _decode(message: Message, codec: Codec) -> JournalEntry:
     try:
         fields = codec.decode(message.data)
+        join_seconds(fields.header.stamp.sec, fields.header.stamp.nanosec)  # it has a header
         content = json.loads(fields.content)
         time = content.pop("time")
         if type(time) is not int or not 0 <= time < NEVER:
@@ -127,6 +131,86 @@ def _decode(message: Message, codec: Codec) -> JournalEntry:
         reason = " ".join(f"{error!r:.120}".split())
         raise UnverifiableError(f"an entry of the journal cannot be understood: {reason}") from None
     return JournalEntry(int(fields.sequence), time, str(fields.kind), content)
+
+
+class Extent:
+    """Times that the messages of a drill show: they bound how long a journal is run again."""
+
+    def __init__(self, bag: BagReader, prefix: str) -> None:
+        self._bag = bag
+        self.codecs: dict[str, Codec] = {}  # of the topics that show them, by name
+        for summary in bag.topics:
+            topic = summary.topic
+            name = topic.name.removeprefix(prefix)
+            if topic.name == name or name not in (*PROVED, "status") or not summary.definition:
+                continue
+            with suppress(BagFormatError):
+                own = TOPICS[name].type
+                same = (topic.type, topic.type_hash) == (own, find_type_hash(own))
+                codec = installed_codec(own) if same else Codec(topic.type, summary.definition)
+                self.codecs[topic.name] = codec
+
+    @cached_property
+    def end(self) -> list[tuple[str, np.ndarray]]:
+        """Topics, and the progress at their messages, of the end of the bag."""
+        start = max(0, self._bag.duration - _END_LENGTH)
+        return [*recorded_progress(self._bag, self.codecs, start)]
+
+    @property
+    def last(self) -> list[int]:
+        """Last stamp of each topic in the end of the bag [ns]."""
+        return [*{topic: int(progress["stamp"][-1]) for topic, progress in self.end}.values()]
+
+    def check(self, journal: Iterable[Recorded], codec: Codec) -> Iterator[Recorded]:
+        """Yield a journal's entries; an UnverifiableError at one of a time that nothing shows.
+
+        It would be run again without an end.
+        """
+        origin: int | None = None
+        begun = 0
+        for message, entry in journal:
+            if entry.kind == "origin" and isinstance(entry.content.get("origin"), int):
+                origin = int(entry.content["origin"])
+            elif origin is None:
+                stamp = codec.decode(message.data).header.stamp
+                origin = join_seconds(stamp.sec, stamp.nanosec) - entry.time
+                begun = entry.time
+            late = entry.kind == "begin" and entry.time > 0
+            if late or not self._shows(origin, entry.time, begun):
+                raise UnverifiableError(
+                    f"entry {entry.sequence} of the journal ({entry.kind:.20}) is of "
+                    f"{entry.time / SECOND:.9g} s, and no other message shows that time"
+                )
+            yield message, entry
+
+    def _shows(self, origin: int, time: int, begun: int) -> bool:
+        """Whether messages show a simulation time; log times have to where there are none [ns]."""
+        if origin + time <= self._limit:
+            return True
+        if latest := _latest(recorded_progress(self._bag, self.codecs, 0)):
+            self._limit = agreed(latest) + _BEYOND
+            return origin + time <= self._limit
+        return time - begun <= self._bag.duration + _BEYOND
+
+    @cached_property
+    def _limit(self) -> int:
+        return agreed(_latest(self.end)) + _BEYOND
+
+
+def _latest(shown: Iterable[tuple[str, np.ndarray]]) -> list[int]:
+    """Return the greatest stamp of each topic [ns]."""
+    found: dict[str, int] = {}
+    for topic, progress in shown:
+        found[topic] = max(int(progress["stamp"].max()), found.get(topic, 0))
+    return [*found.values()]
+
+
+def agreed(stamps: Iterable[int]) -> int:
+    """Return the greatest stamp that two topics reach, so that one altered stamp changes nothing.
+
+    It is that of the only topic if there is no other, and 0 without any [ns].
+    """
+    return min(sorted(stamps)[-2:], default=0)
 
 
 def wrong_header(

@@ -6,15 +6,17 @@ import dataclasses
 import functools
 from typing import Any
 
-from rpud_sim.foundation.parameters import (
+from rpud_sim.foundation.quantities import (
+    ParameterError,
     ParameterGroup,
     choice,
     declarations,
+    did_you_mean,
     flag,
     number,
     quantities,
+    shown_name,
 )
-from rpud_sim.foundation.quantities import ParameterError, did_you_mean, shown_name
 from rpud_sim.model.contact_models import CONTACT_MODELS, CONTACT_MODELS_TEXT
 
 REGIMES = ("free", "drilling")

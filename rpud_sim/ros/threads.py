@@ -13,6 +13,7 @@ from concurrent.futures import TimeoutError as FutureTimeoutError
 from contextlib import contextmanager
 from typing import Any
 
+from rclpy.exceptions import InvalidHandle
 from rclpy.executors import Executor
 
 _POLL_PERIOD = 0.1  # between checks that requests are served [s]
@@ -114,10 +115,13 @@ def serve(executor: Executor, failed: Callable[[str], None]) -> None:
 
     rclpy itself raises errors at some messages, such as a ``/clock`` before time zero: without
     this, a stranger's message would end the program. ``failed`` is called with one line if the
-    callback raised an error.
+    callback raised an error. It is none that a transition destroyed a publisher or subscription
+    while the executor was about to use it.
     """
     try:
         executor.spin_once(timeout_sec=_LONGEST_WAIT)
+    except InvalidHandle:
+        return
     except Exception as error:
         failed(raised(error))
 

@@ -5,8 +5,14 @@ from __future__ import annotations
 import dataclasses
 import math
 
-from rpud_sim.foundation.parameters import ParameterGroup, choice, flag, number, quantities
-from rpud_sim.foundation.quantities import ParameterError
+from rpud_sim.foundation.quantities import (
+    ParameterError,
+    ParameterGroup,
+    choice,
+    flag,
+    number,
+    quantities,
+)
 from rpud_sim.foundation.time import NEVER, SECOND
 from rpud_sim.model.elementary import complex_phase, complex_size, exponential_minus_one
 from rpud_sim.model.resonator import Resonance, ResonatorEnergy

@@ -10,8 +10,8 @@ from itertools import accumulate
 import numpy as np
 
 from rpud_sim.drilling.process import AT_REST, ProcessState
-from rpud_sim.foundation.shared import Shared
 from rpud_sim.foundation.time import SECOND
+from rpud_sim.foundation.values import Shared
 from rpud_sim.model.energy import RpudConstants
 from rpud_sim.model.segment import IMPACT, SEGMENT, join_records
 from rpud_sim.simulation.actuator import ActuatorReading
@@ -20,7 +20,7 @@ from rpud_sim.simulation.sampling import Samples, Times, sample, sample_parts
 
 
 def boundary(number: int, rate: int) -> int:
-    """Return the simulation time at which a block ends [ns], exact for any whole rate [Hz]."""
+    """Return the simulation time at which a block ends [ns]; the rate [Hz] is whole."""
     return number * SECOND // rate
 
 
@@ -60,17 +60,14 @@ class Block(Shared):
     feeds: Sequence[FeedAccount] = ()  # account of feed and mount in each part; none without a feed
 
     def __len__(self) -> int:
-        """Return the number of parts."""
         return len(self.ends)
 
     @property
     def end(self) -> int:
-        """End of the last part."""
         return int(self.ends[-1])
 
     @property
     def starts(self) -> np.ndarray:
-        """Beginning of each part."""
         return _shifted(self.start, self.ends)
 
     @property
@@ -80,7 +77,6 @@ class Block(Shared):
 
     @property
     def actuator(self) -> ActuatorReading | None:
-        """State of the actuator at the end."""
         return self.readings[-1] if self.readings else None
 
     @property

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -12,15 +12,18 @@ from rpud_sim.drilling.mount import MountParameters
 from rpud_sim.drilling.process import DrillingParameters
 from rpud_sim.drilling.rock import RockParameters, StrataParameters
 from rpud_sim.drilling.rotor import RotationParameters
-from rpud_sim.foundation.parameters import (
+from rpud_sim.foundation.quantities import (
     Declaration,
+    ParameterError,
     ParameterGroup,
     declarations,
+    did_you_mean,
     flag,
     number,
+    shown,
+    shown_name,
     text,
 )
-from rpud_sim.foundation.quantities import ParameterError, did_you_mean, shown, shown_name
 from rpud_sim.foundation.yaml_files import open_yaml, parse_yaml
 from rpud_sim.model.parameters import QUANTITIES, Parameters, preset
 from rpud_sim.simulation.actuator import ActuatorParameters
@@ -65,7 +68,6 @@ class Configuration(ParameterGroup):
 
     @property
     def drilling(self) -> DrillingParameters:
-        """Parameters of the slow processes around the percussion."""
         return DrillingParameters(
             self.rotation, self.mount, self.strata, self.bit, self.rock, self.parameters.tool_length
         )
@@ -186,17 +188,25 @@ class Settings(ParameterGroup):
             )
 
     def value(self, name: str) -> Any:
-        """Return the value of a parameter."""
         return self.values()[name]
 
     def values(self) -> dict[str, Any]:
-        """Return the values of all parameters by name."""
         own = {name: getattr(self, name) for name in NODE_NAMES}
         return {**to_values(self.configuration), **own}
 
     def replace(self, changes: Mapping[str, Any]) -> Settings:
-        """Return settings with some values changed."""
-        return to_settings({**self.values(), **changes})
+        """Return settings with some values changed; only their groups are checked again."""
+        check_names(changes)
+        configuration = self.configuration
+        groups = {
+            field: dataclasses.replace(getattr(configuration, field), **own)
+            for field, group in _GROUPS.items()
+            if (own := _those_of(group, changes))
+        }
+        if drill := {**groups, **_those_of(Configuration, changes)}:
+            configuration = dataclasses.replace(configuration, **drill)
+        own = _those_of(Settings, changes)
+        return dataclasses.replace(self, configuration=configuration, **own)
 
 
 # Groups of parameters by their field in ``Configuration``, and the groups of single values.
@@ -216,18 +226,20 @@ CHANGEABLE = tuple(name for name, declaration in PARAMETERS.items() if declarati
 NODE_NAMES = _NAMES[Settings]
 
 
-def to_configuration(values: Mapping[str, Any]) -> Configuration:
-    """Return the configuration: the regime's preset with the given values.
-
-    Args:
-        values: by name; ``regime`` chooses the preset, drilling if it is not given. Parameters
-            of the run are ignored.
-    """
-    for name in values:
+def check_names(names: Iterable[str]) -> None:
+    for name in names:
         if name not in PARAMETERS:
             raise ParameterError(
                 f"{shown_name(name)} is not a parameter; {did_you_mean(name, PARAMETERS)}"
             )
+
+
+def to_configuration(values: Mapping[str, Any]) -> Configuration:
+    """Return the configuration: the preset of ``regime``, drilling if not given, with these values.
+
+    Parameters of the run are ignored.
+    """
+    check_names(values)
     given = {**vars(preset(values.get("regime", "drilling"))), **values}
     groups = {field: group(**_those_of(group, given)) for field, group in _GROUPS.items()}
     return Configuration(**groups, **_those_of(Configuration, values))

@@ -8,7 +8,7 @@ import operator
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, TypeVar
 
-from rpud_sim.foundation.shared import Shared
+from rpud_sim.foundation.values import Shared
 
 if TYPE_CHECKING:  # Python 3.10 has none
     from typing_extensions import Self
@@ -18,7 +18,6 @@ class _Terms(Shared):
     """Energies by term, which add up."""
 
     def __add__(self, other: Self) -> Self:
-        """Return the account of both."""
         return type(self)(*map(operator.add, vars(self).values(), vars(other).values()))
 
     def __sub__(self, other: Self) -> Self:
@@ -69,7 +68,6 @@ class EnergyAccount(_Terms):
 
     @property
     def inflow(self) -> float:
-        """Everything that flowed in [J]."""
         return math.fsum(
             (self.actuator_work, self.weight_on_bit_work, self.gravity_work, self.changes)
         )
@@ -81,7 +79,6 @@ class EnergyAccount(_Terms):
 
     @property
     def lost(self) -> float:
-        """Everything that was lost [J]."""
         return math.fsum(
             (self.absorbed, self.load_damper, self.actuator_collisions, self.contact_resolution)
         )
@@ -150,8 +147,7 @@ class FeedAccount(_Terms):
     def residual(self, weight_on_bit_work: float) -> float:
         """Return what flowed in less where it went [J]; in a sound run rounding alone.
 
-        Args:
-            weight_on_bit_work: on the RPUD, as of the ``EnergyAccount`` of the same time [J].
+        ``weight_on_bit_work`` is on the RPUD, as of the ``EnergyAccount`` of the same time [J].
         """
         inflows = (self.feed_work, self.host_work, self.spring_changes)
         return math.fsum((*inflows, *(-each for each in self._outflows), -weight_on_bit_work))

@@ -26,13 +26,12 @@ from rpud_sim.model.resonator import account
 from rpud_sim.model.segment import IMPACT, SEGMENT
 from rpud_sim.model.tally import CLASSES, PART_ROOM, advance_members, empty_tallies
 from rpud_sim.simulation.actuator import Actuator
-from rpud_sim.simulation.changes import Planned, apply_change
 from rpud_sim.simulation.commands import WeightOnBit
 from rpud_sim.simulation.configuration import Configuration, whole_configuration
 from rpud_sim.simulation.energy_account import EnergyAccount, FeedAccount
+from rpud_sim.simulation.plans import Planned, Scenario, apply_change
 from rpud_sim.simulation.plant import rpud_constants
 from rpud_sim.simulation.sampling import Times
-from rpud_sim.simulation.scenario import Scenario
 from rpud_sim.simulation.simulation import Simulation
 from rpud_sim.simulation.statistics import (
     Figures,
@@ -59,14 +58,13 @@ def runs_by_itself(configuration: Configuration, scenario: Scenario | None = Non
 
 @dataclasses.dataclass(frozen=True)
 class Member:
-    """Result of one member."""
+    """Result of one member of an ensemble."""
 
     figures: Figures  # of the whole run; empty if it failed
-    # its energy account; None if it failed, or without accounts
-    account: EnergyAccount | None = None
+    account: EnergyAccount | None = None  # of energy; None if it failed, or without accounts
     failure: EngineError | None = None  # why it failed; None if it did not
-    feed: FeedAccount | None = None  # its account of feed and mount; None without a feed
-    rotation: RotorWork | None = None  # energies of its rotor; None without rotation
+    feed: FeedAccount | None = None  # energies of feed and mount; None without a feed
+    rotation: RotorWork | None = None  # energies of the rotor; None without rotation
 
 
 class _Room(threading.local):
@@ -108,11 +106,10 @@ class EnsembleRuns:
 
     @property
     def depth(self) -> float:
-        """Depth of the hole of a single run that is advanced [m]; NaN without a rock model."""
         return self._progress.depth
 
     def run(self, end: int, whole: bool) -> list[Member]:
-        """Run all from time zero to an end [ns], and return their results."""
+        """Run all from time zero to an end [ns]."""
         tallies = empty_tallies(len(self._states))
         self._advance(end, tallies, _room.classes, (True, True, True, True, whole))
         found = []
@@ -187,20 +184,13 @@ class _StoppedError(Exception):
 
 @dataclasses.dataclass(frozen=True)
 class Ensemble:
-    """Figures of the members of an ensemble."""
+    """Runs of one drill from several initial phases."""
 
-    phases: tuple[float, ...]  # initial phase of each member [cycles]
-    # the figures of each member, at least one; all have the same names
-    members: tuple[Figures, ...]
-    accounts: tuple[EnergyAccount, ...]  # the energy account of each member
+    members: tuple[Member, ...]  # at least one; all have the same figures
     real_time_factor: float  # simulated seconds over wall seconds, over all members
-    # the account of feed and mount of each member; none without a feed
-    feed_accounts: tuple[FeedAccount, ...] = ()
-    # energies of the rotor of each member; none without rotation
-    rotor_works: tuple[RotorWork, ...] = ()
 
     def mean(self) -> Figures:
-        """Return the mean of each figure over the members; None where no member has it."""
+        """Return the mean of each figure; None where no member has it."""
         return {
             name: float(np.mean(column)) if len(column) > 1 else next(iter(column), None)
             for name, column in self._columns().items()
@@ -216,8 +206,8 @@ class Ensemble:
 
     def _columns(self) -> dict[str, list[float]]:
         return {
-            name: [value for member in self.members if (value := member[name]) is not None]
-            for name in self.members[0]
+            name: [each for m in self.members if (each := m.figures[name]) is not None]
+            for name in self.members[0].figures
         }
 
 
@@ -228,9 +218,8 @@ def compile_kernels(
 ) -> None:
     """Compile every kernel, or load it from the cache, before anything is timed.
 
-    Args:
-        report: called in another thread with a line that says so, if compiling takes long.
-        messages: also those that make a run's messages many at once.
+    ``report`` is called in another thread with a line that says so, if it takes long; ``messages``:
+    also what makes messages many at once.
     """
     with compilation_reported(report):
         for function, arguments in CALLED_BY_PYTHON:
@@ -366,9 +355,7 @@ def run_ensemble(
 ) -> Ensemble:
     """Run one simulation per initial phase; arguments as for ``run_members``.
 
-    Returns:
-        The ``Ensemble``. With a rock model its members have the depth at the end [m] and the mean
-        penetration rate [m/s] as well.
+    With a rock model the figures have the depth at the end [m] and the mean penetration rate [m/s].
     """
     configuration = whole_configuration(configuration)
     compile_members(configuration)
@@ -384,11 +371,4 @@ def run_ensemble(
             members.append(member)
     wall = time.perf_counter() - started
     simulated = round(duration * SECOND) / SECOND * len(members)
-    return Ensemble(
-        tuple(phases),
-        tuple(member.figures for member in members),
-        tuple(member.account for member in members if member.account is not None),
-        simulated / wall if wall > 0.0 else math.inf,
-        tuple(member.feed for member in members if member.feed is not None),
-        tuple(member.rotation for member in members if member.rotation is not None),
-    )
+    return Ensemble(tuple(members), simulated / wall if wall > 0.0 else math.inf)

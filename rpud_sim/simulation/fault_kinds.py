@@ -85,11 +85,9 @@ class FaultKind:
 
     @property
     def physical(self) -> bool:
-        """Whether it changes the drill; otherwise it changes the messages of a channel."""
         return self.signal is None
 
     def quantity_on(self, channel: str) -> Quantity | None:
-        """Return the meaning of the magnitude on a channel; None if the kind has none."""
         if self.magnitude is None or not self.in_channel_unit:
             return self.magnitude
         return dataclasses.replace(self.magnitude, unit=CHANNELS[channel].unit)
@@ -233,7 +231,6 @@ def _wrong(stage: Stage, path: FieldPath, value: Any) -> Any:
 
 
 def _garbage(stage: Stage, path: FieldPath, value: Any) -> Any:
-    """Return a random bit pattern, or a random truth value."""
     random = stage.random
     if isinstance(value, bool):
         return random.random() < 0.5

@@ -23,8 +23,8 @@ import numpy as np
 
 from rpud_sim.drilling.mount import FEED_MODES
 from rpud_sim.drilling.process import ProcessState
-from rpud_sim.foundation.ragged import Ragged
 from rpud_sim.foundation.time import SECOND
+from rpud_sim.foundation.values import Ragged
 from rpud_sim.model.segment import CONSTANTS, IMPACT, SEGMENT
 from rpud_sim.simulation.actuator import ActuatorReading
 from rpud_sim.simulation.faults import FaultLedger, FaultRecord
@@ -120,7 +120,6 @@ States = Sequence[ProcessState]
 
 
 def has_part(states: States, topic: str) -> bool:
-    """Return whether states, all of one drill, have the part of a topic."""
     return bool(states) and getattr(states[0], topic) is not None
 
 
@@ -218,8 +217,7 @@ def contact_force_fields(impacts: np.ndarray, origin: int) -> Fields:
 def waveform_fields(samples: Samples, cuts: np.ndarray, sample_rate: int, origin: int) -> Fields:
     """Columns of ``rpud_msgs/Waveform``, of at least one message.
 
-    Args:
-        cuts: number of the first sample of each message since simulation time zero, and of all.
+    ``cuts`` are the number of the first sample of each since simulation time zero, and of all.
     """
     counts = np.diff(cuts)
     names = (
@@ -250,9 +248,8 @@ def trajectory_cuts(segments: np.ndarray) -> np.ndarray:
 def trajectory_fields(segments: np.ndarray, cuts: np.ndarray, sequence: int, origin: int) -> Fields:
     """Columns of ``rpud_msgs/Trajectory`` for finished segments.
 
-    Args:
-        cuts: number of the first segment of each message, all with the same constants, and of all.
-        sequence: number of the first segment since the start.
+    ``cuts`` are the number of the first segment of each message, all with the same constants, and
+    of all; ``sequence`` is that of the first segment since the start.
     """
     first = segments[cuts[:-1]]
     starts = first["start_seconds"] * SECOND
@@ -288,7 +285,6 @@ class Bookkeeping:
 def status_fields(
     simulation: Simulation, origin: int, state: str, bookkeeping: Bookkeeping
 ) -> Fields:
-    """Fields of ``rpud_msgs/Status`` at the present time of a simulation."""
     applied = simulation.applied
     actuator = simulation.actuator
     return {
@@ -317,7 +313,6 @@ def status_fields(
 
 
 def fault_fields(record: FaultRecord, origin: int) -> Fields:
-    """Fields of ``rpud_msgs/Fault``; the origin is the stamp of simulation time zero."""
     return {
         **vars(record.fault),
         "number": record.number,
@@ -328,7 +323,6 @@ def fault_fields(record: FaultRecord, origin: int) -> Fields:
 
 
 def faults_fields(ledger: FaultLedger, time: int, origin: int) -> Fields:
-    """Fields of ``rpud_msgs/Faults`` at a simulation time."""
     return {
         "header": header_fields("faults", origin + time),
         "faults": [fault_fields(record, origin) for record in ledger.records],
@@ -337,7 +331,6 @@ def faults_fields(ledger: FaultLedger, time: int, origin: int) -> Fields:
 
 
 def journal_fields(entry: JournalEntry, origin: int) -> Fields:
-    """Fields of ``rpud_msgs/JournalEntry``; the origin is the stamp of simulation time zero."""
     return {
         "header": header_fields("journal", origin + entry.time),
         "sequence": entry.sequence,

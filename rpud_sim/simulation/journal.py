@@ -23,7 +23,6 @@ class JournalEntry:
 
     @property
     def text(self) -> str:
-        """Time and content as one JSON object."""
         return json.dumps({"time": self.time, **self.content})
 
 
@@ -44,7 +43,6 @@ class Journal:
 
     @property
     def state_due(self) -> bool:
-        """Whether the state of the run should be the next entry."""
         return self._states and self._since_start >= _STATE_PERIOD
 
     def note(self, time: int, kind: str, **content: Any) -> None:
@@ -63,6 +61,5 @@ class Journal:
         self._entries.clear()
 
     def drain(self) -> list[JournalEntry]:
-        """Return the entries since the last call."""
         entries, self._entries = self._entries, []
         return entries

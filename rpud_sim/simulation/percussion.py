@@ -127,7 +127,6 @@ class LoadSpring:
         self._start = position  # of the nodal plane at the last step [m]
 
     def step(self, advance: Advance, spring_rate: float, position: float) -> None:
-        """Add a step."""
         way = self._compression
         change = spring_rate - self._spring_rate
         self._changes += change * way * (0.5 * way - position)
@@ -147,18 +146,13 @@ class LoadSpring:
         self._start = position
 
     def shift(self, way: float, work: float) -> None:
-        """Count positions from an origin that is further ahead.
-
-        Args:
-            work: that this does on the springs of the drill [J].
-        """
+        """Count positions from an origin that is further ahead, by work on the springs [J]."""
         self._start -= way
         self._mount_work -= self._left - work
         self._withdrawal += work
         self._passed = self._left = 0.0
 
     def account(self, work: MountWork, position: float) -> FeedAccount:
-        """Return the account since time zero."""
         way = position - self._start
         damper = self._damper - 2.0 * self._damping_force * way
         motion_work = self._motion_work + self._motion_force * way

@@ -25,7 +25,6 @@ from rpud_sim.simulation.percussion import LoadSpring, PercussionMeter, nodal_pl
 
 
 def rpud_constants(parameters: Parameters, resonance: Resonance | None) -> RpudConstants:
-    """Return the constants of the RPUD that its segments lack."""
     return RpudConstants(
         parameters.rpud_mass,
         parameters.gravity_on_drill,
@@ -84,7 +83,6 @@ class Plant:
 
     @property
     def reading(self) -> ActuatorReading:
-        """State of the actuator at the present time."""
         account = self.engine.account(*self._instant)
         return self.actuator.read(self.engine.amplitude, account, self.process.draw)
 
@@ -105,9 +103,8 @@ class Plant:
     def advance_through(self, ends: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
         """Advance to times one after the other [ns], before the next step.
 
-        Returns:
-            The numbers of segments and of impacts since the last ``drain`` that were finished at
-            each time; None if it must be done one by one, and nothing has moved.
+        Return how many segments and impacts since the last ``drain`` were finished at each time;
+        None if it must be done one by one, and nothing has moved.
         """
         if self.actuator.resonance is not None or self._percussion is not None:
             return None  # each reading needs the account at its time, and each block its feed's
@@ -126,8 +123,7 @@ class Plant:
     def change(self, effects: FaultEffects, hardness: float) -> None:
         """Put effects of faults into force at the present time; positions and velocities go on.
 
-        Args:
-            hardness: factor on the specific energy of the rock at time zero, without faults.
+        ``hardness`` is a factor on the specific energy of the rock at time zero, without faults.
         """
         self._set_aside()
         self.actuator.drift(effects.resonance_offset)
@@ -209,7 +205,6 @@ class Plant:
         self._load_spring.shift(self._passed, work)
 
     def _pushing_rate(self) -> float:
-        """Rate with which the load spring pushes [N/m]."""
         acting = self._effects
         return acting.pushing_rate * acting.preload_factor
 
@@ -235,7 +230,6 @@ class Plant:
         return derive(self._acting_parameters(), self._effects.jammed)
 
     def feed_account(self, segment: np.ndarray) -> FeedAccount | None:
-        """Return the account of feed and mount since time zero; None without a feed."""
         if self._load_spring is None or (mount := self.process.state.mount) is None:
             return None
         position = nodal_plane_position(segment, *self._instant)

@@ -11,11 +11,11 @@ from rpud_sim.foundation.quantities import ParameterError, did_you_mean, shown
 from rpud_sim.foundation.time import SECOND, split_fraction
 from rpud_sim.model.engine import EngineError
 from rpud_sim.simulation.block import boundaries_until, boundary
-from rpud_sim.simulation.changes import Planned
 from rpud_sim.simulation.commands import Drive, Feed, WeightOnBit
 from rpud_sim.simulation.configuration import Settings, to_configuration, to_values
 from rpud_sim.simulation.faults import Fault
 from rpud_sim.simulation.journal import Journal, JournalEntry
+from rpud_sim.simulation.plans import Planned
 from rpud_sim.simulation.run import Beginning, Run
 from rpud_sim.simulation.state import read_state
 from rpud_sim.simulation.telemetry import Entry, Together
@@ -43,7 +43,6 @@ class Checkpoints:
         return tuple(self._runs)
 
     def save(self, name: str, run: Run) -> None:
-        """Keep the present state of a run; an older one of the same name is discarded."""
         if not (isinstance(name, str) and _NAME.fullmatch(name)):
             raise CheckpointError(
                 f"{shown(name)} is no name of a checkpoint: 1 to 64 letters, digits, _, . and -"
@@ -93,19 +92,14 @@ class Rerun:
 
     @property
     def time(self) -> int:
-        """Simulation time [ns]."""
         return self.run.time if self.run else 0
 
     @property
     def origin(self) -> int:
-        """Stamp of simulation time zero [ns]."""
         return self.run.origin if self.run else 0
 
     def repeat(self, entry: JournalEntry) -> Iterator[Entry | Together]:
-        """Advance to the time of an entry, repeat its change, and yield the messages.
-
-        Where nothing changes, they come many at once.
-        """
+        """Advance to the time of an entry, repeat its change, and yield the messages."""
         try:
             yield from self._repeat(entry)
         except Exception as error:
@@ -149,7 +143,6 @@ class Rerun:
             yield from repeat_change(self.run, entry)
 
     def advance_to(self, time: int) -> Iterator[Entry | Together]:
-        """Advance to a simulation time [ns] and yield the messages, as ``repeat`` does."""
         return self.run.advance_together(time) if self.run else iter(())
 
 
@@ -204,14 +197,11 @@ def resume(
     stop: bool,
     report: Callable[[float], object] = lambda seconds: None,
 ) -> Resumed:
-    """Run a journal again up to an instant.
+    """Run a journal again up to a simulation time of the last of its runs [ns].
 
-    Args:
-        entries: up to that instant, at least one; all of them are repeated.
-        time: simulation time of the instant in the last of their runs [ns].
-        stop: whether the run stops exactly there, which its journal notes between two blocks.
-            Otherwise it stops at the end of the last block before it.
-        report: called with the seconds that were simulated since its last call.
+    ``entries`` are all up to there, at least one. With ``stop`` the run stops exactly there, which
+    its journal notes between two blocks; otherwise at the end of the last block before. ``report``
+    is called with the seconds that were simulated since its last call.
     """
     wanted: set[str] = set()
     journal = Journal(states=False)  # the recorded ones are repeated
@@ -220,7 +210,6 @@ def resume(
     reached = 0
 
     def hear(messages: Iterable[Entry | Together]) -> list[Entry]:
-        """Return the entries of the journal."""
         nonlocal faults, reached
         heard = []
         for message in messages:

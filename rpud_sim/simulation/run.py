@@ -4,20 +4,19 @@ from __future__ import annotations
 
 import copy
 import dataclasses
+import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
 
-from rpud_sim.drilling.mount import STOPPED
-from rpud_sim.foundation.time import SECOND
 from rpud_sim.simulation.block import Block, boundaries_until, boundary
-from rpud_sim.simulation.commands import COMMAND_NAMES, Command, Drive, WeightOnBit
+from rpud_sim.simulation.commands import Control
 from rpud_sim.simulation.configuration import Settings, to_settings, to_values
 from rpud_sim.simulation.faults import Fault
 from rpud_sim.simulation.fields import Bookkeeping, faults_fields, journal_fields, status_fields
 from rpud_sim.simulation.journal import Journal
-from rpud_sim.simulation.scenario import Scenario, ScheduledFault, scenario_of
+from rpud_sim.simulation.plans import Scenario, ScheduledFault, scenario_of
 from rpud_sim.simulation.simulation import Simulation, initial_phases
 from rpud_sim.simulation.state import write_state
 from rpud_sim.simulation.statistics import RecentEnergy
@@ -77,81 +76,6 @@ class Beginning:
         return Beginning(settings, phase, seed, Scenario(seed, tuple(faults)))
 
 
-class Control:
-    """Commands of a drill, put into force in full, in part when they are lost, or not at all.
-
-    When no command arrived for the timeout, the share that acts falls linearly from 1 to 0 within
-    the ramp, and stays there until the next one.
-
-    Args:
-        timeout: time without a command after which commands are lost [s]; 0 for never.
-        ramp: time in which the share falls from 1 to 0 [s].
-    """
-
-    def __init__(
-        self, simulation: Simulation, timeout: float, ramp: float, active: bool = True
-    ) -> None:
-        self._simulation = simulation
-        self._initial = self._given = simulation.applied
-        self._last = simulation.time  # of the last command [ns]
-        self.set(timeout, ramp)
-        self.active = active  # whether commands act; read-only
-        # whether commands stopped arriving, so that the watchdog makes the drill safe; read-only
-        self.commands_lost = False
-
-    def set(self, timeout: float, ramp: float) -> None:
-        """Set another timeout and ramp [s]."""
-        # In nanoseconds, so that the end of the ramp is exact. At least 1: 0 would be no timeout.
-        self._timeout = max(1, round(timeout * SECOND)) if timeout > 0.0 else 0
-        self._ramp = round(ramp * SECOND)
-
-    def activate(self, active: bool) -> None:
-        """Let commands act from now on, starting with the initial ones, or let none act."""
-        if active and not self.active:
-            self._given = self._initial
-            self._last = self._simulation.time
-        self.active = active
-        self.act()
-
-    def adopt(self) -> None:
-        """Take the commands in force as given now, and let commands act from now on."""
-        self._given = self._simulation.applied
-        self._last = self._simulation.time
-        self.active = True
-        self.commands_lost = False
-
-    def apply(self, command: Command) -> None:
-        """Put a command into force now, if commands act."""
-        if not self.active:
-            return
-        if isinstance(command, Drive):
-            command = command.after(self._given.drive)
-        self._simulation.configuration.check(command)
-        self._last = self._simulation.time
-        given: dict[str, Any] = {COMMAND_NAMES[type(command)]: command}
-        self._given = dataclasses.replace(self._given, **given)
-        self._simulation.apply(command)
-
-    def act(self) -> bool:
-        """Put the present share into force; return whether commands were lost or came back."""
-        simulation, given = self._simulation, self._given
-        overdue = simulation.time - self._last - self._timeout if self._timeout else 0
-        share = float(self.active)
-        if self.active and overdue > 0:
-            share = max(0.0, 1.0 - overdue / self._ramp) if self._ramp else 0.0
-        if simulation.configuration.has_feed:
-            simulation.apply(given.feed.reduced(share) if share else STOPPED)
-        else:
-            simulation.apply(WeightOnBit(given.weight_on_bit.force * share))
-        if share and given.drive.enabled:
-            simulation.apply(Drive(True, given.drive.voltage * share, given.drive.frequency))
-        elif simulation.applied.drive.enabled:
-            simulation.apply(Drive(False, 0.0, 0.0))
-        before = self.commands_lost
-        self.commands_lost = self.active and overdue > 0
-        return self.commands_lost is not before
-
-
 class Run:
     """Run from simulation time zero on: simulation, control, telemetry, journal and origin.
 
@@ -189,11 +113,13 @@ class Run:
             self.simulation, settings.command_timeout, settings.command_loss_ramp, active
         )
         self._recent_energy = RecentEnergy(settings.configuration.has_feed)
+        # power that the steps of the arm lost in the second before the last status [W]; NaN
+        # without a feed
+        self.coupling_power = math.nan
         self._published_faults: object = self.simulation.faults.active
 
     @property
     def time(self) -> int:
-        """Simulation time [ns]."""
         return self.simulation.time
 
     @property
@@ -219,10 +145,7 @@ class Run:
         wanted: Callable[[str], bool] | None = None,
         on_block: Callable[[Block], object] | None = None,
     ) -> Run:
-        """Return a run in the same state, which goes on by itself.
-
-        It has other arguments of ``Run`` where given; a journal only if this run has one.
-        """
+        """Return a run in the same state, with other arguments of ``Run`` where given."""
         own = (self.beginning, self._journal, self._wanted, self._on_block)
         others = (None, journal, wanted, on_block)
         pairs: Iterable[tuple[Any, Any]] = zip(own, others, strict=True)
@@ -248,7 +171,6 @@ class Run:
 
     @property
     def faults_published(self) -> bool:
-        """Whether the present faults are published."""
         return self._published_faults is self.simulation.faults.active
 
     @faults_published.setter
@@ -280,11 +202,9 @@ class Run:
     ) -> Iterator[Entry]:
         """Advance to a time [ns], block by block, and yield the messages.
 
-        Impacts and the samples at the end of a block come first, waveform and trajectory last.
-
-        Args:
-            defer: called with each stream of waveform and trajectory, which is not yielded then:
-                the caller makes and publishes it when it has time. None to have it yielded.
+        Impacts and the samples at the end of a block come first, waveform and trajectory last. With
+        ``defer`` these two are not yielded: the caller makes and publishes each stream when it has
+        time.
         """
         yield from self.changes()
         simulation = self.simulation
@@ -305,10 +225,7 @@ class Run:
             self._on_block(block)
 
     def advance_together(self, time: int) -> Iterator[Entry | Together]:
-        """Advance to a time [ns], and yield the messages of ``advance_to``, many at once.
-
-        Where nothing changes from outside, those of about a second come together.
-        """
+        """Advance to a time [ns]; where nothing changes, the messages come many at once."""
         yield from self.changes()
         simulation = self.simulation
         while simulation.time < time:
@@ -321,7 +238,6 @@ class Run:
             self._on_block(block)
 
     def _undisturbed_ends(self, time: int) -> np.ndarray:
-        """Return the ends of the blocks that can be done together, up to a time [ns]."""
         now = self.time
         until = min(time, self.simulation.next_scheduled - 1)
         faults = self.simulation.faults
@@ -345,19 +261,13 @@ class Run:
         yield from self._telemetry.flush()
 
     def status(self, state: str, bookkeeping: Bookkeeping) -> Entry:
-        """Return the status message of the present time."""
         fields = status_fields(self.simulation, self.origin, state, bookkeeping)
         entries = self._journal.count if self._journal is not None else 0
         powers = self._recent_energy.powers()
+        self.coupling_power = powers.pop("coupling_power")
         return self.time, "status", {**fields, **powers, "journal_entries": entries}
 
-    @property
-    def coupling_power(self) -> float:
-        """Mean power in the last second that the steps of the arm lose [W]; NaN without a feed."""
-        return self._recent_energy.coupling_power()
-
     def note(self, kind: str, **content: Any) -> None:
-        """Append an entry to the journal, if there is one, at the present time."""
         self.simulation.note(kind, **content)
 
     def entries(self) -> Iterator[Entry]:

@@ -118,11 +118,9 @@ def sample_parts(
     """Sample all channels of a trajectory in n parts, each as if it were alone.
 
     So a time at a joint of two segments is sampled from the same one, however far the trajectory
-    goes on before and after its part.
-
-    Args:
-        firsts: number of the first segment of each part, shape (n,), int64; ``lasts`` of the last.
-        cuts: number of the first time of each part, and of all, shape (n + 1,), int64.
+    goes on before and after its part. ``firsts`` and ``lasts`` are the numbers of the first and the
+    last segment of each part, shape (n,), int64. ``cuts`` are those of the first time of each, and
+    of all, shape (n + 1,).
     """
     count = len(times.seconds)
     channels = np.empty((len(CHANNELS), count))

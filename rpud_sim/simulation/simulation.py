@@ -28,8 +28,8 @@ from rpud_sim.simulation.faults import (
     supported_kinds,
 )
 from rpud_sim.simulation.journal import Journal
+from rpud_sim.simulation.plans import Scenario, ScheduledFault
 from rpud_sim.simulation.plant import Plant, rpud_constants
-from rpud_sim.simulation.scenario import Scenario, ScheduledFault
 
 # Refusals that are kept until they are drained; the oldest are dropped.
 _MOST_REFUSALS = 100
@@ -90,17 +90,16 @@ class Simulation:
 
     @property
     def parameters(self) -> Parameters:
-        """The parameters in force, without faults."""
+        """Parameters in force, without faults."""
         return self.configuration.parameters
 
     @property
     def time(self) -> int:
-        """Simulation time [ns]."""
         return self._plant.time
 
     @property
     def impact_count(self) -> int:
-        """Impacts on the drill tool that have begun so far."""
+        """Impacts on the drill tool that have begun."""
         return self._plant.engine.impact_count
 
     @property
@@ -186,11 +185,9 @@ class Simulation:
     def advance_through(self, ends: np.ndarray) -> Block:
         """Advance to times one after the other; the block has a part up to each of them.
 
-        The result is that of ``advance_to`` for each of them; without a scheduled change before the
-        last one, it takes one call of the engine.
-
-        Args:
-            ends: in ascending order, after the present time, at least one [ns], int64.
+        The result is that of ``advance_to`` for each of ``ends``, which ascend from after the
+        present time [ns]. Without a scheduled change before the last one, it takes one call of the
+        engine.
         """
         start = self.time
         if min(self._plant.next_step, self.next_scheduled) > ends[-1]:
@@ -232,9 +229,8 @@ class Simulation:
     def configure(self, configuration: Configuration) -> None:
         """Put other parameters into force at the present time; positions and velocities go on.
 
-        Args:
-            configuration: with the same actuator, and the same rock but for its specific energy.
-                Weight on bit and nominal vibration change by command alone.
+        The actuator is the same, and the rock but for its specific energy. Weight on bit and
+        nominal vibration change by command alone.
         """
         self.configuration = configuration
         self._change_effects()
@@ -247,25 +243,22 @@ class Simulation:
         return number
 
     def clear(self, number: int) -> FaultRecord:
-        """Let a fault end at the present time and return its record."""
+        """Let a fault end and return its record."""
         record = self.faults.clear(self.time, number)
         self._change_effects()
         self.note("clear", number=number)
         return record
 
     def clear_all(self) -> None:
-        """Let all faults end at the present time."""
         self.faults.clear_all(self.time)
         self._change_effects()
         self.note("clear_all")
 
     def note(self, kind: str, **content: Any) -> None:
-        """Append an entry to the journal, if there is one, at the present time."""
         if self._journal is not None:
             self._journal.note(self.time, kind, **content)
 
     def supported_kinds(self) -> tuple[str, ...]:
-        """Return the kinds of faults that this drill supports, as it is configured."""
         return supported_kinds(self.configuration)
 
     def _inject(self, fault: Fault, duration: int) -> int:

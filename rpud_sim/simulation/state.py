@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from rpud_sim.drilling.rock import Strata
-from rpud_sim.foundation.parameters import ParameterGroup
+from rpud_sim.foundation.quantities import ParameterGroup
 from rpud_sim.model.drill import STATE, DrillConstants
 from rpud_sim.model.parameters import Parameters
 from rpud_sim.model.segment import IMPACT, SEGMENT
@@ -43,6 +43,7 @@ _PACKED = {
 _LEFT_OUT = frozenset(
     (
         *("beginning", "control", "_journal", "_wanted", "_on_block", "_recent_energy"),
+        *("coupling_power",),
         *("_published_faults", "_refusals", "_parameters"),
         *("_telemetry_rate", "_sample_rate", "_stream_period"),
         *("_goal", "_segment_room", "_impact_room", "_written"),

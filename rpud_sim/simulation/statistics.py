@@ -55,6 +55,11 @@ def figures_of(tally: np.void, duration: float, quantile: int) -> Figures:
 
     ``quantile`` is the class of the 99 % quantile of the contact force, -1 for none.
     """
+
+    def force_of(number: int) -> float:
+        decades, part = divmod(number, CLASSES_PER_DECADE)
+        return float(LEAST_FORCE * float(f"1e{decades}") * power(10.0, part / CLASSES_PER_DECADE))
+
     totals = dict(zip(TALLY.names or (), tally.item(), strict=True))
     count = totals["impacts"]
 
@@ -71,7 +76,7 @@ def figures_of(tally: np.void, duration: float, quantile: int) -> Figures:
         "actuator_impact_rate": rate(totals["actuator_impacts"]),
         "impact_velocity_mean": mean(totals["impact_velocity"]),
         "contact_force_mean": mean(totals["contact_force"]),
-        "contact_force_p99": _force_of(quantile) if quantile >= 0 else None,
+        "contact_force_p99": force_of(quantile) if quantile >= 0 else None,
         "contact_force_max": totals["contact_force_max"] if count else None,
         "contact_duration_mean": mean(totals["contact_duration"]),
         "squeezed_impact_rate": rate(totals["squeezed"]),
@@ -80,12 +85,6 @@ def figures_of(tally: np.void, duration: float, quantile: int) -> Figures:
         "energy_absorbed_rate": rate(account_of_tally(tally).absorbed),
         "reacting_force_mean": rate(totals["reacting_impulse"]),
     }
-
-
-def _force_of(number: int) -> float:
-    """Return the contact force of a class [N]."""
-    decades, part = divmod(number, CLASSES_PER_DECADE)
-    return float(LEAST_FORCE * float(f"1e{decades}") * power(10.0, part / CLASSES_PER_DECADE))
 
 
 class Statistics:
@@ -114,12 +113,10 @@ class Statistics:
 
     @property
     def duration(self) -> float:
-        """Simulated time of the blocks so far [s]."""
         return self._duration / SECOND
 
     @property
     def account(self) -> EnergyAccount:
-        """The energy account of the blocks so far."""
         return account_of_tally(self._tally[0], self._electrical)
 
     def add(self, block: Block) -> None:
@@ -140,16 +137,12 @@ class Statistics:
         return self._tally, self._classes
 
     def note_part(self, start: int, end: int, electrical_energy: float) -> None:
-        """Note a part of a run that is, or will be, in the sums.
-
-        electrical_energy: that the actuator drew in it [J]; NaN where its model has no power.
-        """
+        """Note a part of a run that is, or will be, in the sums, and its electrical energy [J]."""
         self.begun = True
         self._duration += end - start
         self._electrical += electrical_energy
 
     def merge(self, other: Statistics) -> None:
-        """Add the sums of other statistics."""
         self.begun = self.begun or other.begun
         self._duration += other._duration
         self._electrical += other._electrical
@@ -161,7 +154,6 @@ class Statistics:
         self._classes += other._classes
 
     def figures(self) -> Figures:
-        """Return duration and ``FIGURES`` in SI units; None if there is nothing to average."""
         quantile = class_at(self._tally, self._classes, QUANTILE)
         return figures_of(self._tally[0], self.duration, quantile)
 
@@ -173,7 +165,6 @@ def account_of_tally(tally: np.void, electrical: float = 0.0) -> EnergyAccount:
 
 
 def account_of(block: Block) -> EnergyAccount:
-    """Return the account of a block."""
     statistics = Statistics()
     statistics.add(block)
     return statistics.account
@@ -187,7 +178,6 @@ class RecentEnergy:
         self._blocks: deque[Block] = deque()
 
     def add(self, block: Block) -> None:
-        """Add a block that follows."""
         self._blocks.append(block)
         while self._blocks[0].end <= block.end - SECOND:
             self._blocks.popleft()
@@ -197,7 +187,8 @@ class RecentEnergy:
 
         ``actuator_power + weight_power + change_power`` is ``load_damper_power + collision_power +
         absorbed_power + stored_power``, and with a feed ``feed_power`` is ``mount_power +
-        weight_on_bit_power``. Without one the first two of these are NaN.
+        weight_on_bit_power``. Without one ``feed_power``, ``mount_power``, and ``coupling_power``,
+        which no status has, are NaN.
         """
         total, feed, seconds = self._last_second()
         energies = {
@@ -211,16 +202,16 @@ class RecentEnergy:
             "weight_on_bit_power": total.weight_on_bit_work,
             "feed_power": feed.work,
             "mount_power": feed.kept,
+            "coupling_power": feed.coupling,
         }
-        return {name: _power(energy, seconds) for name, energy in energies.items()}
-
-    def coupling_power(self) -> float:
-        """Return the mean power of ``FeedAccount.coupling`` [W]; NaN without a feed."""
-        _, feed, seconds = self._last_second()
-        return _power(feed.coupling, seconds)
+        # A quotient of NaN may have another sign on another processor.
+        return {
+            name: math.nan if math.isnan(energy) else energy / seconds
+            for name, energy in energies.items()
+        }
 
     def _last_second(self) -> tuple[EnergyAccount, FeedAccount, float]:
-        """Return the accounts of the parts of the last second, and the time of these [s]."""
+        """Return the accounts of the last second, and its length [s]."""
         if not self._blocks:
             return EnergyAccount(), self._no_feed, math.inf
         first, *others = self._blocks
@@ -234,8 +225,3 @@ class RecentEnergy:
         feeds = islice(chain.from_iterable(block.feeds for block in self._blocks), late, None)
         total = account_of(dataclasses.replace(last, start=start, covering=covering))
         return total, sum(feeds, self._no_feed), (last.end - start) / SECOND
-
-
-def _power(energy: float, seconds: float) -> float:
-    # A quotient of NaN may have another sign on another processor.
-    return math.nan if math.isnan(energy) else energy / seconds

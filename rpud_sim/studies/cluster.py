@@ -3,41 +3,37 @@
 from __future__ import annotations
 
 import contextlib
+import itertools
 import logging
 import socket
 import time
-from collections import deque
-from collections.abc import Callable, Generator, Iterable, Iterator
-from queue import Empty, SimpleQueue
-from typing import TYPE_CHECKING, Any, TypeVar
+from collections.abc import Callable, Iterator
+from concurrent.futures import CancelledError, Future
+from typing import TypeVar
 from urllib.parse import urlsplit
 
 from rpud_sim.foundation.quantities import ParameterError
-from rpud_sim.studies.workers import Numbered, WorkerError
-
-if TYPE_CHECKING:
-    from distributed import Future
+from rpud_sim.studies.workers import (
+    IN_FLIGHT,
+    LostError,
+    Numbered,
+    Outcomes,
+    WorkerError,
+    keep_busy,
+)
 
 CONNECT_TIMEOUT = 10.0  # s
 # How long a study waits until a scheduler that it has lost is restarted [s].
 RESTART_TIMEOUT = 300.0
-# Chunks in flight for each thread of the cluster: one runs, one waits.
-_IN_FLIGHT = 2
-# Time between two questions whether the scheduler is still the same, with how many threads [s].
-_LOOK_PERIOD = 1.0
 _RETRY_PERIOD = 0.2  # between two attempts to reach the scheduler [s]
 
 _Chunk = TypeVar("_Chunk", bound=Numbered)
 _Outcome = TypeVar("_Outcome")
 
 
-class _SchedulerLostError(Exception):
-    """The chunks in flight, its arguments, are lost."""
-
-
 def run_on_cluster(
-    chunks: Iterable[_Chunk], address: str, work: Callable[[_Chunk], _Outcome]
-) -> Generator[tuple[_Chunk, _Outcome], None, None]:
+    work: Callable[[_Chunk], _Outcome], chunks: Iterator[_Chunk], address: str
+) -> Outcomes[_Chunk, _Outcome]:
     """Yield each chunk once, with its outcome, as they finish.
 
     If the scheduler is lost, the chunks in flight are submitted again when another one listens at
@@ -51,19 +47,12 @@ def run_on_cluster(
             f"--scheduler needs {error.name}: pip install 'rpud_sim[cluster]'"
         ) from None
     _check_reachable(address)
-    further = iter(chunks)
-    lost: deque[_Chunk] = deque()  # in flight when the scheduler was lost
-
-    def take() -> _Chunk | None:
-        return lost.popleft() if lost else next(further, None)
-
     with _quiet_log():
         while True:
             try:
-                yield from _run_on_scheduler(take, address, work)
-                return
-            except _SchedulerLostError as error:
-                lost.extend(error.args)
+                return (yield from _run_on_scheduler(work, chunks, address))
+            except (CancelledError, LostError) as error:  # cancelled before there was a chunk
+                chunks = itertools.chain(error.args, chunks)
                 _wait_for_scheduler(address)
 
 
@@ -82,60 +71,49 @@ def _quiet_log() -> Iterator[None]:
 
 
 def _run_on_scheduler(
-    take: Callable[[], _Chunk | None], address: str, work: Callable[[_Chunk], _Outcome]
-) -> Generator[tuple[_Chunk, _Outcome], None, None]:
-    """Yield chunks with their outcomes until there are no more to take."""
-    from distributed import Client
-    from distributed.client import FutureCancelledError
+    work: Callable[[_Chunk], _Outcome], chunks: Iterator[_Chunk], address: str
+) -> Outcomes[_Chunk, _Outcome]:
+    """Yield chunks with their outcomes until there are no more, or the scheduler is lost."""
+    from distributed import Client, KilledWorker
 
-    running: dict[Future, _Chunk] = {}
-    finished: SimpleQueue[Future] = SimpleQueue()
+    with (
+        _losing_scheduler(),
+        Client(address, timeout=CONNECT_TIMEOUT, set_as_default=False) as client,
+    ):
+        executor = client.get_executor(pure=False)
+        scheduler = client.scheduler_info()["id"]
+
+        def room() -> int:
+            with _losing_scheduler():
+                if client.scheduler_info()["id"] != scheduler:  # it knows of no chunk
+                    raise CancelledError
+                return IN_FLIGHT * max(sum(client.nthreads().values()), 1)
+
+        def submit(chunk: _Chunk) -> Future[_Outcome]:
+            with _losing_scheduler():
+                return executor.submit(work, chunk)
+
+        def result(future: Future[_Outcome], chunk: _Chunk) -> _Outcome:
+            try:
+                return future.result()
+            except KilledWorker:
+                reason = f"chunk {chunk.number} ended its worker again and again"
+            except ModuleNotFoundError as error:
+                reason = f"a worker of {address} has no Python module {error.name}"
+            except OSError as error:
+                reason = f"chunk {chunk.number}: a worker of {address} failed: {error}"
+            raise WorkerError(reason)
+
+        yield from keep_busy(submit, chunks, room, result)
+
+
+@contextlib.contextmanager
+def _losing_scheduler() -> Iterator[None]:
+    """Errors of the connection mean that the scheduler is lost, with all chunks in flight."""
     try:
-        with Client(address, timeout=CONNECT_TIMEOUT, set_as_default=False) as client:
-            scheduler, threads, due = client.scheduler_info()["id"], 1, 0.0
-
-            def fill() -> None:
-                nonlocal threads, due
-                if time.monotonic() >= due:
-                    if client.scheduler_info()["id"] != scheduler:  # it knows of no chunk
-                        raise ConnectionResetError("another scheduler")
-                    threads = max(sum(client.nthreads().values()), 1)
-                    due = time.monotonic() + _LOOK_PERIOD
-                while len(running) < _IN_FLIGHT * threads and (chunk := take()) is not None:
-                    future = client.submit(work, chunk, pure=False)
-                    running[future] = chunk
-                    future.add_done_callback(finished.put)
-
-            fill()
-            while running:
-                try:
-                    future = finished.get(timeout=_LOOK_PERIOD)
-                except Empty:
-                    fill()  # there may be more workers
-                    continue
-                outcome: _Outcome = _outcome(future, running[future], address)
-                chunk = running.pop(future)
-                future.release()
-                fill()
-                yield chunk, outcome
-    except (FutureCancelledError, OSError, TimeoutError):
-        raise _SchedulerLostError(*running.values()) from None
-
-
-def _outcome(future: Future, chunk: Numbered, address: str) -> Any:
-    """Return the outcome of a chunk that has finished."""
-    from distributed import KilledWorker
-
-    try:
-        return future.result()
-    except KilledWorker:
-        raise WorkerError(f"chunk {chunk.number} ended its worker again and again") from None
-    except ModuleNotFoundError as error:
-        raise WorkerError(f"a worker of {address} has no Python module {error.name}") from None
-    except (OSError, TimeoutError) as error:
-        if future.status != "error":
-            raise  # the scheduler's end, not the chunk's
-        raise WorkerError(f"chunk {chunk.number}: a worker of {address} failed: {error}") from None
+        yield
+    except OSError:  # also timeouts
+        raise CancelledError from None
 
 
 def _wait_for_scheduler(address: str) -> None:

@@ -31,7 +31,8 @@ class StudyStore:
 
     def __init__(self, path: Path, manifest: dict[str, Any], study: str) -> None:
         self.path = path
-        self.manifest = manifest  # all that its results depend on, as JSON reads it back
+        # All that its results depend on, as JSON reads it back.
+        self.manifest = json.loads(json.dumps(manifest))
         self._study = study
 
     @contextlib.contextmanager

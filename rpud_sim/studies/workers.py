@@ -1,18 +1,27 @@
-"""Chunks of a study on its workers: local processes.
+"""Chunks of a study on its workers: local processes, or a Dask cluster.
 
-If a process is killed, only its current chunk runs again.
+If workers are lost, the chunks that were in flight run again.
 """
 
 from __future__ import annotations
 
 import contextlib
+import itertools
 import multiprocessing
+import os
 import signal
-from collections import deque
-from collections.abc import Callable, Generator, Iterable, Mapping
+import threading
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
+from concurrent.futures import (
+    FIRST_COMPLETED,
+    BrokenExecutor,
+    CancelledError,
+    Future,
+    ProcessPoolExecutor,
+    wait,
+)
 from multiprocessing import forkserver
-from multiprocessing.connection import Connection, wait
-from multiprocessing.process import BaseProcess
+from multiprocessing.connection import Connection
 from typing import Any, Protocol, TypeVar
 
 from rpud_sim.foundation.quantities import ExpectedError
@@ -20,6 +29,9 @@ from rpud_sim.simulation.versions import engine_versions
 
 # A chunk that ends so many processes is itself the cause, for example by its memory.
 ATTEMPTS = 3
+# Chunks in flight for each worker: one runs, one waits.
+IN_FLIGHT = 2
+_LOOK_PERIOD = 1.0  # between two questions how many chunks may be in flight [s]
 
 # Workers are forked from a server that has imported everything once, and that shares nothing with
 # the calling process: no threads, locks or files.
@@ -28,6 +40,10 @@ _SERVER = multiprocessing.get_context("forkserver")
 
 class WorkerError(ExpectedError, RuntimeError):
     """Workers that cannot run a study; the text gives the reason in one line."""
+
+
+class LostError(Exception):
+    """The chunks in flight, its arguments, are lost with their workers."""
 
 
 class Numbered(Protocol):
@@ -40,6 +56,7 @@ class Numbered(Protocol):
 
 _Chunk = TypeVar("_Chunk", bound=Numbered)
 _Outcome = TypeVar("_Outcome")
+Outcomes = Generator[tuple[_Chunk, _Outcome], None, None]
 
 
 def check_versions(expected: Mapping[str, str]) -> None:
@@ -50,123 +67,97 @@ def check_versions(expected: Mapping[str, str]) -> None:
             raise WorkerError(f"a worker has {name} {own[name]}, this machine {version}")
 
 
-def run_on_processes(
-    work: Callable[[_Chunk], _Outcome], chunks: Iterable[_Chunk], workers: int
-) -> Generator[tuple[_Chunk, _Outcome], None, None]:
+def run_chunks(
+    work: Callable[[_Chunk], _Outcome],
+    chunks: Iterable[_Chunk],
+    workers: int,
+    scheduler: str | None = None,
+) -> Outcomes[_Chunk, _Outcome]:
     """Yield each chunk with its outcome, as they finish.
 
     ``work`` is a function of a module. Compile what it calls before, or each process would.
-
-    ``concurrent.futures`` would end all processes when one is killed. Here each process has its
-    own pipe: when it closes, either side knows that the other one has ended.
+    ``scheduler`` is the address of a Dask cluster to use instead of local processes.
     """
-    waiting = ((chunk, 1) for chunk in chunks)
-    retries: deque[tuple[_Chunk, int]] = deque()
-    busy: dict[Connection, tuple[_Worker, _Chunk, int]] = {}
+    further = iter(chunks)
+    if scheduler is not None:
+        from rpud_sim.studies.cluster import run_on_cluster
 
-    def send_next(worker: _Worker | None = None) -> None:
-        """Send the next chunk to a worker, or a new one; stop the worker if there is none."""
-        job = retries.popleft() if retries else next(waiting, None)
-        if job is not None:
-            worker = worker or _Worker(work)
-            # If the process has ended, ``receive`` shows it.
-            with contextlib.suppress(OSError):
-                worker.connection.send(job[0])
-            busy[worker.connection] = (worker, *job)
-        elif worker is not None:
-            worker.stop()
-
-    _start_server(work.__module__)
-    try:
-        for _ in range(workers):
-            send_next()
-        while busy:
-            ready = wait(busy)
-            for connection in [item for item in busy if item in ready]:
-                worker, chunk, attempt = busy.pop(connection)
-                outcome = worker.receive(chunk.number)
-                if outcome is None:
-                    worker.stop()
-                    if attempt == ATTEMPTS:
-                        raise WorkerError(
-                            f"chunk {chunk.number} ended its worker {ATTEMPTS} times ({worker.end})"
-                        )
-                    retries.append((chunk, attempt + 1))
-                    send_next()
-                elif isinstance(outcome, Exception):
-                    worker.stop()
-                    raise outcome
-                else:
-                    # The worker gets its next chunk before the outcome is written to disk.
-                    send_next(worker)
-                    yield chunk, outcome
-    finally:
-        for worker, _, _ in busy.values():
-            worker.stop()
-
-
-class _Worker:
-    """Process that answers each chunk with its outcome, until its pipe closes."""
-
-    def __init__(self, work: Callable[[Any], Any]) -> None:
-        self.connection, theirs = _SERVER.Pipe()
-        self._process: BaseProcess = _SERVER.Process(target=_work, args=(theirs, work), daemon=True)
-        self._process.start()
-        theirs.close()
-
-    @property
-    def end(self) -> str:
-        """Exit code of the process, or the signal that ended it."""
-        code = self._process.exitcode
-        return f"exit code {code}" if code is None or code >= 0 else signal.Signals(-code).name
-
-    def receive(self, number: int) -> Any:
-        """Return the outcome or an exception; None if the process has ended."""
+        return (yield from run_on_cluster(work, further, scheduler))
+    while True:
         try:
-            return self.connection.recv()
-        except (EOFError, OSError):
-            return None
-        except Exception as error:  # of pickle, after everything was received
-            return _pickling_error(number, "unpickled", error)
+            with _open_pool(work, workers) as pool:
+                return (
+                    yield from keep_busy(
+                        lambda chunk: pool.submit(work, chunk), further, lambda: IN_FLIGHT * workers
+                    )
+                )
+        except LostError as error:
+            # A pool does not say which chunk ended a process: each is tried by itself.
+            for chunk in error.args:
+                yield chunk, _run_alone(work, chunk)
 
-    def stop(self) -> None:
-        """End the process; its current chunk is lost."""
-        self.connection.close()
-        self._process.kill()
-        self._process.join()
 
+def keep_busy(
+    submit: Callable[[_Chunk], Future[_Outcome]],
+    chunks: Iterator[_Chunk],
+    room: Callable[[], int],
+    result: Callable[[Future[_Outcome], _Chunk], _Outcome] = lambda future, chunk: future.result(),
+) -> Outcomes[_Chunk, _Outcome]:
+    """Submit chunks while there is room, and yield them with their outcomes.
 
-def _start_server(module: str) -> None:
-    """Start the server that forks the workers, if it does not run yet; it imports a module first.
-
-    A terminal sends Ctrl-C to all of its processes, and only the calling one shall handle it: the
-    server ignores the signal, and so do the workers, which inherit that.
+    Workers get their next chunks before an outcome is written to disk. A LostError has the chunks
+    in flight if their executor is broken, or cancels them.
     """
-    _SERVER.set_forkserver_preload([module])
+    taken: dict[int, _Chunk] = {}
+    running: dict[Future[_Outcome], int] = {}
+    try:
+        while True:
+            for chunk in itertools.islice(chunks, max(room() - len(running), 0)):
+                taken[chunk.number] = chunk
+                running[submit(chunk)] = chunk.number
+            if not running:
+                return
+            for future in wait(running, _LOOK_PERIOD, FIRST_COMPLETED).done:
+                outcome = result(future, taken[running[future]])
+                yield taken.pop(running.pop(future)), outcome
+    except (BrokenExecutor, CancelledError):
+        raise LostError(*taken.values()) from None
+
+
+def _run_alone(work: Callable[[_Chunk], _Outcome], chunk: _Chunk) -> _Outcome:
+    for _ in range(ATTEMPTS):
+        with contextlib.suppress(BrokenExecutor), _open_pool(work, 1) as pool:
+            return pool.submit(work, chunk).result()
+    raise WorkerError(f"chunk {chunk.number} ended its worker {ATTEMPTS} times")
+
+
+@contextlib.contextmanager
+def _open_pool(work: Callable[[Any], Any], workers: int) -> Iterator[ProcessPoolExecutor]:
+    """Context with a pool, whose processes end with it, in the middle of their chunks."""
+    _SERVER.set_forkserver_preload([work.__module__])
+    # A terminal sends Ctrl-C to all of its processes, and only the calling one shall handle it:
+    # server and workers inherit that it is ignored.
     handler = signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
         forkserver.ensure_running()
     finally:
         signal.signal(signal.SIGINT, handler)
+    theirs, ours = _SERVER.Pipe(duplex=False)
+    pool = ProcessPoolExecutor(workers, _SERVER, _end_with, (theirs,))
+    try:
+        yield pool
+    finally:
+        ours.close()
+        pool.shutdown(cancel_futures=True)
+        theirs.close()
 
 
-def _pickling_error(number: int, done: str, error: Exception) -> WorkerError:
-    reason = " ".join(f"{type(error).__name__}: {error}".split())
-    return WorkerError(f"the outcome of chunk {number} cannot be {done}: {reason:.300}")
+def _end_with(lifeline: Connection) -> None:
+    """Let this process end when the other end of a pipe is closed."""
 
+    def end() -> None:
+        with contextlib.suppress(EOFError, OSError):
+            lifeline.recv_bytes()
+        os._exit(1)
 
-def _work(connection: Connection, work: Callable[[Any], Any]) -> None:
-    """Run chunks until the pipe closes."""
-    with contextlib.suppress(EOFError, OSError):
-        while True:
-            chunk = connection.recv()
-            try:
-                outcome = work(chunk)
-            except Exception as error:  # the calling process raises it
-                outcome = error
-            try:
-                connection.send(outcome)
-            except OSError:
-                raise
-            except Exception as error:  # of pickle, before anything is sent
-                connection.send(_pickling_error(chunk.number, "pickled", error))
+    threading.Thread(target=end, daemon=True).start()

@@ -4,7 +4,7 @@ An expectation that cannot be used, by itself or with the topics of a bag, raise
 ``ExpectationError`` of one line, and a bag that cannot be read a ``BagError``.
 """
 
-from rpud_sim.verdicts.formulas import Active, Becomes, Cleared, Formula, Message, Onset, Signal
+from rpud_sim.verdicts.formulas import Active, Becomes, Cleared, Formula, Onset, Published, Signal
 from rpud_sim.verdicts.names import Expectation
 from rpud_sim.verdicts.notation import (
     after,
@@ -28,8 +28,8 @@ __all__ = [
     "Expectation",
     "ExpectationError",
     "Formula",
-    "Message",
     "Onset",
+    "Published",
     "Record",
     "Signal",
     "Verdict",

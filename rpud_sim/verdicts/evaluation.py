@@ -4,51 +4,40 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from bisect import bisect_left, insort
-from collections.abc import Callable
 from fractions import Fraction
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
 from rpud_sim.bag import Kind
 from rpud_sim.foundation.time import NEVER, SECOND
-from rpud_sim.verdicts.formulas import (
-    Active,
-    Becomes,
-    Cleared,
-    Compare,
-    Count,
-    Event,
-    Formula,
-    Message,
-    Onset,
-    Quantile,
-    Says,
-    Signal,
-    SignalFormula,
-)
-from rpud_sim.verdicts.messages import NONE, FieldSamples, MissingMessages, get, time_of
+from rpud_sim.verdicts import formulas as f
+from rpud_sim.verdicts.messages import NONE, FieldSamples, MissingMessages, get, time_of, to_floats
 from rpud_sim.verdicts.names import PERIODIC, PERIODIC_HOLD, TYPES, check_use, threshold
 from rpud_sim.verdicts.record import Record
 from rpud_sim.verdicts.steps import (
     FALSE,
-    LEAST_MARGIN,
     LEAST_TRUTH,
-    MOST_MARGIN,
     MOST_TRUTH,
     TRUE,
     UNKNOWN,
     Steps,
+    aligned,
+    beginnings,
     bounds,
     columns,
+    combine,
     compared,
     inserted,
+    negate,
+    next_in,
+    over_window,
+    shared,
+    sorted_windows,
+    until,
+    window_spans,
 )
 from rpud_sim.verdicts.units import Number, Window
-
-_LOW, _HIGH = [LEAST_MARGIN, LEAST_TRUTH], [MOST_MARGIN, MOST_TRUTH]
 
 
 class _Instants(NamedTuple):
@@ -70,29 +59,113 @@ class Evaluation:
         self.end = end
         self._record = record
         self._zero = zero
-        self._found: dict[tuple[Formula, bool], Steps] = {}
+        self._found: dict[tuple[f.Formula, bool], Steps] = {}
 
-    def steps(self, formula: Formula, once: bool = False) -> Steps:
+    def steps(self, formula: f.Formula, once: bool = False) -> Steps:
         """Return a formula as a step function, ``once`` only at the beginning, which is faster."""
         key = (formula, once)
         if key not in self._found:
-            self._found[key] = formula._steps(self, once)
+            self._found[key] = self._computed(formula, once)
         return self._found[key]
 
-    def trigger(self, formula: Formula) -> Steps:
-        """Return the instants of the event for which a trigger stands."""
-        return self.steps(formula if isinstance(formula, Event) else Becomes(formula))
+    def _computed(self, formula: f.Formula, once: bool) -> Steps:
+        match formula:
+            case f.Compare() | f.Says():
+                return self._compared_signal(formula)
+            case f.Active():
+                return self._active(formula)
+            case f.Becomes(inner):
+                return beginnings(self.steps(inner))
+            case f.Event():
+                return self._event(formula)
+            case f.Not(inner):
+                return negate(self.steps(inner, once))
+            case f.And(parts) | f.Or(parts):
+                return combine([self.steps(each, once) for each in parts], type(formula) is f.And)
+            case f.Implies(condition, then):
+                return self.steps(f.Or((f.Not(condition), then)), once)
+            case f.Always(inner, window) | f.Eventually(inner, window):
+                least = type(formula) is f.Always
+                return over_window(self.steps(inner), window.start, window.end, least, once)
+            case f.Until():
+                return self._until(formula)
+            case f.After():
+                return self._after(formula, once)
+            case f.Count():
+                return self._count(formula)
+            case f.Quantile():
+                return self._quantile(formula, once)
+        raise TypeError(f"{formula!r} has no meaning")
 
-    def shown(self, formula: Formula, begin: int, last: int, held: bool) -> int:
+    def decided(self, formula: f.Formula, time: int, held: bool) -> int:
+        """Return the instant at which it shows that it holds at a time, or does not [ns]."""
+        match formula:
+            case f.Not(inner):
+                return self.decided(inner, time, not held)
+            case f.And(parts) | f.Or(parts):
+                once = time == self.begin
+                shown = [each for each in parts if self.steps(each, once).shows(time, held)]
+                times = [self.decided(each, time, held) for each in shown]
+                return (max if held is (type(formula) is f.And) else min)(times, default=time)
+            case f.Implies(condition, then):
+                return self.decided(f.Or((f.Not(condition), then)), time, held)
+            case f.Always(inner, window) | f.Eventually(inner, window):
+                last = window.last(time, self.end)
+                if held is (type(formula) is f.Always):
+                    return last
+                return self._shown(inner, time + window.start, last, held)
+            case f.Until(inner, goal, window):
+                last = window.last(time, self.end)
+                if held:
+                    return self._shown(goal, time + window.start, last, held)
+                return self._shown(inner, time, last, held)
+            case f.After(trigger, then):
+                instants = [] if held else self.trigger(trigger).sure(time)
+                broken = (each for each in instants if self.steps(then).shows(each, False))
+                instant = next(broken, None)
+                return self.end if instant is None else self.decided(then, instant, False)
+            case f.Count(until=goal, window=window) if goal is not None:
+                found = self.steps(goal).first(time, self.end, True)
+                return self.end if found is None else found
+            case f.Count(window=window) | f.Quantile(window=window):
+                return window.last(time, self.end)
+        return time
+
+    def trigger(self, formula: f.Formula) -> Steps:
+        """Return the instants of the event for which a trigger stands."""
+        return self.steps(formula if isinstance(formula, f.Event) else f.Becomes(formula))
+
+    def _shown(self, formula: f.Formula, begin: int, last: int, held: bool) -> int:
         """Return when it shows that a formula holds first in a span, or does not; or its end."""
         found = self.steps(formula).first(begin, last, held)
-        return last if found is None else formula._decided(self, found, held)
+        return last if found is None else self.decided(formula, found, held)
 
     def _constant(self, value: np.ndarray, absent: bool = False) -> Steps:
         starts = np.array([self.begin, self.end + 1], np.int64)
         return Steps(starts, np.column_stack([value, UNKNOWN]), np.array([absent, False]))
 
-    def compared_signal(self, part: Compare | Says) -> Steps:
+    def _until(self, formula: f.Until) -> Steps:
+        kept, window = self.steps(formula.formula), formula.window
+        found = until(kept, self.steps(formula.goal), window.start, window.end)
+        if not formula.weak:
+            return found
+        return combine([found, over_window(kept, 0, None, least=True)], least=False)
+
+    def _after(self, formula: f.After, once: bool) -> Steps:
+        trigger, then = self.trigger(formula.trigger), self.steps(formula.formula)
+        implied = combine([negate(trigger), then], least=False)
+        implied, never = aligned(implied, trigger)
+        absent = implied.absent | (never.values[MOST_TRUTH] < 0.0) | never.absent
+        spread = Steps(implied.starts, implied.values, absent)
+        always = over_window(spread, 0, None, least=True, once=once)
+        # An event that may not have come at all proves nothing.
+        came = over_window(trigger, 0, None, least=False, once=once)
+        always, came = aligned(always, came)
+        unsure = (came.values[LEAST_TRUTH] < 0.0) & (always.values[LEAST_TRUTH] > 0.0)
+        always.values[:, unsure] = UNKNOWN[:, None]
+        return always.merged()
+
+    def _compared_signal(self, part: f.Compare | f.Says) -> Steps:
         """Return a comparison or a word, with each message's value until the next one."""
         topic, hold = part.signal.topic, part.signal.hold
         if hold is None:
@@ -101,7 +174,7 @@ class Evaluation:
         lost = self._record.lost(topic) > 0
         if not len(samples.stamps):
             return self._constant(UNKNOWN, absent=not lost)
-        stamps, values, gaps = _one_a_stamp(samples, self._judged(part, samples))
+        stamps, values, gaps = samples.one_a_stamp(self._judged(part, samples))
         until = np.where(gaps | lost, stamps + 1, stamps + min(hold, NEVER - int(stamps[-1]) - 1))
         ends = until[until < np.append(stamps[1:], self.end + 1)]
         starts = np.concatenate([stamps, ends, [self.end + 1]])
@@ -119,18 +192,18 @@ class Evaluation:
         starts[0] = self.begin
         return Steps(starts, rows[:, first:], absent[first:]).merged()
 
-    def _samples(self, part: SignalFormula) -> FieldSamples:
+    def _samples(self, part: f.SignalFormula) -> FieldSamples:
         """Return the messages' values of the signal of a formula, all within the recording."""
         topic, field = part.signal.topic, self._record.field(part.signal)
         check_use(part, field)
         samples = self._record.messages(topic).samples(part.signal.field, field)
         values = samples.values
-        if not isinstance(part, Says):
+        if not isinstance(part, f.Says):
             if field is not None and field.column.kind is Kind.TIME:
                 values = (values - self._zero) / SECOND
             elif field is not None and field.column.kind is Kind.DURATION:
                 values = values / SECOND
-            values = _floats(values)
+            values = to_floats(values)
         inside = samples.stamps <= self.end
         if topic not in TYPES:  # stamps of others may be of another clock
             inside &= samples.stamps >= self.begin
@@ -142,18 +215,18 @@ class Evaluation:
             ordered=samples.ordered[inside],
         )
 
-    def _judged(self, part: Compare | Says, samples: FieldSamples) -> np.ndarray:
+    def _judged(self, part: f.Compare | f.Says, samples: FieldSamples) -> np.ndarray:
         """Return the bounds of a comparison or a word, one column a message."""
-        if isinstance(part, Says):
+        if isinstance(part, f.Says):
             same = np.array([value == part.word for value in samples.values.tolist()], bool)
             return np.where(same, TRUE[:, None], FALSE[:, None])
         number, tolerance = (self._threshold(n, part.signal) for n in (part.number, part.tolerance))
         return compared(*bounds(samples.values), part.operator, number, tolerance)
 
-    def _threshold(self, number: Number, signal: Signal) -> float:
+    def _threshold(self, number: Number, signal: f.Signal) -> float:
         return threshold(number, self._record.field(signal), signal)
 
-    def active(self, part: Active) -> Steps:
+    def _active(self, part: f.Active) -> Steps:
         faults = self._faults(part)
         if faults is None:
             return self._constant(UNKNOWN, absent=True)
@@ -164,7 +237,7 @@ class Evaluation:
             values[:, (starts >= onset) & (starts < clear)] = TRUE[:, None]
         return Steps(starts, values, np.zeros(len(starts), bool)).merged()
 
-    def _faults(self, part: Active | Onset | Cleared) -> list[tuple[int, int]] | None:
+    def _faults(self, part: f.Active | f.Onset | f.Cleared) -> list[tuple[int, int]] | None:
         """Return onset and clearing of each fault of a name [ns]; None if they are not known."""
         messages = self._record.messages("faults")
         if not len(messages) or self._record.lost("faults"):
@@ -183,7 +256,7 @@ class Evaluation:
             return None
         return [(onset, clears.get(number, NEVER)) for number, onset in onsets.items()]
 
-    def event(self, event: Event) -> Steps:
+    def _event(self, event: f.Event) -> Steps:
         """Return an event as a step function that is true for single nanoseconds."""
         instants = self._instants(event)
         if instants is None:
@@ -199,16 +272,16 @@ class Evaluation:
         found.values[:, unseen] = np.maximum(found.values[:, unseen], UNKNOWN[:, None])
         return found
 
-    def _instants(self, event: Event) -> _Instants | None:
+    def _instants(self, event: f.Event) -> _Instants | None:
         """Return the instants of an event in the recording; None if nothing is known of them."""
-        if isinstance(event, (Onset, Cleared)):
+        if isinstance(event, (f.Onset, f.Cleared)):
             faults = self._faults(event)
             if faults is None:
                 return None
-            times = np.array(faults, np.int64).reshape(-1, 2)[:, int(isinstance(event, Cleared))]
+            times = np.array(faults, np.int64).reshape(-1, 2)[:, int(isinstance(event, f.Cleared))]
             stamps = np.sort(times[(times >= self.begin) & (times <= self.end)])
             return _Instants(stamps, columns(TRUE, len(stamps)))
-        if isinstance(event, Message):
+        if isinstance(event, f.Published):
             stamps = self._record.messages(event.topic).stamps
             values = columns(TRUE, len(stamps))
             if event.where is not None and len(stamps):
@@ -233,7 +306,7 @@ class Evaluation:
             last=steps.starts[open_ + 1] - 1,
         )
 
-    def count(self, formula: Count) -> Steps:
+    def _count(self, formula: f.Count) -> Steps:
         end, window = self.end, formula.window
         instants = self._instants(formula.event)
         if instants is None:
@@ -243,17 +316,19 @@ class Evaluation:
         edges = (instants.stamps, instants.first - 1, instants.first, instants.last)
         times = self._times(np.concatenate(edges), window)
         if formula.until is None:
-            first, last, beyond = _span(times, window, end)
+            first, last, beyond = window_spans(times, window, end)
             surely_last = last
         else:
             goal = self.steps(formula.until)
             first = times = np.union1d(times, goal.starts)
-            surely_last = _next(goal, (goal.values[MOST_TRUTH] > 0.0) | goal.absent, times, end) - 1
-            last = _next(goal, (goal.values[LEAST_TRUTH] > 0.0) & ~goal.absent, times, end) - 1
+            surely_last = (
+                next_in(goal, (goal.values[MOST_TRUTH] > 0.0) | goal.absent, times, end) - 1
+            )
+            last = next_in(goal, (goal.values[LEAST_TRUTH] > 0.0) & ~goal.absent, times, end) - 1
             beyond = last >= end
-        least = _inside(sure, sure, first, surely_last)
-        most = _inside(maybe, maybe, first, last) + instants.missing.among(first, last)
-        touched = _inside(instants.first, instants.last, first, last) > 0.0
+        least = shared(sure, sure, first, surely_last)
+        most = shared(maybe, maybe, first, last) + instants.missing.among(first, last)
+        touched = shared(instants.first, instants.last, first, last) > 0.0
         most[last < first], touched[last < first] = 0.0, False
         most[beyond | touched] = math.inf
         values = compared(least, most, formula.operator, formula.number)
@@ -270,7 +345,7 @@ class Evaluation:
         times = np.unique(np.concatenate(edges))
         return times[(times >= self.begin) & (times <= after)]
 
-    def quantile(self, formula: Quantile, once: bool) -> Steps:
+    def _quantile(self, formula: f.Quantile, once: bool) -> Steps:
         samples = self._samples(formula)
         inside = samples.stamps >= self.begin
         stamps, values = samples.stamps[inside], samples.values[inside]
@@ -280,13 +355,13 @@ class Evaluation:
         times = self._times(stamps, formula.window)
         if once:
             times = np.array([self.begin, self.end + 1])
-        begins, ends, beyond = _span(times, formula.window, self.end)
+        begins, ends, beyond = window_spans(times, formula.window, self.end)
         first = np.searchsorted(stamps, begins, side="left")
         last = np.searchsorted(stamps, ends, side="right")
         unseen = missing.among(begins, ends)
         share = Fraction(repr(formula.share))
         low, high = np.full(len(times), -np.inf), np.full(len(times), np.inf)
-        lowest, highest = map(_sorted_windows, bounds(values))
+        lowest, highest = map(sorted_windows, bounds(values))
         for number in np.flatnonzero(~beyond & (last > first)).tolist():
             begin, stop, lost = int(first[number]), int(last[number]), int(unseen[number])
             count = stop - begin + lost
@@ -298,77 +373,3 @@ class Evaluation:
         threshold = self._threshold(formula.number, formula.signal)
         judged = compared(low, high, formula.operator, threshold)
         return Steps(times, judged, np.zeros(len(times), bool)).merged()
-
-
-def _floats(values: np.ndarray) -> np.ndarray:
-    """Return numbers; NaN for what is none."""
-    if values.dtype != object:
-        return values.astype(float)
-    plain = [
-        each[0] if isinstance(each, bytes) and len(each) == 1 else each for each in values.tolist()
-    ]
-    return np.array([float(x) if isinstance(x, (int, float)) else np.nan for x in plain], float)
-
-
-def _one_a_stamp(
-    samples: FieldSamples, values: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the last value of each stamp; both bounds of those whose order is not known."""
-    last = np.append(samples.stamps[1:] != samples.stamps[:-1], True)
-    kept = values[:, last]
-    if not samples.ordered.all():
-        edges = np.concatenate([[0], np.flatnonzero(last) + 1]).tolist()
-        for number, (first, end) in enumerate(pairwise(edges)):
-            begin = end - 1
-            while begin > first and not samples.ordered[begin]:
-                begin -= 1
-            group = values[:, begin:end]
-            kept[_LOW, number], kept[_HIGH, number] = group[_LOW].min(1), group[_HIGH].max(1)
-    return samples.stamps[last], kept, samples.gaps[last]
-
-
-def _span(times: np.ndarray, window: Window, end: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return first and last instant of the window of each time, and whether it ends too late."""
-    last = np.full(len(times), end) if window.end is None else times + window.end
-    return times + window.start, last, np.maximum(times + window.start, last) > end
-
-
-def _next(steps: Steps, chosen: np.ndarray, times: np.ndarray, end: int) -> np.ndarray:
-    """Return the first instant from each time on in one of the chosen steps, or after the end."""
-    starts = np.append(steps.starts[chosen & (steps.starts <= end)], end + 1)
-    found = starts[np.searchsorted(starts, times, side="left")]
-    inside = chosen[steps.at(times)] & (times <= end)
-    return np.where(inside, times, found)
-
-
-def _inside(
-    begins: np.ndarray, ends: np.ndarray, first: np.ndarray, last: np.ndarray
-) -> np.ndarray:
-    """Return how many stretches of time, in order, share an instant with each of some spans."""
-    begun = np.searchsorted(begins, last, side="right")
-    ended = np.searchsorted(ends, first, side="left")
-    shared: np.ndarray = np.maximum(begun - ended, 0).astype(float)
-    return shared
-
-
-def _sorted_windows(values: np.ndarray) -> Callable[[int, int], list[float]]:
-    """Return a function that sorts the values from one number to before another.
-
-    Both numbers grow from call to call, and the values that both calls have are sorted already.
-    """
-    begun = ended = 0
-    inside: list[float] = []
-
-    def among(first: int, last: int) -> list[float]:
-        nonlocal begun, ended, inside
-        if last - ended > len(inside) or first >= ended:
-            inside = np.sort(values[first:last]).tolist()
-        else:
-            for value in values[begun:first].tolist():
-                del inside[bisect_left(inside, value)]
-            for value in values[ended:last].tolist():
-                insort(inside, value)
-        begun, ended = first, last
-        return inside
-
-    return among

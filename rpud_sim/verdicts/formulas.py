@@ -1,28 +1,15 @@
-"""Formulas of expectations: signals, events and time, with their meaning on a recording.
+"""Formulas of expectations: signals, events and time.
 
-``docs/reference/expectations.md`` defines what each means. Times are integer nanoseconds.
+``docs/reference/expectations.md`` defines what each means, and ``Evaluation`` computes it.
 """
 
 from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterator
-from typing import Protocol
 
 from rpud_sim.foundation.quantities import shown
 from rpud_sim.simulation.faults import Fault
-from rpud_sim.verdicts.steps import (
-    LEAST_TRUTH,
-    MOST_TRUTH,
-    UNKNOWN,
-    Steps,
-    aligned,
-    beginnings,
-    combine,
-    negate,
-    over_window,
-    until,
-)
 from rpud_sim.verdicts.units import (
     WHOLE,
     ZERO,
@@ -33,29 +20,6 @@ from rpud_sim.verdicts.units import (
 )
 
 OPERATORS = ("<", "<=", ">", ">=", "==", "!=")
-
-
-class Meaning(Protocol):
-    """Meaning of formulas from ``begin`` to ``end`` [ns] of a recording; `Evaluation` gives it."""
-
-    begin: int
-    end: int
-
-    def steps(self, formula: Formula, once: bool = False) -> Steps: ...
-
-    def trigger(self, formula: Formula) -> Steps: ...
-
-    def shown(self, formula: Formula, begin: int, last: int, held: bool) -> int: ...
-
-    def active(self, part: Active) -> Steps: ...
-
-    def compared_signal(self, part: Compare | Says) -> Steps: ...
-
-    def event(self, event: Event) -> Steps: ...
-
-    def count(self, formula: Count) -> Steps: ...
-
-    def quantile(self, formula: Quantile, once: bool) -> Steps: ...
 
 
 class Formula:
@@ -86,20 +50,9 @@ class Formula:
         for child in self.children():
             yield from child.walk()
 
-    def _steps(self, on: Meaning, once: bool) -> Steps:
-        """Return what it means on a recording, ``once`` only at the beginning."""
-        raise NotImplementedError
-
-    def _decided(self, on: Meaning, time: int, held: bool) -> int:
-        """Return the instant at which it shows that it holds at a time, or does not [ns]."""
-        return time
-
 
 class Event(Formula):
     """Base of formulas that hold at single nanoseconds."""
-
-    def _steps(self, on: Meaning, once: bool) -> Steps:
-        return on.event(self)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -156,9 +109,6 @@ class Compare(Formula):
         if self.tolerance.value < 0.0:
             raise ExpectationError(f"tolerance = {self.tolerance} is below zero")
 
-    def _steps(self, on: Meaning, once: bool) -> Steps:
-        return on.compared_signal(self)
-
 
 @dataclasses.dataclass(frozen=True)
 class Says(Formula):
@@ -172,9 +122,6 @@ class Says(Formula):
         fits = isinstance(word, bool) or (isinstance(word, str) and word == word.strip() != "")
         if not fits or word in ("true", "false"):
             raise ExpectationError(f"{self.signal} is {shown(word)}: that is no word")
-
-    def _steps(self, on: Meaning, once: bool) -> Steps:
-        return on.compared_signal(self)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -195,9 +142,6 @@ class _OfFault:
 class Active(_OfFault, Formula):
     """A fault lasts: from its onset to just before its clearing."""
 
-    def _steps(self, on: Meaning, once: bool) -> Steps:
-        return on.active(self)
-
 
 class Onset(_OfFault, Event):
     """A fault begins."""
@@ -208,7 +152,7 @@ class Cleared(_OfFault, Event):
 
 
 @dataclasses.dataclass(frozen=True)
-class Message(Event):
+class Published(Event):
     """A message of a topic, at its stamp."""
 
     topic: str  # as in ``Signal``
@@ -230,8 +174,9 @@ class Becomes(Event):
 
     formula: Formula
 
-    def _steps(self, on: Meaning, once: bool) -> Steps:
-        return beginnings(on.steps(self.formula))
+    def __post_init__(self) -> None:
+        if isinstance(self.formula, Event):
+            raise ExpectationError("an event is an instant, and becomes nothing")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -239,12 +184,6 @@ class Not(Formula):
     """The formula does not hold."""
 
     formula: Formula
-
-    def _steps(self, on: Meaning, once: bool) -> Steps:
-        return negate(on.steps(self.formula, once))
-
-    def _decided(self, on: Meaning, time: int, held: bool) -> int:
-        return self.formula._decided(on, time, not held)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -254,18 +193,6 @@ class _Several(Formula):
     def __post_init__(self) -> None:
         if not self.formulas:
             raise ExpectationError("all and any need at least one formula")
-
-    def _steps(self, on: Meaning, once: bool) -> Steps:
-        parts = [on.steps(each, once) for each in self.formulas]
-        return combine(parts, least=isinstance(self, And))
-
-    def _decided(self, on: Meaning, time: int, held: bool) -> int:
-        times = [
-            part._decided(on, time, held)
-            for part in self.formulas
-            if on.steps(part, once=time == on.begin).shows(time, held)
-        ]
-        return (max if held is isinstance(self, And) else min)(times, default=time)
 
 
 class And(_Several):
@@ -283,31 +210,11 @@ class Implies(Formula):
     condition: Formula
     formula: Formula
 
-    @property
-    def _either(self) -> Or:
-        return Or((Not(self.condition), self.formula))
-
-    def _steps(self, on: Meaning, once: bool) -> Steps:
-        return on.steps(self._either, once)
-
-    def _decided(self, on: Meaning, time: int, held: bool) -> int:
-        return self._either._decided(on, time, held)
-
 
 @dataclasses.dataclass(frozen=True)
 class _OverWindow(Formula):
     formula: Formula
     window: Window = WHOLE
-
-    def _steps(self, on: Meaning, once: bool) -> Steps:
-        span = self.window.start, self.window.end
-        return over_window(on.steps(self.formula), *span, isinstance(self, Always), once)
-
-    def _decided(self, on: Meaning, time: int, held: bool) -> int:
-        last = self.window.last(time, on.end)
-        if held is isinstance(self, Always):
-            return last
-        return on.shown(self.formula, time + self.window.start, last, held)
 
 
 class Always(_OverWindow):
@@ -331,19 +238,6 @@ class Until(Formula):
         if self.weak and self.window != WHOLE:
             raise ExpectationError("unless has no window: its goal may come at any time, or never")
 
-    def _steps(self, on: Meaning, once: bool) -> Steps:
-        kept = on.steps(self.formula)
-        found = until(kept, on.steps(self.goal), self.window.start, self.window.end)
-        if not self.weak:
-            return found
-        return combine([found, over_window(kept, 0, None, least=True)], least=False)
-
-    def _decided(self, on: Meaning, time: int, held: bool) -> int:
-        last = self.window.last(time, on.end)
-        if held:
-            return on.shown(self.goal, time + self.window.start, last, held)
-        return on.shown(self.formula, time, last, held)
-
 
 @dataclasses.dataclass(frozen=True)
 class After(Formula):
@@ -351,28 +245,6 @@ class After(Formula):
 
     trigger: Formula  # an event; another formula stands for the instants at which it begins to hold
     formula: Formula  # that holds then
-
-    def _steps(self, on: Meaning, once: bool) -> Steps:
-        trigger, then = on.trigger(self.trigger), on.steps(self.formula)
-        implied = combine([negate(trigger), then], least=False)
-        implied, never = aligned(implied, trigger)
-        absent = implied.absent | (never.values[MOST_TRUTH] < 0.0) | never.absent
-        spread = Steps(implied.starts, implied.values, absent)
-        always = over_window(spread, 0, None, least=True, once=once)
-        # An event that may not have come at all proves nothing.
-        came = over_window(trigger, 0, None, least=False, once=once)
-        always, came = aligned(always, came)
-        unsure = (came.values[LEAST_TRUTH] < 0.0) & (always.values[LEAST_TRUTH] > 0.0)
-        always.values[:, unsure] = UNKNOWN[:, None]
-        return always.merged()
-
-    def _decided(self, on: Meaning, time: int, held: bool) -> int:
-        if not held:
-            then = on.steps(self.formula)
-            for instant in on.trigger(self.trigger).sure(time):
-                if then.shows(instant, False):
-                    return self.formula._decided(on, instant, False)
-        return on.end
 
 
 @dataclasses.dataclass(frozen=True)
@@ -387,19 +259,12 @@ class Count(Formula):
 
     def __post_init__(self) -> None:
         _check_operator(self.operator)
+        if not isinstance(self.event, Event):
+            raise ExpectationError("count needs an event: onset, cleared, message or becomes")
         if self.until is not None and self.window != WHOLE:
             raise ExpectationError("a count has a window or an until, not both")
         if not 0.0 <= self.number < 1e15:
             raise ExpectationError(f"count = {self.number:g} is outside its range [0, 1e15)")
-
-    def _steps(self, on: Meaning, once: bool) -> Steps:
-        return on.count(self)
-
-    def _decided(self, on: Meaning, time: int, held: bool) -> int:
-        if self.until is None:
-            return self.window.last(time, on.end)
-        found = on.steps(self.until).first(time, on.end, True)
-        return on.end if found is None else found
 
 
 @dataclasses.dataclass(frozen=True)
@@ -416,12 +281,6 @@ class Quantile(Formula):
         _check_operator(self.operator)
         if not 0.0 < self.share <= 1.0:
             raise ExpectationError(f"quantile = {self.share:g} is outside its range (0, 1]")
-
-    def _steps(self, on: Meaning, once: bool) -> Steps:
-        return on.quantile(self, once)
-
-    def _decided(self, on: Meaning, time: int, held: bool) -> int:
-        return self.window.last(time, on.end)
 
 
 SignalFormula = Compare | Says | Quantile

@@ -17,6 +17,7 @@ from rpud_sim.bag import Kind
 from rpud_sim.bag.columns import objects, to_plain
 from rpud_sim.foundation.time import NEVER, SECOND
 from rpud_sim.verdicts.names import DIAGNOSTICS, SignalField
+from rpud_sim.verdicts.steps import HIGH, LOW
 from rpud_sim.verdicts.units import ExpectationError
 
 # Fields that never decrease in a run; their sums put messages of one stamp in order.
@@ -38,6 +39,16 @@ def time_of(value: Any) -> int:
     if isinstance(value, (int, np.integer)):
         return int(value)
     return int(get(value, "sec")) * SECOND + int(get(value, "nanosec"))
+
+
+def to_floats(values: np.ndarray) -> np.ndarray:
+    """Return numbers; NaN for what is none."""
+    if values.dtype != object:
+        return values.astype(float)
+    plain = [
+        each[0] if isinstance(each, bytes) and len(each) == 1 else each for each in values.tolist()
+    ]
+    return np.array([float(x) if isinstance(x, (int, float)) else np.nan for x in plain], float)
 
 
 class MissingMessages(NamedTuple):
@@ -97,6 +108,20 @@ class FieldSamples:
     gaps: np.ndarray  # whether messages are missing between each and the next
     first_missing: bool  # whether messages are missing before the first
     ordered: np.ndarray  # whether it is known that each follows the one before it of the same stamp
+
+    def one_a_stamp(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return stamps, bounds and gaps, one a stamp: its last one, or all of unknown order."""
+        last = np.append(self.stamps[1:] != self.stamps[:-1], True)
+        kept = values[:, last]
+        if not self.ordered.all():
+            edges = np.concatenate([[0], np.flatnonzero(last) + 1]).tolist()
+            for number, (first, end) in enumerate(pairwise(edges)):
+                begin = end - 1
+                while begin > first and not self.ordered[begin]:
+                    begin -= 1
+                group = values[:, begin:end]
+                kept[LOW, number], kept[HIGH, number] = group[LOW].min(1), group[HIGH].max(1)
+        return self.stamps[last], kept, self.gaps[last]
 
 
 class TopicMessages:

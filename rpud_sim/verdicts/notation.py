@@ -7,30 +7,9 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from rpud_sim.foundation.quantities import ParameterError, Quantity, did_you_mean, shown
-from rpud_sim.foundation.yaml_files import open_yaml
-from rpud_sim.verdicts.formulas import (
-    Active,
-    After,
-    Always,
-    And,
-    Becomes,
-    Cleared,
-    Compare,
-    Count,
-    Event,
-    Eventually,
-    Formula,
-    Implies,
-    Message,
-    Not,
-    Onset,
-    Or,
-    Quantile,
-    Says,
-    Signal,
-    Until,
-)
+from rpud_sim.foundation.quantities import Quantity, did_you_mean, shown
+from rpud_sim.foundation.yaml_files import Cursor, open_yaml
+from rpud_sim.verdicts import formulas as f
 from rpud_sim.verdicts.names import Expectation
 from rpud_sim.verdicts.units import (
     NUMBER,
@@ -47,10 +26,8 @@ from rpud_sim.verdicts.units import (
 
 _SIGNAL = re.compile(r"([A-Za-z/][\w/]*)\.(\S.*)")
 
-Place = tuple[str | int, ...]
 
-
-def signal(name: str, hold: str | float | None = None) -> Signal:
+def signal(name: str, hold: str | float | None = None) -> f.Signal:
     """Return a signal by topic and field, as in ``reacting_force.force``.
 
     A value holds at most for ``hold``, as ``0.1 s``; None for that of the topic.
@@ -59,85 +36,85 @@ def signal(name: str, hold: str | float | None = None) -> Signal:
     if match is None:
         raise ExpectationError(f"{shown(name)} is not a topic and a field, as reacting_force.force")
     topic = "/diagnostics" if match[1] == "diagnostics" else match[1]
-    return Signal(topic, match[2], None if hold is None else parse_duration(hold, "hold"))
+    return f.Signal(topic, match[2], None if hold is None else parse_duration(hold, "hold"))
 
 
-def always(formula: Formula, within: Any = None, between: Any = None) -> Always:
+def always(formula: f.Formula, within: Any = None, between: Any = None) -> f.Always:
     """Return the formula that ``formula`` holds at every instant of a window."""
-    return Always(formula, window(within, between))
+    return f.Always(formula, window(within, between))
 
 
-def eventually(formula: Formula, within: Any = None, between: Any = None) -> Eventually:
+def eventually(formula: f.Formula, within: Any = None, between: Any = None) -> f.Eventually:
     """Return the formula that ``formula`` holds at some instant of a window."""
-    return Eventually(formula, window(within, between))
+    return f.Eventually(formula, window(within, between))
 
 
-def until(formula: Formula, goal: Formula, within: Any = None, between: Any = None) -> Until:
+def until(formula: f.Formula, goal: f.Formula, within: Any = None, between: Any = None) -> f.Until:
     """Return the formula that ``goal`` comes in a window and ``formula`` holds until then."""
-    return Until(formula, goal, window(within, between))
+    return f.Until(formula, goal, window(within, between))
 
 
-def unless(formula: Formula, goal: Formula) -> Until:
+def unless(formula: f.Formula, goal: f.Formula) -> f.Until:
     """Return the formula that ``formula`` holds until ``goal`` comes, or always."""
-    return Until(formula, goal, WHOLE, True)
+    return f.Until(formula, goal, WHOLE, True)
 
 
-def after(trigger: Formula, formula: Formula) -> After:
+def after(trigger: f.Formula, formula: f.Formula) -> f.After:
     """Return the formula that ``formula`` holds at each instant of ``trigger``."""
-    return After(trigger, formula)
+    return f.After(trigger, formula)
 
 
 def count(
-    event: Event,
+    event: f.Event,
     operator: str,
     number: float,
     within: Any = None,
     between: Any = None,
-    until: Formula | None = None,
-) -> Count:
+    until: f.Formula | None = None,
+) -> f.Count:
     """Return the comparison of the number of events in a window, or before ``until`` holds."""
-    return Count(event, operator, float(number), window(within, between), until)
+    return f.Count(event, operator, float(number), window(within, between), until)
 
 
 def quantile(
     share: float,
-    of: Signal,
+    of: f.Signal,
     operator: str,
     number: str | float,
     within: Any = None,
     between: Any = None,
-) -> Quantile:
+) -> f.Quantile:
     """Return the comparison of a quantile of a signal's messages in a window."""
-    return Quantile(float(share), of, operator, to_number(number), window(within, between))
+    return f.Quantile(float(share), of, operator, to_number(number), window(within, between))
 
 
 class _Form(NamedTuple):
     """Mapping that stands for a formula. Its first key tells the form."""
 
-    make: Callable[..., Formula]  # from the fields of the formula
+    make: Callable[..., f.Formula]  # from the fields of the formula
     fields: Mapping[str, str]  # of the formula, by the key that holds it
     may: tuple[str, ...] = ()  # further keys that it may have; outside a window, names of fields
 
 
 _WINDOW = ("within", "between")
 _FORMS = {
-    "signal": _Form(Compare, {"signal": "signal", "is": "number"}, ("hold",)),
-    "fault": _Form(Active, {"fault": "fault"}),
-    "onset": _Form(Onset, {"onset": "fault"}),
-    "cleared": _Form(Cleared, {"cleared": "fault"}),
-    "message": _Form(Message, {"message": "topic"}, ("where",)),
-    "becomes": _Form(Becomes, {"becomes": "formula"}),
-    "not": _Form(Not, {"not": "formula"}),
-    "all": _Form(And, {"all": "formulas"}),
-    "any": _Form(Or, {"any": "formulas"}),
-    "if": _Form(Implies, {"if": "condition", "then": "formula"}),
-    "always": _Form(Always, {"always": "formula"}, _WINDOW),
-    "eventually": _Form(Eventually, {"eventually": "formula"}, _WINDOW),
-    "hold until": _Form(Until, {"hold": "formula", "until": "goal"}, _WINDOW),
+    "signal": _Form(f.Compare, {"signal": "signal", "is": "number"}, ("hold",)),
+    "fault": _Form(f.Active, {"fault": "fault"}),
+    "onset": _Form(f.Onset, {"onset": "fault"}),
+    "cleared": _Form(f.Cleared, {"cleared": "fault"}),
+    "message": _Form(f.Published, {"message": "topic"}, ("where",)),
+    "becomes": _Form(f.Becomes, {"becomes": "formula"}),
+    "not": _Form(f.Not, {"not": "formula"}),
+    "all": _Form(f.And, {"all": "formulas"}),
+    "any": _Form(f.Or, {"any": "formulas"}),
+    "if": _Form(f.Implies, {"if": "condition", "then": "formula"}),
+    "always": _Form(f.Always, {"always": "formula"}, _WINDOW),
+    "eventually": _Form(f.Eventually, {"eventually": "formula"}, _WINDOW),
+    "hold until": _Form(f.Until, {"hold": "formula", "until": "goal"}, _WINDOW),
     "hold unless": _Form(unless, {"hold": "formula", "unless": "goal"}),
-    "after": _Form(After, {"after": "trigger", "expect": "formula"}),
-    "count": _Form(Count, {"count": "event", "is": "number"}, (*_WINDOW, "until")),
-    "quantile": _Form(Quantile, {"quantile": "share", "of": "signal", "is": "number"}, _WINDOW),
+    "after": _Form(f.After, {"after": "trigger", "expect": "formula"}),
+    "count": _Form(f.Count, {"count": "event", "is": "number"}, (*_WINDOW, "until")),
+    "quantile": _Form(f.Quantile, {"quantile": "share", "of": "signal", "is": "number"}, _WINDOW),
 }
 _MAIN = tuple(dict.fromkeys(next(iter(form.fields)) for form in _FORMS.values()))
 _KEYS = ("name", "requirement", "expect")
@@ -152,88 +129,70 @@ def read_expectations(path: str | Path) -> tuple[Expectation, ...]:
     # Without truth values: off is a kind of fault, and `is: true` a text as `is: running`.
     where = "{file}:{line}: "
     top = open_yaml(path, truth_values=False, error=ExpectationError, where=where)
-    try:
-        return parse_expectations(top.value)
-    except ExpectationError as error:
-        raise ExpectationError(f"{top.source.head(error.path)}{error}", error.path) from None
+    known, none = ("expectations",), "it holds no expectations:"
+    unknown = "{shown} is not expectations"
+    entries = top.mapping(known, known, other=none, unknown=unknown, missing=none)
+    return parse_expectations(entries["expectations"])
 
 
-def parse_expectations(content: Any) -> tuple[Expectation, ...]:
-    """Return the expectations of a file's content; the path of an error leads to the place."""
-    if not isinstance(content, Mapping) or "expectations" not in content:
-        raise ExpectationError("it holds no expectations:")
-    for key in content:
-        if key != "expectations":
-            raise ExpectationError(f"{shown(key)} is not expectations", (str(key),))
-    entries = content["expectations"]
-    if not isinstance(entries, list) or not entries:
-        raise ExpectationError("expectations is no list with entries", ("expectations",))
+def parse_expectations(cursor: Cursor) -> tuple[Expectation, ...]:
+    """Return the expectations of a list."""
     found: dict[str, Expectation] = {}
-    for number, entry in enumerate(entries):
-        place = ("expectations", number)
-        expectation = _expectation(entry, place)
+    other = "{name} is no list with entries"
+    for entry in cursor.sequence(other=other):
+        expectation = _expectation(entry)
         if expectation.name in found:
-            raise ExpectationError(f"name {shown(expectation.name)} is taken already", place)
+            raise entry.refusal(f"name {shown(expectation.name)} is taken already")
         found[expectation.name] = expectation
+    if not found:
+        raise cursor.refusal(other)
     return tuple(found.values())
 
 
-def _expectation(entry: Any, place: Place) -> Expectation:
+def _expectation(cursor: Cursor) -> Expectation:
     """Return the expectation of one entry: ``name`` and ``expect``, perhaps ``requirement``."""
-    if not isinstance(entry, Mapping):
-        raise ExpectationError(f"{shown(entry)} is not a mapping", place)
-    for key in entry:
-        if key not in _KEYS:
-            raise ExpectationError(f"{shown(key)}: {did_you_mean(key, _KEYS)}", (*place, str(key)))
-    for key in ("name", "expect"):
-        if key not in entry:
-            raise ExpectationError(f"the expectation lacks its {key}", place)
-    for key in ("name", "requirement"):
-        value = entry.get(key, "-")
+    missing, unknown = "the expectation lacks its {name}", "{shown}: {hint}"
+    keys = cursor.mapping(_KEYS, ("name", "expect"), unknown=unknown, missing=missing)
+    texts = {key: one.value for key, one in keys.items() if key != "expect"}
+    for key, value in texts.items():
         if not isinstance(value, str) or not value.strip() or not value.isprintable():
-            raise ExpectationError(f"{key} = {shown(value)} is not a text of one line", place)
-    inner = (*place, "expect")
-    formula = to_formula(entry["expect"], inner)
-    try:
-        return Expectation(entry["name"], formula, entry.get("requirement", ""))
-    except ExpectationError as error:
-        raise ExpectationError(error, inner) from None
+            raise keys[key].refusal("{name} = {shown} is not a text of one line")
+    formula = to_formula(keys["expect"])
+    with keys["expect"].errors():
+        return Expectation(formula=formula, **texts)
 
 
-def to_formula(value: Any, path: Place = ()) -> Formula:
+def to_formula(cursor: Cursor) -> f.Formula:
     """Return the formula of a plain value.
 
     The value is a text such as ``reacting_force.force < 45 N``, or a mapping of one of ``_FORMS``.
-    ``path`` leads to it in its file, for errors.
     """
-    try:
+    with cursor.errors():
+        value = cursor.value
         if isinstance(value, str):
             match = _ATOM.fullmatch(value)
             if match is None:
                 example = "reacting_force.force < 45 N"
                 raise ExpectationError(f"{shown(value)} is no comparison, as {example}")
             return _about(signal(match[1] or match[3]), match[2] or match[4])
-        if not isinstance(value, Mapping):
-            raise ExpectationError(f"{shown(value)} is neither a comparison nor a mapping")
+        parts = cursor.mapping(other="{shown} is neither a comparison nor a mapping")
         form = _form(value)
-        if form.make is Compare:
+        if form.make is f.Compare:
             text = value["is"]
             if isinstance(text, str) and text[:1] not in "<>=!":
                 text = f"is {text}"
             return _about(signal(value["signal"], value.get("hold")), text)
         fields: dict[str, Any] = {}
-        for key, part in value.items():
+        for key, part in parts.items():
             if key not in _WINDOW:
-                fields |= _fields(form.fields.get(key, key), part, (*path, key))
+                fields |= _fields(form.fields.get(key, key), part)
         if _WINDOW[0] in form.may:
             fields["window"] = _window(value)
-        if form.make is Count:
+        if form.make is f.Count:
             if fields["number"].unit:
                 raise ExpectationError(f"a count has no unit, given {fields['number']}")
             fields["number"] = fields["number"].value
         return form.make(**fields)
-    except ParameterError as error:
-        raise ExpectationError(error, getattr(error, "path", ()) or path) from None
 
 
 def _form(value: Mapping[Any, Any]) -> _Form:
@@ -258,29 +217,28 @@ def _form(value: Mapping[Any, Any]) -> _Form:
     raise ExpectationError(f"{shown(first)} begins no formula; {did_you_mean(first, _MAIN)}")
 
 
-def _fields(name: str, value: Any, path: Place) -> dict[str, Any]:
+def _fields(name: str, cursor: Cursor) -> dict[str, Any]:
     """Return the fields of a formula that a value gives; a comparison gives two."""
+    value = cursor.value
     if name == "number":
         match = _COMPARED.fullmatch(value.strip()) if isinstance(value, str) else None
         if match is None or match[3]:
-            raise ExpectationError(f"is: {shown(value)} is no comparison, as < 45 N", path)
+            raise cursor.refusal("is: {shown} is no comparison, as < 45 N")
         return {"operator": _operator(match[1]), name: Number(*parse_quantity(match[2]))}
     if name == "formulas":
-        if not isinstance(value, list):
-            raise ExpectationError(f"{path[-1]} = {shown(value)} is not a list", path)
-        return {name: tuple(to_formula(part, (*path, n)) for n, part in enumerate(value))}
+        return {name: tuple(map(to_formula, cursor.sequence()))}
     if name == "share":
         return {name: _SHARE.check("quantile", value)}
     if name == "topic":
         if not isinstance(value, str):
-            raise ExpectationError(f"message = {shown(value)} is no topic", path)
+            raise cursor.refusal("message = {shown} is no topic")
         return {name: "/diagnostics" if value == "diagnostics" else value}
     if name == "signal":
         return {name: signal(value)}
-    return {name: value if name == "fault" else to_formula(value, path)}
+    return {name: value if name == "fault" else to_formula(cursor)}
 
 
-def _about(about: Signal, text: Any) -> Compare | Says:
+def _about(about: f.Signal, text: Any) -> f.Compare | f.Says:
     """Return the formula about a signal of a text such as ``< 45 N`` or ``is running``."""
     if isinstance(text, str) and text.startswith("is "):
         return about.says(text[3:].strip())
@@ -303,24 +261,24 @@ def _window(value: Mapping[str, Any]) -> Window:
     return window(value.get("within"), between)
 
 
-def to_plain(formula: Formula) -> Any:
+def to_plain(formula: f.Formula) -> Any:
     """Return the plain value of a formula, the inverse of ``to_formula``."""
-    if isinstance(formula, (Compare, Says)):
+    if isinstance(formula, (f.Compare, f.Says)):
         return _plain_atom(formula)
-    make = unless if isinstance(formula, Until) and formula.weak else type(formula)
+    make = unless if isinstance(formula, f.Until) and formula.weak else type(formula)
     form = next(each for each in _FORMS.values() if each.make is make)
     further = {key: key for key in form.may if key not in _WINDOW}
     plain: dict[str, Any] = {}
     for key, field in (*form.fields.items(), *further.items()):
         value = getattr(formula, field)
-        if isinstance(formula, (Count, Quantile)) and field == "number":
-            plain[key] = f"{formula.operator} {Number(value) if make is Count else value}"
+        if isinstance(formula, (f.Count, f.Quantile)) and field == "number":
+            plain[key] = f"{formula.operator} {Number(value) if make is f.Count else value}"
         elif isinstance(value, tuple):
             plain[key] = [to_plain(part) for part in value]
-        elif isinstance(value, Formula):
+        elif isinstance(value, f.Formula):
             plain[key] = to_plain(value)
         elif value is not None:
-            plain[key] = str(value) if isinstance(value, Signal) else value
+            plain[key] = str(value) if isinstance(value, f.Signal) else value
     part = getattr(formula, "window", WHOLE)
     end = "end" if part.end is None else duration_text(part.end)
     if part.start == 0 and part.end is not None:
@@ -330,8 +288,8 @@ def to_plain(formula: Formula) -> Any:
     return plain
 
 
-def _plain_atom(formula: Compare | Says) -> Any:
-    if isinstance(formula, Says):
+def _plain_atom(formula: f.Compare | f.Says) -> Any:
+    if isinstance(formula, f.Says):
         word = str(formula.word).lower() if isinstance(formula.word, bool) else formula.word
         text = f"is {word}"
     else:

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import dataclasses
 import json
 import os
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -14,7 +13,7 @@ from rpud_sim.bag import Batch, Column, Kind, TopicSummary
 from rpud_sim.bag import open as open_bag
 from rpud_sim.bag.columns import RECEIVED, objects, to_rows
 from rpud_sim.foundation.quantities import suggestion
-from rpud_sim.foundation.ragged import Ragged
+from rpud_sim.foundation.values import Ragged
 from rpud_sim.verdicts.formulas import Signal, SignalFormula
 from rpud_sim.verdicts.messages import MissingMessages, Piece, TopicMessages, get, time_of
 from rpud_sim.verdicts.names import (
@@ -34,35 +33,27 @@ NAMESPACE = "/rpud"
 _STATUS_TYPE = "rpud_msgs/msg/Status"
 
 
-@dataclasses.dataclass(frozen=True)
-class Entry:
+class Entry(NamedTuple):
     """Entry of the journal, as far as it shows where a run begins."""
 
     sequence: int  # number of the entry
     kind: str  # of the entry
     stamp: int  # of its message [ns]
     published: int  # that increases in the order of publishing
-    time: int  # simulation time [ns]
+    time: int  # simulation time [ns]; 0 where the content has none
 
 
-def _entry_time(content: str) -> int:
-    """Return the simulation time of a journal entry's content [ns]; 0 if it has none."""
-    try:
-        time = json.loads(content)["time"]
-    except (LookupError, TypeError, ValueError):
-        return 0
-    return time if type(time) is int else 0
-
-
-@dataclasses.dataclass(frozen=True)
-class LastRun:
+class LastRun(NamedTuple):
     """The last run of a recording."""
 
     runs: int = 0  # number of runs; 0 without a journal
-    origin: int | None = None  # stamp of its simulation time zero [ns]; None without a journal
-    published: int = 0  # of the entry that begins it
-    stamp: int = 0  # of that entry [ns]
+    begun: Entry | None = None  # entry that begins it; None without a journal
     before: Entry | None = None  # the entry before that; None if there is none
+
+    @property
+    def origin(self) -> int | None:
+        """Stamp of its simulation time zero [ns]; None without a journal."""
+        return self.begun.stamp - self.begun.time if self.begun else None
 
     def holds(self, piece: Piece) -> np.ndarray:
         """Return which messages belong to the run.
@@ -70,16 +61,14 @@ class LastRun:
         Messages shortly before the entry may belong to it as well, since topics are published one
         after the other: their stamps decide.
         """
-        if self.origin is None:
+        if self.begun is None:
             return np.ones(len(piece.stamps), bool)
-        after, late = piece.published >= self.published, piece.stamps >= self.stamp
+        after, late = piece.published >= self.begun.published, piece.stamps >= self.begun.stamp
         if self.before is None:  # the first run: a message may overtake the journal
             return after | late
         between = ~after & (piece.published > self.before.published) & late
-        if self.before.stamp > self.stamp:
+        if self.before.stamp >= self.begun.stamp:
             between &= piece.stamps < self.before.stamp
-        elif self.before.stamp == self.stamp:
-            between[:] = False
         return after | between
 
 
@@ -95,19 +84,16 @@ def _last_run(entries: Sequence[Entry]) -> LastRun:
     ordered = sorted(
         once.values(), key=lambda each: (0 if one_node else each.published, each.sequence)
     )
-    found = LastRun()
-    for number, entry in enumerate(ordered):
-        if entry.kind not in ("begin", "origin"):
-            continue
-        before = ordered[number - 1] if number else None
+    found, before = LastRun(), None
+    for entry in ordered:
         # Before a beginning's entry `origin`, nothing was simulated since its entry `begin`.
-        joins = before is not None and before.kind == "begin" and before.time == entry.time
+        joins = before is not None and (before.kind, before.time) == ("begin", entry.time)
         back = before is None or entry.stamp < before.stamp
-        begun = entry.stamp - entry.time, entry.published, entry.stamp
-        if entry.kind == "origin" and joins and found.runs:
-            found = LastRun(found.runs, *begun, found.before)
-        elif entry.kind == "begin" or back:
-            found = LastRun(found.runs + 1, *begun, before)
+        if entry.kind == "origin" and joins:
+            found = found._replace(begun=entry)
+        elif entry.kind == "begin" or (entry.kind == "origin" and back):
+            found = LastRun(found.runs + 1, entry, before)
+        before = entry
     return found
 
 
@@ -136,11 +122,13 @@ class Record:
         topics: Collection[str],
         namespace: str | None = None,
         progress: Callable[[int], object] = lambda count: None,
+        expectations: Iterable[Expectation] = (),
     ) -> Record:
         """Read topics of a bag, by names relative to the drill's namespace or absolute names.
 
         Without ``namespace`` it is that of the only status in the bag. ``progress`` is called with
-        the number of messages since its last call.
+        the number of messages since its last call. That the topics have the fields which
+        ``expectations`` name is checked before anything is read.
         """
         with open_bag(path) as bag:
             known = {summary.topic.name: summary for summary in bag.topics}
@@ -155,6 +143,8 @@ class Record:
                 record._columns[topic] = bag.columns(name)
                 losses = known[name].losses
                 record._losses[topic] = (losses.total or 0) if losses is not None else 0
+            for expectation in expectations:
+                record._check(expectation)
 
             def leave_out(name: str, reason: str) -> None:
                 record._losses[wanted[name]] += 1
@@ -235,9 +225,9 @@ class Record:
             return None
         periodic = [topic for topic in counting if topic in PERIODIC] or counting
         begin = min(int(self.messages(topic).stamps[0]) for topic in periodic)
-        run = self._last_run
-        if run.origin is not None and run.stamp <= begin <= run.stamp + PERIODIC_HOLD:
-            begin = run.stamp
+        begun = self._last_run.begun
+        if begun and begun.stamp <= begin <= begun.stamp + PERIODIC_HOLD:
+            begin = begun.stamp
         return begin, max(int(self.messages(topic).stamps[-1]) for topic in counting)
 
     def zero(self, topics: Collection[str]) -> int:
@@ -261,6 +251,14 @@ class Record:
             self._kept[topic] = TopicMessages(topic, pieces, keep)
         return self._kept[topic]
 
+    def _check(self, expectation: Expectation) -> None:
+        for part in expectation.formula.walk():
+            if isinstance(part, SignalFormula):
+                try:
+                    check_use(part, self.field(part.signal))
+                except ExpectationError as error:
+                    raise ExpectationError(f"{expectation.name}: {error}") from None
+
     @property
     def _last_run(self) -> LastRun:
         if self._run is None:
@@ -273,7 +271,12 @@ class Record:
             for sequence, kind, content, stamp, published in zip(
                 *columns, piece.stamps.tolist(), piece.published.tolist(), strict=True
             ):
-                yield Entry(int(sequence), str(kind), stamp, published, _entry_time(str(content)))
+                try:
+                    time = json.loads(str(content))["time"]
+                except (LookupError, TypeError, ValueError):
+                    time = 0
+                time = time if type(time) is int else 0
+                yield Entry(int(sequence), str(kind), stamp, published, time)
 
     def _all(self, topic: str) -> list[Piece]:
         pieces = list(self._pieces.get(topic, ()))
@@ -338,31 +341,3 @@ def bag_namespace(topics: Iterable[TopicSummary], namespace: str | None) -> str:
     if len(found) > 1:
         raise ExpectationError(f"the bag holds several drills, {', '.join(found)}: name one")
     return found[0] if found else NAMESPACE
-
-
-def check_bag(
-    path: str | os.PathLike[str],
-    expectations: Iterable[Expectation],
-    namespace: str | None = None,
-    file: str = "",
-) -> None:
-    """Check that the topics in a bag have the fields that expectations name.
-
-    A topic that the bag does not hold is no error: its expectations are undecided.
-    """
-    with open_bag(path) as bag:
-        known = {summary.topic.name for summary in bag.topics}
-        space = bag_namespace(bag.topics, namespace).rstrip("/")
-        for expectation in expectations:
-            for part in expectation.formula.walk():
-                if not isinstance(part, SignalFormula):
-                    continue
-                topic = part.signal.topic
-                name = topic if topic.startswith("/") else f"{space}/{topic}"
-                if topic == DIAGNOSTICS or name not in known:
-                    continue
-                try:
-                    check_use(part, find_field(part.signal, bag.columns(name)))
-                except ExpectationError as error:
-                    place = f"{file}: " if file else ""
-                    raise ExpectationError(f"{place}{expectation.name}: {error}") from None

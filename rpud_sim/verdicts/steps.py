@@ -9,15 +9,20 @@ minimum and maximum, so every operation treats all four alike.
 from __future__ import annotations
 
 import dataclasses
+from bisect import bisect_left, insort
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+
+from rpud_sim.verdicts.units import Window
 
 LEAST_MARGIN, MOST_MARGIN, LEAST_TRUTH, MOST_TRUTH = range(4)
 
 UNKNOWN = np.array([-np.inf, np.inf, -1.0, 1.0])
 TRUE = np.array([np.inf, np.inf, 1.0, 1.0])
 FALSE = np.array([-np.inf, -np.inf, -1.0, -1.0])
+LOW, HIGH = [LEAST_MARGIN, LEAST_TRUTH], [MOST_MARGIN, MOST_TRUTH]
 _SWAPPED = [MOST_MARGIN, LEAST_MARGIN, MOST_TRUTH, LEAST_TRUTH]
 
 
@@ -265,3 +270,50 @@ def beginnings(steps: Steps) -> Steps:
     values[:, begins] = np.where(after_false, TRUE[:, None], UNKNOWN[:, None])[:, begins]
     longer = begins & np.append(np.diff(steps.starts) > 1, False)
     return inserted(steps.starts, values, steps.starts[longer] + 1).merged()
+
+
+def window_spans(
+    times: np.ndarray, window: Window, end: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return first and last instant of the window of each time, and whether it ends too late."""
+    last = np.full(len(times), end) if window.end is None else times + window.end
+    return times + window.start, last, np.maximum(times + window.start, last) > end
+
+
+def next_in(steps: Steps, chosen: np.ndarray, times: np.ndarray, end: int) -> np.ndarray:
+    """Return the first instant from each time on in one of the chosen steps, or after the end."""
+    starts = np.append(steps.starts[chosen & (steps.starts <= end)], end + 1)
+    found = starts[np.searchsorted(starts, times, side="left")]
+    inside = chosen[steps.at(times)] & (times <= end)
+    return np.where(inside, times, found)
+
+
+def shared(begins: np.ndarray, ends: np.ndarray, first: np.ndarray, last: np.ndarray) -> np.ndarray:
+    """Return how many stretches of time, in order, share an instant with each of some spans."""
+    begun = np.searchsorted(begins, last, side="right")
+    ended = np.searchsorted(ends, first, side="left")
+    count: np.ndarray = np.maximum(begun - ended, 0).astype(float)
+    return count
+
+
+def sorted_windows(values: np.ndarray) -> Callable[[int, int], list[float]]:
+    """Return a function that sorts the values from one number to before another.
+
+    Both numbers grow from call to call, and the values that both calls have are sorted already.
+    """
+    begun = ended = 0
+    inside: list[float] = []
+
+    def among(first: int, last: int) -> list[float]:
+        nonlocal begun, ended, inside
+        if last - ended > len(inside) or first >= ended:
+            inside = np.sort(values[first:last]).tolist()
+        else:
+            for value in values[begun:first].tolist():
+                del inside[bisect_left(inside, value)]
+            for value in values[ended:last].tolist():
+                insort(inside, value)
+        begun, ended = first, last
+        return inside
+
+    return among

@@ -80,7 +80,7 @@ def evaluate(expectation: Expectation, record: Record) -> Verdict:
         return Verdict(*about, UNDECIDED, text=text)
     held = least > 0.0
     margin = float(steps.values[LEAST_MARGIN if held else MOST_MARGIN, 0])
-    at = (formula._decided(evaluation, begin, held) - zero) / SECOND
+    at = (evaluation.decided(formula, begin, held) - zero) / SECOND
     reaction = _reaction(evaluation, formula)
     units = _units(formula, record) if math.isfinite(margin) else set()
     return Verdict(

@@ -19,7 +19,7 @@ from rpud_sim.bag import BagError, BagFormatError, BagReader, BagSegment, Messag
 from rpud_sim.bag.columns import Column, Kind, usable
 from rpud_sim.bag.field_values import FieldReader
 from rpud_sim.bag.messages import MessageBlock, joined, messages_of
-from rpud_sim.bag.tables import compiled, late_messages
+from rpud_sim.bag.tables import compiled
 from rpud_sim.foundation.time import SECOND, join_seconds
 from rpud_sim.inspection.recorded_drill import Clock, Jump
 from rpud_sim.simulation.topics import TOPICS
@@ -117,11 +117,9 @@ class TopicReader:
 
     def read(self, block: MessageBlock) -> Rows:
         """Return the rows of messages; count those that are not of the type."""
-        if late := late_messages(block):
-            block = block.part(np.setdiff1d(np.arange(len(block)), [*late]))
         found = self._fields.read(block)
-        self.unreadable += len(late) + len(found.errors)
-        logs = block.log_times[found.rows].astype(np.int64)
+        self.unreadable += len(found.errors)
+        logs = block.log_times[found.rows]
         values = {}
         for signal in self.signals:
             numbers = found.array(signal.column).astype(float)

@@ -12,7 +12,7 @@ from rpud_sim.bag.columns import Kind, columns_of
 from rpud_sim.bag.errors import BagFormatError
 from rpud_sim.bag.field_values import FieldReader
 from rpud_sim.bag.messages import MessageBlock
-from rpud_sim.foundation.ragged import Ragged
+from rpud_sim.foundation.values import Ragged
 
 PARTS = f"""
 {SEPARATOR}
@@ -191,6 +191,6 @@ def test_a_message_with_too_many_parts_is_left_to_the_library():
 
 def test_the_largest_size_keeps_the_bound_on_memory():
     codec = Codec("std_msgs/msg/String", "string data\n")
-    largest = codec.budget.largest(10_000)
-    memory = codec.budget.sizes(np.array([largest, largest + 2]))
+    largest = codec.type.largest(10_000)
+    memory = codec.type.most(np.array([largest, largest + 2]))
     assert memory[0] <= 10_000 < memory[1]

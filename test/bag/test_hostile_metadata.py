@@ -5,18 +5,13 @@ import os
 
 import pytest
 from bounded_memory import read_in_bounded_memory
-from sample_bags import rewrite, write_bag
+from sample_bags import LAUGHS, rewrite, write_bag
 
 import rpud_sim.bag
 from rpud_sim.bag import BagFormatError
 from rpud_sim.bag.losses import losses_from_record
 from rpud_sim.bag.metadata import SIZE_LIMIT, load_offered_qos, metadata_from_document
 from rpud_sim.bag.recovery import recover
-
-LAUGHS = "a: &a [x, x, x, x, x, x, x, x, x, x]\n" + "".join(
-    f"{name}: &{name} [{', '.join([f'*{before}'] * 10)}]\n"
-    for before, name in zip("abcdefghij", "bcdefghijk", strict=True)
-)
 
 
 @pytest.mark.parametrize(

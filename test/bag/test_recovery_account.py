@@ -20,7 +20,7 @@ import rpud_sim.bag
 from rpud_sim.bag import BagFormatError, BagWriter
 from rpud_sim.bag.definitions import find_definition
 from rpud_sim.bag.losses import LOSSES_RECORD, RECORDING_RECORD, Losses, losses_to_record
-from rpud_sim.bag.metadata import BagMetadata
+from rpud_sim.bag.metadata import dump_yaml, metadata_of
 from rpud_sim.bag.recovery import recover
 
 
@@ -154,7 +154,7 @@ def test_what_no_bag_can_have_is_left_out_with_its_reason(tmp_path, odd, reason)
 
 
 def test_metadata_that_would_be_too_large_is_left_out(tmp_path):
-    content = BagMetadata(0, 0, 0, (), (), custom_data={"a": "x" * 2_000_000}).to_record()
+    content = dump_yaml(metadata_of([], {}, {"a": "x" * 2_000_000}))
     records = [("rosbag2", {"serialized_metadata": content})]
     recovery = recover(odd_bag(tmp_path / "odd.mcap", records=records), tmp_path / "out")
     assert recovery.damages == ["custom data of 2000001 characters is left out: at most 1048576"]

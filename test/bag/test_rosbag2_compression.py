@@ -9,6 +9,7 @@ from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, Qo
 from rosbags.interfaces import QosTime as Span
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 from sample_bags import (
+    LAUGHS,
     START,
     STRING,
     STRING_DEFINITION,
@@ -20,6 +21,7 @@ from support import called
 
 import rpud_sim.bag
 from rpud_sim.bag import BagFormatError
+from rpud_sim.bag.definitions import find_definition
 from rpud_sim.bag.messages import messages_of
 from rpud_sim.bag.recovery import recover
 
@@ -232,17 +234,16 @@ _STRANGE = r"essage.* has content that is not stored in it"
             "the time None and blob data",
         ),
         ("UPDATE messages SET data = 'text'", "text data; .* data is a blob"),
-        ("UPDATE topics SET name = x'ff'", "a topic has no name"),
+        ("UPDATE topics SET name = x'ff'", "a topic has a name, type or format that is no text"),
         ("UPDATE topics SET name = CAST(x'ff' AS TEXT)", "damaged"),
-        ("UPDATE topics SET offered_qos_profiles = '[1]'", "damaged"),
-        ("UPDATE message_definitions SET encoding = 'other'", "damaged"),
+        ("UPDATE topics SET offered_qos_profiles = '[1]'", "a profile of offered_qos_profiles"),
+        (f"UPDATE topics SET offered_qos_profiles = '{LAUGHS}'", "larger than"),
         ("DROP TABLE topics", "no such table: topics"),
         (
             "CREATE TABLE copy AS SELECT * FROM topics UNION ALL SELECT * FROM topics;"
             "DROP TABLE topics; ALTER TABLE copy RENAME TO topics",
             "2 topics have the number 1",
         ),
-        ("DROP TABLE message_definitions", "no such table"),
         (
             f"{_MESSAGES} data AS (zeroblob(1e8))); INSERT INTO messages(topic_id) VALUES(1);",
             _STRANGE,
@@ -261,6 +262,21 @@ def test_a_database_that_is_no_bag_is_one_line(tmp_path, statement, complaint):
         read_all(tmp_path / "run")
     assert "\n" not in str(caught.value)
     assert str(file) in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("statement", "definition"),
+    [  # of a bag before Iron, and of a recorder that did not find it
+        ("DROP TABLE message_definitions", find_definition(STRING)),
+        ("UPDATE message_definitions SET encoding = 'unknown'", None),
+    ],
+)
+def test_a_database_without_a_definition_is_read(tmp_path, statement, definition):
+    with edited(tmp_path / "run") as (_, database):
+        database.execute(statement)
+    with rpud_sim.bag.open(tmp_path / "run") as bag:
+        assert [topic.definition for topic in bag.topics] == [definition] * 2
+        assert sum(1 for _ in bag.messages()) == 10
 
 
 @pytest.mark.parametrize(

@@ -278,6 +278,9 @@ def test_a_type_that_changed_within_a_bag_is_not_read_as_the_first(tmp_path):
     write("a_2.mcap", "float32 a\n")
     with rpud_sim.bag.open(tmp_path) as bag:
         assert bag.left_out == {"/a": "its messages are of several types or definitions"}
+        assert (
+            bag.left_out is bag.left_out
+        )  # every reader of a table asks: with 400 topics it was slow
 
 
 def test_what_cannot_be_a_table_is_left_out_with_its_reason(tmp_path, monkeypatch):
@@ -325,7 +328,6 @@ STRINGS = (TALK.type, STRING_DEFINITION)
     ("kind", "definition", "data", "time", "complaint"),
     [
         (*STRINGS, b"\0\1\0\0\xff\xff", START, "a message of std_msgs/msg/String"),
-        (*STRINGS, serialized_string("far"), 2**63, "a message does not fit its columns"),
         (*waveform([3, 3, 3, 3, 3, 2]), START, r"\w+ has 2 values, and \w+ 3"),
     ],
 )

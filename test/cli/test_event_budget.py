@@ -8,13 +8,15 @@ from support import rpud
 
 MICROGRAM = ("--regime", "free", "--set", "free_mass=1e-11")
 LINE = (
-    r"events exceed their budget of 500000 in a simulated second at 0\.\d+ s, "
+    r"(events exceed their budget of 500000 in a simulated second|more than 10000 events at one "
+    r"instant) at 0\.\d+ s, "
     r"with free_mass = 1e-11 kg \(default: 0\.005\)\n"
 )
 
 
-def test_simulate_ends_with_one_line():
-    result = rpud("simulate", *MICROGRAM, "--duration", "10")
+@pytest.mark.parametrize("several", [(), ("--repeat", "2")])
+def test_simulate_ends_with_one_line(several):
+    result = rpud("simulate", *MICROGRAM, "--duration", "10", *several)
     assert result.returncode == 1
     assert re.fullmatch(f"rpud simulate: {LINE}", result.stderr.splitlines(keepends=True)[-1])
 

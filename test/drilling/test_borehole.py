@@ -12,7 +12,7 @@ from rpud_sim.drilling.borehole import BitParameters, Borehole, cut, radius_of
 from rpud_sim.drilling.inputs import UNDISTURBED, Disturbances, Percussion
 from rpud_sim.drilling.rock import ROCKS, Layer, RockParameters, Strata, find_strata, uniform_strata
 from rpud_sim.drilling.rotor import NOT_TURNED, RotationParameters, Rotor
-from rpud_sim.foundation.parameters import quantities
+from rpud_sim.foundation.quantities import quantities
 
 ROCK = RockParameters()
 WHOLE = dataclasses.replace(ROCK, rock_energy_transfer=1.0)

@@ -17,7 +17,7 @@ import rpud_sim.bag
 from rpud_sim.bag.manifest import MANIFEST_RECORD as MANIFEST
 from rpud_sim.bag.manifest import manifest_from_record
 from rpud_sim.ros.graph import rosbag_service
-from rpud_sim.simulation.scenario import parse_scenario, read_scenario
+from rpud_sim.simulation.plans import parse_scenario, read_scenario
 
 HERE = Path(__file__).parent
 CONTACT_FORCE = "/rpud/contact_force"
@@ -128,12 +128,9 @@ def test_a_publisher_without_a_match_is_subscribed_again(process, tmp_path):
 
 def test_it_says_when_it_records_where_that_is_wanted(process, talker, tmp_path):
     talker("--count", 0, "--subscribers", 0).wait_for_line("published 0")
-    reading, writing = os.pipe()
-    words = ("--out", tmp_path / "run", "--duration", "0.1", "--ready-fd", str(writing))
-    recorder = process("recorder", *words, pass_fds=(writing,))
-    os.close(writing)
-    with open(reading, "rb") as pipe:
-        assert pipe.read() == b"recording\n"
+    words = ("--out", tmp_path / "run", "--duration", "0.1", "--ready-fd", "1")
+    recorder = process("recorder", *words)
+    recorder.wait_for_line("^recording$")
     assert recorder.wait() == 0
 
 

@@ -103,16 +103,6 @@ def test_a_thread_has_the_priority_that_it_is_said_to_have(thread):
     assert scheduled() == before
 
 
-def test_what_a_thread_starts_is_not_scheduled_so(thread):
-    thread(schedule_thread, 3)
-
-    def start():
-        with ThreadPoolExecutor(1) as pool:
-            return pool.submit(scheduled).result()
-
-    assert thread(start) == (os.SCHED_OTHER, 0)
-
-
 def test_where_it_is_not_permitted_the_reason_is_reported(thread, monkeypatch):
     def refuse(*_):
         raise PermissionError(1, "Operation not permitted")
@@ -122,6 +112,26 @@ def test_where_it_is_not_permitted_the_reason_is_reported(thread, monkeypatch):
         "time-sharing: real-time priority 9: Operation not permitted"
     )
     assert thread(scheduled) == (os.SCHED_OTHER, 0)
+
+
+def test_what_a_transition_destroys_in_the_midst_of_its_use_is_no_failure(nodes):
+    node = rclpy.create_node("cleaned_up")
+    nodes.append(node)
+    publisher = node.create_publisher(Clock, "late", 1)
+    uses = []
+
+    def use():
+        uses.append(publisher)
+        publisher.publish(Clock())
+
+    node.create_timer(0.001, use)
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
+    node.destroy_publisher(publisher)
+    failures = []
+    while not uses:
+        serve(executor, failures.append)
+    assert failures == []
 
 
 @pytest.mark.parametrize("kind", [SingleThreadedExecutor, MultiThreadedExecutor])

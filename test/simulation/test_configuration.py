@@ -10,8 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from support import refusal
 
-from rpud_sim.foundation.parameters import quantities
-from rpud_sim.foundation.quantities import ParameterError
+from rpud_sim.foundation.quantities import ParameterError, quantities
 from rpud_sim.model.engine import EngineError
 from rpud_sim.simulation import Parameters, preset
 from rpud_sim.simulation.actuator import ActuatorParameters
@@ -26,7 +25,7 @@ from rpud_sim.simulation.configuration import (
     to_configuration,
     to_settings,
 )
-from rpud_sim.simulation.scenario import scenario_of
+from rpud_sim.simulation.plans import scenario_of
 from rpud_sim.simulation.simulation import Simulation
 
 CONFIG = Path(__file__).parents[2] / "config"

@@ -25,13 +25,14 @@ from rpud_sim.simulation.configuration import Configuration
 from rpud_sim.simulation.ensemble import (
     Ensemble,
     EnsembleRuns,
+    Member,
     compile_kernels,
     run_ensemble,
     run_members,
     runs_by_itself,
 )
 from rpud_sim.simulation.faults import Fault
-from rpud_sim.simulation.scenario import Scenario, ScheduledFault
+from rpud_sim.simulation.plans import Scenario, ScheduledFault
 from rpud_sim.simulation.simulation import Simulation, initial_phases
 from rpud_sim.simulation.statistics import FIGURES, Statistics
 
@@ -55,7 +56,7 @@ def test_a_long_run_is_made_in_strides_and_reported():
     reported = []
     ensemble = run_ensemble(PARAMETERS, 25.0, [0.0], reported.append)
     assert reported == [10.0, 10.0, 5.0]
-    assert ensemble.members[0]["duration"] == 25.0
+    assert ensemble.members[0].figures["duration"] == 25.0
     assert ensemble.real_time_factor > 1.0
 
 
@@ -64,8 +65,8 @@ def test_a_rock_has_depth_and_rate_among_the_figures():
     [found] = run_ensemble(configuration, 0.5, [0.25]).members
     simulation = Simulation(configuration, 0.25)
     simulation.advance_to(500 * MILLISECOND)
-    assert found["depth"] == simulation.depth > 0.0
-    assert found["penetration_rate"] == simulation.depth / 0.5
+    assert found.figures["depth"] == simulation.depth > 0.0
+    assert found.figures["penetration_rate"] == simulation.depth / 0.5
     assert "depth" not in run_ensemble(PARAMETERS, 0.1, [0.25]).mean()
 
 
@@ -75,13 +76,13 @@ def test_what_happens_to_a_run_is_left_to_a_simulation_of_each_member():
     assert not runs_by_itself(dataclasses.replace(DRILLING, actuator=TRACKING))
     assert not runs_by_itself(DRILLING, JAM)
     ensemble = run_ensemble(PARAMETERS, 1.0, [0.25, 0.5], scenario=JAM)
-    assert all(member["drill_tool_impact_rate"] <= 2.0 for member in ensemble.members)
+    assert all(member.figures["drill_tool_impact_rate"] <= 2.0 for member in ensemble.members)
 
 
 def test_means_and_standard_errors_are_those_of_the_members_that_have_a_figure():
     def found(*values):
-        members = tuple({"duration": 2.0} | dict.fromkeys(FIGURES, value) for value in values)
-        ensemble = Ensemble((0.1,) * len(values), members, (), 1.0)
+        members = ({"duration": 2.0} | dict.fromkeys(FIGURES, value) for value in values)
+        ensemble = Ensemble(tuple(map(Member, members)), 1.0)
         assert ensemble.mean()["duration"] == 2.0
         return ensemble.mean()["events"], ensemble.standard_error()["events"]
 

@@ -11,9 +11,8 @@ from specifications import parse_specification
 
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.studies import cluster
-from rpud_sim.studies.cluster import run_on_cluster
 from rpud_sim.studies.sweep.chunks import design_points, make_chunks, simulate
-from rpud_sim.studies.workers import WorkerError
+from rpud_sim.studies.workers import WorkerError, run_chunks
 
 pytestmark = pytest.mark.extended
 
@@ -77,13 +76,13 @@ def test_a_port_that_accepts_and_stays_silent_is_one_line(monkeypatch):
     with socket.create_server(("127.0.0.1", 0)) as silent:
         address = f"tcp://127.0.0.1:{silent.getsockname()[1]}"
         with pytest.raises(WorkerError, match=r"no answer of a Dask scheduler in 0\.5 s"):
-            list(run_on_cluster(CHUNKS, address, simulate))
+            list(run_chunks(simulate, CHUNKS, 1, address))
 
 
 @pytest.mark.parametrize("address", ["a:1", "http://a:1", "tcp://a", "tcp://a:99999", "tcp://[a:1"])
 def test_what_is_no_address_is_a_wrong_call(address):
     with pytest.raises(ParameterError, match="--scheduler = "):
-        list(run_on_cluster(CHUNKS, address, simulate))
+        list(run_chunks(simulate, CHUNKS, 1, address))
 
 
 def test_a_killed_worker_and_a_restarted_scheduler_lose_and_repeat_nothing(dask, capfd):
@@ -92,7 +91,7 @@ def test_a_killed_worker_and_a_restarted_scheduler_lose_and_repeat_nothing(dask,
     dask.start_worker("first")
     dask.start_worker("second")
     found = {}
-    for chunk, outcome in run_on_cluster(CHUNKS, dask.address, simulate):
+    for chunk, outcome in run_chunks(simulate, CHUNKS, 1, dask.address):
         assert chunk.number not in found
         found[chunk.number] = outcome
         if len(found) == 2:
@@ -120,7 +119,7 @@ def test_a_scheduler_that_stays_away_ends_the_sweep_in_one_line(dask, monkeypatc
 
     dask.start_scheduler()
     with pytest.raises(WorkerError, match=r"^--scheduler tcp://127.0.0.1:\d+: cannot be reached"):
-        list(run_on_cluster(chunks(), dask.address, simulate))
+        list(run_chunks(simulate, chunks(), 1, dask.address))
 
 
 def test_an_error_of_a_chunk_is_no_lost_scheduler(dask):
@@ -130,4 +129,4 @@ def test_an_error_of_a_chunk_is_no_lost_scheduler(dask):
     dask.start_scheduler()
     dask.start_worker("first")
     with pytest.raises(WorkerError, match=r"^chunk \d+: a worker of tcp://\S+ failed: no place"):
-        list(run_on_cluster(CHUNKS, dask.address, fail))
+        list(run_chunks(fail, CHUNKS, 1, dask.address))

@@ -10,7 +10,7 @@ import pytest
 
 from rpud_sim.testing.setup import DrillPool, drill_setup
 
-STARTS = int(os.environ.get("RPUD_STARTS", "20"))
+STARTS = int(os.environ.get("RPUD_STARTS", "30"))
 
 
 @pytest.mark.extended

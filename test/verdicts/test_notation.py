@@ -2,14 +2,15 @@
 
 import pytest
 
+from rpud_sim.foundation.yaml_files import cursor_at
 from rpud_sim.verdicts import (
     Active,
     Becomes,
     Cleared,
     Expectation,
     ExpectationError,
-    Message,
     Onset,
+    Published,
     after,
     always,
     count,
@@ -45,7 +46,7 @@ UNDERSTOOD = [
     ({"onset": JAMMED}, Onset(JAMMED)),
     (
         {"message": "journal", "where": "journal.kind is inject"},
-        Message("journal", signal("journal.kind").says("inject")),
+        Published("journal", signal("journal.kind").says("inject")),
     ),
     ({"always": "reacting_force.force < 45 N"}, always(FORCE < "45 N")),
     (
@@ -78,7 +79,11 @@ UNDERSTOOD = [
     ),
     (
         {"count": {"message": "contact_force"}, "is": ">= 10", "within": "1 s"},
-        count(Message("contact_force"), ">=", 10, within=1.0),
+        count(Published("contact_force"), ">=", 10, within=1.0),
+    ),
+    (
+        {"count": {"message": "journal"}, "is": "<= 3", "until": {"cleared": JAMMED}},
+        count(Published("journal"), "<=", 3, until=Cleared(JAMMED)),
     ),
     (
         {"quantile": 0.99, "of": "contact_force.peak_force", "is": "< 9 kN"},
@@ -89,8 +94,8 @@ UNDERSTOOD = [
 
 @pytest.mark.parametrize(("plain", "formula"), UNDERSTOOD, ids=lambda each: str(each)[:40])
 def test_a_form_is_understood_and_written_again(plain, formula):
-    assert to_formula(plain) == formula
-    assert to_formula(to_plain(formula)) == formula
+    for each in (plain, to_plain(formula)):
+        assert to_formula(cursor_at(each, "test")) == formula
     Expectation("it", formula)
 
 

@@ -14,7 +14,7 @@ from rpud_sim.bag.losses import LOSSES_RECORD, losses_to_record
 from rpud_sim.verdicts import (
     Expectation,
     ExpectationError,
-    Message,
+    Published,
     Record,
     after,
     always,
@@ -60,7 +60,7 @@ def test_messages_of_a_foreign_type_are_one_line():
         (always(FORCE < "45 N"), "reacting_force.force has no value at 1e-09 s"),
         (eventually(FORCE > "45 N", within="2 s"), "reacting_force.force has no value at 1e-09 s, "
          "or the record ends at 1 s, before it is decided"),
-        (count(Message("reacting_force"), "<=", 9, within="2 s"),
+        (count(Published("reacting_force"), "<=", 9, within="2 s"),
          "the record ends at 1 s, before it is decided"),
         (after(FORCE > "45 N", FORCE < "90 N"), "the event of after never came: "
          "reacting_force.force > 45 N"),
@@ -92,20 +92,20 @@ def test_a_jump_in_the_numbers_of_impacts_matters_where_it_is():
         always(PEAK < "6 kN"): "undecided",
         always(PEAK < "6 kN", within="1.9 s"): "passed",
         always(PEAK < "4 kN"): "failed",
-        count(Message("contact_force"), "==", 5): "undecided",
-        count(Message("contact_force"), ">=", 5): "passed",
-        count(Message("contact_force"), "<=", 6): "passed",
-        count(Message("contact_force"), "<", 5): "failed",
+        count(Published("contact_force"), "==", 5): "undecided",
+        count(Published("contact_force"), ">=", 5): "passed",
+        count(Published("contact_force"), "<=", 6): "passed",
+        count(Published("contact_force"), "<", 5): "failed",
         quantile(0.5, PEAK, "<", "6 kN"): "passed",
         quantile(1.0, PEAK, "<", "6 kN"): "undecided",
         quantile(1.0, PEAK, "<", "6 kN", within="1.9 s"): "passed",
         quantile(1.0, PEAK, "<", "6 kN", within="2 s"): "undecided",
         quantile(1.0, PEAK, "<", "6 kN", between=("3.5 s", "4 s")): "passed",
-        count(Message("contact_force"), "==", 2, within="1.9 s"): "passed",
-        count(Message("contact_force"), "==", 3, within="2 s"): "undecided",
-        eventually(Message("contact_force"), within="1.9 s"): "passed",
-        ~eventually(Message("contact_force", PEAK > "6 kN"), within="1.9 s"): "passed",
-        ~eventually(Message("contact_force", PEAK > "6 kN"), within="2 s"): "undecided",
+        count(Published("contact_force"), "==", 2, within="1.9 s"): "passed",
+        count(Published("contact_force"), "==", 3, within="2 s"): "undecided",
+        eventually(Published("contact_force"), within="1.9 s"): "passed",
+        ~eventually(Published("contact_force", PEAK > "6 kN"), within="1.9 s"): "passed",
+        ~eventually(Published("contact_force", PEAK > "6 kN"), within="2 s"): "undecided",
     }
     assert {formula: outcome(formula, record) for formula in expected} == expected
     verdict = evaluate(Expectation("it", always(PEAK < "6 kN")), record)
@@ -144,13 +144,13 @@ def test_messages_that_come_twice_count_once():
     record = Record()
     for number in (0, 1, 1, 2, 0):
         record.add("/rpud/contact_force", number * SECOND, impact(number, 5000.0))
-    assert outcome(count(Message("contact_force"), "==", 3), record) == "passed"
+    assert outcome(count(Published("contact_force"), "==", 3), record) == "passed"
 
 
 def test_a_topic_of_others_in_the_namespace_of_the_drill_keeps_its_absolute_name():
     record = Record()
     record.add("/rpud/supervisor/heartbeat", SECOND, {})
-    assert outcome(count(Message("/rpud/supervisor/heartbeat"), "==", 1), record) == "passed"
+    assert outcome(count(Published("/rpud/supervisor/heartbeat"), "==", 1), record) == "passed"
 
 
 def test_reports_of_one_stamp_are_ordered_by_their_counters():
@@ -210,7 +210,7 @@ def test_the_last_run_counts():
     for message in messages[5:]:
         record.add(*message)
     assert (record.runs, outcome(always(FORCE < "45 N"), record)) == (2, "passed")
-    assert outcome(count(Message("reacting_force"), "==", 2), record) == "passed"
+    assert outcome(count(Published("reacting_force"), "==", 2), record) == "passed"
 
 
 def test_a_new_origin_ahead_begins_no_run():
@@ -222,7 +222,7 @@ def test_a_new_origin_ahead_begins_no_run():
     record.add(*entry(3, "origin", SECOND, 5 * SECOND))
     record.add("status", 6 * SECOND, {"weight_on_bit": 10.0})
     assert record.runs == 1
-    assert outcome(count(Message("status"), "==", 2), record) == "passed"
+    assert outcome(count(Published("status"), "==", 2), record) == "passed"
 
 
 def test_after_a_clear_the_record_is_empty():
@@ -260,7 +260,7 @@ def other_bag(faulty_bag, tmp_path):
 def test_topics_of_others_are_judged_by_their_stamps(other_bag):
     beats = signal("/supervisor/heartbeat.beats")
     record = Record.from_bag(other_bag, ["/supervisor/heartbeat", "reacting_force", "status"])
-    assert outcome(count(Message("/supervisor/heartbeat"), "==", 10), record) == "passed"
+    assert outcome(count(Published("/supervisor/heartbeat"), "==", 10), record) == "passed"
     assert outcome(eventually(beats.equals("9 Hz"), within="0.9 s"), record) == "passed"
     assert outcome(eventually(beats.equals("9 Hz"), within="0.8 s"), record) == "failed"
     assert outcome(always(signal("/supervisor/heartbeat.state").says("well")), record) == "passed"
@@ -278,7 +278,7 @@ def test_stamps_of_another_clock_are_outside_the_recording(other_bag):
     record = Record.from_bag(other_bag, ["reacting_force", "status"])
     record.add("/other", 1_700_000_000 * SECOND, {"value": 1.0})
     assert outcome(always(signal("/other.value") > 0), record) == "undecided"
-    assert outcome(count(Message("/other"), ">=", 1), record) == "undecided"
+    assert outcome(count(Published("/other"), ">=", 1), record) == "undecided"
 
 
 def test_diagnostics_are_signals_by_name_and_key():

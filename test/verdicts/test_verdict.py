@@ -10,8 +10,8 @@ from rpud_sim.verdicts import (
     Becomes,
     Cleared,
     Expectation,
-    Message,
     Onset,
+    Published,
     Record,
     after,
     always,
@@ -75,7 +75,7 @@ def test_comparisons_in_several_units_have_mixed_margins():
 
 
 def test_what_no_number_decides_has_no_margin(jammed):
-    found = verdict(always(~Message("status")), jammed)
+    found = verdict(always(~Published("status")), jammed)
     assert (found.outcome, found.margin, found.unit) == ("failed", None, "")
 
 
@@ -91,13 +91,13 @@ def test_the_reaction_time_is_that_from_the_event_to_the_fulfilment(jammed):
 
 
 def test_an_event_after_which_no_number_decides_counts(jammed):
-    found = verdict(after(Cleared(JAMMED), eventually(Message("status"), within="1 s")), jammed)
+    found = verdict(after(Cleared(JAMMED), eventually(Published("status"), within="1 s")), jammed)
     assert (found.outcome, found.margin, found.reaction_time) == ("passed", None, 1.0)
 
 
 def test_a_count_and_a_quantile_have_margins():
     record = record_of(force={number: float(number) for number in range(100)})
-    for event, margin in ((Message("reacting_force"), 10.0), (Becomes(FORCE > "45 N"), -89.0)):
+    for event, margin in ((Published("reacting_force"), 10.0), (Becomes(FORCE > "45 N"), -89.0)):
         found = verdict(count(event, ">=", 90), record)
         assert (found.margin, found.unit) == (margin, "")
     for share in (0.07, 0.99, 1.0):

@@ -24,7 +24,7 @@ def watched(namespace):
     with DrillFinder() as finder:
         store = LiveStore(finder, namespace)
         try:
-            with serving(store, store.listing) as server:
+            with serving(store) as server:
                 yield server
         finally:
             store.end()
@@ -69,6 +69,7 @@ def test_everything_is_received_and_nothing_is_lost(client):
     client.until(lambda seen: topics <= set(seen["values"]))
     seen = client.seen
     assert seen["mode"] == "live"
+    assert NAMESPACE in seen["drills"]
     assert seen["connection"]["state"] == "connected"
     assert seen["status"]["state"] == "running"
     assert seen["status"]["commanders"] == 0  # who only looks commands nothing
@@ -220,13 +221,3 @@ def test_pages_share_one_drill_which_stays_a_while_after_the_last(drill):
                 LiveStore(finder, "/a b").open(ClientState())
         finally:
             store.end()
-
-
-def test_a_list_has_the_drill_and_what_it_says(server):
-    def found():
-        drills = server.store.listing()["drills"]
-        return [each for each in drills if each["namespace"] == NAMESPACE and each["state"]]
-
-    [drill] = until(found)
-    assert drill["regime"] == "drilling"
-    assert drill["path"] == f"/screen?namespace={NAMESPACE}"

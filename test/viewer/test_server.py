@@ -70,7 +70,7 @@ def store():
 
 @pytest.fixture
 def server(store):
-    with serving(store, lambda: {"drills": []}) as running:
+    with serving(store) as running:
         yield running
 
 
@@ -86,7 +86,7 @@ def answer(server, path="/screen", **headers):
     return response, body if "Content-Encoding" in response.headers else body.decode()
 
 
-@pytest.mark.parametrize("path", ["/", "/screen", "/drills", "/share/list.js", "/frames"])
+@pytest.mark.parametrize("path", ["/", "/screen", "/share/screen.js", "/frames"])
 def test_another_origin_and_another_host_are_refused(server, path):
     for host in ("[", "evil.example", "evil.example:80", "", "[::1"):
         response, body = answer(server, path, Host=host)
@@ -98,10 +98,16 @@ def test_another_origin_and_another_host_are_refused(server, path):
 
 @pytest.mark.parametrize(
     ("path", "status"),
-    [("/", 200), ("/drills", 200), ("/share/list.js", 200), ("/share/x.js", 404), ("/x", 404)],
+    [
+        *(("/", 200), ("/share/screen.js", 200), ("/share/x.js", 404), ("/x", 404)),
+        *(("/screen?drill=/a", 200), ("/drill?namespace=/a", 404)),
+    ],
 )
-def test_each_answer_forbids_scripts_and_frames_of_others(server, path, status):
+def test_each_answer_forbids_scripts_and_frames_of_others_and_opens_no_drill(
+    server, store, path, status
+):
     response, _ = answer(server, path)
+    assert store.clients == []
     assert response.status == status
     policy = response.headers["Content-Security-Policy"]
     for part in ("default-src 'none'", "script-src 'self'", "frame-ancestors 'none'"):
@@ -140,7 +146,7 @@ def test_nothing_but_the_screen_is_served(server, path):
 
 def test_others_need_the_token_which_becomes_a_cookie(store):
     with serving(store, token="secret") as server:
-        for path in ("/", "/screen", "/share/list.js", "/drills", "/frames"):
+        for path in ("/", "/screen", "/share/screen.js", "/frames"):
             response, body = answer(server, path, Host="anything")
             assert (response.status, body.partition(":")[0]) == (403, "the token is missing")
             response, body = answer(server, f"{path}?token=wrong")

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from rpud_sim.foundation.json_values import finite_values
+from rpud_sim.foundation.values import finite_values
 from rpud_sim.inspection.compare.changes import AlignedEvent, ComparedWindow, Setting
 from rpud_sim.inspection.compare.estimates import (
     DIFFERS,

@@ -12,18 +12,15 @@ import numpy as np
 from rpud_sim.bag import BagFormatError, BagReader, Message
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.foundation.time import SECOND, join_seconds
-from rpud_sim.inspection.recorded_journal import PROGRESS, Recorded, recorded_progress
+from rpud_sim.inspection.recorded_journal import PROGRESS, Extent, Recorded, agreed
 
 # Kinds of entries after which stamps may repeat: each begins a stretch, counted from 0.
 BEGINNINGS = ("begin", "origin")
 
 Position = tuple[int, int]  # progress of the drill: number of the stretch, and the stamp in it [ns]
 
-# Length of the end of a bag that is searched for stamps [ns].
-_END_LENGTH = 4 * SECOND
 # Longest delay between topics on their way to a recorder [ns].
 _TOPIC_DELAY = 1 * SECOND
-_LATEST = 2**63 - 1  # a damaged bag may have later times [ns]
 _NOWHERE: Position = (-1, -1)
 
 
@@ -50,7 +47,7 @@ class JournalStretches:
         begins: list[int] = []  # publishing time of the entry that begins each [ns]
         before, beginning = 0, False
         for message, entry in journal:
-            published = min(message.publish_time, _LATEST)
+            published = message.publish_time
             if self.first is None:
                 self.first = message, entry
             if entry.kind in BEGINNINGS or not begins:
@@ -94,33 +91,24 @@ class Coverage:
 
     begun: Position  # from here on, the bag should hold a topic that it holds at all
     reached: Position  # up to here it should hold it, as all of its topics together show
-    # that at least two topics reach, so that one altered stamp changes nothing [ns]
-    last_stamp: int
+    last_stamp: int  # that at least two topics reach [ns]
     # publishing time up to which the journal holds every entry [ns]; None if that is the end
     journal_until: int | None
     journal_count: int  # entries that the drill counted last in a status; 0 if it did not
 
 
-def find_coverage(
-    bag: BagReader, codecs: Mapping[str, Codec], stretches: JournalStretches
-) -> Coverage:
+def find_coverage(bag: BagReader, extent: Extent, stretches: JournalStretches) -> Coverage:
     """Return the coverage of a bag.
 
     The last second of a recording shows nothing about its end: when a recorder closes, messages of
     some topics are still on their way. If the drill ended first, its last status shows the end.
     """
-    latest: dict[str, int] = {}
-    parts = [np.empty(0, PROGRESS)]
-    start = max(0, bag.duration - _END_LENGTH)
-    for topic, progress in recorded_progress(bag, codecs, start):
-        latest[topic] = int(progress["stamp"][-1])
-        parts.append(progress)
-    found = np.concatenate(parts)
+    found = np.concatenate([np.empty(0, PROGRESS), *(progress for _, progress in extent.end)])
     end = int(found["log_time"].max(initial=0))
     return Coverage(
-        _find_begin(bag, codecs, stretches),
+        _find_begin(bag, extent.codecs, stretches),
         _reached(found, end, stretches),
-        min(sorted(latest.values())[-2:], default=0),
+        agreed(extent.last),
         *_journal_until(found, end, stretches),
     )
 

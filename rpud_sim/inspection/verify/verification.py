@@ -16,6 +16,7 @@ from rpud_sim.bag import BagFormatError, BagReader, Message, TopicSummary
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.foundation.time import SECOND, join_seconds
 from rpud_sim.inspection.recorded_journal import (
+    Extent,
     Recorded,
     UnverifiableError,
     held_journals,
@@ -130,9 +131,10 @@ class _Proof:
         self._report = report
         self._journal = journal.topic.name
         self._codec = journal_codec(journal)
+        prefix = self._journal[: -len("journal")]
+        self._extent = Extent(bag, prefix)
         self._first_faults: Fields = {}  # of the state with which a late recording begins
         self._stretches = JournalStretches(self._entries())  # first: it refuses another engine
-        prefix = self._journal[: -len("journal")]
         # By the names of topics in the run.
         self._summaries = {
             summary.topic.name.removeprefix(prefix): summary
@@ -147,18 +149,12 @@ class _Proof:
                     self._codecs[name] = proof_codec(summary)
         if not any(self._summaries[name].message_count for name in self._codecs):
             raise UnverifiableError(f"the bag holds nothing that {self._journal} could prove")
-        shown = {self._summaries[name].topic.name: codec for name, codec in self._codecs.items()}
-        self._status_codec: Codec | None = None
-        status = self._summaries.get("status")
-        if status and status.topic.type == TOPICS["status"].type and status.definition:
-            with suppress(BagFormatError):  # one of any version shows the progress of the drill
-                self._status_codec = Codec(status.topic.type, status.definition)
-                shown[status.topic.name] = self._status_codec
-        self._coverage = find_coverage(bag, shown, self._stretches)
+        self._coverage = find_coverage(bag, self._extent, self._stretches)
 
     def run(self) -> None:
         if wrong := wrong_header(self._entries(), self._codec):
             self._add_difference(*wrong)
+            return  # times that contradict each other may be any
         comparisons = self._compare()
         counts = {name: comparison.counts for name, comparison in comparisons.items()}
         found = [suspect for each in comparisons.values() for suspect in each.suspects]
@@ -326,7 +322,8 @@ class _Proof:
 
     def _check_commands(self) -> None:
         """Warn if the drill took more commands than a bag with all of their topics holds."""
-        status, codec = self._summaries.get("status"), self._status_codec
+        status = self._summaries.get("status")
+        codec = self._extent.codecs.get(status.topic.name) if status else None
         held = [self._summaries.get(name) for name in (*_COMMANDS, "joint_commands")]
         if self._stretches.runs > 1 or None in held[: len(_COMMANDS)]:
             return  # the counters may have begun again, or the commands were not to be recorded
@@ -353,7 +350,8 @@ class _Proof:
         )
 
     def _entries(self) -> Iterator[Recorded]:
-        for message, entry in journal_entries(self._bag.messages({self._journal}), self._codec):
+        recorded = journal_entries(self._bag.messages({self._journal}), self._codec)
+        for message, entry in self._extent.check(recorded, self._codec):
             if entry.kind in STARTS:
                 held = entry.content
                 beginning = held if entry.kind == "begin" else held.get("beginning")

@@ -3,24 +3,37 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from functools import partial
+from itertools import pairwise
 from typing import Any
 
 from builtin_interfaces.msg import Duration, Time
-from rcl_interfaces.msg import SetParametersResult
 from rcl_interfaces.srv import SetParametersAtomically
+from rclpy.node import Node
 from rclpy.parameter import Parameter
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from rpud_msgs import msg, srv
 from rpud_msgs.msg import Fault, Feed, Status
 from std_srvs.srv import SetBool
 
 from rpud_sim.foundation.quantities import ParameterError, Quantity, Text, did_you_mean, shown
-from rpud_sim.foundation.time import SECOND, join_seconds, split_seconds
-from rpud_sim.ros.client.drill_connection import SECONDS, DrillConnection
-from rpud_sim.ros.client.listening_node import RefusedError
+from rpud_sim.foundation.time import SECOND, join_seconds
+from rpud_sim.ros.client.command_sender import CommandSender
+from rpud_sim.ros.client.drill_finder import drill_nodes, no_drill
+from rpud_sim.ros.client.listening_node import (
+    PATIENCE,
+    ListeningNode,
+    NoAnswerError,
+    NoDrillError,
+    RefusedError,
+    Value,
+)
+from rpud_sim.ros.client.service_caller import ServiceCaller, to_time
 from rpud_sim.ros.client.telemetry import FastTopics, Sink
-
-PATIENCE = 10.0  # time limit of a client, unless it is given another one [s]
+from rpud_sim.ros.client.topic_listener import TopicListener
 
 # What a reset may restart, by name.
 SCOPES: Mapping[str, int] = {
@@ -29,14 +42,21 @@ SCOPES: Mapping[str, int] = {
     "state": srv.ResetSimulation.Request.SCOPE_STATE,
     "faults": srv.ResetSimulation.Request.SCOPE_SPAWNED,
 }
-_ALREADY = srv.SetSimulationState.Response.ALREADY_IN_TARGET_STATE
+_HEARD = {
+    "status": Status,
+    "faults": msg.Faults,
+    "journal": msg.JournalEntry,
+    "command_results": msg.CommandResults,
+}
+_LATCHED = QoSProfile(depth=1000, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+_STATUS_PERIOD = 2.5  # in which every living drill publishes a status, at any load [s]
 _SEED = Quantity("", "a seed", 0, 2**32 - 1, whole=True)
 _FAULT_KIND = Text("kind of a fault", "a kind of fault")
 _CHANNEL = Text("topic of a faulty signal", "a topic")
 _FAULT_NUMBER = Quantity("", "the number of a fault", 1, 2**32 - 1, whole=True)
 
 
-class DrillClient(DrillConnection):
+class DrillClient:
     """Commands and hears one running drill.
 
     A command returns when the drill has accepted it, so that a step which follows cannot overtake
@@ -60,8 +80,17 @@ class DrillClient(DrillConnection):
         node_name: str = "drill_client",
         patience: float = PATIENCE,
     ) -> None:
-        super().__init__(namespace, domain_id, node_name, patience)
-        self._published: Mapping[str, int] = {}
+        self._listening = ListeningNode(node_name, namespace, domain_id, patience)
+        self._found = False
+        self._latest: dict[str, Any] = {}  # message by topic
+        self._numbers = deque([0], maxlen=100)  # of the latest statuses, by their publisher
+        # Messages that the drill had published on each topic when the last step ended.
+        self.published: Mapping[str, int] = {}
+        self._observer: Callable[[str, Any], object] = lambda topic, message: None
+        for topic, kind in _HEARD.items():
+            self._listening.subscribe(kind, topic, partial(self._hear, topic), _LATCHED)
+        self._services = ServiceCaller(self._listening, lambda: self.status_number)
+        self._commands = CommandSender(self._listening, self._services, lambda: self.status_number)
 
     def __enter__(self) -> DrillClient:
         return self
@@ -69,15 +98,49 @@ class DrillClient(DrillConnection):
     def __exit__(self, *_: object) -> None:
         self.close()
 
+    def close(self) -> None:
+        """Leave the graph."""
+        self._listening.close()
+
+    # What the drill is and says.
+
+    @property
+    def node(self) -> Node:
+        """Node of the client, for publishers and services of your own."""
+        return self._listening.node
+
+    @property
+    def namespace(self) -> str:
+        """Namespace of the drill."""
+        return str(self.node.get_namespace())
+
+    @property
+    def publishers(self) -> list[str]:
+        """Full names of the nodes that publish the drill's status; no node, no drill."""
+        return drill_nodes(self.node)
+
+    @property
+    def status(self) -> Status:
+        """Latest status of the drill, a ``rpud_msgs/Status``."""
+        self.found()
+        return self._latest["status"]
+
+    @property
+    def status_number(self) -> int:
+        """Number that the drill's publisher has given to the latest status; 0 before the first."""
+        return self._numbers[-1]
+
+    @property
+    def faults(self) -> list[Fault]:
+        """Faults since the start, those that last and those that are over, by number."""
+        self.until(lambda: "faults" in self._latest, what="no list of faults came")
+        return list(self._latest["faults"].faults)
+
     @property
     def time(self) -> float:
         """Stamp of the latest status [s]."""
-        return _stamp_of(self.status) / SECOND
-
-    @property
-    def published(self) -> Mapping[str, int]:
-        """Messages that the drill had published on each topic when the last step ended."""
-        return self._published
+        stamp = self.status.header.stamp
+        return join_seconds(stamp.sec, stamp.nanosec) / SECOND
 
     def delivery(self, nodes: Sequence[str] = ()) -> srv.GetDelivery.Response:
         """Return what the drill has published, and who has discovered it.
@@ -85,8 +148,88 @@ class DrillClient(DrillConnection):
         It asks these nodes, by full names, whether they know the drill: ask again until all have
         answered.
         """
-        request = srv.GetDelivery.Request(nodes=nodes)
-        return self._call("simulation/get_delivery", request, repeat=True)
+        return self._ask("simulation/get_delivery", srv.GetDelivery.Request(nodes=nodes), True)
+
+    # Waiting and listening.
+
+    def found(self, patience: float | None = None) -> None:
+        """Wait until the drill is found and has published its status.
+
+        Every other method does this first. ``patience`` is in s; None for that of the client. A
+        drill that has never run on a machine may compile for a minute.
+        """
+        if self._found:
+            return
+        patience = self._listening.patience if patience is None else float(patience)
+        try:
+            self._services.introduce(patience)
+        except NoAnswerError:
+            domain = self._listening.domain_id
+            raise NoDrillError(no_drill(self.node, self.namespace, domain, patience)) from None
+        try:
+            self._listening.until(lambda: "status" in self._latest, "", patience)
+        except NoAnswerError:
+            raise NoDrillError(
+                f"the drill in {self.namespace} published no status within {patience:g} s: it is "
+                "still starting, or waits for the transition configure"
+            ) from None
+        self._check_alone()
+        self._found = True
+
+    def until(
+        self,
+        condition: Callable[[], Value],
+        patience: float | None = None,
+        what: str = "the condition did not hold",
+    ) -> Value:
+        """Take messages until a condition holds, and return its value.
+
+        It is looked at after each message. ``patience`` is real time [s]; None for that of the
+        client. ``what`` is a sentence for the error, without the limit.
+        """
+        self.found()
+        return self._listening.until(condition, what, patience)
+
+    def check_while_waiting(self, check: Callable[[], object]) -> None:
+        """Call this while a method waits; an error that it raises ends the wait.
+
+        A test that has started the drill knows at once that the drill has died.
+        """
+        self._listening.check = check
+
+    def take(self) -> None:
+        """Take all messages that have arrived, without a wait; responses and events stay."""
+        self._listening.settle()
+
+    def spin(self, seconds: float = 0.0) -> None:
+        """Take messages, responses and events that have arrived, or wait for the next one [s]."""
+        self._listening.spin(seconds)
+
+    def listen(
+        self,
+        topic: str,
+        kind: Any = None,
+        qos: QoSProfile | None = None,
+        patience: float | None = None,
+    ) -> list[Any]:
+        """Subscribe to a topic of any node, and return the list that its messages are added to.
+
+        A relative name is one of the drill's namespace. ``kind`` is the class of the messages; None
+        for that with which it is published. ``qos`` is what the publishers offer if it is None.
+        ``patience`` limits the wait for the topic [s]; None for that of the client.
+        """
+        self.found()
+        listener = TopicListener(self._listening, topic, kind, qos, patience)
+        self._services.introduce()
+        return listener.messages
+
+    def observe(self, observer: Callable[[str, Any], object]) -> None:
+        """Call a function with the name and each message of some topics.
+
+        These are ``status``, ``faults``, ``journal`` and ``command_results``. They are latched:
+        what came before is not repeated. Observe before the client has waited.
+        """
+        self._observer = observer
 
     def telemetry(self, sinks: Mapping[str, Sink]) -> FastTopics:
         """Subscribe to fast topics, whose messages are decoded in a few microseconds.
@@ -146,9 +289,7 @@ class DrillClient(DrillConnection):
             what="the name of the drill's node was not discovered",
         )
         name = f"{nodes[0]}/set_parameters_atomically"
-        if name not in self._clients:
-            self._clients[name] = self.node.create_client(SetParametersAtomically, name)
-            self._introduce(self._patience)
+        self._services.add(SetParametersAtomically, name)
         self._ask(name, request, repeat=True)
 
     # Faults: a call returns when the topic ``faults`` shows the change.
@@ -171,7 +312,7 @@ class DrillClient(DrillConnection):
             channel=_CHANNEL.check("channel", channel),
             magnitude=math.nan if magnitude is None else _number("magnitude", magnitude),
         )
-        lasting = _time(Duration, "duration", 0.0 if duration is None else duration)
+        lasting = to_time(Duration, "duration", 0.0 if duration is None else duration)
         request = srv.InjectFault.Request(fault=fault, duration=lasting)
         number = int(self._ask("inject_fault", request).number)
         self.until(
@@ -202,7 +343,7 @@ class DrillClient(DrillConnection):
 
     def list_faults(self) -> srv.ListFaults.Response:
         """Return the active faults, and the kinds and channels that can be injected now."""
-        return self._call("list_faults", srv.ListFaults.Request(), repeat=True)
+        return self._ask("list_faults", srv.ListFaults.Request(), repeat=True)
 
     # Simulation time: a call returns when the topic ``status`` shows the change.
 
@@ -218,13 +359,14 @@ class DrillClient(DrillConnection):
         """Advance a paused drill, and return the stamp that it reached [s].
 
         Its status and all messages of that time that have arrived are taken before this returns.
+        ``published`` has then the messages that the drill has published on each topic.
         """
-        request = srv.StepSimulation.Request(duration=_time(Duration, "step", seconds))
+        request = srv.StepSimulation.Request(duration=to_time(Duration, "step", seconds))
         return self._advance("simulation/step", request)
 
     def run_to(self, stamp: float) -> float:
         """Advance a paused drill to a stamp [s], and return the stamp that it reached [s]."""
-        request = srv.RunToTime.Request(time=_time(Time, "time", stamp))
+        request = srv.RunToTime.Request(time=to_time(Time, "time", stamp))
         return self._advance("simulation/run_to", request)
 
     def reset(self, scope: str | int = "all", seed: int | None = None) -> None:
@@ -257,27 +399,44 @@ class DrillClient(DrillConnection):
 
     def _advance(self, name: str, request: Any) -> float:
         response = self._ask(name, request)
-        self._published = dict(zip(response.topics, response.published, strict=True))
-        reached = join_seconds(response.time.sec, response.time.nanosec)
-        self.until(
-            lambda: _stamp_of(self.status) >= reached, what="no status showed the end of the step"
-        )
+        self.published = dict(zip(response.topics, response.published, strict=True))
+        reached = join_seconds(response.time.sec, response.time.nanosec) / SECOND
+        self.until(lambda: self.time >= reached, what="no status showed the end of the step")
         self.take()
-        return reached / SECOND
+        return reached
 
     def _ask(self, name: str, request: Any, repeat: bool = False) -> Any:
-        """Call a service and return its response, or raise the drill's reason not to do it."""
-        response = self._call(name, request, repeat)
-        result = getattr(response, "result", response)
-        if isinstance(result, msg.Result):
-            if result.result not in (result.RESULT_OK, _ALREADY):
-                raise RefusedError(result.error_message, result.result)
-        elif isinstance(result, SetParametersResult):
-            if not result.successful:
-                raise RefusedError(result.reason)
-        elif not result.success:
-            raise RefusedError(result.message)
-        return response
+        self.found()
+        return self._services.call(name, request, repeat)
+
+    def _command(self, name: str, message: Any) -> None:
+        self.found()
+        self._commands.send(name, message)
+
+    def _hear(self, topic: str, message: Any, info: dict[str, Any]) -> None:
+        self._latest[topic] = message
+        if topic == "status":
+            self._numbers.append(info["publication_sequence_number"])
+        elif topic == "command_results":
+            self._commands.hear(message)
+        self._observer(topic, message)
+
+    def _check_alone(self) -> None:
+        """Check that one drill alone is there; one that was killed counts for nothing."""
+
+        def is_alone() -> bool:
+            names = self.publishers
+            # The middleware remembers a killed drill for 20 s. Only numbers of living ones go on.
+            if len(names) > 1 and any(after <= before for before, after in pairwise(self._numbers)):
+                raise NoDrillError(
+                    f"{len(names)} nodes publish {self.node.resolve_topic_name('status')} "
+                    f"({', '.join(filter(None, names))}): all of them would answer; start each "
+                    "drill in a namespace of its own"
+                )
+            return len(names) <= 1
+
+        with suppress(NoAnswerError):
+            self._listening.until(is_alone, "", _STATUS_PERIOD)
 
 
 # Arguments as fields of messages; the drill itself checks their ranges.
@@ -288,15 +447,3 @@ def _number(name: str, value: Any) -> float:
         return float(value)
     except (TypeError, ValueError, OverflowError):
         raise ParameterError(f"{name} = {shown(value)} is not a number") from None
-
-
-def _time(kind: Any, name: str, seconds: Any) -> Any:
-    """Return seconds as a message of whole ones and the nanoseconds of the rest."""
-    total = min(round(SECONDS.check(name, seconds) * SECOND), 2**31 * SECOND - 1)
-    sec, nanosec = split_seconds(total)
-    return kind(sec=sec, nanosec=nanosec)
-
-
-def _stamp_of(status: Status) -> int:
-    """Return the stamp of a status [ns]."""
-    return join_seconds(status.header.stamp.sec, status.header.stamp.nanosec)

@@ -12,13 +12,15 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 
-from rpud_sim.foundation.quantities import ExpectedError
+from rpud_sim.foundation.quantities import ExpectedError, Quantity
 from rpud_sim.ros.starting import name_error, start_ros
 from rpud_sim.ros.threads import raised
 
 if TYPE_CHECKING:
     from typing_extensions import Self
 
+PATIENCE = 10.0  # time limit of a client, unless it is given another one [s]
+SECONDS = Quantity("s", "a duration", 0.0, 2.0**31, below=True)
 POLL_PERIOD = 0.02  # between looks at the graph, which wakes no executor [s]
 _WITH_INFO = Subscription.CallbackType.WithMessageInfo
 _MOST_AT_ONCE = 10_000  # messages of a topic; more would keep its owner from looking
@@ -50,9 +52,19 @@ class NoAnswerError(ClientError, TimeoutError):
 
 
 class ListeningNode:
-    """Node that takes messages while its owner waits, in the thread that waits."""
+    """Node that takes messages while its owner waits, in the thread that waits.
 
-    def __init__(self, name: str, namespace: str, domain_id: int | None = None) -> None:
+    ``patience`` limits each wait without a limit of its own [s].
+    """
+
+    def __init__(
+        self,
+        name: str,
+        namespace: str,
+        domain_id: int | None = None,
+        patience: float = PATIENCE,
+    ) -> None:
+        self.patience = float(SECONDS.check("patience", patience))
         self._subscriptions: list[Subscription] = []
         # Called while the owner waits; may raise an error, which ends the wait.
         self.check: Callable[[], object] = lambda: None
@@ -126,8 +138,14 @@ class ListeningNode:
             except RuntimeError as error:
                 self.node.get_logger().warning(raised(error))
 
-    def until(self, condition: Callable[[], Value], patience: float, what: str) -> Value:
-        """Take messages until a condition holds within the patience [s], and return its value."""
+    def until(
+        self, condition: Callable[[], Value], what: str, patience: float | None = None
+    ) -> Value:
+        """Take messages until a condition holds, and return its value.
+
+        ``what`` is the error's sentence, without the limit.
+        """
+        patience = self.patience if patience is None else float(patience)
         deadline = time.monotonic() + patience
         while not (value := condition()):
             if time.monotonic() >= deadline:

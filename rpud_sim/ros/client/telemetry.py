@@ -8,17 +8,6 @@ from functools import cache
 from typing import Any
 
 from rclpy.qos import QoSProfile
-from rpud_msgs.msg import (
-    ActuatorState,
-    Borehole,
-    ContactForce,
-    DrillTool,
-    Mount,
-    NodalPlane,
-    ReactingForce,
-    Rotation,
-    Waveform,
-)
 
 from rpud_sim.bag import BagFormatError
 from rpud_sim.bag.cdr import Codec
@@ -26,22 +15,23 @@ from rpud_sim.bag.definitions import find_definition
 from rpud_sim.bag.losses import SequenceGaps
 from rpud_sim.foundation.time import join_seconds
 from rpud_sim.ros.client.listening_node import ListeningNode
+from rpud_sim.ros.graph import message_class
+from rpud_sim.simulation.topics import TOPICS
 
 _DEPTH = 5_000  # messages that may wait; Fast DDS keeps no more
 _WAVES = 200  # blocks that may wait, each of some 100 kB
-_TYPES: dict[str, Any] = {
-    "nodal_plane": NodalPlane,
-    "drill_tool": DrillTool,
-    "reacting_force": ReactingForce,
-    "contact_force": ContactForce,
-    "actuator_state": ActuatorState,
-    "rotation": Rotation,
-    "mount": Mount,
-    "borehole": Borehole,
+_TYPES = {
+    name: message_class(TOPICS[name].type)
+    for name in (
+        *("nodal_plane", "drill_tool", "reacting_force", "contact_force", "actuator_state"),
+        *("rotation", "mount", "borehole", "waveform"),
+    )
 }
 # Fields by topic, in the order of the values.
 FIELDS: dict[str, tuple[str, ...]] = {
-    topic: tuple(kind.get_fields_and_field_types())[1:] for topic, kind in _TYPES.items()
+    topic: tuple(kind.get_fields_and_field_types())[1:]
+    for topic, kind in _TYPES.items()
+    if topic != "waveform"
 }
 
 Sink = Callable[[int, tuple[Any, ...]], object]
@@ -72,7 +62,7 @@ class FastTopics:
         gaps = SequenceGaps(lambda: listening.node.count_publishers(name))
         self._gaps[topic] = gaps
         is_wave = topic == "waveform"
-        kind = Waveform if is_wave else _TYPES[topic]
+        kind = _TYPES[topic]
 
         def heard(data: bytes, info: dict[str, Any]) -> None:
             gaps.note(info["publication_sequence_number"])

@@ -35,22 +35,25 @@ class TopicListener:
     """Subscription to a topic, and its messages in the order in which they came.
 
     The name is absolute or relative to the node's namespace; without a class of messages it waits
-    ``patience`` for the topic [s]. A topic that is missing is a NoAnswerError, one that has several
-    types or one that is not installed a ClientError. ``qos`` is what the publishers offer if None.
+    ``patience`` for the topic [s], that of the listening node if None. A topic that is missing is a
+    NoAnswerError, one that has several types or one that is not installed a ClientError. ``qos`` is
+    what the publishers offer if None.
     """
 
     def __init__(
         self,
         listening: ListeningNode,
         topic: str,
-        patience: float,
         kind: Any = None,
         qos: QoSProfile | None = None,
+        patience: float | None = None,
     ) -> None:
         self._listening = listening
         self._node = listening.node
         self.topic = absolute_name(self._node, topic)  # absolute name
-        self.kind = kind or self._find(patience)  # class of the messages
+        self.kind = kind or self._find(
+            listening.patience if patience is None else patience
+        )  # class of the messages
         self._gaps = SequenceGaps(lambda: self._node.count_publishers(self.topic))
         self.messages: list[Any] = []  # that have come and were not taken
         self._heard = False
@@ -80,7 +83,7 @@ class TopicListener:
     def _find(self, patience: float) -> Any:
         node, topic, until = self._node, self.topic, self._listening.until
         try:
-            types = until(lambda: types_of_topic(node, topic), patience, "")
+            types = until(lambda: types_of_topic(node, topic), "", patience)
         except NoAnswerError:
             hint = did_you_mean(topic, [name for name, _ in node.get_topic_names_and_types()])
             raise NoAnswerError(f"no topic {topic} within {patience:g} s; {hint}") from None
@@ -88,7 +91,7 @@ class TopicListener:
             raise ClientError(f"topic {topic} has several types: {', '.join(types)}")
         # A subscription may be discovered before the publisher, whose QoS decides.
         with suppress(NoAnswerError):
-            until(lambda: offers_of_topic(node, topic), min(patience, _PUBLISHER_WAIT), "")
+            until(lambda: offers_of_topic(node, topic), "", min(patience, _PUBLISHER_WAIT))
         try:
             return message_class(types[0])
         except UnknownTypeError as error:

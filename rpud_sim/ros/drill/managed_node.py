@@ -22,8 +22,13 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.service import Service
 
-from rpud_sim.foundation.parameters import Declaration
-from rpud_sim.foundation.quantities import ParameterError, Quantity, did_you_mean, shown
+from rpud_sim.foundation.quantities import (
+    Declaration,
+    ParameterError,
+    Quantity,
+    did_you_mean,
+    shown,
+)
 from rpud_sim.ros.threads import raised
 from rpud_sim.simulation.configuration import CHANGEABLE, PARAMETERS, Settings, to_settings
 

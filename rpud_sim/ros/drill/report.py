@@ -84,15 +84,16 @@ def diagnose(run: Run, status: Fields, measured: Fields, period: float) -> list[
     ``measured`` is what they show besides the status, by name; ``period`` is of blocks [s].
     """
     mount, borehole = run.simulation.process.mount, run.simulation.process.borehole
-    values = {**status, **measured}
+    values = {"coupling_power": run.coupling_power, **status, **measured}
     mode, feed = FEED_MODES[values.pop("feed_mode")], values.pop("feed_value")
-    if mount is not None:
-        values["coupling_power"] = run.coupling_power
+    health = _health(run, values, period)
+    if mount is None:
+        del values["coupling_power"]
+    else:
         values["feed_mode"] = mode
         values["feed_value [m/s]" if mode == RATE else "feed_value [m]"] = feed
     if borehole is not None:
         values["side_offset"] = borehole.side_offset
-    health = _health(run, values, period)
     return [
         {
             "level": health[part][0],
@@ -120,7 +121,8 @@ def _health(run: Run, values: Fields, period: float) -> dict[str, tuple[int, str
     lag, late, namesakes = values["lag"], values["lateness_max"], values["namesakes"]
     discarded, commanders = values["commands_discarded"], values["commanders"]
     amplitude, unloaded = values["vibration_amplitude"], run.simulation.unloaded_amplitude
-    dropped, faults, lost = values["messages_dropped"], values["active_faults"], run.coupling_power
+    dropped, faults = values["messages_dropped"], values["active_faults"]
+    lost = values["coupling_power"]
     flow = max(abs(values["actuator_power"]), abs(values["feed_power"]), LEAST_POWER)
     rules = (
         ("timing", _ERROR, lag > LAG_ERROR, f"simulation time lags {lag:.3f} s behind"),

@@ -6,8 +6,9 @@ The intervals are proved by fits to synthetic drills with known parameters.
 from __future__ import annotations
 
 import dataclasses
+import json
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +31,7 @@ from rpud_sim.studies.fit.rounds import (
 )
 from rpud_sim.studies.fit.surrogate import Region
 from rpud_sim.studies.fit.target_file import FitSpecification, FitTarget
+from rpud_sim.studies.store import write_whole
 
 CANDIDATES = 16  # for the best point
 CANDIDATE_RUNS = 32
@@ -39,7 +41,7 @@ _DIGITS = 4  # of the best point, unless its interval is narrower
 
 # Of the proof.
 _MOST_RUNS = 8  # whose mean a synthetic target is
-_CONFIDENCE = 0.99  # of the interval of a covered share, which shall hold ``LEVEL``
+_CONFIDENCE = 0.99  # of the interval, by Clopper and Pearson, of a covered share
 _DRAWN = 7  # second number of the seeds here; those of a fit are smaller
 
 
@@ -236,60 +238,34 @@ def _loss(comparisons: tuple[TargetComparison, ...]) -> float:
     return total if math.isfinite(total) else math.inf
 
 
-@dataclasses.dataclass(frozen=True)
-class Proof:
-    """Result of fits to synthetic drills."""
-
-    drills: int  # number of synthetic drills with intervals
-    refused: int  # number of those that have none
-    covered: Mapping[str, int]  # drills whose interval holds the true value, by unknown
-    chosen: float  # mean posterior probability of the true combination of choices
-
-    def ends(self, name: str) -> tuple[float, float]:
-        """Return the interval of an unknown's covered share, after Clopper and Pearson."""
-        test = stats.binomtest(self.covered[name], self.drills)
-        low, high = test.proportion_ci(_CONFIDENCE)
-        return float(low), float(high)
-
-    @property
-    def holds(self) -> bool:
-        """Whether each unknown is covered as often as its interval says, up to chance."""
-        ends = [self.ends(name) for name in self.covered]
-        return all(low <= LEVEL <= high for low, high in ends)
-
-    def content(self) -> dict[str, Any]:
-        """Return the result as plain values."""
-        return {
-            "drills": self.drills,
-            "refused": self.refused,
-            "level": LEVEL,
-            "covered": {
-                name: {"count": count, "share": count / self.drills, "interval": self.ends(name)}
-                for name, count in self.covered.items()
-            },
-            "confidence": _CONFIDENCE,
-            "holds": self.holds,
-            "true_choice_probability": self.chosen,
-        }
-
-
 def proof_simulations(specification: FitSpecification, drills: int) -> int:
     """Return the number of runs of a proof; each drill reads those of the first round again."""
     design = len(specification.combinations) * specification.points * specification.repeat
     return design * drills * specification.rounds + drills * _runs(specification)
 
 
-def prove(
-    folder: FitFolder,
+def run_proof(
     specification: FitSpecification,
+    out: Path,
+    workers: int,
     drills: int,
-    report: Callable[[int], None] = lambda drills: None,
-) -> Proof:
-    """Fit synthetic drills, drawn evenly between the bounds, in a folder that is held.
+    report: Report = lambda runs: None,
+) -> dict[str, Any]:
+    """Fit synthetic drills, drawn evenly between the bounds, in a folder as of ``run_fit``.
 
     All fits share the first round. The targets' values are those of the synthetic drill, with an
-    error drawn from the tolerances.
+    error drawn from the tolerances. The result is plain values, also in ``proof.json``.
     """
+    folder = FitFolder(out, specification, workers, report)
+    with folder.held():
+        proof = _prove(folder, specification, drills, report)
+        write_whole(out / "proof.json", f"{json.dumps(proof, indent=1)}\n")
+    return proof
+
+
+def _prove(
+    folder: FitFolder, specification: FitSpecification, drills: int, report: Report
+) -> dict[str, Any]:
     runs = _runs(specification)
     random = np.random.default_rng([specification.seed, _DRAWN])
     shares = random.random((drills, len(specification.unknowns)))
@@ -310,9 +286,8 @@ def prove(
         try:
             branches = explore(folder, own, f"drill_{i:05}_")
         except FitError:
-            refused += 1
-            continue
-        if unfinished(own, branches):
+            branches = []
+        if not branches or unfinished(own, branches):
             refused += 1
             continue
         low, high = interval_shares(pool(branches, random))
@@ -320,9 +295,22 @@ def prove(
         probabilities.append(sum(b.probability for b in branches if b.number == number))
     if not inside:
         raise FitError("no synthetic drill has intervals")
-    counts = np.sum(inside, axis=0).tolist()
-    covered = dict(zip(specification.unknowns, counts, strict=True))
-    return Proof(len(inside), refused, covered, float(np.mean(probabilities)))
+    covered = {}
+    for name, count in zip(specification.unknowns, np.sum(inside, axis=0).tolist(), strict=True):
+        ends = stats.binomtest(count, len(inside)).proportion_ci(_CONFIDENCE)
+        interval = [float(end) for end in ends]
+        covered[name] = {"count": count, "share": count / len(inside), "interval": interval}
+    intervals = [each["interval"] for each in covered.values()]
+    return {
+        "drills": len(inside),
+        "refused": refused,
+        "level": LEVEL,
+        "covered": covered,
+        "confidence": _CONFIDENCE,
+        # Each unknown is covered as often as its interval says, up to chance.
+        "holds": all(low <= LEVEL <= high for low, high in intervals),
+        "true_choice_probability": float(np.mean(probabilities)),
+    }
 
 
 def _with_error(

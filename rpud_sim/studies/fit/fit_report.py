@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import yaml
 
-from rpud_sim.foundation.json_values import finite_values
+from rpud_sim.foundation.values import finite_values
 from rpud_sim.pages.frame import render_page
 from rpud_sim.pages.plot import Axis, Line, Plot, Rule, Zone
 from rpud_sim.pages.quantities import ShownQuantity, quantity_in
@@ -104,7 +104,7 @@ def fit_content(fit: Fit) -> dict[str, Any]:
         "seed": fit.specification.seed,
         "simulations": fit.simulations + fit.kept,
         "versions": fit_versions(),
-        "specification": fit.specification.content(),
+        "specification": dataclasses.asdict(fit.specification),
     }
     plain: dict[str, Any] = finite_values(content)
     return plain

@@ -5,8 +5,7 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from typing import NamedTuple
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -106,21 +105,17 @@ def missing_model(configuration: Configuration, figure: str) -> str:
 
 def measure(configuration: Configuration, phase: float, measures: Sequence[Measure]) -> list[float]:
     """Return the measures of a run from an initial phase [cycles]; NaN where it has no figure."""
-    wanted = {_window(item) for item in measures if item.simulated}
-    edges = sorted({0, *itertools.chain(*wanted)})
-    figures = {item.figure for item in measures}
-    parts = [*_parts(configuration, phase, edges, figures)] if wanted else []
-    windows = {
-        (start, end): _joined([part for part in parts if start <= part.start and part.end <= end])
-        for start, end in wanted
-    }
+    windows = {_span(item): _Window() for item in measures if item.simulated}
+    if windows:
+        _simulate(configuration, phase, windows, {item.figure for item in measures})
     return [
-        _figure(windows[_window(item)], item) if item.simulated else _contact(configuration, item)
+        _figure(windows[_span(item)], item) if item.simulated else _contact(configuration, item)
         for item in measures
     ]
 
 
-def _window(item: Measure) -> tuple[int, int]:
+def _span(item: Measure) -> tuple[int, int]:
+    """Return start and end of a measure's window [ns]."""
     return round(item.start * SECOND), round(item.end * SECOND)
 
 
@@ -129,79 +124,83 @@ def _contact(configuration: Configuration, item: Measure) -> float:
     return float(getattr(contact, CONTACT_FIGURES[item.figure][0]))
 
 
-class _Part(NamedTuple):
-    """Part of a run between two edges of windows."""
+class _Window:
+    """What a run gives between two times."""
 
-    start: int  # [ns]
-    end: int  # [ns]
-    statistics: Statistics
-    impacts: np.ndarray
-    deeper: float  # by which the hole gets deeper [m]; NaN without rock
-    blocks: tuple[Block, ...] = ()  # of the motion; none if nothing of it is sampled
+    def __init__(self) -> None:
+        self.parts: list[Statistics] = []
+        self.impacts: list[np.ndarray] = []
+        self.deeper: list[float] = []  # by which the hole gets deeper [m]; NaN without rock
+        self.blocks: list[Block] = []  # of the motion; none if nothing of it is sampled
 
+    def statistics(self) -> Statistics:
+        """Return the statistics of all parts."""
+        if len(self.parts) == 1:  # a sum takes as long as a short run
+            return self.parts[0]
+        whole = Statistics()
+        for part in self.parts:
+            whole.merge(part)
+        return whole
 
-def _joined(parts: list[_Part]) -> _Part:
-    """Return consecutive parts as one."""
-    if len(parts) == 1:
-        return parts[0]
-    statistics = Statistics()
-    for part in parts:
-        statistics.merge(part.statistics)
-    return _Part(
-        parts[0].start,
-        parts[-1].end,
-        statistics,
-        join_records([part.impacts for part in parts], IMPACT),
-        math.fsum(part.deeper for part in parts),
-        tuple(block for part in parts for block in part.blocks),
-    )
+    def values(self, field: str) -> np.ndarray:
+        """Return a field of all impacts."""
+        return np.concatenate([impacts[field] for impacts in self.impacts])
 
 
-def _parts(
-    configuration: Configuration, phase: float, edges: Sequence[int], figures: set[str]
-) -> Iterator[_Part]:
-    """Yield a run part by part, from one edge to the next."""
+def _simulate(
+    configuration: Configuration,
+    phase: float,
+    windows: Mapping[tuple[int, int], _Window],
+    figures: set[str],
+) -> None:
+    """Fill windows with a run, which is advanced from one of their edges to the next."""
     run: Simulation | EnsembleRuns
     quiet = runs_by_itself(configuration) and figures.isdisjoint(_CHANNELS)
     run = EnsembleRuns(configuration, (phase,)) if quiet else Simulation(configuration, phase)
     turns = "torque" in figures and configuration.rotation.rotation_model != "none"
-    for start, end in itertools.pairwise(edges):
+    for start, end in itertools.pairwise(sorted({0, *itertools.chain(*windows)})):
         depth, statistics = run.depth, Statistics()
-        blocks: tuple[Block, ...] = ()
+        blocks: list[Block] = []
         if isinstance(run, EnsembleRuns):  # it keeps no blocks, because nothing in it is sampled
             records = [run.advance_to(end, statistics, "actuator_power" in figures)]
         else:
             between = range(start + _TORQUE_INTERVAL, end, _TORQUE_INTERVAL) if turns else ()
-            blocks = tuple(run.advance_to(time) for time in (*between, end))
+            blocks = [run.advance_to(time) for time in (*between, end)]
             for block in blocks:
                 statistics.add(block)
             records = [block.impacts for block in blocks]
         # A copy by bytes: NumPy copies structures field by field.
         impacts = join_records(records, IMPACT)
-        yield _Part(start, end, statistics, impacts, run.depth - depth, blocks)
+        for (first, last), window in windows.items():
+            if first <= start and end <= last:
+                window.parts.append(statistics)
+                window.impacts.append(impacts)
+                window.deeper.append(run.depth - depth)
+                window.blocks += blocks
 
 
-def _figure(part: _Part, item: Measure) -> float:
+def _figure(window: _Window, item: Measure) -> float:
     """Return a figure of a window."""
-    duration = (part.end - part.start) / SECOND
+    start, end = _span(item)
+    duration = (end - start) / SECOND
     if item.figure in IMPACT_VALUES:
-        return impact_statistic(part.impacts[IMPACT_VALUES[item.figure][0]], item)
+        return impact_statistic(window.values(IMPACT_VALUES[item.figure][0]), item)
     if item.figure in _CHANNELS:
-        return max(_greatest(block, _CHANNELS[item.figure]) for block in part.blocks)
+        return max(_greatest(block, _CHANNELS[item.figure]) for block in window.blocks)
     match item.figure:
         case "kinetic_energy":
-            return float(part.impacts["energy"].sum())
+            return float(window.values("energy").sum())
         case "penetration_rate":
-            return part.deeper / duration
+            return math.fsum(window.deeper) / duration
         case "torque":
-            rotors = [block.process.rotation for block in part.blocks]
+            rotors = [block.process.rotation for block in window.blocks]
             torques = [rotor.torque for rotor in rotors if rotor]
             return math.fsum(torques) / len(torques) if torques else math.nan
         case "electrical_power":
-            return part.statistics.account.electrical / duration
+            return window.statistics().account.electrical / duration
         case "actuator_power":
-            return part.statistics.account.actuator_work / duration
-    value = part.statistics.figures()[item.figure]
+            return window.statistics().account.actuator_work / duration
+    value = window.statistics().figures()[item.figure]
     return math.nan if value is None else float(value)
 
 

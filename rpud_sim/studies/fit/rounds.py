@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
-import json
 import math
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -26,7 +25,7 @@ from rpud_sim.studies.fit.posterior import Likelihood, Posterior, cut_off, sampl
 from rpud_sim.studies.fit.surrogate import Region, Surrogate, SurrogateError, fit_surrogate
 from rpud_sim.studies.fit.target_file import FitSpecification
 from rpud_sim.studies.store import StudyStore
-from rpud_sim.studies.workers import check_versions, run_on_processes
+from rpud_sim.studies.workers import check_versions, run_chunks
 
 PARTICLES = 4096
 _CHUNK = 100.0  # simulated time in a chunk [s]: a fraction of a second of work
@@ -87,8 +86,11 @@ class FitFolder(StudyStore):
     def __init__(
         self, path: Path, specification: FitSpecification, workers: int, report: Report
     ) -> None:
-        content = {"specification": specification.content(), "versions": fit_versions()}
-        super().__init__(path, json.loads(json.dumps(content)), "fit")
+        content = {
+            "specification": dataclasses.asdict(specification),
+            "versions": fit_versions(),
+        }
+        super().__init__(path, content, "fit")
         self._specification = specification
         self._workers = workers
         self._report = report
@@ -113,8 +115,7 @@ class FitFolder(StudyStore):
             configuration = self._specification.configuration(points[0], condition)
             compile_members(configuration)
             compile_kernels(configuration)  # of figures that are sampled
-            outcomes = run_on_processes(simulate, missing, self._workers)
-            with contextlib.closing(outcomes):
+            with contextlib.closing(run_chunks(simulate, missing, self._workers)) as outcomes:
                 for chunk, outcome in outcomes:
                     path = self._path(job, chunk)
                     path.parent.mkdir(exist_ok=True)

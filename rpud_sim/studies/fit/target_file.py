@@ -130,12 +130,6 @@ class FitSpecification:
         """Return the drill for values of the unknowns and a target's own parameters."""
         return to_configuration({**self.parameters, **unknown, **dict(condition)})
 
-    def content(self) -> dict[str, Any]:
-        """Return the specification as plain values; equal fits give equal values."""
-        return dataclasses.asdict(self) | {
-            "choices": {name: list(values) for name, values in self.choices.items()}
-        }
-
 
 def read_target_file(path: str | Path) -> FitSpecification:
     """Return the specification of a YAML file; the paths in it begin at its folder."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
-import json
 import math
 from collections.abc import Mapping
 from types import MappingProxyType
@@ -15,7 +14,6 @@ import numpy as np
 from rpud_sim.foundation.quantities import Quantity
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.model.elementary import power
-from rpud_sim.simulation.changes import Planned
 from rpud_sim.simulation.configuration import (
     PARAMETERS,
     Configuration,
@@ -25,7 +23,7 @@ from rpud_sim.simulation.configuration import (
 )
 from rpud_sim.simulation.fault_kinds import KINDS
 from rpud_sim.simulation.faults import Fault
-from rpud_sim.simulation.scenario import Scenario, ScheduledFault
+from rpud_sim.simulation.plans import Planned, Scenario, ScheduledFault
 from rpud_sim.simulation.statistics import FIGURES
 from rpud_sim.simulation.topics import TOPICS
 
@@ -221,11 +219,6 @@ class SweepSpecification:
         if self.lasting:
             clear = onset + self._draw_time(f"{name}/lasting", self.lasting)
         return PlannedRun(name, seed, self.faults[label], onset, clear)
-
-    def content(self) -> dict[str, Any]:
-        """Return the specification as JSON reads it back; equal sweeps give equal values."""
-        content: dict[str, Any] = json.loads(json.dumps(dataclasses.asdict(self)))
-        return content
 
     def _point_name(self, number: int, point: Mapping[str, Any]) -> str:
         """Return the name of a point: case, fault, and number in the design."""

@@ -31,7 +31,7 @@ from rpud_sim.studies.sweep.chunks import (
 from rpud_sim.studies.sweep.indices import figure_indices
 from rpud_sim.studies.sweep.specification import SweepSpecification
 from rpud_sim.studies.sweep.sweep_page import error_name, sweep_page
-from rpud_sim.studies.workers import run_on_processes
+from rpud_sim.studies.workers import run_chunks
 
 _CHUNKS = "chunks"
 _BAGS = "bags"
@@ -82,19 +82,13 @@ def run_sweep(
         if len(finished) < chunk_count(sweep):
             points = design_points(sweep)
             chunks = make_chunks(sweep, points, finished)
-            if scheduler is not None:
-                from rpud_sim.studies.cluster import run_on_cluster
-
-                outcomes = run_on_cluster(chunks, scheduler, simulate)
-            else:
-                # Compiled first, or each process would.
+            if scheduler is None:  # compiled first, or each process would
                 first = {name: values[0].item() for name, values in points.items()}
                 drill = sweep.configuration(first)
                 compile_members(drill)
                 if sweep.faults or sweep.bags:
                     compile_kernels(drill, messages=bool(sweep.bags))
-                outcomes = run_on_processes(simulate, chunks, workers)
-            with contextlib.closing(outcomes):
+            with contextlib.closing(run_chunks(simulate, chunks, workers, scheduler)) as outcomes:
                 for chunk, outcome in outcomes:
                     folder.add(chunk, outcome)
                     report(chunk.count)
@@ -115,7 +109,7 @@ def make_manifest(sweep: SweepSpecification) -> dict[str, Any]:
     # What draws the design and writes the files.
     writers = ("scipy", "pyarrow", *(("mcap", "zstandard") if sweep.bags else ()))
     depends = {
-        "specification": sweep.content(),
+        "specification": dataclasses.asdict(sweep),
         "versions": engine_versions() | {name: version_of(name) for name in writers},
     }
     text = json.dumps(depends, sort_keys=True)

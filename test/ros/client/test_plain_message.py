@@ -14,8 +14,8 @@ from sensor_msgs.msg import Image
 from std_msgs.msg import Byte, ByteMultiArray, Header, String
 from support import examples
 
-from rpud_sim.foundation.json_values import finite_values
 from rpud_sim.foundation.quantities import ParameterError
+from rpud_sim.foundation.values import finite_values
 from rpud_sim.ros.client.topic_listener import CUT, field_getter, to_plain
 
 FAULTS = Faults(

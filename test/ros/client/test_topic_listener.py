@@ -34,7 +34,7 @@ def talker():
 
 @pytest.fixture
 def listening():
-    with ListeningNode("listener", "/heard") as listening:
+    with ListeningNode("listener", "/heard", patience=PATIENCE) as listening:
         yield listening
 
 
@@ -47,7 +47,7 @@ def test_a_latched_topic_gives_its_last_messages(talker, listening):
     publisher = talker.create_publisher(String, "latched", LATCHED)
     for number in range(5):
         publisher.publish(String(data=str(number)))
-    listener = TopicListener(listening, "latched", PATIENCE)
+    listener = TopicListener(listening, "latched")
     assert listener.kind is String
     heard = first(listener)
     while len(heard) < 3:
@@ -57,7 +57,7 @@ def test_a_latched_topic_gives_its_last_messages(talker, listening):
 
 def test_a_best_effort_publisher_that_comes_later_is_received_too(talker, listening):
     talker.create_publisher(Int32, "mixed", 10)
-    listener = TopicListener(listening, "mixed", PATIENCE)
+    listener = TopicListener(listening, "mixed")
     sensor = talker.create_publisher(Int32, "mixed", SENSOR)
     while not (heard := listener.take(0.2)):
         sensor.publish(Int32(data=7))
@@ -66,7 +66,7 @@ def test_a_best_effort_publisher_that_comes_later_is_received_too(talker, listen
 
 def test_a_publisher_of_a_topic_that_only_had_a_subscription_is_received(talker, listening):
     talker.create_subscription(Status, "later", print, 10)
-    listener = TopicListener(listening, "later", PATIENCE)
+    listener = TopicListener(listening, "later")
     publisher = talker.create_publisher(Status, "later", LATCHED)
     publisher.publish(Status(state="running"))
     assert first(listener)[0].state == "running"
@@ -74,9 +74,9 @@ def test_a_publisher_of_a_topic_that_only_had_a_subscription_is_received(talker,
 
 def test_a_topic_that_is_not_there_is_one_line_with_the_nearest_name(talker, listening):
     talker.create_publisher(String, "speech", 10)
-    TopicListener(listening, "speech", PATIENCE)
+    TopicListener(listening, "speech")
     with pytest.raises(ClientError) as error:
-        TopicListener(listening, "speach", 0.1)
+        TopicListener(listening, "speach", patience=0.1)
     assert str(error.value) == "no topic /heard/speach within 0.1 s; did you mean /heard/speech?"
 
 
@@ -85,16 +85,14 @@ def test_a_topic_of_two_types_is_refused(talker, listening):
     with participant() as other:
         other.create_publisher(Int32, "twofold", 10)
         two = ["std_msgs/msg/Int32", "std_msgs/msg/String"]
-        listening.until(
-            lambda: types_of_topic(listening.node, "/heard/twofold") == two, PATIENCE, "not both"
-        )
+        listening.until(lambda: types_of_topic(listening.node, "/heard/twofold") == two, "not both")
         with pytest.raises(ClientError, match=f"has several types: {', '.join(two)}"):
-            TopicListener(listening, "twofold", PATIENCE)
+            TopicListener(listening, "twofold")
 
 
 def test_messages_that_a_slow_listener_lost_are_counted(talker, listening):
     publisher = talker.create_publisher(Int32, "flood", SENSOR)
-    listener = TopicListener(listening, "flood", PATIENCE)
+    listener = TopicListener(listening, "flood")
     while not listener.take(0.1):
         publisher.publish(Int32(data=-1))
     for number in range(6000):  # more than may wait

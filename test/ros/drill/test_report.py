@@ -90,8 +90,7 @@ def test_steps_of_the_arm_that_lose_power_are_a_warning():
     level, _, values = diagnosed(run, "drill")
     power = run.status("running", Bookkeeping())[2]["actuator_power"]
     assert (level, abs(float(values["coupling_power [W]"])) < 0.05 * power) == (OK, True)
-    run._recent_energy.coupling_power = lambda: -0.06 * power
-    level, text, _ = diagnosed(run, "drill")
+    level, text, _ = diagnosed(run, "drill", coupling_power=-0.06 * power)
     assert level == WARN
     assert f"steps of the arm lose {-0.06 * power:.3g} W, more than 5% of" in text
 

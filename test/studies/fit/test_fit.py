@@ -13,7 +13,7 @@ from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.simulation.configuration import read_parameter_file, to_settings
 from rpud_sim.studies.fit import fit as fits
 from rpud_sim.studies.fit import rounds
-from rpud_sim.studies.fit.fit import fit_in, prove, run_fit
+from rpud_sim.studies.fit.fit import fit_in, run_fit, run_proof
 from rpud_sim.studies.fit.fit_report import single_plots, unknown_quantity, write_fit
 from rpud_sim.studies.fit.rounds import FitFolder
 from rpud_sim.studies.fit.surrogate import Region
@@ -129,13 +129,11 @@ def test_intervals_hold_synthetic_drills_as_often_as_they_say(tmp_path):
         for t in specification.targets
     )
     specification = dataclasses.replace(specification, points=128, rounds=2, targets=short)
-    folder = FitFolder(tmp_path, specification, 2, lambda runs: None)
-    with folder.held():
-        proof = prove(folder, specification, 20)
-    assert proof.drills + proof.refused == 20
-    assert proof.refused <= 2
-    assert proof.holds
-    assert proof.chosen == pytest.approx(1.0)
+    proof = run_proof(specification, tmp_path, 2, 20)
+    assert proof["drills"] + proof["refused"] == 20
+    assert proof["refused"] <= 2
+    assert proof["holds"]
+    assert proof["true_choice_probability"] == pytest.approx(1.0)
 
 
 class ClosedForm:

@@ -31,7 +31,7 @@ ROTATING = to_configuration(
 
 
 def test_the_figures_of_a_whole_run_are_those_of_simulate():
-    expected = run_ensemble(DRILL, 2.0, [0.25]).members[0]
+    expected = run_ensemble(DRILL, 2.0, [0.25]).members[0].figures
     found = measure(DRILL, 0.25, [Measure(name, 0.0, 2.0) for name in FIGURES])
     assert dict(zip(FIGURES, found, strict=True)) == pytest.approx(
         {name: expected[name] for name in FIGURES}, rel=1e-12
@@ -61,8 +61,8 @@ def test_the_figures_of_the_papers_windows_are_those_of_the_trajectory():
 
 
 def test_penetration_torque_and_powers_are_those_of_the_run():
-    expected = run_ensemble(ROTATING, 2.0, [0.1])
-    account, work = expected.accounts[0], expected.rotor_works[0]
+    [expected] = run_ensemble(ROTATING, 2.0, [0.1]).members
+    account, work = expected.account, expected.rotation
     rate, torque, electrical, mechanical, late = measure(
         ROTATING,
         0.1,
@@ -71,13 +71,13 @@ def test_penetration_torque_and_powers_are_those_of_the_run():
             Measure("penetration_rate", 1.0, 2.0),
         ],
     )
-    assert rate == pytest.approx(expected.members[0]["penetration_rate"])
+    assert rate == pytest.approx(expected.figures["penetration_rate"])
     assert electrical == pytest.approx(account.electrical / 2.0)
     assert mechanical == pytest.approx(account.actuator_work / 2.0)
     simulation = Simulation(ROTATING, 0.1)
     turned = simulation.advance_to(2 * SECOND).process.rotation.angle
     assert torque == pytest.approx(work.resisted / turned, rel=0.05)
-    depth = [run_ensemble(ROTATING, end, [0.1]).members[0]["depth"] for end in (1.0, 2.0)]
+    depth = [run_ensemble(ROTATING, end, [0.1]).members[0].figures["depth"] for end in (1.0, 2.0)]
     assert late == pytest.approx(depth[1] - depth[0])
 
 

@@ -74,7 +74,9 @@ def test_a_point_is_the_ensemble_of_its_seed():
         rows = slice(2 * point, 2 * point + 2)
         assert outcome.phases[rows].tolist() == list(phases)
         for row, member in zip(outcome.figures[rows].tolist(), expected, strict=True):
-            assert row == pytest.approx([member[name] for name in FIGURES], rel=0, nan_ok=True)
+            assert row == pytest.approx(
+                [member.figures[name] for name in FIGURES], rel=0, nan_ok=True
+            )
     assert outcome.failures == (None,) * 6
 
 
@@ -151,10 +153,10 @@ def test_every_stratum_of_every_parameter_has_one_point(exponent, seed, latin):
 
 @pytest.mark.parametrize("design", ["latin_hypercube", "sobol"])
 def test_a_design_is_that_of_its_seed(design):
-    one, same, other = (points(design, 32, seed) for seed in (1, 1, 2))
+    one, same, other = (points(design, 32, seed) for seed in (0, 0, 1))
     for name in SWEPT:
         assert one[name].tolist() == same[name].tolist()
-    assert one["weight_on_bit"].tolist() != other["weight_on_bit"].tolist()
+    assert not {*one["weight_on_bit"].tolist()} & {*other["weight_on_bit"].tolist()}
 
 
 CONFIG = Path(__file__).parents[3] / "config"

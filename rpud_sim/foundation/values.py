@@ -1,0 +1,88 @@
+"""Values: shared by copies, of different lengths in one array, and as JSON."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from typing_extensions import Self
+
+
+class Shared:
+    """Base of immutable values: a deep copy, such as that of a run, is the value itself."""
+
+    def __deepcopy__(self, memo: dict[int, object]) -> Self:
+        return self
+
+
+@dataclass(frozen=True)
+class Ragged:
+    """Sequences of numbers, one behind the other."""
+
+    values: np.ndarray  # of all sequences, shape (m,)
+    # number of the first value of each sequence, and of all, shape (n + 1,), int64
+    cuts: np.ndarray
+
+    @classmethod
+    def of(cls, rows: Iterable[np.ndarray], dtype: np.dtype) -> Ragged:
+        parts = [part.astype(dtype, copy=False) for part in rows]
+        counts = np.array([len(part) for part in parts], np.int64)
+        return cls.of_counts(np.concatenate([np.empty(0, dtype), *parts]), counts)
+
+    @classmethod
+    def of_counts(cls, values: np.ndarray, counts: np.ndarray) -> Ragged:
+        return cls(values, np.concatenate([[0], np.cumsum(counts)]))
+
+    def __len__(self) -> int:
+        return len(self.cuts) - 1
+
+    @cached_property
+    def counts(self) -> np.ndarray:
+        return np.diff(self.cuts)
+
+    def sequence(self, number: int) -> np.ndarray:
+        """Return one sequence, in the same memory."""
+        return self.values[self.cuts[number] : self.cuts[number + 1]]
+
+    def rows(self) -> list[np.ndarray]:
+        cuts = self.cuts.tolist()
+        return [self.values[start:end] for start, end in pairwise(cuts)]
+
+
+# Elements of an array that become JSON at once
+_PIECE = 65_536
+
+
+def name_of(number: float) -> str:
+    """Return the name of a number that JSON lacks: ``NaN``, ``Infinity`` or ``-Infinity``."""
+    return "NaN" if math.isnan(number) else "Infinity" if number > 0 else "-Infinity"
+
+
+def finite_values(value: Any, instead: Callable[[float], object] = lambda number: None) -> Any:
+    """Return plain values with null, or what is ``instead``, for NaN and infinity."""
+    if isinstance(value, dict):
+        return {name: finite_values(each, instead) for name, each in value.items()}
+    if isinstance(value, list | tuple):
+        return [finite_values(each, instead) for each in value]
+    return instead(value) if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def to_json(value: Any) -> str:
+    """Return a value as one line of JSON; NaN and infinity, which JSON lacks, are texts."""
+    if isinstance(value, np.ndarray) and value.size > _PIECE:
+        # One list of everything would take many times the memory of the array.
+        pieces = (to_json(value[at : at + _PIECE])[1:-1] for at in range(0, len(value), _PIECE))
+        return f"[{', '.join(pieces)}]"
+    plain = value.tolist() if isinstance(value, np.ndarray) else value
+    try:
+        return json.dumps(plain, ensure_ascii=False, allow_nan=False)
+    except ValueError:
+        return json.dumps(finite_values(plain, name_of), ensure_ascii=False)
