@@ -5,31 +5,13 @@ import time
 
 import rclpy
 from builtin_interfaces.msg import Duration
-from diagnostic_msgs.msg import DiagnosticArray
-from geometry_msgs.msg import WrenchStamped
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import SetParameters
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import DurabilityPolicy, QoSProfile
-from rosgraph_msgs.msg import Clock
-from rpud_msgs.msg import (
-    ContactForce,
-    DrillTool,
-    Drive,
-    Fault,
-    Faults,
-    JournalEntry,
-    NodalPlane,
-    ReactingForce,
-    Result,
-    SimulationState,
-    Status,
-    Trajectory,
-    Waveform,
-    WeightOnBit,
-)
+from rpud_msgs.msg import Drive, Fault, Result, SimulationState, Status, WeightOnBit
 from rpud_msgs.srv import (
     InjectFault,
     ResetSimulation,
@@ -38,25 +20,17 @@ from rpud_msgs.srv import (
     SetSimulationState,
     StepSimulation,
 )
-from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool
 from support import PATIENCE, Process
 
+from rpud_sim.ros.drill.publishers import CLOCK, OF_NODE
+from rpud_sim.ros.graph import message_class
+from rpud_sim.simulation.topics import TOPICS
+
 SECOND = 1_000_000_000
 TYPES = {
-    "nodal_plane": NodalPlane,
-    "drill_tool": DrillTool,
-    "reacting_force": ReactingForce,
-    "contact_force": ContactForce,
-    "wrench": WrenchStamped,
-    "joint_states": JointState,
-    "waveform": Waveform,
-    "trajectory": Trajectory,
-    "status": Status,
-    "faults": Faults,
-    "journal": JournalEntry,
-    "/diagnostics": DiagnosticArray,
-    "/clock": Clock,
+    name: message_class(topic.type)
+    for name, topic in {**TOPICS, **OF_NODE, "/clock": CLOCK}.items()
 }
 TELEMETRY = ("nodal_plane", "drill_tool", "reacting_force", "wrench", "joint_states")
 PLENTY = QoSProfile(depth=5000)  # reliable, and longer than anything that a test waits for
