@@ -13,13 +13,12 @@ from pathlib import Path
 
 import rpud_sim.bag
 from rpud_sim.inspection.offline_bag import write_offline_bag
-from rpud_sim.simulation.changes import Planned
 from rpud_sim.simulation.commands import Drive, Feed, WeightOnBit
 from rpud_sim.simulation.configuration import to_settings
 from rpud_sim.simulation.ensemble import run_members
 from rpud_sim.simulation.faults import Fault
+from rpud_sim.simulation.plans import Planned, Scenario, ScheduledFault
 from rpud_sim.simulation.run import Beginning
-from rpud_sim.simulation.scenario import Scenario, ScheduledFault
 from rpud_sim.simulation.simulation import initial_phases
 from rpud_sim.simulation.versions import ENGINE
 

@@ -14,7 +14,7 @@ from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.foundation.terminal import complain, printable
 
 if TYPE_CHECKING:
-    from rpud_sim.simulation.changes import Changes
+    from rpud_sim.simulation.plans import Changes
 
 
 @command(
@@ -69,13 +69,13 @@ def _run(options: Any) -> int:
 
 def _changes(options: Any) -> Changes:
     from rpud_sim.inspection.fork import LIVE
-    from rpud_sim.simulation.changes import (
+    from rpud_sim.simulation.configuration import parse_assignment
+    from rpud_sim.simulation.plans import (
         Changes,
         parameter_changes,
         parse_injections,
         read_commands,
     )
-    from rpud_sim.simulation.configuration import parse_assignment
 
     values = dict(parse_assignment(text) for text in options.assignments)
     changes = parameter_changes(values, LIVE if options.live else ())

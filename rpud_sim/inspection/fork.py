@@ -17,11 +17,11 @@ from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.foundation.time import SECOND, join_seconds
 from rpud_sim.inspection import InspectionError
 from rpud_sim.inspection.recorded_drill import RecordedDrill, find_run
-from rpud_sim.simulation.changes import Changes, apply_change, apply_parameters
 from rpud_sim.simulation.configuration import PARAMETERS, Settings, to_configuration
 from rpud_sim.simulation.faults import Fault, FaultError
 from rpud_sim.simulation.fields import Bookkeeping, header_fields
 from rpud_sim.simulation.journal import JournalEntry
+from rpud_sim.simulation.plans import Changes, apply_change, apply_parameters
 from rpud_sim.simulation.rerun import JournalError, Rerun, Resumed, Start, repeat_change, resume
 from rpud_sim.simulation.run import Run
 from rpud_sim.simulation.telemetry import Entry
@@ -124,7 +124,7 @@ def begin_changes(run: Run, settings: Settings, changes: Changes) -> Settings:
     settings = apply_parameters(run, settings, changes.parameters)
     for planned in changes.planned:
         if planned.delay == 0:
-            apply_change(run, planned.change)
+            apply_change(run.control, planned.change)
     return settings
 
 
@@ -243,7 +243,7 @@ class Continuation:
                 yield entry.time, partial(self._repeat, entry)
         for planned in changes.planned:
             if planned.delay:
-                yield time + planned.delay, partial(apply_change, self._run, planned.change)
+                yield time + planned.delay, partial(apply_change, self._run.control, planned.change)
 
     def _repeat(self, entry: JournalEntry) -> Iterator[Entry]:
         own = self._changes.parameters

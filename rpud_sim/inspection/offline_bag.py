@@ -21,9 +21,9 @@ from rpud_sim.bag.messages import MessageBlock
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.inspection.fork import Continuation, Fork, open_fork
 from rpud_sim.inspection.recorded_journal import installed_codec
-from rpud_sim.simulation.changes import Changes, Planned, apply_change
 from rpud_sim.simulation.fields import Bookkeeping
 from rpud_sim.simulation.journal import Journal
+from rpud_sim.simulation.plans import Changes, Planned, apply_change
 from rpud_sim.simulation.run import Beginning, Run
 from rpud_sim.simulation.telemetry import Columns, Entry, Together
 from rpud_sim.simulation.topics import TOPICS, DrillTopic, Fields, offered_topics
@@ -75,7 +75,7 @@ def _messages(
         before = run.time
         if pending and pending[0].delay == before:
             while pending and pending[0].delay == before:
-                apply_change(run, pending.popleft().change)
+                apply_change(run.control, pending.popleft().change)
             yield from run.changes()
             yield run.status("running", Bookkeeping())
         until = pending[0].delay if pending else end

@@ -25,7 +25,7 @@ from rpud_sim.model.engine import EngineError
 from rpud_sim.model.parameters import Parameters, preset
 from rpud_sim.simulation.actuator import ActuatorParameters, ActuatorReading
 from rpud_sim.simulation.block import Block
-from rpud_sim.simulation.commands import Applied, Drive, Feed, WeightOnBit
+from rpud_sim.simulation.commands import Applied, Control, Drive, Feed, WeightOnBit
 from rpud_sim.simulation.configuration import (
     PARAMETERS,
     Configuration,
@@ -40,9 +40,9 @@ from rpud_sim.simulation.fault_kinds import KINDS
 from rpud_sim.simulation.faults import Fault, FaultError, FaultLedger, FaultRecord
 from rpud_sim.simulation.fields import Bookkeeping
 from rpud_sim.simulation.journal import Journal, JournalEntry
-from rpud_sim.simulation.run import Beginning, Control, Run
+from rpud_sim.simulation.plans import Scenario, ScheduledFault, read_scenario
+from rpud_sim.simulation.run import Beginning, Run
 from rpud_sim.simulation.sampling import Samples, Times
-from rpud_sim.simulation.scenario import Scenario, ScheduledFault, read_scenario
 from rpud_sim.simulation.simulation import Simulation, initial_phases
 from rpud_sim.simulation.statistics import FIGURES, Statistics
 from rpud_sim.simulation.telemetry import Together

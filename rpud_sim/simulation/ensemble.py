@@ -26,13 +26,12 @@ from rpud_sim.model.resonator import account
 from rpud_sim.model.segment import IMPACT, SEGMENT
 from rpud_sim.model.tally import CLASSES, PART_ROOM, advance_members, empty_tallies
 from rpud_sim.simulation.actuator import Actuator
-from rpud_sim.simulation.changes import Planned, apply_change
 from rpud_sim.simulation.commands import WeightOnBit
 from rpud_sim.simulation.configuration import Configuration, whole_configuration
 from rpud_sim.simulation.energy_account import EnergyAccount, FeedAccount
+from rpud_sim.simulation.plans import Planned, Scenario, apply_change
 from rpud_sim.simulation.plant import rpud_constants
 from rpud_sim.simulation.sampling import Times
-from rpud_sim.simulation.scenario import Scenario
 from rpud_sim.simulation.simulation import Simulation
 from rpud_sim.simulation.statistics import (
     Figures,

@@ -11,11 +11,11 @@ from rpud_sim.foundation.quantities import ParameterError, did_you_mean, shown
 from rpud_sim.foundation.time import SECOND, split_fraction
 from rpud_sim.model.engine import EngineError
 from rpud_sim.simulation.block import boundaries_until, boundary
-from rpud_sim.simulation.changes import Planned
 from rpud_sim.simulation.commands import Drive, Feed, WeightOnBit
 from rpud_sim.simulation.configuration import Settings, to_configuration, to_values
 from rpud_sim.simulation.faults import Fault
 from rpud_sim.simulation.journal import Journal, JournalEntry
+from rpud_sim.simulation.plans import Planned
 from rpud_sim.simulation.run import Beginning, Run
 from rpud_sim.simulation.state import read_state
 from rpud_sim.simulation.telemetry import Entry, Together

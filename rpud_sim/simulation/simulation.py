@@ -28,8 +28,8 @@ from rpud_sim.simulation.faults import (
     supported_kinds,
 )
 from rpud_sim.simulation.journal import Journal
+from rpud_sim.simulation.plans import Scenario, ScheduledFault
 from rpud_sim.simulation.plant import Plant, rpud_constants
-from rpud_sim.simulation.scenario import Scenario, ScheduledFault
 
 # Refusals that are kept until they are drained; the oldest are dropped.
 _MOST_REFUSALS = 100

@@ -131,7 +131,7 @@ def test_each_control_does_what_it_says(live, client):
     text_is(live, "#drive", "Drive off")
     click(live, "Retract")
     until_status(client, regime="free")
-    text_is(live, "#doing", "free")
+    text_is(live, "#doing", "drive off")
     click(live, "Engage")
     until_status(client, regime="drilling")
     click(live, "Pause")

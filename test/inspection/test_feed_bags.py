@@ -7,9 +7,9 @@ from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.inspection.offline_bag import write_fork, write_offline_bag
 from rpud_sim.inspection.verify.verification import verify
 from rpud_sim.simulation import Feed
-from rpud_sim.simulation.changes import Changes, Planned, apply_change, parameter_changes
 from rpud_sim.simulation.configuration import to_settings
 from rpud_sim.simulation.ensemble import run_ensemble
+from rpud_sim.simulation.plans import Changes, Planned, apply_change, parameter_changes
 from rpud_sim.simulation.run import Beginning, Run
 
 MILLISECOND = 1_000_000
@@ -40,7 +40,7 @@ def test_the_figures_are_those_of_the_run_in_the_bag():
     run.begin(0)
     for planned in PLANNED:
         list(run.advance_to(planned.delay))
-        apply_change(run, planned.change)
+        apply_change(run.control, planned.change)
     list(run.advance_to(400 * MILLISECOND))
     ensemble = run_ensemble(BEGINNING.settings.configuration, 0.4, [0.3], planned=PLANNED)
     [member] = ensemble.members

@@ -15,7 +15,7 @@ from rpud_sim.inspection.recorded_journal import installed_codec
 from rpud_sim.inspection.verify.verification import verify
 from rpud_sim.ros.graph import message_class
 from rpud_sim.simulation import preset
-from rpud_sim.simulation.scenario import parse_scenario
+from rpud_sim.simulation.plans import parse_scenario
 from rpud_sim.simulation.topics import TOPICS
 
 SECOND = 1_000_000_000

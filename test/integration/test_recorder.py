@@ -17,7 +17,7 @@ import rpud_sim.bag
 from rpud_sim.bag.manifest import MANIFEST_RECORD as MANIFEST
 from rpud_sim.bag.manifest import manifest_from_record
 from rpud_sim.ros.graph import rosbag_service
-from rpud_sim.simulation.scenario import parse_scenario, read_scenario
+from rpud_sim.simulation.plans import parse_scenario, read_scenario
 
 HERE = Path(__file__).parent
 CONTACT_FORCE = "/rpud/contact_force"

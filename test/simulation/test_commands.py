@@ -10,16 +10,15 @@ from hypothesis import strategies as st
 from support import examples, refusal
 
 from rpud_sim.simulation import Parameters
-from rpud_sim.simulation.changes import (
+from rpud_sim.simulation.commands import Control, Drive, Feed, WeightOnBit
+from rpud_sim.simulation.configuration import Configuration
+from rpud_sim.simulation.plans import (
     Changes,
     Planned,
     parameter_changes,
     parse_injections,
     read_commands,
 )
-from rpud_sim.simulation.commands import Drive, Feed, WeightOnBit
-from rpud_sim.simulation.configuration import Configuration
-from rpud_sim.simulation.run import Control
 from rpud_sim.simulation.simulation import Simulation
 
 SECOND = 1_000_000_000

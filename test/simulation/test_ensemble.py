@@ -32,7 +32,7 @@ from rpud_sim.simulation.ensemble import (
     runs_by_itself,
 )
 from rpud_sim.simulation.faults import Fault
-from rpud_sim.simulation.scenario import Scenario, ScheduledFault
+from rpud_sim.simulation.plans import Scenario, ScheduledFault
 from rpud_sim.simulation.simulation import Simulation, initial_phases
 from rpud_sim.simulation.statistics import FIGURES, Statistics
 

@@ -22,11 +22,12 @@ from rpud_sim.simulation import (
     preset,
     to_configuration,
 )
+from rpud_sim.simulation.commands import Control
 from rpud_sim.simulation.configuration import to_settings
 from rpud_sim.simulation.energy_account import EnergyAccount, FeedAccount
 from rpud_sim.simulation.fields import Bookkeeping
 from rpud_sim.simulation.percussion import FORCE_WINDOW, PercussionMeter
-from rpud_sim.simulation.run import Beginning, Control, Run
+from rpud_sim.simulation.run import Beginning, Run
 from rpud_sim.simulation.statistics import account_of
 
 MILLISECOND = 1_000_000

@@ -17,6 +17,7 @@ from rpud_sim.simulation.fault_kinds import KINDS
 from rpud_sim.simulation.faults import Fault, FaultError
 from rpud_sim.simulation.fields import Bookkeeping, stamp_of
 from rpud_sim.simulation.journal import Journal, JournalEntry
+from rpud_sim.simulation.plans import Scenario, ScheduledFault
 from rpud_sim.simulation.rerun import (
     MOST_CHECKPOINTS,
     CheckpointError,
@@ -25,7 +26,6 @@ from rpud_sim.simulation.rerun import (
     Rerun,
 )
 from rpud_sim.simulation.run import Beginning, Run
-from rpud_sim.simulation.scenario import Scenario, ScheduledFault
 from rpud_sim.simulation.simulation import initial_phases
 
 SECOND = 1_000_000_000

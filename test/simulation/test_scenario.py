@@ -10,7 +10,7 @@ from support import refusal
 from rpud_sim.simulation.configuration import to_configuration
 from rpud_sim.simulation.fault_kinds import KINDS
 from rpud_sim.simulation.faults import Fault, check_supported
-from rpud_sim.simulation.scenario import (
+from rpud_sim.simulation.plans import (
     Scenario,
     ScheduledFault,
     parse_scenario,

@@ -13,10 +13,9 @@ from hypothesis import strategies as st
 from rpud_sim.simulation.commands import Feed
 from rpud_sim.simulation.configuration import to_settings
 from rpud_sim.simulation.fault_kinds import KINDS
-from rpud_sim.simulation.faults import Fault, FaultRecord
+from rpud_sim.simulation.faults import Fault, FaultRecord, SignalFaults
 from rpud_sim.simulation.fields import header_fields, stamp_of
 from rpud_sim.simulation.run import Beginning, Run
-from rpud_sim.simulation.signals import SignalFaults
 from rpud_sim.simulation.topics import CHANNELS
 
 MILLISECOND = 1_000_000

@@ -17,7 +17,7 @@ from rpud_sim.simulation.commands import Drive, Feed, WeightOnBit
 from rpud_sim.simulation.configuration import Configuration
 from rpud_sim.simulation.fault_kinds import KINDS
 from rpud_sim.simulation.faults import MOST_CLEARED, Fault, FaultError, FaultLedger, FaultRecord
-from rpud_sim.simulation.scenario import Scenario, ScheduledFault
+from rpud_sim.simulation.plans import Scenario, ScheduledFault
 from rpud_sim.simulation.simulation import Simulation
 
 SECOND = 1_000_000_000

@@ -22,9 +22,9 @@ from rpud_sim.simulation.configuration import to_settings
 from rpud_sim.simulation.faults import Fault, FaultError
 from rpud_sim.simulation.fields import Bookkeeping
 from rpud_sim.simulation.journal import Journal
+from rpud_sim.simulation.plans import Scenario, ScheduledFault
 from rpud_sim.simulation.run import Beginning, Run
 from rpud_sim.simulation.sampling import Times
-from rpud_sim.simulation.scenario import Scenario, ScheduledFault
 from rpud_sim.simulation.simulation import Simulation
 from rpud_sim.simulation.telemetry import Together
 from rpud_sim.simulation.topics import TOPICS
@@ -247,7 +247,7 @@ def together(values, *times):
 
 @pytest.mark.parametrize("model", ["gain", "resonance"])
 def test_without_changes_almost_all_come_together(model):
-    [found] = together({"actuator_model": model}, 3 * SECOND)
+    [found] = together({"actuator_model": model}, 6 * SECOND)
     assert sum(isinstance(each, Together) for each in found) == 2
     assert len(found) < 10  # the rest are entries of the journal and the faults
 

@@ -125,7 +125,7 @@ def test_a_faulty_signal_without_a_number_leaves_the_bin_empty(heard):
 def frame(heard, monkeypatch):
     """Frames of one browser, each some time after the one before [s]."""
     now, client = [0.0], ClientState()
-    clock = SimpleNamespace(monotonic=lambda: now[0], perf_counter=lambda: now[0])
+    clock = SimpleNamespace(monotonic=lambda: now[0], thread_time=lambda: now[0])
     monkeypatch.setattr("rpud_sim.viewer.session.time", clock)
     monkeypatch.setattr("rpud_sim.viewer.live_store.time", clock)
     monkeypatch.setattr("rpud_sim.viewer.heard.monotonic", clock.monotonic)

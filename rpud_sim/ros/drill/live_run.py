@@ -21,9 +21,9 @@ from rpud_sim.ros.drill.pacer import Pacer, TimeSource
 from rpud_sim.ros.drill.publishers import DrillPublishers
 from rpud_sim.ros.drill.report import StatusReporter
 from rpud_sim.ros.threads import schedule_thread
-from rpud_sim.simulation.changes import apply_change
 from rpud_sim.simulation.configuration import Settings
 from rpud_sim.simulation.journal import Journal
+from rpud_sim.simulation.plans import apply_change
 from rpud_sim.simulation.rerun import Checkpoints, Start
 from rpud_sim.simulation.run import Beginning, Run
 from rpud_sim.simulation.topics import offered_topics
@@ -225,7 +225,7 @@ class LiveRun:
         while self._next_planned <= self.run.time:
             changed = True
             try:
-                apply_change(self.run, self._planned.popleft().change)
+                apply_change(self.run.control, self._planned.popleft().change)
             except ParameterError as error:
                 self._logger.warning(f"planned change refused: {error}")
         for command in self._inbox.drain():

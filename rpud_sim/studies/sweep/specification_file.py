@@ -11,9 +11,9 @@ from typing import Any
 from rpud_sim.foundation.quantities import Allowed, Choice, Flag, Quantity, Text, shown_name
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.foundation.yaml_files import Cursor, open_yaml
-from rpud_sim.simulation.changes import Planned, check_commands, parse_commands
 from rpud_sim.simulation.configuration import NODE_NAMES, PARAMETERS
 from rpud_sim.simulation.faults import Fault, check_supported
+from rpud_sim.simulation.plans import Planned, check_commands, parse_commands
 from rpud_sim.simulation.statistics import FIGURES
 from rpud_sim.simulation.topics import TOPICS
 from rpud_sim.studies.sweep.specification import (

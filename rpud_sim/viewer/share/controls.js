@@ -82,7 +82,8 @@ export class Controls {
     const { status = {}, connection, faults = [], mode } = this.seen;
     const lost = mode === "live" && connection && connection.state !== "connected" ? connection.state : "";
     const jammed = faults.some((fault) => fault.active && fault.kind === "free_mass_jammed");
-    const state = lost || (status.state !== "running" ? status.state ?? "" : jammed ? "jammed" : status.regime);
+    const runs = jammed ? "jammed" : status.drive_enabled === false ? "drive off" : status.regime;
+    const state = lost || (status.state === "running" ? runs : status.state ?? "");
     element("state").dataset.state = element("doing").textContent = state;
     const stands = status.state === "paused" || status.state === "stopped";
     element("pause").dataset.act = stands ? "play" : "pause";

@@ -9,8 +9,8 @@ from rpud_sim.inspection.offline_bag import write_offline_bag
 from rpud_sim.inspection.verify.verification import verify
 from rpud_sim.simulation.configuration import Settings, to_settings
 from rpud_sim.simulation.faults import Fault
+from rpud_sim.simulation.plans import Scenario, ScheduledFault
 from rpud_sim.simulation.run import Beginning
-from rpud_sim.simulation.scenario import Scenario, ScheduledFault
 from rpud_sim.simulation.topics import TOPICS, offered_topics
 
 MODELS = {"rotation", "mount", "borehole"}

@@ -8,8 +8,8 @@ import yaml
 from rpud_sim.ros.record.parameter_query import scenario_text
 from rpud_sim.simulation.configuration import Settings
 from rpud_sim.simulation.journal import JournalEntry
+from rpud_sim.simulation.plans import parse_scenario
 from rpud_sim.simulation.run import Beginning
-from rpud_sim.simulation.scenario import parse_scenario
 
 FAULTS = [
     {"kind": "lost_preload", "onset": 0.1, "duration": 0.7, "magnitude": 0.25},
