@@ -12,7 +12,6 @@ from typing import Any
 
 import rclpy
 from rclpy.clock import Clock, ClockType
-from rclpy.exceptions import InvalidNamespaceException, ParameterException
 from rclpy.executors import MultiThreadedExecutor
 from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 from rclpy.parameter import Parameter
@@ -30,7 +29,7 @@ from rpud_sim.ros.drill.pacing_loop import PacingLoop
 from rpud_sim.ros.drill.report import REPORT_PERIOD, Report
 from rpud_sim.ros.drill.services import DeliveryServer, DrillServices
 from rpud_sim.ros.drill.standard_services import StandardServer
-from rpud_sim.ros.starting import StartError, name_error, start_ros
+from rpud_sim.ros.starting import StartError, running_ros
 from rpud_sim.ros.stopping import StopRequest, limit_end, limited_end
 from rpud_sim.ros.threads import StoppedError, quick_switches, serve
 from rpud_sim.simulation.configuration import Settings
@@ -234,19 +233,15 @@ def drill(ros_arguments: Sequence[str], with_parent: bool = False) -> None:
 
     With ``with_parent`` it also ends when its parent process has ended.
     """
-    with StopRequest(with_parent) as stop:
+    with StopRequest(with_parent) as stop, running_ros(ros_arguments):
         try:
-            start_ros(ros_arguments)
             try:
                 node = DrillNode()
-            # rcl's errors are RuntimeErrors; ParameterException is of use_sim_time, which rclpy
-            # declares.
-            except (ParameterException, RuntimeError) as error:
+            except RuntimeError as error:  # of rcl
                 raise StartError(str(error)) from error
             spin(node, stop)
         finally:
             limit_end()
-            rclpy.try_shutdown()
 
 
 def spin(
@@ -293,21 +288,17 @@ def open_drill(
     DuplicateError otherwise. ``start`` is a state to begin in, whose settings are ``values``; None
     for time zero.
     """
-    try:
+    with running_ros():
         validate_namespace(f"/{namespace.removeprefix('/')}")
-    except InvalidNamespaceException as error:
-        raise name_error(error) from error
-    start_ros()
-    name = f"/{namespace.strip('/')}/{NAME}".replace("//", "/")
-    hold = NameHold(name, rclpy.get_default_context().get_domain_id())
-    try:
-        if hold.taken and not allow_duplicate:
-            raise DuplicateError(
-                f"a drill named {name} runs already: choose another --namespace, "
-                "or give --allow-duplicate"
-            )
-        overrides = [Parameter(name, value=value) for name, value in values.items()]
-        yield DrillNode(duration, start, namespace=namespace, parameter_overrides=overrides)
-    finally:
-        hold.release()
-        rclpy.try_shutdown()
+        name = f"/{namespace.strip('/')}/{NAME}".replace("//", "/")
+        hold = NameHold(name, rclpy.get_default_context().get_domain_id())
+        try:
+            if hold.taken and not allow_duplicate:
+                raise DuplicateError(
+                    f"a drill named {name} runs already: choose another --namespace, "
+                    "or give --allow-duplicate"
+                )
+            overrides = [Parameter(name, value=value) for name, value in values.items()]
+            yield DrillNode(duration, start, namespace=namespace, parameter_overrides=overrides)
+        finally:
+            hold.release()
