@@ -28,10 +28,7 @@ from rpud_sim.ros.graph import message_class
 from rpud_sim.simulation.topics import TOPICS
 
 SECOND = 1_000_000_000
-TYPES = {
-    name: message_class(topic.type)
-    for name, topic in {**TOPICS, **OF_NODE, "/clock": CLOCK}.items()
-}
+OFFERED = {**TOPICS, **OF_NODE, "/clock": CLOCK}
 TELEMETRY = ("nodal_plane", "drill_tool", "reacting_force", "wrench", "joint_states")
 PLENTY = QoSProfile(depth=5000)  # reliable, and longer than anything that a test waits for
 LATCHED = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -84,7 +81,7 @@ class Client:
         """Give the list that the messages of a topic are added to."""
         heard = []
         qos = LATCHED if topic in ("status", "faults", "journal") else qos
-        self.node.create_subscription(TYPES[topic], topic, heard.append, qos)
+        self.node.create_subscription(message_class(OFFERED[topic].type), topic, heard.append, qos)
         return heard
 
     def listen_to_runs(self, topic):
@@ -101,7 +98,7 @@ class Client:
                 runs.append(run := [])
             run.append(message)
 
-        self.node.create_subscription(TYPES[topic], topic, hear, PLENTY)
+        self.node.create_subscription(message_class(OFFERED[topic].type), topic, hear, PLENTY)
         return runs
 
     def until(self, condition):
