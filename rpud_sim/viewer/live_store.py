@@ -199,7 +199,7 @@ def _section(heard: Heard, block: Block) -> dict[str, Any]:
         for name, array in zip(MOTION, arrays, strict=False)
     }
     impacts = [[at - time, *rest] for at, *rest in heard.latest_impacts if time <= at < end]
-    own = {"time": time, "period": period * stride, "exact": stride == 1, "impacts": impacts}
+    own = {"time": time, "period": period * stride, "impacts": impacts}
     return {**samples, **own}
 
 

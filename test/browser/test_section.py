@@ -73,7 +73,7 @@ def section(regime, end):
         if time <= each["seconds"] + each["fraction"] < time + COUNT / RATE
     ]
     arrays = {name: getattr(samples, field).astype(np.float32) for name, field in CHANNELS.items()}
-    return {"time": time, "period": 1 / RATE, **arrays, "impacts": impacts, "exact": True}
+    return {"time": time, "period": 1 / RATE, **arrays, "impacts": impacts}
 
 
 @pytest.fixture(scope="module")
