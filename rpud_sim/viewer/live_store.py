@@ -36,6 +36,7 @@ _TIMING = {
     "messages dropped by the drill": "messages_dropped",
     "commands accepted": "commands_accepted",
     "commands overwritten": "commands_discarded",
+    "commands refused": "commands_rejected",
     "commanders": "commanders",
 }
 
@@ -123,7 +124,6 @@ class LiveStore(Store):
             "connection": drill.connection,
             "kinds": drill.kinds,
             "channels": drill.channels,
-            "refusals": drill.refusals,
             "losses": drill.lost,
             "outcomes": drill.actions.outcomes,
             "status": heard.status,

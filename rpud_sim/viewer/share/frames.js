@@ -38,7 +38,7 @@
  *   gaps?: [number, number][], view?: View, section?: Section, sections?: Section[],
  *   timeline?: {t: Float64Array, low: Float32Array, mean: Float32Array, high: Float32Array},
  *   hole?: any, kinds?: string[], channels?: string[], outcomes?: Outcome[],
- *   refusals?: [number, string], refused?: [number, string], timing?: Record<string, string>,
+ *   refused?: [number, string], timing?: Record<string, string>,
  *   losses?: Record<string, number>, log?: Entry[], log_thinned?: number,
  *   jump?: {time?: number, peak_force?: number, contact_duration?: number, none?: string}, report?: Report, error?: string,
  * }} Frame
