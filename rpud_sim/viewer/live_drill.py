@@ -170,6 +170,10 @@ class LiveDrill:
         self._thread = threading.Thread(target=self._live, name=f"drill {namespace}", daemon=True)
         self._thread.start()
 
+    @property
+    def gone(self) -> bool:
+        return bool(self.error) or self.connection["state"] == VANISHED
+
     def close(self) -> None:
         """Leave the graph; the drill goes on."""
         self._closed = True

@@ -85,7 +85,7 @@ def test_it_says_that_nothing_is_left_and_gathers_all_kernels(tmp_path, capsys):
     files = list((tmp_path / "kernels").iterdir())
     count = len(files)
     assert count > 10
-    assert f"{count} kernels for x86-64-v2 are in {tmp_path / 'kernels'}" in gathered.stdout
+    assert f"{count} kernels for x86-64-v3 are in {tmp_path / 'kernels'}" in gathered.stdout
     assert all(len(file.read_bytes()) > 1000 for file in files)
 
 
@@ -135,4 +135,4 @@ def test_kernels_of_the_baseline_compute_the_bits_of_kernels_for_this_processor_
 
     baseline, native = run(), run("native")
     assert baseline[0] == native[0]
-    assert (baseline[1], native[1] == "x86-64-v2") == ("x86-64-v2", False)
+    assert (baseline[1], native[1] == "x86-64-v3") == ("x86-64-v3", False)

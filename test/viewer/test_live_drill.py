@@ -195,28 +195,22 @@ def test_a_drill_comes_later_vanishes_and_returns_as_a_new_run():
         assert "no drill in /comes_later" in text
 
 
-def test_pages_share_one_drill_which_stays_a_while_after_the_last(drill):
-    now = [0.0]
-    one, two = ClientState(), ClientState(NAMESPACE)
+def test_pages_share_one_drill_and_one_that_has_gone_leaves_its_place(drill, monkeypatch):
+    monkeypatch.setattr("rpud_sim.viewer.live_store.MOST_DRILLS", 1)
     with DrillFinder() as finder:
-        store = LiveStore(finder, NAMESPACE, clock=lambda: now[0])
+        store = LiveStore(finder, NAMESPACE)
         try:
-            store.open(one)
-            store.open(two)
-            first = store.heard[NAMESPACE]
-            store.close(two)
-            store.tidy(0.0)
-            store.close(one)
-            now[0] = 9.0
-            store.tidy(10.0)
-            store.open(one)
-            assert store.heard == {NAMESPACE: first}
-            store.close(one)
-            now[0] = 20.0
-            store.tidy(10.0)
-            assert store.heard == {}
+            for name in ("", NAMESPACE):
+                store.open(ClientState(name))
+            [shared] = store.heard.values()
             with pytest.raises(StoreError, match="there is no drill in /x"):
                 store.open(ClientState("/x"))
+            finder.drills = lambda: ["/x"]
+            with pytest.raises(StoreError, match="1 drills are shown already"):
+                store.open(ClientState("/x"))
+            shared.error = "it has ended"
+            store.open(ClientState("/x"))
+            assert [*store.heard] == ["/x"]
             with pytest.raises(StoreError, match="Invalid namespace"):
                 LiveStore(finder, "/a b").open(ClientState())
         finally:
