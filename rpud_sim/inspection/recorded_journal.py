@@ -262,7 +262,7 @@ def recorded_progress(
     readers = {}
     for topic, codec in codecs.items():
         wanted = {"header.stamp": Kind.TIME}
-        if codec.type_name == TOPICS["status"].type:
+        if codec.type.name == TOPICS["status"].type:
             wanted |= {"state": Kind.TEXT, "journal_entries": Kind.NUMBER}
         columns = [c for c in columns_of(codec, "") if wanted.get(c.attribute) is c.kind]
         names = {column.attribute: column.name for column in columns}
