@@ -153,7 +153,6 @@ class LiveDrill:
         self.actions = Actions()
         self.kinds: tuple[str, ...] = ()  # of faults that can be injected now
         self.channels: tuple[str, ...] = ()  # whose signals can be faulty
-        self.refusals = (0, "")  # commands that the drill has refused from anybody, latest reason
         self._domain_id = domain_id
         self._lock = threading.Lock()
         self._wake = threading.Event()
@@ -210,18 +209,15 @@ class LiveDrill:
 
     def _latched(self, topic: str, message: Any) -> None:
         if topic == "command_results":
-            for at, result in enumerate(message.results):
+            for result in message.results[message.former :]:
                 if not result.accepted:
-                    self.refusals = self.refusals[0], result.reason
-                    if at >= message.former:
-                        with self._lock:
-                            self._heard.refuse(plain_refusal(result.reason))
+                    with self._lock:
+                        self._heard.refuse(plain_refusal(result.reason))
             return
         with self._lock:
             self._heard.latched(topic, message)
         if topic == "status":
             self._status_at = time.monotonic()
-            self.refusals = message.commands_rejected, self.refusals[1]
 
     def _check(self) -> None:
         waiting = {each.name for each in self.actions.waiting}

@@ -36,6 +36,7 @@ _TIMING = {
     "messages dropped by the drill": "messages_dropped",
     "commands accepted": "commands_accepted",
     "commands overwritten": "commands_discarded",
+    "commands refused": "commands_rejected",
     "commanders": "commanders",
 }
 
@@ -123,7 +124,6 @@ class LiveStore(Store):
             "connection": drill.connection,
             "kinds": drill.kinds,
             "channels": drill.channels,
-            "refusals": drill.refusals,
             "losses": drill.lost,
             "outcomes": drill.actions.outcomes,
             "status": heard.status,
@@ -199,7 +199,7 @@ def _section(heard: Heard, block: Block) -> dict[str, Any]:
         for name, array in zip(MOTION, arrays, strict=False)
     }
     impacts = [[at - time, *rest] for at, *rest in heard.latest_impacts if time <= at < end]
-    own = {"time": time, "period": period * stride, "exact": stride == 1, "impacts": impacts}
+    own = {"time": time, "period": period * stride, "impacts": impacts}
     return {**samples, **own}
 
 

@@ -98,15 +98,17 @@ def test_an_action_is_done_or_refused_in_the_users_words(client):
     client.until(lambda seen: "log" in seen)
     assert outcome_of(client, "press", force=21.0) == ("done", "")
     client.until(lambda seen: seen["status"]["weight_on_bit"] == 21.0)
-    client.until(lambda seen: seen["commands"]["list"][-1]["text"] == "weight on bit 21 N")
+    client.until(lambda seen: seen["log"][-1]["text"] == "weight on bit 21 N")
     client.until(lambda seen: seen["steps"]["weight_on_bit"]["v"][-1] == 21.0)
-    count = len(client.seen["commands"]["list"])
+    commands = [each for each in client.seen["log"] if each["kind"] == "command"]
     assert outcome_of(client, "press", force=21.0)[0] == "done"
     assert outcome_of(client, "press", force=-1.0) == ("refused", "-1 N is below 0 N")
     assert outcome_of(client, "press", force=9999) == ("refused", "9999 N is above 1000 N")
     assert outcome_of(client, "step", seconds=1.0) == ("refused", "it is playing, not paused")
     assert outcome_of(client, "press", force="a")[1] == "force = 'a' is not a number"
-    assert len(client.seen["commands"]["list"]) == count  # no value has changed
+    assert [
+        each for each in client.seen["log"] if each["kind"] == "command"
+    ] == commands  # no value has changed
     client.send({"act": "close"})
     assert "'close' is unknown" in client.until(lambda seen: seen.get("refused"))[1]
 

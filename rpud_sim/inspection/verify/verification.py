@@ -52,12 +52,11 @@ from rpud_sim.simulation.journal import STARTS
 from rpud_sim.simulation.rerun import JournalError, Rerun
 from rpud_sim.simulation.run import Run
 from rpud_sim.simulation.telemetry import Entry, Together
-from rpud_sim.simulation.topics import PROVED, TOPICS, Fields
+from rpud_sim.simulation.topics import ALL_COMMAND_TOPICS, COMMAND_TOPICS, PROVED, TOPICS, Fields
 from rpud_sim.simulation.versions import other_engine
 
 # Time that is simulated beyond the last stamp: a block may end later [ns].
 _TAIL = 2 * SECOND
-_COMMANDS = ("command/weight_on_bit", "command/drive", "command/feed")
 _COUNTERS = ("commands_accepted", "commands_rejected", "commands_discarded")  # of a status
 _LAST_STATUS = 10 * SECOND  # of a bag, in which a living drill has published a status [ns]
 
@@ -320,8 +319,8 @@ class _Proof:
         """Warn if the drill took more commands than a bag with all of their topics holds."""
         status = self._summaries.get("status")
         codec = self._extent.codecs.get(status.topic.name) if status else None
-        held = [self._summaries.get(name) for name in (*_COMMANDS, "joint_commands")]
-        if self._stretches.runs > 1 or None in held[: len(_COMMANDS)]:
+        held = [self._summaries.get(name) for name in ALL_COMMAND_TOPICS]
+        if self._stretches.runs > 1 or None in held[: len(COMMAND_TOPICS)]:
             return  # the counters may have begun again, or the commands were not to be recorded
         if status is None or codec is None or not status.message_count:
             return
