@@ -1,6 +1,8 @@
-"""The motions of a segment, written a second time in plain NumPy to check the engine against.
+"""The motions of segments, written a second time in plain NumPy to check the engine against.
 
-Each oscillation is the real part of complex exponentials, so that a derivative is a factor.
+They follow the comment in Trajectory.msg and share no code with the package: ``segment`` gives the
+values by the names of rpud_msgs/Trajectory, of one segment or of many. Each oscillation is the real
+part of complex exponentials, so that a derivative is a factor.
 """
 
 import numpy as np
@@ -29,19 +31,24 @@ def nodal_plane(segment, times, order=0):
 
 
 def motion(segment, body, times, order=0):
-    """Position of a body, or a derivative of it, at times after the segment's start."""
-    contact = int(segment["contact"])
-    if body == TIP or (body == FREE_MASS and contact & 1) or contact == 3:
-        vibration = _vibration(segment, segment["vibration_amplitude"], 0.0, times, order)
-        return nodal_plane(segment, times, order) + vibration
-    if body == DRILL_TOOL or contact & 2:
-        return _decaying(segment, "drill_tool", times, order)
+    """Position of a body, or a derivative of it, at times after the start of segments."""
+    contact = np.asarray(segment["contact"])
+    tip = nodal_plane(segment, times, order)
+    tip = tip + _vibration(segment, segment["vibration_amplitude"], 0.0, times, order)
+    if body == TIP:
+        return tip
+    tool = np.where(contact == 3, tip, _decaying(segment, "drill_tool", times, order))
+    if body == DRILL_TOOL:
+        return tool
     position, velocity, acceleration = (
         segment[f"free_mass_{name}"] for name in ("position", "velocity", "acceleration")
     )
-    if order == 0:
-        return position + velocity * times + 0.5 * acceleration * times**2
-    return velocity + acceleration * times if order == 1 else acceleration + 0.0 * times
+    free = (
+        position + velocity * times + 0.5 * acceleration * times**2,
+        velocity + acceleration * times,
+        acceleration + 0.0 * times,
+    )[order]
+    return np.where(contact & 1, tip, np.where(contact & 2, tool, free))
 
 
 def gap(segment, front, back, times, order=0):

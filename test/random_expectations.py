@@ -29,7 +29,6 @@ WORDS = [
 FAULTS = ["free_mass_jammed", "bias on reacting_force", "off on contact_force", "hard_rock"]
 TOPICS = ("contact_force", "drill_tool", "faults", "journal", "nodal_plane")
 TOPICS += ("reacting_force", "status", "wrench")
-OPERATORS = ["<", "<=", ">", ">=", "==", "!="]
 
 
 def messages_of(path, topics):
@@ -49,101 +48,72 @@ def messages_of(path, topics):
     return found
 
 
-class RandomFormulas:
-    """Source of random formulas over the topics of a drill.
+@st.composite
+def comparisons(draw):
+    name = draw(st.sampled_from(sorted(NUMBERS)))
+    number = f.Number(*draw(st.sampled_from(NUMBERS[name])))
+    operator = draw(st.sampled_from(f.OPERATORS))
+    tolerance = f.Number(0.0)
+    if operator in ("==", "!=") and number.value and draw(st.booleans()):
+        tolerance = f.Number(abs(number.value) / 4, number.unit)
+    hold = draw(st.sampled_from([None, None, SECOND // 50]))
+    return f.Compare(f.Signal(*name.split(".", 1), hold), operator, number, tolerance)
 
-    Args:
-        random: as ``random.Random``.
-    """
 
-    def __init__(self, random):
-        self.random = random
-        self.atoms = (
-            self.compare,
-            self.says,
-            self.active,
-            self.event,
-            self.count,
-            self.quantile,
-        )
+def _window(first, second):
+    return f.Window(*sorted((first, second)))
 
-    def formula(self, depth=3):
-        """Return any formula."""
-        if depth == 0 or self.random.random() < 0.3:
-            return self.random.choice(self.atoms)()
-        one = self.formula(depth - 1)
-        kind = self.random.randrange(9)
-        if kind in (0, 1):
-            return (f.Always, f.Eventually)[kind](one, self.window())
-        if kind == 2:
-            return f.Not(one)
-        other = self.formula(depth - 1)
-        if kind in (3, 4):
-            return (f.And, f.Or)[kind - 3]((one, other))
-        if kind == 5:
-            return f.Implies(one, other)
-        if kind == 6:
-            return f.Until(one, other, self.window())
-        if kind == 7:
-            return f.Until(one, other, f.WHOLE, True)
-        return f.After(self.event() if self.random.random() < 0.7 else one, other)
 
-    def compare(self):
-        """Return a comparison."""
-        name = self.random.choice(sorted(NUMBERS))
-        value, unit = self.random.choice(NUMBERS[name])
-        operator = self.random.choice(OPERATORS)
-        tolerance = f.Number(0.0)
-        if operator in ("==", "!=") and value and self.random.random() < 0.5:
-            tolerance = f.Number(abs(value) / 4, unit)
-        return f.Compare(self.signal(name), operator, f.Number(value, unit), tolerance)
+def _quantile(share, of, window):
+    signal = f.Signal(of.signal.topic, of.signal.field)
+    return f.Quantile(share, signal, of.operator, of.number, window)
 
-    def says(self):
-        """Return a word."""
-        name, word = self.random.choice(WORDS)
-        return f.Says(self.signal(name), word)
 
-    def active(self):
-        """Return a fault."""
-        return f.Active(self.random.choice(FAULTS))
+MILLISECONDS = st.integers(0, 1199).map(lambda number: number * SECOND // 1000)
+WINDOWS = st.just(f.WHOLE) | st.builds(_window, st.just(0) | MILLISECONDS, MILLISECONDS)
+WHERE = comparisons() | st.sampled_from(WORDS).map(
+    lambda pair: f.Says(f.Signal(*pair[0].split(".", 1)), pair[1])
+)
+EVENTS = st.one_of(
+    st.sampled_from(FAULTS).map(f.Onset),
+    st.sampled_from(FAULTS).map(f.Cleared),
+    st.sampled_from(["contact_force", "journal", "status"]).map(f.Published),
+    WHERE.map(f.Becomes),
+    WHERE.map(lambda each: f.Published(each.signal.topic, each)),
+)
+ATOMS = st.one_of(
+    WHERE,
+    st.sampled_from(FAULTS).map(f.Active),
+    EVENTS,
+    st.builds(
+        f.Count,
+        EVENTS,
+        st.sampled_from(f.OPERATORS),
+        st.sampled_from([0.0, 1.0, 2.0, 40.0, 500.0]),
+        WINDOWS,
+    ),
+    st.builds(_quantile, st.sampled_from([0.01, 0.5, 0.9, 0.99, 1.0]), comparisons(), WINDOWS),
+)
 
-    def event(self):
-        """Return an event."""
-        kind = self.random.randrange(5)
-        if kind < 2:
-            return (f.Onset, f.Cleared)[kind](self.random.choice(FAULTS))
-        if kind == 2:
-            return f.Published(self.random.choice(["contact_force", "journal", "status"]))
-        where = self.random.choice([self.compare, self.says])()
-        if kind == 3:
-            return f.Becomes(where)
-        return f.Published(where.signal.topic, where)
 
-    def count(self):
-        """Return a comparison of a count."""
-        number = float(self.random.choice([0, 1, 2, 40, 500]))
-        return f.Count(self.event(), self.random.choice(OPERATORS), number, self.window())
-
-    def quantile(self):
-        """Return a comparison of a quantile."""
-        each, share = self.compare(), self.random.choice([0.01, 0.5, 0.9, 0.99, 1.0])
-        signal = f.Signal(each.signal.topic, each.signal.field)
-        return f.Quantile(share, signal, each.operator, each.number, self.window())
-
-    def signal(self, name):
-        """Return a signal of a name."""
-        hold = self.random.choice([None, None, None, SECOND // 50])
-        return f.Signal(*name.split(".", 1), hold)
-
-    def window(self):
-        """Return a window."""
-        first, second = sorted(self.random.randrange(1200) * SECOND // 1000 for _ in range(2))
-        return self.random.choice([f.WHOLE, f.Window(0, second), f.Window(first, second)])
+def composed(inner, windows=WINDOWS, events=EVENTS):
+    """Return the strategy of formulas that have others in them."""
+    return st.one_of(
+        inner.map(f.Not),
+        st.tuples(inner, inner).map(f.And),
+        st.tuples(inner, inner).map(f.Or),
+        st.builds(f.Implies, inner, inner),
+        st.builds(f.Always, inner, windows),
+        st.builds(f.Eventually, inner, windows),
+        st.builds(f.Until, inner, inner, windows),
+        st.builds(f.Until, inner, inner, st.just(f.WHOLE), st.just(True)),
+        st.builds(f.After, events | inner, inner),
+    )
 
 
 def formulas():
     """Return the strategy of all formulas."""
-    return st.randoms().map(lambda random: RandomFormulas(random).formula())
+    return st.recursive(ATOMS, composed, max_leaves=6)
 
 
 def record_of(**signals):

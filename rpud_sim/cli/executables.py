@@ -7,19 +7,17 @@ error in one line.
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 from rpud_sim.cli.options import (
-    Fields,
+    DECLARED,
     Parser,
     add_options,
     command,
-    fields_of,
     options_from,
     split_ros_arguments,
 )
@@ -65,6 +63,8 @@ def _replay(options: ReplayOptions, ros_arguments: Sequence[str] = ()) -> int:
     return ExitCode.DONE
 
 
+# Not a command of ``rpud``, which does not list it.
+@command("drill_node", "", "drill", with_parent=parent_flag())
 def _drill(options: Any, ros_arguments: Sequence[str]) -> int:
     from rpud_sim.ros.drill.drill_node import drill
 
@@ -75,32 +75,28 @@ def _drill(options: Any, ros_arguments: Sequence[str]) -> int:
 
 def drill_node() -> None:
     example = "example: drill_node --ros-args -r __ns:=/rpud --params-file config/free.yaml"
-    parser = Parser("drill_node", description="A drill in soft real time.", epilog=example)
-    _execute(parser, "drill_node", {"with_parent": parent_flag()}, SimpleNamespace, _drill)
+    _execute(
+        "drill_node", Parser("drill_node", description="A drill in soft real time.", epilog=example)
+    )
 
 
 def recorder() -> None:
-    parser = Parser("recorder", description="Recorder of ROS topics.")
-    _execute(parser, "rpud record", fields_of(RecordOptions), RecordOptions, _record)
+    _execute("record", Parser("recorder", description="Recorder of ROS topics."))
 
 
 def replayer() -> None:
-    parser = Parser("replayer", description="Replayer of bags.")
-    _execute(parser, "rpud replay", fields_of(ReplayOptions), ReplayOptions, _replay)
+    _execute("replay", Parser("replayer", description="Replayer of bags."))
 
 
-def _execute(
-    parser: Parser,
-    same_as: str,
-    fields: Fields,
-    kind: Callable[..., Any],
-    run: Callable[[Any, Sequence[str]], int],
-) -> None:
-    """Run an executable; its expected errors name the command that it is the same as."""
-    add_options(parser, fields)
+def _execute(name: str, parser: Parser) -> None:
+    """Run an executable that is the same as a command, which its expected errors name."""
+    same = DECLARED[name]
+    add_options(parser, same.fields)
 
     def execute() -> int:
         words, ros_arguments = split_ros_arguments(sys.argv[1:])
-        return run(options_from(parser.parse_args(words), fields, kind), ros_arguments)
+        options = options_from(parser.parse_args(words), same.fields, same.kind)
+        return same.run(options, ros_arguments)
 
-    run_program(parser.prog, lambda: report_errors(same_as, execute))
+    program = name if name == parser.prog else f"rpud {name}"
+    run_program(parser.prog, lambda: report_errors(program, execute))

@@ -61,7 +61,10 @@ class LiveLine:
             self._printed = report
             print(live_text(report), file=sys.stderr, flush=True)
 
-    def end(self) -> None:
+    def __enter__(self) -> LiveLine:
+        return self
+
+    def __exit__(self, *_: object) -> None:
         """Begin a new line after the last report."""
         if self._terminal and self._printed is not None:
             print(file=sys.stderr, flush=True)

@@ -28,7 +28,7 @@ class Command(NamedTuple):
     example: str  # call of it
     help: str  # what it does
     fields: Fields  # its arguments
-    run: Callable[[Any], int]  # takes the options, returns the exit code
+    run: Callable[..., int]  # takes the options, returns the exit code
     details: str  # sentences for its own help
     kind: Callable[..., Any]  # makes the options of their values by name
 
@@ -36,7 +36,7 @@ class Command(NamedTuple):
 DECLARED: dict[str, Command] = {}
 """Commands of the modules that are loaded, by name."""
 
-_Run = TypeVar("_Run", bound=Callable[[Any], int])
+_Run = TypeVar("_Run", bound=Callable[..., int])
 
 
 def command(

@@ -24,7 +24,7 @@ def main(words: Sequence[str] | None = None) -> None:
     parser = Parser(
         prog=_PROGRAM,
         description="Compile the model now, for the first start on this machine or on others. "
-        "The kernels serve every x86-64 processor of level x86-64-v2 with the same versions of "
+        "The kernels serve every x86-64 processor of level x86-64-v3 with the same versions of "
         "Python (3.x), NumPy (its first number), Numba and llvmlite. Kernels that are there "
         "already are left.",
     )

@@ -146,17 +146,13 @@ def _drill(node: DrillNode, stop: StopRequest, program: str, live: bool) -> bool
     """Drill to the end; print why it failed, and return whether it did not."""
     from rpud_sim.ros.drill.drill_node import spin
 
-    line = LiveLine(live)
-    reason = None
     try:
-        spin(node, stop, line.show)
+        with LiveLine(live) as line:
+            spin(node, stop, line.show)
     except RuntimeError as error:
-        reason = error
-    finally:
-        line.end()
-    if reason is not None:
-        complain(program, reason)
-    return reason is None
+        complain(program, error)
+        return False
+    return True
 
 
 def _print_summary(node: DrillNode) -> None:

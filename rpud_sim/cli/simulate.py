@@ -15,7 +15,7 @@ from rpud_sim.cli.options import JSON, PARAMETERS, command, parameter_values
 from rpud_sim.cli.output import cell, print_result, progress_bar
 from rpud_sim.cli.program import ExitCode
 from rpud_sim.foundation.options import option
-from rpud_sim.foundation.quantities import ParameterError, Quantity, shown
+from rpud_sim.foundation.quantities import ParameterError, Quantity
 from rpud_sim.foundation.terminal import complain
 
 if TYPE_CHECKING:
@@ -91,13 +91,12 @@ def _refuse_assignments_to_the_node(assignments: Sequence[str]) -> None:
 def _simulate(options: Any) -> dict[str, Any]:
     from rpud_sim.simulation.configuration import to_settings
     from rpud_sim.simulation.ensemble import compile_kernels, compile_members
-    from rpud_sim.simulation.plans import read_commands
+    from rpud_sim.simulation.plans import read_commands, read_scenario
     from rpud_sim.simulation.simulation import initial_phases
 
-    values = parameter_values(options)
-    configuration = to_settings(values).configuration
-    file = values.get("scenario", "")
-    scenario = _scenario(file, options.seed)
+    settings = to_settings(parameter_values(options))
+    configuration, file = settings.configuration, settings.scenario
+    scenario = read_scenario(file, options.seed) if file else None
     planned = read_commands(options.commands).planned if options.commands else ()
     if options.bag or scenario or planned:
         compile_kernels(configuration, _show, messages=bool(options.bag))
@@ -107,21 +106,12 @@ def _simulate(options: Any) -> dict[str, Any]:
         from rpud_sim.inspection.offline_bag import write_offline_bag
         from rpud_sim.simulation.run import Beginning
 
-        beginning = Beginning(to_settings(values), phases[0], options.seed or 0, scenario)
-        text = Path(file).read_text(encoding="utf-8") if scenario else ""
+        beginning = Beginning(settings, phases[0], options.seed or 0, scenario)
+        text = Path(file).read_text(encoding="utf-8") if file else ""
         with progress_bar(" s", options.duration) as bar:
             write_offline_bag(options.bag, beginning, options.duration, text, bar.update, planned)
     figures = _figures(options, configuration, phases, scenario, planned)
-    figures["scenario"] = values.get("scenario") or None
-    return figures
-
-
-def _scenario(path: Any, seed: int | None) -> Scenario | None:
-    from rpud_sim.simulation.plans import read_scenario
-
-    if not isinstance(path, str):
-        raise ParameterError(f"scenario = {shown(path)} is not a text")
-    return read_scenario(path, seed) if path else None
+    return {**figures, "scenario": file or None}
 
 
 def _figures(
@@ -135,16 +125,16 @@ def _figures(
     from rpud_sim.simulation.energy_account import mean_of
     from rpud_sim.simulation.ensemble import run_ensemble
 
-    duration = options.duration
-    total = duration * options.repeat
-    with progress_bar(" s", total) as bar:
-        threads = len(os.sched_getaffinity(0))
+    threads = len(os.sched_getaffinity(0))
+    with progress_bar(" s", options.duration * options.repeat) as bar:
         ensemble = run_ensemble(
-            configuration, duration, phases, bar.update, scenario, threads, planned
+            configuration, options.duration, phases, bar.update, scenario, threads, planned
         )
     members = ensemble.members
-    figures: dict[str, Any] = dict(ensemble.mean())
-    figures["real_time_factor"] = ensemble.real_time_factor
+    figures: dict[str, Any] = {
+        **ensemble.mean(),
+        "real_time_factor": ensemble.real_time_factor,
+    }
     deepest = max(member.figures.get("depth") or 0.0 for member in members)
     if deepest >= configuration.parameters.tool_length:
         _show(NO_DEEPER)
@@ -159,10 +149,7 @@ def _figures(
     figures["seed"] = options.seed
     if options.repeat > 1:
         figures["standard_error"] = ensemble.standard_error()
-    figures["parameters"] = dataclasses.asdict(configuration.parameters)
-    figures["actuator"] = dataclasses.asdict(configuration.actuator)
-    figures["rock"] = dataclasses.asdict(configuration.rock)
-    for group in ("rotation", "mount", "strata", "bit"):
+    for group in ("parameters", "actuator", "rock", "rotation", "mount", "strata", "bit"):
         figures[group] = dataclasses.asdict(getattr(configuration, group))
     return figures
 

@@ -93,25 +93,19 @@ def _watch_drills(options: Any) -> ExitCode:
 
 
 def _announce(server: PageServer, finder: DrillFinder, options: Any) -> None:
-    drills = [options.namespace] if options.until_eof else _find(finder)
-    if len(drills) == 1:
-        url = server.url("/screen", namespace=drills[0])
-        print(f"drill {printable(drills[0])}: {url}", flush=True)
-        if not options.until_eof:
-            print(f"all drills of ROS domain {finder.domain_id}: {server.url()}", flush=True)
-    else:
-        url = server.url()
-        count = f"{len(drills)} drills" if drills else "no drill yet"
-        print(f"{count} in ROS domain {finder.domain_id}: {url}", flush=True)
+    drills = [options.namespace] if options.until_eof else _find(finder) or [options.namespace]
+    urls = [server.url("/screen", namespace=drill) for drill in drills]
+    for drill, url in zip(drills, urls, strict=True):
+        print(f"drill {printable(drill)}: {url}", flush=True)
     if options.open:
-        _open_browser(url)
+        _open_browser(urls[0])
 
 
 def _find(finder: DrillFinder) -> list[str]:
     end = time.monotonic() + _SEARCH_TIME
     found: list[str] = []
     while time.monotonic() < end:
-        found = [drill["namespace"] for drill in finder.drills()]
+        found = finder.drills()
         time.sleep(_SEARCH_PERIOD)
     return found
 

@@ -6,9 +6,10 @@ from collections import deque
 from collections.abc import Collection, Generator
 
 from rpud_sim.bag import BagReader
-from rpud_sim.bag.messages import MessageBlock
+from rpud_sim.bag.messages import MessageBlock, joined
 
 _MOST_WAITING = 64 * 2**20  # greatest size of messages that wait [bytes]
+_FEW = 2**16  # size of messages that are better given together [bytes]
 
 
 class RecordedTopics:
@@ -35,10 +36,16 @@ class RecordedTopics:
         try:
             while waiting or self._size <= _MOST_WAITING:
                 if waiting:
-                    first = waiting.popleft()
-                    self._size -= len(first.data)
-                    passed += len(first)
-                    yield first
+                    # Together, as each block costs more than a few small messages.
+                    parts = [waiting.popleft()]
+                    size = len(parts[0].data)
+                    while waiting and size < _FEW:
+                        parts.append(waiting.popleft())
+                        size += len(parts[-1].data)
+                    self._size -= size
+                    found = joined(parts)
+                    passed += len(found)
+                    yield found
                 elif (block := next(self._together, None)) is None:
                     return
                 elif block.topic in self._waiting:

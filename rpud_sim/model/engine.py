@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections import deque
 
 import numpy as np
@@ -23,6 +24,7 @@ _USUAL = 30.0
 # when it is too small.
 _LEAST_ROOM = 256
 _MOST_ROOM = 65536
+_NO_ROOM = np.zeros(0, SEGMENT)
 
 _time = reader_of(STATE, "seconds", "fraction")
 _amplitude = reader_of(STATE, "amplitude")
@@ -84,6 +86,12 @@ def failure(
     return EngineError(f"{reason} at {time:.6g} s, with {', '.join(far[:_MOST_VALUES])}")
 
 
+def _enlarged(records: np.ndarray, count: int) -> np.ndarray:
+    room = np.zeros(count, records.dtype)
+    room[: len(records)].view(np.uint8)[:] = records.view(np.uint8)
+    return room
+
+
 class Engine:
     """Motion of the drill from time zero on, event by event.
 
@@ -105,7 +113,8 @@ class Engine:
         self._state = initial_state(parameters, initial_phase, drive, resonance)
         self._open_segment = np.zeros(1, SEGMENT)
         self._open_impact = np.zeros(1, IMPACT)
-        self._segment_room, self._impact_room = np.zeros(0, SEGMENT), np.zeros(0, IMPACT)
+        self._segment_room, self._impact_room = _NO_ROOM, np.zeros(0, IMPACT)
+        self._given: list[np.ndarray] = []  # rooms whose segments somebody may still have
         self._written = self._struck = 0  # segments and impacts since the last drain
         self._make_room(_LEAST_ROOM)
         # A time to advance to, and what is finished there
@@ -234,12 +243,19 @@ class Engine:
 
     def drain_covering(self) -> tuple[np.ndarray, np.ndarray]:
         """Return the same as ``drain``, with the open segment after the finished ones."""
-        finished = self._segment_room[: self._written]
-        covering = join_records([finished, self._open_segment], SEGMENT)
+        self._take_room()
+        room, count = self._segment_room, self._written + 1
+        # Bytes, because NumPy copies structures field by field.
+        room[count - 1 : count].view(np.uint8)[:] = self._open_segment.view(np.uint8)
         impacts = join_records([self._impact_room[: self._struck]], IMPACT)
         self._written = self._struck = 0
-        if len(self._segment_room) > _MOST_ROOM:
-            self._make_room(_LEAST_ROOM)
+        if 2 * count > len(room):
+            covering = room[:count]
+            covering.flags.writeable = False
+            self._given.append(room)
+            self._segment_room = _NO_ROOM
+        else:
+            covering = join_records([room[:count]], SEGMENT)
         return covering, impacts
 
     def _commands(self) -> tuple[float, ...]:
@@ -257,6 +273,7 @@ class Engine:
 
     def _fly(self, seconds: np.ndarray, fractions: np.ndarray, counts: np.ndarray) -> None:
         """Advance to times one after the other; counts get what is finished at each of them."""
+        self._take_room()
         status, reached = FULL, 0
         while status == FULL:
             rooms = (self._segment_room, self._impact_room)
@@ -274,7 +291,8 @@ class Engine:
     ) -> None:
         self._drill = drill
         self._reached = None
-        if self._written + 1 >= len(self._segment_room):
+        self._take_room()
+        if min(len(self._segment_room) - self._written, len(self._impact_room) - self._struck) < 3:
             self._make_room(2 * len(self._segment_room))
         segment = self._segment_room[self._written : self._written + 1]
         rooms = (segment, self._impact_room[self._struck :])
@@ -283,9 +301,22 @@ class Engine:
         self._written += 1
 
     def _make_room(self, count: int) -> None:
-        """Take a larger room, or a smaller one, for segments and impacts, with those there."""
-        segments, impacts = self._segment_room[: self._written], self._impact_room[: self._struck]
+        """Take a larger room for segments and impacts, with those that are there."""
+        self._segment_room = _enlarged(self._segment_room[: self._written], count)
+        self._impact_room = _enlarged(self._impact_room[: self._struck], count)
+
+    def _take_room(self) -> None:
+        """Take room in place of one that was given away, a former one if it is free again.
+
+        The system takes half as long to hand out new memory as the engine to fill it.
+        """
+        if len(self._segment_room):
+            return
+        count = min(len(self._given[-1]), _MOST_ROOM)
+        for number in range(len(self._given)):
+            # The list and the argument: nobody has a part of it any more.
+            if sys.getrefcount(self._given[number]) == 2 and len(self._given[number]) == count:
+                self._segment_room = self._given.pop(number)
+                return
         self._segment_room = np.zeros(count, SEGMENT)
-        self._segment_room[: len(segments)] = segments
-        self._impact_room = np.zeros(2 * count + 4, IMPACT)  # an event ends two at most
-        self._impact_room[: len(impacts)] = impacts
+        del self._given[:-1]

@@ -43,6 +43,9 @@ from rpud_sim.model.segment import (
 # more events than their budget, or with a motion that is not finite. And that it has not ended yet.
 DONE, FULL, STALLED, OVERLOADED, NOT_FINITE, GOES_ON = range(6)
 
+# Impacts that one event can end.
+IMPACTS_OF_EVENT = 2
+
 # Of each END_* but END_LIMIT: pairs whose approach ends, contacts that open for want of force, and
 # EVENT_* bits of what is known to happen.
 HAPPENS = (
@@ -203,18 +206,16 @@ def advance(
     state = states[0]
     impact = open_impacts[0]
     bodies = oscillators_of(drill)
-    last = len(segments) - 1
+    last, most = len(segments) - 1, len(impacts) - IMPACTS_OF_EVENT
     reached, written, struck = begun
     status = DONE
     segments[written] = open_segments[0]
     while reached < len(seconds):
         segment = segments[written]
-        status = status_before(
-            state, segment, seconds[reached], fractions[reached], written == last
-        )
+        is_full = written == last or struck > most
+        status = status_before(state, segment, seconds[reached], fractions[reached], is_full)
         if status == GOES_ON:
             written += 1
-            segments[written] = segment
             turns = turns_at_end(segment, state.next_event == END_DRILL_TOOL_RELEASE)
             struck, _ = pass_event(
                 drill, bodies, state, segment, segments[written], impact, impacts, struck, turns

@@ -12,7 +12,16 @@ from rpud_sim.model import energy
 from rpud_sim.model.closed_form import NO_SWING, turn_at
 from rpud_sim.model.compile import compiled, floats, record_type
 from rpud_sim.model.elementary import decimal_logarithm
-from rpud_sim.model.events import DONE, FULL, GOES_ON, checked, pass_event, start, status_before
+from rpud_sim.model.events import (
+    DONE,
+    FULL,
+    GOES_ON,
+    IMPACTS_OF_EVENT,
+    checked,
+    pass_event,
+    start,
+    status_before,
+)
 from rpud_sim.model.search import END_DRILL_TOOL_RELEASE
 from rpud_sim.model.segment import (
     EVENT_ACTUATOR_IMPACT,
@@ -236,10 +245,6 @@ def class_at(tallies, classes, share):
     return -1
 
 
-# Impacts that one event can end.
-_IMPACTS_OF_EVENT = 2
-
-
 @compiled
 def advance_members(drill, rpud, members, begin, until, options, room, progress):
     """Advance members of an ensemble one after another, and add what happens to their tallies.
@@ -275,7 +280,7 @@ def advance_members(drill, rpud, members, begin, until, options, room, progress)
         j = 0  # the open segment
         while True:
             segment = segments[j]
-            is_full = len(impacts) - count < _IMPACTS_OF_EVENT
+            is_full = len(impacts) - count < IMPACTS_OF_EVENT
             status = status_before(state, segment, until[0], until[1], is_full)
             if status != GOES_ON:
                 break

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from importlib import metadata
 
 import rclpy
-from rclpy.exceptions import NameValidationException
+from rclpy.exceptions import NameValidationException, ParameterException
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
@@ -55,6 +56,23 @@ def start_ros(
         )
     except RuntimeError as error:  # RCLError
         raise StartError(f"ROS cannot start: {' '.join(str(error).split())}") from error
+
+
+@contextmanager
+def running_ros(arguments: Sequence[str] = ()) -> Iterator[None]:
+    """Start ROS, and shut it down at the end of the context.
+
+    A name that ROS does not allow, and a parameter of rclpy with another type, are StartErrors.
+    """
+    try:
+        start_ros(arguments)
+        yield
+    except NameValidationException as error:
+        raise name_error(error) from error
+    except ParameterException as error:
+        raise StartError(str(error)) from error
+    finally:
+        rclpy.try_shutdown()
 
 
 def name_error(error: NameValidationException) -> StartError:

@@ -47,7 +47,7 @@ _LEFT_OUT = frozenset(
         *("_published_faults", "_refusals", "_parameters"),
         *("_telemetry_rate", "_sample_rate", "_stream_period"),
         *("_goal", "_segment_room", "_impact_room", "_written"),
-        *("_struck", "_advance_code", "_interrupt_code"),
+        *("_given", "_struck", "_advance_code", "_interrupt_code"),
     )
 )
 _SEQUENCES: Mapping[str, type[Any]] = {"tuple": tuple, "list": list, "deque": deque}

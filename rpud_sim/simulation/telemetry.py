@@ -108,9 +108,9 @@ def row_of(fields: Fields, number: int) -> Fields:
     return row
 
 
-# Simulation time of the blocks that are done together, about [ns]: more takes more memory, and
-# saves little time.
-_TOGETHER = 2 * SECOND
+# Simulation time of the blocks that are done together, about [ns]: twice as much takes 70 MB and
+# saves 5 % of the time of a proof.
+_TOGETHER = 4 * SECOND
 
 _PART = 1000  # samples of a waveform that are made in one part, about 0.2 ms
 

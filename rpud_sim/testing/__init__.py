@@ -10,14 +10,15 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from rpud_sim.testing.errors import (
+    DrillError,
+    ExpectationFailedError,
+    LostMessagesError,
+    SystemUnderTestError,
+)
+
 if TYPE_CHECKING:
     from rpud_sim.testing.drill import Drill
-    from rpud_sim.testing.errors import (
-        DrillError,
-        ExpectationFailedError,
-        LostMessagesError,
-        SystemUnderTestError,
-    )
     from rpud_sim.testing.setup import open_drill
 
 __all__ = [
@@ -29,24 +30,9 @@ __all__ = [
     "open_drill",
 ]
 
-# Loaded at first use: pytest imports this package in every run, also where no test has a drill.
-_MODULES = {
-    "Drill": "drill",
-    "DrillError": "errors",
-    "ExpectationFailedError": "errors",
-    "LostMessagesError": "errors",
-    "SystemUnderTestError": "errors",
-    "open_drill": "setup",
-}
-
 
 def __getattr__(name: str) -> Any:
-    """Return a public name."""
-    if name not in _MODULES:
+    """Return a public name: pytest imports this package also where no test has a drill."""
+    if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f"{__name__}.{_MODULES[name]}"), name)
-
-
-def __dir__() -> list[str]:
-    """Return the public names, also those that are not loaded yet."""
-    return __all__
+    return getattr(import_module(f"{__name__}.{'drill' if name == 'Drill' else 'setup'}"), name)

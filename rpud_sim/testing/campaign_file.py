@@ -25,10 +25,9 @@ from rpud_sim.foundation.quantities import (
 )
 from rpud_sim.foundation.yaml_files import Cursor, open_yaml
 from rpud_sim.simulation.configuration import PARAMETERS
-from rpud_sim.simulation.topics import TOPICS
+from rpud_sim.simulation.topics import COMMAND_TOPICS, TOPICS
 from rpud_sim.testing.setup import DrillSetup, drill_setup, find_file
-from rpud_sim.verdicts import Expectation, ExpectationError, read_expectations
-from rpud_sim.verdicts.names import COMMANDS
+from rpud_sim.verdicts import Expectation, read_expectations
 from rpud_sim.verdicts.notation import parse_expectations
 
 _KEYS = (
@@ -199,26 +198,20 @@ def _answer(cursor: Cursor) -> str:
     name = _line(cursor)
     if name in TOPICS:
         raise cursor.refusal("answers: {shown} is a topic of the drill itself")
-    if suggestion(name, COMMANDS) or name.startswith("command/"):
-        return _known(cursor, COMMANDS)
+    if suggestion(name, COMMAND_TOPICS) or name.startswith("command/"):
+        return _known(cursor, COMMAND_TOPICS)
     return name
 
 
 def _expectations(
     cursor: Cursor, folder: Path, requirements: Mapping[str, str]
 ) -> tuple[Expectation, ...]:
-    try:
-        if isinstance(cursor.value, str):
-            with cursor.errors():
-                file = find_file(cursor.value, "expectations", (folder,))
-            found = read_expectations(file)
-        else:
-            found = parse_expectations({"expectations": cursor.value})
-    except ExpectationError as error:
-        if not error.path:
-            raise ParameterError(error) from None  # of a file of expectations, with its line
-        with dataclasses.replace(cursor, place=error.path).errors():
-            raise ParameterError(error) from None
+    if isinstance(cursor.value, str):
+        with cursor.errors():
+            file = find_file(cursor.value, "expectations", (folder,))
+        found = read_expectations(file)
+    else:
+        found = parse_expectations(cursor)
     for index, each in enumerate(found):
         if requirements and each.requirement not in requirements:
             place = (*cursor.place, index, "requirement")

@@ -7,8 +7,8 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from rpud_sim.foundation.quantities import ParameterError, Quantity, did_you_mean, shown
-from rpud_sim.foundation.yaml_files import open_yaml
+from rpud_sim.foundation.quantities import Quantity, did_you_mean, shown
+from rpud_sim.foundation.yaml_files import Cursor, open_yaml
 from rpud_sim.verdicts import formulas as f
 from rpud_sim.verdicts.names import Expectation
 from rpud_sim.verdicts.units import (
@@ -25,8 +25,6 @@ from rpud_sim.verdicts.units import (
 )
 
 _SIGNAL = re.compile(r"([A-Za-z/][\w/]*)\.(\S.*)")
-
-Place = tuple[str | int, ...]
 
 
 def signal(name: str, hold: str | float | None = None) -> f.Signal:
@@ -131,69 +129,53 @@ def read_expectations(path: str | Path) -> tuple[Expectation, ...]:
     # Without truth values: off is a kind of fault, and `is: true` a text as `is: running`.
     where = "{file}:{line}: "
     top = open_yaml(path, truth_values=False, error=ExpectationError, where=where)
-    try:
-        return parse_expectations(top.value)
-    except ExpectationError as error:
-        raise ExpectationError(f"{top.source.head(error.path)}{error}", error.path) from None
+    known, none = ("expectations",), "it holds no expectations:"
+    unknown = "{shown} is not expectations"
+    entries = top.mapping(known, known, other=none, unknown=unknown, missing=none)
+    return parse_expectations(entries["expectations"])
 
 
-def parse_expectations(content: Any) -> tuple[Expectation, ...]:
-    """Return the expectations of a file's content; the path of an error leads to the place."""
-    if not isinstance(content, Mapping) or "expectations" not in content:
-        raise ExpectationError("it holds no expectations:")
-    for key in content:
-        if key != "expectations":
-            raise ExpectationError(f"{shown(key)} is not expectations", (str(key),))
-    entries = content["expectations"]
-    if not isinstance(entries, list) or not entries:
-        raise ExpectationError("expectations is no list with entries", ("expectations",))
+def parse_expectations(cursor: Cursor) -> tuple[Expectation, ...]:
+    """Return the expectations of a list."""
     found: dict[str, Expectation] = {}
-    for number, entry in enumerate(entries):
-        place = ("expectations", number)
-        expectation = _expectation(entry, place)
+    other = "{name} is no list with entries"
+    for entry in cursor.sequence(other=other):
+        expectation = _expectation(entry)
         if expectation.name in found:
-            raise ExpectationError(f"name {shown(expectation.name)} is taken already", place)
+            raise entry.refusal(f"name {shown(expectation.name)} is taken already")
         found[expectation.name] = expectation
+    if not found:
+        raise cursor.refusal(other)
     return tuple(found.values())
 
 
-def _expectation(entry: Any, place: Place) -> Expectation:
+def _expectation(cursor: Cursor) -> Expectation:
     """Return the expectation of one entry: ``name`` and ``expect``, perhaps ``requirement``."""
-    if not isinstance(entry, Mapping):
-        raise ExpectationError(f"{shown(entry)} is not a mapping", place)
-    for key in entry:
-        if key not in _KEYS:
-            raise ExpectationError(f"{shown(key)}: {did_you_mean(key, _KEYS)}", (*place, str(key)))
-    for key in ("name", "expect"):
-        if key not in entry:
-            raise ExpectationError(f"the expectation lacks its {key}", place)
-    for key in ("name", "requirement"):
-        value = entry.get(key, "-")
+    missing, unknown = "the expectation lacks its {name}", "{shown}: {hint}"
+    keys = cursor.mapping(_KEYS, ("name", "expect"), unknown=unknown, missing=missing)
+    texts = {key: one.value for key, one in keys.items() if key != "expect"}
+    for key, value in texts.items():
         if not isinstance(value, str) or not value.strip() or not value.isprintable():
-            raise ExpectationError(f"{key} = {shown(value)} is not a text of one line", place)
-    inner = (*place, "expect")
-    formula = to_formula(entry["expect"], inner)
-    try:
-        return Expectation(entry["name"], formula, entry.get("requirement", ""))
-    except ExpectationError as error:
-        raise ExpectationError(error, inner) from None
+            raise keys[key].refusal("{name} = {shown} is not a text of one line")
+    formula = to_formula(keys["expect"])
+    with keys["expect"].errors():
+        return Expectation(formula=formula, **texts)
 
 
-def to_formula(value: Any, path: Place = ()) -> f.Formula:
+def to_formula(cursor: Cursor) -> f.Formula:
     """Return the formula of a plain value.
 
     The value is a text such as ``reacting_force.force < 45 N``, or a mapping of one of ``_FORMS``.
-    ``path`` leads to it in its file, for errors.
     """
-    try:
+    with cursor.errors():
+        value = cursor.value
         if isinstance(value, str):
             match = _ATOM.fullmatch(value)
             if match is None:
                 example = "reacting_force.force < 45 N"
                 raise ExpectationError(f"{shown(value)} is no comparison, as {example}")
             return _about(signal(match[1] or match[3]), match[2] or match[4])
-        if not isinstance(value, Mapping):
-            raise ExpectationError(f"{shown(value)} is neither a comparison nor a mapping")
+        parts = cursor.mapping(other="{shown} is neither a comparison nor a mapping")
         form = _form(value)
         if form.make is f.Compare:
             text = value["is"]
@@ -201,9 +183,9 @@ def to_formula(value: Any, path: Place = ()) -> f.Formula:
                 text = f"is {text}"
             return _about(signal(value["signal"], value.get("hold")), text)
         fields: dict[str, Any] = {}
-        for key, part in value.items():
+        for key, part in parts.items():
             if key not in _WINDOW:
-                fields |= _fields(form.fields.get(key, key), part, (*path, key))
+                fields |= _fields(form.fields.get(key, key), part)
         if _WINDOW[0] in form.may:
             fields["window"] = _window(value)
         if form.make is f.Count:
@@ -211,8 +193,6 @@ def to_formula(value: Any, path: Place = ()) -> f.Formula:
                 raise ExpectationError(f"a count has no unit, given {fields['number']}")
             fields["number"] = fields["number"].value
         return form.make(**fields)
-    except ParameterError as error:
-        raise ExpectationError(error, getattr(error, "path", ()) or path) from None
 
 
 def _form(value: Mapping[Any, Any]) -> _Form:
@@ -237,26 +217,25 @@ def _form(value: Mapping[Any, Any]) -> _Form:
     raise ExpectationError(f"{shown(first)} begins no formula; {did_you_mean(first, _MAIN)}")
 
 
-def _fields(name: str, value: Any, path: Place) -> dict[str, Any]:
+def _fields(name: str, cursor: Cursor) -> dict[str, Any]:
     """Return the fields of a formula that a value gives; a comparison gives two."""
+    value = cursor.value
     if name == "number":
         match = _COMPARED.fullmatch(value.strip()) if isinstance(value, str) else None
         if match is None or match[3]:
-            raise ExpectationError(f"is: {shown(value)} is no comparison, as < 45 N", path)
+            raise cursor.refusal("is: {shown} is no comparison, as < 45 N")
         return {"operator": _operator(match[1]), name: Number(*parse_quantity(match[2]))}
     if name == "formulas":
-        if not isinstance(value, list):
-            raise ExpectationError(f"{path[-1]} = {shown(value)} is not a list", path)
-        return {name: tuple(to_formula(part, (*path, n)) for n, part in enumerate(value))}
+        return {name: tuple(map(to_formula, cursor.sequence()))}
     if name == "share":
         return {name: _SHARE.check("quantile", value)}
     if name == "topic":
         if not isinstance(value, str):
-            raise ExpectationError(f"message = {shown(value)} is no topic", path)
+            raise cursor.refusal("message = {shown} is no topic")
         return {name: "/diagnostics" if value == "diagnostics" else value}
     if name == "signal":
         return {name: signal(value)}
-    return {name: value if name == "fault" else to_formula(value, path)}
+    return {name: value if name == "fault" else to_formula(cursor)}
 
 
 def _about(about: f.Signal, text: Any) -> f.Compare | f.Says:

@@ -39,11 +39,7 @@ _QUANTITY = re.compile(rf"\s*({NUMBER})\s*(.*?)\s*")
 
 
 class ExpectationError(ParameterError):
-    """Unusable expectation: why, in one line, and ``path``, the keys to its place in the file."""
-
-    def __init__(self, reason: object, path: tuple[str | int, ...] = ()) -> None:
-        super().__init__(str(reason))
-        self.path = path
+    """Unusable expectation: why, in one line."""
 
 
 def parse_quantity(text: str) -> tuple[float, str]:

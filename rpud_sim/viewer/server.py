@@ -1,6 +1,6 @@
 """Server of the screen: this machine alone, or others with a token.
 
-It has the screen and its modules, one WebSocket for each browser, and the list of drills.
+It has the screen and its modules, and one WebSocket for each browser.
 """
 
 from __future__ import annotations
@@ -39,7 +39,6 @@ _SERVED = (".css", ".html", ".js")
 _MOST_PAGES = 64
 _TOKEN_BYTES = 24
 _WRONG_REQUEST, _TOO_MANY, _FAILED = 1008, 1013, 1011  # codes with which a socket closes
-_TIDY_PERIOD = 10.0  # s
 _PING = 20.0  # a browser that does not answer for so long has gone [s]
 
 _HEADERS = {  # of every answer; no page of another site may show this one, and catch its clicks
@@ -75,13 +74,10 @@ class Place:
 class PageServer:
     """HTTP server of the screen of a store; it listens from the start.
 
-    The store works in one thread. ``listing`` returns what the list of drills shows, in that
-    thread too; without it the first page is the screen.
+    The store works in one thread.
     """
 
-    def __init__(
-        self, store: Store, place: Place, listing: Callable[[], dict[str, Any]] | None = None
-    ) -> None:
+    def __init__(self, store: Store, place: Place) -> None:
         logging.getLogger("tornado.access").setLevel(logging.ERROR)
         try:
             self._sockets = bind_sockets(place.port, place.address)
@@ -89,7 +85,6 @@ class PageServer:
             raise ServerError(_why_not(place, error)) from error
         self.port = int(self._sockets[0].getsockname()[1])  # on which it listens
         self.store = store
-        self.listing = listing
         self.pages = 0  # browsers that are connected
         self.place = place
         self._worker = ThreadPoolExecutor(1, "store")
@@ -140,10 +135,8 @@ class PageServer:
         self._loop = asyncio.get_running_loop()
         application = web.Application(
             [
-                (r"/()", _Shared, {"name": "list.html" if self.listing else "screen.html"}),
-                (r"/screen()", _Shared, {"name": "screen.html"}),
+                (r"/(?:screen)?()", _Shared, {"name": "screen.html"}),
                 (r"/share/(.*)", _Shared),
-                (r"/drills", _Listing),
                 (r"/frames", _Frames),
             ],
             server=self,
@@ -155,10 +148,7 @@ class PageServer:
         )
         http = HTTPServer(application)
         http.add_sockets(self._sockets)
-        while not self._stop.is_set():
-            await self.work(self.store.tidy)
-            with suppress(asyncio.TimeoutError):
-                await asyncio.wait_for(self._stop.wait(), _TIDY_PERIOD)
+        await self._stop.wait()
         http.stop()
         await http.close_all_connections()
 
@@ -232,14 +222,6 @@ class _Shared(_Guarded, web.StaticFileHandler):
 
     def set_extra_headers(self, path: str) -> None:
         self.set_header("Cache-Control", "no-cache")  # the browser asks whether it has changed
-
-
-class _Listing(_Guarded):
-    async def get(self) -> None:
-        if self.server.listing is None:
-            raise web.HTTPError(HTTPStatus.NOT_FOUND)
-        self.set_header("Cache-Control", "no-store")
-        self.finish(await self.server.work(self.server.listing))
 
 
 class _Frames(_Guarded, WebSocketHandler):

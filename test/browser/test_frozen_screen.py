@@ -5,7 +5,15 @@ import base64
 import numpy as np
 import pytest
 from browser.pages import PHONE, SCHEMES, WIDE
-from browser.screens import SHARE, of_screen, page_with_share, text_has, until_screen, view_of
+from browser.screens import (
+    SHARE,
+    of_screen,
+    page_with_share,
+    text_has,
+    text_is,
+    until_screen,
+    view_of,
+)
 
 from rpud_sim.pages.quantities import QUANTITIES, for_browser
 from rpud_sim.viewer.picture import drill_plots
@@ -47,11 +55,15 @@ def frame():
         "status": {"state": "stopped", "regime": "drilling"},
         "numbers": dict.fromkeys(("peak_force", "reacting_force", "power", "impact_rate"), value),
         "faults": [],
-        "commands": {"list": [{"time": 9.0, "kind": "command", "text": "weight on bit 9 N"}]},
         "timeline": {"t": RAMP[::4], "low": RAMP[::4], "mean": RAMP[::4], "high": RAMP[::4]},
         "view": {
             "start": 0.0, "end": END, "detail": "overview",
             "band": "5-95 %", "layers": layers,
+        },
+        "hole": {
+            "depth": RAMP[-1] * 1e-3,
+            "layers": [{"from": 0.0, "to": None, "name": "chalk", "colour": 0}],
+            "log": {"depth": RAMP * 1e-3, "rate": RAMP, "torque": RAMP},
         },
         "sections": [section(time) for time in (5.0, 20.0, 35.0)],
         "log": [{"time": 9.0, "kind": "command", "text": "weight on bit 9 N"}],
@@ -106,7 +118,7 @@ def test_a_zoom_is_cut_from_the_overview(frozen):
     page.assert_quiet()
 
 
-def test_playhead_picks_the_nearest_section_and_the_numbers_there(frozen):
+def test_playhead_picks_section_numbers_and_hole_there(frozen):
     page = frozen()
     assert of_screen(page, "screen.clock.block.time") == 35.0
     until_screen(page, "screen.clock.rest > 0")  # it is shown once, and rests
@@ -122,6 +134,8 @@ def test_playhead_picks_the_nearest_section_and_the_numbers_there(frozen):
     page.until(
         "Math.abs(document.querySelector('[data-number=power]').dataset.exact - 17.5) < 0.02"
     )
+    text_is(page, "#section .now:not(.halo)", "18")  # mm
+    assert of_screen(page, "screen.seen.hole.log.depth.at(-1) <= 0.018")
     assert not page.tab.locator("#state").is_visible()  # it is known of the end alone
     page.tab.keyboard.press("n")
     text_has(page, "#found", r"^impact at 20\.004000000 s, 1\.02.kN")

@@ -52,13 +52,27 @@ def test_another_run_is_followed_from_its_beginning(store, page):
     assert page.tab.text_content("#reach") == ""
 
 
-def test_a_pause_shows_the_block_that_waited(store, page):
-    def block(time):
-        arrays = dict.fromkeys(MOTION, np.zeros(200, np.float32))
-        return {"section": {"time": time, "period": 1e-4, "exact": True, "impacts": [], **arrays}}
+def block(time):
+    arrays = dict.fromkeys(MOTION, np.zeros(200, np.float32))
+    return {"section": {"time": time, "period": 1e-4, "impacts": [], **arrays}}
 
+
+def test_a_pause_shows_the_block_that_waited(store, page):
     of_screen(page, "screen.clock.speed = 1e-3")  # so slow that no block ends
     store.frames += [{"status": {"state": "running"}}, block(1.0), block(2.0)]
     until_screen(page, "screen.clock.next")
     store.frames.append({"status": {"state": "paused"}})
     until_screen(page, "screen.clock.block.time === 2 && screen.clock.resting")
+
+
+def test_a_fault_shows_the_first_block_of_after_it(store, page):
+    of_screen(page, "screen.clock.speed = 1e-3")
+    fault = {"number": 1, "kind": "free_mass_jammed", "channel": "", "onset": 30.0, "active": True}
+    store.frames += [{"status": {"state": "running"}, **block(29.0)}, {"faults": [fault]}]
+    store.frames.append(block(29.9))  # it was recorded before the fault
+    until_screen(page, "screen.clock.block.time === 29.9")
+    until(lambda: store.client.section)  # a newer one is asked for
+    store.frames.append(block(30.1))
+    until_screen(page, "screen.clock.block.time === 30.1")
+    store.frames.append(block(30.2))  # it waits for its turn
+    until_screen(page, "screen.clock.next.time === 30.2")

@@ -1,6 +1,5 @@
 """`rpud watch` and `rpud run --watch`: ports, addresses, signals."""
 
-import json
 import os
 import re
 import shutil
@@ -42,15 +41,12 @@ def test_pages_come_from_the_server_alone(local):
     code, page, _ = ask(f"{local}/screen")
     assert code == 200
     assert not re.findall(r"(?:src|href)=[\"']?(?:https?:)?//", page)
-    code, page, _ = ask(f"{local}/")
-    assert (code, "https://" in page, "http://" in page) == (200, False, False)
-    listed = json.loads(ask(f"{local}/drills")[1])
-    assert listed["domain"] == int(os.environ["ROS_DOMAIN_ID"])
+    assert ask(f"{local}/")[:2] == (code, page)
 
 
 def test_an_address_for_others_has_a_token(process):
     running = process("rpud", "watch", "--port", "0", "--address", "0.0.0.0")
-    found = running.wait_for_line(r"http://[^/]+:(\d+)(/\?token=\S+)")
+    found = running.wait_for_line(r"http://[^/]+:(\d+)(/\S+[?&]token=\S+)")
     base = f"http://127.0.0.1:{found[1]}"
     assert (ask(f"{base}{found[2]}")[0], ask(base)[0]) == (302, 403)
 

@@ -3,7 +3,7 @@
 import pytest
 import rclpy
 from builtin_interfaces.msg import Time
-from rpud_msgs.msg import JournalEntry, Result, Status, WeightOnBit
+from rpud_msgs.msg import JournalEntry, Result, WeightOnBit
 from std_msgs.msg import Header
 from support import PATIENCE, until
 
@@ -150,17 +150,6 @@ def test_a_step_is_over_when_all_its_messages_are_there(drill):
     assert refused.value.result == Result.RESULT_OPERATION_FAILED
     with pytest.raises(ParameterError, match=r"scope = 'al' is unknown; did you mean all?"):
         drill.reset("al")
-
-
-def test_time_plays_and_pauses_and_a_playing_drill_refuses_a_step(drill):
-    drill.play()
-    drill.play()  # again is no error
-    assert drill.status.state == Status.STATE_RUNNING
-    with pytest.raises(RefusedError, match=r"^it is playing, not paused$"):
-        drill.step(0.1)
-    drill.pause()
-    drill.pause()
-    assert drill.status.state == Status.STATE_PAUSED
 
 
 def test_it_works_beside_the_default_context_of_the_process(process):

@@ -10,13 +10,10 @@ import pytest
 from drill_client import SECOND, nanoseconds, stamps, steps
 from rclpy.serialization import deserialize_message
 from rpud_msgs.msg import ContactForce, Status
-from support import PATIENCE
 
 import rpud_sim.bag
-from rpud_sim.ros.client import DrillClient
 
 LISTENER = Path(__file__).with_name("listener.py")
-DYING = Path(__file__).with_name("dying_listeners.py")
 
 
 def recorded_impacts(path):
@@ -65,16 +62,6 @@ def test_a_drill_ends_with_its_parent_where_that_is_wanted(process, connect):
     client.until(lambda: client.status[-1].state == Status.STATE_STOPPED)
 
 
-@pytest.mark.parametrize("words", [["drill_node"], ["recorder", "--out", "{}/bag"]], ids=str)
-def test_a_parameter_of_rclpy_with_another_type_is_one_line(process, tmp_path, words):
-    words = [word.format(tmp_path) for word in words]
-    node = process(*words, "--ros-args", "-p", "use_sim_time:=maybe")
-    assert node.wait() == 2
-    assert "use_sim_time" in node.output
-    assert "\n" not in node.output
-    assert list(tmp_path.iterdir()) == []
-
-
 @pytest.mark.extended
 def test_neither_a_frozen_nor_a_killed_listener_nor_a_killed_recorder_holds_it_up(
     start_drill, process, connect, tmp_path
@@ -101,19 +88,6 @@ def test_neither_a_frozen_nor_a_killed_listener_nor_a_killed_recorder_holds_it_u
     node.interrupt()
     assert node.wait(30.0) == 0
     os.kill(frozen.pid, signal.SIGCONT)
-
-
-@pytest.mark.extended
-def test_listeners_that_are_killed_while_they_hear_leave_a_drill_that_answers_and_ends(
-    start_drill, process
-):
-    """A killed one may hold a lock of shared memory: a drill that sent there waited for ever."""
-    node = start_drill("/rpud", telemetry_rate=1000)
-    process(sys.executable, DYING, "40", "4").wait_for_line("killed 40")
-    with DrillClient("/rpud", patience=PATIENCE) as client:
-        assert not client.list_faults().faults
-    node.interrupt()
-    assert node.wait() == 0
 
 
 @pytest.mark.extended

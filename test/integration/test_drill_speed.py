@@ -1,11 +1,12 @@
-"""Simulated time over elapsed time: as the parameter says, and it may change meanwhile."""
+"""A drill that drills: its sensors and its status, and simulated time over elapsed time."""
 
 import time
 from pathlib import Path
 
 import pytest
-from drill_client import SECOND, nanoseconds
-from rclpy.qos import QoSProfile
+from drill_client import SECOND, TELEMETRY, stamps, steps
+from rclpy.qos import QoSProfile, qos_profile_sensor_data
+from rpud_msgs.msg import Status
 from support import real_time_permitted
 
 PRIORITY = 10  # the default
@@ -13,7 +14,8 @@ PRIORITY = 10  # the default
 
 @pytest.fixture(scope="module")
 def drill(start_module_drill):
-    return start_module_drill("/fast", publish_clock=True, telemetry_rate=50)
+    ready = "drilling: regime drilling, weight on bit 8 N, drive on"
+    return start_module_drill("/fast", ready, telemetry_rate=50)
 
 
 @pytest.fixture
@@ -28,18 +30,48 @@ def set_factor(client, factor):
     assert result.successful, result.reason
 
 
+@pytest.mark.parametrize(
+    "qos", [QoSProfile(depth=10), qos_profile_sensor_data], ids=["default", "sensor data"]
+)
+def test_every_sensor_is_received_with_default_and_with_sensor_data_qos(client, qos):
+    heard = {topic: client.listen(topic, qos) for topic in TELEMETRY}
+    client.until(lambda: all(len(messages) >= 20 for messages in heard.values()))
+
+    def ages():
+        return [time.time_ns() - stamps(messages[-1:])[0] for messages in heard.values()]
+
+    # Near the wall clock, so that they line up with what other sensors say.
+    client.until(lambda: all(abs(age) < SECOND for age in ages()))
+    for topic, messages in heard.items():
+        assert all(step > 0 and step % 20_000_000 == 0 for step in steps(stamps(messages))), topic
+
+
+def test_the_status_is_latched_for_who_comes_late_and_comes_each_second(client):
+    status = client.until(lambda: client.status and client.status[0])
+    assert (status.state, status.regime) == (Status.STATE_RUNNING, Status.REGIME_DRILLING)
+    assert (status.weight_on_bit, status.drive_enabled) == (8.0, True)
+    # A machine that is busy may hold one up, for no longer.
+    client.until(
+        lambda: (
+            steps(stamps(client.status[-2:])) == [SECOND]
+            and client.status[-1].real_time_factor == pytest.approx(1.0, abs=0.3)
+        )
+    )
+    assert client.status[-1].impacts > status.impacts
+
+
 @pytest.mark.extended
 def test_time_passes_at_the_given_factor(client):
     """A slow one, with which a busy machine keeps up."""
-    clocks, statuses = client.listen("/clock"), client.status
+    planes, statuses = client.listen("nodal_plane"), client.status
     set_factor(client, 0.1)
 
     def measured():
-        clocks.clear()
-        client.until(lambda: clocks)
-        began, begin = time.monotonic(), nanoseconds(clocks[-1].clock)
-        client.until(lambda: nanoseconds(clocks[-1].clock) >= begin + SECOND // 6)
-        return (nanoseconds(clocks[-1].clock) - begin) / SECOND / (time.monotonic() - began)
+        planes.clear()
+        [begin] = client.until(lambda: stamps(planes[-1:]))
+        began = time.monotonic()
+        client.until(lambda: stamps(planes[-1:])[0] >= begin + SECOND // 6)
+        return (stamps(planes[-1:])[0] - begin) / SECOND / (time.monotonic() - began)
 
     client.until(lambda: statuses and statuses[-1].lag == 0.0)
     client.until(lambda: measured() == pytest.approx(0.1, rel=0.1))

@@ -109,9 +109,9 @@ def test_an_impact_is_squeezed_if_the_tip_pressed_meanwhile():
 
 def test_blocks_are_parts_of_one_and_stay_as_they_are():
     whole, parts = Engine(preset("drilling"), 0.3), Engine(preset("drilling"), 0.3)
-    whole.advance(3, 0.0)
+    whole.advance(6, 0.0)
     blocks = []
-    for end in (0.25, 1.0, 3.0):
+    for end in (0.25, 1.0, 3.0, 4.0, 5.0, 6.0):
         parts.advance(*divmod(end, 1.0))
         block, _ = parts.drain()
         assert not block.flags.writeable
@@ -160,3 +160,13 @@ def test_an_undisturbed_impact_of_the_engine_is_a_single_contact(model):
     together = 5e-3 / (5e-3 + contacts[0].tool_mass)
     impulses = 5e-3 * (1.0 + together) * velocities
     assert impacts["impulse"][alone] == pytest.approx(impulses[alone], rel=1e-3)
+
+
+def test_room_that_nobody_has_any_more_is_filled_again():
+    engine = Engine(preset("drilling"))
+    places = []
+    for second in range(1, 9):
+        engine.advance(second, 0.0)
+        segments, _ = engine.drain()
+        places.append(segments.ctypes.data)
+    assert len(set(places[1:])) == 2

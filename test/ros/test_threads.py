@@ -103,16 +103,6 @@ def test_a_thread_has_the_priority_that_it_is_said_to_have(thread):
     assert scheduled() == before
 
 
-def test_what_a_thread_starts_is_not_scheduled_so(thread):
-    thread(schedule_thread, 3)
-
-    def start():
-        with ThreadPoolExecutor(1) as pool:
-            return pool.submit(scheduled).result()
-
-    assert thread(start) == (os.SCHED_OTHER, 0)
-
-
 def test_where_it_is_not_permitted_the_reason_is_reported(thread, monkeypatch):
     def refuse(*_):
         raise PermissionError(1, "Operation not permitted")

@@ -28,7 +28,7 @@ LIBRARIES = {
         name for name in __cpu_dispatch__ if __cpu_features__.get(name)
     ),
 }
-# The kernels are made for x86-64-v2, unless a processor lacks a part of it.
+# The kernels are made for x86-64-v3, unless a processor lacks a part of it.
 PLAIN = {"NUMBA_CPU_NAME": "x86-64", "NUMBA_CPU_FEATURES": ""}
 NATIVE = {
     "NUMBA_CPU_NAME": llvm.get_host_cpu_name(),

@@ -247,7 +247,7 @@ def together(values, *times):
 
 @pytest.mark.parametrize("model", ["gain", "resonance"])
 def test_without_changes_almost_all_come_together(model):
-    [found] = together({"actuator_model": model}, 3 * SECOND)
+    [found] = together({"actuator_model": model}, 6 * SECOND)
     assert sum(isinstance(each, Together) for each in found) == 2
     assert len(found) < 10  # the rest are entries of the journal and the faults
 

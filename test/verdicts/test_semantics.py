@@ -5,7 +5,7 @@ import math
 import numpy as np
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
-from random_expectations import record_of
+from random_expectations import composed, record_of
 from support import examples
 
 from rpud_sim.verdicts import formulas as f
@@ -42,11 +42,8 @@ def events():
 
 
 @st.composite
-def formulas(draw, depth=3):
-    kinds = ["compare"] * 3 + ["event", "count", "quantile"] if depth else ["compare", "event"]
-    kind = draw(st.sampled_from(kinds + list(COMPOSED) * 2 if depth else kinds))
-    if kind in COMPOSED:
-        return draw(COMPOSED[kind](formulas(depth - 1)))
+def atoms(draw):
+    kind = draw(st.sampled_from(["compare", "event", "count", "quantile"]))
     each, window = draw(comparisons()), draw(windows())
     if kind == "event":
         return draw(events())
@@ -61,17 +58,8 @@ def formulas(draw, depth=3):
     return each
 
 
-COMPOSED = {
-    "not": lambda inner: st.builds(f.Not, inner),
-    "and": lambda inner: st.tuples(inner, inner).map(f.And),
-    "or": lambda inner: st.tuples(inner, inner).map(f.Or),
-    "implies": lambda inner: st.builds(f.Implies, inner, inner),
-    "always": lambda inner: st.builds(f.Always, inner, windows()),
-    "eventually": lambda inner: st.builds(f.Eventually, inner, windows()),
-    "until": lambda inner: st.builds(f.Until, inner, inner, windows()),
-    "unless": lambda inner: st.builds(f.Until, inner, inner, st.just(f.WHOLE), st.just(True)),
-    "after": lambda inner: st.builds(f.After, st.one_of(events(), inner), inner),
-}
+def formulas():
+    return st.recursive(atoms(), lambda inner: composed(inner, windows(), events()), max_leaves=6)
 
 
 def samples(least):

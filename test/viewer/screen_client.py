@@ -90,9 +90,9 @@ class ScreenClient:
 
 
 @contextmanager
-def serving(store, listing=None, token=""):
+def serving(store, token=""):
     """Serve a store in a thread; the value is the server."""
-    server = PageServer(store, Place(0, token=token), listing)
+    server = PageServer(store, Place(0, token=token))
     thread = threading.Thread(target=server.run)
     thread.start()
     try:

@@ -12,7 +12,14 @@ import numpy as np
 from rpud_sim.bag import BagFormatError, BagReader, Message
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.foundation.time import SECOND, join_seconds
-from rpud_sim.inspection.recorded_journal import PROGRESS, Extent, Recorded, agreed
+from rpud_sim.inspection.recorded_journal import (
+    PROGRESS,
+    Extent,
+    Recorded,
+    WrongHeader,
+    agreed,
+    with_wrong_header,
+)
 
 # Kinds of entries after which stamps may repeat: each begins a stretch, counted from 0.
 BEGINNINGS = ("begin", "origin")
@@ -42,14 +49,15 @@ class JournalStretches:
         self.ended = False  # whether the last entry is the end of the drill
         self.count = 0  # entries that the drill has made, if it made none after the last one
         self.first: Recorded | None = None
+        self.wrong: WrongHeader | None = None  # the first one
         self.last_published = 0  # publishing time of the last entry [ns]
         earliest: list[int] = []  # publishing time of a message in each stretch [ns]
         begins: list[int] = []  # publishing time of the entry that begins each [ns]
         before, beginning = 0, False
-        for message, entry in journal:
-            published = message.publish_time
-            if self.first is None:
-                self.first = message, entry
+        for recorded, wrong in with_wrong_header(journal):
+            entry, published = recorded.entry, recorded.message.publish_time
+            self.first = self.first or recorded
+            self.wrong = self.wrong or wrong
             if entry.kind in BEGINNINGS or not begins:
                 # Entries that begin together are published together.
                 earliest.append(earliest[-1] if beginning else before)

@@ -12,7 +12,6 @@ from typing import Any
 
 import rclpy
 from rclpy.clock import Clock, ClockType
-from rclpy.exceptions import InvalidNamespaceException, ParameterException
 from rclpy.executors import MultiThreadedExecutor
 from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 from rclpy.parameter import Parameter
@@ -21,7 +20,6 @@ from rclpy.validate_namespace import validate_namespace
 from rpud_sim.foundation.quantities import ExpectedError
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.ros.drill import standard_services
-from rpud_sim.ros.drill.commands import TOPICS as COMMAND_TOPICS
 from rpud_sim.ros.drill.commands import CommandTopic, Inbox
 from rpud_sim.ros.drill.duplicate_nodes import DuplicateNodes, NameHold
 from rpud_sim.ros.drill.live_run import LiveRun
@@ -30,7 +28,7 @@ from rpud_sim.ros.drill.pacing_loop import PacingLoop
 from rpud_sim.ros.drill.report import REPORT_PERIOD, Report
 from rpud_sim.ros.drill.services import DeliveryServer, DrillServices
 from rpud_sim.ros.drill.standard_services import StandardServer
-from rpud_sim.ros.starting import StartError, name_error, start_ros
+from rpud_sim.ros.starting import StartError, running_ros
 from rpud_sim.ros.stopping import StopRequest, limit_end, limited_end
 from rpud_sim.ros.threads import StoppedError, quick_switches, serve
 from rpud_sim.simulation.configuration import Settings
@@ -39,6 +37,7 @@ from rpud_sim.simulation.faults import FaultRecord
 from rpud_sim.simulation.plans import scenario_of
 from rpud_sim.simulation.rerun import Start
 from rpud_sim.simulation.statistics import Statistics
+from rpud_sim.simulation.topics import ALL_COMMAND_TOPICS
 
 NAME = "drill_node"
 _THREADS = 3  # a step, a short request, and whatever else comes
@@ -75,7 +74,7 @@ class DrillNode(ManagedNode):
         self._inbox = Inbox(self.get_logger(), self.loop.wake)
         self._namesakes = DuplicateNodes(self)
         self._unrecorded: Mapping[str, int] = {}  # messages before ``await_recorder``, by topic
-        for topic in COMMAND_TOPICS:
+        for topic in ALL_COMMAND_TOPICS:
             CommandTopic(self, topic, self._inbox, lambda: self.settings, self._now)
         services = DrillServices(self, self.loop, lambda: self.settings)
         if standard_services.INSTALLED:
@@ -234,19 +233,15 @@ def drill(ros_arguments: Sequence[str], with_parent: bool = False) -> None:
 
     With ``with_parent`` it also ends when its parent process has ended.
     """
-    with StopRequest(with_parent) as stop:
+    with StopRequest(with_parent) as stop, running_ros(ros_arguments):
         try:
-            start_ros(ros_arguments)
             try:
                 node = DrillNode()
-            # rcl's errors are RuntimeErrors; ParameterException is of use_sim_time, which rclpy
-            # declares.
-            except (ParameterException, RuntimeError) as error:
+            except RuntimeError as error:  # of rcl
                 raise StartError(str(error)) from error
             spin(node, stop)
         finally:
             limit_end()
-            rclpy.try_shutdown()
 
 
 def spin(
@@ -293,21 +288,17 @@ def open_drill(
     DuplicateError otherwise. ``start`` is a state to begin in, whose settings are ``values``; None
     for time zero.
     """
-    try:
+    with running_ros():
         validate_namespace(f"/{namespace.removeprefix('/')}")
-    except InvalidNamespaceException as error:
-        raise name_error(error) from error
-    start_ros()
-    name = f"/{namespace.strip('/')}/{NAME}".replace("//", "/")
-    hold = NameHold(name, rclpy.get_default_context().get_domain_id())
-    try:
-        if hold.taken and not allow_duplicate:
-            raise DuplicateError(
-                f"a drill named {name} runs already: choose another --namespace, "
-                "or give --allow-duplicate"
-            )
-        overrides = [Parameter(name, value=value) for name, value in values.items()]
-        yield DrillNode(duration, start, namespace=namespace, parameter_overrides=overrides)
-    finally:
-        hold.release()
-        rclpy.try_shutdown()
+        name = f"/{namespace.strip('/')}/{NAME}".replace("//", "/")
+        hold = NameHold(name, rclpy.get_default_context().get_domain_id())
+        try:
+            if hold.taken and not allow_duplicate:
+                raise DuplicateError(
+                    f"a drill named {name} runs already: choose another --namespace, "
+                    "or give --allow-duplicate"
+                )
+            overrides = [Parameter(name, value=value) for name, value in values.items()]
+            yield DrillNode(duration, start, namespace=namespace, parameter_overrides=overrides)
+        finally:
+            hold.release()

@@ -5,7 +5,6 @@ from __future__ import annotations
 import errno
 import hashlib
 import socket
-import sys
 import weakref
 
 from rclpy.node import Node
@@ -15,15 +14,12 @@ class NameHold:
     """Hold of a node's name on this machine, which ends with the process at the latest.
 
     Discovery takes seconds on a busy machine; this knows at once. It is an abstract Unix socket,
-    which receives nothing and leaves no file. Only Linux has them: elsewhere no name is ever taken.
+    which receives nothing and leaves no file.
     """
 
     def __init__(self, name: str, domain: int) -> None:
         # Whether a living process of this machine holds the name, in the same domain.
         self.taken = False
-        if sys.platform != "linux":
-            self.release = lambda: None
-            return
         digest = hashlib.sha256(f"{domain} {name}".encode()).hexdigest()  # names may be too long
         held = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
         self.release = weakref.finalize(self, held.close)

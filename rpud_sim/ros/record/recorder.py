@@ -11,9 +11,6 @@ from contextlib import suppress
 from math import inf
 from typing import NamedTuple
 
-import rclpy
-from rclpy.exceptions import NameValidationException, ParameterException
-
 from rpud_sim.bag import BagWriter
 from rpud_sim.bag.losses import LOSSES_RECORD, RECORDING_RECORD, Losses, losses_to_record
 from rpud_sim.foundation.quantities import suggestion
@@ -22,7 +19,7 @@ from rpud_sim.ros.record.parameter_query import ParameterQuery
 from rpud_sim.ros.record.record_options import RecordOptions
 from rpud_sim.ros.record.recorder_node import Recorder
 from rpud_sim.ros.record.writing import Intake, WritingThread
-from rpud_sim.ros.starting import StartError, name_error, start_ros
+from rpud_sim.ros.starting import running_ros
 from rpud_sim.ros.stopping import StopRequest
 
 # Metadata record of topics that could not be recorded, with the reasons.
@@ -52,16 +49,8 @@ def record(
     ``show`` is called with a line about the progress, once a second. A bag that cannot be written
     is a BagError, and ROS or a name that cannot be used a StartError.
     """
-    with StopRequest(options.with_parent) as stop:
-        try:
-            start_ros(ros_arguments)
-            return _record(options, stop, show)
-        except NameValidationException as error:
-            raise name_error(error) from error
-        except ParameterException as error:
-            raise StartError(str(error)) from error
-        finally:
-            rclpy.try_shutdown()
+    with StopRequest(options.with_parent) as stop, running_ros(ros_arguments):
+        return _record(options, stop, show)
 
 
 def _record(options: RecordOptions, stop: StopRequest, show: Callable[[str], None]) -> RecordResult:

@@ -65,8 +65,8 @@ class Recorder(Node):
         self.suppressed = 0  # errors that data from the network raised
         self._batch: list[Message] = []
         self._end = inf  # of the recording [ns since the epoch]
-        # By the monotonic clock [s]: the last reception, the latest standstill's end, a next line.
-        self._received_at, self._stood_still, self._next_line = inf, inf, -inf
+        # By the monotonic clock [s]: the last reception, and the end of the latest standstill.
+        self._received_at, self._stood_still = inf, inf
         # ``serve`` takes the requests, so nothing ever calls the callback.
         self._servers: dict[str, Any] = {
             name: self.create_service(kind, f"~/{name}", lambda _, response: response)
@@ -99,10 +99,10 @@ class Recorder(Node):
             yield
         except Exception as error:  # the data may make a library raise anything
             self.suppressed += 1
-            if time.monotonic() >= self._next_line:
-                self._next_line = time.monotonic() + _LOG_PERIOD
-                reason = " ".join(f"{type(error).__name__}: {error}".split())
-                self.get_logger().warning(f"{what} cannot be used: {reason:.200}")
+            reason = " ".join(f"{type(error).__name__}: {error}".split())
+            self.get_logger().warning(
+                f"{what} cannot be used: {reason:.200}", throttle_duration_sec=_LOG_PERIOD
+            )
 
     def wants(self, name: str) -> bool:
         """Return whether to record a topic of this absolute name."""

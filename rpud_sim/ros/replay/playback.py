@@ -7,7 +7,6 @@ import threading
 import time
 from collections.abc import Callable, Generator, Iterable
 from contextlib import suppress
-from dataclasses import dataclass
 from math import inf
 from typing import TYPE_CHECKING, TypeVar
 
@@ -15,7 +14,7 @@ from rpud_sim.bag import Message
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.ros.delay_histogram import DelayHistogram
-from rpud_sim.ros.replay.replay_options import RATE
+from rpud_sim.ros.replay.replay_options import RATE, ReplayOptions
 from rpud_sim.ros.threads import Requests, StoppedError, schedule_thread
 
 if TYPE_CHECKING:
@@ -88,44 +87,37 @@ class PlaybackError(Exception):
     """Request that the state of the replay does not permit; it changes nothing."""
 
 
-@dataclass(frozen=True)
-class Plan:
-    """Plan of a playback."""
-
-    first: int  # time of the bag at which it begins [ns]
-    last: int  # time of the bag at which it ends [ns]
-    rate: float = 1.0  # bag time over real time
-    paused: bool = False  # whether it begins with a pause
-    loop: bool = False  # whether it repeats
-    # period of the messages on ``/clock`` [ns of real time]; None for none
-    tick: float | None = None
-
-
 class Playback:
     """Publishes messages at times that can be paused, stepped, sped up and moved.
 
-    ``read`` opens the messages from a time of the bag [ns] on. ``clock`` is monotonic [ns]. It ends
-    when ``interrupted`` says so. One thread plays, by ``run``; others reach it by ``do``.
+    ``read`` opens the messages from a time of the bag [ns] on. ``span`` has the times of the bag at
+    which it begins and ends [ns]. Of the ``options`` it takes rate, pause, loop and clock. Its own
+    ``clock`` is monotonic [ns]. It ends when ``interrupted`` says so. One thread plays, by ``run``;
+    others reach it by ``do``.
     """
 
     def __init__(
         self,
         read: Callable[[int], Messages],
-        plan: Plan,
+        span: tuple[int, int],
+        options: ReplayOptions,
         outputs: Replayer,
         clock: Callable[[], int] = time.monotonic_ns,
         interrupted: Callable[[], bool] = lambda: False,
     ) -> None:
         self._read = read
-        self._plan = plan
+        self._first, self._last = span
+        self._loop = options.loop
+        # Period of the messages on ``/clock`` [ns of real time]; None for none.
+        self._period = None if options.clock is None else SECOND / options.clock
         self._outputs = outputs
         self._clock = clock
         self._interrupted = interrupted
         self._messages: Messages | None = None
         self._next: Message | None = None  # to publish; None at the end
-        self.rate = plan.rate  # bag time over real time, outside of pauses
-        self.paused = plan.paused
-        self._from = plan.first  # position in the bag from the clock's time ``_since`` on
+        self.rate = options.rate  # bag time over real time, outside of pauses
+        self.paused = options.start_paused
+        self._from = self._first  # position in the bag from the clock's time ``_since`` on
         self._since = clock()
         self._tick = inf  # time of the clock at which ``/clock`` is due
         self._stopped = False
@@ -163,9 +155,9 @@ class Playback:
         return position if following is None else min(position, following.log_time)
 
     def begin(self) -> None:
-        """Start at the plan's first time, now, when its first message is read."""
-        self._go(self._plan.first)
-        if self._plan.tick is not None:
+        """Start at the first time, now, when its first message is read."""
+        self._go(self._first)
+        if self._period is not None:
             self._tick = self._since
 
     def advance(self) -> float | None:
@@ -179,9 +171,9 @@ class Playback:
         if self._failure is not None:
             raise self._failure
         if self._next is None and not self.paused:
-            if not self._plan.loop:
+            if not self._loop:
                 return None
-            self._go(self._plan.first, _LOOP_PAUSE)
+            self._go(self._first, _LOOP_PAUSE)
         due = self._due()
         now = self._clock()
         if now < min(due, self._tick):
@@ -189,7 +181,7 @@ class Playback:
         if self._tick <= due:
             # A tick comes before the messages of its time, however late both are.
             self._outputs.publish_clock(self._position_at(round(self._tick)))
-            self._tick += self._plan.tick or inf
+            self._tick += self._period or inf
             return 0.0
         end = now + _BUNDLE_TIME
         while due <= now < end and due < self._tick and not self._stopped:
@@ -229,12 +221,11 @@ class Playback:
 
     def seek(self, position: int) -> None:
         """Go to a time of the bag [ns], or the first played if later; after the last is refused."""
-        if position > self._plan.last:
+        if position > self._last:
             raise PlaybackError(
-                f"time = {position / SECOND:.3f} s is after the last, "
-                f"{self._plan.last / SECOND:.3f} s"
+                f"time = {position / SECOND:.3f} s is after the last, {self._last / SECOND:.3f} s"
             )
-        self._go(max(self._plan.first, position))
+        self._go(max(self._first, position))
 
     def play_next(self) -> None:
         """Publish the next message of a paused playback; its time is the position then."""
@@ -243,7 +234,7 @@ class Playback:
         if self._next is None:
             raise PlaybackError("the replay is at its end")
         self._from = self._next.log_time
-        if self._plan.tick is not None:
+        if self._period is not None:
             self._outputs.publish_clock(self._from)
         self._publish(hurried=True)
 
@@ -295,5 +286,5 @@ class Playback:
         except Exception as error:  # it ends the replay, not only the request that led here
             self._failure = error
             return
-        if message is not None and message.log_time <= self._plan.last:
+        if message is not None and message.log_time <= self._last:
             self._next = message

@@ -8,8 +8,6 @@ from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from typing import Any
 
-import rclpy
-from rclpy.exceptions import ParameterException
 from rclpy.executors import SingleThreadedExecutor
 
 import rpud_sim.bag
@@ -18,10 +16,10 @@ from rpud_sim.foundation.quantities import ExpectedError, ParameterError, sugges
 from rpud_sim.foundation.terminal import printable
 from rpud_sim.foundation.time import SECOND, join_seconds
 from rpud_sim.ros.graph import fill_known, rosbag_service
-from rpud_sim.ros.replay.playback import Messages, Plan, Playback, PlaybackError, read_ahead
+from rpud_sim.ros.replay.playback import Messages, Playback, PlaybackError, read_ahead
 from rpud_sim.ros.replay.replay_options import DISCOVERY_TIME, ReplayOptions
 from rpud_sim.ros.replay.replayer_node import Replayer
-from rpud_sim.ros.starting import StartError, start_ros
+from rpud_sim.ros.starting import running_ros
 from rpud_sim.ros.stopping import StopRequest
 from rpud_sim.ros.threads import quick_switches, raised, serve, settled_memory
 
@@ -88,13 +86,8 @@ def replay(options: ReplayOptions, ros_arguments: Sequence[str], make_bar: MakeB
     """Replay to the end of the bag or until a signal stops it, and return a summary."""
     with StopRequest(options.with_parent) as stop, rpud_sim.bag.open(options.bag) as bag:
         topics = _chosen_topics(bag, options)
-        try:
-            start_ros(ros_arguments)
+        with running_ros(ros_arguments):
             return _replay(bag, topics, options, stop, make_bar)
-        except ParameterException as error:
-            raise StartError(str(error)) from error
-        finally:
-            rclpy.try_shutdown()
 
 
 def _chosen_topics(bag: BagReader, options: ReplayOptions) -> list[TopicSummary]:
@@ -146,23 +139,15 @@ def _replay(
     last = bag.end_time
     if options.duration is not None:
         last = min(last, first + round(options.duration * SECOND))
-    plan = Plan(
-        first=first,
-        last=last,
-        rate=options.rate,
-        paused=options.start_paused,
-        loop=options.loop,
-        tick=None if options.clock is None else SECOND / options.clock,
-    )
 
     def read(position: int) -> Messages:
         return read_ahead(bag.messages(node.topic_names, position - bag.start_time))
 
-    playback = Playback(read, plan, node, interrupted=lambda: stop.requested)
+    playback = Playback(read, (first, last), options, node, interrupted=lambda: stop.requested)
     offer_services(node, playback)
     executor = SingleThreadedExecutor()
     executor.add_node(node)
-    bar = make_bar(title=printable(bag.path.name), total=(plan.last - plan.first) / SECOND)
+    bar = make_bar(title=printable(bag.path.name), total=(last - first) / SECOND)
     with quick_switches(), settled_memory(), bar, ThreadPoolExecutor(1) as pool:
         # Last of all: to make the rest takes Python's lock for longer than a message may wait.
         began = time.monotonic()
@@ -170,7 +155,7 @@ def _replay(
         try:
             while not playing.done() and not stop.requested:
                 serve(executor, node.count_failure)
-                _show(playback, plan, bar)
+                _show(playback, first, bar)
         finally:
             playback.stop()
         playing.result()
@@ -190,9 +175,9 @@ def _replay(
     )
 
 
-def _show(playback: Playback, plan: Plan, bar: Any) -> None:
+def _show(playback: Playback, first: int, bar: Any) -> None:
     """Show the position of the playback."""
-    bar.n = min((playback.position - plan.first) / SECOND, bar.total)
+    bar.n = min((playback.position - first) / SECOND, bar.total)
     state = "paused" if playback.paused else f"x{playback.rate:g}"
     bar.set_postfix_str(f"{state}, {playback.published} messages", refresh=False)
     bar.last_print_n = min(bar.last_print_n, bar.n)  # after a step backwards

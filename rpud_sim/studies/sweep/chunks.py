@@ -7,7 +7,6 @@ Simulations are numbered point by point. The ensemble at a point is that of ``rp
 from __future__ import annotations
 
 import dataclasses
-import json
 import platform
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
@@ -19,7 +18,6 @@ from scipy.stats import qmc
 
 from rpud_sim.bag.manifest import Manifest, installed_versions
 from rpud_sim.foundation.quantities import ParameterError
-from rpud_sim.foundation.time import SECOND
 from rpud_sim.inspection.offline_bag import write_offline_bag
 from rpud_sim.simulation.ensemble import run_members
 from rpud_sim.simulation.run import Beginning
@@ -215,7 +213,7 @@ def _record_bag(
             topics=sweep.bag_topics,
             manifest=Manifest(
                 parameters={**beginning.settings.values(), "seed": run.seed},
-                scenario=_scenario_text(run),
+                scenario=run.scenario_text,
                 # Nothing of the worker: any worker makes the same bytes.
                 command=("rpud", "sweep"),
                 versions=installed_versions(),
@@ -223,13 +221,3 @@ def _record_bag(
             ),
         )
         return {file.name: file.read_bytes() for file in sorted(path.iterdir())}
-
-
-def _scenario_text(run: PlannedRun) -> str:
-    """Return the scenario of a run, which is JSON and so YAML as well; empty without a fault."""
-    if run.fault is None or run.onset is None:
-        return ""
-    entry = {**dataclasses.asdict(run.fault), "onset": run.onset / SECOND}
-    if run.clear is not None:
-        entry["duration"] = (run.clear - run.onset) / SECOND
-    return json.dumps({"seed": run.seed, "faults": [entry]}) + "\n"

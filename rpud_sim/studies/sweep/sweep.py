@@ -255,7 +255,7 @@ def simulation_table(chunk: SweepChunk, outcome: SweepOutcome) -> pa.Table:
     if sweep.faults:
         labels = [run.labels() for run in runs]
         for name, kind in _LABELS.items():
-            columns[name] = pa.array([label[name] for label in labels], kind)
+            columns[name] = pa.array([label.get(name) for label in labels], kind)
     for i, name in enumerate(sweep.figures):
         values = outcome.figures[:, i]
         missing = np.isnan(values)

@@ -82,7 +82,8 @@ export class Controls {
     const { status = {}, connection, faults = [], mode } = this.seen;
     const lost = mode === "live" && connection && connection.state !== "connected" ? connection.state : "";
     const jammed = faults.some((fault) => fault.active && fault.kind === "free_mass_jammed");
-    const state = lost || (status.state !== "running" ? status.state ?? "" : jammed ? "jammed" : status.regime);
+    const runs = jammed ? "jammed" : status.drive_enabled === false ? "drive off" : status.regime;
+    const state = lost || (status.state === "running" ? runs : status.state ?? "");
     element("state").dataset.state = element("doing").textContent = state;
     const stands = status.state === "paused" || status.state === "stopped";
     element("pause").dataset.act = stands ? "play" : "pause";
@@ -104,7 +105,7 @@ export class Controls {
 
   /** @param {import("./frames.js").Outcome[]} outcomes */
   drawOutcomes(outcomes) {
-    const news = outcomes.filter((each) => each.state !== "waiting" && each.number > this.told);
+    const news = outcomes.filter((each) => each.number > this.told);
     // What other readers did before this page was there is not its own.
     for (const { name, state, text } of this.told < 0 ? [] : news)
       for (const control of elements(`[data-of~="${name}"]`)) this.write(control, state === "done" ? "" : text);

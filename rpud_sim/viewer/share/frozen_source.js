@@ -36,13 +36,21 @@ export class FrozenSource {
       const near = sections.reduce((best, each) => (away(each, this.playhead) < away(best, this.playhead) ? each : best), sections[0]);
       const fresh = near && near !== this.shown ? { section: { ...near, kept: sections.map((each) => each.time) } } : null;
       this.shown = near;
-      if (fresh || !request.section) this.answer({ numbers: this.numbers(this.playhead), ...fresh });
+      if (fresh || !request.section) this.answer({ numbers: this.numbers(this.playhead), hole: this.hole(this.playhead), ...fresh });
     } else if (request.seek) {
       const impacts = sections.flatMap((each) => each.impacts.map(([after, peak, contact]) => ({ time: each.time + after, peak_force: peak, contact_duration: contact })));
       const ahead = request.seek === "next";
       const found = impacts.filter(({ time }) => (ahead ? time > request.from + 1e-9 : time < request.from - 1e-9));
       this.answer({ jump: found.at(ahead ? 0 : -1) ?? { none: "there is no further impact in this report" } });
     }
+  }
+
+  /** @param {number} time @returns {Frame["hole"]} as deep as it was at a time, with the log of what was drilled by then */
+  hole(time) {
+    const { t, mean } = this.held.view?.layers.depth ?? { t: [], mean: [] }, { hole } = this.held, place = placeOf(t, time);
+    if (!hole || place < 0 || !(mean[place] < hole.depth)) return hole;
+    const depth = mean[place], drilled = placeOf(hole.log.depth, depth) + 1;
+    return { ...hole, depth, log: Object.fromEntries(Object.entries(hole.log).map(([name, values]) => [name, values.subarray(0, drilled)])) };
   }
 
   /** @param {number} time @returns {Frame["numbers"]} of the second before a time, by the overview */
@@ -78,7 +86,7 @@ function meanOf(values) {
 /** Return a layer between two times, in about so many bins: several become one.
  * @param {import("./frames.js").Layer} layer @param {number} start @param {number} end @param {number} width
  * @returns {import("./frames.js").Layer} */
-export function partOf(layer, start, end, width) {
+function partOf(layer, start, end, width) {
   const first = Math.max(0, placeOf(layer.t, start));
   const last = Math.min(layer.t.length, placeOf(layer.t, end) + 2);
   const joined = Math.max(1, Math.floor((last - first) / Math.max(1, width)));

@@ -114,7 +114,7 @@ export function mountMotion(element, clock) {
       context.beginPath();
       context.arc(place, y(block.drill_tool[Math.min(Math.round(time / block.period), count - 1)]), 2.5, 0, 7);
       context.fill();
-      const text = peak ? (peak / 1e3).toFixed(1) : "", half = context.measureText(text).width / 2;
+      const text = peak ? (peak / 1e3)[peak < 50 ? "toPrecision" : "toFixed"](1) : "", half = context.measureText(text).width / 2;
       const middle = Math.min(Math.max(place, MOTION_LEFT + half), right - half);
       if (middle - half < free) return;
       write(text, middle, top - 7, "center");

@@ -92,7 +92,7 @@ class TimePlot {
       const colour = this.colour(layer);
       const single = () => !this.known(layer)?.low && this.seen.view?.detail !== "overview"; // values, not bins
       /** @type {uPlot.Series} */
-      const shown = { stroke: () => colourOf(colour), width: 1.25, points: { size: 4, width: 0, fill: () => colourOf(colour) } };
+      const shown = { stroke: () => colourOf(colour), width: 1.25, pxAlign: 0, points: { size: 4, width: 0, fill: () => colourOf(colour) } };
       if (shown.points && layer.kind === "steps") shown.points.show = false;
       else if (shown.points) shown.points.show = (plot, _, first, last) => single() && (last - first) * 6 < plot.bbox.width;
       if (layer.kind === "steps") shown.paths = uPlot.paths.stepped?.({ align: 1 });
@@ -100,7 +100,7 @@ class TimePlot {
       if (layer.quantity === "peak_force") shown.paths = (...of) => (single() ? null : uPlot.paths.linear?.()(...of) ?? null);
       series.push(shown);
       if (layer.kind !== "band") continue;
-      const edge = { width: 0, stroke: () => "transparent", points: { show: false } };
+      const edge = { width: 0, pxAlign: 0, stroke: () => "transparent", points: { show: false } };
       series.push(edge, { ...edge });
       bands.push({ series: [series.length - 1, series.length - 2], fill: () => colourOf(colour, 0.25) });
     }

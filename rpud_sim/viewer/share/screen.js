@@ -31,6 +31,7 @@ class Screen {
     this.reason = "";
     this.shown = ""; // state that the moving section shows
     this.jumps = false; // whether the next block is shown at once
+    this.since = -Infinity; // time from which on blocks show what the screen says [s]
     this.clock = new MotionClock();
     this.clock.onWant = () => this.source.send({ section: true });
     this.section = mountSection(element("section"), this.clock);
@@ -125,18 +126,19 @@ class Screen {
   drawMotion(frame) {
     const { status = {}, faults = [] } = this.seen;
     const active = faults.filter((each) => each.active).map((each) => each.number);
-    const shown = JSON.stringify([status.state, status.regime, status.drive_enabled, active]);
+    const shown = status.state ? JSON.stringify([status.state, status.regime, status.drive_enabled, active]) : "";
     const changed = shown !== this.shown || (frame.numbers !== undefined && this.contradicts(frame.numbers.impact_rate?.mean));
-    if (changed && !frame.section) this.source.send({ section: true });
+    if (this.shown && shown !== this.shown) this.since = this.past || status.state !== "running" ? -Infinity : this.seen.now ?? -Infinity;
     this.jumps ||= changed;
     this.shown = shown;
+    if (this.jumps && !(frame.section && frame.section.time >= this.since)) this.source.send({ section: true });
     const section = frame.section ?? (this.jumps ? this.clock.next : null); // one that waits, until a newer one comes
     if (!section) return;
     const { time, kept } = section;
     if (kept) element("found").textContent = `motion at ${timeText(time, 1)}, the nearest of ${kept.length} blocks that the report keeps`;
     if (this.jumps || (this.past && !this.playhead.playing)) this.clock.jump(section, status.state === "paused" && !this.past);
     else this.clock.set(section);
-    this.jumps &&= !frame.section;
+    this.jumps &&= !(frame.section && time >= this.since); // one of before is shown until there is one of after
   }
 
   /** Whether the moving section strikes and the number of a live drill says that it does not, or the other way round.
@@ -264,7 +266,7 @@ class Screen {
       " ": () => element(this.past ? "play" : "pause").click(),
     };
     document.addEventListener("keydown", (event) => {
-      const busy = event.target instanceof Element && event.target.closest("input, select, button, summary, [popover], .wide");
+      const busy = event.target instanceof Element && event.target.closest(`input, select, [popover], .wide${event.key === " " ? ", button, summary" : ""}`);
       if (busy || event.ctrlKey || event.metaKey || event.altKey || !Object.hasOwn(keys, event.key)) return;
       event.preventDefault();
       keys[event.key]();

@@ -3,12 +3,12 @@
 import pytest
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from rpud_msgs.msg import ContactForce, Faults
 from sensor_msgs.msg import JointState
 from support import until
 
-from rpud_sim.ros.drill.publishers import CLOCK, DrillPublishers
+from rpud_sim.ros.drill.publishers import DrillPublishers
 from rpud_sim.simulation.configuration import Settings
 from rpud_sim.simulation.faults import Fault
 from rpud_sim.simulation.run import Beginning, Run
@@ -61,16 +61,6 @@ def drill(nodes):
     yield made
     made.executor.shutdown()
     made.outputs.destroy()
-
-
-def test_every_topic_is_offered_reliably_and_the_clock_where_it_is_asked_for(drill, drill_node):
-    for name, topic in {**TOPICS, "/clock": CLOCK}.items():
-        [offer] = drill.node.get_publishers_info_by_topic(name)
-        assert offer.qos_profile.reliability == ReliabilityPolicy.RELIABLE
-        latched = offer.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
-        assert latched == topic.latched
-    DrillPublishers(drill_node, publish_clock=False)
-    assert drill.node.count_publishers("/clock") == 1
 
 
 def test_a_dropped_subscriber_knows_what_it_missed_by_the_numbers(drill):

@@ -7,6 +7,7 @@ import itertools
 import math
 import os
 import threading
+from functools import partial
 
 import pytest
 from hypothesis import given
@@ -14,18 +15,21 @@ from hypothesis import strategies as st
 from support import real_time_permitted
 
 from rpud_sim.bag import BagFormatError, Message
-from rpud_sim.ros.replay.playback import Plan, Playback, PlaybackError, read_ahead
-from rpud_sim.ros.replay.replay_options import RATE
+from rpud_sim.ros.replay.playback import Playback, PlaybackError, read_ahead
+from rpud_sim.ros.replay.replay_options import RATE, ReplayOptions
 
 SECOND = 1_000_000_000
 START = 1_700_000_000 * SECOND
 NOW = 5_000 * SECOND
 
 
+replay_options = partial(ReplayOptions, bag="bag")
+
+
 class Stage:
     """A playback with a clock of its own, and a log of what was published when."""
 
-    def __init__(self, offsets, takes=0, **plan):
+    def __init__(self, offsets, takes=0, first=START, last=None, **options):
         self.now = NOW
         self.sent, self.hurried, self.ticks, self.log = [], [], [], []
         self.takes = takes  # time that publishing takes [ns]
@@ -33,7 +37,7 @@ class Stage:
         self.opened = []
         end = self.bag[-1].log_time if self.bag else START
         self.playback = Playback(
-            self.read, Plan(**{"first": START, "last": end, **plan}), self, lambda: self.now
+            self.read, (first, last or end), replay_options(**options), self, lambda: self.now
         )
         self.playback.begin()
 
@@ -138,7 +142,7 @@ def test_a_seek_before_the_beginning_goes_there_and_one_after_the_end_is_refused
 
 
 def test_steps_go_from_message_to_message():
-    stage = Stage([0, SECOND, SECOND, 5 * SECOND], paused=True, tick=SECOND)
+    stage = Stage([0, SECOND, SECOND, 5 * SECOND], start_paused=True, clock=1.0)
     assert stage.run(0.5)
     for position in (0, SECOND, SECOND, 5 * SECOND):
         stage.playback.play_next()
@@ -157,7 +161,7 @@ def test_steps_go_from_message_to_message():
 
 @pytest.mark.parametrize("count", [0, 1, 3, 100])
 def test_a_burst_gives_as_many_as_there_are(count):
-    stage = Stage(range(0, 5 * SECOND, SECOND), paused=True)
+    stage = Stage(range(0, 5 * SECOND, SECOND), start_paused=True)
     given = stage.playback.burst(count)
     assert given == len(stage.sent) == min(count or 5, 5)
     assert stage.playback.position == START + (given - 1) * SECOND
@@ -200,7 +204,7 @@ def test_a_loop_goes_on_after_any_seek():
 
 
 def test_the_clock_ticks_by_the_real_time_and_stands_while_it_is_paused():
-    stage = Stage([0, SECOND], rate=2.0, tick=SECOND / 10)
+    stage = Stage([0, SECOND], rate=2.0, clock=10.0)
     stage.run(0.25)
     stage.playback.pause()
     stage.run(0.25)
@@ -221,7 +225,7 @@ changes = st.sampled_from(["pause", "resume", "faster", "slower", "busy", "next"
     st.lists(st.tuples(st.floats(0.0, 3.0), changes), max_size=20),
 )
 def test_without_a_seek_nothing_goes_back_and_nothing_is_lost_or_early(offsets, story):
-    stage = Stage(offsets, tick=SECOND / 20)
+    stage = Stage(offsets, clock=20.0)
     playback = stage.playback
     act = {
         "pause": playback.pause,
@@ -270,7 +274,7 @@ def test_what_nothing_paces_is_hurried():
     stage = Stage([0, SECOND, 2 * SECOND], rate=2.0)
     stage.run()
     assert stage.hurried == [True, True, True]
-    stage = Stage([0, SECOND, 2 * SECOND], paused=True)
+    stage = Stage([0, SECOND, 2 * SECOND], start_paused=True)
     stage.playback.burst(0)
     assert stage.hurried == [True, True, True]
 
@@ -280,7 +284,7 @@ def test_a_bag_that_is_damaged_ends_it_with_the_error():
         yield Message("/a", START, START, b"")
         raise BagFormatError("it is damaged")
 
-    stage = Stage([0, SECOND], paused=True)
+    stage = Stage([0, SECOND], start_paused=True)
     stage.playback._read = damaged
     stage.playback.seek(START)
     stage.playback.burst(1)
@@ -320,7 +324,7 @@ class StopsAt(list):
 
 @given(st.lists(st.integers(0, SECOND), max_size=40), st.integers(0, SECOND))
 def test_a_tick_is_not_passed_by_messages_that_are_due_after_it(offsets, held_up):
-    stage = Stage(offsets, tick=SECOND / 100)
+    stage = Stage(offsets, clock=100.0)
     stage.now += held_up
     stage.run()
     assert stage.log == sorted(stage.log)
@@ -343,7 +347,9 @@ def test_a_thread_plays_with_its_priority_and_what_it_starts_has_none(priority):
         def publish(self, message, *, hurried):
             seen["publishes"] = scheduled()
 
-    playback = Playback(lambda position: read_ahead(messages()), Plan(5, 5), Outputs())
+    playback = Playback(
+        lambda position: read_ahead(messages()), (5, 5), replay_options(), Outputs()
+    )
     thread = threading.Thread(target=playback.run, args=[priority])
     thread.start()
     thread.join()

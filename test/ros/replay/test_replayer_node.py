@@ -14,7 +14,8 @@ from support import PATIENCE, until
 import rpud_sim.bag
 from rpud_sim.bag import QosProfile
 from rpud_sim.ros.graph import rosbag_service
-from rpud_sim.ros.replay.playback import Plan, Playback
+from rpud_sim.ros.replay.playback import Playback
+from rpud_sim.ros.replay.replay_options import ReplayOptions
 from rpud_sim.ros.replay.replayer import offer_services
 from rpud_sim.ros.replay.replayer_node import Replayer
 
@@ -134,8 +135,8 @@ def test_messages_of_an_earlier_release_arrive_with_what_they_have(replay, relea
 def test_a_request_that_raises_an_error_is_answered_and_counted(replay, tmp_path, capfd):
     with rpud_sim.bag.open(write_bag(tmp_path / "asked")) as bag:
         node = replay(*bag.topics)
-        plan = Plan(bag.start_time, bag.end_time, paused=True)
-        playback = Playback(lambda position: bag.messages(node.topic_names), plan, node)
+        span, options = (bag.start_time, bag.end_time), ReplayOptions(bag="", start_paused=True)
+        playback = Playback(lambda position: bag.messages(node.topic_names), span, options, node)
         offer_services(node, playback)
         thread = threading.Thread(target=playback.run)
         thread.start()
