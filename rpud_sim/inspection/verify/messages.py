@@ -35,7 +35,7 @@ class ComputedBlock(NamedTuple):
 def computed_blocks(
     found: Entry | Together, codecs: Mapping[str, Codec], stretch: int, reached: int
 ) -> Iterator[ComputedBlock]:
-    """Yield what a simulation gave, with topics named as in the run; ``reached`` is a stamp [ns]."""
+    """Yield what a simulation gave, by the run's names of topics; ``reached`` is a stamp [ns]."""
     if isinstance(found, Together):
         ends = found.ends + (reached - found.end)
         for columns, block in encoded(found, codecs, ""):
