@@ -17,11 +17,10 @@ import traceback
 import warnings
 from collections.abc import Callable, Iterator
 from multiprocessing.connection import Connection, wait
-from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import Any
 
-from fuzz.bag_inputs import DRILLS, draw_bag, drill_bag
+from fuzz.bag_inputs import draw_bag
 from fuzz.tally import Outcome
 from rpud_sim.cli.main import execute, load_command
 
@@ -87,51 +86,72 @@ class HarmError(Exception):
 def run(
     inputs: int, seed: int, workers: int = 1, progress: Callable[[], object] = lambda: None
 ) -> Outcome:
-    """Run a campaign; each bag depends on the seed and its own number, and can be repeated.
-
-    Each has a process of its own, which a bag may end.
-    """
+    """Run a campaign; each bag depends on the seed and its own number, and can be repeated."""
     outcome = Outcome(WAYS)
-    for way, how in WAYS.items():
-        if how.words is not None:
-            load_command(way)
-    for number in range(len(DRILLS)):
-        drill_bag(number)
-    context = multiprocessing.get_context("fork")
-    running: dict[Connection, tuple[int, BaseProcess]] = {}
-    with tempfile.TemporaryDirectory() as name:
-        for number in range(inputs + workers):
-            if number < inputs:
-                pipe, child = context.Pipe()
-                arguments = (child, seed, number, Path(name, str(number)))
-                process = context.Process(target=_work, args=arguments, daemon=True)
-                process.start()
-                child.close()
-                running[pipe] = number, process
-            if running and (number >= inputs or len(running) == workers):
-                pipe = wait(list(running))[0]
-                _take(outcome, pipe, seed, *running.pop(pipe))
+    with tempfile.TemporaryDirectory() as folder, contextlib.ExitStack() as stack:
+        started = [
+            _Worker(range(first, inputs, workers), seed, Path(folder, str(first)))
+            for first in range(workers)
+        ]
+        for worker in started:
+            stack.callback(worker.end)
+        while running := {each.pipe: each for each in started if each.numbers}:
+            for pipe in wait(list(running)):
+                running[pipe].take(outcome)
                 progress()
     return outcome
 
 
-def _work(pipe: Connection, seed: int, number: int, folder: Path) -> None:
-    pipe.send(attack(seed, number, folder))
+class _Worker:
+    """Process that reads bags one after the other, replaced if a bag ends it."""
 
+    def __init__(self, numbers: range, seed: int, folder: Path) -> None:
+        self.numbers = numbers
+        self._seed = seed
+        self._folder = folder
+        self._start()
 
-def _take(outcome: Outcome, pipe: Connection, seed: int, number: int, process: BaseProcess) -> None:
-    """Add the result of a bag."""
-    with pipe:
+    def take(self, outcome: Outcome) -> None:
+        """Add the result of the next bag."""
+        number = self.numbers[0]
+        self.numbers = self.numbers[1:]
         try:
-            way, refused, cpu, memory, harms = pipe.recv()
+            way, refused, cpu, memory, harms = self.pipe.recv()
         except EOFError:
-            process.join()
-            code = process.exitcode or 0
-            way, refused, cpu, memory = drawn_way(random.Random(f"{seed}:{number}")), False, 0.0, 0
-            harms = [f"ended by {signal.Signals(-code).name if code < 0 else f'exit {code}'}"]
-    process.join()
-    outcome.tallies[way].add(refused, cpu, memory)
-    outcome.harms += [f"bag {number} of seed {seed}, {way}: {harm}" for harm in harms]
+            self._process.join()
+            way = drawn_way(random.Random(f"{self._seed}:{number}"))
+            refused, cpu, memory = False, 0.0, 0
+            harms = [f"ended by {_name(self._process.exitcode)}"]
+            if self.numbers:
+                self._start()
+        outcome.tallies[way].add(refused, cpu, memory)
+        outcome.harms += [f"bag {number} of seed {self._seed}, {way}: {harm}" for harm in harms]
+
+    def end(self) -> None:
+        """End the process."""
+        self._process.kill()
+        self._process.join()
+
+    def _start(self) -> None:
+        context = multiprocessing.get_context("fork")
+        self.pipe, child = context.Pipe()
+        arguments = (child, self.numbers, self._seed, self._folder)
+        self._process = context.Process(target=_work, args=arguments, daemon=True)
+        self._process.start()
+        child.close()
+
+
+def _name(code: int | None) -> str:
+    return signal.Signals(-code).name if code and code < 0 else f"exit {code}"
+
+
+def _work(pipe: Connection, numbers: range, seed: int, folder: Path) -> None:
+    for way, how in WAYS.items():
+        if how.words is not None:
+            load_command(way)
+    for number in numbers:
+        pipe.send(attack(seed, number, folder))
+    pipe.close()
 
 
 def drawn_way(drawn: random.Random) -> str:
@@ -143,6 +163,7 @@ def attack(seed: int, number: int, folder: Path) -> tuple[str, bool, float, int,
     """Read one bag; return reader, whether it rejected it, CPU [s], memory [byte], and harms."""
     drawn = random.Random(f"{seed}:{number}")
     way = drawn_way(drawn)
+    shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir()
     bag = draw_bag(drawn, folder / "bag", WAYS[way].of_drills)
     Path("/proc/self/clear_refs").write_text("5")  # the peak of memory begins here
@@ -161,7 +182,6 @@ def attack(seed: int, number: int, folder: Path) -> tuple[str, bool, float, int,
         harms.append("".join(traceback.format_exc().splitlines(keepends=True)[-6:]))
     finally:
         faulthandler.cancel_dump_traceback_later()
-        shutil.rmtree(folder, ignore_errors=True)
     cpu = time.process_time() - began
     memory = _peak() - held
     if cpu > CPU:

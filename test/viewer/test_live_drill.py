@@ -56,7 +56,7 @@ def outcome_of(client, act, **arguments):
 
     def settled(seen):
         new = [each for each in seen["outcomes"] if each["number"] not in before]
-        return new and new[-1]["state"] != "waiting" and new[-1]
+        return next((each for each in new if each["name"] == act), None)
 
     outcome = client.until(settled)
     return outcome["state"], outcome["text"]

@@ -21,7 +21,7 @@
  * @typedef {{mean: number | null, least: number | null, greatest: number | null,
  *   spark: Float32Array | number[]}} NumberOf
  * @typedef {{number: number, name: string,
- *   state: "waiting" | "done" | "refused" | "failed", text: string}} Outcome
+ *   state: "done" | "refused" | "failed", text: string}} Outcome
  * @typedef {{name: string, label: string, unit: string, scale: number, colour: string, floor: number,
  *   zero: boolean}} Quantity
  * @typedef {{title: string, columns: string[], rows: (string | number | null)[][]}} Table
