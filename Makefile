@@ -144,7 +144,7 @@ signatures: install/.package ## Print the table of fault signatures and write si
 random-sets: SETS = 400
 random-sets: SEED = 0
 random-sets: install/.package ## Simulate SETS random parameter sets (400) over the whole ranges: none may hang
-	@$(WITH_ENV) python test/random_sets.py --count $(SETS) --seed $(SEED)
+	@$(WITH_ENV) RPUD_SETS=$(SETS) RPUD_SEED=$(SEED) python -m pytest -m "" -n auto test/model/test_random_sets.py
 
 .PHONY: lock
 lock: ## Resolve the newest versions of toolchain/requirements/*.in into the lock files (needs uv)

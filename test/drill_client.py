@@ -5,31 +5,13 @@ import time
 
 import rclpy
 from builtin_interfaces.msg import Duration
-from diagnostic_msgs.msg import DiagnosticArray
-from geometry_msgs.msg import WrenchStamped
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import SetParameters
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import DurabilityPolicy, QoSProfile
-from rosgraph_msgs.msg import Clock
-from rpud_msgs.msg import (
-    ContactForce,
-    DrillTool,
-    Drive,
-    Fault,
-    Faults,
-    JournalEntry,
-    NodalPlane,
-    ReactingForce,
-    Result,
-    SimulationState,
-    Status,
-    Trajectory,
-    Waveform,
-    WeightOnBit,
-)
+from rpud_msgs.msg import Drive, Fault, Result, SimulationState, Status, WeightOnBit
 from rpud_msgs.srv import (
     InjectFault,
     ResetSimulation,
@@ -38,26 +20,15 @@ from rpud_msgs.srv import (
     SetSimulationState,
     StepSimulation,
 )
-from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool
 from support import PATIENCE, Process
 
+from rpud_sim.ros.drill.publishers import CLOCK, OF_NODE
+from rpud_sim.ros.graph import message_class
+from rpud_sim.simulation.topics import TOPICS
+
 SECOND = 1_000_000_000
-TYPES = {
-    "nodal_plane": NodalPlane,
-    "drill_tool": DrillTool,
-    "reacting_force": ReactingForce,
-    "contact_force": ContactForce,
-    "wrench": WrenchStamped,
-    "joint_states": JointState,
-    "waveform": Waveform,
-    "trajectory": Trajectory,
-    "status": Status,
-    "faults": Faults,
-    "journal": JournalEntry,
-    "/diagnostics": DiagnosticArray,
-    "/clock": Clock,
-}
+OFFERED = {**TOPICS, **OF_NODE, "/clock": CLOCK}
 TELEMETRY = ("nodal_plane", "drill_tool", "reacting_force", "wrench", "joint_states")
 PLENTY = QoSProfile(depth=5000)  # reliable, and longer than anything that a test waits for
 LATCHED = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -110,7 +81,7 @@ class Client:
         """Give the list that the messages of a topic are added to."""
         heard = []
         qos = LATCHED if topic in ("status", "faults", "journal") else qos
-        self.node.create_subscription(TYPES[topic], topic, heard.append, qos)
+        self.node.create_subscription(message_class(OFFERED[topic].type), topic, heard.append, qos)
         return heard
 
     def listen_to_runs(self, topic):
@@ -127,7 +98,7 @@ class Client:
                 runs.append(run := [])
             run.append(message)
 
-        self.node.create_subscription(TYPES[topic], topic, hear, PLENTY)
+        self.node.create_subscription(message_class(OFFERED[topic].type), topic, hear, PLENTY)
         return runs
 
     def until(self, condition):

@@ -21,19 +21,14 @@ COMMAND_QOS = QoSProfile(depth=1)
 STATE_QOS = qos_profile_sensor_data  # best effort
 
 
-class DescriptionError(ValueError):
-    """Description that ros2_control refuses."""
-
-
 class Description:
     """System of a `ros2_control` element in a whole robot description."""
 
     def __init__(self, robot):
         (system,) = robot.findall("ros2_control")
-        if not (system.get("name") and system.get("type") == "system"):
-            raise DescriptionError("needs a name and the type system")
-        if {child.tag for child in system} - {"hardware", "joint"}:
-            raise DescriptionError("invalid tag name")
+        assert system.get("name")
+        assert system.get("type") == "system"
+        assert {child.tag for child in system} == {"hardware", "joint"}
         hardware = system.find("hardware")
         self.plugin = hardware.find("plugin").text
         self.parameters = {each.get("name"): each.text for each in hardware.findall("param")}
@@ -42,10 +37,7 @@ class Description:
         self.limits = {}  # of each joint in the URDF, as its attributes
         for joint in system.findall("joint"):
             name = joint.get("name")
-            if name not in moving:
-                raise DescriptionError(f"Joint '{name}' not found in URDF")
-            if moving[name].get("type") == "fixed":
-                raise DescriptionError(f"Joint '{name}' is of type 'fixed'")
+            assert moving[name].get("type") != "fixed"
             self.joints[name] = tuple(
                 tuple(each.get("name") for each in joint.findall(f"{kind}_interface"))
                 for kind in ("command", "state")
@@ -83,8 +75,7 @@ class Hardware:
             for interface in INTERFACES:
                 values = getattr(message, interface)
                 if len(values) and math.isfinite(values[number]):
-                    if (name, interface) not in self.states:
-                        raise DescriptionError(f"{name}/{interface} is no state interface")
+                    assert (name, interface) in self.states
                     self.states[name, interface] = values[number]
 
     def write(self):

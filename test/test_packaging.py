@@ -126,28 +126,22 @@ def plain_install(tmp_path_factory) -> Path:
 def test_pip_installs_the_commands_and_the_configuration(plain_install):
     commands = {path.name for path in (plain_install / "bin").iterdir()}
     assert commands == {"rpud", "drill_node", "recorder", "replayer"}
-    assert (plain_install / "share/rpud_sim/package.xml").is_file()
-    assert {path.name for path in (plain_install / "share/rpud_sim/config").iterdir()} == {
-        path.name for path in (ROOT / "config").iterdir()
-    }
-    assert (plain_install / "share/rpud_sim/urdf/rpud.urdf").is_file()
+    share = plain_install / "share" / "rpud_sim"
+    assert (share / "package.xml").is_file()
+    assert (share / "urdf" / "rpud.urdf").is_file()
+    configuration = {path.name for path in (share / "config").iterdir()}
+    assert configuration == {path.name for path in (ROOT / "config").iterdir()}
 
 
-def test_pip_installs_nothing_but_the_package(plain_install):
+def test_pip_installs_nothing_but_the_package_its_types_and_the_messages(plain_install):
     (site_packages,) = plain_install.glob("lib/python3.*/site-packages")
     folders = {path.name for path in site_packages.iterdir() if path.suffix != ".dist-info"}
     assert folders == {"rpud_sim"}
-
-
-def test_pip_installs_the_messages_for_use_without_ros(plain_install):
-    (share,) = plain_install.glob("lib/python3.*/site-packages/rpud_sim/bag/share")
+    assert (site_packages / "rpud_sim" / "py.typed").is_file()
+    share = site_packages / "rpud_sim" / "bag" / "share"
     for file in (ROOT / "msg_defs" / "msg").iterdir():
         assert (share / "rpud_msgs" / "msg" / file.name).read_text() == file.read_text()
     assert (share / "geometry_msgs" / "msg" / "WrenchStamped.msg").is_file()
-
-
-def test_pip_installs_the_types_of_the_package(plain_install):
-    assert [*plain_install.glob("lib/python3.*/site-packages/rpud_sim/py.typed")]
 
 
 def test_command_installed_with_pip_runs(plain_install):

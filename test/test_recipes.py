@@ -14,10 +14,17 @@ import yaml
 
 from rpud_sim.cli import precompile
 from rpud_sim.cli.main import COMMANDS
-from toolchain.recipe import PAGE, blocks, instructions
 
 ROOT = Path(__file__).resolve().parent.parent
+PAGE = (ROOT / "docs" / "ci.md").read_text(encoding="utf-8")
 OF_USERS, OF_PROJECT = "of users", "of the project"
+
+
+def instructions(dockerfile):
+    """Return the instructions of a Dockerfile with their arguments, without comments."""
+    lines = re.sub(r"\\\n\s*", "", dockerfile).splitlines()
+    parts = (line.partition(" ") for line in lines if line and not line.startswith("#"))
+    return [(word, rest.strip()) for word, _, rest in parts]
 
 
 def content(name):
@@ -25,7 +32,7 @@ def content(name):
     found = [
         text.partition("\n")[2]
         for language in ("yaml", "dockerfile", "json")
-        for text in blocks(PAGE, language)
+        for text in re.findall(rf"^```{language}\n(.*?)^```$", PAGE, re.MULTILINE | re.DOTALL)
         if text.partition("\n")[0].lstrip("#/ ") == name
     ]
     assert len(found) == 1

@@ -27,11 +27,6 @@ class Number:
         """SI unit."""
         return self.measure.unit
 
-    @property
-    def source(self) -> str:
-        """Figure of the paper."""
-        return " ".join(self.label.split()[:2])
-
 
 def _number(
     label: str, regime: str, figure: str, window: float, paper: float, statement: str

@@ -14,6 +14,7 @@ import dataclasses
 import numpy as np
 from scipy import stats
 
+from rpud_sim.inspection.compare.estimates import holm
 from rpud_sim.simulation import Parameters
 from rpud_sim.simulation.configuration import whole_configuration
 from rpud_sim.studies.fit.measures import Measure, measure
@@ -134,16 +135,6 @@ def find_trends(studies: list[Study]) -> list[Trend]:
         _verdict(study, output, p_value)
         for (study, output), p_value in zip(cases, adjusted, strict=True)
     ]
-
-
-def holm(p_values: list[float]) -> list[float]:
-    """Return p-values corrected for multiple tests by Holm's step-down method."""
-    adjusted = [1.0] * len(p_values)
-    worst = 0.0
-    for rank, index in enumerate(np.argsort(p_values)):
-        worst = max(worst, min(1.0, (len(p_values) - rank) * p_values[index]))
-        adjusted[index] = worst
-    return adjusted
 
 
 def _kendall(study: Study, output: str) -> float:

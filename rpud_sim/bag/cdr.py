@@ -73,11 +73,6 @@ class Codec:
             self.type = MessageType(self._store, type_name)
 
     @property
-    def type_name(self) -> str:
-        """Name of the type, such as ``std_msgs/msg/Header``."""
-        return self._type
-
-    @property
     def type_hash(self) -> str:
         """``RIHS01_...`` hash of the type."""
         return str(self._store.hash_rihs01(self._type))

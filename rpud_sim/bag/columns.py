@@ -91,8 +91,8 @@ def columns_of(codec: Codec, definition: str) -> tuple[Column, ...]:
     """Return the columns of a type in the order of its fields; messages give one for each field."""
     columns: list[Column] = []
     taken = {*RECEIVED}
-    comments = _comments(codec.type_name, definition)
-    for column in _columns(codec, comments, codec.type_name, "", "", ""):
+    comments = _comments(codec.type.name, definition)
+    for column in _columns(codec, comments, codec.type.name, "", "", ""):
         name = column.name
         while name in taken:
             name += "_"
@@ -100,7 +100,7 @@ def columns_of(codec: Codec, definition: str) -> tuple[Column, ...]:
         columns.append(replace(column, name=name))
         if len(columns) > COLUMNS_LIMIT:
             raise BagFormatError(
-                f"{codec.type_name:.80} has more than {COLUMNS_LIMIT} fields, too many for a table"
+                f"{codec.type.name:.80} has more than {COLUMNS_LIMIT} fields, too many for a table"
             )
     return tuple(columns)
 

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     import pandas
 
     from rpud_sim.bag.columns import Column
-    from rpud_sim.bag.tables import Batch, Table, Tables
+    from rpud_sim.bag.tables import Batch, Tables
 
 
 class BagReader:
@@ -176,7 +176,7 @@ class BagReader:
 
     def columns(self, topic: str) -> tuple[Column, ...]:
         """Return the columns of a topic's table, with units; errors are those of ``batches``."""
-        return self._table(topic).columns
+        return self.tables.table(topic).columns
 
     def batches(
         self,
@@ -226,7 +226,7 @@ class BagReader:
         """
         from rpud_sim.bag.tables import to_frame
 
-        return to_frame(self._table(topic), self.arrays(topic, start, duration))
+        return to_frame(self.tables.table(topic), self.arrays(topic, start, duration))
 
     def close(self) -> None:
         """Release the files."""
@@ -241,6 +241,3 @@ class BagReader:
     @cached_property
     def _declared(self) -> tuple[tuple[TopicSummary, ...], dict[str, BagFormatError]]:
         return summarize(self._files)
-
-    def _table(self, topic: str) -> Table:
-        return self.tables.choose([topic])[topic]

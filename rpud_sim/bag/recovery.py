@@ -118,17 +118,8 @@ class Recovery:
             for _, topic in sorted(self.topics.items())
             for losses in (topic.recording_losses,)
         ]
-        return {
-            "path": str(self.path),
-            "complete": self.complete,
-            "closed": self.closed,
-            "max_loss": self.max_loss,
-            "message_count": self.message_count,
-            "size_lost": self.size_lost,
-            "damage_count": self.damage_count,
-            "damages": self.damages,
-            "topics": topics,
-        }
+        calculated = {"complete": self.complete, "message_count": self.message_count}
+        return {**vars(self), "path": str(self.path), **calculated, "topics": topics}
 
 
 def recover(
@@ -143,14 +134,13 @@ def recover(
     """
     files = files_to_recover(torn)
     recovery = Recovery(Path(out))
-    if not any(_holds_records(file) for file in files):
-        raise BagFormatError(f"{torn} holds nothing of an MCAP file")
     with whole_bag(out) as bag:
         document = _document(Path(torn))
         recovered = _RecoveredBag(bag, recovery)
         recovered.add_custom_data(document.custom_data if document else {})
-        for file in files:
-            _FileRecovery(file, recovered, file == files[0]).run(progress)
+        held = [_FileRecovery(file, recovered, file == files[0]).run(progress) for file in files]
+        if not any(held):
+            raise BagFormatError(f"{torn} holds nothing of an MCAP file")
         bag.add_record(RECOVERY_RECORD, {"account": json.dumps(recovery.to_mapping())})
         bag.close()
         with BagReader(bag.path) as whole:
@@ -181,12 +171,6 @@ def files_to_recover(torn: str | os.PathLike[str]) -> list[Path]:
     if not files:
         raise BagNotFoundError(f"there is no MCAP file at {torn}")
     return files
-
-
-def _holds_records(file: Path) -> bool:
-    with reading(file), file.open("rb") as stream:
-        scan = Scan(RecordFile(stream))
-        return scan.begins or any(not isinstance(item, Damage) for item in scan)
 
 
 def _document(torn: Path) -> ReadMetadata | None:
@@ -289,13 +273,17 @@ class _FileRecovery:
         self._kept = 0  # characters of metadata records
         self._unknown = 0  # messages of undeclared channels
 
-    def run(self, progress: Callable[[int], object]) -> None:
-        """Recover the file; call ``progress`` with the bytes read since the last call."""
+    def run(self, progress: Callable[[int], object]) -> bool:
+        """Recover the file, and return whether it holds anything of an MCAP file.
+
+        ``progress`` is called with the bytes read since the last call.
+        """
         expected = self._read_summary()
         with reading(self._file), self._file.open("rb") as stream:
             scan = Scan(RecordFile(stream))
-            before = 0
+            before, held = 0, scan.begins
             for item in scan:
+                held |= not isinstance(item, Damage)
                 if isinstance(item, Damage):
                     self._recovery.size_lost += item.size
                     end = item.offset + item.size
@@ -315,6 +303,7 @@ class _FileRecovery:
             progress(scan.position - before)
         self._recovery.closed &= scan.closed
         self._account(expected)
+        return held
 
     def _read_summary(self) -> Mapping[int, int]:
         """Declare what a whole summary section declares; return its number of messages by channel.

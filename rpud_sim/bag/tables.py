@@ -151,53 +151,50 @@ class Tables:
     ) -> None:
         self._path, self._errors = path, errors
         self._known = {summary.topic.name: summary for summary in summaries}
-        self._opened: dict[str, Table] = {}
+        self._opened: dict[str, Table | BagFormatError] = {}
+        self._kinds: set[tuple[str, str | None]] = set()  # types and definitions of these
+        self._size = 0  # characters of the definitions
 
     @cached_property
     def left_out(self) -> dict[str, str]:
         """Reasons why topics have no table, by their names."""
-        reasons: dict[str, str] = {}
-        self._open(self._known, lambda name, error: reasons.update({name: str(error)}))
-        return reasons
+        found = {name: self._open(name) for name in self._known}
+        return {name: str(each) for name, each in found.items() if not isinstance(each, Table)}
 
     def choose(self, topics: Collection[str] | None) -> dict[str, Table]:
         """Return the tables of topics by their names; None for all that have one."""
-
-        def refuse(name: str, error: BagFormatError) -> None:
-            raise BagFormatError(f"{self._path}: {name} cannot be a table: {error}") from error
-
         if topics is None:
             topics = [name for name in self._known if name not in self.left_out]
-        return self._open(topics, refuse)
+        return {name: self.table(name) for name in topics}
 
-    def _open(
-        self, topics: Iterable[str], refuse: Callable[[str, BagFormatError], object]
-    ) -> dict[str, Table]:
-        tables = {}
-        kinds: set[tuple[str, str | None]] = set()
-        size = 0  # characters of the definitions of these
-        for name in dict.fromkeys(topics):
-            if name in self._errors:
-                raise self._errors[name]
-            if name not in self._known:
-                listed = _listed(self._known) + suggestion(name, self._known)
-                raise BagError(f"{self._path} holds no topic {name!r:.80}; it holds {listed}")
-            kind = (self._known[name].topic.type, self._known[name].definition)
-            if kind not in kinds:
-                kinds.add(kind)
-                size += definition_size(kind[1] or "") + _DEFINITION_OVERHEAD
+    def table(self, name: str) -> Table:
+        if name in self._errors:
+            raise self._errors[name]
+        if name not in self._known:
+            listed = _listed(self._known) + suggestion(name, self._known)
+            raise BagError(f"{self._path} holds no topic {name!r:.80}; it holds {listed}")
+        found = self._open(name)
+        if isinstance(found, BagFormatError):
+            raise BagFormatError(f"{self._path}: {name} cannot be a table: {found}") from found
+        return found
+
+    def _open(self, name: str) -> Table | BagFormatError:
+        if name not in self._opened:
+            summary = self._known[name]
+            kind = (summary.topic.type, summary.definition)
+            if kind not in self._kinds:
+                self._kinds.add(kind)
+                self._size += definition_size(summary.definition or "") + _DEFINITION_OVERHEAD
             try:
-                if size > DEFINITIONS_LIMIT:
+                if self._size > DEFINITIONS_LIMIT:
                     raise BagFormatError(
                         f"the definitions of the bag's types have more than {DEFINITIONS_LIMIT} "
                         "characters together, too many to compile"
                     )
-                if name not in self._opened:
-                    self._opened[name] = Table(self._known[name])
-                tables[name] = self._opened[name]
+                self._opened[name] = Table(summary)
             except BagFormatError as error:
-                refuse(name, error)
-        return tables
+                self._opened[name] = error
+        return self._opened[name]
 
     def batches(
         self,

@@ -11,12 +11,11 @@ from operator import itemgetter
 from typing import Any
 
 import rpud_sim.bag
-from rpud_sim.bag import Message
-from rpud_sim.bag.cdr import Codec
 from rpud_sim.foundation.quantities import ParameterError
-from rpud_sim.foundation.time import SECOND, join_seconds
+from rpud_sim.foundation.time import SECOND
 from rpud_sim.inspection import InspectionError
 from rpud_sim.inspection.recorded_drill import RecordedDrill, find_run
+from rpud_sim.inspection.recorded_journal import Recorded
 from rpud_sim.simulation.configuration import PARAMETERS, Settings, to_configuration
 from rpud_sim.simulation.faults import Fault, FaultError
 from rpud_sim.simulation.fields import Bookkeeping, header_fields
@@ -73,10 +72,7 @@ def open_fork(
         resumed = resume(recorded.necessary(time), time, stop=stop, report=report)
     except JournalError as error:
         raise InspectionError(f"{recorded.journal}: {error}") from error
-    history = tuple(
-        (message.publish_time, _fields(message, recorded.codec))
-        for message, _ in recorded.history(time)
-    )
+    history = tuple((each.message.publish_time, _fields(each)) for each in recorded.history(time))
     origin = {
         "bag": os.fspath(path),
         "run": run,
@@ -128,11 +124,9 @@ def begin_changes(run: Run, settings: Settings, changes: Changes) -> Settings:
     return settings
 
 
-def _fields(message: Message, codec: Codec) -> Fields:
-    decoded = codec.decode(message.data)
-    stamp = decoded.header.stamp
-    own = {name: getattr(decoded, name) for name in ("sequence", "kind", "content")}
-    return {"header": header_fields("journal", join_seconds(stamp.sec, stamp.nanosec)), **own}
+def _fields(recorded: Recorded) -> Fields:
+    own = {name: getattr(recorded.fields, name) for name in ("sequence", "kind", "content")}
+    return {"header": header_fields("journal", recorded.stamp), **own}
 
 
 def _check_instant(recorded: RecordedDrill, time: int) -> None:

@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 
 from rpud_sim.bag import BagFormatError, BagReader, TopicSummary
-from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.manifest import MANIFEST_RECORD as MANIFEST
 from rpud_sim.bag.manifest import Manifest, manifest_from_record
 from rpud_sim.foundation.quantities import suggestion
@@ -20,17 +19,15 @@ from rpud_sim.foundation.time import SECOND
 from rpud_sim.inspection import InspectionError
 from rpud_sim.inspection.output import Damages
 from rpud_sim.inspection.recorded_journal import (
-    JOURNAL,
     Extent,
     Recorded,
     UnverifiableError,
     agreed,
     held_journals,
-    installed_codec,
     journal_codec,
     journal_entries,
     recorded_progress,
-    wrong_header,
+    with_wrong_header,
 )
 from rpud_sim.simulation.block import boundaries_until, boundary
 from rpud_sim.simulation.journal import JournalEntry
@@ -88,7 +85,6 @@ class RecordedDrill:
 
     path: str
     journal: str  # name of the journal's topic, also where the bag holds none
-    codec: Codec  # of its messages
     manifest: Manifest | None
     clock: Clock  # of simulation time, by publishing times
     number: int = 1  # of the run, from 1; a reset or a restored checkpoint begins the next one
@@ -112,9 +108,11 @@ class RecordedDrill:
     @property
     def start(self) -> int:
         """Simulation time at which the run begins [ns]: that of its first origin."""
-        if self.entries[0][1].kind == "state":
-            return self.entries[0][1].time
-        return next((entry.time for _, entry in self.entries if entry.kind == "origin"), 0)
+        first = self.entries[0].entry
+        entries = (each.entry for each in self.entries)
+        if first.kind == "state":
+            return first.time
+        return next((entry.time for entry in entries if entry.kind == "origin"), 0)
 
     @cached_property
     def bounds(self) -> tuple[int, int]:
@@ -122,17 +120,17 @@ class RecordedDrill:
         first, last = 0, _LATEST
         if self.number > 1:
             # A run is flushed before the next begins, whose first messages may precede its entry.
-            before = self.before[-1:] or self.entries[:1]
-            flushed = before[0][1].kind == "flush"
-            first = before[0][0].publish_time if flushed else self.entries[0][0].publish_time
+            before = (self.before[-1:] or self.entries[:1])[0]
+            begin = before if before.entry.kind == "flush" else self.entries[0]
+            first = begin.message.publish_time
         if self.number < self.runs:
-            last = self.entries[-1][0].publish_time
+            last = self.entries[-1].message.publish_time
         return first, last
 
     @cached_property
     def beginning(self) -> Mapping[str, Any]:
         """Content of the entry ``begin`` of the run; empty if it is unknown."""
-        for _, entry in reversed((*self.before, *self.entries[:1])):
+        for entry in (each.entry for each in reversed((*self.before, *self.entries[:1]))):
             if entry.kind == "begin":
                 return entry.content
             held = entry.content.get("beginning") if entry.kind == "state" else None
@@ -168,7 +166,8 @@ class RecordedDrill:
     @property
     def commands(self) -> tuple[JournalEntry, ...]:
         """Journal entries of commands and changed parameters, in order."""
-        return tuple(entry for _, entry in self.entries[1:] if entry.kind not in _NO_COMMANDS)
+        entries = (each.entry for each in self.entries[1:])
+        return tuple(entry for entry in entries if entry.kind not in _NO_COMMANDS)
 
     def topic(self, name: str) -> str:
         return self.prefix + name
@@ -176,12 +175,12 @@ class RecordedDrill:
     def history(self, time: int) -> tuple[Recorded, ...]:
         """Return the entries up to an instant [ns], those of runs before as well."""
         # The first entry is the beginning; that of a restored checkpoint has a later time.
-        rest = (each for each in self.entries[1:] if each[1].time <= time)
+        rest = (each for each in self.entries[1:] if each.entry.time <= time)
         return (*self.before, self.entries[0], *rest)
 
     def necessary(self, time: int) -> list[JournalEntry]:
         """Return the entries from which the state at an instant [ns] follows."""
-        entries = [entry for _, entry in self.history(time)]
+        entries = [each.entry for each in self.history(time)]
         kinds = [entry.kind for entry in entries]
         last = max((n for n, kind in enumerate(kinds) if kind == "begin"), default=0)
         # A checkpoint may be of a run before.
@@ -190,13 +189,13 @@ class RecordedDrill:
     def later(self, time: int) -> list[JournalEntry]:
         """Return the run's entries after an instant [ns], without those that close it."""
         last = len(self.entries) - self.closed
-        return [entry for _, entry in self.entries[1:last] if entry.time > time]
+        return [each.entry for each in self.entries[1:last] if each.entry.time > time]
 
     def digest(self, time: int) -> str:
         """Return a digest of the journal up to an instant [ns]: it identifies the state there."""
         digest = hashlib.sha256()
-        for message, _ in self.history(time):
-            digest.update(message.data)
+        for each in self.history(time):
+            digest.update(each.message.data)
         return digest.hexdigest()
 
     def check_engine(self) -> None:
@@ -218,11 +217,11 @@ def find_run(
     entries: list[Recorded] = []
     torn = ""
     try:
-        entries.extend(extent.check(journal_entries(bag.messages({name}), codec), codec))
+        entries.extend(extent.check(journal_entries(bag.messages({name}), codec)))
     except UnverifiableError as error:
         torn = f"{name}: {error}"
     # The first entry is a beginning, or a state from which a late recording goes on.
-    kinds = [entry.kind for _, entry in entries]
+    kinds = [each.entry.kind for each in entries]
     begins = [n for n, kind in enumerate(kinds) if not n or kind in ("begin", "restore")]
     runs = len(begins)
     if not 1 <= number <= runs:
@@ -233,21 +232,20 @@ def find_run(
         )
     first, *following = begins[number - 1 :]
     own = entries[first : following[0] if following else None]
-    starts = [n for n, (_, entry) in enumerate(entries[: first + 1]) if entry.sequence == 0]
-    closed = own[-1][1].kind in (("end", "flush") if following else ("end",))
+    starts = [n for n, each in enumerate(entries[: first + 1]) if each.entry.sequence == 0]
+    closed = own[-1].entry.kind in (("end", "flush") if following else ("end",))
     if not closed and following:
         torn = torn or f"{name}: the recording does not tell how run {number} went on"
     found = RecordedDrill(
         os.fspath(bag.path),
         name,
-        codec,
         find_manifest(bag, damages or Damages(bag), name.rpartition("/")[0]),
         _clock(own),
         number,
         runs,
         tuple(entries[max(starts, default=0) : first]),
         tuple(own),
-        own[-1][1].time,
+        own[-1].entry.time,
         "" if closed else torn,
         closed,
     )
@@ -269,9 +267,9 @@ def _journal(bag: BagReader, wanted: str | None) -> TopicSummary:
 def _clock(entries: list[Recorded]) -> Clock:
     """Return the clock of the origins in a journal."""
     origins = [
-        (message.publish_time, int(entry.content["origin"]))
-        for message, entry in entries
-        if entry.kind == "origin" and isinstance(entry.content.get("origin"), int)
+        (each.message.publish_time, int(each.entry.content["origin"]))
+        for each in entries
+        if each.entry.kind == "origin"
     ] or [(0, 0)]
     steps = zip(origins[1:], origins, strict=False)
     return Clock(
@@ -281,12 +279,13 @@ def _clock(entries: list[Recorded]) -> Clock:
 
 def _up_to_its_end(extent: Extent, drill: RecordedDrill) -> RecordedDrill:
     """Return a run that was not closed with the time that it reached, at the end of a block."""
-    if wrong := wrong_header(drill.entries, drill.codec):
-        _, entry, field, value, right = wrong
-        raise InspectionError(
-            f"{drill.journal}: {field} of entry {entry.sequence} is {value}, not {right}"
-        )
-    origins = [e.content["origin"] for _, e in drill.entries if e.kind == "origin"]
+    for each, wrong in with_wrong_header(drill.entries):
+        if wrong:
+            raise InspectionError(
+                f"{drill.journal}: {wrong.field} of entry {each.entry.sequence} is "
+                f"{wrong.value}, not {wrong.right}"
+            )
+    origins = [e.entry.content["origin"] for e in drill.entries if e.entry.kind == "origin"]
     try:
         if not drill.beginning:
             drill.check_engine()
@@ -330,8 +329,7 @@ def find_drill(
         int(found["stamp"].min()) for _, found in recorded_progress(bag, extent.codecs, 0, SECOND)
     ]
     clock = Clock(min(stamps, default=bag.start_time))  # the origin is unknown
-    codec = installed_codec(JOURNAL)
-    return RecordedDrill(os.fspath(bag.path), journal, codec, manifest, clock, warnings=(reason,))
+    return RecordedDrill(os.fspath(bag.path), journal, manifest, clock, warnings=(reason,))
 
 
 def _choose(bag: BagReader, wanted: str | None) -> str:

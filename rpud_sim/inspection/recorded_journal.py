@@ -8,6 +8,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from functools import cache, cached_property
 from itertools import groupby
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -27,7 +28,24 @@ _STOPPED = "stopped"  # the STATE constant of rpud_msgs/Status
 _END_LENGTH = 4 * SECOND  # end of a bag that shows how far a drill came [ns]
 _BEYOND = 60 * SECOND  # of an entry after all messages: topics may be silent so long [ns]
 
-Recorded = tuple[Message, JournalEntry]
+
+class Recorded(NamedTuple):
+    """Entry of a journal in a bag."""
+
+    message: Message
+    entry: JournalEntry
+    fields: Any  # of the decoded message
+    stamp: int  # of its header [ns]
+
+
+class WrongHeader(NamedTuple):
+    """Entry whose header does not fit."""
+
+    recorded: Recorded
+    field: str  # that does not fit
+    value: str
+    right: str  # what it should be
+
 
 # Entries that are compared with those that a recorder repeats at the beginning of a bag's next
 # file: it repeats as many as the drill keeps.
@@ -89,7 +107,8 @@ def journal_entries(recorded: Iterable[Message], codec: Codec) -> Iterator[Recor
     first = (0, b"")
     kept: OrderedDict[int, bytes] = OrderedDict()
     for message in recorded:
-        entry = _decode(message, codec)
+        found = _decode(message, codec)
+        entry = found.entry
         if expected < 0:
             if entry.sequence and entry.kind not in STARTS:
                 continue
@@ -112,25 +131,28 @@ def journal_entries(recorded: Iterable[Message], codec: Codec) -> Iterator[Recor
         kept[entry.sequence] = message.data
         if len(kept) > _KEPT:
             kept.popitem(last=False)
-        yield message, entry
+        yield found
     if expected < 0:
         raise UnverifiableError(
             "the journal holds no entry with which a run can begin; its recorder came too late"
         )
 
 
-def _decode(message: Message, codec: Codec) -> JournalEntry:
+def _decode(message: Message, codec: Codec) -> Recorded:
     try:
         fields = codec.decode(message.data)
-        join_seconds(fields.header.stamp.sec, fields.header.stamp.nanosec)  # it has a header
         content = json.loads(fields.content)
         time = content.pop("time")
         if type(time) is not int or not 0 <= time < NEVER:
             raise ValueError(f"time = {time!r:.40}")
+        if fields.kind == "origin" and type(content["origin"]) is not int:
+            raise ValueError(f"origin = {content['origin']!r:.40}")
+        entry = JournalEntry(int(fields.sequence), time, str(fields.kind), content)
+        stamp = fields.header.stamp
+        return Recorded(message, entry, fields, join_seconds(stamp.sec, stamp.nanosec))
     except (BagFormatError, AttributeError, LookupError, RecursionError, ValueError) as error:
         reason = " ".join(f"{error!r:.120}".split())
         raise UnverifiableError(f"an entry of the journal cannot be understood: {reason}") from None
-    return JournalEntry(int(fields.sequence), time, str(fields.kind), content)
 
 
 class Extent:
@@ -161,27 +183,26 @@ class Extent:
         """Last stamp of each topic in the end of the bag [ns]."""
         return [*{topic: int(progress["stamp"][-1]) for topic, progress in self.end}.values()]
 
-    def check(self, journal: Iterable[Recorded], codec: Codec) -> Iterator[Recorded]:
+    def check(self, journal: Iterable[Recorded]) -> Iterator[Recorded]:
         """Yield a journal's entries; an UnverifiableError at one of a time that nothing shows.
 
         It would be run again without an end.
         """
         origin: int | None = None
         begun = 0
-        for message, entry in journal:
-            if entry.kind == "origin" and isinstance(entry.content.get("origin"), int):
+        for recorded in journal:
+            entry = recorded.entry
+            if entry.kind == "origin":
                 origin = int(entry.content["origin"])
             elif origin is None:
-                stamp = codec.decode(message.data).header.stamp
-                origin = join_seconds(stamp.sec, stamp.nanosec) - entry.time
-                begun = entry.time
+                origin, begun = recorded.stamp - entry.time, entry.time
             late = entry.kind == "begin" and entry.time > 0
             if late or not self._shows(origin, entry.time, begun):
                 raise UnverifiableError(
                     f"entry {entry.sequence} of the journal ({entry.kind:.20}) is of "
                     f"{entry.time / SECOND:.9g} s, and no other message shows that time"
                 )
-            yield message, entry
+            yield recorded
 
     def _shows(self, origin: int, time: int, begun: int) -> bool:
         """Whether messages show a simulation time; log times have to where there are none [ns]."""
@@ -213,29 +234,29 @@ def agreed(stamps: Iterable[int]) -> int:
     return min(sorted(stamps)[-2:], default=0)
 
 
-def wrong_header(
-    journal: Iterable[Recorded], codec: Codec
-) -> tuple[Message, JournalEntry, str, str, str] | None:
-    """Return the first entry whose header does not fit; its field, its value and the right one.
+def with_wrong_header(
+    journal: Iterable[Recorded],
+) -> Iterator[tuple[Recorded, WrongHeader | None]]:
+    """Yield each entry, and how its header does not fit; None if it does.
 
     The stamp is the entry's time under an origin in force: the one before it, or one that another
     entry of the same time sets, for they are published together.
     """
     before: list[int] = []
     frame = TOPICS["journal"].frame
-    for time, group in groupby(journal, lambda each: each[1].time):
+    for time, group in groupby(journal, lambda each: each.entry.time):
         entries = list(group)
-        origins = [entry.content["origin"] for _, entry in entries if entry.kind == "origin"]
-        for message, entry in entries:
-            header = codec.decode(message.data).header
-            if header.frame_id != frame:
-                return message, entry, "header.frame_id", f"{header.frame_id!r:.80}", f"{frame!r}"
-            own = join_seconds(header.stamp.sec, header.stamp.nanosec) - time
-            allowed = origins if entry.kind == "origin" else [*before, *origins]
-            if allowed and own not in allowed:
-                return message, entry, "header.stamp", str(time + own), str(time + allowed[-1])
+        origins = [e.entry.content["origin"] for e in entries if e.entry.kind == "origin"]
+        for each in entries:
+            allowed = origins if each.entry.kind == "origin" else [*before, *origins]
+            wrong, own = None, each.fields.header.frame_id
+            if own != frame:
+                wrong = WrongHeader(each, "header.frame_id", f"{own!r:.80}", f"{frame!r}")
+            elif allowed and each.stamp - time not in allowed:
+                right = str(time + allowed[-1])
+                wrong = WrongHeader(each, "header.stamp", str(each.stamp), right)
+            yield each, wrong
         before = origins[-1:] or before
-    return None
 
 
 # Progress of a drill at one message. Times are in nanoseconds. Only a status says whether the drill
@@ -262,7 +283,7 @@ def recorded_progress(
     readers = {}
     for topic, codec in codecs.items():
         wanted = {"header.stamp": Kind.TIME}
-        if codec.type_name == TOPICS["status"].type:
+        if codec.type.name == TOPICS["status"].type:
             wanted |= {"state": Kind.TEXT, "journal_entries": Kind.NUMBER}
         columns = [c for c in columns_of(codec, "") if wanted.get(c.attribute) is c.kind]
         names = {column.attribute: column.name for column in columns}

@@ -162,7 +162,7 @@ def _points(layer: Points, x: Scale, y: Scale, plot: Plot, color: str) -> Iterat
     ends = () if layer.low is None or layer.high is None else (scale(layer.low), scale(layer.high))
     marks = []
     for number in np.flatnonzero(shown).tolist():
-        a, b, half = float(across[number]), float(upward[number]), 0.5 * layer.size
+        a, b = float(across[number]), float(upward[number])
         text = layer.titles[number] if layer.titles else _values(layer, number, plot)
         lines: list[tuple[float, float, float, float]] = []
         if ends and math.isfinite(ends[0][number] + ends[1][number]):
@@ -171,13 +171,10 @@ def _points(layer: Points, x: Scale, y: Scale, plot: Plot, color: str) -> Iterat
                 lines = [(low, b, high, b), *((at, b - 3, at, b + 3) for at in (low, high))]
             else:
                 lines = [(a, low, a, high), *((a - 3, at, a + 3, at) for at in (low, high))]
-        if layer.marker == "x":
-            lines += [(a - half, b - d, a + half, b + d) for d in (half, -half)]
         way = "".join(f"M{x1:.1f} {y1:.1f}L{x2:.1f} {y2:.1f}" for x1, y1, x2, y2 in lines)
-        parts = [titled(text), *([element("path", d=way)] if lines else [])]
-        if layer.marker != "x":
-            parts.append(element("circle", cx=round(a, 1), cy=round(b, 1), r=half))
-        marks.append(element("g", parts))
+        ends_of = [element("path", d=way)] if lines else []
+        dot = element("circle", cx=round(a, 1), cy=round(b, 1), r=0.5 * layer.size)
+        marks.append(element("g", [titled(text), *ends_of, dot]))
     yield element("g", marks, class_="points", fill=color, stroke=color)
 
 

@@ -57,7 +57,6 @@ class Points:
     low: np.ndarray | None = None
     high: np.ndarray | None = None
     across: bool = False  # whether intervals are along x, not along y
-    marker: Literal["circle", "x"] = "circle"
     size: float = 6.0  # of a point [pixels]
     color: int | str = 0  # number of its colour, or the name of one in ``page.css``
     joined: bool = False  # whether a line joins them

@@ -61,6 +61,15 @@ TOPICS: Mapping[str, DrillTopic] = {
     "waveform": DrillTopic("rpud_msgs/msg/Waveform", 40),
     "wrench": DrillTopic("geometry_msgs/msg/WrenchStamped", 1000),
 }
+# Topics of commands, and the types of their messages.
+COMMAND_TOPICS: Mapping[str, str] = {
+    "command/weight_on_bit": "rpud_msgs/msg/WeightOnBit",
+    "command/drive": "rpud_msgs/msg/Drive",
+    "command/feed": "rpud_msgs/msg/Feed",
+}
+# Commands to the feed as ros2_control gives them.
+JOINT_COMMANDS = "joint_commands"
+ALL_COMMAND_TOPICS = {**COMMAND_TOPICS, JOINT_COMMANDS: "sensor_msgs/msg/JointState"}
 # Topics whose every bit a proof compares.
 PROVED = tuple(name for name, topic in TOPICS.items() if topic.proved)
 

@@ -25,10 +25,9 @@ from rpud_sim.foundation.quantities import (
 )
 from rpud_sim.foundation.yaml_files import Cursor, open_yaml
 from rpud_sim.simulation.configuration import PARAMETERS
-from rpud_sim.simulation.topics import TOPICS
+from rpud_sim.simulation.topics import COMMAND_TOPICS, TOPICS
 from rpud_sim.testing.setup import DrillSetup, drill_setup, find_file
 from rpud_sim.verdicts import Expectation, read_expectations
-from rpud_sim.verdicts.names import COMMANDS
 from rpud_sim.verdicts.notation import parse_expectations
 
 _KEYS = (
@@ -199,8 +198,8 @@ def _answer(cursor: Cursor) -> str:
     name = _line(cursor)
     if name in TOPICS:
         raise cursor.refusal("answers: {shown} is a topic of the drill itself")
-    if suggestion(name, COMMANDS) or name.startswith("command/"):
-        return _known(cursor, COMMANDS)
+    if suggestion(name, COMMAND_TOPICS) or name.startswith("command/"):
+        return _known(cursor, COMMAND_TOPICS)
     return name
 
 

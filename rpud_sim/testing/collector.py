@@ -20,17 +20,11 @@ from rpud_sim.ros.client import DrillClient
 from rpud_sim.ros.client.topic_listener import listening_qos, types_of_topic
 from rpud_sim.ros.drill.commands import joints_to_feed
 from rpud_sim.ros.graph import message_class
-from rpud_sim.simulation.topics import TOPICS
+from rpud_sim.simulation.topics import ALL_COMMAND_TOPICS, TOPICS
 from rpud_sim.testing.errors import is_verdict
 
 STREAMS = ("waveform", "trajectory")  # topics that are heard on request alone: they are large
 
-COMMANDS: Mapping[str, str] = {
-    "command/weight_on_bit": "rpud_msgs/msg/WeightOnBit",
-    "command/drive": "rpud_msgs/msg/Drive",
-    "command/feed": "rpud_msgs/msg/Feed",
-    "joint_commands": "sensor_msgs/msg/JointState",
-}
 _STAMPED = ("std_msgs/Header", "builtin_interfaces/Time")  # types of a first field with a time
 _STAMP = {0: struct.Struct(">iI"), 1: struct.Struct("<iI")}  # by the byte order of the payload
 _STAMP_AT = 4  # bytes from the beginning of a payload
@@ -169,7 +163,7 @@ class Collector:
         for name in TOPICS:
             if name not in STREAMS:
                 self.subscribe(name, TOPICS[name].type)
-        for name, kind in COMMANDS.items():
+        for name, kind in ALL_COMMAND_TOPICS.items():
             self.subscribe(name, kind)
         self._always = set(self.topics)
 

@@ -12,7 +12,8 @@ from rclpy.node import Node
 
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.ros.graph import DiscoveryProbe, node_name
-from rpud_sim.testing.collector import COMMANDS, Collector, HeardTopic
+from rpud_sim.simulation.topics import ALL_COMMAND_TOPICS
+from rpud_sim.testing.collector import Collector, HeardTopic
 
 _PATIENCE = 5.0  # with a node that does not answer, or has no services of parameters [s]
 _EVENTS = "/parameter_events"  # a topic on which every node publishes
@@ -61,7 +62,7 @@ class Introductions:
         answers is introduced after a while, with a warning.
         """
         found = {**answering, **self._callers()}
-        for topic in COMMANDS:
+        for topic in ALL_COMMAND_TOPICS:
             found.update(self.publishers(topic))
         waiting = {gid: name for gid, name in found.items() if gid not in self._introduced}
         names = {name for name in waiting.values() if name}
@@ -111,7 +112,7 @@ class Introductions:
         The middleware remembers a killed process for up to 20 s.
         """
         self._gone.update(answers)
-        for topic in (*COMMANDS, _EVENTS):
+        for topic in (*ALL_COMMAND_TOPICS, _EVENTS):
             self._gone.update(self.publishers(topic))
         self.renew()
 

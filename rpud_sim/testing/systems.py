@@ -15,8 +15,8 @@ from rpud_sim.foundation.child_process import ChildProcess, stop_all
 from rpud_sim.foundation.quantities import ParameterError, suggestion
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.ros.graph import node_name
-from rpud_sim.simulation.topics import TOPICS
-from rpud_sim.testing.collector import COMMANDS, Collector
+from rpud_sim.simulation.topics import ALL_COMMAND_TOPICS, TOPICS
+from rpud_sim.testing.collector import Collector
 from rpud_sim.testing.errors import LostMessagesError, SystemUnderTestError, is_verdict
 from rpud_sim.testing.nodes import Answers, Introductions
 
@@ -211,7 +211,7 @@ class Systems:
         status = collector.own("status")
 
         def given() -> int:
-            return sum(collector.own(name).commands for name in COMMANDS)
+            return sum(collector.own(name).commands for name in ALL_COMMAND_TOPICS)
 
         def counted() -> bool:
             latest = status.latest()
@@ -316,7 +316,7 @@ class Systems:
         node, collector = self._collector.node, self._collector
         subscribed = [node.count_subscribers(collector.resolve(name)) for name in TOPICS]
         clock = node.count_subscribers("/clock")
-        published = [node.count_publishers(collector.resolve(name)) for name in COMMANDS]
+        published = [node.count_publishers(collector.resolve(name)) for name in ALL_COMMAND_TOPICS]
         return (*subscribed, clock, *published)
 
     def _calm(self) -> Callable[[], bool]:

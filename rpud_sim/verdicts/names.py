@@ -15,7 +15,7 @@ from rpud_sim.bag.columns import RECEIVED, columns_of, holds_rows, row_columns
 from rpud_sim.bag.definitions import find_definition
 from rpud_sim.foundation.quantities import did_you_mean, shown
 from rpud_sim.foundation.time import SECOND
-from rpud_sim.simulation.topics import TOPICS
+from rpud_sim.simulation.topics import COMMAND_TOPICS, TOPICS
 from rpud_sim.verdicts.formulas import (
     Active,
     Cleared,
@@ -31,13 +31,11 @@ from rpud_sim.verdicts.units import ExpectationError, Number, to_si, unit_factor
 
 DIAGNOSTICS = "/diagnostics"
 
-COMMANDS: Mapping[str, str] = {
-    "command/drive": "rpud_msgs/msg/Drive",
-    "command/feed": "rpud_msgs/msg/Feed",
-    "command/weight_on_bit": "rpud_msgs/msg/WeightOnBit",
-}
 # Types of the topics with relative names.
-TYPES: Mapping[str, str] = {**{name: topic.type for name, topic in TOPICS.items()}, **COMMANDS}
+TYPES: Mapping[str, str] = {
+    **{name: topic.type for name, topic in TOPICS.items()},
+    **COMMAND_TOPICS,
+}
 
 # Standard types name no units.
 _STANDARD_UNITS: Mapping[str, str] = {

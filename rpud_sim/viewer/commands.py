@@ -14,7 +14,7 @@ import numpy as np
 from rpud_sim.pages.quantities import QUANTITIES
 
 COMMAND, FAULT, RUN, REFUSAL = "command", "fault", "run", "refusal"  # kinds of entries
-MOST_LISTED, MOST_LOGGED = 300, 1000  # commands, and entries of the log, of a frame
+MOST_LOGGED = 1000  # entries of a frame
 
 _STORED = 4 * MOST_LOGGED  # entries that are kept, at most
 _MOST_STEPS = 50_000  # changes of one quantity that are kept, at most
@@ -97,7 +97,7 @@ class Commands:
         return self._steps.keys()
 
     def frame(self, faults: Iterable[Mapping[str, Any]] = ()) -> dict[str, Any]:
-        """Return the fields ``commands``, ``log`` and ``log_thinned`` of a frame.
+        """Return the fields ``log`` and ``log_thinned`` of a frame.
 
         ``faults`` are those of the frame. Their beginnings and ends take the place of what the
         journal says of faults.
@@ -111,11 +111,8 @@ class Commands:
                 told.append(LogEntry(float(fault["end"]), FAULT, f"{name} ends"))
         own = [entry for entry in self._entries if not (told and entry.kind == FAULT)]
         entries = sorted([*own, *told], key=lambda entry: entry.time)
-        changes = [entry for entry in entries if entry.kind in (COMMAND, FAULT)]
-        listed, logged = _thinned(changes, MOST_LISTED), _thinned(entries, MOST_LOGGED)
-        thinned = len(changes) - len(listed) + self._forgotten
+        logged = _thinned(entries, MOST_LOGGED)
         return {
-            "commands": {"list": [entry.plain() for entry in listed], "thinned": thinned},
             "log": [entry.plain() for entry in logged],
             "log_thinned": len(entries) - len(logged) + self._forgotten,
         }

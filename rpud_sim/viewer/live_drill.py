@@ -6,10 +6,10 @@ import inspect
 import re
 import threading
 import time
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from itertools import count
 from typing import Any
 
 from rpud_sim.foundation.quantities import ParameterError, did_you_mean, shown
@@ -20,11 +20,11 @@ from rpud_sim.viewer.heard import Heard
 # Actions: methods of ``DrillClient``, with the same arguments.
 ACTIONS = ("press", "drive", "feed", "engage", "inject", "clear", "pause", "play", "step", "reset")
 
-WAITING, DONE, REFUSED, FAILED = "waiting", "done", "refused", "failed"
+DONE, REFUSED, FAILED = "done", "refused", "failed"  # no drill, or no answer, is a failure
 SEARCHING, CONNECTED, VANISHED = "searching", "connected", "vanished"
 
 _MOST_WAITING = 32
-_KEPT = 8  # outcomes besides those that wait
+_KEPT = 8  # outcomes
 _BEYOND = re.compile(r"\w+ = (\S+)( .+?)? is outside its range [\[(](\S+), (\S+)[\])].*")
 _PERIOD = 0.1  # between takes of messages [s]
 _CHECK_PERIOD = 0.5  # between looks at events and at the publishers [s]
@@ -50,37 +50,19 @@ class InterruptedWaitError(Exception):
     """Raised inside a wait of the client to end it."""
 
 
-@dataclass
-class Action:
-    """Action of the operator, and what the drill said to it."""
-
-    number: int  # from 1 on
-    name: str  # such as ``press``
-    given: dict[str, Any]  # arguments
-    state: str = WAITING  # or ``done``, ``refused``, ``failed`` (no drill, or no answer)
-    text: str = ""  # the reason, or a result such as ``fault 3``
-
-
 class Actions:
     """Actions in the order in which they were asked for; any thread may ask."""
 
     def __init__(self) -> None:
         self.running = ""  # name of the action that is under way; empty for none
-        self._lock = threading.Lock()
-        self._shown: list[Action] = []  # those that wait, and the latest others
-        self._count = 0
+        self.waiting: deque[tuple[str, dict[str, Any]]] = deque()  # names and arguments
+        self._outcomes: deque[dict[str, Any]] = deque(maxlen=_KEPT)
+        self._numbers = count(1)
 
     @property
     def outcomes(self) -> list[dict[str, Any]]:
-        """Of the latest actions, oldest first, as a frame has them."""
-        with self._lock:
-            names = ("number", "name", "state", "text")
-            return [{name: getattr(action, name) for name in names} for action in self._shown]
-
-    @property
-    def waiting(self) -> list[Action]:
-        with self._lock:
-            return [action for action in self._shown if action.state == WAITING]
+        """Of the latest actions that are over, in the order of their ends, as a frame has them."""
+        return list(self._outcomes)
 
     def add(self, name: str, arguments: dict[str, Any]) -> None:
         """Queue an action; one that does not exist is a ParameterError."""
@@ -90,25 +72,23 @@ class Actions:
             inspect.signature(getattr(DrillClient, name)).bind(None, **arguments)
         except TypeError as error:
             raise ParameterError(f"action {name}: {error}") from None
-        with self._lock:
-            self._count += 1
-            action = Action(self._count, name, dict(arguments))
-            self._shown.append(action)
-        if len(self.waiting) > _MOST_WAITING:
-            self._settle(action, FAILED, f"{_MOST_WAITING} actions wait already")
+        if len(self.waiting) < _MOST_WAITING:
+            self.waiting.append((name, dict(arguments)))
+        else:
+            self._settle(name, FAILED, f"{_MOST_WAITING} actions wait already")
 
     def execute(self, client: DrillClient) -> bool:
         """Execute the next action; return whether there was one."""
-        if not (waiting := self.waiting):
+        if not self.waiting:
             return False
-        action = waiting[0]
-        self.running = action.name
+        self.running, given = self.waiting.popleft()
+        name = self.running
         state, text = DONE, ""
         try:
-            result = getattr(client, action.name)(**action.given)
-            if action.name == "inject":
+            result = getattr(client, name)(**given)
+            if name == "inject":
                 text = f"fault {result}"
-            elif action.name == "clear":
+            elif name == "clear":
                 text = f"ended: {', '.join(map(str, result)) or 'none'}"
         except InterruptedWaitError:
             state, text = FAILED, "interrupted"
@@ -120,20 +100,17 @@ class Actions:
             state, text = REFUSED, plain_refusal(str(error))
         finally:
             self.running = ""
-        self._settle(action, state, text)
+        self._settle(name, state, text)
         return True
 
     def fail_all(self, reason: str) -> None:
         """Let all actions that wait fail for a reason."""
-        for action in self.waiting:
-            self._settle(action, FAILED, reason)
+        while self.waiting:
+            self._settle(self.waiting.popleft()[0], FAILED, reason)
 
-    def _settle(self, action: Action, state: str, text: str) -> None:
-        with self._lock:
-            action.state, action.text = state, text
-            settled = [each for each in self._shown if each.state != WAITING]
-            for old in settled[:-_KEPT]:
-                self._shown.remove(old)
+    def _settle(self, name: str, state: str, text: str) -> None:
+        number = next(self._numbers)
+        self._outcomes.append({"number": number, "name": name, "state": state, "text": text})
 
 
 class LiveDrill:
@@ -153,7 +130,6 @@ class LiveDrill:
         self.actions = Actions()
         self.kinds: tuple[str, ...] = ()  # of faults that can be injected now
         self.channels: tuple[str, ...] = ()  # whose signals can be faulty
-        self.refusals = (0, "")  # commands that the drill has refused from anybody, latest reason
         self._domain_id = domain_id
         self._lock = threading.Lock()
         self._wake = threading.Event()
@@ -169,6 +145,10 @@ class LiveDrill:
         self._connect(SEARCHING, f"no drill in {self.namespace} yet")
         self._thread = threading.Thread(target=self._live, name=f"drill {namespace}", daemon=True)
         self._thread.start()
+
+    @property
+    def gone(self) -> bool:
+        return bool(self.error) or self.connection["state"] == VANISHED
 
     def close(self) -> None:
         """Leave the graph; the drill goes on."""
@@ -206,21 +186,18 @@ class LiveDrill:
 
     def _latched(self, topic: str, message: Any) -> None:
         if topic == "command_results":
-            for at, result in enumerate(message.results):
+            for result in message.results[message.former :]:
                 if not result.accepted:
-                    self.refusals = self.refusals[0], result.reason
-                    if at >= message.former:
-                        with self._lock:
-                            self._heard.refuse(plain_refusal(result.reason))
+                    with self._lock:
+                        self._heard.refuse(plain_refusal(result.reason))
             return
         with self._lock:
             self._heard.latched(topic, message)
         if topic == "status":
             self._status_at = time.monotonic()
-            self.refusals = message.commands_rejected, self.refusals[1]
 
     def _check(self) -> None:
-        waiting = {each.name for each in self.actions.waiting}
+        waiting = {name for name, _ in tuple(self.actions.waiting)}
         long = self.actions.running == "step" and not waiting.isdisjoint(_INTERRUPTERS)
         if self._closed or long:
             raise InterruptedWaitError

@@ -19,9 +19,7 @@ from rpud_sim.viewer.picture import MOTION, SECTION, chosen_quantities, drill_pl
 from rpud_sim.viewer.server import PageServer, Place
 from rpud_sim.viewer.session import ClientState, Store, StoreError
 
-# How long a drill is heard after its last page has gone: a page may be loaded again [s].
-LINGER = 120.0
-MOST_DRILLS = 16
+MOST_DRILLS = 16  # that are heard; for a further one, one that has gone is forgotten
 
 _GAP = 1.0  # shortest time before the server heard the drill that is shown as a gap [s]
 _MOST_SAMPLES = 1200  # of a section
@@ -38,6 +36,7 @@ _TIMING = {
     "messages dropped by the drill": "messages_dropped",
     "commands accepted": "commands_accepted",
     "commands overwritten": "commands_discarded",
+    "commands refused": "commands_rejected",
     "commanders": "commanders",
 }
 
@@ -45,64 +44,40 @@ _TIMING = {
 class LiveStore(Store):
     """Drills of a domain; one thread hears each, however many pages show it.
 
-    A page that names no drill shows that of ``namespace``, which may start later. ``clock`` gives
-    the present time [s].
+    A drill is heard from its first page on, so that later ones show its past. A page that names no
+    drill shows that of ``namespace``, which may start later.
     """
 
     mode = "live"
 
-    def __init__(
-        self,
-        finder: DrillFinder,
-        namespace: str = "/rpud",
-        clock: Callable[[], float] = time.monotonic,
-    ) -> None:
+    def __init__(self, finder: DrillFinder, namespace: str = "/rpud") -> None:
         self.heard: dict[str, LiveDrill] = {}  # drills by namespace
         self.finder = finder
         self._default = f"/{namespace.strip('/')}"
-        self._clock = clock
-        self._pages: dict[int, LiveDrill] = {}  # by browser
-        self._left_at: dict[str, float] = {}
-        self._kept = ""  # drill that is heard without any page
         self._namespaces: list[str] = []
         self._looked = -math.inf
 
     def open(self, client: ClientState) -> None:
         """Hear the drill that a browser shows; StoreError if it is unknown, or one too many."""
-        name = f"/{(client.drill or self._default).strip('/')}"
-        if name in self.heard and self.heard[name].error:
-            del self.heard[name]  # another thread may do better
-        if name not in self.heard:
-            if name not in (self._default, *self._look()):
-                raise StoreError(f"there is no drill in {name}")
-            if len(self.heard) >= MOST_DRILLS:
-                self.tidy(0.0)
-            if len(self.heard) >= MOST_DRILLS:
-                raise StoreError(
-                    f"{MOST_DRILLS} drills are shown already: close the pages of another one"
-                )
-            try:
-                self.heard[name] = LiveDrill(name, self.finder.domain_id)
-            except StartError as error:
-                raise StoreError(str(error)) from None
-        client.drill = name
-        self._pages[id(client)] = self.heard[name]
+        client.drill = f"/{(client.drill or self._default).strip('/')}"
+        self.hear(client.drill)
 
-    def hear(self) -> None:
-        """Hear the drill of pages that name none, from now on and as long as this exists."""
-        self._kept = self._default
-        self.heard[self._kept] = LiveDrill(self._kept, self.finder.domain_id)
-
-    def close(self, client: ClientState) -> None:
-        """Note that a browser does not show its drill any more."""
-        self._left_at[self._pages.pop(id(client)).namespace] = self._clock()
-
-    def tidy(self, linger: float = LINGER) -> None:
-        """Hear no more of drills that no page has shown for so long [s]."""
-        shown = {self._kept, *(drill.namespace for drill in self._pages.values())}
-        for name in set(self.heard) - shown:
-            if self._clock() - self._left_at[name] >= linger:
-                self.heard.pop(name).close()
+    def hear(self, name: str = "") -> None:
+        """Hear a drill from now on; by default that of pages that name none."""
+        name = name or self._default
+        if name in self.heard and not self.heard[name].error:
+            return
+        if name not in (self._default, *self._look()):
+            raise StoreError(f"there is no drill in {name}")
+        gone = [each for each, drill in self.heard.items() if drill.gone]
+        if len(self.heard) >= MOST_DRILLS and gone:
+            self.heard.pop(gone[0]).close()
+        if len(self.heard) >= MOST_DRILLS:
+            raise StoreError(f"{MOST_DRILLS} drills are shown already: start another server")
+        try:
+            self.heard[name] = LiveDrill(name, self.finder.domain_id)  # its thread may do better
+        except StartError as error:
+            raise StoreError(str(error)) from None
 
     def end(self) -> None:
         """Hear no more of any drill."""
@@ -112,9 +87,9 @@ class LiveStore(Store):
 
     def frame(self, client: ClientState) -> dict[str, Any] | None:
         """Return what has changed."""
-        if self._clock() - self._looked >= _LOOK_PERIOD:
+        if time.monotonic() - self._looked >= _LOOK_PERIOD:
             self._look()
-        drill = self._pages[id(client)]
+        drill = self._heard(client)
         if drill.error:
             raise StoreError(f"the thread that hears {drill.namespace} has ended: {drill.error}")
         with drill.reading() as heard:
@@ -127,10 +102,15 @@ class LiveStore(Store):
         """Queue an action."""
         if name != "act":
             raise ParameterError(f"a running drill has no {shown(name)}")
-        self._pages[id(client)].act(content["name"], content["arguments"])
+        self._heard(client).act(content["name"], content["arguments"])
+
+    def _heard(self, client: ClientState) -> LiveDrill:
+        if client.drill not in self.heard:
+            raise StoreError(f"{client.drill} has gone")
+        return self.heard[client.drill]
 
     def _look(self) -> list[str]:
-        self._looked = self._clock()
+        self._looked = time.monotonic()
         self._namespaces = self.finder.drills()
         return self._namespaces
 
@@ -144,7 +124,6 @@ class LiveStore(Store):
             "connection": drill.connection,
             "kinds": drill.kinds,
             "channels": drill.channels,
-            "refusals": drill.refusals,
             "losses": drill.lost,
             "outcomes": drill.actions.outcomes,
             "status": heard.status,
@@ -220,7 +199,7 @@ def _section(heard: Heard, block: Block) -> dict[str, Any]:
         for name, array in zip(MOTION, arrays, strict=False)
     }
     impacts = [[at - time, *rest] for at, *rest in heard.latest_impacts if time <= at < end]
-    own = {"time": time, "period": period * stride, "exact": stride == 1, "impacts": impacts}
+    own = {"time": time, "period": period * stride, "impacts": impacts}
     return {**samples, **own}
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -119,9 +119,6 @@ def chosen_quantities(plots: Collection[dict[str, Any]], choices: Any) -> dict[s
     return found
 
 
-Range = tuple[float, float, int]  # begin and end [s], number of parts
-
-
 @dataclass(frozen=True)
 class Picture:
     """Quantities of a drill over its run, from which the fields of a frame are made."""
@@ -148,7 +145,7 @@ class Picture:
 
     def line(self, name: str, start: float, end: float, parts: int = _TIMELINE) -> Layer:
         """Return a signal of the bins in about so many parts of a range of time [s]."""
-        return joined([self.bins.view(name, *each) for each in self._ranges(start, end, parts)])
+        return with_gaps(self.bins.view(name, *self._range(start, end, parts)))
 
     def impact_layers(
         self, start: float, end: float, width: int, wanted: Mapping[str, str]
@@ -157,22 +154,19 @@ class Picture:
         name, layers = self.names("peak_force"), dict[str, Layer]()
         if name is None:
             return layers
-        ranges = []
-        for begin, last, parts in self._ranges(start, end, width // _POINT):
-            count = len(self.impacts.between(begin, last)[0])
-            ranges.append((begin, last, min(parts, max(1, count // _LEAST_IMPACTS))))
+        start, end, parts = self._range(start, end, width // _POINT)
+        count = len(self.impacts.between(start, end)[0])
+        shown = start, end, min(parts, max(1, count // _LEAST_IMPACTS))
         if "impact_rate" in wanted:
-            layers["impact_rate"] = joined([self.impacts.rate(*each) for each in ranges])
+            layers["impact_rate"] = with_gaps(self.impacts.rate(*shown))
         if "peak_force" not in wanted:
             return layers
-        if len(self.impacts.between(start, end)[0]) >= self.most:
+        if count >= self.most:
             extremes = self.line(name, start, end, width // _POINT)
             return layers | {"peak_force": {**extremes, "band": "least-greatest"}}
-        spreads = [self.impacts.spread(*each) for each in ranges]
-        outliers = [each.pop("outliers") for each in spreads]
-        more = sum(each.pop("more") for each in outliers)
-        layers["peak_force"] = joined(spreads) | {"band": "5-95 %"}
-        layers["peak_force"]["outliers"] = joined(outliers) | {"more": more}
+        spread = self.impacts.spread(*shown)
+        outliers = spread.pop("outliers")
+        layers["peak_force"] = {**with_gaps(spread), "band": "5-95 %", "outliers": outliers}
         return layers
 
     def numbers(self, now: float) -> dict[str, Layer | None]:
@@ -221,25 +215,17 @@ class Picture:
         known = means[np.isfinite(means)]
         return float(known[-1]) if len(known) else None
 
-    def _ranges(self, start: float, end: float, parts: int) -> list[Range]:
-        """Return a range as far as all of it is known, and the rest, with numbers of parts.
+    def _range(self, start: float, end: float, parts: int) -> tuple[float, float, int]:
+        """Return a range as far as there are values, and the number of its parts.
 
-        In the rest a part is so long that it holds something that was sampled.
+        As long as it is not known whole, a part is so long that it holds something of the sample.
         """
-        parts, length = max(1, parts), max(end - start, 1e-9)
-        start, end = max(start, self.since), min(end, self.end)
-        end = max(start, end)
-        known = min(max(self.known, start), end)
-        ranges = [(start, known, math.ceil(parts * (known - start) / length))]
-        if known < end:
-            ranges.append((known, end, min(max(1, int(self.samples * (end - known))), parts)))
-        return [each for each in ranges if each[1] > each[0]] or ranges[:1]
-
-
-def joined(layers: Sequence[Layer]) -> Layer:
-    """Return layers one after another in one, with their gaps."""
-    layers = [with_gaps(each) if "mean" in each else each for each in layers]
-    return {name: np.concatenate([each[name] for each in layers]) for name in layers[0]}
+        first, last = max(start, self.since), min(end, self.end)
+        if last > self.known:
+            parts = min(parts, int(self.samples * (last - first)))
+        else:
+            parts = math.ceil(parts * (last - first) / max(end - start, 1e-9))
+        return first, max(first, last), max(1, parts)
 
 
 def with_gaps(layer: Layer) -> Layer:

@@ -167,14 +167,12 @@ class RecordedStore(Store):
         return plots, others
 
     def _range(self, client: ClientState, now: float) -> tuple[float, float]:
-        """Return the range that a browser shows; a bag that has not grown is shown as a whole."""
+        """Return the range that a browser shows; the whole bag before it asks for one."""
         view = client.view
-        if view.follow is None:
-            start = min(max(view.start, 0.0), now)
-            return start, max(min(view.end, now), start + 1e-9)
-        if self._bag.recording.growing:
-            client.sent["followed"] = True
-        return (max(now - view.follow, 0.0) if client.sent.get("followed") else 0.0), now
+        if view.follow is not None:
+            return 0.0, now
+        start = min(max(view.start, 0.0), now)
+        return start, max(min(view.end, now), start + 1e-9)
 
     def _state(self, now: float) -> dict[str, Any]:
         recording, overview, bag = self._bag.recording, self._bag.overview, self._bag.recording.bag

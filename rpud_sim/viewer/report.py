@@ -30,6 +30,7 @@ from rpud_sim.foundation.terminal import printable
 from rpud_sim.inspection import InspectionError
 from rpud_sim.inspection.output import Damages, check_new_file, write_new_file
 from rpud_sim.pages.quantities import QUANTITIES
+from rpud_sim.viewer.commands import COMMAND
 from rpud_sim.viewer.recorded_store import RecordedStore
 from rpud_sim.viewer.recording import STATUS_TYPE
 from rpud_sim.viewer.session import ClientState, StoreError, View, encode
@@ -234,7 +235,7 @@ def segment_table(content: Views, drill: str, frame: Mapping[str, Any]) -> Table
     """Return statistics of each segment between commands and faults of a frame."""
     end, faults = float(frame["now"]), frame["faults"]
     impacts, bins = content.overview.impacts[drill], content.overview.bins
-    moments = [entry["time"] for entry in frame["commands"]["list"]]
+    moments = [entry["time"] for entry in frame["log"] if entry["kind"] == COMMAND]
     moments += [fault[name] for fault in faults for name in ("onset", "end")]
     begins = [0.0]
     for moment in sorted(moment for moment in moments if moment and 0.0 < moment < end):

@@ -39,7 +39,6 @@ _SERVED = (".css", ".html", ".js")
 _MOST_PAGES = 64
 _TOKEN_BYTES = 24
 _WRONG_REQUEST, _TOO_MANY, _FAILED = 1008, 1013, 1011  # codes with which a socket closes
-_TIDY_PERIOD = 10.0  # s
 _PING = 20.0  # a browser that does not answer for so long has gone [s]
 
 _HEADERS = {  # of every answer; no page of another site may show this one, and catch its clicks
@@ -149,10 +148,7 @@ class PageServer:
         )
         http = HTTPServer(application)
         http.add_sockets(self._sockets)
-        while not self._stop.is_set():
-            await self.work(self.store.tidy)
-            with suppress(asyncio.TimeoutError):
-                await asyncio.wait_for(self._stop.wait(), _TIDY_PERIOD)
+        await self._stop.wait()
         http.stop()
         await http.close_all_connections()
 

@@ -78,12 +78,6 @@ class Store:
     def request(self, client: ClientState, name: str, content: Any) -> None:
         """Do what a browser asks: ``act`` and its arguments, or ``seek``; ParameterError if not."""
 
-    def close(self, client: ClientState) -> None:
-        """Note that a browser has gone."""
-
-    def tidy(self) -> None:
-        """Free what no browser needs any more; called every few seconds."""
-
 
 def encode(frame: Mapping[str, Any]) -> bytes:
     """Return the bytes of a frame: a header in JSON, and arrays in binary.
@@ -144,7 +138,6 @@ class Session:
         self._work = work
         self._send = send
         self._client = ClientState(drill=drill)
-        self._is_open = False
         self._number = 0
         self._acknowledged = asyncio.Event()
         self._refused = (0, "")
@@ -155,7 +148,7 @@ class Session:
         refused = 0
         clock = asyncio.get_running_loop().time
         try:
-            await self._work(self._open)
+            await self._work(self._store.open, self._client)
             while True:
                 due = clock() + PERIOD
                 frame = {**first, **await self._work(self._fields)}
@@ -170,18 +163,6 @@ class Session:
         except Exception as error:
             await self._deliver({**first, "error": f"the server has failed: {_one_line(error)}"})
             raise
-        finally:
-            await self._work(self._close)
-
-    # In the thread of the store, so that a browser which goes at any time is closed once
-
-    def _open(self) -> None:
-        self._store.open(self._client)
-        self._is_open = True
-
-    def _close(self) -> None:
-        if self._is_open:
-            self._store.close(self._client)
 
     def _fields(self) -> dict[str, Any]:
         fields = self._store.frame(self._client) or {}
@@ -195,7 +176,7 @@ class Session:
         """Do what a browser asks; RequestError for what no page sends."""
         try:
             await self._do(json.loads(message))
-        except ParameterError as error:
+        except (ParameterError, StoreError) as error:
             self._refused = self._refused[0] + 1, str(error)
         except (AttributeError, LookupError, RecursionError, TypeError, ValueError) as error:
             raise RequestError(f"wrong request: {_one_line(error)}") from None

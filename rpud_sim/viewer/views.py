@@ -117,8 +117,7 @@ class Waveforms:
         It is rebuilt from the trajectory. Without one it has the samples of the waveform's topic.
         """
         waveform = self.between(drill, end - SECTION, end, SECTION_RATE)
-        exact = len(waveform.times) > 0
-        if not exact:
+        if not len(waveform.times):
             waveform = self.recorded(drill, end - SECTION, end)
         if not len(waveform.times):
             return None
@@ -127,7 +126,7 @@ class Waveforms:
         numbers = waveform.numbers[newest:] - waveform.numbers[newest]
         step = -(-int(numbers[-1] + 1) // round(SECTION * SECTION_RATE + 1))
         time = float(waveform.times[newest])
-        found: dict[str, Any] = {"exact": exact, "period": step / waveform.rate, "time": time}
+        found: dict[str, Any] = {"period": step / waveform.rate, "time": time}
         for name in MOTION:
             values = np.full(int(numbers[-1]) + 1, np.nan, np.float32)
             values[numbers] = waveform.channels[CHANNELS[name]][newest:]

@@ -8,9 +8,7 @@ import tracemalloc
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from mcap.data_stream import RecordBuilder
 from mcap.reader import make_reader
-from mcap.records import Chunk
 from rosbags.highlevel import AnyReader
 from sample_bags import CHAT, START, STRING_DEFINITION, TALK, serialized_string, write_bag
 from support import examples
@@ -105,32 +103,26 @@ def test_a_changed_bit_costs_one_chunk_at_most(whole, tmp_path_factory, data, co
         assert recovery.topics[TALK.name].lost == COUNT - len(found)
 
 
-@pytest.mark.parametrize("place", [1, 2, 5, 8])
-@compressions
-def test_a_chunk_with_a_wrong_length_is_still_read_or_passed(whole, tmp_path, compression, place):
-    content = bytearray(whole(compression))
-    second = chunk_offsets(content)[1]
-    content[second + place] ^= 0x40
-    _, found = recovered(tmp_path, content)
-    assert found == TEXTS  # the length inside it is right, and the checksum proves it
-
-
 @pytest.mark.parametrize(
     ("compression", "place", "cut_off", "damage"),
     [
         ("zstd", 0, 0, "holds no whole record"),
         ("none", 200, 100, "is a chunk whose checksum is wrong"),  # its index shows its content
+        *((each, place, 0, "") for each in ("none", "zstd") for place in (1, 2, 5, 8)),
     ],
 )
 def test_a_damaged_chunk_is_passed(whole, tmp_path, compression, place, cut_off, damage):
     content = bytearray(whole(compression))
-    second = chunk_offsets(content)[1]
-    content[second + place] ^= 0x71
+    content[chunk_offsets(content)[1] + place] ^= 0x41
     recovery, found = recovered(tmp_path, content[: len(content) - cut_off])
-    assert (found[0], found[-1]) == (TEXTS[0], TEXTS[-1])
-    assert damage in recovery.damages[0]
-    assert recovery.topics[TALK.name].lost == COUNT - len(found) > 0
-    assert recovery.size_lost > 0
+    assert recovery.topics[TALK.name].lost == COUNT - len(found)
+    if damage:
+        assert damage in recovery.damages[0]
+        assert (found[0], found[-1]) == (TEXTS[0], TEXTS[-1])
+        assert recovery.size_lost > 0
+        assert len(found) < COUNT
+    else:  # the length inside the chunk is right, and the checksum proves it
+        assert found == TEXTS
 
 
 def test_of_the_last_chunk_the_messages_that_are_whole_are_saved(tmp_path):
@@ -180,17 +172,6 @@ def test_what_a_crashed_file_system_filled_with_zeros_is_passed(whole, tmp_path)
     assert found == TEXTS[: len(found)]
     assert len(found) == (chunks(content)[1].message_end_time - START) // 1_000_000 + 1
     assert recovery.size_lost == 3_000_000
-
-
-def test_all_files_of_a_split_bag_become_one(whole, tmp_path):
-    (tmp_path / "run").mkdir()
-    (tmp_path / "run" / "run_0.mcap").write_bytes(whole("none"))
-    (tmp_path / "run" / "run_1.mcap").write_bytes(whole("zstd")[:-1])
-    recovery = recover(tmp_path / "run", tmp_path / "out")
-    assert recovery.message_count == 2 * COUNT
-    assert not recovery.closed
-    with rpud_sim.bag.open(tmp_path / "out") as bag:
-        assert [topic.message_count for topic in bag.topics] == [0, 2 * COUNT]
 
 
 def test_nothing_is_overwritten_or_changed(whole, tmp_path):
@@ -250,13 +231,3 @@ def test_memory_stays_bounded(tmp_path):
     tracemalloc.stop()
     assert recovery.message_count > 19_000
     assert peak < 8_000_000
-
-
-def test_a_chunk_that_is_larger_than_all_memory_is_passed(whole, tmp_path):
-    content = whole("zstd")
-    place = chunk_offsets(content)[1]
-    bomb = RecordBuilder()
-    Chunk("zstd", b"\x28\xb5\x2f\xfd", 0, 0, 1, 2**50).write(bomb)
-    recovery, found = recovered(tmp_path, content[:place] + bomb.end() + content[place:])
-    assert found == TEXTS
-    assert "is a chunk of more than" in recovery.damages[0]

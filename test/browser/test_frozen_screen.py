@@ -55,7 +55,6 @@ def frame():
         "status": {"state": "stopped", "regime": "drilling"},
         "numbers": dict.fromkeys(("peak_force", "reacting_force", "power", "impact_rate"), value),
         "faults": [],
-        "commands": {"list": [{"time": 9.0, "kind": "command", "text": "weight on bit 9 N"}]},
         "timeline": {"t": RAMP[::4], "low": RAMP[::4], "mean": RAMP[::4], "high": RAMP[::4]},
         "view": {
             "start": 0.0, "end": END, "detail": "overview",

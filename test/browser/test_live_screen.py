@@ -121,7 +121,7 @@ def test_each_control_does_what_it_says(live, client):
     tab.fill("#weight", "31")
     click(live, "Press")
     until_status(client, weight_on_bit=31.0)
-    until_screen(live, "screen.seen.commands.list.some((each) => each.text.includes('31'))")
+    until_screen(live, "screen.seen.log.some((each) => each.text.includes('31'))")
     tab.click("#driven")
     tab.get_by_label("voltage [V]").fill("80")
     click(live, "Set")
@@ -221,7 +221,7 @@ def test_a_reloaded_screen_and_a_second_one_show_the_same_past(live, server, pag
     second = opened(page_of, server, NAMESPACE)
     live.tab.reload()
     for page in (live, second):
-        until_screen(page, "screen.seen.commands?.list.some((each) => each.text.includes('17'))")
+        until_screen(page, "screen.seen.log?.some((each) => each.text.includes('17'))")
         until_screen(page, "screen.seen.timeline?.t.length > 2")
         page.until("document.querySelector('#weight').value === '17'")
 

@@ -54,7 +54,7 @@ def test_another_run_is_followed_from_its_beginning(store, page):
 
 def block(time):
     arrays = dict.fromkeys(MOTION, np.zeros(200, np.float32))
-    return {"section": {"time": time, "period": 1e-4, "exact": True, "impacts": [], **arrays}}
+    return {"section": {"time": time, "period": 1e-4, "impacts": [], **arrays}}
 
 
 def test_a_pause_shows_the_block_that_waited(store, page):

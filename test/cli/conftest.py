@@ -1,12 +1,42 @@
 """Fixtures of the command line."""
 
+import os
+import subprocess
+import sys
 from functools import partial
 
 import pytest
 from support import called
+
+# The command line where some modules are missing: a name that is None cannot be imported.
+_LACKING = """
+import sys
+sys.modules.update(dict.fromkeys(sys.argv.pop(1).split(",")))
+from rpud_sim.cli.main import main
+main()
+"""
 
 
 @pytest.fixture
 def rpud(capsys):
     """Call the command line in this process; give exit code, output and errors."""
     return partial(called, capsys)
+
+
+@pytest.fixture(scope="session")
+def lacking(tmp_path_factory):
+    """Run `rpud` where modules are missing, in a folder of its own."""
+    folder = tmp_path_factory.mktemp("lacking")
+
+    def run(modules, *words):
+        return subprocess.run(
+            [sys.executable, "-c", _LACKING, ",".join(modules), *map(str, words)],
+            cwd=folder,
+            env={**os.environ, "RPUD_TRACEBACK": ""},
+            capture_output=True,
+            text=True,
+            timeout=100.0,
+            check=False,
+        )
+
+    return run

@@ -1,5 +1,7 @@
 """Bags of earlier releases: each command that reads them does, and none computes them again.
 
+Their parameter files load, and a name that is not known any more says so.
+
 `offline_free` is a run without ROS before drilling, `run` a drill in real time from its start on,
 and `stepped` one that was stepped, commanded, reconfigured and given faults, with a resonant
 actuator and a rock model. `arm` was stepped on an arm, with strata and rotation, and reset.
@@ -17,6 +19,7 @@ from rpud_sim.simulation.versions import ENGINE
 DATA = Path(__file__).parents[1] / "data"
 ENGINES = {"0.1.0": 1, "0.2.0": 3}
 BAGS = sorted(DATA.glob("*/*"))
+PARAMETER_FILES = sorted(DATA.glob("*.yaml"))
 every_bag = pytest.mark.parametrize("bag", BAGS, ids=lambda bag: f"{bag.parent.name}-{bag.name}")
 
 
@@ -91,3 +94,20 @@ def test_it_is_compared_with_a_run_of_its_kind(bag, tmp_path, rpud):
     assert code in (0, 1, 3), err  # as the values are, and whether there are enough of them
     versions = {each["name"]: each["values"] for each in json.loads(out)["versions"]}
     assert versions["engine"] == [str(ENGINES[each.parent.name]) for each in (bag, other)]
+
+
+@pytest.mark.parametrize("file", PARAMETER_FILES, ids=lambda file: file.name)
+def test_a_parameter_file_of_an_earlier_release_drills(file, rpud):
+    code, printed, error = rpud("simulate", "--config", file, "--duration", "0.05")
+    assert (code, error) == (0, "")
+    assert "drill_tool_impact_rate" in printed
+
+
+def test_a_name_that_is_not_known_any_more_is_told_with_the_nearest(tmp_path, rpud):
+    file = tmp_path / "old.yaml"
+    file.write_text(PARAMETER_FILES[0].read_text().replace("free_mass:", "free_masse:"))
+    code, _, error = rpud("simulate", "--config", file, "--duration", "0.05")
+    assert code == 2
+    assert error.count("\n") == 1
+    assert "free_masse" in error
+    assert "did you mean free_mass?" in error

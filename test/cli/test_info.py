@@ -60,21 +60,14 @@ def test_losses_are_shown(tmp_path, capsys):
     assert [topic["losses"] for topic in topics] == [None, 3]
 
 
-def test_fewer_than_ten_messages_have_no_rate(tmp_path, capsys):
-    path = write_bag(tmp_path / "run", 9)
-    assert run(path) == 0
-    [talk] = [line.split() for line in capsys.readouterr().out.splitlines() if TALK.name in line]
-    assert talk == [TALK.name, STRING, "9", "-", "unknown"]
-    assert run(path, "--json") == 0
-    assert [topic["rate"] for topic in json.loads(capsys.readouterr().out)["topics"]] == [None] * 2
-
-
-def test_rates_without_an_index_are_unknown(tmp_path, capsys):
-    """As of the bags of `ros2 bag record --storage-preset-profile fastwrite`."""
-    messages = [("/a", START + number, b"") for number in range(20)]
-    file = write_mcap(tmp_path / "fast.mcap", messages, use_chunking=False)
+# Nine messages, or 20 without an index, as of `ros2 bag record --storage-preset-profile fastwrite`.
+@pytest.mark.parametrize(("number", "indexed"), [(9, True), (20, False)])
+def test_few_messages_and_those_without_an_index_have_no_rate(tmp_path, capsys, number, indexed):
+    messages = [("/a", START + 10**6 * each, b"") for each in range(number)]
+    file = write_mcap(tmp_path / "a.mcap", messages, use_chunking=indexed)
     assert run(file) == 0
-    assert capsys.readouterr().out.splitlines()[-1].split() == ["/a", STRING, "20", "-", "unknown"]
+    last = capsys.readouterr().out.splitlines()[-1].split()
+    assert last == ["/a", STRING, str(number), "-", "unknown"]
     assert run(file, "--json") == 0
     assert json.loads(capsys.readouterr().out)["topics"][0]["rate"] is None
 

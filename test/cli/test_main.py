@@ -151,15 +151,24 @@ def test_offline_commands_work_where_there_is_no_ros(without_ros):
 
 
 @pytest.mark.parametrize(
-    "words", [["run", "--duration", "1"], ["record", "--out", "bag"], ["replay", "bag"]]
+    ("program", "words"),
+    [
+        ("rpud run", ["--duration", "1"]),
+        ("rpud record", ["--out", "bag"]),
+        ("rpud replay", ["bag"]),
+        ("drill_node", []),
+        ("recorder", ["--out", "bag"]),
+        ("replayer", ["bag"]),
+    ],
 )
-def test_what_needs_ros_says_so_in_one_line_where_there_is_none(without_ros, words):
-    done = without_ros(*words)
+def test_what_needs_ros_says_so_in_one_line_where_there_is_none(without_ros, program, words):
+    rpud, _, name = program.rpartition(" ")
+    if rpud:
+        done = without_ros(name, *words)
+    else:
+        done = without_ros(*words, program=f"rpud_sim.cli.executables:{name}")
     assert (done.returncode, done.stdout) == (1, "")
-    assert re.fullmatch(
-        rf"rpud {words[0]}: {NO_ROS}\n",
-        done.stderr,
-    )
+    assert re.fullmatch(rf"{program}: {NO_ROS}\n", done.stderr)
 
 
 @pytest.mark.parametrize(
@@ -195,16 +204,6 @@ def test_what_is_unexpected_is_one_line_that_says_how_to_see_the_rest(monkeypatc
     assert (code, output) == (1, "")
     assert errors.startswith("Traceback (most recent call last):\n")
     assert errors.endswith(line)
-
-
-@pytest.mark.parametrize(
-    ("name", "words"),
-    [("drill_node", []), ("recorder", ["--out", "bag"]), ("replayer", ["bag"])],
-)
-def test_an_executable_says_in_one_line_that_there_is_no_ros(without_ros, name, words):
-    done = without_ros(*words, program=f"rpud_sim.cli.executables:{name}")
-    assert (done.returncode, done.stdout) == (1, "")
-    assert re.fullmatch(rf"{name}: {NO_ROS}\n", done.stderr)
 
 
 @pytest.mark.parametrize("buffered", [True, False])

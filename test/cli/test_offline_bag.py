@@ -1,9 +1,6 @@
 """`rpud simulate --bag` writes the topics of the drill node without ROS."""
 
 import json
-import os
-import subprocess
-import sys
 
 import numpy as np
 import pytest
@@ -32,30 +29,12 @@ ROS = (
     "geometry_msgs",
     "builtin_interfaces",
 )
-MAIN = f"""
-import sys
-sys.modules.update(dict.fromkeys({ROS}))  # importing any of them fails
-from rpud_sim.cli.main import main
-main()
-"""
-
-
-def simulate(*words):
-    """Run `rpud simulate` where there is no ROS."""
-    away = ("AMENT_PREFIX_PATH", "ROS_DISTRO", "ROS_DOMAIN_ID")
-    return subprocess.run(
-        [sys.executable, "-c", MAIN, "simulate", *map(str, words)],
-        env={name: value for name, value in os.environ.items() if name not in away},
-        capture_output=True,
-        text=True,
-        timeout=60,
-    )
 
 
 @pytest.fixture(scope="module")
-def bag(tmp_path_factory):
+def bag(lacking, tmp_path_factory):
     path = tmp_path_factory.mktemp("offline") / "bag"
-    result = simulate("--duration", DURATION, "--bag", path)
+    result = lacking(ROS, "simulate", "--duration", DURATION, "--bag", path)
     assert (result.returncode, result.stderr) == (0, "")
     return path
 

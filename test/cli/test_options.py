@@ -57,23 +57,9 @@ def test_the_defaults_of_the_command_line_are_those_of_the_options():
     ("make", "words", "complaint"),
     [
         (replay, ["--start=-0.1"], "--start = -0.1 s is outside its range [0, 1e+09] s"),
-        (replay, ["--rate", "0"], "--rate = 0 is outside its range (0, 1e+06]"),
         (replay, ["--rate", "fast"], "--rate = 'fast' is outside its range (0, 1e+06]"),
         (replay, ["--clock=-inf"], "--clock = -inf Hz is outside its range (0, 10000] Hz"),
-        (replay, ["--rate", "1e7"], "--rate = 1e+07 is outside its range (0, 1e+06]"),
-        (
-            replay,
-            ["--duration", "1e300"],
-            "--duration = 1e+300 s is outside its range (0, 1e+09] s",
-        ),
-        (replay, ["--clock", "1e6"], "--clock = 1e+06 Hz is outside its range (0, 10000] Hz"),
-        (record, ["--duration", "0"], "--duration = 0 s is outside its range (0, 1e+09] s"),
         (record, ["--max-loss", "nan"], "--max-loss = nan s is outside its range (0, 1e+09] s"),
-        (
-            record,
-            ["--max-bag-duration", "inf"],
-            "--max-bag-duration = inf s is outside its range (0, 1e+09] s",
-        ),
         (record, ["--max-disk", "1.5"], "--max-disk = 1.5 bytes is not a whole number"),
     ],
 )

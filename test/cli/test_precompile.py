@@ -4,36 +4,19 @@ import subprocess
 import sys
 
 import pytest
-import yaml
 
 from rpud_sim.cli import precompile
 from rpud_sim.cli.main import execute
 from rpud_sim.kernels.store import user_folders
 from rpud_sim.model.compile import STORE
 
-SWEEP = {
-    "design": "latin_hypercube",
-    "points": 2,
-    "repeat": 1,
-    "duration": 0.1,
-    "swept": {"weight_on_bit": {"minimum": 5.0, "maximum": 20.0}},
-}
-FIT = {
-    "parameters": {"regime": "drilling"},
-    "unknowns": {"weight_on_bit": [4.0, 20.0]},
-    "points": 16,
-    "rounds": 1,
-    "repeat": 2,
-    "targets": [
-        {"figure": "reacting_force_mean", "window": 0.1, "value": 15.0, "tolerance": "5 %"}
-    ],
-}
-FAULTS = {
-    "seed": 1,
-    "faults": [
-        {"kind": "noise", "channel": "wrench", "magnitude": 0.5, "onset": 0.02},
-        {"kind": "free_mass_jammed", "onset": 0.05},
-    ],
+SPECIFICATIONS = {
+    "sweep": "{design: sobol, points: 2, duration: 0.1,"
+    " swept: {weight_on_bit: {minimum: 5.0, maximum: 20.0}}}",
+    "fit": "{unknowns: {weight_on_bit: [4.0, 20.0]}, points: 16, rounds: 1, repeat: 2, targets:"
+    " [{figure: reacting_force_mean, window: 0.1, value: 15.0, tolerance: 5 %}]}",
+    "faults": "faults: [{kind: noise, channel: wrench, magnitude: 0.5, onset: 0.02},"
+    " {kind: free_mass_jammed, onset: 0.05}]",
 }
 
 
@@ -47,8 +30,8 @@ def kernels():
 
 @pytest.fixture
 def specifications(tmp_path):
-    for name, content in (("sweep", SWEEP), ("fit", FIT), ("faults", FAULTS)):
-        (tmp_path / f"{name}.yaml").write_text(yaml.safe_dump(content))
+    for name, content in SPECIFICATIONS.items():
+        (tmp_path / f"{name}.yaml").write_text(content)
     return tmp_path
 
 

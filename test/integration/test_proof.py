@@ -1,7 +1,6 @@
 """A recording of the node, whatever happened to it, is proved by what it holds."""
 
 import pytest
-from altered_bags import altered, flipped, numbered
 from drill_client import ACTIVATE, CONFIGURE, DEACTIVATE, Client, end
 from rpud_msgs.msg import Drive, Result, Status, WeightOnBit
 from rpud_msgs.srv import ResetSimulation
@@ -116,52 +115,6 @@ def test_the_journal_holds_all_that_happened(bag):
     assert kinds >= {"begin", "origin", "weight_on_bit", "drive", "configure", "inject"}
     assert kinds >= {"clear_all", "stop", "flush", "end"}
     assert [entry.kind for entry in entries].count("begin") == 2
-
-
-@pytest.mark.parametrize("topic", ["drill_tool", "faults"])
-def test_one_flipped_bit_is_named(bag, tmp_path, topic):
-    name = f"/rpud/{topic}"
-    place = 40 if topic == "drill_tool" else -8  # within a number
-    change = numbered(topic, 1, lambda message: [flipped(message.data, place)])
-    verification = verify(altered(bag, tmp_path / "bag", change, {name, JOURNAL}))
-    assert verification.first_difference.topic == name
-    assert verification.first_difference.field
-    assert verification.topics[name].different == 1
-    assert verification.topics[name].unexpected == 0
-
-
-def from_a_late_recorder(source, out, begin, published, change=lambda message: message.data):
-    """Write the bag of a recorder that starts at a time, and gets the whole journal at once.
-
-    `published` is whether it keeps when messages were published; not every recorder does.
-    """
-    with rpud_sim.bag.open(source) as reader, rpud_sim.bag.BagWriter(out) as writer:
-        for summary in reader.topics:
-            writer.add_topic(summary.topic, summary.definition)
-        heard = [m for m in reader.messages() if m.topic == JOURNAL or m.publish_time > begin]
-        for message in sorted(heard, key=lambda message: max(message.log_time, begin)):
-            log_time = max(message.log_time, begin)
-            publish_time = message.publish_time if published else log_time
-            writer.write(message.topic, change(message), log_time, publish_time)
-    return out
-
-
-def beginnings(bag):
-    """Give when each origin of time was published [ns]."""
-    codec = Codec("rpud_msgs/msg/JournalEntry", find_definition("rpud_msgs/msg/JournalEntry"))
-    with rpud_sim.bag.open(bag) as reader:
-        entries = [(m.publish_time, codec.decode(m.data).kind) for m in reader.messages({JOURNAL})]
-    return [time for time, kind in entries if kind == "origin"]
-
-
-@pytest.mark.parametrize("published", [True, False])
-def test_a_flipped_bit_is_named_whichever_run_it_is_of(bag, tmp_path, published):
-    change = numbered("nodal_plane", 7, lambda message: [flipped(message.data, -8)])
-    begin = beginnings(bag)[-2] + 1
-    out = from_a_late_recorder(bag, tmp_path / "bag", begin, published, lambda m: change(m)[0])
-    assert verify(out).first_difference.topic == "/rpud/nodal_plane"
-    whole = from_a_late_recorder(bag, tmp_path / "whole", begin, published)
-    assert verify(whole).first_difference is None
 
 
 def test_a_recorder_that_is_started_after_a_reset(process, start_drill, connect, tmp_path):

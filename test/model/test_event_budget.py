@@ -5,7 +5,6 @@ import re
 import pytest
 from closed_forms import finished
 from drill_configurations import tables
-from random_sets import draw, simulate
 
 from rpud_sim.model.drill import derive
 from rpud_sim.model.engine import Engine, EngineError
@@ -65,11 +64,3 @@ def test_a_burst_of_elastic_bounces_is_no_overload():
         counts.append(len(finished(engine)[0]))
     assert max(counts) > 1e5
     assert engine._state["effort"][0] < GREATEST_EFFORT
-
-
-@pytest.mark.extended
-@pytest.mark.parametrize("number", range(24))
-def test_random_sets_finish_or_say_in_one_line_why_not(number):
-    outcome = simulate(draw(1, number))
-    assert not outcome.hung
-    assert outcome.reason is None or re.fullmatch(r".* at \S+ s, with \S+ = .*", outcome.reason)

@@ -21,7 +21,7 @@ LAYERS = (
     Line("steps", X, Y, steps=True),
     Line("band", X, Y, low=Y - 1.0, high=Y + 1.0),
     Points("points", X, Y, Y - 0.1, Y + 0.1, joined=True),
-    Points("across", X, Y, X - 0.1, X + 0.1, across=True, marker="x"),
+    Points("across", X, Y, X - 0.1, X + 0.1, across=True),
     Points("cloud", X, Y, size=2.0),
     Rule("rule", 2.0, text="of the rule"),
     Zone("zone", 1.0, 2.0, across=False, text="of the zone"),

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from validation.parameter_studies import OUTPUTS, Study, find_trends, holm
+from validation.parameter_studies import OUTPUTS, Study, find_trends
 
 
 def study(*slopes, noise=0.01, seed=0):
@@ -37,9 +37,3 @@ def test_a_slope_is_that_of_the_output():
 
     assert slope == pytest.approx(0.5, abs=0.01)
     assert 0.0 < half < 0.01
-
-
-def test_holm_is_no_less_strict_than_each_test_and_no_stricter_than_bonferroni():
-    p_values = [0.04, 0.001, 0.02, 0.5]
-
-    assert holm(p_values) == pytest.approx([0.08, 0.004, 0.06, 0.5])

@@ -2,7 +2,7 @@
 
 import json
 
-from rpud_sim.viewer.commands import MOST_LISTED, MOST_LOGGED, Commands
+from rpud_sim.viewer.commands import MOST_LOGGED, Commands
 
 BEGIN = {
     "parameters": {
@@ -52,8 +52,8 @@ def test_entries_are_told_in_words():
         "checkpoint here is saved",
         "the drill stops",
     ]
-    kinds = [entry["kind"] for entry in commands.frame()["commands"]["list"]]
-    assert kinds == ["command"] * 7 + ["fault"]
+    kinds = [entry["kind"] for entry in commands.frame()["log"]]
+    assert kinds == ["run", *["command"] * 7, "fault", "run", "run"]
 
 
 def test_a_command_that_changes_nothing_is_not_told():
@@ -89,12 +89,9 @@ def test_what_is_left_out_is_counted():
     for number in range(5000):
         commands.add(2.0 * number, "weight_on_bit", {"force": float(number % 7)})
     frame = commands.frame()
-    listed = frame["commands"]
-    assert len(listed["list"]) == MOST_LISTED
-    assert len(listed["list"]) + listed["thinned"] == 5000
     assert len(frame["log"]) == MOST_LOGGED
     assert len(frame["log"]) + frame["log_thinned"] == 5001
-    assert listed["list"][-1]["time"] == 2.0 * 4999
+    assert frame["log"][-1]["time"] == 2.0 * 4999
     times = [entry["time"] for entry in frame["log"]]
     assert times == sorted(times)
 

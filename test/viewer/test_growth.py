@@ -11,7 +11,7 @@ from viewer.recorded_bags import ForceRecorder, rows_of
 from rpud_sim.viewer import recorded_store as stores
 from rpud_sim.viewer.recorded_store import RecordedStore
 from rpud_sim.viewer.recording import RecordedBag
-from rpud_sim.viewer.session import ClientState, View
+from rpud_sim.viewer.session import ClientState
 
 FIRST, SECOND = "/rpud/reacting_force", "/rpud/other"
 
@@ -103,7 +103,7 @@ def test_pages_follow_the_end_and_see_that_the_recording_ended(recorder, monkeyp
     monkeypatch.setattr(stores, "_REFRESH", 0.02)
     seen = {}
     with RecordedStore(recorder.path) as store:
-        client = ClientState(view=View(follow=0.5), choices={})
+        client = ClientState()
         store.open(client)
 
         def shown(name, value):

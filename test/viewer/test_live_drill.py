@@ -56,7 +56,7 @@ def outcome_of(client, act, **arguments):
 
     def settled(seen):
         new = [each for each in seen["outcomes"] if each["number"] not in before]
-        return new and new[-1]["state"] != "waiting" and new[-1]
+        return next((each for each in new if each["name"] == act), None)
 
     outcome = client.until(settled)
     return outcome["state"], outcome["text"]
@@ -98,15 +98,17 @@ def test_an_action_is_done_or_refused_in_the_users_words(client):
     client.until(lambda seen: "log" in seen)
     assert outcome_of(client, "press", force=21.0) == ("done", "")
     client.until(lambda seen: seen["status"]["weight_on_bit"] == 21.0)
-    client.until(lambda seen: seen["commands"]["list"][-1]["text"] == "weight on bit 21 N")
+    client.until(lambda seen: seen["log"][-1]["text"] == "weight on bit 21 N")
     client.until(lambda seen: seen["steps"]["weight_on_bit"]["v"][-1] == 21.0)
-    count = len(client.seen["commands"]["list"])
+    commands = [each for each in client.seen["log"] if each["kind"] == "command"]
     assert outcome_of(client, "press", force=21.0)[0] == "done"
     assert outcome_of(client, "press", force=-1.0) == ("refused", "-1 N is below 0 N")
     assert outcome_of(client, "press", force=9999) == ("refused", "9999 N is above 1000 N")
     assert outcome_of(client, "step", seconds=1.0) == ("refused", "it is playing, not paused")
     assert outcome_of(client, "press", force="a")[1] == "force = 'a' is not a number"
-    assert len(client.seen["commands"]["list"]) == count  # no value has changed
+    assert [
+        each for each in client.seen["log"] if each["kind"] == "command"
+    ] == commands  # no value has changed
     client.send({"act": "close"})
     assert "'close' is unknown" in client.until(lambda seen: seen.get("refused"))[1]
 
@@ -195,28 +197,22 @@ def test_a_drill_comes_later_vanishes_and_returns_as_a_new_run():
         assert "no drill in /comes_later" in text
 
 
-def test_pages_share_one_drill_which_stays_a_while_after_the_last(drill):
-    now = [0.0]
-    one, two = ClientState(), ClientState(NAMESPACE)
+def test_pages_share_one_drill_and_one_that_has_gone_leaves_its_place(drill, monkeypatch):
+    monkeypatch.setattr("rpud_sim.viewer.live_store.MOST_DRILLS", 1)
     with DrillFinder() as finder:
-        store = LiveStore(finder, NAMESPACE, clock=lambda: now[0])
+        store = LiveStore(finder, NAMESPACE)
         try:
-            store.open(one)
-            store.open(two)
-            first = store.heard[NAMESPACE]
-            store.close(two)
-            store.tidy(0.0)
-            store.close(one)
-            now[0] = 9.0
-            store.tidy(10.0)
-            store.open(one)
-            assert store.heard == {NAMESPACE: first}
-            store.close(one)
-            now[0] = 20.0
-            store.tidy(10.0)
-            assert store.heard == {}
+            for name in ("", NAMESPACE):
+                store.open(ClientState(name))
+            [shared] = store.heard.values()
             with pytest.raises(StoreError, match="there is no drill in /x"):
                 store.open(ClientState("/x"))
+            finder.drills = lambda: ["/x"]
+            with pytest.raises(StoreError, match="1 drills are shown already"):
+                store.open(ClientState("/x"))
+            shared.error = "it has ended"
+            store.open(ClientState("/x"))
+            assert [*store.heard] == ["/x"]
             with pytest.raises(StoreError, match="Invalid namespace"):
                 LiveStore(finder, "/a b").open(ClientState())
         finally:

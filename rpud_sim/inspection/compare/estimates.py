@@ -237,24 +237,31 @@ def _log_ratio(reference: Estimate, other: Estimate) -> tuple[float, float]:
     return math.log(other.value / reference.value), error
 
 
+def holm(chances: Sequence[float]) -> list[float]:
+    """Return probabilities corrected for their number by Holm's step-down method."""
+    corrected = [1.0] * len(chances)
+    least = 0.0
+    for rank, place in enumerate(sorted(range(len(chances)), key=chances.__getitem__)):
+        least = max(least, min(1.0, (len(chances) - rank) * chances[place]))
+        corrected[place] = least
+    return corrected
+
+
 def decided(found: Sequence[FigureDifference], tolerance: float) -> tuple[FigureDifference, ...]:
     """Return differences with decisions; ``tolerance`` is relative, 0 for none.
 
-    Probabilities are corrected for their number by Holm's method, so that the chance that any of
-    all decisions is wrong stays below that of one.
+    The chance that any of all decisions is wrong stays below that of one.
     """
     corrected = [*found]
     tested = [place for place, each in enumerate(found) if not math.isnan(each.p)]
-    least = 0.0
-    for rank, place in enumerate(sorted(tested, key=lambda place: found[place].p)):
+    for place, p in zip(tested, holm([found[place].p for place in tested]), strict=True):
         each = found[place]
-        least = max(least, min(1.0, (len(tested) - rank) * each.p))
-        if least < 1.0 - LEVEL:
+        if p < 1.0 - LEVEL:
             decision = DIFFERS
         elif not tolerance > 0.0 or math.isnan(each.relative):
             decision = SAME
         else:
             within = -tolerance <= each.relative_low and each.relative_high <= tolerance
             decision = EQUIVALENT if within else UNDECIDED
-        corrected[place] = each._replace(p=least, decision=decision)
+        corrected[place] = each._replace(p=p, decision=decision)
     return tuple(corrected)

@@ -12,7 +12,15 @@ import numpy as np
 from rpud_sim.bag import BagFormatError, BagReader, Message
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.foundation.time import SECOND, join_seconds
-from rpud_sim.inspection.recorded_journal import PROGRESS, Extent, Recorded, agreed
+from rpud_sim.inspection.recorded_journal import (
+    PROGRESS,
+    Extent,
+    Recorded,
+    WrongHeader,
+    agreed,
+    with_wrong_header,
+)
+from rpud_sim.inspection.recorded_topics import leading
 
 # Kinds of entries after which stamps may repeat: each begins a stretch, counted from 0.
 BEGINNINGS = ("begin", "origin")
@@ -22,11 +30,6 @@ Position = tuple[int, int]  # progress of the drill: number of the stretch, and 
 # Longest delay between topics on their way to a recorder [ns].
 _TOPIC_DELAY = 1 * SECOND
 _NOWHERE: Position = (-1, -1)
-
-
-def leading(holds: np.ndarray) -> int:
-    """Return how many values, from the first on, are true."""
-    return len(holds) if holds.all() else int(np.argmin(holds))
 
 
 class JournalStretches:
@@ -42,14 +45,15 @@ class JournalStretches:
         self.ended = False  # whether the last entry is the end of the drill
         self.count = 0  # entries that the drill has made, if it made none after the last one
         self.first: Recorded | None = None
+        self.wrong: WrongHeader | None = None  # the first one
         self.last_published = 0  # publishing time of the last entry [ns]
         earliest: list[int] = []  # publishing time of a message in each stretch [ns]
         begins: list[int] = []  # publishing time of the entry that begins each [ns]
         before, beginning = 0, False
-        for message, entry in journal:
-            published = message.publish_time
-            if self.first is None:
-                self.first = message, entry
+        for recorded, wrong in with_wrong_header(journal):
+            entry, published = recorded.entry, recorded.message.publish_time
+            self.first = self.first or recorded
+            self.wrong = self.wrong or wrong
             if entry.kind in BEGINNINGS or not begins:
                 # Entries that begin together are published together.
                 earliest.append(earliest[-1] if beginning else before)

@@ -14,7 +14,7 @@ from itertools import chain
 import rpud_sim.bag
 from rpud_sim.bag import BagFormatError, BagReader, Message, TopicSummary
 from rpud_sim.bag.cdr import Codec
-from rpud_sim.foundation.time import SECOND, join_seconds
+from rpud_sim.foundation.time import SECOND
 from rpud_sim.inspection.recorded_journal import (
     Extent,
     Recorded,
@@ -23,9 +23,8 @@ from rpud_sim.inspection.recorded_journal import (
     journal_codec,
     journal_entries,
     proof_codec,
-    wrong_header,
 )
-from rpud_sim.inspection.recorded_topics import RecordedTopics
+from rpud_sim.inspection.recorded_topics import RecordedMessages, RecordedTopics
 from rpud_sim.inspection.verify.coverage import (
     BEGINNINGS,
     JournalStretches,
@@ -39,7 +38,6 @@ from rpud_sim.inspection.verify.messages import (
     key_of,
     without_padding,
 )
-from rpud_sim.inspection.verify.recorded_messages import RecordedMessages
 from rpud_sim.inspection.verify.topic_comparison import (
     ContentComparison,
     Counts,
@@ -49,16 +47,15 @@ from rpud_sim.inspection.verify.topic_comparison import (
 )
 from rpud_sim.simulation import EngineError
 from rpud_sim.simulation.fields import faults_fields, header_fields
-from rpud_sim.simulation.journal import STARTS, JournalEntry
+from rpud_sim.simulation.journal import STARTS
 from rpud_sim.simulation.rerun import JournalError, Rerun
 from rpud_sim.simulation.run import Run
 from rpud_sim.simulation.telemetry import Entry, Together
-from rpud_sim.simulation.topics import PROVED, TOPICS, Fields
+from rpud_sim.simulation.topics import ALL_COMMAND_TOPICS, COMMAND_TOPICS, PROVED, TOPICS, Fields
 from rpud_sim.simulation.versions import other_engine
 
 # Time that is simulated beyond the last stamp: a block may end later [ns].
 _TAIL = 2 * SECOND
-_COMMANDS = ("command/weight_on_bit", "command/drive", "command/feed")
 _COUNTERS = ("commands_accepted", "commands_rejected", "commands_discarded")  # of a status
 _LAST_STATUS = 10 * SECOND  # of a bag, in which a living drill has published a status [ns]
 
@@ -152,7 +149,7 @@ class _Proof:
         self._coverage = find_coverage(bag, self._extent, self._stretches)
 
     def run(self) -> None:
-        if wrong := wrong_header(self._entries(), self._codec):
+        if wrong := self._stretches.wrong:
             self._add_difference(*wrong)
             return  # times that contradict each other may be any
         comparisons = self._compare()
@@ -202,8 +199,8 @@ class _Proof:
             for name, codec in self._codecs.items()
         }
         for blocks, position in self._computed():
-            for name, block in blocks:
-                comparisons[name].add(block)
+            for block in blocks:
+                comparisons[block.messages.topic].add(block)
             if position > self._coverage.reached and all(
                 comparison.exhausted for comparison in comparisons.values()
             ):
@@ -232,10 +229,10 @@ class _Proof:
             if comparison.suspects
         }
         for blocks, _ in self._computed():
-            for name, block in blocks:
-                if name in contents:
-                    for number in range(len(block.messages)):
-                        contents[name].add(block.messages.message(number))
+            for messages in (block.messages for block in blocks):
+                if messages.topic in contents:
+                    for number in range(len(messages)):
+                        contents[messages.topic].add(messages.message(number))
         self.simulated = simulated
         unmatched: list[Suspect] = []
         for name, content in contents.items():
@@ -249,21 +246,21 @@ class _Proof:
             )
         return unmatched
 
-    def _computed(self) -> Iterator[tuple[Iterator[tuple[str, ComputedBlock]], Position]]:
-        """Yield computed messages by topic, and the progress of the drill at their end."""
+    def _computed(self) -> Iterator[tuple[Iterator[ComputedBlock], Position]]:
+        """Yield computed messages, and the progress of the drill at their end."""
         rerun = Rerun()
         stretch = -1
 
         def blocks(
             messages: Iterable[Entry | Together],
-        ) -> Iterator[tuple[Iterator[tuple[str, ComputedBlock]], Position]]:
+        ) -> Iterator[tuple[Iterator[ComputedBlock], Position]]:
             for found in messages:
                 reached = rerun.origin + rerun.time
                 yield computed_blocks(found, self._codecs, stretch, reached), (stretch, reached)
 
         try:
-            for message, entry in self._entries():
-                before = rerun.time
+            for recorded in self._entries():
+                entry, before = recorded.entry, rerun.time
                 if entry.kind in BEGINNINGS or stretch < 0:
                     stretch += 1
                 if entry.kind == "begin":
@@ -273,7 +270,7 @@ class _Proof:
                     before = entry.time
                 yield from blocks(rerun.repeat(entry))
                 if entry.kind == "state" and known is not None:
-                    self._compare_state(message, entry, known)
+                    self._compare_state(recorded, known)
                 elif entry.kind == "state" and rerun.run is not None:
                     faults = rerun.run.simulation.faults
                     self._first_faults = faults_fields(faults, rerun.time, rerun.origin)
@@ -294,20 +291,17 @@ class _Proof:
     def begins(self) -> tuple[int, int] | None:
         """Return stamp and publishing time of the first entry; None if it is the drill's first."""
         assert self._stretches.first is not None
-        message, entry = self._stretches.first
-        if entry.sequence == 0:
-            return None
-        stamp = self._codec.decode(message.data).header.stamp
-        return join_seconds(stamp.sec, stamp.nanosec), message.publish_time
+        first = self._stretches.first
+        return (first.stamp, first.message.publish_time) if first.entry.sequence else None
 
-    def _compare_state(self, message: Message, entry: JournalEntry, run: Run) -> None:
+    def _compare_state(self, recorded: Recorded, run: Run) -> None:
         # As texts, for NaN is not itself. The faults are published before or after the entry.
         texts = []
-        for state in (run.state(), entry.content.get("state")):
+        for state in (run.state(), recorded.entry.content.get("state")):
             told = state if isinstance(state, dict) else {}
             texts.append(json.dumps({**told, "faults_published": None}, sort_keys=True))
         if texts[0] != texts[1]:
-            self._add_difference(message, entry, "state", "a state", "another one")
+            self._add_difference(recorded, "state", "a state", "another one")
 
     def _check_older_faults(self, older: Message | None) -> None:
         """Compare the faults that a late recorder got first with those of the first state."""
@@ -324,8 +318,8 @@ class _Proof:
         """Warn if the drill took more commands than a bag with all of their topics holds."""
         status = self._summaries.get("status")
         codec = self._extent.codecs.get(status.topic.name) if status else None
-        held = [self._summaries.get(name) for name in (*_COMMANDS, "joint_commands")]
-        if self._stretches.runs > 1 or None in held[: len(_COMMANDS)]:
+        held = [self._summaries.get(name) for name in ALL_COMMAND_TOPICS]
+        if self._stretches.runs > 1 or None in held[: len(COMMAND_TOPICS)]:
             return  # the counters may have begun again, or the commands were not to be recorded
         if status is None or codec is None or not status.message_count:
             return
@@ -342,22 +336,20 @@ class _Proof:
                     f"bag holds {count}"
                 )
 
-    def _add_difference(
-        self, message: Message, entry: JournalEntry, field: str, value: str, computed: str
-    ) -> None:
-        self.differences.append(
-            MessageDifference(self._journal, entry.time, message.log_time, field, value, computed)
-        )
+    def _add_difference(self, recorded: Recorded, field: str, value: str, computed: str) -> None:
+        place = self._journal, recorded.entry.time, recorded.message.log_time
+        self.differences.append(MessageDifference(*place, field, value, computed))
 
     def _entries(self) -> Iterator[Recorded]:
-        recorded = journal_entries(self._bag.messages({self._journal}), self._codec)
-        for message, entry in self._extent.check(recorded, self._codec):
+        journal = journal_entries(self._bag.messages({self._journal}), self._codec)
+        for recorded in self._extent.check(journal):
+            entry = recorded.entry
             if entry.kind in STARTS:
                 held = entry.content
                 beginning = held if entry.kind == "begin" else held.get("beginning")
                 if reason := other_engine(beginning):
                     raise UnverifiableError(f"{self._journal}: {reason}")
-            yield message, entry
+            yield recorded
 
     def _count(self, simulated: int) -> None:
         self.simulated += simulated

@@ -15,7 +15,6 @@ from rpud_sim.ros.client.listening_node import ListeningNode, RefusedError
 from rpud_sim.ros.client.service_caller import ServiceCaller
 from rpud_sim.ros.graph import node_name
 
-_COMMANDS = {"weight_on_bit": msg.WeightOnBit, "drive": msg.Drive, "feed": msg.Feed}
 _COMMAND_DEPTH = 100
 
 
@@ -50,7 +49,7 @@ class CommandSender:
     def send(self, name: str, message: Any) -> None:
         """Publish a command by its topic, and wait until the status shows that it is accepted."""
         if name not in self._publishers:
-            self._publishers[name] = self._publisher(name)
+            self._publishers[name] = self._publisher(type(message), name)
         self._count += 1
         self._awaited = message.header.frame_id = f"{self._mark}/{self._count}"
         self._results.clear()
@@ -61,14 +60,14 @@ class CommandSender:
         if not result.accepted:
             raise RefusedError(result.reason)
 
-    def _publisher(self, name: str) -> Publisher:
+    def _publisher(self, kind: Any, name: str) -> Publisher:
         """Return a publisher of a command, which the drill hears.
 
         It is made for the first command: the drill warns of several publishers, and a client that
         only watches must not be one of them.
         """
         topic = f"command/{name}"
-        publisher = self._node.create_publisher(_COMMANDS[name], topic, _COMMAND_DEPTH)
+        publisher = self._node.create_publisher(kind, topic, _COMMAND_DEPTH)
         self._services.introduce()
         self._listening.until(
             lambda: self._is_heard(publisher), f"the drill did not subscribe to {topic}"

@@ -15,9 +15,7 @@ from rclpy.impl.rcutils_logger import RcutilsLogger
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.serialization import deserialize_message
-from rpud_msgs.msg import Drive as DriveMessage
 from rpud_msgs.msg import Feed as FeedMessage
-from rpud_msgs.msg import WeightOnBit as WeightOnBitMessage
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 
@@ -26,10 +24,11 @@ from rpud_sim.drilling.mount import POSITION, RATE
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.foundation.time import SECOND, join_seconds
 from rpud_sim.ros.delay_histogram import DelayHistogram
+from rpud_sim.ros.graph import message_class
 from rpud_sim.simulation.commands import Command, Drive, Feed, WeightOnBit
 from rpud_sim.simulation.configuration import Settings
 from rpud_sim.simulation.fields import FEED_JOINT, JOINTS, ROTATION_JOINT
-from rpud_sim.simulation.topics import Fields
+from rpud_sim.simulation.topics import ALL_COMMAND_TOPICS, JOINT_COMMANDS, Fields
 
 COMMAND_QOS = QoSProfile(depth=1000)  # reliable
 
@@ -89,15 +88,12 @@ def _to_feed(message: FeedMessage) -> Feed:
     return Feed(_FEED_MODES[message.mode], message.value)
 
 
-# Topics of commands: type, and the command that a message has.
-TOPICS: Mapping[str, tuple[type, Callable[[Any], Command | None]]] = {
-    "command/weight_on_bit": (WeightOnBitMessage, lambda message: WeightOnBit(message.force)),
-    "command/drive": (
-        DriveMessage,
-        lambda message: Drive(message.enabled, message.voltage, message.frequency),
-    ),
-    "command/feed": (FeedMessage, _to_feed),
-    "joint_commands": (JointState, joints_to_feed),
+# The command that a message has, by topic.
+_CONVERSIONS: Mapping[str, Callable[[Any], Command | None]] = {
+    "command/weight_on_bit": lambda message: WeightOnBit(message.force),
+    "command/drive": lambda message: Drive(message.enabled, message.voltage, message.frequency),
+    "command/feed": _to_feed,
+    JOINT_COMMANDS: joints_to_feed,
 }
 
 
@@ -233,7 +229,8 @@ class CommandTopic:
         now: Callable[[], int],
     ) -> None:
         self._name = topic.removeprefix("command/")
-        self._type, self._convert = TOPICS[topic]
+        self._type = message_class(ALL_COMMAND_TOPICS[topic])
+        self._convert = _CONVERSIONS[topic]
         self._inbox = inbox
         self._settings = settings
         self._now = now

@@ -20,7 +20,6 @@ from rclpy.validate_namespace import validate_namespace
 from rpud_sim.foundation.quantities import ExpectedError
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.ros.drill import standard_services
-from rpud_sim.ros.drill.commands import TOPICS as COMMAND_TOPICS
 from rpud_sim.ros.drill.commands import CommandTopic, Inbox
 from rpud_sim.ros.drill.duplicate_nodes import DuplicateNodes, NameHold
 from rpud_sim.ros.drill.live_run import LiveRun
@@ -38,6 +37,7 @@ from rpud_sim.simulation.faults import FaultRecord
 from rpud_sim.simulation.plans import scenario_of
 from rpud_sim.simulation.rerun import Start
 from rpud_sim.simulation.statistics import Statistics
+from rpud_sim.simulation.topics import ALL_COMMAND_TOPICS
 
 NAME = "drill_node"
 _THREADS = 3  # a step, a short request, and whatever else comes
@@ -74,7 +74,7 @@ class DrillNode(ManagedNode):
         self._inbox = Inbox(self.get_logger(), self.loop.wake)
         self._namesakes = DuplicateNodes(self)
         self._unrecorded: Mapping[str, int] = {}  # messages before ``await_recorder``, by topic
-        for topic in COMMAND_TOPICS:
+        for topic in ALL_COMMAND_TOPICS:
             CommandTopic(self, topic, self._inbox, lambda: self.settings, self._now)
         services = DrillServices(self, self.loop, lambda: self.settings)
         if standard_services.INSTALLED:

@@ -22,7 +22,7 @@ from rpud_sim.simulation.faults import FaultRecord
 from rpud_sim.simulation.fields import Bookkeeping, time_fields
 from rpud_sim.simulation.run import Run
 from rpud_sim.simulation.statistics import Figures, Statistics
-from rpud_sim.simulation.topics import MOUNT_FRAME, Fields
+from rpud_sim.simulation.topics import ALL_COMMAND_TOPICS, JOINT_COMMANDS, MOUNT_FRAME, Fields
 
 # Power that the steps of the arm may lose or win, as a share of the work of actuator and feed.
 COUPLING_SHARE = 0.05
@@ -38,7 +38,7 @@ _BATCH_SIZE = 20  # blocks that are counted at once: one by one would take most 
 _COMMAND_TOPICS = (
     ("command/weight_on_bit",),
     ("command/drive",),
-    ("command/feed", "joint_commands"),
+    ("command/feed", JOINT_COMMANDS),
 )
 _OK, _WARN, _ERROR = range(3)  # levels of diagnostics
 
@@ -173,8 +173,9 @@ class StatusReporter:
         self._command_topics = [
             [node.resolve_topic_name(topic) for topic in topics] for topics in _COMMAND_TOPICS
         ]
-        commands = {topic for topics in _COMMAND_TOPICS for topic in topics}
-        self._subscriptions = [each for each in node.subscriptions if each.topic in commands]
+        self._subscriptions = [
+            each for each in node.subscriptions if each.topic in ALL_COMMAND_TOPICS
+        ]
         self._blocks: list[Block] = []
         self._measured: Fields = {}  # by the latest full report
         self._figures: Figures = {}  # of it

@@ -160,7 +160,6 @@ def fit_in(folder: FitFolder, specification: FitSpecification) -> Fit:
     shares = pool(branches, np.random.default_rng([specification.seed, SAMPLING, 1 << 20]))
     branch = max(branches, key=lambda branch: branch.probability)
     box = Region(*interval_shares(shares))
-    assert branch.posterior is not None
     outside = not box.holds(branch.posterior.shares).any()
     best, runs = _best(folder, specification, branch, branch.region if outside else box)
     comparisons = _compared(specification, runs)
@@ -193,7 +192,6 @@ def _best(
     folder: FitFolder, specification: FitSpecification, branch: Branch, box: Region
 ) -> tuple[dict[str, Any], np.ndarray]:
     """Return the best point of a box, chosen among candidates by simulation, and its runs."""
-    assert branch.posterior is not None
     probable = branch.posterior.shares[np.argsort(-branch.posterior.log_likelihood)]
     probable = probable[box.holds(probable)]
     # The most probable one, and others down to the middle of all, ever further apart.

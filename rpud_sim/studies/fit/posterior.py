@@ -97,6 +97,10 @@ class Posterior:
     log_evidence: float  # logarithm of the mean likelihood between all bounds
 
 
+IMPOSSIBLE = Posterior(np.empty((0, 0)), np.empty(0), -math.inf)
+"""Posterior of choices that cannot be."""
+
+
 def sample(likelihood: Likelihood, particles: int, random: np.random.Generator) -> Posterior:
     """Return the posterior for even prior probability; ``particles`` is a power of two."""
     region = likelihood.surrogate.region

@@ -21,8 +21,8 @@ from rpud_sim.simulation import EngineError
 from rpud_sim.simulation.ensemble import compile_kernels, compile_members
 from rpud_sim.simulation.versions import engine_versions, version_of
 from rpud_sim.studies.fit.measures import measure
-from rpud_sim.studies.fit.posterior import Likelihood, Posterior, cut_off, sample
-from rpud_sim.studies.fit.surrogate import Region, Surrogate, SurrogateError, fit_surrogate
+from rpud_sim.studies.fit.posterior import IMPOSSIBLE, Likelihood, Posterior, cut_off, sample
+from rpud_sim.studies.fit.surrogate import Region, SurrogateError, fit_surrogate
 from rpud_sim.studies.fit.target_file import FitSpecification
 from rpud_sim.studies.store import StudyStore
 from rpud_sim.studies.workers import check_versions, run_chunks
@@ -166,8 +166,7 @@ class Branch:
     region: Region  # of the present round
     shares: np.ndarray  # simulated points in it, shape (points, unknowns)
     figures: np.ndarray  # of their runs, shape (points, repeat, targets)
-    surrogate: Surrogate | None = None  # of the figures; None if too few points have them
-    posterior: Posterior | None = None  # of the unknowns
+    posterior: Posterior = IMPOSSIBLE  # of the unknowns; that if too few points have the figures
     probability: float = 0.0  # of the combination
 
 
@@ -224,27 +223,27 @@ def named_points(
 def _update(specification: FitSpecification, branch: Branch, number: int) -> None:
     """Fit the surrogate of a branch and sample its posterior."""
     try:
-        branch.surrogate = fit_surrogate(
+        surrogate = fit_surrogate(
             branch.region, branch.shares, branch.figures, specification.condition_numbers
         )
     except SurrogateError as error:
         if len(specification.combinations) == 1:
             raise FitError(str(error)) from None
-        branch.surrogate, branch.posterior = None, None
+        branch.posterior = IMPOSSIBLE
         return
-    likelihood = Likelihood(branch.surrogate, specification.targets)
+    likelihood = Likelihood(surrogate, specification.targets)
     random = np.random.default_rng([specification.seed, SAMPLING, number, branch.number])
     branch.posterior = sample(likelihood, PARTICLES, random)
 
 
 def _weigh(branches: list[Branch]) -> list[Branch]:
     """Return the branches that are probable enough, with their probabilities."""
-    found = [b for b in branches if b.posterior and math.isfinite(b.posterior.log_evidence)]
+    found = [branch for branch in branches if math.isfinite(branch.posterior.log_evidence)]
     if not found:
         raise FitError(
             "no point between the bounds gives these figures; move the bounds of the unknowns"
         )
-    logs = np.array([branch.posterior.log_evidence for branch in found if branch.posterior])
+    logs = np.array([branch.posterior.log_evidence for branch in found])
     weights = np.exp(logs - logs.max())
     for branch, weight in zip(found, weights / weights.sum(), strict=True):
         branch.probability = float(weight)
@@ -257,7 +256,6 @@ def _weigh(branches: list[Branch]) -> list[Branch]:
 
 def next_region(branch: Branch) -> Region:
     """Return a box around the posterior; it may also grow where the posterior meets its side."""
-    assert branch.posterior is not None
     low, high = np.quantile(branch.posterior.shares, (_TAIL, 1.0 - _TAIL), axis=0)
     pad = _PADDING * (high - low) + 0.5 * np.maximum(_LEAST_WIDTH - (high - low), 0.0)
     return Region(np.maximum(low - pad, 0.0), np.minimum(high + pad, 1.0))
@@ -267,7 +265,7 @@ def unfinished(specification: FitSpecification, branches: list[Branch]) -> list[
     """Return the unknowns whose posterior the region of the last round cuts off."""
     found: dict[str, None] = {}
     for branch in branches:
-        if branch.posterior is None or branch.probability < _SEEN:
+        if branch.probability < _SEEN:
             continue
         region = branch.region
         low, high = cut_off(branch.posterior.shares, region.low, region.high)
@@ -282,6 +280,5 @@ def pool(branches: list[Branch], random: np.random.Generator) -> np.ndarray:
     chosen = [
         branch.posterior.shares[random.permutation(len(branch.posterior.shares))[:number]]
         for branch, number in zip(branches, numbers, strict=True)
-        if branch.posterior is not None
     ]
     return np.concatenate(chosen)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
+import json
 import math
 from collections.abc import Mapping
 from types import MappingProxyType
@@ -107,30 +108,35 @@ class PlannedRun:
 
     name: str  # of its bag, unique in the sweep
     seed: int  # of the signals' random numbers
-    fault: Fault | None = None  # that begins, None without one
-    onset: int | None = None  # simulation time at which it begins [ns]
-    clear: int | None = None  # at which it ends [ns]; None for not before the end
+    fault: ScheduledFault | None = None  # None without one
 
     @property
     def scenario(self) -> Scenario | None:
         """Scenario of the fault."""
-        if self.fault is None or self.onset is None:
-            return None
-        return Scenario(self.seed, (ScheduledFault(self.onset, self.clear, self.fault),))
+        return Scenario(self.seed, (self.fault,)) if self.fault else None
 
     def labels(self) -> dict[str, Any]:
-        """Return the ground truth by the names of the table's columns; None without a fault."""
-        if self.fault is None or self.onset is None:
-            return dict.fromkeys(("kind", "channel", "magnitude", "unit", "onset", "clear"))
-        quantity = KINDS[self.fault.kind].quantity_on(self.fault.channel)
+        """Return the ground truth by the names of the table's columns; empty without a fault."""
+        if self.fault is None:
+            return {}
+        onset, clear, fault = self.fault.onset, self.fault.clear, self.fault.fault
+        quantity = KINDS[fault.kind].quantity_on(fault.channel)
         return {
-            "kind": self.fault.kind,
-            "channel": self.fault.channel,
-            "magnitude": self.fault.magnitude,
+            **dataclasses.asdict(fault),
             "unit": quantity.unit if quantity else "",
-            "onset": self.onset / SECOND,
-            "clear": None if self.clear is None else self.clear / SECOND,
+            "onset": onset / SECOND,
+            "clear": None if clear is None else clear / SECOND,
         }
+
+    @property
+    def scenario_text(self) -> str:
+        """Scenario as JSON, and so as YAML; empty without a fault."""
+        if self.fault is None:
+            return ""
+        entry = {**dataclasses.asdict(self.fault.fault), "onset": self.fault.onset / SECOND}
+        if self.fault.duration:
+            entry["duration"] = self.fault.duration / SECOND
+        return json.dumps({"seed": self.seed, "faults": [entry]}) + "\n"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -218,7 +224,7 @@ class SweepSpecification:
         clear = None
         if self.lasting:
             clear = onset + self._draw_time(f"{name}/lasting", self.lasting)
-        return PlannedRun(name, seed, self.faults[label], onset, clear)
+        return PlannedRun(name, seed, ScheduledFault(onset, clear, self.faults[label]))
 
     def _point_name(self, number: int, point: Mapping[str, Any]) -> str:
         """Return the name of a point: case, fault, and number in the design."""

@@ -105,7 +105,7 @@ export class Controls {
 
   /** @param {import("./frames.js").Outcome[]} outcomes */
   drawOutcomes(outcomes) {
-    const news = outcomes.filter((each) => each.state !== "waiting" && each.number > this.told);
+    const news = outcomes.filter((each) => each.number > this.told);
     // What other readers did before this page was there is not its own.
     for (const { name, state, text } of this.told < 0 ? [] : news)
       for (const control of elements(`[data-of~="${name}"]`)) this.write(control, state === "done" ? "" : text);

@@ -39,7 +39,7 @@ export class Details {
   /** @param {import("./marks.js").Seen} seen @param {import("./frames.js").Frame} frame */
   draw(seen, frame) {
     this.seen = seen;
-    if (frame.timing || frame.losses || frame.refusals) this.timing.draw();
+    if (frame.timing || frame.losses) this.timing.draw();
     if (frame.values || frame.status) this.values.draw();
     if (frame.log) this.log.draw();
     this.segments.details.hidden = !seen.report?.tables.length;
@@ -47,10 +47,9 @@ export class Details {
   }
 
   timingRows() {
-    const { timing = {}, losses = {}, refusals } = this.seen;
+    const { timing = {}, losses = {} } = this.seen;
     const lost = Object.entries(losses).filter(([, count]) => count).map(([topic, count]) => `${topic} ${count}`);
     const rows = [...Object.entries(timing), ["messages lost on the way here", lost.join(", ") || "0"]];
-    if (refusals) rows.push(["commands refused", refusals.filter(Boolean).join(", the latest: ") || "0"]);
     return [tableOf("timing and losses", [], rows)];
   }
 

@@ -17,11 +17,11 @@
  * @typedef {{time: number, kind: string, text: string}} Entry
  * @typedef {{time: number, period: number, nodal_plane: Float32Array, actuator: Float32Array,
  *   free_mass: Float32Array, drill_tool: Float32Array, contact_force: Float32Array,
- *   impacts: [number, number, number][], exact: boolean, kept?: number[]}} Section
+ *   impacts: [number, number, number][], kept?: number[]}} Section
  * @typedef {{mean: number | null, least: number | null, greatest: number | null,
  *   spark: Float32Array | number[]}} NumberOf
  * @typedef {{number: number, name: string,
- *   state: "waiting" | "done" | "refused" | "failed", text: string}} Outcome
+ *   state: "done" | "refused" | "failed", text: string}} Outcome
  * @typedef {{name: string, label: string, unit: string, scale: number, colour: string, floor: number,
  *   zero: boolean}} Quantity
  * @typedef {{title: string, columns: string[], rows: (string | number | null)[][]}} Table
@@ -34,11 +34,11 @@
  *   connection?: {state: "searching" | "connected" | "vanished", since: number, reason: string},
  *   notice?: string, status?: Record<string, any>, values?: Record<string, Record<string, any>>,
  *   numbers?: Record<string, NumberOf | null>, faults?: Fault[],
- *   commands?: {list: Entry[], thinned: number}, steps?: Record<string, Steps>,
+ *   steps?: Record<string, Steps>,
  *   gaps?: [number, number][], view?: View, section?: Section, sections?: Section[],
  *   timeline?: {t: Float64Array, low: Float32Array, mean: Float32Array, high: Float32Array},
  *   hole?: any, kinds?: string[], channels?: string[], outcomes?: Outcome[],
- *   refusals?: [number, string], refused?: [number, string], timing?: Record<string, string>,
+ *   refused?: [number, string], timing?: Record<string, string>,
  *   losses?: Record<string, number>, log?: Entry[], log_thinned?: number,
  *   jump?: {time?: number, peak_force?: number, contact_duration?: number, none?: string}, report?: Report, error?: string,
  * }} Frame

@@ -86,7 +86,7 @@ function meanOf(values) {
 /** Return a layer between two times, in about so many bins: several become one.
  * @param {import("./frames.js").Layer} layer @param {number} start @param {number} end @param {number} width
  * @returns {import("./frames.js").Layer} */
-export function partOf(layer, start, end, width) {
+function partOf(layer, start, end, width) {
   const first = Math.max(0, placeOf(layer.t, start));
   const last = Math.min(layer.t.length, placeOf(layer.t, end) + 2);
   const joined = Math.max(1, Math.floor((last - first) / Math.max(1, width)));

@@ -139,7 +139,7 @@ export function drawWords(plot, seen) {
 
 /** @param {Seen} seen @returns {import("./frames.js").Entry[]} commands; faults are shaded */
 export function commandsOf(seen) {
-  return (seen.commands?.list ?? []).filter((each) => each.kind !== "fault");
+  return (seen.log ?? []).filter((each) => each.kind === "command");
 }
 
 /** Return a time in words, with the commands and faults there.

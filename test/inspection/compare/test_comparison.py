@@ -148,7 +148,7 @@ def test_bits_are_equal_whatever_the_wall_clock_was(made, tmp_path):
             time.sec += SHIFT // SECOND
         if message.topic.endswith("journal") and fields.kind == "origin":
             fields.content = json.dumps({**json.loads(fields.content), "origin": SHIFT})
-        return [bytes(codec._store.serialize_cdr(fields, codec.type_name))]
+        return [bytes(codec._store.serialize_cdr(fields, codec.type.name))]
 
     stamped = altered(made / "a", tmp_path / "stamped", change)
     path = merged(tmp_path / "shifted", (stamped, SHIFT, "/rpud"))

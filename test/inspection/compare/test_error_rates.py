@@ -9,7 +9,6 @@ from rpud_sim.inspection.compare.comparison import compare_values
 from rpud_sim.inspection.compare.estimates import DIFFERS
 from rpud_sim.inspection.compare.values import IMPACTS, RecordedValues
 from rpud_sim.inspection.recorded_drill import Clock, RecordedDrill
-from rpud_sim.inspection.recorded_journal import JOURNAL, installed_codec
 from rpud_sim.simulation import Parameters, Simulation, Times, preset
 
 DRILLING = preset("drilling")
@@ -32,7 +31,7 @@ def simulated_values(parameters: Parameters, phase: float, duration: int) -> Rec
     found = np.concatenate(impacts)
     times = np.arange(duration * RATE) / RATE
     return RecordedValues(
-        RecordedDrill("", "/journal", installed_codec(JOURNAL), None, Clock(0)),
+        RecordedDrill("", "/journal", None, Clock(0)),
         {
             IMPACTS: {
                 "time": found["seconds"] + found["fraction"],

@@ -2,6 +2,7 @@
 
 import dataclasses
 import itertools
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from inspection.verify.proof_bags import JOURNAL
 
 from rpud_sim.bag import Message
 from rpud_sim.inspection.recorded_journal import JOURNAL as TYPE
-from rpud_sim.inspection.recorded_journal import UnverifiableError, installed_codec
+from rpud_sim.inspection.recorded_journal import Recorded, UnverifiableError, installed_codec
 from rpud_sim.inspection.verify.coverage import JournalStretches
 from rpud_sim.inspection.verify.verification import PROVED, verify
 from rpud_sim.simulation.journal import JournalEntry
@@ -21,10 +22,13 @@ from rpud_sim.simulation.versions import ENGINE
 
 def journal(*published):
     """Return a journal: kind and time of publishing of each entry."""
-    return [
-        (Message("/rpud/journal", 0, time, b""), JournalEntry(number, 0, kind, {}))
-        for number, (kind, time) in enumerate(published)
-    ]
+    return [recorded(number, kind, time) for number, (kind, time) in enumerate(published)]
+
+
+def recorded(number, kind, time):
+    message = Message("/rpud/journal", 0, time, b"")
+    fields = SimpleNamespace(header=SimpleNamespace(frame_id="rpud_mount"))
+    return Recorded(message, JournalEntry(number, 0, kind, {"origin": 0}), fields, 0)
 
 
 TWO_RUNS = (
@@ -132,6 +136,7 @@ def twice(message):
         (numbered("journal", 1, lambda m: []), None, "entries 1 to 1"),
         (beginning(lambda content: content.update(time=2**63)), None, "journal"),
         (beginning(lambda content: content.pop("parameters")), None, "journal"),
+        (edited(lambda _, content: content.pop("origin", None)), None, r"KeyError\('origin'\)"),
         (beginning(lambda c: c["parameters"].update(block_duration=0.0)), None, "journal"),
     ],
 )

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from inspection.verify.test_recorded_journal import recorded
 from support import examples
 
 import rpud_sim.bag
@@ -11,13 +12,11 @@ from rpud_sim.bag import BagWriter, Message, QosProfile, Topic
 from rpud_sim.bag.messages import MessageBlock
 from rpud_sim.inspection import recorded_topics
 from rpud_sim.inspection.recorded_journal import installed_codec
-from rpud_sim.inspection.recorded_topics import RecordedTopics
+from rpud_sim.inspection.recorded_topics import RecordedMessages, RecordedTopics
 from rpud_sim.inspection.verify.coverage import Coverage, JournalStretches
 from rpud_sim.inspection.verify.messages import computed_blocks
-from rpud_sim.inspection.verify.recorded_messages import RecordedMessages
 from rpud_sim.inspection.verify.topic_comparison import TopicComparison
 from rpud_sim.simulation.configuration import to_settings
-from rpud_sim.simulation.journal import JournalEntry
 from rpud_sim.simulation.run import Beginning, Run
 from rpud_sim.simulation.telemetry import Together
 from rpud_sim.simulation.topics import TOPICS
@@ -106,10 +105,8 @@ def stretches_of(count):
     """A journal whose stretches begin a second apart."""
     entries = []
     for number in range(count):
-        message = Message("/rpud/journal", number * SECOND, number * SECOND, b"")
-        entries.append((message, JournalEntry(number, 0, "begin", {})))
         # Otherwise two beginnings without an entry between them would be one.
-        entries.append((message, JournalEntry(number, 0, "stop", {})))
+        entries += [recorded(number, kind, number * SECOND) for kind in ("begin", "stop")]
     return JournalStretches(iter(entries))
 
 
@@ -145,7 +142,7 @@ def test_by_the_block_the_result_is_that_of_single_messages(name, runs, damages,
         )
         for together, stretch in found:
             end = together.end
-            for _, block in computed_blocks(together, {name: CODECS[name]}, stretch, end):
+            for block in computed_blocks(together, {name: CODECS[name]}, stretch, end):
                 comparison.add(block)
         comparison.finish()
         assert comparison.exhausted

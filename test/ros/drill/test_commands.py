@@ -23,15 +23,16 @@ from support import PATIENCE
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.ros.drill import commands
 from rpud_sim.ros.drill.commands import (
-    TOPICS,
     CommandTopic,
     Inbox,
     arrival,
     joints_to_feed,
     result_of,
 )
+from rpud_sim.ros.graph import message_class
 from rpud_sim.simulation.commands import Drive, Feed, WeightOnBit
 from rpud_sim.simulation.configuration import Settings
+from rpud_sim.simulation.topics import ALL_COMMAND_TOPICS
 
 SECOND = 1_000_000_000
 NOW = 1000 * SECOND
@@ -52,7 +53,8 @@ class Commander:
         self.executor = SingleThreadedExecutor()
         self.executor.add_node(drill)
         self.publishers = {}
-        for topic, (kind, _) in TOPICS.items():
+        for topic, name in ALL_COMMAND_TOPICS.items():
+            kind = message_class(name)
             CommandTopic(drill, topic, self.inbox, lambda: self.settings, lambda: NOW)
             self.publishers[kind] = client.create_publisher(kind, topic, 10)
         self.until(lambda: all(p.get_subscription_count() for p in self.publishers.values()))

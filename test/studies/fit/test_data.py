@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from sample_bags import write_mcap
 from specifications import parse_targets
+from support import refusal
 
 from rpud_sim import bag
-from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.inspection.offline_bag import write_offline_bag
 from rpud_sim.simulation.configuration import to_configuration, to_settings
 from rpud_sim.simulation.run import Beginning
@@ -88,6 +88,9 @@ def test_a_column_of_depths_becomes_a_rate_of_penetration(tmp_path):
     assert found.error(0.0) < 0.02 * found.value
 
 
+NEGATIVE = "time,peak_force\n" + "".join(f"{0.01 * n},{-1000 - n}\n" for n in range(200))
+
+
 @pytest.mark.parametrize(
     ("text", "complaint"),
     [
@@ -96,26 +99,15 @@ def test_a_column_of_depths_becomes_a_rate_of_penetration(tmp_path):
         ("time,peak_force\n1,2\n", "has neither 100 impacts nor 20 samples"),
         ("time,peak_force\n1,two\n", "line 2 has no number in peak_force"),
         ("time,peak_force\n1\n", "line 2 has no number in peak_force"),
+        pytest.param(NEGATIVE, "mean, 0 to 1.99 s is -1099 N, and the model's", id="negative"),
     ],
 )
 def test_a_file_without_data_is_refused_in_one_line(tmp_path, text, complaint):
     (tmp_path / "drill.csv").write_text(text)
-    with pytest.raises(ParameterError) as caught:
-        from_data(tmp_path, csv="drill.csv", skip=0.0)
-    assert complaint in str(caught.value)
-    assert "\n" not in str(caught.value)
-
-
-def test_forces_of_the_other_sign_are_refused(tmp_path):
-    rows = "".join(f"{0.01 * number},{-1000 - number}\n" for number in range(200))
-    (tmp_path / "drill.csv").write_text(f"time,peak_force\n{rows}")
-    with pytest.raises(
-        ParameterError, match=r"contact_force, mean.* is -\S+ N, and the model's is"
-    ):
-        from_data(tmp_path, csv="drill.csv")
+    assert complaint in refusal(lambda: from_data(tmp_path, csv="drill.csv", skip=0.0))
 
 
 def test_a_bag_without_a_drill_is_refused(tmp_path):
     write_mcap(tmp_path / "other.mcap", [])
-    with pytest.raises(ParameterError, match="has none of a drill's topics contact_force"):
-        from_data(tmp_path, bag="other.mcap")
+    complaint = refusal(lambda: from_data(tmp_path, bag="other.mcap"))
+    assert "has none of a drill's topics contact_force" in complaint

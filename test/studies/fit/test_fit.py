@@ -107,11 +107,8 @@ def test_a_known_drill_is_found_with_its_choice_and_resumed(specification, tmp_p
     with pytest.raises(ParameterError, match=r"specification\.seed is 0 there"):
         run_fit(dataclasses.replace(specification, seed=1), tmp_path / "fit", 1)
 
-
-def test_a_plot_shows_where_the_posterior_is(specification, tmp_path):
-    fit = run_fit(specification, tmp_path / "fit", 2)
-    random = np.random.default_rng(0)
-    shares = random.normal(6.0 / 16.0, 0.01 / 16.0, (20_000, 1))
+    # A plot shows where the posterior is.
+    shares = np.random.default_rng(0).normal(6.0 / 16.0, 0.01 / 16.0, (20_000, 1))
     shares[0] = 15.0 / 16.0  # far away
     narrow = dataclasses.replace(fit, shares=shares, best={**fit.best, "weight_on_bit": 10.05})
     [single] = single_plots(narrow)

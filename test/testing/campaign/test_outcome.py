@@ -64,12 +64,6 @@ def outcomes(outcome):
     return {verdict.name: verdict.outcome for verdict in outcome.verdicts}
 
 
-def test_a_run_ends_with_its_verdicts(flight):
-    outcome = flight("works")
-    assert set(outcomes(outcome).values()) == {PASSED}, outcome.verdicts
-    assert (outcome.ending, outcome.reached, outcome.text) == ("completed", 1.0, "")
-
-
 def test_a_system_that_dies_is_a_verdict_with_its_last_lines(flight):
     outcome = flight("dies")
     assert outcome.ending == "died"
