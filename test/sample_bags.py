@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -14,6 +14,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 import rpud_sim.bag
 from rpud_sim.bag import BagWriter, QosProfile, Topic
+from rpud_sim.bag.messages import MessageBlock
 from rpud_sim.inspection import offline_bag
 from rpud_sim.inspection.recorded_journal import installed_codec
 from rpud_sim.simulation import Parameters
@@ -44,6 +45,19 @@ def serialized_string(text: str) -> bytes:
     """Serialize a std_msgs/String as little-endian CDR."""
     data = text.encode()
     return b"\x00\x01\x00\x00" + struct.pack("<I", len(data) + 1) + data + b"\x00"
+
+
+def block_of(
+    messages: Sequence[bytes], topic: str = "/a", gap: bytes = b"", times: Any = None
+) -> MessageBlock:
+    """Return messages with bytes between them that are none; ``times`` has a row for each."""
+    sizes = np.array([len(data) for data in messages], np.int64)
+    if times is None:
+        times = np.repeat(np.arange(len(messages))[:, None], 2, axis=1)
+    logs, sent = np.array(times, np.int64).reshape(-1, 2).T
+    data = np.frombuffer(gap + gap.join(messages), np.uint8)
+    starts = np.cumsum(sizes + len(gap)) - sizes
+    return MessageBlock(topic, logs, sent, data, starts, sizes)
 
 
 def write_bag(

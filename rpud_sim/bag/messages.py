@@ -254,10 +254,9 @@ def messages_in_order(
     segments: Iterable[BagSegment],
     topics: Collection[str] | None = None,
     start: int = 0,
-    end: int | None = None,
 ) -> Iterator[Message]:
     """Yield messages in the order of log times, those of one time in the order of segments."""
-    for due in _steps(segments, topics, start, end):
+    for due in _steps(segments, topics, start, None):
         parts = [part for parts in due.values() for part in parts]
         parts.sort(key=lambda part: part.segment)
         yield from messages_of([part.block for part in parts], [part.times for part in parts])

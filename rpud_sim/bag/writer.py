@@ -313,7 +313,7 @@ class BagWriter:
         """Close the file, complete or not; after a failed write the rest of it fails again."""
         if self._file is not None:
             file, self._file = self._file, None
-            with suppress(BagError):
+            with suppress(BagError, OSError):
                 file.close()
 
     def _discard(self) -> None:

@@ -4,14 +4,13 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
-from sample_bags import SEPARATOR, serialized
+from sample_bags import SEPARATOR, block_of, serialized
 from support import examples
 
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.columns import Kind, columns_of
 from rpud_sim.bag.errors import BagFormatError
 from rpud_sim.bag.field_values import FieldReader
-from rpud_sim.bag.messages import MessageBlock
 from rpud_sim.foundation.values import Ragged
 
 PARTS = f"""
@@ -89,14 +88,6 @@ def write(definition, fields, order):
     return bytes(store.serialize_cdr(message, "pkg/msg/All", little_endian=False))
 
 
-def block_of(messages, gap=b""):
-    sizes = np.array([len(data) for data in messages], np.int64)
-    times = np.arange(len(messages))
-    data = np.frombuffer(gap + gap.join(messages), np.uint8)
-    starts = np.cumsum(sizes + len(gap)) - sizes
-    return MessageBlock("/a", times, times, data, starts, sizes)
-
-
 def decoded(codec, columns, messages):
     """The values of each readable message, and the errors of others, one by one."""
     rows, errors = [], []
@@ -124,7 +115,7 @@ def assert_same(codec, definition, messages, gap=b""):
 
 
 def assert_columns(codec, columns, messages, gap=b""):
-    found = FieldReader(codec, columns).read(block_of(messages, gap))
+    found = FieldReader(codec, columns).read(block_of(messages, gap=gap))
     rows, errors = decoded(codec, columns, messages)
     assert [*found.errors] == errors
     assert found.rows.tolist() == [number for number, _ in rows]

@@ -10,13 +10,12 @@ from hypothesis import strategies as st
 from mcap.data_stream import RecordBuilder
 from mcap.records import Attachment, Channel, Schema
 from mcap.writer import CompressionType, Writer
-from sample_bags import CHAT, START, STRING, STRING_DEFINITION, TALK
+from sample_bags import CHAT, START, STRING, STRING_DEFINITION, TALK, block_of
 from support import examples
 
 from rpud_sim.bag import BagError, BagWriter, Topic
 from rpud_sim.bag.chunks import compressor
 from rpud_sim.bag.mcap_writer import McapWriter
-from rpud_sim.bag.messages import MessageBlock
 
 TIMES = st.integers(0, 2**62)
 MESSAGES = st.lists(
@@ -64,22 +63,13 @@ def test_one_by_one_the_file_is_that_of_the_library(tmp_path_factory, messages, 
 
 
 def blocks_of(messages):
-    """Messages by topic, with their places, between bytes that are none."""
+    """Messages by topic, with their places."""
     parts = []
     for channel in {channel for channel, *_ in messages}:
         own = [(place, *rest) for place, (one, *rest) in enumerate(messages) if one == channel]
-        data = [each[3] for each in own]
-        sizes = np.array([len(each) for each in data], np.int64)
-        starts = np.cumsum(sizes + 3) - sizes
-        block = MessageBlock(
-            f"/{channel}",
-            np.array([each[1] for each in own], np.int64),
-            np.array([each[2] for each in own], np.int64),
-            np.frombuffer(b"".join(b"###" + each for each in data), np.uint8),
-            starts,
-            sizes,
-        )
-        parts.append((block, np.array([each[0] for each in own], np.int64)))
+        places, *times, data = zip(*own, strict=True)
+        block = block_of(data, f"/{channel}", b"###", np.transpose(times))
+        parts.append((block, np.array(places, np.int64)))
     return parts
 
 
