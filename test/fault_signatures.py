@@ -15,7 +15,7 @@ import numpy as np
 from scipy.stats import t
 
 from rpud_sim.simulation import Fault, Feed, Simulation, to_configuration
-from rpud_sim.simulation.fault_kinds import KINDS
+from rpud_sim.simulation.fault_kinds import KINDS, _feed, _hole, _rotation
 
 REFERENCE = Path(__file__).parents[1] / "docs" / "reference"
 DOCUMENTATION = REFERENCE / "faults.md"
@@ -54,9 +54,11 @@ BANDS = {
 }
 COLUMNS = tuple(BANDS)
 CONFIDENCE = 0.99
-_KINDS = list(KINDS)
-_ON_AN_ARM = _KINDS[_KINDS.index("binding") : _KINDS.index("off")]
-ROWS = (_ON_AN_ARM[0], "choking", *_ON_AN_ARM[1:])
+# Kinds that a drill without rotation, feed and layers cannot have.
+ON_AN_ARM_ALONE = [
+    name for name, kind in KINDS.items() if {_rotation, _feed, _hole} & {*kind.needs}
+]
+ROWS = (ON_AN_ARM_ALONE[0], "choking", *ON_AN_ARM_ALONE[1:])
 
 
 @dataclasses.dataclass(frozen=True)

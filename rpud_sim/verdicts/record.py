@@ -273,7 +273,7 @@ class Record:
             ):
                 try:
                     time = json.loads(str(content))["time"]
-                except (LookupError, TypeError, ValueError):
+                except (LookupError, RecursionError, TypeError, ValueError):
                     time = 0
                 time = time if type(time) is int else 0
                 yield Entry(int(sequence), str(kind), stamp, published, time)

@@ -88,10 +88,13 @@ def test_a_configuration_file_is_its_regime(figures, regime):
     assert found["events"] == again["events"]
 
 
-def test_an_assignment_overrules_the_file(figures, tmp_path):
+def test_regime_and_assignments_overrule_the_file(figures, tmp_path):
     file = tmp_path / "mine.yaml"
-    file.write_text("/**:\n  ros__parameters: {weight_on_bit: 1.0e1, gravity: 1.62}\n")
-    found = figures("--config", file, "--set", "weight_on_bit=15", "--duration", 0.1)
+    parameters = "{regime: drilling, weight_on_bit: 1.0e1, gravity: 1.62}"
+    file.write_text(f"/**:\n  ros__parameters: {parameters}\n")
+    words = ("--regime", "free", "--set", "weight_on_bit=15", "--duration", 0.1)
+    found = figures("--config", file, *words)
+    assert found["regime"] == "free"
     assert found["parameters"]["weight_on_bit"] == 15.0
     assert found["parameters"]["gravity"] == 1.62
     assert found["parameters"].keys() == set(NAMES)

@@ -62,16 +62,6 @@ def test_a_drill_ends_with_its_parent_where_that_is_wanted(process, connect):
     client.until(lambda: client.status[-1].state == Status.STATE_STOPPED)
 
 
-@pytest.mark.parametrize("words", [["drill_node"], ["recorder", "--out", "{}/bag"]], ids=str)
-def test_a_parameter_of_rclpy_with_another_type_is_one_line(process, tmp_path, words):
-    words = [word.format(tmp_path) for word in words]
-    node = process(*words, "--ros-args", "-p", "use_sim_time:=maybe")
-    assert node.wait() == 2
-    assert "use_sim_time" in node.output
-    assert "\n" not in node.output
-    assert list(tmp_path.iterdir()) == []
-
-
 @pytest.mark.extended
 def test_neither_a_frozen_nor_a_killed_listener_nor_a_killed_recorder_holds_it_up(
     start_drill, process, connect, tmp_path

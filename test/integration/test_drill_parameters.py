@@ -90,19 +90,26 @@ def test_the_regime_by_parameter_and_by_engage_are_one(client):
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("program", "words", "said"),
     [
         (
+            "drill_node",
             ["-p", "wieght_on_bit:=18.0"],
-            "drill_node: wieght_on_bit is not a parameter; did you mean weight_on_bit?",
+            r"drill_node: wieght_on_bit is not a parameter; did you mean weight_on_bit\?",
         ),
-        (["--params-file", "nowhere.yaml"], "drill_node: .*nowhere.yaml.*"),
+        ("drill_node", ["--params-file", "nowhere.yaml"], "drill_node: .*nowhere.yaml.*"),
+        ("drill_node", ["-p", "use_sim_time:=maybe"], ".*use_sim_time.*"),
+        ("recorder", ["-p", "use_sim_time:=maybe"], ".*use_sim_time.*"),
     ],
 )
-def test_a_start_with_what_is_no_parameter_or_no_file_is_one_line(process, words, said):
-    started = process("drill_node", "--ros-args", *words)
+def test_a_start_with_what_is_no_parameter_or_no_file_is_one_line(
+    process, tmp_path, program, words, said
+):
+    out = ("--out", tmp_path / "bag") if program == "recorder" else ()
+    started = process(program, *out, "--ros-args", *words)
     assert started.wait() == 2
-    assert re.fullmatch(re.escape(said) if "?" in said else said, started.output)
+    assert re.fullmatch(said, started.output)
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_parameter_file_may_have_sections_of_other_nodes(process, tmp_path):

@@ -6,7 +6,6 @@ import subprocess
 from pathlib import Path
 
 import pytest
-from ament_index_python.packages import get_package_share_directory
 from drill_client import SECOND, TELEMETRY, nanoseconds, stamps, steps
 from rosbags.highlevel import AnyReader
 from rpud_msgs.msg import Status
@@ -14,8 +13,6 @@ from support import called, rpud, until
 
 import rpud_sim.bag
 from rpud_sim.bag.losses import RECORDING_RECORD
-
-CONFIG = get_package_share_directory("rpud_sim") + "/config"
 
 
 def run(*words):
@@ -222,13 +219,3 @@ def test_two_drills_in_two_namespaces_do_not_meet(process, connect):
         client = connect(name)
         running = client.until(lambda client=client: running_statuses(client)[2:])
         assert {status.weight_on_bit for status in running} == {force}
-
-
-def test_configuration_regime_and_assignments_come_in_that_order(process, connect):
-    process(
-        *("rpud", "run", "--namespace", "ordered", "--config", f"{CONFIG}/drilling.yaml"),
-        *("--regime", "free", "--set", "weight_on_bit=3", "--quiet"),
-    )
-    client = connect("/ordered")
-    status = client.until(lambda: running_statuses(client)[-1:])[0]
-    assert (status.regime, status.weight_on_bit) == ("free", 3.0)

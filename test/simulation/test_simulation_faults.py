@@ -7,6 +7,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from drill_configurations import FULL, RESONANT, SANDSTONE
+from fault_signatures import ON_AN_ARM_ALONE as SLOW
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -29,8 +30,6 @@ ON_AN_ARM = dataclasses.replace(
     rotation=RotationParameters(rotation_model="friction_drive"),
     mount=MountParameters(feed_model="arm", initial_feed=0.005),
 )
-# Faults of the arm, the rotation and the hole, and all others of the drill.
-SLOW = [*KINDS][[*KINDS].index("binding") : [*KINDS].index("off")]
 PHYSICAL = [name for name, kind in KINDS.items() if kind.physical and name not in SLOW]
 
 

@@ -191,6 +191,14 @@ def test_values_of_one_stamp_without_an_order_are_bounds():
         assert outcome(always(FORCE < "5 N"), record) == "failed"
 
 
+@pytest.mark.parametrize("content", ["", "[" * 99_999, "{}", '{"time": "now"}'])
+def test_an_entry_without_a_time_is_of_time_zero(content):
+    record = Record()
+    record.add("journal", SECOND, {"sequence": 0, "kind": "begin", "content": content})
+    record.add("status", 2 * SECOND, {"weight_on_bit": 10.0})
+    assert (record.runs, record.zero(["status"])) == (1, SECOND)
+
+
 def test_the_last_run_counts():
     record = Record()
     messages = [
