@@ -258,7 +258,7 @@ def _set_state(run: Run, time: int, state: Mapping[str, Any]) -> None:
     """Put a new run into a state of a run with the same beginning; any error says it is none."""
     beginning = to_values(run.beginning.settings.configuration)
     configuration = to_configuration({**beginning, **state["parameters"]})
-    run.simulation._plant.engine.drain_covering()  # impacts of time zero are no part of it
+    run.simulation._plant.engine.drain()  # impacts of time zero are no part of it
     read_state(run, state["run"], configuration)
     run.faults_published = bool(state["faults_published"])
     plant = run.simulation._plant

@@ -25,27 +25,25 @@ if TYPE_CHECKING:
 _FAILED = pytest.StashKey[bool]()
 
 
-def _missing() -> str | None:
-    """Return what the tests lack, or None."""
+def require_browser() -> None:
+    """Skip the test, or fail it in CI, where there is no browser."""
     try:
         import axe_playwright_python  # noqa: F401
         import playwright  # noqa: F401
     except ImportError as error:
-        return f"{error}: `make test-all` installs toolchain/requirements/browser.lock"
-    if find_chromium() is None:
-        return f"no Chromium: CHROMIUM is not set, and PATH has none of {', '.join(NAMES)}"
-    return None
+        missing = f"{error}: `make test-all` installs toolchain/requirements/browser.lock"
+    else:
+        if find_chromium() is not None:
+            return
+        missing = f"no Chromium: CHROMIUM is not set, and PATH has none of {', '.join(NAMES)}"
+    if "CI" in os.environ or os.environ.get("RPUD_BROWSER") == "required":
+        pytest.fail(f"tests in a browser are never skipped in CI: {missing}", pytrace=False)
+    pytest.skip(missing)
 
 
 @pytest.fixture(scope="session")
 def a_browser_is_there() -> None:
-    """Skip the test, or fail it in CI, where there is no browser."""
-    missing = _missing()
-    if missing is None:
-        return
-    if "CI" in os.environ or os.environ.get("RPUD_BROWSER") == "required":
-        pytest.fail(f"tests in a browser are never skipped in CI: {missing}", pytrace=False)
-    pytest.skip(missing)
+    require_browser()
 
 
 # Playwright leaves its event loop running in this thread between two calls. Other tests of a

@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from browser.conftest import require_browser
 from browser.pages import PHONE
 
 pytestmark = pytest.mark.extended
@@ -69,48 +70,41 @@ def test_another_machine_is_out_of_reach(page_of, file):
     assert "Failed to fetch" in page.tab.evaluate("said")
 
 
-SHORT = """
-import os
+FILES = {  # a browser ends with its module
+    "pytest.ini": "[pytest]\n",
+    "conftest.py": "from browser.conftest import *\n",
+    "test_fails.py": """
 def test_one(page_of, tmp_path):
     (tmp_path / "a.html").write_text("<title>a</title>")
-    page = page_of(tmp_path / "a.html")
-    {body}
-"""
-
-
-def run(folder, body, *options, **environment):
-    """Run a test with the fixtures of this folder and one with an event loop; return the text."""
-    (folder / "test_short.py").write_text(SHORT.format(body=body))
-    (folder / "test_then.py").write_text(
-        "import asyncio\ndef test_two():\n    asyncio.run(asyncio.sleep(0))\n"
-    )
-    (folder / "conftest.py").write_text("from browser.conftest import *\n")
-    (folder / "pytest.ini").write_text("[pytest]\n")
-    paths = [str(ROOT), str(ROOT / "test"), os.environ.get("PYTHONPATH", "")]
-    without_ci = {name: value for name, value in os.environ.items() if name != "CI"}
-    done = subprocess.run(
-        [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", *options, "."],
-        cwd=folder,
-        env={**without_ci, "PYTHONPATH": os.pathsep.join(paths), **environment},
-        capture_output=True,
-        text=True,
-    )
-    return done.stdout + done.stderr
+    assert page_of(tmp_path / "a.html").url == "x"
+""",
+    "test_then.py": "import asyncio\ndef test_two():\n    asyncio.run(asyncio.sleep(0))\n",
+}
 
 
 def test_a_failed_test_leaves_a_screenshot_and_the_next_may_have_a_loop(
     a_browser_is_there, tmp_path
 ):
-    assert "1 failed, 1 passed" in run(tmp_path, "assert page.url == 'x'")
+    for name, text in FILES.items():
+        (tmp_path / name).write_text(text)
+    paths = [str(ROOT), str(ROOT / "test"), os.environ.get("PYTHONPATH", "")]
+    done = subprocess.run(
+        [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "."],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(paths)},
+        capture_output=True,
+        text=True,
+    )
+    assert "1 failed, 1 passed" in done.stdout + done.stderr
     assert [path.name for path in tmp_path.glob("rpud-artefacts/browser/*/*")] == ["failed_1.png"]
 
 
-def test_without_a_browser_tests_are_skipped_and_in_ci_they_fail(tmp_path):
-    nowhere = {"PATH": str(tmp_path), "RPUD_BROWSER": ""}
-    printed = run(tmp_path, "pass", "-rs", **nowhere)
-    assert "1 passed, 1 skipped" in printed
-    assert "no Chromium" in printed
-    for required in ({"RPUD_BROWSER": "required"}, {"CI": "true"}):
-        printed = run(tmp_path, "pass", **{**nowhere, **required})
-        assert "1 passed, 1 error" in printed
-        assert "never skipped in CI: no Chromium" in printed
+@pytest.mark.parametrize("required", [{}, {"RPUD_BROWSER": "required"}, {"CI": "true"}])
+def test_without_a_browser_tests_are_skipped_and_in_ci_they_fail(monkeypatch, tmp_path, required):
+    monkeypatch.delenv("CI", raising=False)
+    for name, value in {"PATH": str(tmp_path), "RPUD_BROWSER": "", **required}.items():
+        monkeypatch.setenv(name, value)
+    with pytest.raises(pytest.fail.Exception if required else pytest.skip.Exception) as found:
+        require_browser()
+    assert ("never skipped in CI" in str(found.value)) == bool(required)
+    assert "no Chromium" in str(found.value) or "browser.lock" in str(found.value)

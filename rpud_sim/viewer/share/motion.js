@@ -1,14 +1,14 @@
 // @ts-check
 /* Zigzag of the free mass between tip and tool, over the same 20 ms and at the same place as the section. */
-import { quantityOf, valueText } from "./quantities.js";
+import { make } from "./dom.js";
+import { quantityOf, roundUp, valueText } from "./quantities.js";
 
 const MOTION_LEFT = 52, MOTION_RIGHT = 10, MOTION_TOP = 6, MOTION_FORCES = 34, MOTION_BOTTOM = 18; // px
 const MOTION_LINES = /** @type {const} */ ([["actuator", "tip", "plane"], ["free_mass", "free mass", "mass"], ["drill_tool", "drill tool", "tool"]]);
 
 /** Multiples of a round step within a range. @param {number} low @param {number} high @param {number} count of them, about */
 export function motionTicks(low, high, count) {
-  const rough = (high - low) / Math.max(count, 1), power = 10 ** Math.floor(Math.log10(rough));
-  const every = power * ([1, 2, 5].find((each) => each * power >= rough) ?? 10), ticks = [];
+  const every = roundUp((high - low) / Math.max(count, 1)), ticks = [];
   for (let each = Math.ceil(low / every); each * every <= high; each += 1) ticks.push(+(each * every).toPrecision(9));
   return ticks;
 }
@@ -18,8 +18,7 @@ const motionStruck = (block) => block.impacts.map(([time, , length]) => time + (
 
 /** Draw the motion of the bodies into a figure. @param {HTMLElement} element @param {import("./clock.js").MotionClock} clock */
 export function mountMotion(element, clock) {
-  const make = (/** @type {string} */ name, values = {}) => Object.assign(document.createElement(name), values);
-  const canvas = /** @type {HTMLCanvasElement} */ (make("canvas", { ariaHidden: "true" }));
+  const canvas = make("canvas", { ariaHidden: "true" });
   const area = make("div", { className: "area", tabIndex: 0, role: "slider", ariaLabel: "place in the motion of the last 20 ms", ariaValueMax: "0" });
   const cursor = make("div", { className: "cursor" }), dot = make("i"), title = make("figcaption"), unit = make("small");
   const outputs = MOTION_LINES.map(([, label, colour]) => {

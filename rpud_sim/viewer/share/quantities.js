@@ -48,15 +48,20 @@ export function inWords(name) {
   return name.replaceAll("_", " ");
 }
 
+/** Return the least round number that is not below a value.
+ * @param {number} value @param {number[]} digits that are round, in the order of their sizes */
+export function roundUp(value, digits = [1, 2, 5]) {
+  const power = 10 ** Math.floor(Math.log10(value));
+  return power * (digits.find((each) => each * power >= value) ?? 10);
+}
+
 /** Return ends of an axis that hold values, at multiples of a round step.
  * @param {number} low @param {number} high @param {boolean} zero whether it includes zero @returns {[number, number]} */
 export function axisRange(low, high, zero) {
   if (!(low <= high)) return [0, 1];
   if (zero) [low, high] = [Math.min(0, low), Math.max(0, high)];
   if (low === high) [low, high] = zero ? [low, low + 1] : [low - 0.5, high + 0.5];
-  const raw = (high - low) / 8;
-  const size = 10 ** Math.floor(Math.log10(raw));
-  const step = size * (raw > 5 * size ? 10 : raw > 2 * size ? 5 : raw > size ? 2 : 1);
+  const step = roundUp((high - low) / 8);
   const top = Math.ceil((high + (high ? 0.2 * step : 0)) / step) * step;
   return [Math.floor((low - (low ? 0.2 * step : 0)) / step) * step, top];
 }

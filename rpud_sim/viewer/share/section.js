@@ -3,6 +3,7 @@
  * one what goes below the place of touch. Both apply to every body, so that bodies touch in the picture
  * where they touch in the data, and nowhere else. */
 import { motionTicks } from "./motion.js";
+import { roundUp } from "./quantities.js";
 
 /** @typedef {{from: number, to: number | null, name: string, colour: number}} Stratum */
 /** @typedef {{depth: number | null, layers?: Stratum[],
@@ -18,18 +19,13 @@ const SECTION_BODIES = /** @type {const} */ (["nodal_plane", "actuator", "free_m
 const SECTION_TRACKS = /** @type {const} */ ([["torque", "N m", 1], ["rate", "mm/min", 6e4]]); // of the well log, right to left
 const SECTION_FLASH = 0.4, SECTION_CHIPS = 0.7; // s that an impact is seen
 const SECTION_YIELD = 1e-3; // a tool that moves farther is not in rock [m]
+const SECTION_ROUND = [1, 1.2, 1.5, 2, 2.5, 3, 4, 5, 6, 8]; // digits of a depth and of a track
 const SECTION_LITHOLOGY = [ // dots, lines, bricks, dashes, crosses, wedges
   "M3 4h.01M11 9h.01M6 13h.01M14 2h.01", "M-2 18L18 -2M-2 2L2 -2M14 18L18 14", "M0 .5H16M0 8.5H16M4 0V8M12 8V16",
   "M2 4H8M9 12H15", "M4 2V6M2 4H6M12 10V14M10 12H14", "M2 6L4 2L6 6M10 14L12 10L14 14"];
 
 const sectionLength = (/** @type {number} */ length, digits = 3) => Math.abs(length) >= 1e-3
   ? `${+(length * 1e3).toPrecision(digits)} mm` : `${+(length * 1e6).toPrecision(digits)} µm`;
-
-/** Round number that is not below a value. @param {number} value */
-function sectionRound(value) {
-  const power = 10 ** Math.floor(Math.log10(value));
-  return power * ([1, 1.2, 1.5, 2, 2.5, 3, 4, 5, 6, 8].find((each) => each * power >= value) ?? 10);
-}
 
 /** The drawing, before anything moves. */
 function sectionDrawing() {
@@ -168,7 +164,7 @@ export function mountSection(element, clock) {
     if (state === drawn) return;
     drawn = state;
     const boundary = layers.find((each) => each.from > deep)?.from ?? 0;
-    const shown = sectionRound(Math.max(1.3 * deep, Math.min(1.15 * boundary, 10 * Math.max(deep, 2e-3)), 2e-3));
+    const shown = roundUp(Math.max(1.3 * deep, Math.min(1.15 * boundary, 10 * Math.max(deep, 2e-3)), 2e-3), SECTION_ROUND);
     const at = (/** @type {number} */ value) => SECTION_ROCK + (Math.min(value, shown) / shown) * (SECTION_BOTTOM - SECTION_ROCK);
     const drawing = [], left = SECTION_LEFT, right = 526 - 96 * tracks.length, wall = [SECTION_AXIS - 23, SECTION_AXIS + 23];
     bottom = inRock ? at(deep) : SECTION_ROCK;
@@ -204,7 +200,7 @@ export function mountSection(element, clock) {
     const width = 78, values = Array.from(hole?.log?.[name] ?? [], (each) => each * scale), depths = hole?.log?.depth ?? [];
     const known = values.filter(Number.isFinite).sort((a, b) => a - b);
     // The first moments in a rock can be far above all others.
-    const most = sectionRound(Math.max(known[Math.floor(0.97 * (known.length - 1))] ?? 0, 1e-3));
+    const most = roundUp(Math.max(known[Math.floor(0.97 * (known.length - 1))] ?? 0, 1e-3), SECTION_ROUND);
     const points = values.map((value, row) => !Number.isFinite(value) ? ""
       : `${(left + Math.min(Math.max(value / most, 0), 1) * width).toFixed(1)} ${at(depths[row]).toFixed(1)}`);
     const grid = [0, width / 2, width].map((across) => `M${left + across} ${SECTION_ROCK}V${SECTION_BOTTOM}`).join("");
