@@ -20,8 +20,8 @@ from rpud_sim.model.tolerances import EVENT_BUDGET, LONGEST_STANDSTILL
 _MOST_VALUES = 4
 _USUAL = 30.0
 
-# Segments that there is room for at first, and at most when a block is drained. The room doubles
-# when it is too small.
+# Segments that there is room for at first, and at most in room that is kept after a drain. The room
+# doubles when it is too small.
 _LEAST_ROOM = 256
 _MOST_ROOM = 65536
 _NO_ROOM = np.zeros(0, SEGMENT)
@@ -244,13 +244,17 @@ class Engine:
         room[count - 1 : count].view(np.uint8)[:] = self._open_segment.view(np.uint8)
         impacts = join_records([self._impact_room[: self._struck]], IMPACT)
         self._written = self._struck = 0
-        if 2 * count > len(room):
+        large = len(room) > _MOST_ROOM
+        given = 2 * count > len(room)
+        if given:
             covering = room[:count]
             covering.flags.writeable = False
-            self._given.append(room)
-            self._segment_room = _NO_ROOM
         else:
             covering = join_records([room[:count]], SEGMENT)
+        if given and not large:
+            self._given.append(room)
+        if given or large:
+            self._segment_room = _NO_ROOM
         return covering, impacts
 
     def _commands(self) -> tuple[float, ...]:
@@ -307,11 +311,10 @@ class Engine:
         """
         if len(self._segment_room):
             return
-        count = min(len(self._given[-1]), _MOST_ROOM)
         for number in range(len(self._given)):
             # The list and the argument: nobody has a part of it any more.
-            if sys.getrefcount(self._given[number]) == 2 and len(self._given[number]) == count:
+            if sys.getrefcount(self._given[number]) == 2:
                 self._segment_room = self._given.pop(number)
                 return
-        self._segment_room = np.zeros(count, SEGMENT)
+        self._segment_room = np.zeros(max(map(len, self._given), default=_LEAST_ROOM), SEGMENT)
         del self._given[:-1]

@@ -170,3 +170,13 @@ def test_room_that_nobody_has_any_more_is_filled_again():
         segments, _ = finished(engine)
         places.append(segments.ctypes.data)
     assert len(set(places[1:])) == 2
+
+
+def test_room_for_a_long_block_is_not_kept():
+    engine = Engine(preset("drilling").replace(free_mass=1e-4, vibration_frequency=1e5))
+    engine.advance(20, 0.0)
+    segments, _ = engine.drain()
+    assert len(segments) > 65536
+    assert len(engine._segment_room) + sum(map(len, engine._given)) == 0
+    engine.advance(20, 0.1)
+    assert finished(engine)[0]["start_seconds"][0] in (19, 20)
