@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from rpud_sim.bag import BagExistsError, BagWriter, QosProfile, Topic, whole_bag
+from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.definitions import find_definition, find_type_hash
-from rpud_sim.bag.encoder import Encoder
 from rpud_sim.bag.losses import LOSSES_RECORD, Losses, losses_to_record
 from rpud_sim.bag.manifest import MANIFEST_RECORD, Manifest, installed_versions, machine_name
 from rpud_sim.bag.messages import MessageBlock
@@ -50,18 +50,19 @@ def write_offline_bag(
     offered = offered_topics(beginning.settings.values())
     chosen = {name: topic for name, topic in offered.items() if name in topics}
     run = Run(beginning, Journal(), chosen.__contains__)
-    encoders = {name: installed_codec(topic.type).encoder for name, topic in chosen.items()}
+    codecs = {name: installed_codec(topic.type) for name, topic in chosen.items()}
     values = {**beginning.settings.values(), "seed": beginning.seed}
     with _new_bag(
         path, f"{NAMESPACE}/", chosen, manifest or _manifest(values, scenario_text)
     ) as bag:
         for found in _messages(run, round(duration * SECOND), report, planned):
             if isinstance(found, Together):
-                bag.write_blocks(encoded(found, encoders, f"{NAMESPACE}/"))
+                parts = encoded(found, codecs, f"{NAMESPACE}/")
+                bag.write_blocks([(block, columns.places) for columns, block in parts])
             else:
                 time, name, fields = found
-                if name in encoders:
-                    bag.write(f"{NAMESPACE}/{name}", encoders[name].encode(fields), time, time)
+                if name in codecs:
+                    bag.write(f"{NAMESPACE}/{name}", codecs[name].encode(fields), time, time)
 
 
 def _messages(
@@ -88,24 +89,18 @@ def _messages(
 
 
 def encoded(
-    together: Together, encoders: Mapping[str, Encoder], prefix: str
-) -> list[tuple[MessageBlock, np.ndarray]]:
-    """Return the messages of each topic that has an encoder, and their places among all.
+    together: Together, codecs: Mapping[str, Codec], prefix: str
+) -> Iterator[tuple[Columns, MessageBlock]]:
+    """Yield the columns of each topic that has a codec, and its messages.
 
-    ``encoders`` are by the names of topics in the run, ``prefix`` is of the names in a bag.
+    ``codecs`` are by the names of topics in the run, ``prefix`` is of the names in a bag.
     """
-    return [
-        (encoded_columns(columns, encoders[columns.topic], prefix), columns.places)
-        for columns in together.columns
-        if columns.topic in encoders
-    ]
-
-
-def encoded_columns(columns: Columns, encoder: Encoder, prefix: str) -> MessageBlock:
-    data, sizes = encoder.encode_columns(columns.fields, len(columns))
-    times = columns.times
-    starts = np.cumsum(sizes) - sizes
-    return MessageBlock(prefix + columns.topic, times, times, data, starts, sizes)
+    for columns in together.columns:
+        if (codec := codecs.get(columns.topic)) is not None:
+            data, sizes = codec.encoder.encode_columns(columns.fields, len(columns))
+            starts, times = np.cumsum(sizes) - sizes, columns.times
+            name = prefix + columns.topic
+            yield columns, MessageBlock(name, times, times, data, starts, sizes)
 
 
 @contextmanager

@@ -158,7 +158,6 @@ def test_what_has_no_listener_is_left_out_but_counted():
 
 
 CODECS = {name: Codec(topic.type, find_definition(topic.type)) for name, topic in TOPICS.items()}
-ENCODERS = {name: codec.encoder for name, codec in CODECS.items()}
 VALUES = st.fixed_dictionaries(
     {
         "regime": st.sampled_from(["free", "drilling"]),
@@ -269,8 +268,8 @@ def test_serialized_by_the_block_they_are_the_same(values):
             continue
         placed = [
             (place, number, int(block.log_times[index]), block.topic, block.message(index))
-            for number, (block, places) in enumerate(encoded(found, ENCODERS, "/rpud/"))
-            for index, place in enumerate(places.tolist())
+            for number, (columns, block) in enumerate(encoded(found, CODECS, "/rpud/"))
+            for index, place in enumerate(columns.places.tolist())
         ]
         placed.sort(key=lambda each: each[:2])
         expected = [(t, f"/rpud/{topic}", data) for t, topic, data in serialized(found.messages())]

@@ -20,6 +20,7 @@ from rpud_sim.inspection.recorded_journal import (
     agreed,
     with_wrong_header,
 )
+from rpud_sim.inspection.recorded_topics import leading
 
 # Kinds of entries after which stamps may repeat: each begins a stretch, counted from 0.
 BEGINNINGS = ("begin", "origin")
@@ -29,11 +30,6 @@ Position = tuple[int, int]  # progress of the drill: number of the stretch, and 
 # Longest delay between topics on their way to a recorder [ns].
 _TOPIC_DELAY = 1 * SECOND
 _NOWHERE: Position = (-1, -1)
-
-
-def leading(holds: np.ndarray) -> int:
-    """Return how many values, from the first on, are true."""
-    return len(holds) if holds.all() else int(np.argmin(holds))
 
 
 class JournalStretches:

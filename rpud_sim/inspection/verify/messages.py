@@ -15,7 +15,7 @@ from rpud_sim.bag import BagFormatError
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.messages import MessageBlock
 from rpud_sim.foundation.time import join_seconds
-from rpud_sim.inspection.offline_bag import encoded_columns
+from rpud_sim.inspection.offline_bag import encoded
 from rpud_sim.simulation.telemetry import Entry, Together
 
 # Stamp [ns] and sequence number: unique within a topic, unless something is wrong.
@@ -34,21 +34,19 @@ class ComputedBlock(NamedTuple):
 
 def computed_blocks(
     found: Entry | Together, codecs: Mapping[str, Codec], stretch: int, reached: int
-) -> Iterator[tuple[str, ComputedBlock]]:
-    """Yield what a simulation gave by topic, its name in the run; ``reached`` is a stamp [ns]."""
+) -> Iterator[ComputedBlock]:
+    """Yield what a simulation gave, by the run's names of topics; ``reached`` is a stamp [ns]."""
     if isinstance(found, Together):
         ends = found.ends + (reached - found.end)
-        for columns in found.columns:
-            if columns.topic in codecs:
-                block = encoded_columns(columns, codecs[columns.topic].encoder, "")
-                yield columns.topic, ComputedBlock(block, stretch, ends[columns.blocks])
+        for columns, block in encoded(found, codecs, ""):
+            yield ComputedBlock(block, stretch, ends[columns.blocks])
         return
     time, name, fields = found
     if name in codecs:
         data = np.frombuffer(codecs[name].encode(fields), np.uint8)
         times = np.array([time])
         block = MessageBlock(name, times, times, data, np.array([0]), np.array([len(data)]))
-        yield name, ComputedBlock(block, stretch, np.array([reached]))
+        yield ComputedBlock(block, stretch, np.array([reached]))
 
 
 def key_of(data: bytes, codec: Codec) -> Key:

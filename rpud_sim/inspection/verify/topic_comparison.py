@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 from rpud_sim.bag import Message
 from rpud_sim.bag.cdr import Codec
+from rpud_sim.inspection.recorded_topics import RecordedMessages
 from rpud_sim.inspection.verify.coverage import Coverage, JournalStretches, Position
 from rpud_sim.inspection.verify.messages import (
     UNREADABLE,
@@ -20,7 +21,6 @@ from rpud_sim.inspection.verify.messages import (
     key_of,
     without_padding,
 )
-from rpud_sim.inspection.verify.recorded_messages import RecordedMessages
 
 # Suspects kept of a topic: further ones show nothing that these do not.
 _MOST_SUSPECTS = 10_000

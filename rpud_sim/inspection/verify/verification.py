@@ -24,7 +24,7 @@ from rpud_sim.inspection.recorded_journal import (
     journal_entries,
     proof_codec,
 )
-from rpud_sim.inspection.recorded_topics import RecordedTopics
+from rpud_sim.inspection.recorded_topics import RecordedMessages, RecordedTopics
 from rpud_sim.inspection.verify.coverage import (
     BEGINNINGS,
     JournalStretches,
@@ -38,7 +38,6 @@ from rpud_sim.inspection.verify.messages import (
     key_of,
     without_padding,
 )
-from rpud_sim.inspection.verify.recorded_messages import RecordedMessages
 from rpud_sim.inspection.verify.topic_comparison import (
     ContentComparison,
     Counts,
@@ -200,8 +199,8 @@ class _Proof:
             for name, codec in self._codecs.items()
         }
         for blocks, position in self._computed():
-            for name, block in blocks:
-                comparisons[name].add(block)
+            for block in blocks:
+                comparisons[block.messages.topic].add(block)
             if position > self._coverage.reached and all(
                 comparison.exhausted for comparison in comparisons.values()
             ):
@@ -230,10 +229,10 @@ class _Proof:
             if comparison.suspects
         }
         for blocks, _ in self._computed():
-            for name, block in blocks:
-                if name in contents:
-                    for number in range(len(block.messages)):
-                        contents[name].add(block.messages.message(number))
+            for messages in (block.messages for block in blocks):
+                if messages.topic in contents:
+                    for number in range(len(messages)):
+                        contents[messages.topic].add(messages.message(number))
         self.simulated = simulated
         unmatched: list[Suspect] = []
         for name, content in contents.items():
@@ -247,14 +246,14 @@ class _Proof:
             )
         return unmatched
 
-    def _computed(self) -> Iterator[tuple[Iterator[tuple[str, ComputedBlock]], Position]]:
-        """Yield computed messages by topic, and the progress of the drill at their end."""
+    def _computed(self) -> Iterator[tuple[Iterator[ComputedBlock], Position]]:
+        """Yield computed messages, and the progress of the drill at their end."""
         rerun = Rerun()
         stretch = -1
 
         def blocks(
             messages: Iterable[Entry | Together],
-        ) -> Iterator[tuple[Iterator[tuple[str, ComputedBlock]], Position]]:
+        ) -> Iterator[tuple[Iterator[ComputedBlock], Position]]:
             for found in messages:
                 reached = rerun.origin + rerun.time
                 yield computed_blocks(found, self._codecs, stretch, reached), (stretch, reached)

@@ -11,9 +11,10 @@ import platform
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+import pyarrow as pa
 from scipy.stats import qmc
 
 from rpud_sim.bag.manifest import Manifest, installed_versions
@@ -22,6 +23,7 @@ from rpud_sim.inspection.offline_bag import write_offline_bag
 from rpud_sim.simulation.ensemble import run_members
 from rpud_sim.simulation.run import Beginning
 from rpud_sim.simulation.simulation import initial_phases
+from rpud_sim.simulation.statistics import Figures
 from rpud_sim.simulation.versions import engine_versions
 from rpud_sim.studies.sweep.indices import saltelli_shares
 from rpud_sim.studies.sweep.specification import PlannedRun, SweepSpecification
@@ -33,6 +35,7 @@ from rpud_sim.studies.workers import check_versions
 _LONGEST, _SHORTEST = 600.0, 10.0  # simulated [s]
 _MOST = 3072  # simulations
 _WANTED = 32  # chunks of a small sweep
+_COUNTS = ("events",)  # figures that are whole numbers
 
 
 @dataclasses.dataclass(frozen=True)
@@ -47,29 +50,21 @@ class SweepChunk:
     points: Mapping[str, np.ndarray]
     versions: Mapping[str, str]  # of everything that determines the results
 
-    @property
-    def first_point(self) -> int:
-        """Number of the point that the first simulation belongs to."""
-        return self.first // self.specification.repeat
-
     def ensembles(self) -> Iterator[tuple[int, dict[str, Any], range]]:
         """Yield number and values of each point, with those of its members that are here."""
         repeat, end = self.specification.repeat, self.first + self.count
         for i in range(len(next(iter(self.points.values())))):
-            number = self.first_point + i
+            number = self.first // repeat + i
             begin = number * repeat
             members = range(max(self.first, begin) - begin, min(end, begin + repeat) - begin)
             yield number, {name: column[i].item() for name, column in self.points.items()}, members
 
 
-@dataclasses.dataclass(frozen=True)
-class SweepOutcome:
+class SweepOutcome(NamedTuple):
     """Results of the simulations of a chunk."""
 
-    phases: np.ndarray  # initial phase of each [cycles], shape (count,)
-    figures: np.ndarray  # those of the sweep, shape (count, figures); NaN if missing
-    failures: tuple[str | None, ...]  # why a simulation has no figures, None if it has
-    bags: tuple[Mapping[str, bytes], ...]  # files of each bag by name; empty without a bag
+    table: pa.Table  # a row each; missing figures and labels are null
+    bags: Mapping[str, Mapping[str, bytes]]  # files by name, by the path of the bag in the folder
 
 
 def chunk_size(sweep: SweepSpecification) -> int:
@@ -145,20 +140,42 @@ def simulate(chunk: SweepChunk) -> SweepOutcome:
     """Run the simulations of a chunk."""
     check_versions(chunk.versions)
     sweep = chunk.specification
-    phases: list[float] = []
-    results: list[_Result] = []
+    rows: list[dict[str, Any]] = []
+    bags = {}
     for number, point, members in chunk.ensembles():
         seed = sweep.point_seed(number, point)
-        chosen = initial_phases(sweep.repeat, seed)[members.start : members.stop]
-        phases.extend(chosen)
+        phases = initial_phases(sweep.repeat, seed)[members.start : members.stop]
         runs = [sweep.plan_run(number, point, member) for member in members]
-        results.extend(_ensemble(sweep, point, runs, chosen))
-    figures, failures, bags = zip(*results, strict=True)
-    return SweepOutcome(np.array(phases), np.array(figures), failures, bags)
+        found = _ensemble(sweep, point, runs, phases)
+        for member, run, phase, (figures, failure) in zip(
+            members, runs, phases, found, strict=True
+        ):
+            row = {"point": number, "member": member, "seed": seed, "phase": phase, **point}
+            row |= {**run.labels(), **figures, "failure": failure}
+            if sweep.bags and failure is None:
+                row["bag"] = f"bags/{run.name}"
+                bags[row["bag"]] = _record_bag(sweep, point, run, phase)
+            rows.append(row)
+    return SweepOutcome(pa.Table.from_pylist(rows, _schema(chunk)), bags)
 
 
-# Figures, why there are none, and files of the bag by name.
-_Result = tuple[list[float], str | None, Mapping[str, bytes]]
+def _schema(chunk: SweepChunk) -> pa.Schema:
+    """Return the columns of a table of simulations, with their types."""
+    sweep = chunk.specification
+    whole, number, text = pa.int64(), pa.float64(), pa.string()
+    labels = {"kind": text, "channel": text, "magnitude": number, "unit": text}
+    types = {
+        "point": whole,
+        "member": whole,
+        "seed": whole,
+        "phase": number,
+        **{name: pa.array(values).type for name, values in chunk.points.items()},
+        **({**labels, "onset": number, "clear": number} if sweep.faults else {}),
+        **{name: whole if name in _COUNTS else number for name in sweep.figures},
+        "failure": text,
+        **({"bag": text} if sweep.bags else {}),
+    }
+    return pa.schema(list(types.items()))
 
 
 def _ensemble(
@@ -166,9 +183,8 @@ def _ensemble(
     point: Mapping[str, Any],
     runs: Sequence[PlannedRun],
     phases: Sequence[float],
-) -> Iterator[_Result]:
-    """Yield the result of each member; a failed one does not affect the others."""
-    nothing = [np.nan] * len(sweep.figures)
+) -> list[tuple[Figures, str | None]]:
+    """Return the figures of each member, or why it has none; it does not affect the others."""
     # Members without a fault go together, which is faster. Each fault has its own times.
     alone = runs[0].scenario is not None
     groups = [slice(i, i + 1) for i in range(len(runs))] if alone else [slice(None)]
@@ -186,16 +202,11 @@ def _ensemble(
             )
         ]
     except ParameterError as error:
-        yield from ((nothing, str(error), {}) for _ in phases)
-        return
-    for run, phase, member in zip(runs, phases, found, strict=True):
-        if member.failure is not None:
-            yield nothing, " ".join(str(member.failure).split()), {}
-            continue
-        values = [member.figures.get(name) for name in sweep.figures]
-        figures = [np.nan if value is None else float(value) for value in values]
-        bag = _record_bag(sweep, point, run, phase) if sweep.bags else {}
-        yield figures, None, bag
+        return [({}, str(error)) for _ in runs]
+    return [
+        (member.figures, " ".join(str(member.failure).split()) if member.failure else None)
+        for member in found
+    ]
 
 
 def _record_bag(

@@ -34,18 +34,8 @@ from rpud_sim.studies.sweep.sweep_page import error_name, sweep_page
 from rpud_sim.studies.workers import run_chunks
 
 _CHUNKS = "chunks"
-_BAGS = "bags"
 _TABLES = ("simulations.parquet", "points.parquet")
 _TOGETHER = 8  # chunks in one group of rows of a table: each group takes its time
-_COUNTS = ("events",)  # figures that are whole numbers
-_LABELS = {
-    "kind": pa.string(),
-    "channel": pa.string(),
-    "magnitude": pa.float64(),
-    "unit": pa.string(),
-    "onset": pa.float64(),
-    "clear": pa.float64(),
-}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -145,10 +135,7 @@ class SweepFolder(StudyStore):
         The file is in Arrow's own format: Parquet would take most of the time that a sweep spends
         on a chunk of a worker, and the file lasts no longer than the sweep.
         """
-        table = simulation_table(chunk, outcome)
-        for files, name in zip(outcome.bags, _bags(table), strict=True):
-            if name is None:
-                continue
+        for name, files in outcome.bags.items():
             bag = self.path / name
             for left in (bag, bag.with_name(f"{bag.name}.part")):  # by a killed call
                 shutil.rmtree(left, ignore_errors=True)
@@ -157,6 +144,7 @@ class SweepFolder(StudyStore):
                     write_whole(folder / file, content)
         path = self._chunk_path(chunk.number)
         path.parent.mkdir(exist_ok=True)
+        table = outcome.table
         with whole_file(path) as unfinished, pa.ipc.new_file(unfinished, table.schema) as file:
             file.write_table(table)
 
@@ -215,59 +203,14 @@ class SweepFolder(StudyStore):
             table = _rows(self._chunk_path(number))
         except (OSError, pa.ArrowInvalid):
             return False
-        bags = (self.path / name for name in _bags(table) if name is not None)
-        return len(table) == rows and all(bag.is_dir() for bag in bags)
+        bags = table["bag"].drop_null().to_pylist() if self._specification.bags else []
+        return len(table) == rows and all((self.path / name).is_dir() for name in bags)
 
 
 def _rows(path: Path) -> pa.Table:
     """Return all rows of a chunk's file."""
     with pa.memory_map(str(path)) as mapped, pa.ipc.open_file(mapped) as file:
         return file.read_all()
-
-
-def _bags(table: pa.Table) -> list[str | None]:
-    """Return the path of each simulation's bag in the folder; None without one."""
-    found: list[str | None] = [None] * len(table)
-    return table["bag"].to_pylist() if "bag" in table.column_names else found
-
-
-def simulation_table(chunk: SweepChunk, outcome: SweepOutcome) -> pa.Table:
-    """Return the rows of a chunk's simulations; missing figures and labels are null."""
-    sweep = chunk.specification
-    seeds, runs = [], []
-    for number, point, members in chunk.ensembles():
-        seeds += [sweep.point_seed(number, point)] * len(members)
-        if sweep.faults or sweep.bags:
-            runs += [sweep.plan_run(number, point, member) for member in members]
-    repeat = sweep.repeat
-    numbers = chunk.first + np.arange(chunk.count)
-    points = numbers // repeat
-    columns: dict[str, pa.Array] = {
-        "point": pa.array(points),
-        "member": pa.array(numbers % repeat),
-        "seed": pa.array(seeds, pa.int64()),
-        "phase": pa.array(outcome.phases),
-        **{
-            name: pa.array(values[points - chunk.first_point])
-            for name, values in chunk.points.items()
-        },
-    }
-    if sweep.faults:
-        labels = [run.labels() for run in runs]
-        for name, kind in _LABELS.items():
-            columns[name] = pa.array([label.get(name) for label in labels], kind)
-    for i, name in enumerate(sweep.figures):
-        values = outcome.figures[:, i]
-        missing = np.isnan(values)
-        if name in _COUNTS:
-            values = np.where(missing, 0.0, values).astype(np.int64)
-        columns[name] = pa.array(values, mask=missing)
-    columns["failure"] = pa.array(outcome.failures, pa.string())
-    if sweep.bags:
-        pairs = zip(runs, outcome.bags, strict=True)
-        paths = [f"{_BAGS}/{run.name}" if bag else None for run, bag in pairs]
-        columns["bag"] = pa.array(paths, pa.string())
-    return pa.table(columns)
 
 
 def point_table(sweep: SweepSpecification, table: pa.Table) -> pa.Table:

@@ -12,10 +12,9 @@ from rpud_sim.bag import BagWriter, Message, QosProfile, Topic
 from rpud_sim.bag.messages import MessageBlock
 from rpud_sim.inspection import recorded_topics
 from rpud_sim.inspection.recorded_journal import installed_codec
-from rpud_sim.inspection.recorded_topics import RecordedTopics
+from rpud_sim.inspection.recorded_topics import RecordedMessages, RecordedTopics
 from rpud_sim.inspection.verify.coverage import Coverage, JournalStretches
 from rpud_sim.inspection.verify.messages import computed_blocks
-from rpud_sim.inspection.verify.recorded_messages import RecordedMessages
 from rpud_sim.inspection.verify.topic_comparison import TopicComparison
 from rpud_sim.simulation.configuration import to_settings
 from rpud_sim.simulation.run import Beginning, Run
@@ -143,7 +142,7 @@ def test_by_the_block_the_result_is_that_of_single_messages(name, runs, damages,
         )
         for together, stretch in found:
             end = together.end
-            for _, block in computed_blocks(together, {name: CODECS[name]}, stretch, end):
+            for block in computed_blocks(together, {name: CODECS[name]}, stretch, end):
                 comparison.add(block)
         comparison.finish()
         assert comparison.exhausted

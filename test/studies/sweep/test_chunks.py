@@ -25,7 +25,7 @@ from rpud_sim.studies.sweep.chunks import (
     simulate,
 )
 from rpud_sim.studies.sweep.specification_file import read_specification
-from rpud_sim.studies.sweep.sweep import point_table, run_sweep, simulation_table
+from rpud_sim.studies.sweep.sweep import point_table, run_sweep
 from rpud_sim.studies.sweep.sweep_page import error_name, sweep_page
 
 
@@ -66,24 +66,24 @@ def test_chunks_hold_every_simulation_once_with_its_point(points, repeat, durati
 def test_a_point_is_the_ensemble_of_its_seed():
     specification = sweep(seed=7)
     (chunk,) = chunks_of(specification)
-    outcome = simulate(chunk)
+    table = simulate(chunk).table
     for point, weight in enumerate(chunk.points["weight_on_bit"].tolist()):
         phases = initial_phases(2, specification.point_seed(point, {}))
         parameters = preset("drilling").replace(weight_on_bit=weight)
         expected = run_ensemble(parameters, 0.02, phases).members
-        rows = slice(2 * point, 2 * point + 2)
-        assert outcome.phases[rows].tolist() == list(phases)
-        for row, member in zip(outcome.figures[rows].tolist(), expected, strict=True):
-            assert row == pytest.approx(
+        rows = table.slice(2 * point, 2).to_pylist()
+        assert [row["phase"] for row in rows] == list(phases)
+        for row, member in zip(rows, expected, strict=True):
+            assert [row[name] for name in FIGURES] == pytest.approx(
                 [member.figures[name] for name in FIGURES], rel=0, nan_ok=True
             )
-    assert outcome.failures == (None,) * 6
+    assert table["failure"].to_pylist() == [None] * 6
 
 
 def test_a_simulation_without_impacts_has_nulls_and_no_failure():
     specification = sweep(1, 2, 1e-6, fixed={"vibration_amplitude": 0.0, "gravity": 0.0})
     (chunk,) = chunks_of(specification)
-    table = simulation_table(chunk, simulate(chunk))
+    table = simulate(chunk).table
     rows = table.to_pylist()
     assert [row["contact_force_mean"] for row in rows] == [None, None]
     assert [row["failure"] for row in rows] == [None, None]
@@ -97,11 +97,11 @@ def test_a_point_outside_the_ranges_is_a_failure_of_its_own_alone():
     specification = sweep(points=2, repeat=2)
     (chunk,) = chunks_of(specification)
     chunk = dataclasses.replace(chunk, points={"weight_on_bit": np.array([-1.0, 10.0])})
-    outcome = simulate(chunk)
+    simulated = simulate(chunk).table
     reason = "weight_on_bit = -1 N is outside its range [0, 1000] N"
-    assert outcome.failures == (reason, reason, None, None)
-    assert np.isnan(outcome.figures[:2]).all()
-    table = point_table(specification, simulation_table(chunk, outcome))
+    assert simulated["failure"].to_pylist() == [reason, reason, None, None]
+    assert [simulated[name][1].as_py() for name in FIGURES] == [None] * len(FIGURES)
+    table = point_table(specification, simulated)
     assert table["members"].to_pylist() == [0, 2]
     assert table["contact_force_mean"].is_null().to_pylist() == [True, False]
     columns = {name: table[name].to_numpy() for name in table.column_names}
