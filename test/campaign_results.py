@@ -1,9 +1,34 @@
-"""Made-up results of campaigns: every expectation passed, except those that are given."""
+"""A short campaign, and made-up results: all passed, except those that are given."""
+
+from pathlib import Path
 
 from rpud_sim.testing.campaign_results import FlownRun, results_of
 from rpud_sim.testing.campaign_runs import COMPLETED, outcome_of
 from rpud_sim.verdicts import Verdict
 from rpud_sim.verdicts.verdict import FAILED, PASSED, UNDECIDED
+
+SUPERVISORS = Path(__file__).resolve().parent / "testing"
+CAMPAIGN = f"""\
+system:
+  command: python supervisor.py works --ros-args -r __ns:=/rpud
+  folder: {SUPERVISORS}
+  answers: [supervisor/heartbeat]
+  hears: [reacting_force]
+  answer_timeout: 60.0
+duration: 0.3
+scenarios:
+  calm: {{}}
+  jammed: {{faults: [{{kind: free_mass_jammed, onset: 0.1}}]}}
+expectations:
+  - name: force
+    requirement: SAFE-1
+    expect: {{always: reacting_force.force < 500 N}}
+  - name: after a jam
+    requirement: SAFE-2
+    expect:
+      after: {{onset: free_mass_jammed}}
+      expect: {{eventually: reacting_force.force >= 0 N}}
+"""
 
 FAILURE = (FAILED, -1.5, "N", 4.5, None, "broken at 4.5 s")
 OPEN = (UNDECIDED, None, "", None, None, "the event of after never came")

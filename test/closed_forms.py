@@ -54,3 +54,9 @@ def motion(segment, body, times, order=0):
 def gap(segment, front, back, times, order=0):
     """Gap between two bodies, or a derivative of it."""
     return motion(segment, front, times, order) - motion(segment, back, times, order)
+
+
+def finished(engine):
+    """Segments and impacts that an engine has finished since it was last drained."""
+    covering, impacts = engine.drain()
+    return covering[:-1], impacts

@@ -223,10 +223,9 @@ def _grouped(messages: Sequence[Message]) -> Iterator[MessageBlock]:
 class _TimedBlock(NamedTuple):
     block: MessageBlock  # the messages
     times: np.ndarray  # from which they may be passed on [ns]: not before their segment was due
-    segment: int  # number of their segment
 
     def cut(self, chosen: slice) -> _TimedBlock:
-        return _TimedBlock(self.block.part(chosen), self.times[chosen], self.segment)
+        return _TimedBlock(self.block.part(chosen), self.times[chosen])
 
 
 def blocks_in_order(
@@ -241,7 +240,10 @@ def blocks_in_order(
     that of the first that does not count any more [ns].
     """
     for due in _steps(segments, topics, start, end):
-        for parts in due.values():
+        by_topic: dict[str, list[_TimedBlock]] = {}
+        for part in due:
+            by_topic.setdefault(part.block.topic, []).append(part)
+        for parts in by_topic.values():
             if all(a.times[-1] <= b.times[0] for a, b in pairwise(parts)):
                 yield from (part.block for part in parts)
             else:
@@ -257,15 +259,13 @@ def messages_in_order(
 ) -> Iterator[Message]:
     """Yield messages in the order of log times, those of one time in the order of segments."""
     for due in _steps(segments, topics, start, None):
-        parts = [part for parts in due.values() for part in parts]
-        parts.sort(key=lambda part: part.segment)
-        yield from messages_of([part.block for part in parts], [part.times for part in parts])
+        yield from messages_of([part.block for part in due], [part.times for part in due])
 
 
 def _steps(
     segments: Iterable[BagSegment], topics: Collection[str] | None, start: int, end: int | None
-) -> Iterator[dict[str, list[_TimedBlock]]]:
-    """Yield what is due before each segment, by topic, and what is left at the end.
+) -> Iterator[list[_TimedBlock]]:
+    """Yield what is due before each segment, in the order of segments, and the rest at the end.
 
     A segment is read when none before it holds earlier messages.
     """
@@ -276,10 +276,11 @@ def _steps(
         and (end is None or segment.start_time < end)
         and (topics is None or not segment.topics.isdisjoint(topics))
     ]
-    waiting: dict[str, list[_TimedBlock]] = {}
+    waiting: list[_TimedBlock] = []
     opened: list[tuple[int, int]] = []  # last time and size of segments
-    for number, segment in enumerate(sorted(chosen, key=lambda segment: segment.start_time)):
-        yield _due(waiting, segment.start_time)
+    for segment in sorted(chosen, key=lambda segment: segment.start_time):
+        due, waiting = _parted(waiting, segment.start_time)
+        yield due
         opened = [each for each in opened if each[0] >= segment.start_time]
         if opened and segment.size + sum(size for _, size in opened) > OVERLAP_LIMIT:
             raise BagFormatError(
@@ -296,28 +297,25 @@ def _steps(
                 continue
             if times[0] < segment.start_time:  # the index is wrong
                 times = np.maximum(times, min(segment.start_time, LATEST))
-            waiting.setdefault(block.topic, []).append(_TimedBlock(block, times, number))
+            waiting.append(_TimedBlock(block, times))
             last = max(last, int(times[-1]))
         if last >= 0:
             opened.append((last, segment.size))
     yield waiting
 
 
-def _due(waiting: dict[str, list[_TimedBlock]], until: int) -> dict[str, list[_TimedBlock]]:
-    """Take what waits up to a time, which no later segment precedes [ns]."""
-    due: dict[str, list[_TimedBlock]] = {}
-    for topic, parts in list(waiting.items()):
-        counts = [_count_before(part.times, until, "right") for part in parts]
-        pairs = list(zip(parts, counts, strict=True))
-        ready = [part.cut(slice(0, count)) for part, count in pairs if count]
-        rest = [part.cut(slice(count, None)) for part, count in pairs if count < len(part.times)]
-        if ready:
-            due[topic] = ready
-        if rest:
-            waiting[topic] = rest
-        else:
-            del waiting[topic]
-    return due
+def _parted(
+    waiting: Iterable[_TimedBlock], until: int
+) -> tuple[list[_TimedBlock], list[_TimedBlock]]:
+    """Return what is due up to a time [ns], which no later segment precedes, and the rest."""
+    due, rest = [], []
+    for part in waiting:
+        count = _count_before(part.times, until, "right")
+        if count:
+            due.append(part.cut(slice(0, count)))
+        if count < len(part.times):
+            rest.append(part.cut(slice(count, None)))
+    return due, rest
 
 
 def _count_before(times: np.ndarray, time: int, side: Literal["left", "right"] = "left") -> int:

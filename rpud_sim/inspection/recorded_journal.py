@@ -206,16 +206,21 @@ class Extent:
 
     def _shows(self, origin: int, time: int, begun: int) -> bool:
         """Whether messages show a simulation time; log times have to where there are none [ns]."""
-        if origin + time <= self._limit:
+        if origin + time <= self._latest_at_end + _BEYOND:
             return True
-        if latest := _latest(recorded_progress(self._bag, self.codecs, 0)):
-            self._limit = agreed(latest) + _BEYOND
-            return origin + time <= self._limit
+        if self._latest is not None:
+            return origin + time <= self._latest + _BEYOND
         return time - begun <= self._bag.duration + _BEYOND
 
     @cached_property
-    def _limit(self) -> int:
-        return agreed(_latest(self.end)) + _BEYOND
+    def _latest_at_end(self) -> int:
+        return agreed(_latest(self.end))
+
+    @cached_property
+    def _latest(self) -> int | None:
+        """Latest stamp of the whole bag, which need not be at its end; None without any [ns]."""
+        found = _latest(recorded_progress(self._bag, self.codecs, 0))
+        return agreed(found) if found else None
 
 
 def _latest(shown: Iterable[tuple[str, np.ndarray]]) -> list[int]:

@@ -237,12 +237,7 @@ class Engine:
         self._interrupt(seconds, fraction, self._drill, new)
 
     def drain(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return the segments and the impacts finished since the last call, in order."""
-        covering, impacts = self.drain_covering()
-        return covering[:-1], impacts
-
-    def drain_covering(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return the same as ``drain``, with the open segment after the finished ones."""
+        """Return the segments finished since the last call with the open one, and the impacts."""
         self._take_room()
         room, count = self._segment_room, self._written + 1
         # Bytes, because NumPy copies structures field by field.

@@ -277,15 +277,12 @@ def advance_members(drill, rpud, members, begin, until, options, room, progress)
         state, impact = states[i], open_impacts[i]
         segments[0] = opened[0]
         turn = turn_at(segments[0].vibration_phase)
-        j = 0  # the open segment
+        segment, after = segments[0], segments[1]
         while True:
-            segment = segments[j]
             is_full = len(impacts) - count < IMPACTS_OF_EVENT
             status = status_before(state, segment, until[0], until[1], is_full)
             if status != GOES_ON:
                 break
-            j = 1 - j
-            after = segments[j]
             turns = turns_at_end(segment, state.next_event == END_DRILL_TOOL_RELEASE)
             # Called in one place alone, so that it is compiled into the loop.
             count, turn_after = pass_event(
@@ -294,7 +291,8 @@ def advance_members(drill, rpud, members, begin, until, options, room, progress)
             if added:
                 add_ended(rpud, segment, after, turn, turns, turn_after, whole, tally, part)
             turn = turn_after
-        opened[0] = segments[j]
+            segment, after = after, segment
+        opened[0] = segment
         progress[1] = count
         if status == FULL:
             return False

@@ -152,7 +152,7 @@ class Plant:
         self._impacts.append(impacts)
 
     def _drain_engine(self) -> tuple[np.ndarray, np.ndarray]:
-        covering, impacts = self.engine.drain_covering()
+        covering, impacts = self.engine.drain()
         self._make_progress(impacts[self._counted :])
         self._counted = 0
         return covering, impacts

@@ -1,33 +1,10 @@
 """`rpud test CAMPAIGN.yaml`: exit codes, pytest's options, wrong calls."""
 
-from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
+from campaign_results import CAMPAIGN
 from support import rpud
-
-SUPERVISORS = Path(__file__).resolve().parents[1] / "testing"
-CAMPAIGN = f"""\
-system:
-  command: python supervisor.py works --ros-args -r __ns:=/rpud
-  folder: {SUPERVISORS}
-  answers: [supervisor/heartbeat]
-  hears: [reacting_force]
-  answer_timeout: 60.0
-duration: 0.3
-scenarios:
-  calm: {{}}
-  jammed: {{faults: [{{kind: free_mass_jammed, onset: 0.1}}]}}
-expectations:
-  - name: force
-    requirement: SAFE-1
-    expect: {{always: reacting_force.force < 500 N}}
-  - name: after a jam
-    requirement: SAFE-2
-    expect:
-      after: {{onset: free_mass_jammed}}
-      expect: {{eventually: reacting_force.force >= 0 N}}
-"""
 
 
 @pytest.fixture

@@ -42,7 +42,6 @@ class Drill:
             time=self.run.time,
             status=self.run.status(state, bookkeeping)[2],
             figures=self.statistics.figures(),
-            measured={},
             process=self.simulation.process,
             faults=self.simulation.faults.active,
             requests_refused=requests,

@@ -7,7 +7,7 @@ import pytest
 from altered_bags import altered, unchanged
 from inspection.forked_runs import JOURNAL, SECOND, entries_of
 
-from rpud_sim.inspection import InspectionError
+from rpud_sim.inspection import InspectionError, recorded_journal
 from rpud_sim.inspection.offline_bag import write_fork
 from rpud_sim.inspection.recorded_journal import UnverifiableError, installed_codec
 from rpud_sim.inspection.verify.verification import verify
@@ -57,6 +57,20 @@ def test_a_time_of_a_run_before_is_not_run_again(used, tmp_path):
         verify(path)
     with pytest.raises(InspectionError, match="no other message shows that time"):
         write_fork(path, tmp_path / "fork", 0.1, run=2)
+
+
+def test_a_bag_is_searched_once_for_stamps_however_many_entries_need_them(used, tmp_path):
+    bare = altered(used.path, tmp_path / "bare", unchanged, {JOURNAL})
+    searched = []
+
+    def search(*words):
+        searched.append(words)
+        return iter(())
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(recorded_journal, "recorded_progress", search)
+        write_fork(bare, tmp_path / "fork", 0.05)
+    assert len(entries_of(bare)) > len(searched) == 2  # its end, and the whole
 
 
 def test_log_times_bound_a_journal_without_other_messages(used, tmp_path):

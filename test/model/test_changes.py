@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from closed_forms import DRILL_TOOL, FREE_MASS, TIP, motion, nodal_plane
+from closed_forms import DRILL_TOOL, FREE_MASS, TIP, finished, motion, nodal_plane
 from drill_configurations import tables
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
@@ -66,7 +66,7 @@ def run(regime, planned, stops, end=0.35):
         if at in planned:
             values, jammed, new = planned[at]
             engine.change(0, at, derive(preset(values["regime"]).replace(**values), jammed), new)
-    return engine.drain()
+    return finished(engine)
 
 
 @pytest.mark.parametrize("touches", [True, False])
@@ -74,11 +74,11 @@ def test_rock_that_touches_the_drill_tool_stops_it_at_once(touches):
     engine = Engine(preset("free"), 0.2)
     engine.advance(0, 0.05)
     passed = 5e-3  # as a mount that has brought the actuator ahead of the tool's place
-    free = engine.drain_covering()[0][-1:]
+    free = engine.drain()[0][-1:]
     before = evaluate(free, np.array([0]), np.array([engine.ahead(0, 0.05)]))
     drill = derive(preset("drilling"))
     engine.change(0, 0.05, drill, (8.0, 35e-6, 16000.0), 0.0, passed, touches)
-    after = evaluate(engine.drain_covering()[0][-1:], np.array([0]), np.zeros(1))
+    after = evaluate(engine.drain()[0][-1:], np.array([0]), np.zeros(1))
     assert after["nodal_plane_position"] == pytest.approx(before["nodal_plane_position"] - passed)
     assert engine.seats is not touches
     tool = before["drill_tool_displacement"] - passed
@@ -122,7 +122,7 @@ def reacting_force(engine, seconds):
     """Mean reacting force from the last time on until a whole second [N]."""
     engine.drain()
     engine.advance(seconds, 0.0)
-    segments, _ = engine.drain()
+    segments, _ = finished(engine)
     start = segments["start_seconds"][0] + segments["start_fraction"][0]
     times = np.linspace(start, seconds, 200_000, endpoint=False)
     return rebuild(segments, np.floor(times), times % 1.0)["reacting_force"].mean()
@@ -146,10 +146,10 @@ def test_the_rock_lifts_a_drill_that_rests_on_its_tool_without_throwing_it():
     engine.advance(5, 0.0)
     k_1, k_2 = FREE.load_spring_rate, FREE.restoring_spring_rate
     sag = (10.0 + FREE.free_mass * FREE.gravity) / (k_1 + k_2)
-    assert nodal_plane(engine.drain()[0][-1], 0.0) == pytest.approx(sag, rel=1e-3)
+    assert nodal_plane(finished(engine)[0][-1], 0.0) == pytest.approx(sag, rel=1e-3)
     engine.change(5, 0.0, derive(DRILLING), rest)
     engine.advance(9, 0.0)
-    segments, _ = engine.drain()
+    segments, _ = finished(engine)
     fastest = max(abs(nodal_plane(segment, 0.0, 1)) for segment in segments)
     assert fastest < 20.0 * sag / SEATING_TIME
     assert abs(nodal_plane(segments[-1], 0.0)) < 1e-6
@@ -162,7 +162,7 @@ def instant(regime, wanted):
     engine.advance(0, 0.5)
     engine.drain()
     engine.advance(1, 0.0)
-    segment = next(each for each in engine.drain()[0][1:] if wanted(each))
+    segment = next(each for each in finished(engine)[0][1:] if wanted(each))
     return segment["start_fraction"] + 0.5 * segment["duration"]
 
 
@@ -172,7 +172,7 @@ def test_an_impact_in_progress_is_reported_over_a_change_of_constants():
     changed = derive(DRILLING.replace(elastic_modulus=0.5e11, free_mass=7e-3))
     engine.change(0, at, changed, COMMANDS)
     engine.advance(1, 0.0)
-    segments, impacts = engine.drain()
+    segments, impacts = finished(engine)
     impact = impacts[np.flatnonzero(impacts["fraction"] < at)[-1]]
     end = impact["fraction"] + impact["contact_duration"]
     assert impact["fraction"] < at < end
@@ -189,7 +189,7 @@ def test_an_impact_in_progress_ends_where_the_rock_is_left():
     at = instant("drilling", lambda segment: segment["contact"] == 2)
     engine = Engine(DRILLING, 0.2)
     engine.change(0, at, derive(FREE), COMMANDS)
-    impact = engine.drain()[1][-1]
+    impact = finished(engine)[1][-1]
     assert impact["fraction"] + impact["contact_duration"] == pytest.approx(at, abs=1e-12)
     assert impact["peak_force"] > 0.0
 
@@ -205,7 +205,7 @@ def test_a_jammed_mass_strikes_the_tool_no_more(regime, drive):
     engine.change(0, 0.5, derive(parameters, jammed=True), (10.0, drive, 16000.0))
     for seconds, fraction in ((0, 0.6), (2, 0.0), (3, 0.0)):
         engine.advance(seconds, fraction)
-        found.append(engine.drain())
+        found.append(finished(engine))
         check_trajectory(found[-1][0])
     # The one in progress, and the one that wedges it.
     struck = [len(impacts) for _, impacts in found]
@@ -219,7 +219,7 @@ def test_a_jammed_mass_strikes_the_tool_no_more(regime, drive):
         assert len(segments) < 110  # it has come to rest
     engine.change(3, 0.0, derive(parameters), COMMANDS)
     engine.advance(4, 0.0)
-    segments, impacts = engine.drain()
+    segments, impacts = finished(engine)
     check_trajectory(segments)
     assert len(impacts) > 50
 
@@ -230,7 +230,7 @@ def test_the_actuator_strikes_a_jammed_mass_and_the_tool_as_one_body():
     engine = Engine(parameters, 0.2)
     engine.change(0, 0.1, drill, COMMANDS)
     engine.advance(1, 0.0)
-    segments, _ = engine.drain()
+    segments, _ = finished(engine)
     joined = drill.free_mass + drill.tool_mass
     checked = 0
     for before, after in pairwise(segments[500:]):

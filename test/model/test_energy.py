@@ -25,7 +25,7 @@ def trajectory(regime, seconds=0.3, phase=0.2, **changes):
     """Give segments from time zero on, and the last time."""
     engine = Engine(preset(regime).replace(**changes), phase)
     engine.advance(0, seconds)
-    return engine.drain_covering()[0].copy(), seconds
+    return engine.drain()[0].copy(), seconds
 
 
 def account(segments, seconds, rpud=RPUD, start=0.0):
@@ -158,7 +158,7 @@ def test_a_collision_loses_what_its_restitution_says():
 def test_in_the_rock_all_that_is_transferred_is_absorbed():
     engine = Engine(preset("drilling"), 0.2)
     engine.advance(2, 0.0)
-    segments, impacts = engine.drain_covering()
+    segments, impacts = engine.drain()
     joules = account(segments, 2.0)
     absorbed = joules[energy.IMPACTS] + joules[energy.RELEASE]
     assert impacts["energy_transferred"].sum() == pytest.approx(absorbed, rel=2e-3)

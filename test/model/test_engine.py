@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from closed_forms import DRILL_TOOL, FREE_MASS, TIP, motion, nodal_plane
+from closed_forms import DRILL_TOOL, FREE_MASS, TIP, finished, motion, nodal_plane
 from drill_configurations import tables
 from hypothesis import given
 from hypothesis import strategies as st
@@ -27,7 +27,7 @@ REGIMES = ("free", "drilling")
 def run(parameters, seconds, phase=0.2, drive=True):
     engine = Engine(parameters, phase, drive)
     engine.advance(*divmod(seconds, 1.0))
-    return engine.drain()
+    return finished(engine)
 
 
 def test_a_motion_that_is_no_longer_a_number_ends_the_run_in_one_line():
@@ -55,7 +55,7 @@ def test_without_drive_everything_comes_to_rest(regime, weight):
     engine.advance(8, 0.0)
     engine.drain()
     engine.advance(9, 0.0)
-    segments, impacts = engine.drain()
+    segments, impacts = finished(engine)
     last = segments[-1]
     assert len(segments) < 200
     # Nothing damps a mass that rests on rock: what is left is a trembling of nanometres.
@@ -95,7 +95,7 @@ def test_gravity_on_the_drill_is_borne_by_both_springs():
 def test_an_impact_is_squeezed_if_the_tip_pressed_meanwhile():
     engine = Engine(tables("drilling").replace(weight_on_bit=50.0), 0.2)
     engine.advance(5, 0.0)
-    segments, impacts = engine.drain()
+    segments, impacts = finished(engine)
     starts = segments["start_seconds"] + segments["start_fraction"]
     begun = impacts["seconds"] + impacts["fraction"]
     ended = begun + impacts["contact_duration"]
@@ -113,11 +113,11 @@ def test_blocks_are_parts_of_one_and_stay_as_they_are():
     blocks = []
     for end in (0.25, 1.0, 3.0, 4.0, 5.0, 6.0):
         parts.advance(*divmod(end, 1.0))
-        block, _ = parts.drain()
+        block, _ = finished(parts)
         assert not block.flags.writeable
         blocks.append((block, block.copy()))
     assert all((block == content).all() for block, content in blocks)
-    assert (np.concatenate([content for _, content in blocks]) == whole.drain()[0]).all()
+    assert (np.concatenate([content for _, content in blocks]) == finished(whole)[0]).all()
 
 
 def test_impacts_are_counted_and_seen_before_they_are_drained():
@@ -127,7 +127,7 @@ def test_impacts_are_counted_and_seen_before_they_are_drained():
         engine.advance(0, k * 1e-3)
         found += engine.impacts_from(len(found))["sequence"].tolist()
         assert engine.impact_count - len(found) in (0, 1)  # one in progress
-    _, impacts = engine.drain()
+    _, impacts = finished(engine)
     assert found == impacts["sequence"].tolist()
     assert len(engine.impacts_from(0)) == 0
 
@@ -146,7 +146,7 @@ def test_an_undisturbed_impact_of_the_engine_is_a_single_contact(model):
     parameters = preset("drilling").replace(contact_model=model, gravity=0.0)
     engine = Engine(parameters, 0.2)
     engine.advance(5, 0.0)
-    impacts = engine.drain()[1][1:]  # the first one is the start, the actuator upon the free mass
+    impacts = finished(engine)[1][1:]  # the first one is the start, the actuator upon the free mass
     velocities = impacts["impact_velocity"]
     contacts = [single_contact(parameters, float(velocity)) for velocity in velocities]
     durations = np.array([contact.duration for contact in contacts])
@@ -167,6 +167,6 @@ def test_room_that_nobody_has_any_more_is_filled_again():
     places = []
     for second in range(1, 9):
         engine.advance(second, 0.0)
-        segments, _ = engine.drain()
+        segments, _ = finished(engine)
         places.append(segments.ctypes.data)
     assert len(set(places[1:])) == 2

@@ -3,6 +3,7 @@
 import re
 
 import pytest
+from closed_forms import finished
 from drill_configurations import tables
 
 from rpud_sim.model.drill import derive
@@ -47,7 +48,7 @@ def test_a_microgram_ends_with_one_line_that_names_it_wherever_a_caller_stops():
 def test_a_sane_drill_is_far_from_its_budget(parameters):
     engine = Engine(parameters)
     engine.advance(1, 0.0)
-    segments, _ = engine.drain()
+    segments, _ = finished(engine)
     assert len(segments) < 0.2 * EVENT_BUDGET
     assert engine._state["effort"][0] < 0.2 * GREATEST_EFFORT
 
@@ -60,6 +61,6 @@ def test_a_burst_of_elastic_bounces_is_no_overload():
     counts = []
     for number in range(1, 51):
         engine.advance(*divmod(1.0 + 0.02 * number, 1.0))
-        counts.append(len(engine.drain()[0]))
+        counts.append(len(finished(engine)[0]))
     assert max(counts) > 1e5
     assert engine._state["effort"][0] < GREATEST_EFFORT

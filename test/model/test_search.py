@@ -8,7 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from closed_forms import DRILL_TOOL, FREE_MASS, TIP, gap, motion
+from closed_forms import DRILL_TOOL, FREE_MASS, TIP, finished, gap, motion
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import brentq, minimize_scalar
@@ -94,7 +94,7 @@ def trajectory(regime, changes):
     parameters = preset(regime).replace(**changes)
     engine = Engine(parameters, 0.37)
     engine.advance(0, 0.25)
-    segments, _ = engine.drain()
+    segments, _ = finished(engine)
     return derive(parameters), segments
 
 

@@ -49,7 +49,6 @@ class Report(NamedTuple):
     time: int  # simulation time [ns]
     status: Fields  # of its ``rpud_msgs/Status``
     figures: Figures  # of the second before the latest full report
-    measured: Fields  # timing and delays by then, by name
     process: ProcessState  # state of rotation, feed and borehole
     faults: tuple[FaultRecord, ...]  # that last
     requests_refused: int  # of services, since the start
@@ -265,7 +264,6 @@ class StatusReporter:
             time=run.time,
             status=status[2],
             figures=self._figures,
-            measured=self._measured,
             process=simulation.process,
             faults=simulation.faults.active,
             requests_refused=self._inbox.requests_refused,
