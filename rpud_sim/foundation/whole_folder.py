@@ -17,10 +17,7 @@ UNFINISHED = ".unfinished"
 def whole_folder(out: str | os.PathLike[str]) -> Iterator[Path]:
     """Context with a new folder, which is renamed to ``out`` at its end; deleted after an error.
 
-    Raises:
-        FileExistsError: with the name, if ``out`` or ``out`` with ``.part``, its name until then,
-            exists.
-        OSError: if the folder cannot be made.
+    A FileExistsError names ``out``, or ``out`` with ``.part``, its name until then, if it exists.
     """
     whole = Path(os.path.abspath(out))
     part = Path(f"{whole}.part")

@@ -137,11 +137,9 @@ class Actuator:
     With the gain model the amplitude follows the voltage at once, at every frequency. With the
     resonance model the engine integrates the vibration (``rpud_sim.model.resonator``), and this
     object sets the voltage, the drive's frequency and the resonance frequency. Times are integer
-    nanoseconds of simulation time. Every drive must have passed ``Configuration.check``.
-
-    Args:
-        vibration_amplitude: at nominal voltage on resonance [m].
-        drive: in force from time zero on; a frequency of zero is the resonance frequency.
+    nanoseconds of simulation time. Every drive must have passed ``Configuration.check``; a
+    frequency of zero at time zero is the resonance frequency. The vibration's amplitude [m] is at
+    nominal voltage on resonance.
     """
 
     def __init__(

@@ -78,12 +78,8 @@ class Applied:
 class Control:
     """Commands of a drill, put into force in full, in part when they are lost, or not at all.
 
-    When no command arrived for the timeout, the share that acts falls linearly from 1 to 0 within
-    the ramp, and stays there until the next one.
-
-    Args:
-        timeout: time without a command after which commands are lost [s]; 0 for never.
-        ramp: time in which the share falls from 1 to 0 [s].
+    When no command arrived for the timeout [s], 0 for never, the share that acts falls linearly
+    from 1 to 0 within the ramp [s], and stays there until the next one.
     """
 
     def __init__(

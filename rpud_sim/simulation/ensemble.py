@@ -37,7 +37,6 @@ from rpud_sim.simulation.statistics import (
     Figures,
     RecentEnergy,
     Statistics,
-    account_of,
     account_of_tally,
     figures_of,
 )
@@ -229,7 +228,6 @@ def compile_kernels(
         statistics = Statistics()
         statistics.add(block)
         statistics.figures()
-        account_of(block)
         block.sample(Times.from_nanoseconds(0))
         if not simulation.configuration.has_feed:  # whose steps change the weight on bit
             simulation.apply(WeightOnBit(0.5 * simulation.applied.weight_on_bit.force + 1.0))
@@ -262,16 +260,12 @@ def run_members(
     threads: int = 1,
     planned: Sequence[Planned] = (),
 ) -> Generator[Member, None, None]:
-    """Yield the result of one simulation per initial phase, in their order; failed ones as well.
+    """Yield the result of one simulation per initial phase [cycles], failed ones as well.
 
-    Args:
-        duration: of each run [s].
-        phases: initial phase of each run [cycles].
-        report: called now and then with the simulated seconds since the last call, in any thread.
-        scenario: faults that begin by themselves, in each run at the same times.
-        accounts: whether the energy accounts are wanted.
-        threads: to run members on; the compiled code needs no GIL.
-        planned: commands and faults, in the order of their times, in each run.
+    Each lasts a duration [s], with the faults of ``scenario`` and the ``planned`` commands and
+    faults, in the order of their times. ``report`` is called now and then with the simulated
+    seconds since the last call, in any thread. The compiled code needs no GIL, so members run on
+    ``threads``.
     """
     configuration = whole_configuration(configuration)
     end = round(duration * SECOND)

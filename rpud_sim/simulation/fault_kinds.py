@@ -119,29 +119,27 @@ def _tracking(magnitude: float, drill: Configuration) -> str:
     return "" if generator == "tracking" else f"needs generator = tracking, which is {generator}"
 
 
-def _rock(magnitude: float, drill: Configuration) -> str:
-    if drill.rock.rock_model != "none" or drill.drilling.layers is not None:
-        return ""
-    return "needs a rock_model, which is none, or strata"
+def _needing(what: str, has: Callable[[Configuration], bool]) -> _Need:
+    return lambda magnitude, drill: "" if has(drill) else f"needs {what}"
+
+
+_rotation = _needing(
+    "a rotation_model, which is none", lambda drill: drill.rotation.rotation_model != "none"
+)
+_feed = _needing("a feed_model, which is none", lambda drill: drill.has_feed)
+_hole = _needing(
+    "strata, or a rotation_model with a rock_model",
+    lambda drill: drill.drilling.layers is not None,
+)
+_rock = _needing(
+    "a rock_model, which is none, or strata",
+    lambda drill: drill.rock.rock_model != "none" or drill.drilling.layers is not None,
+)
 
 
 def _rock_while_drilling(magnitude: float, drill: Configuration) -> str:
     reason = _rock(magnitude, drill) if drill.parameters.regime == "drilling" else ""
     return f"acts on the progress while drilling and {reason}" if reason else ""
-
-
-def _rotation(magnitude: float, drill: Configuration) -> str:
-    there = drill.rotation.rotation_model != "none"
-    return "" if there else "needs a rotation_model, which is none"
-
-
-def _feed(magnitude: float, drill: Configuration) -> str:
-    return "" if drill.has_feed else "needs a feed_model, which is none"
-
-
-def _hole(magnitude: float, drill: Configuration) -> str:
-    there = drill.drilling.layers is not None
-    return "" if there else "needs strata, or a rotation_model with a rock_model"
 
 
 def _softer_rock(magnitude: float, drill: Configuration) -> str:

@@ -73,11 +73,8 @@ class JournalError(ValueError):
 class Rerun:
     """Runs that repeat the entries of a journal.
 
-    The messages are those of the journal's runs with a subscriber on every topic.
-
-    Args:
-        journal: of the runs, to go on with another one; None for no journal.
-        wanted: whether to make the messages of a topic that no fault can touch.
+    The messages are those of the journal's runs with a subscriber on every topic. A ``journal``
+    goes on with another one; ``wanted`` as of ``Run``.
     """
 
     def __init__(
@@ -258,11 +255,7 @@ class Start:
 
 
 def _set_state(run: Run, time: int, state: Mapping[str, Any]) -> None:
-    """Put a new run into a state of a run with the same beginning.
-
-    Raises:
-        ArithmeticError, LookupError, TypeError, ValueError: if it is no state at this time [ns].
-    """
+    """Put a new run into a state of a run with the same beginning; any error says it is none."""
     beginning = to_values(run.beginning.settings.configuration)
     configuration = to_configuration({**beginning, **state["parameters"]})
     run.simulation._plant.engine.drain()  # impacts of time zero are no part of it

@@ -181,11 +181,6 @@ class Run:
         """Let waveform and trajectory begin here; what is pending of them is not published."""
         self._telemetry.drop_pending()
 
-    def resume(self, origin: int, active: bool) -> None:
-        """Go on from a copied state."""
-        self.place(origin)
-        self.control.activate(active)
-
     def place(self, origin: int) -> None:
         """Give simulation time zero a stamp [ns]; motion and commands go on."""
         self._telemetry.origin = origin

@@ -168,18 +168,10 @@ def end_sample(segment: np.void, rate: int) -> int:
     return int(segment["start_seconds"]) * rate + math.ceil(end * rate)
 
 
-def sample_between(segments: np.ndarray, first: int, end: int, rate: int) -> Samples:
-    """Return samples ``first`` to ``end - 1`` of consecutive segments that cover them."""
-    return sample(segments, Times.from_grid(first, max(0, end - first), rate))
-
-
 class Rebuilder:
-    """Sampler of consecutive pieces of a trajectory.
+    """Sampler of consecutive pieces of a trajectory, at a whole rate [Hz].
 
     A piece is sampled up to the start of its last segment. The next piece shows where that ends.
-
-    Args:
-        rate: a whole rate [Hz]; sample number n is n / rate after simulation time zero.
     """
 
     def __init__(self, rate: int) -> None:

@@ -49,11 +49,8 @@ class Simulation:
     actuator's amplitude changes, at their exact instants, however the simulation is advanced. Times
     are integer nanoseconds of simulation time.
 
-    Args:
-        configuration: of the drill, or its parameters alone; its weight on bit and nominal drive
-            apply until the first command.
-        scenario: faults that begin by themselves.
-        journal: gets an entry for each change from outside; scheduled changes follow from these.
+    Weight on bit and nominal drive of the configuration apply until the first command. The journal
+    gets an entry for each change from outside; scheduled changes follow from these.
     """
 
     def __init__(

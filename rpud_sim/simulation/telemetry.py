@@ -121,10 +121,7 @@ Stream = Iterator[Entry | None]
 class Telemetry:
     """Messages of consecutive blocks, changed by the faults of their signals.
 
-    Args:
-        seed: of the random numbers of faulty signals.
-        wanted: whether a topic that no fault can touch has had a subscriber; without one its
-            messages are not made.
+    ``seed`` is of the random numbers of these; ``wanted`` as of ``Run``.
     """
 
     def __init__(
@@ -147,9 +144,7 @@ class Telemetry:
     def prompt(self, block: Block, faults: Sequence[FaultRecord]) -> Iterator[Entry]:
         """Yield the messages that are due at once: impacts of a block and the sample at its end.
 
-        Args:
-            block: at most one telemetry period long, after that of the last call.
-            faults: that lasted in the block, or in a part of it.
+        The block is at most one telemetry period long. ``faults`` lasted in it, or in a part of it.
         """
         faults = [record for record in faults if record.fault.channel]
         for columns in self._columns(block, sampled=self._boundary(block.end) is not None):

@@ -18,7 +18,7 @@ from rpud_sim.bag.definitions import find_definition
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.inspection.rebuild import TrajectoryPiece, trajectory_pieces
 from rpud_sim.pages.quantities import QUANTITIES
-from rpud_sim.simulation.sampling import end_sample, first_sample, sample_between
+from rpud_sim.simulation.sampling import Times, end_sample, first_sample, sample
 from rpud_sim.viewer.history import Bins, Layer, part_length
 from rpud_sim.viewer.overview import Overview
 from rpud_sim.viewer.picture import IMPACTS, MOTION, SECTION, TIMES, Picture, with_gaps
@@ -106,7 +106,7 @@ class Waveforms:
             first = max(math.ceil((start - zero) * rate), first_sample(segments[0], rate))
             last = min(math.floor((end - zero) * rate) + 1, end_sample(segments[-1], rate))
             if last > first:
-                samples = sample_between(segments, first, last, rate)
+                samples = sample(segments, Times.from_grid(first, last - first, rate))
                 counted = np.arange(first, last, dtype=np.int64)
                 parts.append((counted, counted / rate + zero, vars(samples)))
         return Waveform.of(parts, rate)

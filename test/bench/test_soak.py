@@ -101,7 +101,7 @@ def test_a_process_that_ends_badly_fails(code, passed):
 
 def test_the_whole_runs_against_a_real_drill(process):
     """A short run cannot show the growth of memory, and a busy machine misses deadlines."""
-    run = process(sys.executable, "-m", "bench.soak", "--duration", "3", cwd=ROOT)
+    run = process("env", "-C", ROOT, sys.executable, "-m", "bench.soak", "--duration", "3")
     run.wait()
     rows = re.findall(r"^\| (ok|FAILED) +\| ([^|]+?) +\|", run.output, re.MULTILINE)
     verdicts = {name: verdict for verdict, name in rows}
@@ -118,7 +118,7 @@ def test_a_drill_that_does_not_start_is_a_failure_in_one_line(process, tmp_path)
     (tmp_path / "drill_node").write_text("#!/bin/sh\nexit 3\n")
     (tmp_path / "drill_node").chmod(0o755)
     path = f"PATH={tmp_path}:/usr/bin:/bin"
-    run = process("env", path, sys.executable, "-m", "bench.soak", cwd=ROOT)
+    run = process("env", "-C", ROOT, path, sys.executable, "-m", "bench.soak")
     # At once: a drill that runs has 60 s until it is heard.
     assert run.wait(50.0) == 1
     assert run.output == "soak: drill ended with exit code 3"

@@ -435,7 +435,8 @@ class LiveRun:
         if active is None:
             run.begin(origin)
         else:
-            run.resume(origin, active)
+            run.place(origin)
+            run.control.activate(active)
 
     def _copy(self, start: Start, journal: Journal) -> Run:
         return start.run.copy(journal, self.publishers.wanted, self.reporter.add)
