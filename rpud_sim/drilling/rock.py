@@ -150,7 +150,10 @@ def uniform_strata(specific_energy: float) -> Strata:
 
 
 def find_strata(choice: str) -> Strata:
-    """Return the strata of a rock's name, of one line of YAML in braces, or of a file."""
+    """Return the strata of a rock's name, of one line of YAML in braces, or of a file.
+
+    An error of a file has its name, the line and the layer.
+    """
     if choice in ROCKS:
         return Strata((preset_layer(choice),))
     if choice.lstrip().startswith("{"):
@@ -163,11 +166,7 @@ def find_strata(choice: str) -> Strata:
         raise ParameterError(
             f"strata = {shown(choice)} is neither a file nor a rock; {did_you_mean(choice, ROCKS)}"
         )
-    return read_strata(choice)
-
-
-def read_strata(path: str | Path) -> Strata:
-    return _strata_at(open_yaml(path, where="{file}: line {line}: "))
+    return _strata_at(open_yaml(choice, where="{file}: line {line}: "))
 
 
 def _strata_at(content: Cursor) -> Strata:

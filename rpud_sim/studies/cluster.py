@@ -76,35 +76,37 @@ def _run_on_scheduler(
     """Yield chunks with their outcomes until there are no more, or the scheduler is lost."""
     from distributed import Client, KilledWorker
 
-    with (
-        _losing_scheduler(),
-        Client(address, timeout=CONNECT_TIMEOUT, set_as_default=False) as client,
-    ):
+    with _losing_scheduler():
+        client = Client(address, timeout=CONNECT_TIMEOUT, set_as_default=False)
         executor = client.get_executor(pure=False)
         scheduler = client.scheduler_info()["id"]
 
-        def room() -> int:
-            with _losing_scheduler():
-                if client.scheduler_info()["id"] != scheduler:  # it knows of no chunk
-                    raise CancelledError
-                return IN_FLIGHT * max(sum(client.nthreads().values()), 1)
+    def room() -> int:
+        with _losing_scheduler():
+            if client.scheduler_info()["id"] != scheduler:  # it knows of no chunk
+                raise CancelledError
+            return IN_FLIGHT * max(sum(client.nthreads().values()), 1)
 
-        def submit(chunk: _Chunk) -> Future[_Outcome]:
-            with _losing_scheduler():
-                return executor.submit(work, chunk)
+    def submit(chunk: _Chunk) -> Future[_Outcome]:
+        with _losing_scheduler():
+            return executor.submit(work, chunk)
 
-        def result(future: Future[_Outcome], chunk: _Chunk) -> _Outcome:
-            try:
-                return future.result()
-            except KilledWorker:
-                reason = f"chunk {chunk.number} ended its worker again and again"
-            except ModuleNotFoundError as error:
-                reason = f"a worker of {address} has no Python module {error.name}"
-            except OSError as error:
-                reason = f"chunk {chunk.number}: a worker of {address} failed: {error}"
-            raise WorkerError(reason)
+    def result(future: Future[_Outcome], chunk: _Chunk) -> _Outcome:
+        try:
+            return future.result()
+        except KilledWorker:
+            reason = f"chunk {chunk.number} ended its worker again and again"
+        except ModuleNotFoundError as error:
+            reason = f"a worker of {address} has no Python module {error.name}"
+        except OSError as error:
+            reason = f"chunk {chunk.number}: a worker of {address} failed: {error}"
+        raise WorkerError(reason)
 
+    try:
         yield from keep_busy(submit, chunks, room, result)
+    finally:
+        with contextlib.suppress(OSError):  # or the chunks in flight would be forgotten
+            client.close()
 
 
 @contextlib.contextmanager

@@ -22,6 +22,7 @@ from rpud_sim.viewer.session import encode
 pytestmark = pytest.mark.extended
 
 END, BINS = 40.0, 4000
+GAP = 1000  # bin without a value
 RAMP = (np.arange(BINS) + 0.5) * END / BINS  # a value that is its own time
 
 
@@ -39,6 +40,7 @@ def frame():
         name: {"t": RAMP, "mean": RAMP, "low": RAMP - 1.0, "high": RAMP + 1.0}
         for name in ("peak_force", "reacting_force")
     }
+    layers["reacting_force"]["mean"] = np.where(np.arange(BINS) == GAP, np.nan, RAMP)
     layers["peak_force"]["outliers"] = {"t": np.array([7.0]), "v": np.array([90.0]), "more": 0}
     layers["actuator_power"] = {"t": RAMP, "mean": RAMP}
     layers["depth"] = {"t": RAMP, "mean": RAMP * 1e-3}
@@ -109,6 +111,8 @@ def test_a_zoom_is_cut_from_the_overview(frozen):
     times = np.array(of_screen(page, "Array.from(screen.seen.view.layers.peak_force.t)"))
     assert means == pytest.approx(times)  # joined bins keep the mean, and the least
     assert (np.array(lows) < times - 1.0).all()
+    gap = of_screen(page, "screen.seen.view.layers.reacting_force.mean.findIndex(Number.isNaN)")
+    assert gap == pytest.approx(GAP * len(means) / BINS, abs=1)
     of_screen(page, "screen.zoom(10, 11)")
     until_screen(page, "screen.seen.view.start === 10")
     found = np.array(of_screen(page, "Array.from(screen.seen.view.layers.peak_force.t)"))

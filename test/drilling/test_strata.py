@@ -16,7 +16,6 @@ from rpud_sim.drilling.rock import (
     find_strata,
     inclusion_in,
     preset_layer,
-    read_strata,
     uniform_strata,
 )
 from rpud_sim.foundation.quantities import ParameterError
@@ -143,7 +142,7 @@ def test_a_file_that_cannot_be_used_says_why_in_one_line(tmp_path, written, said
     file = tmp_path / "strata.yaml"
     file.write_text(written)
     with pytest.raises(ParameterError) as caught:
-        read_strata(file)
+        find_strata(str(file))
     assert str(caught.value) == said.replace("FILE", str(file))
 
 

@@ -133,6 +133,14 @@ def test_an_entry_comes_before_its_consequences():
     assert [stamp_of(fields) for _, _, fields in messages[:3]] == [ORIGIN + 10 * MILLISECOND] * 3
 
 
+def test_a_command_that_changes_nothing_is_no_entry():
+    run, messages = started(RATES), []
+    for _ in range(20):
+        run.control.apply(WeightOnBit(12.0))
+        messages += run.advance_to(run.next_boundary)
+    assert kinds(messages).count("weight_on_bit") == 1
+
+
 @pytest.mark.parametrize("kind", ["flush", "end"])
 def test_stops_inside_a_block_and_a_flush_are_entries_before_their_messages(kind):
     run, found = begun(journal=Journal())

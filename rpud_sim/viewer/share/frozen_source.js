@@ -92,9 +92,8 @@ function partOf(layer, start, end, width) {
   const joined = Math.max(1, Math.floor((last - first) / Math.max(1, width)));
   const merge = (/** @type {import("./frames.js").Values} */ values, /** @type {(values: number[]) => number} */ join) =>
     Array.from({ length: Math.max(0, Math.ceil((last - first) / joined)) }, (_, i) => {
-      const known = [];
-      for (let at = first + i * joined; at < Math.min(last, first + (i + 1) * joined); at += 1) if (values[at] === values[at]) known.push(values[at]);
-      return known.length ? join(known) : NaN;
+      const begin = first + i * joined, part = Array.from({ length: Math.min(last - begin, joined) }, (_, at) => values[begin + at]);
+      return part.some(Number.isNaN) ? NaN : join(part); // a gap stays one
     });
   const { t, mean, low, high, outliers, ...rest } = layer;
   const [from, to] = [placeOf(outliers?.t ?? [], start) + 1, placeOf(outliers?.t ?? [], end) + 1];

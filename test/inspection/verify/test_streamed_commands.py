@@ -85,6 +85,16 @@ def test_verify_says_from_where_it_proves(late, capsys):
     assert f"proved from {verification.begins / SECOND:.9f} s on" in output
 
 
+@pytest.mark.extended
+@pytest.mark.parametrize(("rate", "start"), [(100, 60.0), (1000, 10.0)])
+def test_a_recorder_that_starts_late_in_a_stream_has_what_proves_its_bag(tmp_path, rate, start):
+    verification = verify(streamed_bag(tmp_path / "bag", rate, start + 0.5, start))
+    assert verification.proved
+    assert verification.topics["/rpud/wrench"].equal == rate / 2
+    latched = TOPICS["journal"].depth / rate  # time that its entries reach back [s]
+    assert verification.begins > (start - latched) * SECOND
+
+
 def test_commands_that_the_drill_took_and_the_bag_lacks_are_a_warning(tmp_path, late):
     topics = ("command/weight_on_bit", "command/drive", "command/feed")
     verification = verify(streamed_bag(tmp_path / "bag", 100, 3.1, 0.0, topics))
