@@ -1,6 +1,8 @@
 """The pages are true: commands run, output is what they print, tables are the code's."""
 
 import contextlib
+import csv
+import io
 import os
 import re
 import shlex
@@ -136,6 +138,12 @@ def rows(page, heading):
 def test_the_files_of_the_reference_are_those_of_the_code(name):
     written = (DOCS / "reference" / name).read_text(encoding="utf-8")
     assert written == reference.FILES[name](), "make reference"
+
+
+def test_what_a_fault_needs_is_in_words():
+    needs = [row["needs"] for row in csv.DictReader(io.StringIO(reference.FILES["faults.csv"]()))]
+    assert needs
+    assert [each for each in needs if not re.fullmatch(r"[a-z ,]*", each)] == []
 
 
 @pytest.fixture

@@ -10,7 +10,16 @@ import numpy as np
 from rpud_sim.foundation.quantities import ExpectedError
 from rpud_sim.model.compile import machine_code, reader_of
 from rpud_sim.model.drill import STATE, DrillConstants, derive, seating
-from rpud_sim.model.events import DONE, FULL, OVERLOADED, STALLED, advance, interrupt, start
+from rpud_sim.model.events import (
+    DONE,
+    FULL,
+    IMPACTS_OF_EVENT,
+    OVERLOADED,
+    STALLED,
+    advance,
+    interrupt,
+    start,
+)
 from rpud_sim.model.parameters import QUANTITIES, Parameters
 from rpud_sim.model.resonator import Resonance, ResonatorEnergy, account
 from rpud_sim.model.segment import IMPACT, SEGMENT, join_records, motion_at
@@ -291,7 +300,9 @@ class Engine:
         self._drill = drill
         self._reached = None
         self._take_room()
-        if min(len(self._segment_room) - self._written, len(self._impact_room) - self._struck) < 3:
+        # Besides what it ends, an open segment follows.
+        free = len(self._segment_room) - self._written, len(self._impact_room) - self._struck
+        if min(free) < IMPACTS_OF_EVENT + 1:
             self._make_room(2 * len(self._segment_room))
         segment = self._segment_room[self._written : self._written + 1]
         rooms = (segment, self._impact_room[self._struck :])

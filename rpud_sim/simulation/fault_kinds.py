@@ -55,7 +55,8 @@ class Stage:
     waiting: deque[tuple[int, Fields]] = dataclasses.field(default_factory=deque)
 
 
-# Why a fault would have no effect, or no meaning, on a drill; empty if it has.
+# Why a fault would have no effect, or no meaning, on a drill; empty if it has. The reference shows
+# the name of the function.
 _Need = Callable[[float, Configuration], str]
 # New value of a parameter or an effect, for the value without the fault and the magnitude.
 _Effect = Callable[[Any, float], Any]
@@ -119,22 +120,23 @@ def _tracking(magnitude: float, drill: Configuration) -> str:
     return "" if generator == "tracking" else f"needs generator = tracking, which is {generator}"
 
 
-def _needing(what: str, has: Callable[[Configuration], bool]) -> _Need:
-    return lambda magnitude, drill: "" if has(drill) else f"needs {what}"
+def _rotation(magnitude: float, drill: Configuration) -> str:
+    there = drill.rotation.rotation_model != "none"
+    return "" if there else "needs a rotation_model, which is none"
 
 
-_rotation = _needing(
-    "a rotation_model, which is none", lambda drill: drill.rotation.rotation_model != "none"
-)
-_feed = _needing("a feed_model, which is none", lambda drill: drill.has_feed)
-_hole = _needing(
-    "strata, or a rotation_model with a rock_model",
-    lambda drill: drill.drilling.layers is not None,
-)
-_rock = _needing(
-    "a rock_model, which is none, or strata",
-    lambda drill: drill.rock.rock_model != "none" or drill.drilling.layers is not None,
-)
+def _feed(magnitude: float, drill: Configuration) -> str:
+    return "" if drill.has_feed else "needs a feed_model, which is none"
+
+
+def _hole(magnitude: float, drill: Configuration) -> str:
+    there = drill.drilling.layers is not None
+    return "" if there else "needs strata, or a rotation_model with a rock_model"
+
+
+def _rock(magnitude: float, drill: Configuration) -> str:
+    there = drill.rock.rock_model != "none" or drill.drilling.layers is not None
+    return "" if there else "needs a rock_model, which is none, or strata"
 
 
 def _rock_while_drilling(magnitude: float, drill: Configuration) -> str:
