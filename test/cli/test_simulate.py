@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 
 import pytest
 from support import called
@@ -214,3 +215,16 @@ def test_a_command_file_feeds_the_drill(figures, tmp_path):
     assert abs(account["residual"]) < 1e-9
     assert fed["mount"]["feed_model"] == "arm"
     assert "feed_account" not in figures("--duration", 0.1)
+
+
+@pytest.mark.parametrize("several", [(), ("--repeat", "2")])
+def test_a_drill_beyond_its_event_budget_ends_with_one_line(simulate, several):
+    micro = ("--regime", "free", "--set", "free_mass=1e-11")
+    code, _, errors = simulate(*micro, "--duration", "10", *several)
+    assert code == 1
+    assert re.fullmatch(
+        r"rpud simulate: (events exceed their budget of 500000 in a simulated second|more than "
+        r"10000 events at one instant) at 0\.\d+ s, with free_mass = 1e-11 kg \(default: "
+        r"0\.005\)\n",
+        errors.splitlines(keepends=True)[-1],
+    )
