@@ -8,7 +8,7 @@ from datetime import datetime, timezone
 from typing import TYPE_CHECKING, Any
 
 from rpud_sim.cli.options import BAG, JSON, command, run_number_option
-from rpud_sim.cli.output import cell, print_result, progress_bar, table
+from rpud_sim.cli.output import print_result, progress_bar
 from rpud_sim.cli.program import ExitCode
 from rpud_sim.foundation.options import (
     duration_option,
@@ -18,7 +18,7 @@ from rpud_sim.foundation.options import (
     start_option,
 )
 from rpud_sim.foundation.quantities import ParameterError, Quantity
-from rpud_sim.foundation.terminal import complain, printable
+from rpud_sim.foundation.terminal import cell, complain, printable, table
 from rpud_sim.foundation.time import SECOND, split_seconds
 
 if TYPE_CHECKING:
