@@ -15,8 +15,8 @@ import numpy as np
 from rosbags.interfaces import Nodetype
 
 from rpud_sim.bag.cdr import Codec
+from rpud_sim.bag.encoder import Decoded
 from rpud_sim.bag.errors import BagFormatError
-from rpud_sim.bag.layout import Decoded
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.foundation.values import Ragged
 

@@ -12,7 +12,7 @@ from rosbags.interfaces import Nodetype
 from rosbags.serde.utils import SIZEMAP
 from rosbags.typesys.base import normalize_fieldname
 
-from rpud_sim.bag.encoder import CODES
+from rpud_sim.bag.encoder import CODES, Decoded
 from rpud_sim.bag.errors import BagFormatError
 from rpud_sim.bag.messages import items
 
@@ -33,22 +33,6 @@ _UNUSED = 8  # bytes that ROS allots each empty sequence, of any content
 _ORDERS = {b"\0\0": ">", b"\0\1": "<"}  # of the bytes of numbers, by the beginning of a message
 
 Sizes = TypeVar("Sizes", int, np.ndarray)
-
-
-class Decoded:
-    """Decoded message: its fields are attributes, and also items, as an encoder takes them.
-
-    Sequences and arrays of numbers are NumPy arrays, other ones lists.
-    """
-
-    __slots__ = ("__dict__", "type_name")
-
-    def __init__(self, type_name: str, fields: dict[str, Any]) -> None:
-        self.type_name = type_name
-        self.__dict__ = fields
-
-    def __getitem__(self, name: str) -> Any:
-        return self.__dict__[name]
 
 
 class Field(NamedTuple):

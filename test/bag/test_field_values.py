@@ -9,8 +9,8 @@ from support import examples
 
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.columns import Kind, columns_of, to_plain
+from rpud_sim.bag.encoder import Decoded
 from rpud_sim.bag.field_values import FieldReader
-from rpud_sim.bag.layout import Decoded
 from rpud_sim.foundation.values import Ragged
 
 PARTS = f"""

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 from rpud_sim.bag import BagFormatError, BagReader, TopicSummary
 from rpud_sim.bag.cdr import Codec
-from rpud_sim.bag.layout import Decoded
+from rpud_sim.bag.encoder import Decoded
 from rpud_sim.bag.messages import MessageBlock
 from rpud_sim.foundation.time import SECOND, join_seconds
 from rpud_sim.inspection.recorded_drill import RecordedDrill

@@ -10,7 +10,7 @@ import numpy as np
 
 from rpud_sim.bag import BagFormatError
 from rpud_sim.bag.cdr import Codec
-from rpud_sim.bag.layout import Decoded
+from rpud_sim.bag.encoder import Decoded
 from rpud_sim.bag.messages import MessageBlock
 from rpud_sim.foundation.time import join_seconds
 from rpud_sim.inspection.offline_bag import encoded
