@@ -16,8 +16,8 @@ from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.studies.workers import (
     IN_FLIGHT,
     LostError,
-    Numbered,
     Outcomes,
+    StudyChunk,
     WorkerError,
     keep_busy,
 )
@@ -27,7 +27,7 @@ CONNECT_TIMEOUT = 10.0  # s
 RESTART_TIMEOUT = 300.0
 _RETRY_PERIOD = 0.2  # between two attempts to reach the scheduler [s]
 
-_Chunk = TypeVar("_Chunk", bound=Numbered)
+_Chunk = TypeVar("_Chunk", bound=StudyChunk)
 _Outcome = TypeVar("_Outcome")
 
 

@@ -23,7 +23,6 @@ from rpud_sim.studies.fit.rounds import (
     Branch,
     FitError,
     FitFolder,
-    Report,
     explore,
     named_points,
     pool,
@@ -31,7 +30,7 @@ from rpud_sim.studies.fit.rounds import (
 )
 from rpud_sim.studies.fit.surrogate import Region
 from rpud_sim.studies.fit.target_file import FitSpecification, FitTarget
-from rpud_sim.studies.store import write_whole
+from rpud_sim.studies.store import Report, write_whole
 
 CANDIDATES = 16  # for the best point
 CANDIDATE_RUNS = 32

@@ -118,16 +118,12 @@ def _swept_points(sweep: SweepSpecification) -> dict[str, np.ndarray]:
 
 
 def make_chunks(
-    sweep: SweepSpecification,
-    points: Mapping[str, np.ndarray],
-    finished: frozenset[int] = frozenset(),
+    sweep: SweepSpecification, points: Mapping[str, np.ndarray]
 ) -> Iterator[SweepChunk]:
-    """Yield the unfinished chunks of a sweep, in order."""
+    """Yield the chunks of a sweep, in order."""
     size = chunk_size(sweep)
     versions = engine_versions()
     for number in range(chunk_count(sweep)):
-        if number in finished:
-            continue
         first = number * size
         count = min(size, sweep.simulations - first)
         begin = first // sweep.repeat

@@ -42,8 +42,8 @@ def sweep(points=3, repeat=2, duration=0.02, **entries):
     )
 
 
-def chunks_of(specification, **options):
-    return list(make_chunks(specification, design_points(specification), **options))
+def chunks_of(specification):
+    return list(make_chunks(specification, design_points(specification)))
 
 
 @given(points=st.integers(1, 300), repeat=st.integers(1, 20), duration=st.floats(1e-3, 1e4))
