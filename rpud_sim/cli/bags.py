@@ -102,10 +102,10 @@ def _recovery_lines(recovery: Recovery) -> Iterator[str]:
     yield f"recovered {recovery.message_count} messages to {printable(recovery.path)}"
     yield ""
     rows = [
-        (topic.name, topic.type, topic.recovered, topic.lost, topic.gaps)
+        (topic.name, topic.type, topic.recovered, topic.lost)
         for _, topic in sorted(recovery.topics.items())
     ]
-    yield from table(("topic", "type", "recovered", "lost", "gaps"), rows, left=2)
+    yield from table(("topic", "type", "recovered", "lost"), rows, left=2)
     yield ""
     for topic in recovery.topics.values():
         name, losses = printable(topic.name), topic.recording_losses

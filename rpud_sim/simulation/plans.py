@@ -8,15 +8,16 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeVar
 
 import numpy as np
 
 from rpud_sim.foundation.quantities import ParameterError, Quantity, shown
-from rpud_sim.foundation.time import SECOND
+from rpud_sim.foundation.time import NEVER, SECOND
 from rpud_sim.foundation.yaml_files import Cursor, cursor_at, open_yaml
 from rpud_sim.simulation.commands import Command, Control, Drive, Feed, WeightOnBit
 from rpud_sim.simulation.configuration import (
@@ -39,6 +40,8 @@ DURATION = Quantity("s", "time for which it lasts", 1e-9, 1e6)
 
 _DRAWN = ("onset", "duration", "magnitude")
 _KEYS = ("kind", "channel", *_DRAWN)
+
+Item = TypeVar("Item")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -174,8 +177,7 @@ class Injection:
 Change = WeightOnBit | DriveChange | Feed | Injection
 
 
-@dataclasses.dataclass(frozen=True)
-class Planned:
+class Planned(NamedTuple):
     """Change at a time."""
 
     delay: int  # from the instant of the fork [ns]
@@ -202,6 +204,23 @@ class Changes:
             _in_order((*self.planned, *other.planned)),
             self.replaces_commands or other.replaces_commands,
         )
+
+
+class Agenda(Generic[Item]):
+    """What is still to come, each at its simulation time [ns], in the order of these."""
+
+    def __init__(self, items: Iterable[tuple[int, Item]]) -> None:
+        self._items = deque(items)
+
+    @property
+    def next(self) -> int:
+        """Time of the next item; ``NEVER`` if nothing is left."""
+        return self._items[0][0] if self._items else NEVER
+
+    def due(self, time: int) -> Iterator[Item]:
+        """Take what comes up to a time, one after the other."""
+        while self.next <= time:
+            yield self._items.popleft()[1]
 
 
 def _in_order(planned: Iterable[Planned]) -> tuple[Planned, ...]:

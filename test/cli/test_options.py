@@ -4,7 +4,7 @@ import re
 
 import pytest
 
-from rpud_sim.bag.chunks import COMPRESSIONS
+from rpud_sim.bag.mcap_writer import COMPRESSIONS
 from rpud_sim.cli.options import (
     Parser,
     add_options,

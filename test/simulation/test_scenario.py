@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import pytest
+from hostile import contents
 from hypothesis import given
 from hypothesis import strategies as st
 from support import refusal
@@ -144,21 +145,9 @@ def test_a_seed_that_is_none_is_refused(seed):
     assert ": seed = " in refusal(read_scenario, CONFIG / "faults.yaml", seed)
 
 
-SCALARS = st.one_of(
-    st.none(),
-    st.booleans(),
-    st.integers(),
-    st.floats(),
-    st.text(max_size=20),
-    st.dates(),
-    st.binary(max_size=5),
-    st.sampled_from([*KINDS, *CHANNELS, "seed", "faults", "uniform", 1.0, 2, 10**400]),
-)
-KEYS = SCALARS | st.sampled_from(["kind", "channel", "magnitude", "onset", "duration", "uniform"])
-VALUES = st.recursive(
-    SCALARS,
-    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(KEYS, inner, max_size=3),
-    max_leaves=8,
+_, VALUES = contents(
+    ("kind", "channel", "magnitude", "onset", "duration", "uniform"),
+    (*KINDS, *CHANNELS, "seed", "faults", 1.0, 2, 10**400),
 )
 NUMBERS = st.one_of(
     st.floats(0, 10),
