@@ -124,7 +124,6 @@ def _list(cursor: Cursor) -> list[Cursor]:
 
 
 def _line(cursor: Cursor) -> str:
-    """Return a text of one line."""
     if not (isinstance(cursor.value, str) and cursor.value.strip() and cursor.value.isprintable()):
         raise cursor.refusal("{name} = {shown} is not a text of one line")
     return cursor.value

@@ -99,7 +99,6 @@ class HeardTopic:
         self.commands = self.lost = 0
 
     def close(self) -> None:
-        """Unsubscribe."""
         self._node.destroy_subscription(self.subscription)
 
     def _count(self, number: int | None) -> None:

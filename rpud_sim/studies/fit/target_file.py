@@ -110,7 +110,6 @@ class FitSpecification:
 
     @property
     def condition_numbers(self) -> np.ndarray:
-        """Number of each target's condition."""
         conditions = self.conditions
         return np.array([conditions.index(target.parameters) for target in self.targets])
 

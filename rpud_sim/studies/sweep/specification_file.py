@@ -53,7 +53,6 @@ _NAMES = tuple(
 
 
 def read_specification(path: str | Path) -> SweepSpecification:
-    """Return the sweep of a YAML file."""
     # Without truth values: off is a kind of fault.
     return specification_of(open_yaml(path, truth_values=False, lines=False))
 
@@ -241,7 +240,6 @@ def checked_range(cursor: Cursor, name: str, ends: Mapping[str, Any], **more: An
 
 
 def read_values(cursor: Cursor, name: str) -> tuple[Any, ...]:
-    """Return the values of a parameter in a list."""
     items = cursor.sequence(other="{shown} is not a list of values")
     if not items:
         raise cursor.refusal("holds no value")
