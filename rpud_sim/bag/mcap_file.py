@@ -161,7 +161,12 @@ class McapFile:
                 if not isinstance(chunk, Chunk) or chunk.uncompressed_size != part.size:
                     raise BagFormatError("a chunk is not what its index says")
                 content = uncompressed(chunk)
-            return _blocks_in(content, wanted)
+            blocks = _blocks_in(content, wanted)
+            if any(block.log_times[0] < part.first for block in blocks):
+                raise BagFormatError(
+                    "a message is earlier than its chunk says; rpud recover makes a whole bag of it"
+                )
+            return blocks
 
     @contextmanager
     def _reading(self) -> Iterator[None]:
