@@ -4,23 +4,13 @@ from __future__ import annotations
 
 import struct
 from array import array
-from collections.abc import Callable
 from dataclasses import dataclass
 
-import lz4.frame
 import numpy as np
-import zstandard
 from mcap.opcode import Opcode
 
 from rpud_sim.bag.messages import MessageBlock, items
 from rpud_sim.bag.records import HEAD, INDEX, MESSAGE, RECORD
-
-# Names of the compressions in MCAP, by those in options.
-COMPRESSIONS = {"none": "", "lz4": "lz4", "zstd": "zstd"}
-
-# Bits of a drill's numbers are noise for the most part. Level 1 takes three times as long as -1,
-# its bytes twice as long to read, and they are 5 % fewer.
-_LEVEL = -1
 
 HEAD_SIZE = HEAD.itemsize  # [bytes]
 
@@ -146,11 +136,3 @@ class OpenChunk:
     def _widen(self, first: int, last: int) -> None:
         self.first = min(first, self.first) if self.count else first
         self.last = max(last, self.last)
-
-
-def compressor(name: str) -> Callable[[bytes], bytes]:
-    """Return what compresses chunks, by MCAP's name; threads must not share it."""
-    if name == "zstd":
-        return zstandard.ZstdCompressor(level=_LEVEL).compress
-    compress: Callable[[bytes], bytes] = lz4.frame.compress if name else bytes
-    return compress

@@ -11,23 +11,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from mcap.records import Attachment, Channel, Message, Metadata, Schema
+from mcap.records import Channel, Message, Metadata, Schema
 
 from rpud_sim.bag.errors import BagError, BagFormatError, BagNotFoundError
-from rpud_sim.bag.losses import (
-    LOSSES_RECORD,
-    RECORDING_RECORD,
-    Losses,
-    SequenceGaps,
-    losses_from_record,
-    numbers_messages,
-    sequence_number,
-)
+from rpud_sim.bag.losses import LOSSES_RECORD, RECORDING_RECORD, Losses, losses_from_record
 from rpud_sim.bag.mcap_file import McapFile
 from rpud_sim.bag.messages import LATEST, REPEATED_KEY
 from rpud_sim.bag.metadata import (
     FILE_NAME,
-    RECORD_KEY,
     RECORD_NAME,
     SIZE_LIMIT,
     QosProfile,
@@ -35,7 +26,6 @@ from rpud_sim.bag.metadata import (
     Topic,
     dump_offered_qos,
     load_offered_qos,
-    metadata_from_record,
     read_document,
 )
 from rpud_sim.bag.reader import BagReader
@@ -51,7 +41,6 @@ _SHOWN = 1000  # damages that are kept one by one
 _LISTED_LIMIT = SIZE_LIMIT * 3 // 4  # of metadata.yaml, for its topics [characters]
 _DECLARED_LIMIT = 64 * 2**20  # bytes of all channels and schemas of a file
 _KEPT_LIMIT = 64 * 2**20  # characters of all metadata records of a file
-_CUSTOM_DATA_LIMIT = 2**20  # characters
 _OFFERS = "offered_qos_profiles"
 _OTHERS = (
     "rpud recover makes whole bags of MCAP files that are compressed by chunks alone: "
@@ -68,8 +57,6 @@ class TopicRecovery:
     recovered: int = 0  # messages in the new bag
     unchecked: int = 0  # those of them without a checksum
     lost: int = 0  # messages that are known to have been in the file
-    # messages missing by the numbers in the messages; None if they have no numbers
-    gaps: int | None = None
     # messages that the recorder lost; None if they were not counted
     recording_losses: Losses | None = None
 
@@ -135,9 +122,7 @@ def recover(
     files = files_to_recover(torn)
     recovery = Recovery(Path(out))
     with whole_bag(out) as bag:
-        document = _document(Path(torn))
         recovered = _RecoveredBag(bag, recovery)
-        recovered.add_custom_data(document.custom_data if document else {})
         held = [_FileRecovery(file, recovered, file == files[0]).run(progress) for file in files]
         if not any(held):
             raise BagFormatError(f"{torn} holds nothing of an MCAP file")
@@ -188,7 +173,6 @@ class _RecoveredBag:
         self.bag, self.recovery = bag, recovery
         self._listed = 0  # characters of metadata.yaml, at most
         self._numbers: dict[tuple[Any, ...], int] = {}
-        self._gaps: dict[int, SequenceGaps] = {}  # of channels whose messages have numbers
 
     def number(self, channel: Channel, schema: Schema | None) -> int:
         """Return the number of a file's channel in the new bag, declared if it is new."""
@@ -205,28 +189,14 @@ class _RecoveredBag:
         account = self.recovery.topics[topic]
         account.recovered += 1
         account.unchecked += not checked
-        gaps = self._gaps.get(number)
-        if gaps is not None:
-            before = gaps.missing
-            gaps.note(sequence_number(message.data))
-            account.gaps = (account.gaps or 0) + gaps.missing - before
-
-    def add_custom_data(self, content: Mapping[str, str]) -> None:
-        """Add custom data, or note in the account that it is too large."""
-        size = _characters(content)
-        if size <= _CUSTOM_DATA_LIMIT:
-            self.bag.custom_data.update(content)
-        else:
-            reason = f"is left out: at most {_CUSTOM_DATA_LIMIT}"
-            self.recovery.note(f"custom data of {size} characters {reason}")
 
     def _declare(self, channel: Channel, schema: Schema | None) -> int:
         """Declare a channel without what no bag can have: the account has the reasons."""
-        definition, metadata = "", dict(channel.metadata)
+        metadata = dict(channel.metadata)
         offers: tuple[QosProfile, ...] = ()
         if schema is not None and schema.encoding == "ros2msg":
             try:
-                definition = schema.data.decode()
+                schema.data.decode()
             except UnicodeDecodeError:
                 name = f"{schema.name:.80}"
                 self.recovery.note(f"the definition of {name} is left out: it is not UTF-8")
@@ -250,12 +220,8 @@ class _RecoveredBag:
         self._listed += 1024 + 1536 * len(offers) + 4 * sum(map(len, texts))
         if self._listed > _LISTED_LIMIT:
             raise BagFormatError("its topics are more than the metadata of a bag can list")
-        number = self.bag.add_channel(topic, schema, metadata)
-        account = self.recovery.topic(topic.name, topic.type)
-        if numbers_messages(definition):
-            self._gaps[number] = SequenceGaps(lambda: max(1, len(offers)))
-            account.gaps = account.gaps or 0
-        return number
+        self.recovery.topic(topic.name, topic.type)
+        return self.bag.add_channel(topic, schema, metadata)
 
 
 class _FileRecovery:
@@ -294,8 +260,6 @@ class _FileRecovery:
                     self._add_message(item.record, item.checked)
                 elif isinstance(item.record, Schema | Channel):
                     self._declare(item.record, item.checked)
-                elif isinstance(item.record, Attachment):
-                    self._out.bag.add_attachment(item.record)
                 elif isinstance(item.record, Metadata):
                     self._add_metadata(item.record)
                 progress(scan.position - before)
@@ -321,13 +285,10 @@ class _FileRecovery:
             return {}
 
     def _add_metadata(self, record: Metadata) -> None:
-        if record.name == RECORD_NAME:  # the new bag has its own; only custom data is kept
-            with suppress(BagFormatError):
-                content = metadata_from_record(record.metadata.get(RECORD_KEY, ""))
-                self._out.add_custom_data(content.custom_data)
+        if record.name == RECORD_NAME:  # the new bag has its own
             return
+        size = sum(len(text) for item in record.metadata.items() for text in item)
         try:
-            size = _characters(record.metadata)
             if self._kept + size > _KEPT_LIMIT:
                 raise BagFormatError(f"all together have more than {_KEPT_LIMIT} characters")
             if record.name == LOSSES_RECORD:
@@ -388,7 +349,3 @@ class _FileRecovery:
 
     def _note(self, reason: str) -> None:
         self._recovery.note(f"{self._file.name}: {reason}")
-
-
-def _characters(content: Mapping[str, str]) -> int:
-    return sum(len(text) for item in content.items() for text in item)

@@ -10,11 +10,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from mcap.records import Attachment, Schema
+from mcap.records import Schema
 
-from rpud_sim.bag.chunks import COMPRESSIONS
 from rpud_sim.bag.errors import BagError, BagExistsError
-from rpud_sim.bag.mcap_writer import McapWriter, Reserve, writing
+from rpud_sim.bag.mcap_writer import COMPRESSIONS, McapWriter
 from rpud_sim.bag.messages import (
     LATEST,
     REPEATED_KEY,
@@ -35,6 +34,7 @@ from rpud_sim.bag.metadata import (
     metadata_of,
     stored_name,
 )
+from rpud_sim.bag.reserve import Reserve, writing
 from rpud_sim.foundation.time import SECOND
 
 CHUNK_SIZE = 1 << 20  # uncompressed size after which a chunk is closed [bytes]
@@ -52,7 +52,7 @@ class BagWriter:
     not share a writer.
 
     Args:
-        compression: of the chunks: ``none``, ``lz4`` or ``zstd``.
+        compression: of the chunks: ``none`` or ``zstd``.
         chunk_size: uncompressed size after which a chunk is closed [bytes].
         max_file_size: a new file begins before one is larger [bytes], unless a single message is.
         max_file_duration: a new file begins before one lasts longer [s].
@@ -65,7 +65,6 @@ class BagWriter:
         *,
         compression: str = "zstd",
         chunk_size: int = CHUNK_SIZE,
-        custom_data: Mapping[str, str] | None = None,
         max_file_size: int | None = None,
         max_file_duration: float | None = None,
         reserved: bool = False,
@@ -74,7 +73,6 @@ class BagWriter:
             allowed = ", ".join(COMPRESSIONS)
             raise BagError(f"compression is {compression!r}; it must be one of {allowed}")
         self.path = Path(os.path.abspath(path))  # directory of the bag
-        self.custom_data = dict(custom_data or {})  # texts for the metadata
         self._compression, self._chunk_size = compression, chunk_size
         self._max_size = max_file_size
         self._max_duration = max_file_duration and round(max_file_duration * SECOND)
@@ -225,10 +223,6 @@ class BagWriter:
         """Add a metadata record: named texts, such as how the bag was made."""
         self._opened.add_record(name, content)
 
-    def add_attachment(self, attachment: Attachment) -> None:
-        """Add a file that belongs to the bag, as MCAP has it."""
-        self._opened.add_attachment(attachment)
-
     def reserve(self, size: int) -> bool:
         """Return whether a message of ``size`` bytes can be written and the bag then be closed.
 
@@ -302,7 +296,7 @@ class BagWriter:
 
     def _metadata(self, files: Sequence[FileInformation]) -> dict[str, Any]:
         counts = {topic: self._counts[name] for name, topic in self._topics.items()}
-        return metadata_of(files, counts, self.custom_data)
+        return metadata_of(files, counts)
 
     @property
     def _opened(self) -> McapWriter:

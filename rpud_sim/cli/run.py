@@ -69,7 +69,6 @@ _READY = "recording\n"  # that the recorder prints when it records
     quiet=option(False, "no live line of rate and forces"),
 )
 def _run(options: Any) -> int:
-    """Drill until the duration is over or a signal stops it."""
     values = parameter_values(options)
     from rpud_sim.ros.drill.drill_node import open_drill
     from rpud_sim.ros.stopping import StopRequest

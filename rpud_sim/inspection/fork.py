@@ -20,7 +20,7 @@ from rpud_sim.simulation.configuration import PARAMETERS, Settings, to_configura
 from rpud_sim.simulation.faults import Fault, FaultError
 from rpud_sim.simulation.fields import Bookkeeping, header_fields
 from rpud_sim.simulation.journal import JournalEntry
-from rpud_sim.simulation.plans import Changes, apply_change, apply_parameters
+from rpud_sim.simulation.plans import Agenda, Changes, apply_change, apply_parameters
 from rpud_sim.simulation.rerun import JournalError, Rerun, Resumed, Start, repeat_change, resume
 from rpud_sim.simulation.run import Run
 from rpud_sim.simulation.telemetry import Entry
@@ -106,7 +106,7 @@ def live_start(fork: Fork, changes: Changes) -> Start:
             *(fields for _, name, fields in entries if name == "journal"),
         ),
         tuple(
-            dataclasses.replace(planned, delay=fork.time + planned.delay)
+            planned._replace(delay=fork.time + planned.delay)
             for planned in changes.planned
             if planned.delay
         ),
@@ -182,9 +182,9 @@ class Continuation:
 
     def messages(self, report: Callable[[float], object]) -> Iterator[Entry]:
         run = self._run
-        events = deque(sorted(self._events(), key=itemgetter(0)))
+        events = Agenda(sorted(self._events(), key=itemgetter(0)))
         while True:
-            time = min(events[0][0] if events else self.end, self.end)
+            time = min(events.next, self.end)
             while run.time < time:
                 before = run.time
                 yield from run.advance_to(min(run.next_boundary, time))
@@ -193,12 +193,12 @@ class Continuation:
                     yield self._status()
                 if self._watches:
                     yield from self._watch()
-            if not events or events[0][0] > self.end:
+            if events.next > self.end:
                 break
             shown = self._shown()
-            while events and events[0][0] == time:
+            for happens in events.due(time):
                 try:
-                    yield from events.popleft()[1]() or ()
+                    yield from happens() or ()
                     yield from run.changes()
                 except ParameterError as error:  # a node would refuse it as well
                     self.warnings.append(f"refused at {time / SECOND:.9g} s: {error}")

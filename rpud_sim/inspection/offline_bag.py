@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import sys
-from collections import deque
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -23,7 +22,7 @@ from rpud_sim.inspection.fork import Continuation, Fork, open_fork
 from rpud_sim.inspection.recorded_journal import installed_codec
 from rpud_sim.simulation.fields import Bookkeeping
 from rpud_sim.simulation.journal import Journal
-from rpud_sim.simulation.plans import Changes, Planned, apply_change
+from rpud_sim.simulation.plans import Agenda, Changes, Planned, apply_change
 from rpud_sim.simulation.run import Beginning, Run
 from rpud_sim.simulation.telemetry import Columns, Entry, Together
 from rpud_sim.simulation.topics import TOPICS, DrillTopic, Fields, offered_topics
@@ -68,19 +67,18 @@ def write_offline_bag(
 def _messages(
     run: Run, end: int, report: Callable[[float], object], planned: Sequence[Planned]
 ) -> Iterator[Entry | Together]:
-    pending = deque(each for each in planned if each.delay < end)
+    agenda = Agenda(each for each in planned if each.delay < end)
     run.begin(0)
     yield from run.changes()
     yield run.status("running", Bookkeeping())
     while run.time < end:
         before = run.time
-        if pending and pending[0].delay == before:
-            while pending and pending[0].delay == before:
-                apply_change(run.control, pending.popleft().change)
+        if agenda.next == before:
+            for change in agenda.due(before):
+                apply_change(run.control, change)
             yield from run.changes()
             yield run.status("running", Bookkeeping())
-        until = pending[0].delay if pending else end
-        yield from run.advance_together(min((before // SECOND + 1) * SECOND, until, end))
+        yield from run.advance_together(min((before // SECOND + 1) * SECOND, agenda.next, end))
         report((run.time - before) / SECOND)
         if run.time % SECOND == 0:
             yield run.status("running", Bookkeeping())

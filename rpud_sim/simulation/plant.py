@@ -6,8 +6,11 @@ import math
 
 import numpy as np
 
+from rpud_sim.drilling.borehole import Borehole
+from rpud_sim.drilling.mount import Mount
 from rpud_sim.drilling.process import Process, Surroundings
 from rpud_sim.drilling.rock import Progress
+from rpud_sim.drilling.rotor import Rotor
 from rpud_sim.foundation.time import NEVER, SECOND, split_fraction
 from rpud_sim.model.drill import DrillConstants, derive
 from rpud_sim.model.energy import RpudConstants, withdrawal_work
@@ -54,7 +57,8 @@ class Plant:
         self._effects = effects_of((), parameters)
         self._hardness = 1.0
         # rotation, feed and borehole
-        self.process = Process(configuration.drilling, self._surroundings())
+        self._stratified = configuration.strata.found is not None
+        self.process = self._new_process(configuration)
         mount = self.process.mount
         if mount is not None:
             parameters = self._acting_parameters().replace(weight_on_bit=mount.weight_on_bit)
@@ -80,6 +84,17 @@ class Plant:
         # furthest time to advance to at once [ns]
         self.next_step = min(self.actuator.next_step, self.process.next_step)
         self._in_force = (self._drill, *self._commands())
+
+    def _new_process(self, drill: Configuration) -> Process:
+        around, length = self._surroundings(), drill.parameters.tool_length
+        rotor = mount = borehole = None
+        if drill.rotates:
+            rotor = Rotor(drill.rotation)
+        if drill.has_feed:
+            mount = Mount(drill.mount, around.load_spring_rate, around.has_rock)
+        if (layers := drill.layers) is not None:
+            borehole = Borehole(drill.bit, layers, drill.rock, length)
+        return Process(rotor, mount, borehole)
 
     @property
     def reading(self) -> ActuatorReading:
@@ -215,7 +230,7 @@ class Plant:
             self._effects.pushing_rate,
             parameters.regime == "drilling",
             depth if math.isfinite(depth) else 0.0,
-            self._hardness,
+            1.0 if self._stratified else self._hardness,
         )
 
     def _acting_parameters(self) -> Parameters:

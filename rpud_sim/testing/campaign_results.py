@@ -10,7 +10,7 @@ from urllib.parse import quote
 
 from markupsafe import Markup
 
-from rpud_sim.foundation.terminal import printable
+from rpud_sim.foundation.terminal import printable, table
 from rpud_sim.pages.frame import render_page
 from rpud_sim.testing.campaign_file import Campaign, CampaignRun, read_campaign
 from rpud_sim.testing.campaign_runs import (
@@ -103,7 +103,6 @@ class CampaignResults(NamedTuple):
 
     @property
     def counts(self) -> dict[str, int]:
-        """Number of requirements by outcome."""
         return {each: [*self.outcomes.values()].count(each) for each in OUTCOMES}
 
     @property
@@ -119,13 +118,12 @@ class CampaignResults(NamedTuple):
 
     def lines(self) -> list[str]:
         """Return the matrix of requirements by scenarios as lines of a table."""
-        rows = [["requirement", "verdict", *self.scenarios]]
-        for name, outcome in self.outcomes.items():
-            cells = [str(self.cells.get((name, each), "-")) for each in self.scenarios]
-            rows.append([name, outcome, *cells])
-        widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-        lines = ["  ".join(map(str.ljust, row, widths)).rstrip() for row in rows]
-        return [*lines, "", f"requirements: {self.sums}"]
+        head = ("requirement", "verdict", *self.scenarios)
+        rows = [
+            (name, outcome, *(self.cells.get((name, each)) for each in self.scenarios))
+            for name, outcome in self.outcomes.items()
+        ]
+        return [*table(head, rows, left=len(head)), "", f"requirements: {self.sums}"]
 
     def to_dict(self) -> dict[str, Any]:
         return {

@@ -32,7 +32,7 @@ from rpud_sim.bag import BagError, BagExistsError, BagWriter
 from rpud_sim.bag.writer import whole_bag
 
 
-@pytest.mark.parametrize("compression", ["none", "lz4", "zstd"])
+@pytest.mark.parametrize("compression", ["none", "zstd"])
 def test_rosbags_reads_topics_offers_times_and_content(tmp_path, compression):
     write_bag(tmp_path / "run", 10, compression=compression)
     with AnyReader([tmp_path / "run"]) as bag:
@@ -91,7 +91,7 @@ def test_the_file_has_what_rosbag2_s_has(tmp_path):
 @settings(max_examples=examples(30), deadline=None)
 @given(
     st.lists(st.tuples(st.binary(max_size=300), st.integers(0, 2**63 - 1)), max_size=50),
-    st.sampled_from(["none", "lz4", "zstd"]),
+    st.sampled_from(["none", "zstd"]),
     st.sampled_from([1, 200, 1 << 20]),
 )
 def test_any_bytes_at_any_times_come_back(tmp_path_factory, content, compression, chunk_size):
@@ -168,19 +168,17 @@ def test_what_was_flushed_is_in_the_file_before_it_is_closed(tmp_path):
 
 
 def test_records_are_kept_by_name(tmp_path):
-    with BagWriter(tmp_path / "run", custom_data={"place": "Mars"}) as bag:
+    with BagWriter(tmp_path / "run") as bag:
         bag.add_record("rpud_manifest", {"seed": "1", "nested": '{"a": 2}'})
         bag.add_record("rpud_manifest", {"seed": "2"})
     with rpud_sim.bag.open(tmp_path / "run") as bag:
         assert bag.records("rpud_manifest") == [{"seed": "1", "nested": '{"a": 2}'}, {"seed": "2"}]
         assert bag.records("other") == []
-    document = yaml.safe_load((tmp_path / "run" / "metadata.yaml").read_text())
-    assert document["rosbag2_bagfile_information"]["custom_data"] == {"place": "Mars"}
 
 
 def test_misuse_is_named(tmp_path):
-    with pytest.raises(BagError, match=r"compression is 'lzma'; it must be one of none, lz4, zstd"):
-        BagWriter(tmp_path / "run", compression="lzma")
+    with pytest.raises(BagError, match=r"compression is 'lz4'; it must be one of none, zstd"):
+        BagWriter(tmp_path / "run", compression="lz4")
     assert not (tmp_path / "run").exists()
     with BagWriter(tmp_path / "run") as bag:
         with pytest.raises(BagError, match=r"/rpud/talk was not declared"):

@@ -6,7 +6,8 @@ import time
 
 import pytest
 
-from rpud_sim.cli.output import progress_bar, status_line, table
+from rpud_sim.cli.output import progress_bar, status_line
+from rpud_sim.foundation.terminal import table
 
 
 class Screen(io.StringIO):

@@ -15,6 +15,7 @@ import tempfile
 import time
 import traceback
 import warnings
+from collections import deque
 from collections.abc import Callable, Iterator
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
@@ -237,13 +238,8 @@ def _check_recovered(path: Path, folder: Path) -> None:
     for file in path.glob("*.mcap"):
         with file.open("rb") as stream:
             reader = make_reader(stream, validate_crcs=True)
-            for items in (
-                reader.iter_messages(),
-                reader.iter_metadata(),
-                reader.iter_attachments(),
-            ):
-                for _ in items:
-                    pass
+            deque(reader.iter_messages(), 0)
+            deque(reader.iter_metadata(), 0)
 
 
 def _arrays(path: Path) -> bool:

@@ -6,11 +6,11 @@ import heapq
 import struct
 from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import closing
-from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 from rpud_sim.bag import BagFormatError, BagReader, TopicSummary
 from rpud_sim.bag.cdr import Codec
+from rpud_sim.bag.encoder import Decoded
 from rpud_sim.bag.messages import MessageBlock
 from rpud_sim.foundation.time import SECOND, join_seconds
 from rpud_sim.inspection.recorded_drill import RecordedDrill
@@ -197,11 +197,13 @@ def _stamp_of(data: bytes) -> int:
 
 def _shifted(value: Any, offset: int) -> Any:
     """Return a decoded message with times counted from an origin [ns]; zero times stay."""
-    if getattr(value, "__msgtype__", "") == _TIME:
-        time = join_seconds(value.sec, value.nanosec)
+    if isinstance(value, list):
+        return [_shifted(item, offset) for item in value]
+    if not isinstance(value, Decoded):
+        return value
+    if value.type_name == _TIME:
+        time = join_seconds(value["sec"], value["nanosec"])
         time -= offset if time else 0
-        return SimpleNamespace(sec=time // SECOND, nanosec=time % SECOND)
-    if hasattr(value, "__msgtype__"):
-        inner = {name: item for name, item in vars(value).items() if name != "__msgtype__"}
-        return SimpleNamespace(**{name: _shifted(item, offset) for name, item in inner.items()})
-    return [_shifted(item, offset) for item in value] if isinstance(value, list) else value
+        return Decoded(_TIME, {"sec": time // SECOND, "nanosec": time % SECOND})
+    inner = {name: _shifted(item, offset) for name, item in vars(value).items()}
+    return Decoded(value.type_name, inner)

@@ -19,7 +19,7 @@ from rpud_sim.foundation.options import (
 )
 
 # Names of the writer's compressions; repeated, because the writer takes long to load.
-COMPRESSIONS = ("none", "lz4", "zstd")
+COMPRESSIONS = ("none", "zstd")
 
 
 def pattern(text: str) -> re.Pattern[str]:

@@ -1,6 +1,5 @@
 """Bags side by side: which runs they are, what was done to them, their bits, figures and page."""
 
-import dataclasses
 import json
 import math
 import os
@@ -14,6 +13,7 @@ from support import called
 
 import rpud_sim.bag as bags
 from rpud_sim.bag.cdr import Codec
+from rpud_sim.bag.columns import to_plain
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.inspection import InspectionError, recorded_topics
@@ -95,7 +95,7 @@ def test_the_first_difference_is_found_to_the_field(made, tmp_path):
 
     def change(message):
         if message.topic == "/rpud/reacting_force" and message.log_time == SECOND:
-            fields = dataclasses.asdict(codec.decode(message.data))
+            fields = to_plain(codec.decode(message.data))
             return [codec.encode({**fields, "force": math.nextafter(fields["force"], 1e9)})]
         return unchanged(message)
 
@@ -148,7 +148,7 @@ def test_bits_are_equal_whatever_the_wall_clock_was(made, tmp_path):
             time.sec += SHIFT // SECOND
         if message.topic.endswith("journal") and fields.kind == "origin":
             fields.content = json.dumps({**json.loads(fields.content), "origin": SHIFT})
-        return [bytes(codec._store.serialize_cdr(fields, codec.type.name))]
+        return [codec.encode(fields)]
 
     stamped = altered(made / "a", tmp_path / "stamped", change)
     path = merged(tmp_path / "shifted", (stamped, SHIFT, "/rpud"))
