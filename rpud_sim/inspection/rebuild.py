@@ -190,7 +190,8 @@ class TrajectoryPiece:
     follows: bool  # whether they follow those of the piece before without a gap
     origin: int  # stamp of simulation time zero [ns]
     segments: np.ndarray  # ``SEGMENT`` records; at least one
-    log_time: int  # of the message [ns]
+    stamp: int  # of the message [ns]
+    published: int  # when the message was sent [ns]
     size: int  # of the message [bytes]
 
 
@@ -214,7 +215,9 @@ def trajectory_pieces(
         origin = join_seconds(message.origin.sec, message.origin.nanosec)
         follows = message.sequence == following
         size = len(recorded.data)
-        yield TrajectoryPiece(run, follows, origin, segments, recorded.log_time, size)
+        stamp = join_seconds(message.header.stamp.sec, message.header.stamp.nanosec)
+        published = recorded.publish_time
+        yield TrajectoryPiece(run, follows, origin, segments, stamp, published, size)
         following = message.sequence + len(segments)
         last = segments[-1]
         end = int(last["start_seconds"]) + float(last["start_fraction"] + last["duration"])

@@ -42,7 +42,7 @@ _LATEST = 2**62  # later than every time [ns]
 class Jump:
     """Step of a clock that passed time does not explain, for example at a reset."""
 
-    time: int  # log or publishing time of the first message after it [ns]
+    time: int  # publishing time of the first message after it [ns]
     step: int  # of the stamps, less the time that passed [ns]
 
 
@@ -50,33 +50,25 @@ class Jump:
 class Clock:
     """Conversion of stamps to times since a beginning.
 
-    It converts any part of a bag, in any order, because it knows the jumps. ``times`` are log or
-    publishing times, as those of the jumps.
+    It converts any part of a bag, in any order, because it knows the jumps. ``times`` are
+    publishing times.
     """
 
-    zero: int | None  # stamp at the beginning [ns]; None where log times are used
-    begin: int = 0  # log time of the beginning, for that case [ns]
+    zero: int  # stamp at the beginning [ns]
     jumps: tuple[Jump, ...] = ()  # in their order
 
     def offset(self, time: int) -> int:
         """Return the stamp at time zero, for messages of a time [ns]."""
-        if self.zero is None:
-            return self.begin
         return self.zero + sum(jump.step for jump in self.jumps if jump.time <= time)
 
     def elapsed(self, stamps: np.ndarray, times: np.ndarray) -> np.ndarray:
         """Return times since the beginning [s], of stamps and times [ns]; all (n,)."""
-        if self.zero is None:
-            return (times - _number(self.begin)) / SECOND
         steps = np.cumsum([0, *(jump.step for jump in self.jumps)], dtype=np.int64)
         moments = np.array([jump.time for jump in self.jumps], np.int64)
         passed = steps[np.searchsorted(moments, times, "right")]
-        return (stamps - _number(self.zero) - passed) / SECOND
-
-
-def _number(time: int) -> int | float:
-    """Return a time for calculations with int64: exact, unless it would not fit [ns]."""
-    return time if abs(time) < 2**62 else float(time)
+        # Exact, unless the zero of another program would not fit.
+        zero = self.zero if abs(self.zero) < _LATEST else float(self.zero)
+        return (stamps - zero - passed) / SECOND
 
 
 @dataclass(frozen=True)
@@ -272,9 +264,7 @@ def _clock(entries: list[Recorded]) -> Clock:
         if each.entry.kind == "origin"
     ] or [(0, 0)]
     steps = zip(origins[1:], origins, strict=False)
-    return Clock(
-        origins[0][1], 0, tuple(Jump(time, zero - last) for (time, zero), (_, last) in steps)
-    )
+    return Clock(origins[0][1], tuple(Jump(time, zero - last) for (time, zero), (_, last) in steps))
 
 
 def _up_to_its_end(extent: Extent, drill: RecordedDrill) -> RecordedDrill:

@@ -103,7 +103,6 @@ class CampaignResults(NamedTuple):
 
     @property
     def counts(self) -> dict[str, int]:
-        """Number of requirements by outcome."""
         return {each: [*self.outcomes.values()].count(each) for each in OUTCOMES}
 
     @property

@@ -48,7 +48,6 @@ class SystemUnderTest(ChildProcess):
         super().kill()
 
     def send(self, number: int) -> None:
-        """Send it a signal."""
         if self.running:
             self.note(f"{signal.Signals(number).name} to {self.name}")
         super().send(number)

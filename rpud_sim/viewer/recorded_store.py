@@ -214,6 +214,8 @@ class RecordedStore(Store):
             parts.append(f"Messages that cannot be read: {', '.join(unreadable[:5])}.")
         if unlisted:
             parts.append(f"{unlisted} entries of journal and faults are not shown.")
+        if not self._bag.waveforms.has(self.drills[0]) and recording.is_drill(self.drills[0]):
+            parts.append("The bag holds no trajectory, from which its motion could be drawn.")
         if not recording.signals:
             parts.append("The bag holds no numbers that can be drawn over time.")
         elif recording.left_out:

@@ -1,14 +1,12 @@
 """The energy account of segments, against quadrature, and what it finds in a broken trajectory."""
 
-import sys
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 from scipy.integrate import quad
-from support import examples
 
 from rpud_sim.model import energy, tally
 from rpud_sim.model.engine import Engine
@@ -28,11 +26,11 @@ def trajectory(regime, seconds=0.3, phase=0.2, **changes):
     return engine.drain()[0].copy(), seconds
 
 
-def account(segments, seconds, rpud=RPUD, start=0.0):
+def account(segments, seconds):
     tallies = tally.empty_tallies(1)
     room = np.zeros(tally.CLASSES, np.int64), np.zeros(tally.PART_ROOM)
     nothing = np.empty(0, IMPACT)
-    tally.add_block(rpud, segments, nothing, (0, start), (0, seconds), False, tallies, *room)
+    tally.add_block(RPUD, segments, nothing, (0, 0.0), (0, seconds), False, tallies, *room)
     return tallies[0]["account"]
 
 
@@ -65,7 +63,7 @@ def integral(function, start, end):
 def motion_added(segment, start, end):
     """Account of a part of a segment alone."""
     added = np.zeros(len(energy.TERMS))
-    energy.add_motion(energy.RpudConstants(1.0, False, 0.0), segment, start, end, True, added)
+    energy.add_motion(RPUD, segment, start, end, True, added)
     return added
 
 
@@ -202,35 +200,3 @@ def test_a_segment_that_breaks_its_equation_of_motion_shows(field, contact, fact
     number = np.flatnonzero((segments["contact"] == contact) & (segments["duration"] > 1e-6))[20]
     segments[field][number] *= factor
     assert abs(residual(account(segments, end))) > 1e-12
-
-
-@settings(max_examples=20)
-@given(mass=st.floats(0.5, 2.0), start=st.floats(0.0, 0.2))
-def test_gravity_on_the_drill_is_work_on_the_rpud(mass, start):
-    segments, end = trajectory("drilling", rpud_mass=mass, gravity_on_drill=True)
-    first = max(int(np.searchsorted(segments["start_fraction"], start, side="right")) - 1, 0)
-    part = segments[first:]
-    sound = energy.RpudConstants(mass, True, 0.0)
-    assert abs(residual(account(part, end, sound, start))) < 1e-9
-    assert abs(residual(account(part, end, sound._replace(gravity_acts=False), start))) > 1e-7
-
-
-@settings(max_examples=examples(100))
-@given(
-    st.complex_numbers(max_magnitude=1e3),
-    st.one_of(st.just(0.0), st.floats(-1e5, -1e-9)),
-    st.floats(1.0, 1e7),
-    st.floats(0.0, 1.0),
-)
-def test_the_integral_of_a_square_is_that_of_the_product_with_itself(
-    amplitude, decay, angular_frequency, duration
-):
-    rate = complex(decay, angular_frequency)
-    growth = energy.growth_over(rate, duration)
-    found = energy.decaying_square_integral.py_func(amplitude, rate, duration, growth)
-    speed = rate * amplitude
-    expected = energy.product_integral.py_func(speed, rate, speed, rate, duration)
-    # Of a decay of less than _SHORT it does not ask what is less.
-    bound = 1e-12 + (energy._SHORT if abs(decay) * duration < energy._SHORT else 0.0)
-    least = bound * abs(speed) ** 2 * duration + sys.float_info.min
-    assert found == pytest.approx(expected, rel=1e-12, abs=least)

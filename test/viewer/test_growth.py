@@ -125,5 +125,5 @@ def test_pages_follow_the_end_and_see_that_the_recording_ended(recorder, monkeyp
         assert seen["run"] > run
         recorder.close()
         until(lambda: shown("growing", False))
-        assert seen["notice"] == ""
+        assert "lost its end" not in seen["notice"]
         assert np.isfinite(seen["read"])
