@@ -119,10 +119,9 @@ def _drill_and_record(
         (
             *(*RPUD, "record", "--out", record, "--namespace", node.get_namespace()),
             # `_missing` compares numbers of messages, which says more than an empty bag.
-            *("--max-loss", str(max_loss), "--allow-empty", "--until-eof", "--ready-fd", "1"),
+            *("--max-loss", str(max_loss), "--allow-empty", "--ready-fd", "1"),
         ),
         errors_apart=True,
-        until_eof=True,
     )
     if not recorder.first_line(_RECORDER_START, lambda: stop.requested):
         closed = _close_recorder(recorder)

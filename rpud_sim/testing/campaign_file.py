@@ -91,7 +91,7 @@ class Campaign(NamedTuple):
 def read_campaign(path: str | Path) -> Campaign:
     """Return the campaign of a file; relative paths in it begin at its folder."""
     # Without truth values: off is a kind of fault.
-    top = open_yaml(path, truth_values=False, where="{file}:{line}: ")
+    top = open_yaml(path, truth_values=False)
     top = dataclasses.replace(top, name="the file")
     _entries(top, _KEYS, ("system", "duration", "scenarios", "expectations"))
     folder = Path(path).parent.absolute()

@@ -169,9 +169,9 @@ def test_a_scenario_draws_with_the_seed_that_is_given(figures, tmp_path):
     [
         (
             "faults: [{kind: hard_rock, onset: 1.0}]",
-            "{file}: entry 1: hard_rock cannot be honoured: it needs a",
+            "{file}:1: hard_rock cannot be honoured: it needs a",
         ),
-        ("faults: 3", "{file}: faults = 3 is not a list"),
+        ("faults: 3", "{file}:1: faults = 3 is not a list"),
         (None, "{file}: No such file or directory"),
     ],
 )

@@ -150,7 +150,7 @@ def test_a_paused_node_is_silent_until_it_goes_on(drill):
 def test_a_bag_declares_what_the_test_has_lost(drill, tmp_path):
     drill.step(0.1)
     impacts = drill.heard["/rpud/contact_force"]
-    impacts._count(drill.published["contact_force"] + 3)  # as if two were lost
+    impacts.note(drill.published["contact_force"] + 3)  # as if two were lost
     with pytest.raises(LostMessagesError, match="2 messages of /rpud/contact_force are lost"):
         drill.messages("contact_force")
     impacts.number = drill.published["contact_force"]
