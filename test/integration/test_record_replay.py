@@ -21,7 +21,6 @@ from support import PATIENCE, until
 import rpud_sim.bag
 from rpud_sim.bag import BagWriter, QosProfile, Topic
 from rpud_sim.bag.definitions import find_definition, find_type_hash
-from rpud_sim.bag.recovery import recover
 
 HERE = Path(__file__).parent
 SECOND = 1_000_000_000
@@ -235,27 +234,6 @@ def test_a_type_that_is_not_installed_is_named_and_the_others_go_on(process, pro
     recorder.wait_for_line("^not recorded: /rpud/status: ")
     with rpud_sim.bag.open(tmp_path / "run") as bag:
         assert bag.records("rpud_skipped")[0].keys() == {CONTACT_FORCE, NODAL_PLANE, STATUS}
-
-
-def test_a_recorder_says_when_the_disk_is_full(process, program, tmp_path):
-    # No file of the recorder can grow beyond 64 KiB, bytecode neither: cut off, it would stay.
-    recorder = process(
-        "bash",
-        "-c",
-        "export PYTHONDONTWRITEBYTECODE=1; ulimit -f 64; "
-        'exec recorder --compression none --out "$0"',
-        tmp_path / "run",
-    )
-    program("talker", "--count", 100_000, "--rate", 2000)
-    assert recorder.wait() == 1
-    assert recorder.output.splitlines()[-1] == (
-        f"rpud record: cannot write the bag {tmp_path / 'run'}: File too large"
-    )
-    recovery = recover(tmp_path / "run", tmp_path / "whole")
-    assert recovery.topics[CONTACT_FORCE].gaps == 0
-    recorded = numbers(contents(tmp_path / "whole")[CONTACT_FORCE])
-    assert recorded == list(range(len(recorded)))
-    assert len(recorded) > 100
 
 
 def test_a_replay_names_types_that_are_not_installed(process, bag):
