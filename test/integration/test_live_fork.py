@@ -10,6 +10,7 @@ from sample_bags import write_offline_bag
 from support import Process
 
 import rpud_sim.bag
+from rpud_sim.bag.columns import to_plain
 from rpud_sim.inspection.offline_bag import write_fork
 from rpud_sim.inspection.recorded_journal import installed_codec
 from rpud_sim.inspection.verify.verification import verify
@@ -98,7 +99,7 @@ def test_what_follows_is_the_rest_of_the_bag_also_after_a_reset(used, source):
     assert refused.error_message == "seed = 8: a fork keeps its seed 7"
     for topic in ("contact_force", "wrench"):
         rest, live = (
-            [str(m) for m in decoded(path, topic) if AT * 1e9 < stamps([m])[0] < 270e6]
+            [to_plain(m) for m in decoded(path, topic) if AT * 1e9 < stamps([m])[0] < 270e6]
             for path in (source, bag)
         )
         assert live == [*rest, *rest]
