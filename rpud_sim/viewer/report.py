@@ -247,6 +247,8 @@ def segment_table(content: Views, drill: str, frame: Mapping[str, Any]) -> Table
         if moment - begins[-1] > _NEAR:
             begins.append(moment)
     title = "segments between commands and faults"
+    if frame["log_thinned"]:
+        title += f", without {frame['log_thinned']} older commands"
     if len(begins) > MOST_SEGMENTS:
         title += f"; the last has {len(begins) - MOST_SEGMENTS} further ones"
         begins = begins[:MOST_SEGMENTS]
