@@ -42,7 +42,7 @@ class RecordedStore(Store):
         self._opened = 1  # how often the bag was opened
         self._version = 0  # of what was read; grows at most each ``_REFRESH``
         self._reading = True  # whether there was more to read
-        self._refreshed = self._read_at = self._look_at = 0.0  # times of the latest, and the next
+        self._refreshed = self._look_at = 0.0  # times of the latest picture, and of the next look
 
     def read_all(self) -> Views:
         """Read the whole bag at once, and return it."""
@@ -211,8 +211,6 @@ class RecordedStore(Store):
 
     def _read_on(self) -> None:
         now = time.monotonic()
-        if now - self._read_at < _SLICE:  # another page has just asked
-            return
         read_next = self._bag.overview.read_next
         more = read_next()
         self._reading |= more
@@ -223,7 +221,7 @@ class RecordedStore(Store):
             self._version += 1
         if not self._reading and now >= self._look_at:
             self._look_at_files()
-        self._reading, self._read_at = more, time.monotonic()
+        self._reading = more
 
     def _look_at_files(self) -> None:
         """Add what was written since, or open the bag again."""
