@@ -91,7 +91,7 @@ COUNTERS = {
     "commands_rejected": "commands refused",
 }
 
-Arrays = Mapping[str, np.ndarray]
+Arrays = dict[str, np.ndarray]
 
 
 class RecordedFault(NamedTuple):
@@ -212,7 +212,9 @@ def _usable_topic(bag: BagReader, full: str) -> bool:
     return kinds.get("header.stamp") is Kind.TIME and numbered
 
 
-def _rows(columns: Arrays, own: np.ndarray, times: np.ndarray, name: str) -> Arrays:
+def _rows(
+    columns: Mapping[str, np.ndarray], own: np.ndarray, times: np.ndarray, name: str
+) -> Arrays:
     wanted = [q.column for q in QUANTITIES if q.topic == name]
     found = {"time": times[own]}
     if name == IMPACTS:
@@ -224,7 +226,9 @@ def _rows(columns: Arrays, own: np.ndarray, times: np.ndarray, name: str) -> Arr
     return found
 
 
-def _faults(columns: Arrays, own: np.ndarray, drill: RecordedDrill) -> Iterator[RecordedFault]:
+def _faults(
+    columns: Mapping[str, np.ndarray], own: np.ndarray, drill: RecordedDrill
+) -> Iterator[RecordedFault]:
     for published, states in zip(columns["publish_time"][own], columns["faults"][own], strict=True):
         for state in states:
             try:
