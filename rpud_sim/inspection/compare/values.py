@@ -79,17 +79,9 @@ def shown(quantity: str) -> ShownQuantity:
 
 
 # Fields of a status about timing, which belong to the machine and are never tested.
-TIMING = {
-    "lateness_max": "latest block",
-    "lag": "lag behind the schedule",
-    "real_time_factor": "real-time factor",
-}
+TIMING = ("lateness_max", "lag", "real_time_factor")
 # Fields of a status that count since the start.
-COUNTERS = {
-    "deadlines_missed": "deadlines missed",
-    "messages_dropped": "messages dropped",
-    "commands_rejected": "commands refused",
-}
+COUNTERS = ("deadlines_missed", "messages_dropped", "commands_rejected")
 
 Arrays = dict[str, np.ndarray]
 
@@ -219,7 +211,7 @@ def _rows(
     found = {"time": times[own]}
     if name == IMPACTS:
         found["sequence"] = columns["sequence"][own].astype(np.int64)
-    for key in (*wanted, *(TIMING | COUNTERS if name == STATUS else ())):
+    for key in (*wanted, *((*TIMING, *COUNTERS) if name == STATUS else ())):
         if key in columns:
             values = columns[key][own].astype(float)
             found[key] = np.where(usable(values), values, np.nan)
