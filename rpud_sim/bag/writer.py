@@ -20,7 +20,6 @@ from rpud_sim.bag.messages import (
     LatchedMessages,
     Message,
     MessageBlock,
-    messages_of,
 )
 from rpud_sim.bag.metadata import (
     FILE_NAME,
@@ -190,9 +189,15 @@ class BagWriter:
             self._check(block)
         latched = any(block.topic in self._latched for block, _ in blocks)
         if latched or self._max_size is not None or self._max_duration is not None:
-            due = [places for _, places in blocks]
-            for message in messages_of([block for block, _ in blocks], due):
-                self.write(message.topic, message.data, message.log_time, message.publish_time)
+            ordered = sorted(
+                (place, number, row)
+                for number, (_, places) in enumerate(blocks)
+                for row, place in enumerate(places.tolist())
+            )
+            for _, number, row in ordered:
+                block, _ = blocks[number]
+                times = int(block.log_times[row]), int(block.publish_times[row])
+                self.write(block.topic, block.message(row), *times)
             return
         channels = [self._numbers[self._channel_of[block.topic]] for block, _ in blocks]
         self._opened.write_blocks(

@@ -75,7 +75,6 @@ def write_fit(fit: Fit, folder: Path, command: str) -> None:
 
 
 def fit_content(fit: Fit) -> dict[str, Any]:
-    """Return all numbers of a fit as plain values."""
     content = {
         "reached": fit.reached,
         "missed": [item.target.title for item in fit.missed],
@@ -175,7 +174,6 @@ def _ends(fit: Fit, name: str) -> str:
 
 
 def unknown_quantity(fit: Fit, name: str) -> ShownQuantity:
-    """Return how an unknown is shown."""
     greatest = abs(fit.specification.unknowns[name].maximum)
     digits = fit.intervals[name].digits if name in fit.intervals else 4
     return dataclasses.replace(quantity_in(unit_of(name), greatest, name), digits=digits)
