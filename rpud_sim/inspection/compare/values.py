@@ -13,6 +13,7 @@ import numpy as np
 from rpud_sim.bag import BagReader
 from rpud_sim.bag.columns import Kind, usable
 from rpud_sim.bag.messages import MessageBlock
+from rpud_sim.bag.tables import Tables
 from rpud_sim.foundation.time import SECOND, join_seconds
 from rpud_sim.inspection.output import Damages
 from rpud_sim.inspection.recorded_drill import RecordedDrill
@@ -143,26 +144,28 @@ def value_readers(
     run: OpenRun, values: RecordedValues, report: Callable[[int], object]
 ) -> Iterator[Iterator[int]]:
     """Yield a reader for each topic, for ``read_together``."""
+    tables = Tables(run.bag.path, run.bag.readable_topics, {})
     for name in _READ:
         full = run.drill.topic(name)
         if _usable_topic(run.bag, full):
-            yield _read(run, name, run.recorded.blocks(full), values, report)
+            yield _read(run, name, tables, run.recorded.blocks(full), values, report)
 
 
 def _read(
     run: OpenRun,
     name: str,
+    tables: Tables,
     blocks: Iterable[MessageBlock],
     values: RecordedValues,
     report: Callable[[int], object],
 ) -> Iterator[int]:
     """Read a topic into the values; yield the simulation times to which it came [ns]."""
     full = run.drill.topic(name)
-    tables = {full: run.bag.tables.table(full)}
+    chosen = tables.choose([full])
     parts = []
     for block in blocks:
         report(len(block))
-        for batch in run.bag.tables.batches(tables, [block], run.damages.add):
+        for batch in tables.batches(chosen, [block], run.damages.add):
             published = batch.columns["publish_time"]
             times = run.drill.clock.elapsed(batch.columns["header.stamp"], published)
             first, last = run.drill.bounds
