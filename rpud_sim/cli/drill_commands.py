@@ -334,7 +334,7 @@ def _listen(listener: TopicListener, show: Callable[[Any], None], options: Any) 
                 if wanted is None:
                     break
                 limit = f"within {options.duration:g} s"
-                raise CommandError(f"{shown} of {wanted} messages on {listener.topic} {limit}")
+                raise CommandError(f"{shown} of {wanted} messages on {listener.name} {limit}")
             messages = listener.take(rest)
             for message in messages[: None if wanted is None else wanted - shown]:
                 show(message)
@@ -343,7 +343,7 @@ def _listen(listener: TopicListener, show: Callable[[Any], None], options: Any) 
                 sys.stdout.flush()
             if listener.lost > lost:
                 lost = listener.lost
-                complain("rpud echo", f"{lost} messages of {listener.topic} were lost")
+                complain("rpud echo", f"{lost} messages of {listener.name} were lost")
     return ExitCode.DONE
 
 

@@ -66,7 +66,6 @@ def command(
 
 
 def fields_of(kind: type[Any]) -> Fields:
-    """Return the declarations of a dataclass of options."""
     return {field.name: field for field in dataclasses.fields(kind)}
 
 
@@ -113,7 +112,6 @@ class Parser(argparse.ArgumentParser):
     """Parser whose errors are one line."""
 
     def error(self, message: str) -> NoReturn:
-        """Exit with 2."""
         self.exit(2, f"{self.prog}: {printable(message)}; see {self.prog} --help\n")
 
 

@@ -149,7 +149,6 @@ def _prove(options: Any, specification: FitSpecification) -> int:
 
 
 def fit_lines(fit: Fit) -> Iterator[str]:
-    """Yield what a fit found, for a terminal."""
     from rpud_sim.studies.fit.fit_report import TARGET_HEADING, target_rows, unknown_table
 
     if fit.missed:

@@ -63,7 +63,6 @@ def _run(options: Any) -> int:
 
 
 def _test_campaign(options: Any) -> int:
-    """Call pytest on a campaign; return the exit code."""
     for name in ("expect", "namespace", "json"):
         if getattr(options, name):
             raise CommandError(f"--{name} is for bags", ExitCode.USAGE)

@@ -47,27 +47,15 @@ def run_on_cluster(
             f"--scheduler needs {error.name}: pip install 'rpud_sim[cluster]'"
         ) from None
     _check_reachable(address)
-    with _quiet_log():
-        while True:
-            try:
-                return (yield from _run_on_scheduler(work, chunks, address))
-            except (CancelledError, LostError) as error:  # cancelled before there was a chunk
-                chunks = itertools.chain(error.args, chunks)
-                _wait_for_scheduler(address)
-
-
-@contextlib.contextmanager
-def _quiet_log() -> Iterator[None]:
-    """Keep Dask from printing tracebacks of a lost connection, which is dealt with here."""
-    names = ("distributed", "distributed.client", "distributed.comm", "distributed.core")
-    levels = {name: logging.getLogger(name).level for name in names}
-    for name in names:
+    for name in ("distributed", *(f"distributed.{part}" for part in ("client", "comm", "core"))):
+        # It would print tracebacks of a lost connection, which is dealt with here.
         logging.getLogger(name).setLevel(logging.CRITICAL + 1)
-    try:
-        yield
-    finally:
-        for name, level in levels.items():
-            logging.getLogger(name).setLevel(level)
+    while True:
+        try:
+            return (yield from _run_on_scheduler(work, chunks, address))
+        except (CancelledError, LostError) as error:  # cancelled before there was a chunk
+            chunks = itertools.chain(error.args, chunks)
+            _wait_for_scheduler(address)
 
 
 def _run_on_scheduler(

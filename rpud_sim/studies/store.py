@@ -28,7 +28,6 @@ _Outcome = TypeVar("_Outcome")
 
 
 def write_whole(path: Path, content: str | bytes) -> None:
-    """Write a file that appears when it is complete."""
     with whole_file(path) as unfinished:
         unfinished.write_bytes(content.encode() if isinstance(content, str) else content)
 

@@ -215,7 +215,7 @@ class Drill(Lockstep):
         if topic in TOPICS:
             self.await_connections()
             if heard.number is None:
-                heard.number = self._collector.published.get(topic, 0)
+                heard.note(self._collector.published.get(topic, 0))
 
     def messages(self, topic: str) -> list[Any]:
         """Return all messages of a topic since the test began, which must be listened to."""

@@ -127,8 +127,7 @@ _COMPARED = re.compile(rf"(<=|>=|==|!=|<|>|=)\s*({NUMBER}[^+]*?)\s*(?:(?:\+-|±)
 def read_expectations(path: str | Path) -> tuple[Expectation, ...]:
     """Read a file of expectations; an error names the file and the line."""
     # Without truth values: off is a kind of fault, and `is: true` a text as `is: running`.
-    where = "{file}:{line}: "
-    top = open_yaml(path, truth_values=False, error=ExpectationError, where=where)
+    top = open_yaml(path, truth_values=False, error=ExpectationError)
     known, none = ("expectations",), "it holds no expectations:"
     unknown = "{shown} is not expectations"
     entries = top.mapping(known, known, other=none, unknown=unknown, missing=none)

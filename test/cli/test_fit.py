@@ -99,12 +99,7 @@ def test_a_proof_counts_the_intervals(targets, made):
     ("entries", "complaint"),
     [
         ({"unknowns": {"weight_on_bt": [1, 2]}}, "did you mean weight_on_bit?"),
-        ({"targets": [{"figure": "x"}]}, "targets[0].value: is missing"),
         ({"seed": 9}, "is of another fit: specification.seed is 0 there and 9 here"),
-        (
-            {"targets": [TARGETS["targets"][0] | {"value": 16.0}, TARGETS["targets"][1]]},
-            "specification.targets[0].value is 15.0 there and 16.0 here",
-        ),
     ],
 )
 def test_a_mistake_is_one_line_and_code_two(capsys, made, tmp_path, entries, complaint):

@@ -196,7 +196,7 @@ def test_a_reset_that_cannot_be_changes_nothing(client, drill, scenario):
     scenario.write_text(text)
     assert refused.result == Result.RESULT_OPERATION_FAILED
     assert "hard_rock" in refused.error_message
-    drill.wait_for_line(f"request refused: {scenario}: entry 1: hard_rock cannot be honoured")
+    drill.wait_for_line(f"request refused: {scenario}:1: hard_rock cannot be honoured")
     # It is the pause that ends the step: the reset has not.
     assert client.set_state(SimulationState.STATE_PAUSED).result == Result.RESULT_OK
     client.until(step.done)

@@ -113,7 +113,11 @@ def test_what_follows_is_the_rest_of_the_bag_bit_for_bit(used, source):
     assert len(heard) >= 10
     assert [each for each in recorded if each in heard] == heard
     forces = {
-        name: [f"{m}" for m in decoded(path, "contact_force") if 124e6 < stamps([m])[0] < 270e6]
+        name: [
+            (stamps([m]), m.sequence, m.peak_force, m.contact_duration, m.impulse, m.energy)
+            for m in decoded(path, "contact_force")
+            if 124e6 < stamps([m])[0] < 270e6
+        ]
         for name, path in (("live", bag), ("source", source))
     }
     # The bag holds them twice, for the drill was reset.

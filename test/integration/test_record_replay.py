@@ -210,27 +210,6 @@ def test_what_is_lost_on_the_way_is_counted(process, connect, tmp_path):
     recorder.wait_for_line(rf"lost {lost} messages on /rpud/nodal_plane")
 
 
-def test_a_recorder_ends_with_the_one_that_holds_its_input_open(process, program, tmp_path):
-    # The shell is killed as it stands, so that the recorder notices it only by the closed pipe.
-    parent = process(
-        "bash",
-        "-c",
-        'sleep 1000 | (echo "pipe $BASHPID"; exec recorder --until-eof --allow-empty --out "$0")',
-        tmp_path / "run",
-    )
-    program("talker", "--count", 100_000, "--rate", 500)
-    parent.wait_for_line("subscribed /rpud/contact_force")
-    recorder = int(parent.wait_for_line(r"^pipe (\d+)$")[1])
-    children = Path(f"/proc/{parent.pid}/task/{parent.pid}/children").read_text().split()
-    for child in map(int, children):
-        if child != recorder:
-            os.kill(child, signal.SIGKILL)
-    parent.wait_for_line(r"recorded \d+ messages on 3 topics")
-    assert finished(parent)
-    recorded = numbers(contents(tmp_path / "run")[CONTACT_FORCE])
-    assert recorded == list(range(len(recorded)))
-
-
 def test_a_type_that_is_not_installed_is_named_and_the_others_go_on(process, program, tmp_path):
     places = os.environ["PYTHONPATH"].split(os.pathsep)
     path = os.pathsep.join(place for place in places if "rpud_msgs" not in place)

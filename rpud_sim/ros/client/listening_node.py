@@ -14,6 +14,7 @@ from rclpy.subscription import Subscription
 
 from rpud_sim.foundation.quantities import ExpectedError, Quantity
 from rpud_sim.ros.starting import name_error, start_ros
+from rpud_sim.ros.subscriptions import taken
 from rpud_sim.ros.threads import raised
 
 if TYPE_CHECKING:
@@ -23,7 +24,6 @@ PATIENCE = 10.0  # time limit of a client, unless it is given another one [s]
 SECONDS = Quantity("s", "a duration", 0.0, 2.0**31, below=True)
 POLL_PERIOD = 0.02  # between looks at the graph, which wakes no executor [s]
 _WITH_INFO = Subscription.CallbackType.WithMessageInfo
-_MOST_AT_ONCE = 10_000  # messages of a topic; more would keep its owner from looking
 
 Value = TypeVar("Value")
 
@@ -128,13 +128,8 @@ class ListeningNode:
         for subscription in self._subscriptions:
             with_info = subscription._callback_type is _WITH_INFO
             try:
-                with subscription.handle:
-                    take = subscription.handle.take_message
-                    for _ in range(_MOST_AT_ONCE):
-                        taken = take(subscription.msg_type, subscription.raw)
-                        if taken is None:
-                            break
-                        subscription.callback(*(taken if with_info else taken[:1]))
+                for message, info in taken(subscription):
+                    subscription.callback(*((message, info) if with_info else (message,)))
             except RuntimeError as error:
                 self.node.get_logger().warning(raised(error))
 

@@ -19,6 +19,7 @@ from rpud_sim.ros.client.listening_node import (
     NoAnswerError,
     RefusedError,
 )
+from rpud_sim.ros.graph import DiscoveryProbe
 
 _SERVICES = {
     "inject_fault": srv.InjectFault,
@@ -76,24 +77,19 @@ class ServiceCaller:
     def introduce(self, patience: float | None = None) -> None:
         """Wait until the drill has discovered all subscriptions and clients of this node.
 
-        Discovery reports them in the order in which they were made: an answer to the last one
-        shows that the drill knows all. Otherwise it could drop a response or the first messages.
+        Otherwise it could drop a response or the first messages.
         """
-        node = self._listening.node
-        last = node.create_client(srv.GetSimulationState, "simulation/get_state")
+        kind, service = srv.GetSimulationState, "simulation/get_state"
+        probe = DiscoveryProbe(self._listening.node, service, kind)
         try:
-            self._answer(last, srv.GetSimulationState.Request(), True, patience)
+            self._listening.until(probe.answered, f"service {service} did not answer", patience)
         finally:
-            node.destroy_client(last)
+            probe.close()
 
-    def _answer(
-        self, client: Client, request: Any, repeat: bool, patience: float | None = None
-    ) -> Any:
+    def _answer(self, client: Client, request: Any, repeat: bool) -> Any:
         service = self._listening.node.resolve_service_name(client.srv_name)
-        patience = self._listening.patience if patience is None else patience
-        self._listening.until(
-            client.service_is_ready, f"service {service} did not appear", patience
-        )
+        patience = self._listening.patience
+        self._listening.until(client.service_is_ready, f"service {service} did not appear")
         futures = [client.call_async(request)]
         sent = alive = time.monotonic()
         number = self._alive()

@@ -80,7 +80,6 @@ class RecordOptions:
     )
     start_paused: bool = option(False, "record only when the service ~/resume is called")
     with_parent: bool = parent_flag()
-    until_eof: bool = option(False, argparse.SUPPRESS)  # stop also where standard input ends
     allow_empty: bool = option(
         False, "exit code 0 also if a requested topic never appears, or no message arrives"
     )

@@ -55,7 +55,6 @@ class TargetComparison:
 
     @property
     def ratio(self) -> float:
-        """Model over target."""
         return self.mean / self.target.value if self.target.value else math.nan
 
     @property
@@ -131,7 +130,6 @@ class Fit:
 
     @property
     def misfit_text(self) -> str:
-        """Both misfits in words."""
         hold_out = self.misfit(True)
         more = "" if hold_out is None else f", held out {hold_out:.2f}"
         return f"{self.misfit(False):.2f} standard deviations{more}"

@@ -75,7 +75,6 @@ def write_fit(fit: Fit, folder: Path, command: str) -> None:
 
 
 def fit_content(fit: Fit) -> dict[str, Any]:
-    """Return all numbers of a fit as plain values."""
     content = {
         "reached": fit.reached,
         "missed": [item.target.title for item in fit.missed],
@@ -175,7 +174,6 @@ def _ends(fit: Fit, name: str) -> str:
 
 
 def unknown_quantity(fit: Fit, name: str) -> ShownQuantity:
-    """Return how an unknown is shown."""
     greatest = abs(fit.specification.unknowns[name].maximum)
     digits = fit.intervals[name].digits if name in fit.intervals else 4
     return dataclasses.replace(quantity_in(unit_of(name), greatest, name), digits=digits)
@@ -192,9 +190,9 @@ def single_plots(fit: Fit) -> list[Plot]:
         shares = np.histogram(samples, edges)[0] / len(samples)
         scale = shown.scale
         layers = (
-            Zone(f"{PERCENT} interval", scale * interval.low, scale * interval.high, False),
+            Zone(f"{PERCENT} interval", scale * interval.low, scale * interval.high),
             Line("posterior", scale * edges, np.append(shares, 0.0), steps=True),
-            Rule("best point", scale * best, False, "series1", "solid"),
+            Rule("best point", scale * best, "series1"),
         )
         alt = f"Best point {shown.text(best)}, {PERCENT} interval {_ends(fit, name)}."
         axes = Axis(low=0.0), Axis(name, shown.unit, log)

@@ -206,7 +206,6 @@ def sobol_points(region: Region, count: int, seed: Sequence[int]) -> np.ndarray:
 def named_points(
     specification: FitSpecification, shares: np.ndarray, choices: Mapping[str, Any]
 ) -> list[dict[str, Any]]:
-    """Return the values of all unknowns at points."""
     values = specification.values_at(shares)
     return [
         {**{name: column[i].item() for name, column in values.items()}, **choices}
@@ -215,7 +214,6 @@ def named_points(
 
 
 def _update(specification: FitSpecification, branch: Branch, number: int) -> None:
-    """Fit the surrogate of a branch and sample its posterior."""
     try:
         surrogate = fit_surrogate(
             branch.region, branch.shares, branch.figures, specification.condition_numbers

@@ -77,7 +77,6 @@ def chunk_size(sweep: SweepSpecification) -> int:
 
 
 def chunk_count(sweep: SweepSpecification) -> int:
-    """Return the number of chunks."""
     return -(-sweep.simulations // chunk_size(sweep))
 
 
@@ -120,7 +119,6 @@ def _swept_points(sweep: SweepSpecification) -> dict[str, np.ndarray]:
 def make_chunks(
     sweep: SweepSpecification, points: Mapping[str, np.ndarray]
 ) -> Iterator[SweepChunk]:
-    """Yield the chunks of a sweep, in order."""
     size = chunk_size(sweep)
     versions = engine_versions()
     for number in range(chunk_count(sweep)):
@@ -133,7 +131,6 @@ def make_chunks(
 
 
 def simulate(chunk: SweepChunk) -> SweepOutcome:
-    """Run the simulations of a chunk."""
     check_versions(chunk.versions)
     sweep = chunk.specification
     rows: list[dict[str, Any]] = []

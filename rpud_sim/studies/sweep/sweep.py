@@ -114,7 +114,6 @@ class SweepFolder(StudyStore[SweepChunk, SweepOutcome]):
 
     @property
     def complete(self) -> bool:
-        """Whether both tables exist."""
         return self._simulations.exists() and self._points.exists()
 
     def has(self, chunk: SweepChunk) -> bool:
@@ -192,7 +191,6 @@ class SweepFolder(StudyStore[SweepChunk, SweepOutcome]):
 
 
 def _rows(path: Path) -> pa.Table:
-    """Return all rows of a chunk's file."""
     with pa.memory_map(str(path)) as mapped, pa.ipc.open_file(mapped) as file:
         return file.read_all()
 

@@ -71,7 +71,7 @@ def test_a_dropped_subscriber_knows_what_it_missed_by_the_numbers(drill):
 
     def subscribe():
         subscription = drill.listener.create_subscription(JointState, "joint_states", note, PLENTY)
-        drill.until(lambda: "joint_states" not in drill.outputs.unheard)
+        drill.until(lambda: "joint_states" not in drill.outputs.outlets.unheard)
         drill.until(subscription.get_publisher_count)
         return subscription
 
@@ -80,7 +80,7 @@ def test_a_dropped_subscriber_knows_what_it_missed_by_the_numbers(drill):
     drill.go_on(5)
     drill.until(lambda: len(numbers) == 5)
     drill.listener.destroy_subscription(subscription)
-    drill.until(lambda: "joint_states" in drill.outputs.unheard)
+    drill.until(lambda: "joint_states" in drill.outputs.outlets.unheard)
     drill.go_on(7)
     subscribe()
     drill.go_on(1)
@@ -118,7 +118,7 @@ def test_patient_publishers_lose_nothing_that_a_slow_listener_wants(drill):
     drill.outputs.patient = True
     while drill.run.simulation.impact_count < 1.5 * depth:  # as fast as it goes
         drill.go_on(50)
-    drill.outputs.wait_for_subscribers(10.0)
+    drill.outputs.outlets.wait(10.0)
     # It has not been asked for any of them until now.
     sent = drill.outputs.published["contact_force"]
     assert sent > depth

@@ -108,6 +108,15 @@ def test_a_point_outside_the_ranges_is_a_failure_of_its_own_alone():
     assert "2 simulations have no figures" in sweep_page(specification, columns, 2)
 
 
+def test_a_drill_beyond_its_event_budget_is_a_failure_of_its_own():
+    masses = {"fixed": {"regime": "free"}, "swept": {"free_mass": [1e-11, 5e-3]}}
+    content = {"design": "grid", "duration": 1, **masses}
+    (chunk,) = chunks_of(parse_specification(content))
+    first, second = simulate(chunk).table["failure"].to_pylist()
+    assert "with free_mass = 1e-11 kg (default: 0.005)" in first
+    assert second is None
+
+
 SWEPT = {
     "weight_on_bit": {"minimum": 0.0, "maximum": 32.0},
     "free_mass": {"minimum": 1e-3, "maximum": 1e-2, "scale": "log"},
