@@ -181,9 +181,9 @@ def write_fork(
     fork = open_fork(path, at, changes, run=run, topic=topic, stop=not changes.empty, report=report)
     continuation = Continuation(fork, changes, duration)
     first = list(continuation.begin())
-    resumed, prefix = fork.resumed, fork.recorded.prefix
-    topics = offered_topics(resumed.run.beginning.settings.values())
-    values = {**resumed.settings.values(), "seed": resumed.run.beginning.seed}
+    prefix = fork.recorded.prefix
+    topics = offered_topics(fork.run.beginning.settings.values())
+    values = {**fork.settings.values(), "seed": fork.run.beginning.seed}
     zero, published = _clock(fork)
     instant = zero + fork.time
     count = 0  # of messages after those of the instant
@@ -196,10 +196,9 @@ def write_fork(
         # As a recorder that begins at the instant would get the latched topics.
         for (_, fields), publish_time in zip(fork.history, published, strict=True):
             write("journal", fields, instant, publish_time)
-        faults = (resumed.faults,) if resumed.faults else ()
-        for _, name, fields in (*faults, *resumed.entries, *first):
+        for _, name, fields in (*fork.entries, *first):
             write(name, fields, instant, instant)
-        between = resumed.run.time < fork.time
+        between = fork.run.time < fork.time
         for time, name, fields in continuation.messages(report):
             # Without those of the block in which the instant lies, before it.
             if not between or time > fork.time:
@@ -223,7 +222,7 @@ def _clock(fork: Fork) -> tuple[int, list[int]]:
     Publishing times show which run a message belongs to: with runs before, every entry is before
     all that follows.
     """
-    zero = max(0, fork.resumed.run.origin)
+    zero = max(0, fork.run.origin)
     count = len(fork.history) if fork.recorded.before else 0
     instant = max(zero + fork.time, count)
     return instant - fork.time, [

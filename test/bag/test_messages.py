@@ -1,9 +1,9 @@
 """Messages by the block and one by one: those that were written, in the order of log times."""
 
 import contextlib
+import struct
 import tracemalloc
 
-import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -21,10 +21,6 @@ from sample_bags import (
 import rpud_sim.bag
 from rpud_sim.bag import BagError, BagFormatError, BagWriter, Message
 from rpud_sim.bag.messages import (
-    BagSegment,
-    MessageBlock,
-    blocks_in_order,
-    messages_in_order,
     messages_of,
 )
 
@@ -50,21 +46,15 @@ def one_by_one(bag, **chosen):
     return found, error
 
 
-def test_a_begin_beyond_int64_that_no_message_has_is_no_error():
-    times = np.array([1, 2])
-    starts = np.zeros(2, np.int64)
-    block = MessageBlock("/a", times, times, np.zeros(4, np.uint8), starts, starts)
-    segment = BagSegment(2**63, 2**63, 4, frozenset({"/a"}), lambda topics: [block])
-    assert [block.log_times.tolist() for block in blocks_in_order([segment])] == [[1, 2]]
-    assert [message.log_time for message in messages_in_order([segment])] == [1, 2]
-
-
-def test_those_before_the_begin_of_their_segment_have_one_order():
-    times, starts, sizes = np.array([0, 9]), np.array([2, 0]), np.full(2, 2)
-    block = MessageBlock("/a", times, times, np.zeros(4, np.uint8), starts, sizes)
-    segment = BagSegment(9, 9, 4, frozenset({"/a"}), lambda topics: [block])
-    assert [block.log_times.tolist() for block in blocks_in_order([segment])] == [[0, 9]]
-    assert [message.log_time for message in messages_in_order([segment])] == [0, 9]
+def test_a_message_earlier_than_its_chunk_says_is_refused(tmp_path):
+    path = write_mcap(tmp_path / "bag.mcap", [("/a", 5, b""), ("/a", 9, b"")], enable_crcs=False)
+    content = path.read_bytes()
+    place = content.rindex(struct.pack("<QQ", 5, 9))  # in the index of the chunk
+    path.write_bytes(content[:place] + struct.pack("<Q", 6) + content[place + 8 :])
+    with rpud_sim.bag.open(path) as bag:
+        for read in (bag.messages, bag.blocks):
+            with pytest.raises(BagFormatError, match=r"bag\.mcap: .* earlier than its chunk says"):
+                list(read())
 
 
 def by_block(bag, **chosen):

@@ -113,14 +113,6 @@ def test_a_node_that_answers_is_stepped_with_and_always_alike(drill, drill_facto
     assert found[0] == found[1]
 
 
-def test_a_node_that_the_test_ends_is_not_waited_for(drill):
-    supervisor = supervise(drill)
-    drill.step(0.3)
-    supervisor.kill()
-    drill.step(0.3)
-    assert drill.time == pytest.approx(0.6)
-
-
 @pytest.mark.extended
 def test_a_command_that_does_not_reach_the_drill_is_told_before_the_first_step(drill):
     drill.press(10.0)  # that one publisher reaches it does not hide that another one does not
