@@ -134,15 +134,22 @@ class ListeningNode:
                 self.node.get_logger().warning(raised(error))
 
     def until(
-        self, condition: Callable[[], Value], what: str, patience: float | None = None
+        self,
+        condition: Callable[[], Value | None],
+        what: str,
+        patience: float | None = None,
+        alive: Callable[[], int] = lambda: 0,
     ) -> Value:
         """Take messages until a condition holds, and return its value.
 
-        ``what`` is the error's sentence, without the limit.
+        ``what`` is the error's sentence, without the limit. The patience begins again whenever the
+        number of ``alive`` is another one.
         """
         patience = self.patience if patience is None else float(patience)
-        deadline = time.monotonic() + patience
+        deadline, number = time.monotonic() + patience, alive()
         while not (value := condition()):
+            if alive() != number:
+                deadline, number = time.monotonic() + patience, alive()
             if time.monotonic() >= deadline:
                 raise NoAnswerError(f"{what} within {patience:g} s")
             self.spin(POLL_PERIOD)
