@@ -80,13 +80,15 @@ class ServiceCaller:
         kind, service = srv.GetSimulationState, "simulation/get_state"
         probe = DiscoveryProbe(self._listening.node, service, kind)
         try:
-            self._listening.until(probe.answered, f"service {service} did not answer", patience)
+            self._listening.wait_until(
+                probe.answered, f"service {service} did not answer", patience
+            )
         finally:
             probe.close()
 
     def _answer(self, client: Client, request: Any, repeat: bool) -> Any:
         service = self._listening.node.resolve_service_name(client.srv_name)
-        until = self._listening.until
+        until = self._listening.wait_until
         until(client.service_is_ready, f"service {service} did not appear")
         sent = RepeatedRequest(client, request, _REPETITION if repeat else inf)
         try:
