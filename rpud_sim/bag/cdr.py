@@ -21,9 +21,6 @@ if TYPE_CHECKING:
 # Greatest definition of a type, with all types that it needs [characters].
 DEFINITION_LIMIT = 256 * 2**10
 
-FIELDS_SIZE_LIMIT = 64 * 2**10  # greatest definition of a type without its comments [characters]
-
-_COMMENT = re.compile(r"#.*")
 _SEPARATOR = re.compile(r"^={80}\nMSG: ", re.MULTILINE)
 
 
@@ -51,11 +48,6 @@ class Codec:
             raise BagFormatError(
                 f"the definition of {type_name:.80} has {len(definition)} characters; "
                 f"at most {DEFINITION_LIMIT} are read"
-            )
-        if definition_size(definition) > FIELDS_SIZE_LIMIT:
-            raise BagFormatError(
-                f"the definition of {type_name:.80} has more than {FIELDS_SIZE_LIMIT} characters "
-                "without its comments, too many to compile"
             )
         with self._understanding("definition"):
             self._types = _types_of(definition, type_name)
@@ -105,11 +97,6 @@ class Codec:
             raise BagFormatError(
                 f"a {what} of {self._type:.80} cannot be understood: {reason}"
             ) from error
-
-
-def definition_size(definition: str) -> int:
-    """Return the characters without comments, which determine the time to compile."""
-    return len(_COMMENT.sub("", definition))
 
 
 def _members(kind: MessageType, name: str) -> Members:

@@ -294,12 +294,14 @@ def _list_step(step: Step, element: Nodetype, length: Length, path: str | None) 
     def read(found: ReadMessage, place: int) -> tuple[Any, int]:
         count, place = length(found, place)
         start, values, texts = place, [], []
+        noted = found.noted and element == Nodetype.BASE
         for _ in range(count):
             begin = _aligned(place, 4) + 4 - start  # of a text
             value, place = step(found, place)
             values.append(value)
-            texts.append(slice(begin, place - 1 - start))
-        if found.noted and path is not None and element == Nodetype.BASE:
+            if noted:
+                texts.append(slice(begin, place - 1 - start))
+        if noted and path is not None:
             found.fields[path] = Field(start, None, place - start, tuple(texts))
         return values, place
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property, lru_cache, partial
@@ -11,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rpud_sim.bag.cdr import Codec, definition_size
+from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.columns import (
     RECEIVED,
     Column,
@@ -46,6 +47,7 @@ DECODED_SIZE = 64 * 2**20
 # Greatest definitions of all types of a bag together, without comments [characters].
 DEFINITIONS_LIMIT = 256 * 2**10
 
+_COMMENT = re.compile(r"#.*")
 _DEFINITION_OVERHEAD = 64  # characters that take as long to compile as the smallest type
 _OVERHEAD = 256  # bytes that a message takes in memory in addition to its data
 _NAMES_SHOWN = 30
@@ -188,7 +190,7 @@ class Tables:
             kind = (summary.topic.type, summary.definition)
             if kind not in self._kinds:
                 self._kinds.add(kind)
-                self._size += definition_size(summary.definition or "") + _DEFINITION_OVERHEAD
+                self._size += len(_COMMENT.sub("", summary.definition or "")) + _DEFINITION_OVERHEAD
             try:
                 if self._size > DEFINITIONS_LIMIT:
                     raise BagFormatError(

@@ -178,36 +178,23 @@ class BagWriter:
         self._counts[self._channels[channel][0]] += 1
 
     def write_blocks(self, blocks: Sequence[tuple[MessageBlock, np.ndarray]]) -> None:
-        """Add many serialized messages at once.
+        """Add many serialized messages at once, to a bag of one file.
 
         The file is the same as if they were written one by one in their order. With the messages of
         a topic comes the place of each among those of all blocks, int64, ascending. Messages of
-        equal place follow each other as their blocks do.
+        equal place follow each other as their blocks do. Topics must not be latched.
         """
         blocks = [(block, places) for block, places in blocks if len(block)]
         for block, _ in blocks:
             self._check(block)
-        latched = any(block.topic in self._latched for block, _ in blocks)
-        if latched or self._max_size is not None or self._max_duration is not None:
-            ordered = sorted(
-                (place, number, row)
-                for number, (_, places) in enumerate(blocks)
-                for row, place in enumerate(places.tolist())
-            )
-            for _, number, row in ordered:
-                block, _ = blocks[number]
-                times = int(block.log_times[row]), int(block.publish_times[row])
-                self.write(block.topic, block.message(row), *times)
-            return
-        channels = [self._numbers[self._channel_of[block.topic]] for block, _ in blocks]
         self._opened.write_blocks(
-            [(channel, *block) for channel, block in zip(channels, blocks, strict=True)]
+            [
+                (self._numbers[self._channel_of[block.topic]], block, places)
+                for block, places in blocks
+            ]
         )
-        last = max((int(places[-1]) for _, places in blocks), default=0)
-        for block, places in blocks:
+        for block, _ in blocks:
             self._counts[block.topic] += len(block)
-            if places[-1] == last:
-                self._last = int(block.log_times[-1])
 
     def split(self) -> None:
         """Complete the file and go on in a new one that begins with the latched messages."""
@@ -269,6 +256,8 @@ class BagWriter:
     def _check(self, block: MessageBlock) -> None:
         if block.topic not in self._channel_of:
             raise _undeclared(block.topic)
+        if self._max_size or self._max_duration or block.topic in self._latched:
+            raise BagError(f"{block.topic} cannot be written in blocks: its files are split")
         logs, sent = block.log_times, block.publish_times
         wrong = (logs < 0) | (logs > LATEST) | (sent < 0) | (sent > LATEST)
         for row in np.flatnonzero(wrong)[:1].tolist():

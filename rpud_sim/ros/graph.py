@@ -7,6 +7,7 @@ import re
 import time
 from collections.abc import Mapping
 from contextlib import suppress
+from math import inf
 from typing import Any
 
 from rcl_interfaces.srv import GetParameters
@@ -25,7 +26,7 @@ _ARRAY = re.compile(r"sequence<(.+?)(?:, *\d+)?>|(.+)\[\d+\]")
 # Services of rosbag2 that need no fields.
 _TRIGGERS = ("pause", "resume", "toggle_paused", "play_next", "stop", "split_bagfile")
 _UNKNOWN = "_NODE_NAME_UNKNOWN_"  # as rcl calls it
-_REPETITION = 0.05  # of a request, whose response the other node may drop [s]
+_REPETITION = 0.05  # of a probe's request [s]
 
 
 class UnknownTypeError(Exception):
@@ -111,34 +112,54 @@ def node_name(endpoint: TopicEndpointInfo) -> str:
     return "" if name == _UNKNOWN else f"{endpoint.node_namespace.rstrip('/')}/{name}"
 
 
+class RepeatedRequest:
+    """Request that is sent again and again, as the other node may drop its response.
+
+    ``period`` is between two requests [s]; infinite for one that must act only once.
+    """
+
+    def __init__(self, client: Client, request: Any, period: float) -> None:
+        self._client = client
+        self._request = request
+        self._period = period
+        self._futures: list[Future] = []
+        self._sent = -inf
+
+    def answered(self) -> Future | None:
+        """Return a future with the response; None before it, and to be called again then."""
+        for future in self._futures:
+            if future.done():
+                return future
+        now = time.monotonic()
+        if not self._futures or now - self._sent > self._period:
+            self._futures.append(self._client.call_async(self._request))
+            self._sent = now
+        return None
+
+    def close(self) -> None:
+        for future in self._futures:
+            self._client.remove_pending_request(future)
+
+
 class DiscoveryProbe:
     """Request to a node, by a client that is made after the subscriptions.
 
     Discovery announces the readers of a process in the order in which they were made. So a node
-    whose response has come knows all readers from before: it will not publish past them. The
-    executor of ``node`` takes the responses. The request has no fields.
+    whose response has come knows all readers from before: it will not publish past them. ``name``
+    is the full name of the other node; the executor of ``node`` takes the responses.
     """
 
-    def __init__(self, node: Node, service: str, kind: Any = GetParameters) -> None:
+    def __init__(self, node: Node, name: str) -> None:
         self._node = node
-        self._client: Client | None = node.create_client(kind, service)
-        self._request = kind.Request()
-        self._futures: list[Future] = []
-        self._sent = 0.0
+        self._client: Client | None = node.create_client(GetParameters, f"{name}/get_parameters")
+        self._request = RepeatedRequest(self._client, GetParameters.Request(), _REPETITION)
 
     def answered(self) -> bool:
         """Return whether the node has answered; to be called again until it has."""
-        if self._client is None:
-            return True
-        if any(future.done() for future in self._futures):
-            self.close()
-            return True
         # The middleware may not call the service ready while it remembers an ended namesake.
-        now = time.monotonic()
-        if now - self._sent > _REPETITION:
-            self._futures.append(self._client.call_async(self._request))
-            self._sent = now
-        return False
+        if self._client is not None and self._request.answered():
+            self.close()
+        return self._client is None
 
     def close(self) -> None:
         if self._client is not None:

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from mcap.data_stream import RecordBuilder
 from mcap.records import Channel, Schema
 from mcap.writer import CompressionType, Writer
-from sample_bags import CHAT, START, STRING, STRING_DEFINITION, TALK, block_of
+from sample_bags import CHAT, START, STRING, STRING_DEFINITION, block_of
 from support import examples
 
 from rpud_sim.bag import BagError, BagWriter, Topic
@@ -74,19 +74,17 @@ def blocks_of(messages):
     st.lists(MESSAGES, max_size=3),
     st.sampled_from([1, 100, 2000, 1 << 20]),
     st.sampled_from(["none", "zstd"]),
-    st.sampled_from([{}, {}, {"max_file_size": 60_000}, {"max_file_duration": 3e9}]),
 )
 def test_by_the_block_a_bag_is_the_same_as_one_by_one(
-    tmp_path_factory, groups, chunk_size, compression, options
+    tmp_path_factory, groups, chunk_size, compression
 ):
     folder = tmp_path_factory.mktemp("bags")
     found = []
     for by_block in (False, True):
         path = folder / str(by_block) / "run"
-        with BagWriter(path, chunk_size=chunk_size, compression=compression, **options) as bag:
+        with BagWriter(path, chunk_size=chunk_size, compression=compression) as bag:
             for number in range(1, 4):
-                offers = (CHAT if number == 3 and options else TALK).offered_qos
-                bag.add_topic(Topic(f"/{number}", STRING, "", offers), STRING_DEFINITION)
+                bag.add_topic(Topic(f"/{number}", STRING), STRING_DEFINITION)
             for messages in groups:
                 if by_block:
                     bag.write_blocks(blocks_of(messages))
@@ -105,4 +103,7 @@ def test_blocks_of_unknown_topics_and_impossible_times_are_refused(tmp_path):
         bag.add_topic(Topic("/1", STRING), STRING_DEFINITION)
         with pytest.raises(BagError, match=r"publish_time -1 ns; both must be from 0"):
             bag.write_blocks(blocks_of([(1, START, START, b""), (1, START, -1, b"")]))
+        bag.add_topic(Topic("/2", STRING, "", CHAT.offered_qos), STRING_DEFINITION)
+        with pytest.raises(BagError, match="/2 cannot be written in blocks"):
+            bag.write_blocks(blocks_of([(2, START, START, b"")]))
         assert bag.message_count == 0

@@ -119,8 +119,8 @@ def test_what_no_bag_can_have_is_left_out_with_its_reason(tmp_path, odd, reason)
 
 
 def test_topics_that_no_metadata_can_list_are_refused(tmp_path):
-    topics = [f"/{'x' * 1_000_000}{number}" for number in range(3)]
+    topics = [f"/{'x' * 1_000_000}{number}" for number in range(10)]
     path = write_mcap(tmp_path / "odd.mcap", [(topic, 5, b"") for topic in topics])
-    with pytest.raises(BagFormatError, match="more than the metadata of a bag can list"):
+    with pytest.raises(BagFormatError, match="more than 8388608 bytes"):
         recover(path, tmp_path / "out")
     assert not (tmp_path / "out").exists()

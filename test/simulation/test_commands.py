@@ -70,15 +70,6 @@ def test_lost_commands_ramp_down_are_reported_once_and_come_back_whole():
     assert simulation.applied.drive == NOMINAL
 
 
-def test_a_drive_that_is_off_stays_off_when_commands_come_back():
-    simulation, control = made(timeout=0.1, ramp=0.1)
-    control.apply(OFF)
-    assert acts_at(simulation, control, SECOND) == (True, (0.0, 0.0))
-    control.apply(WeightOnBit(20.0))
-    control.act()
-    assert acting(simulation) == (20.0, 0.0)
-
-
 def test_the_watchdog_does_not_wait_while_inactive():
     simulation, control = made(timeout=0.1, ramp=0.1, active=False)
     assert acts_at(simulation, control, SECOND) == (False, (0.0, 0.0))
@@ -216,9 +207,3 @@ def test_a_command_file_holds_feeds(tmp_path):
     )
     planned = (Planned(0, Feed("rate", 1e-3)), Planned(500_000_000, Feed("position", 2e-3)))
     assert read_commands(file) == Changes(planned=planned, replaces_commands=True)
-
-
-def test_nothing_differs_without_changes():
-    assert Changes().empty
-    assert not Changes(replaces_commands=True).empty
-    assert (Changes() + Changes()).empty

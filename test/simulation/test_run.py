@@ -284,27 +284,6 @@ def test_whatever_was_done_is_done_again(regime, steps):
     assert again(entries)[1] == told
 
 
-def test_one_other_bit_in_a_command_gives_another_trajectory():
-    run = started(RATES)
-    run.simulation.apply(WeightOnBit(20.0))
-    told, entries = split([*run.advance_to(50 * MILLISECOND), *run.flush("end")])
-    assert again(entries)[1] == told
-    place = [entry.kind for entry in entries].index("weight_on_bit")
-    entries[place] = JournalEntry(place, 0, "weight_on_bit", {"force": 20.000000000000004})
-    assert again(entries)[1] != told
-
-
-def test_a_change_that_is_refused_is_not_noted():
-    run = started(RATES)
-    run.simulation.inject(Fault("lost_preload"))
-    list(run.changes())
-    with pytest.raises(FaultError):
-        run.simulation.inject(Fault("lost_preload"))
-    with pytest.raises(FaultError):
-        run.simulation.clear(99)
-    assert list(run.changes()) == []
-
-
 BEGIN = {"parameters": {**RATES, "regime": "free"}, "initial_phase": 0.0, "seed": 0, "faults": []}
 
 

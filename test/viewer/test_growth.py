@@ -110,7 +110,6 @@ def test_pages_follow_the_end_and_see_that_the_recording_ended(recorder, monkeyp
             seen.update(store.frame(client) or {})
             return seen[name] == pytest.approx(value)
 
-        store.start()
         until(lambda: shown("now", 0.49))
         assert seen["growing"]
         recorder.write(100)

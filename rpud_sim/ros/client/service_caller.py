@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
+from math import inf
 from typing import Any
 
 from rcl_interfaces.msg import SetParametersResult
@@ -13,13 +13,11 @@ from std_srvs.srv import SetBool
 
 from rpud_sim.foundation.time import SECOND, split_seconds
 from rpud_sim.ros.client.listening_node import (
-    POLL_PERIOD,
     SECONDS,
     ListeningNode,
-    NoAnswerError,
     RefusedError,
 )
-from rpud_sim.ros.graph import DiscoveryProbe
+from rpud_sim.ros.graph import RepeatedRequest
 
 _SERVICES = {
     "inject_fault": srv.InjectFault,
@@ -77,37 +75,28 @@ class ServiceCaller:
     def introduce(self, patience: float | None = None) -> None:
         """Wait until the drill has discovered all subscriptions and clients of this node.
 
-        Otherwise it could drop a response or the first messages.
+        Discovery reports them in the order in which they were made: an answer to the last one
+        shows that the drill knows all. Otherwise it could drop a response or the first messages.
         """
-        kind, service = srv.GetSimulationState, "simulation/get_state"
-        probe = DiscoveryProbe(self._listening.node, service, kind)
+        node, kind = self._listening.node, srv.GetSimulationState
+        last = node.create_client(kind, "simulation/get_state")
         try:
-            self._listening.until(probe.answered, f"service {service} did not answer", patience)
+            self._answer(last, kind.Request(), True, patience)
         finally:
-            probe.close()
+            node.destroy_client(last)
 
-    def _answer(self, client: Client, request: Any, repeat: bool) -> Any:
+    def _answer(
+        self, client: Client, request: Any, repeat: bool, patience: float | None = None
+    ) -> Any:
+        wait_until = self._listening.wait_until
         service = self._listening.node.resolve_service_name(client.srv_name)
-        patience = self._listening.patience
-        self._listening.until(client.service_is_ready, f"service {service} did not appear")
-        futures = [client.call_async(request)]
-        sent = alive = time.monotonic()
-        number = self._alive()
+        wait_until(client.service_is_ready, f"service {service} did not appear", patience)
+        sent = RepeatedRequest(client, request, _REPETITION if repeat else inf)
+        what = f"service {service} did not answer"
         try:
-            while not any(future.done() for future in futures):
-                self._listening.spin(POLL_PERIOD)
-                now = time.monotonic()
-                if self._alive() != number:
-                    number, alive = self._alive(), now
-                if now - alive >= patience:
-                    raise NoAnswerError(f"service {service} did not answer within {patience:g} s")
-                if repeat and now - sent >= _REPETITION:
-                    futures.append(client.call_async(request))
-                    sent = now
-            return next(future.result() for future in futures if future.done())
+            return wait_until(sent.answered, what, patience, self._alive).result()
         finally:
-            for future in futures:
-                client.remove_pending_request(future)
+            sent.close()
 
 
 def to_time(kind: Any, name: str, seconds: Any) -> Any:

@@ -190,9 +190,9 @@ def single_plots(fit: Fit) -> list[Plot]:
         shares = np.histogram(samples, edges)[0] / len(samples)
         scale = shown.scale
         layers = (
-            Zone(f"{PERCENT} interval", scale * interval.low, scale * interval.high, False),
+            Zone(f"{PERCENT} interval", scale * interval.low, scale * interval.high),
             Line("posterior", scale * edges, np.append(shares, 0.0), steps=True),
-            Rule("best point", scale * best, False, "series1", "solid"),
+            Rule("best point", scale * best, "series1"),
         )
         alt = f"Best point {shown.text(best)}, {PERCENT} interval {_ends(fit, name)}."
         axes = Axis(low=0.0), Axis(name, shown.unit, log)
