@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from typing import NamedTuple
 
 from rpud_sim.drilling.borehole import Borehole, BoreholeState
 from rpud_sim.drilling.inputs import Disturbances, Percussion
@@ -12,16 +11,6 @@ from rpud_sim.drilling.mount import Mount, MountState
 from rpud_sim.drilling.rotor import NO_RESISTANCE, NOT_TURNED, Rotor, RotorState
 from rpud_sim.foundation.time import NEVER, SECOND
 from rpud_sim.foundation.values import Shared
-
-
-class Surroundings(NamedTuple):
-    """What a step needs of the drill besides its percussion, immutable."""
-
-    load_spring_rate: float  # k_1 [N/m]
-    has_rock: bool  # whether there is rock; otherwise the tool never touches any
-    depth: float = 0.0  # of the hole by percussion alone [m], where there are no strata
-    # factor on the specific energy of the rock since time zero, by changes of the parameter
-    hardness: float = 1.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -74,27 +63,27 @@ class Process:
         return self._rotor.draw if self._rotor else (0.0, 0.0)
 
     def step(
-        self, percussion: Percussion, surroundings: Surroundings, disturbances: Disturbances
+        self, percussion: Percussion, disturbances: Disturbances, spring_rate: float, bottom: float
     ) -> None:
+        """Make one step, with a load spring of a rate [N/m].
+
+        ``bottom`` is of the hole by percussion alone [m], where there are no strata; infinite
+        without rock.
+        """
         interval = self.interval / SECOND
         mount, borehole = self.mount, self._borehole
-        if surroundings.hardness != 1.0:
-            harder = disturbances.hardness * surroundings.hardness
-            disturbances = dataclasses.replace(disturbances, hardness=harder)
         turned = NOT_TURNED
         if self._rotor:
             resistance = NO_RESISTANCE
             if borehole:
                 resistance = borehole.resistance(percussion, disturbances)
             turned = self._rotor.step(interval, percussion.amplitude_ratio, resistance)
-        bottom = surroundings.depth
         if borehole:
             position = mount.position if mount else None
             borehole.step(interval, percussion, turned, position, disturbances)
-            bottom = borehole.bottom
+            if bottom < math.inf:
+                bottom = borehole.bottom
         if mount:
-            bottom = bottom if surroundings.has_rock else math.inf
-            spring_rate = surroundings.load_spring_rate
             mount.step(interval, bottom, percussion, spring_rate, disturbances)
         self._time = self.next_step
         self.next_step += self.interval

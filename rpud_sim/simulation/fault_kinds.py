@@ -37,6 +37,7 @@ class FaultEffects(Disturbances):
     parameters: Parameters = dataclasses.field(default_factory=Parameters)
     pushing_rate: float = 0.0  # k_1 without a binding, with which the load spring pushes [N/m]
     jammed: bool = False  # whether the free mass is wedged to the drill tool
+    preload_factor: float = 1.0  # on the force of the load spring, 0 to 1
     progress_factor: float = 1.0  # on the progress into the rock by percussion alone, 0 to 1
     resonance_offset: float = 0.0  # of the actuator [Hz]
     lock_lost: bool = False  # whether a tracking generator does not track

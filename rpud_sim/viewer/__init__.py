@@ -10,7 +10,6 @@ module              what it holds
 ``session``         one browser: what it looks at, what it asks for, and its frames
 ``picture``         what is drawn of a drill: plots, layers, numbers of a second, the hole
 ``history``         bins of signals, and impacts, of a run of any length
-``run_clock``       stamps of a drill as times of its screen, live and recorded
 ``commands``        commands of a run in words, and as stepped lines
 ``live_store``      running drills, each a ``live_drill`` that keeps what was ``heard``
 ``recorded_store``  a bag: its ``recording``, the ``overview`` of it, and ``views``

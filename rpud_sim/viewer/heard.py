@@ -15,12 +15,12 @@ from typing import Any
 import numpy as np
 
 from rpud_sim.foundation.time import SECOND, join_seconds
+from rpud_sim.inspection.run_clock import GREATEST, RunClock
 from rpud_sim.pages.quantities import QUANTITIES
 from rpud_sim.ros.client.telemetry import FIELDS
 from rpud_sim.viewer.commands import Commands, fault_row
 from rpud_sim.viewer.history import Bins, Impacts
 from rpud_sim.viewer.picture import SECTION, TIMES, Picture
-from rpud_sim.viewer.run_clock import GREATEST, RunClock
 
 BIN = 0.05  # length of the finest bins [s]
 

@@ -7,6 +7,8 @@ from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import closing
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from rpud_sim.bag import BagFormatError, TopicSummary
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.encoder import Decoded
@@ -146,13 +148,15 @@ def _messages(
     with closing(blocks):
         for block in blocks:
             report(len(block))
-            for number, published in enumerate(block.publish_times.tolist()):
-                data = block.message(number)
+            messages = [block.message(number) for number in range(len(block))]
+            stamps = np.array([_stamp_of(data) for data in messages], np.int64)
+            origins = drill.clock.offsets(stamps, block.publish_times)
+            times = (stamps - origins).tolist(), origins.tolist(), block.publish_times.tolist()
+            for data, time, origin, published in zip(messages, *times, strict=True):
                 # A latched message is repeated where a bag's next file begins.
                 if first <= published <= last and data != latest:
                     latest = data
-                    origin = drill.clock.offset(published)
-                    yield _Timed(_stamp_of(data) - origin, data, origin)
+                    yield _Timed(time, data, origin)
 
 
 def _common_begin(first: Iterator[_Timed], second: Iterator[_Timed]) -> Generator[int, None, _Pair]:

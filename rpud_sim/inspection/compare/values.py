@@ -18,6 +18,7 @@ from rpud_sim.foundation.time import SECOND, join_seconds
 from rpud_sim.inspection.output import Damages
 from rpud_sim.inspection.recorded_drill import RecordedDrill
 from rpud_sim.inspection.recorded_topics import RecordedTopics
+from rpud_sim.inspection.run_clock import RunClock
 from rpud_sim.pages.quantities import QUANTITIES as SHOWN
 from rpud_sim.pages.quantities import ShownQuantity
 from rpud_sim.simulation.topics import TOPICS
@@ -227,14 +228,14 @@ def _faults(
     for published, states in zip(columns["publish_time"][own], columns["faults"][own], strict=True):
         for state in states:
             try:
-                yield _fault(state, drill.clock.offset(int(published)))
+                yield _fault(state, drill.clock, int(published))
             except (KeyError, TypeError, ValueError):  # another type of the same name
                 continue
 
 
-def _fault(state: Mapping[str, Any], origin: int) -> RecordedFault:
+def _fault(state: Mapping[str, Any], clock: RunClock, published: int) -> RecordedFault:
     def since(moment: Mapping[str, int]) -> float:
-        return (join_seconds(moment["sec"], moment["nanosec"]) - origin) / SECOND
+        return clock.seconds(join_seconds(moment["sec"], moment["nanosec"]), published)
 
     magnitude = float(state["magnitude"])
     text = str(state["kind"])[:40]

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rpud_sim.viewer.run_clock import RunClock
+from rpud_sim.inspection.run_clock import RunClock
 
 SECOND = 1_000_000_000
 START = 1_700_000_000 * SECOND

@@ -1,4 +1,4 @@
-"""Stamps of a drill as times of its screen, by the origins that its journal tells."""
+"""Stamps of a drill as times of its simulation, by the origins that its journal tells."""
 
 from __future__ import annotations
 
@@ -18,13 +18,14 @@ class RunClock:
     """
 
     def __init__(self, zero: int) -> None:
+        zero = zero if abs(zero) <= GREATEST else 0  # another program wrote it
         self.zero = zero  # stamp of time zero, until there is an entry [ns]
         self.origin: int | None = None  # stamp of simulation time zero, by the latest entry [ns]
         # Spans between which stamps may go back. Each has the publishing time from which on it
         # counts, and ascending stamps from which on each of its offsets does [ns].
         self._spans: list[tuple[int, list[int], list[int]]] = [(-GREATEST, [zero], [zero])]
-        self._shift = 0  # of the screen's time to that of the simulation [ns]
-        self._end = 0  # screen's time of the latest entry [ns]
+        self._shift = 0  # of these times to those of the simulation in the present run [ns]
+        self._end = 0  # time of the latest entry [ns]
         self._restored = False  # whether the next entry is the first of a run
 
     def add(self, kind: str, stamp: int, time: Any, published: int = 0) -> bool:
