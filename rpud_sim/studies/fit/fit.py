@@ -115,13 +115,13 @@ class Fit:
         return not self.missed
 
     @property
-    def choices(self) -> tuple[tuple[str, float], ...]:
-        """Combinations of choices in words, with their probabilities; empty without choices."""
-        texts = [
-            (", ".join(f"{name} {value}" for name, value in choices.items()), share)
+    def choices(self) -> list[tuple[str, str]]:
+        """Combinations of choices with their probabilities, in words; empty without choices."""
+        return [
+            (", ".join(f"{name} {value}" for name, value in choices.items()), f"{share:.3f}")
             for choices, share in self.probabilities
+            if choices
         ]
-        return tuple((text, share) for text, share in texts if text)
 
     def misfit(self, hold_out: bool) -> float | None:
         """Return the root mean square of the deviations; None without such targets."""
