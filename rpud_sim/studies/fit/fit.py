@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from scipy import stats
 
+from rpud_sim.foundation.whole_folder import write_whole
 from rpud_sim.studies.fit.posterior import LEVEL, Interval, Ridge, identify, interval_shares
 from rpud_sim.studies.fit.rounds import (
     CANDIDATE,
@@ -30,7 +31,7 @@ from rpud_sim.studies.fit.rounds import (
 )
 from rpud_sim.studies.fit.surrogate import Region
 from rpud_sim.studies.fit.target_file import FitSpecification, FitTarget
-from rpud_sim.studies.store import Report, write_whole
+from rpud_sim.studies.store import Report
 
 CANDIDATES = 16  # for the best point
 CANDIDATE_RUNS = 32

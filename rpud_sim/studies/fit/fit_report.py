@@ -13,6 +13,7 @@ import numpy as np
 import yaml
 
 from rpud_sim.foundation.values import finite_values
+from rpud_sim.foundation.whole_folder import write_whole
 from rpud_sim.pages.frame import render_page
 from rpud_sim.pages.plot import Axis, Line, Plot, Rule, Zone
 from rpud_sim.pages.quantities import ShownQuantity, quantity_in
@@ -20,7 +21,6 @@ from rpud_sim.simulation.configuration import to_configuration, to_values
 from rpud_sim.studies.fit.fit import BEST_RUNS, Fit, TargetComparison
 from rpud_sim.studies.fit.posterior import LEVEL, PERCENT
 from rpud_sim.studies.fit.rounds import fit_versions
-from rpud_sim.studies.store import write_whole
 from rpud_sim.studies.sweep.specification import unit_of
 
 _BINS = 40
