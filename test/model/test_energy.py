@@ -11,10 +11,11 @@ from scipy.integrate import quad
 from support import examples
 
 from rpud_sim.model import energy, tally
+from rpud_sim.model.closed_form import NO_SWING, Oscillation, swing_at
 from rpud_sim.model.engine import Engine
 from rpud_sim.model.parameters import preset
 from rpud_sim.model.search import force_on_drill_tool
-from rpud_sim.model.segment import IMPACT, motion_at
+from rpud_sim.model.segment import IMPACT, motion_at, turns_at
 
 RPUD = energy.RpudConstants(1.0, False, 0.0)
 ACTUATOR, DRILL_TOOL, BOTH = 1, 2, 3
@@ -65,7 +66,8 @@ def integral(function, start, end):
 def motion_added(segment, start, end):
     """Account of a part of a segment alone."""
     added = np.zeros(len(energy.TERMS))
-    energy.add_motion(energy.RpudConstants(1.0, False, 0.0), segment, start, end, True, added)
+    begun, ended = turns_at(segment, start), turns_at(segment, end)
+    energy.add_motion(RPUD, segment, start, end, begun, ended, added)
     return added
 
 
@@ -218,19 +220,20 @@ def test_gravity_on_the_drill_is_work_on_the_rpud(mass, start):
 @settings(max_examples=examples(100))
 @given(
     st.complex_numbers(max_magnitude=1e3),
-    st.one_of(st.just(0.0), st.floats(-1e5, -1e-9)),
+    st.floats(1e-9, 1e5),
     st.floats(1.0, 1e7),
     st.floats(0.0, 1.0),
 )
-def test_the_integral_of_a_square_is_that_of_the_product_with_itself(
+def test_what_a_damper_takes_is_the_integral_of_the_squared_velocity(
     amplitude, decay, angular_frequency, duration
 ):
-    rate = complex(decay, angular_frequency)
-    growth = energy.growth_over(rate, duration)
-    found = energy.decaying_square_integral.py_func(amplitude, rate, duration, growth)
+    motion = Oscillation(
+        0.0, decay, angular_frequency, amplitude.real, -amplitude.imag, 0.0, 0.0
+    )
+    ended = swing_at(decay, angular_frequency, duration)
+    found = energy.damper_loss.py_func(2.0 * decay, motion, NO_SWING, ended)
+    rate = complex(-decay, angular_frequency)
     speed = rate * amplitude
-    expected = energy.product_integral.py_func(speed, rate, speed, rate, duration)
-    # Of a decay of less than _SHORT it does not ask what is less.
-    bound = 1e-12 + (energy._SHORT if abs(decay) * duration < energy._SHORT else 0.0)
-    least = bound * abs(speed) ** 2 * duration + sys.float_info.min
-    assert found == pytest.approx(expected, rel=1e-12, abs=least)
+    expected = 2.0 * decay * energy.product_integral.py_func(speed, rate, speed, rate, duration)
+    # As exact as the energy at the start, of which it is a part.
+    assert found == pytest.approx(expected, abs=1e-13 * abs(speed) ** 2 + sys.float_info.min)
