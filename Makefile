@@ -136,9 +136,8 @@ fuzz: install/.package ## Send N hostile inputs (100000) to every way into the d
 	@$(WITH_ENV) PYTHONPATH="test:$$PYTHONPATH" python -m fuzz --inputs $(N) --bags $(BAGS) --seed $(SEED)
 
 .PHONY: signatures
-signatures: PHASES = 8
-signatures: install/.package ## Print the table of fault signatures and write signatures.csv, from PHASES initial phases (8)
-	@$(WITH_ENV) python test/fault_signatures.py --phases $(PHASES)
+signatures: install/.package ## Print the table of fault signatures
+	@$(WITH_ENV) python test/fault_signatures.py
 
 .PHONY: random-sets
 random-sets: SETS = 400

@@ -9,12 +9,13 @@ import zlib
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+import zstandard
 from mcap.records import Chunk
 from mcap.stream_reader import StreamReader
 
 from bench.command import RPUD, Used, run
 from bench.table import Goal, Row, row
-from rpud_sim.bag.chunks import compressor
+from rpud_sim.bag.mcap_writer import LEVEL
 from rpud_sim.bag.records import uncompressed
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.simulation import Simulation
@@ -101,7 +102,7 @@ def _limits(bag: Path, seconds: int) -> tuple[float, float]:
         block.sample(Times.from_grid(numbers.start, len(numbers), settings.sample_rate))
     simulated = time.process_time() - began
     compression = decompression = 0.0
-    compress = compressor("zstd")
+    compress = zstandard.ZstdCompressor(level=LEVEL).compress
     for path in bag.glob("*.mcap"):
         with path.open("rb") as stream:
             for record in StreamReader(stream, emit_chunks=True).records:

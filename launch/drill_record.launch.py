@@ -32,7 +32,7 @@ def generate_launch_description() -> LaunchDescription:
             DeclareLaunchArgument(
                 "compression",
                 default_value="zstd",
-                choices=["none", "lz4", "zstd"],
+                choices=["none", "zstd"],
                 description="Compression of the bag",
             ),
             DeclareLaunchArgument(

@@ -1,9 +1,9 @@
 """Bags that are like another one, except for what a test changes."""
 
-import dataclasses
 import json
 
 from rpud_sim import bag as bags
+from rpud_sim.bag.columns import to_plain
 from rpud_sim.bag.losses import LOSSES_RECORD
 from rpud_sim.inspection.recorded_journal import installed_codec
 
@@ -59,7 +59,7 @@ def edited(edit):
     def apply(message):
         if message.topic != "/rpud/journal":
             return [message.data]
-        fields = dataclasses.asdict(codec.decode(message.data))
+        fields = to_plain(codec.decode(message.data))
         content = json.loads(fields["content"])
         edit(fields, content)
         if content != json.loads(fields["content"]):

@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from rpud_sim.testing.campaign_results import FlownRun, results_of
-from rpud_sim.testing.campaign_runs import COMPLETED, outcome_of
+from rpud_sim.testing.campaign_results import CampaignResults
+from rpud_sim.testing.campaign_runs import COMPLETED, flown_run
 from rpud_sim.verdicts import Verdict
 from rpud_sim.verdicts.verdict import FAILED, PASSED, UNDECIDED
 
@@ -35,21 +35,15 @@ OPEN = (UNDECIDED, None, "", None, None, "the event of after never came")
 _HELD = (PASSED, 2.0, "N", 3.0, 0.25, "held at 3 s")
 
 
-def outcome(campaign, judged=None, ending=COMPLETED, text=""):
-    """Return an outcome in which every expectation passed but those that are given."""
-    verdicts = [
-        Verdict(each.name, each.requirement, *(judged or {}).get(each.name, _HELD))
-        for each in campaign.expectations
-    ]
-    return outcome_of(ending, 6.0, text, verdicts)
-
-
 def flown(campaign, change=lambda run: {}):
-    """Return the results of all runs, with changes of their outcomes."""
-    return results_of(
-        campaign,
-        [
-            FlownRun(run, outcome(campaign, **change(run)), 1.0, f"{run.name}/bag")
-            for run in campaign.runs
-        ],
-    )
+    """Return the results of all runs, in which every expectation passed but those that change."""
+
+    def fly(run, judged=None, ending=COMPLETED, text=""):
+        verdicts = [
+            Verdict(each.name, each.requirement, *(judged or {}).get(each.name, _HELD))
+            for each in campaign.expectations
+        ]
+        made = flown_run(run, ending, 6.0, text, verdicts)
+        return made._replace(wall_time=1.0, bag=f"{run.name}/bag")
+
+    return CampaignResults(campaign, [fly(run, **change(run)) for run in campaign.runs])

@@ -84,23 +84,6 @@ class Client:
         self.node.create_subscription(message_class(OFFERED[topic].type), topic, heard.append, qos)
         return heard
 
-    def listen_to_runs(self, topic):
-        """Give the list of runs that the messages of a topic are added to: lists of messages.
-
-        At a reset the stamps go back. What was sent before it may arrive after its answer, but
-        never after what was sent later.
-        """
-        runs = [[]]
-
-        def hear(message):
-            run = runs[-1]
-            if run and stamps([message]) <= stamps(run[-1:]):
-                runs.append(run := [])
-            run.append(message)
-
-        self.node.create_subscription(message_class(OFFERED[topic].type), topic, hear, PLENTY)
-        return runs
-
     def until(self, condition):
         """Hear messages until a condition holds and give its value; fail if it never does."""
         deadline = time.monotonic() + PATIENCE
@@ -199,22 +182,6 @@ class Client:
         fault = Fault(kind=kind, channel=channel, magnitude=magnitude)
         request = InjectFault.Request(fault=fault, duration=duration(seconds))
         return self.call(InjectFault, "inject_fault", request)
-
-
-def contents(message):
-    """Give a message as nested tuples in which every number is bit by bit what was sent.
-
-    The bytes on the wire do not serve: the middleware leaves what is between fields as it was.
-    """
-    if hasattr(message, "get_fields_and_field_types"):
-        return tuple(
-            contents(getattr(message, name)) for name in message.get_fields_and_field_types()
-        )
-    if isinstance(message, float):
-        return message.hex()
-    if hasattr(message, "tobytes"):
-        return message.tobytes()
-    return tuple(map(contents, message)) if isinstance(message, list) else message
 
 
 def parameters(values):

@@ -56,8 +56,7 @@ def comparisons(draw):
     tolerance = f.Number(0.0)
     if operator in ("==", "!=") and number.value and draw(st.booleans()):
         tolerance = f.Number(abs(number.value) / 4, number.unit)
-    hold = draw(st.sampled_from([None, None, SECOND // 50]))
-    return f.Compare(f.Signal(*name.split(".", 1), hold), operator, number, tolerance)
+    return f.Compare(f.Signal(*name.split(".", 1)), operator, number, tolerance)
 
 
 def _window(first, second):
@@ -65,8 +64,7 @@ def _window(first, second):
 
 
 def _quantile(share, of, window):
-    signal = f.Signal(of.signal.topic, of.signal.field)
-    return f.Quantile(share, signal, of.operator, of.number, window)
+    return f.Quantile(share, of.signal, of.operator, of.number, window)
 
 
 MILLISECONDS = st.integers(0, 1199).map(lambda number: number * SECOND // 1000)

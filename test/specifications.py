@@ -2,20 +2,16 @@
 
 from pathlib import Path
 
-from rpud_sim.foundation.yaml_files import Cursor, Source
+from rpud_sim.foundation.yaml_files import cursor_at
 from rpud_sim.studies.fit import target_file
 from rpud_sim.studies.sweep import specification_file
 
 
-def _top(content):
-    return Cursor(content, Source("", where="", dotted=True))
-
-
 def parse_specification(content):
     """Return the sweep that plain values describe."""
-    return specification_file.specification_of(_top(content))
+    return specification_file.specification_of(cursor_at(content, "FILE"))
 
 
 def parse_targets(content, folder=Path()):
     """Return the fit that plain values describe; the paths in it begin at a folder."""
-    return target_file.specification_of(_top(content), folder)
+    return target_file.specification_of(cursor_at(content, "FILE"), folder)

@@ -142,13 +142,3 @@ def test_pip_installs_nothing_but_the_package_its_types_and_the_messages(plain_i
     for file in (ROOT / "msg_defs" / "msg").iterdir():
         assert (share / "rpud_msgs" / "msg" / file.name).read_text() == file.read_text()
     assert (share / "geometry_msgs" / "msg" / "WrenchStamped.msg").is_file()
-
-
-def test_command_installed_with_pip_runs(plain_install):
-    (site_packages,) = plain_install.glob("lib/python3.*/site-packages")
-    output = subprocess.check_output(
-        [plain_install / "bin" / "rpud", "--help"],
-        env={**os.environ, "PYTHONPATH": str(site_packages)},
-        text=True,
-    )
-    assert "simulate" in output

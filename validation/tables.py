@@ -120,7 +120,7 @@ def tool_table() -> Table:
             [
                 name,
                 tool.meaning,
-                *_tool(contact.tool_mass, contact.tool_spring_rate),
+                *_tool(*contact.tool),
                 show(contact.peak_force, "N"),
                 show(contact.peak_displacement, "m"),
             ]

@@ -9,13 +9,13 @@ from dataclasses import dataclass, replace
 from enum import Enum
 from functools import partial
 from itertools import pairwise
-from operator import attrgetter
 from typing import Any
 
 import numpy as np
 from rosbags.interfaces import Nodetype
 
 from rpud_sim.bag.cdr import Codec
+from rpud_sim.bag.encoder import Decoded
 from rpud_sim.bag.errors import BagFormatError
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.foundation.values import Ragged
@@ -63,28 +63,12 @@ class Column:
     description: str = ""  # the comment; empty without one
     attribute: str = ""  # of the field in decoded messages, with dots; empty if there is no field
 
-    def values(self, messages: Sequence[Any]) -> np.ndarray | Ragged:
-        """Return the values of decoded messages, one for each, in the form of ``kind``.
-
-        Those of a sequence of numbers are ``Ragged``. Values that do not fit raise a ValueError
-        or an OverflowError.
-        """
-        found = [*map(attrgetter(self.attribute), messages)]
-        if self.kind is Kind.NUMBER:
-            if self.dtype == np.uint8:  # the library has single bytes with a sign
-                return np.array(found, np.int16).astype(np.uint8)
-            return np.array(found, self.dtype)
-        if self.kind in (Kind.TIME, Kind.DURATION):
-            seconds = np.array([time.sec for time in found], np.int64)
-            return seconds * SECOND + np.array([time.nanosec for time in found], np.int64)
-        if self.kind is Kind.ARRAY:
-            numbers = np.array(found).reshape(len(found), self.length)
-            return numbers.astype(self.dtype, copy=False)
+    @property
+    def empty(self) -> np.ndarray | Ragged:
+        """Values of no message, in the form of ``kind``; those of a sequence are ``Ragged``."""
         if self.kind is Kind.SEQUENCE:
-            return Ragged.of(found, self.dtype)
-        if self.kind is Kind.NESTED:
-            return objects([to_plain(value) for value in found])
-        return objects(found)
+            return Ragged.of([], self.dtype)
+        return np.empty((0, self.length) if self.kind is Kind.ARRAY else 0, self.dtype)
 
 
 def columns_of(codec: Codec, definition: str) -> tuple[Column, ...]:
@@ -153,18 +137,15 @@ def to_plain(value: Any) -> Any:
         return value.tolist()
     if isinstance(value, list):
         return [to_plain(item) for item in value]
-    if hasattr(value, "__msgtype__"):
-        fields = {name: item for name, item in vars(value).items() if name != "__msgtype__"}
-        return {name: to_plain(item) for name, item in fields.items()}
+    if isinstance(value, Decoded):
+        return {name: to_plain(item) for name, item in vars(value).items()}
     return value
 
 
 def _dtype(base: tuple[str, int]) -> np.dtype | None:
-    """Return the dtype of a primitive type; None for texts."""
+    """Return the dtype of a primitive type; None for a text."""
     name, _ = base
-    if name in ("string", "wstring"):
-        return None
-    return _DTYPES.get(name) or np.dtype(name)
+    return None if name == "string" else _DTYPES.get(name) or np.dtype(name)
 
 
 def _comments(type_name: str, definition: str) -> dict[tuple[str, str], str]:

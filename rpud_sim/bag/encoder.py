@@ -50,6 +50,22 @@ _COUNT = ("I", 4, 4)  # before each text and sequence
 _RAGGED = -1  # in place of the length of a sequence that differs from message to message
 
 
+class Decoded:
+    """Decoded message: its fields are attributes, and also items, as an encoder takes them.
+
+    Sequences and arrays of numbers are NumPy arrays, other ones lists.
+    """
+
+    __slots__ = ("__dict__", "type_name")
+
+    def __init__(self, type_name: str, fields: dict[str, Any]) -> None:
+        self.type_name = type_name
+        self.__dict__ = fields
+
+    def __getitem__(self, name: str) -> Any:
+        return self.__dict__[name]
+
+
 class Sequence(NamedTuple):
     """Member that is a sequence."""
 

@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Sequence
 from dataclasses import dataclass
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
 
 from rpud_sim.bag.cdr import Codec
-from rpud_sim.bag.columns import Column, Kind, objects
+from rpud_sim.bag.columns import Column, Kind, objects, to_plain
 from rpud_sim.bag.errors import BagFormatError
-from rpud_sim.bag.layout import DECODED_LIMIT, HEAD, Field, Layout
+from rpud_sim.bag.layout import Field, ReadMessage
 from rpud_sim.bag.messages import MessageBlock, gathered, items
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.foundation.values import Ragged
 
-_LEAST = 8  # messages of one layout that are not decoded one by one
 _MOST_LAYOUTS = 100  # of messages of one size
 _KNOWN_TEXTS = 1000
 
@@ -43,72 +42,58 @@ class FieldReader:
     """Reader of some columns of one type.
 
     Messages of one size whose texts and sequences have the same lengths have their fields at the
-    same places: those are found in one message, and read in all. Other messages are decoded one by
-    one: lists of messages, the few of a layout, and what is not of the type, for the reason.
+    same places: those are found in one message, and read in all. Messages with lists of messages
+    are read one by one.
     """
 
     def __init__(self, codec: Codec, columns: Sequence[Column]) -> None:
         self._codec = codec
         self._columns = tuple(columns)
-        self._largest = codec.type.largest(DECODED_LIMIT)
 
     def read(self, block: MessageBlock) -> FieldValues:
         """Return the values of messages; those that are not of the type are among the errors."""
-        parts = self._laid_out(block)
-        left = np.ones(len(block), bool)
-        for rows, _ in parts:
-            left[rows] = False
-        others = np.flatnonzero(left)
+        places: list[np.ndarray] = []
+        values: dict[str, list[np.ndarray | Ragged]] = {each.name: [] for each in self._columns}
         errors: list[tuple[int, str]] = []
-        if len(others) or not parts:
-            messages, decoded = [], []
-            for row in others.tolist():
-                try:
-                    messages.append(self._codec.decode(block.message(row)))
-                    decoded.append(row)
-                except BagFormatError as error:
-                    errors.append((row, str(error)))
-            values = {column.name: column.values(messages) for column in self._columns}
-            parts.append((np.array(decoded, np.intp), values))
-        rows_of_all = np.concatenate([rows for rows, _ in parts])
-        order = np.argsort(rows_of_all, kind="stable")
-        joined = {
-            column.name: _together([values[column.name] for _, values in parts], order)
-            for column in self._columns
-        }
-        return FieldValues(rows_of_all[order], joined, tuple(errors))
-
-    def _laid_out(
-        self, block: MessageBlock
-    ) -> list[tuple[np.ndarray, dict[str, np.ndarray | Ragged]]]:
-        """Return places and values of messages that share their layout with others."""
-        found = []
         order = np.argsort(block.sizes, kind="stable")
         for rows in np.split(order, np.flatnonzero(np.diff(block.sizes[order])) + 1):
-            for _ in range(_MOST_LAYOUTS):
-                if len(rows) < _LEAST or not HEAD <= block.sizes[rows[0]] <= self._largest:
-                    break
-                layout = Layout.of(self._codec.type, block.message(int(rows[0])))
-                same = np.arange(len(rows)) == 0
-                if layout is not None:
-                    same = layout.fits(block.data, block.starts[rows])
-                    chosen = rows[same]
-                    starts = block.starts[chosen]
-                    # A KeyError is of a list of messages, whose places are not known.
-                    with suppress(KeyError, UnicodeDecodeError):
-                        values = {
-                            column.name: _column(layout.fields, column, block.data, starts)
-                            for column in self._columns
-                        }
-                        found.append((chosen, values))
-                rows = rows[~same]
-        return found
+            layouts = 0
+            while len(rows):
+                same, rest = rows[:1], rows[1:]
+                try:
+                    first = self._codec.read(block.message(int(same[0])), noted=True)
+                    if layouts < _MOST_LAYOUTS and self._has_places(first):
+                        fitting = first.fits(block.data, block.starts[rest])
+                        same, rest = np.append(same, rest[fitting]), rest[~fitting]
+                    starts = block.starts[same]
+                    found = [_column(first, each, block.data, starts) for each in self._columns]
+                except BagFormatError as error:
+                    errors.append((int(same[0]), str(error)))
+                except UnicodeDecodeError:  # of another one: each by itself from now on
+                    layouts, rest = _MOST_LAYOUTS, rows
+                else:
+                    layouts += 1
+                    places.append(same)
+                    for column, each in zip(self._columns, found, strict=True):
+                        values[column.name].append(each)
+                rows = rest
+        rows_of_all = np.concatenate([np.empty(0, np.intp), *places])
+        order = np.argsort(rows_of_all, kind="stable")
+        joined = {each.name: _together(each, values[each.name], order) for each in self._columns}
+        return FieldValues(rows_of_all[order], joined, tuple(sorted(errors)))
+
+    def _has_places(self, message: ReadMessage) -> bool:
+        nested = (each.attribute for each in self._columns if each.kind is Kind.NESTED)
+        return all(attribute in message.fields for attribute in nested)
 
 
 def _column(
-    fields: Mapping[str, Field], column: Column, data: np.ndarray, starts: np.ndarray
+    message: ReadMessage, column: Column, data: np.ndarray, starts: np.ndarray
 ) -> np.ndarray | Ragged:
-    """Return the values of a column from messages whose fields have the same places."""
+    """Return the values of a column from messages that have their fields where ``message`` has."""
+    fields = message.fields
+    if column.kind is Kind.NESTED and column.attribute not in fields:
+        return objects([to_plain(attrgetter(column.attribute)(message.values))])
     if column.kind in (Kind.TIME, Kind.DURATION):
         parts = [fields[f"{column.attribute}.{part}"] for part in ("sec", "nanosec")]
         seconds, rest = (_numbers(part, data, starts) for part in parts)
@@ -153,11 +138,13 @@ def _texts(field: Field, data: np.ndarray, starts: np.ndarray) -> np.ndarray:
     return objects([decoded(content[k * size : (k + 1) * size]) for k in range(len(starts))])
 
 
-def _together(parts: list[np.ndarray | Ragged], order: np.ndarray) -> np.ndarray | Ragged:
-    if len(parts) == 1:
-        return parts[0]
+def _together(
+    column: Column, parts: list[np.ndarray | Ragged], order: np.ndarray
+) -> np.ndarray | Ragged:
+    if len(parts) <= 1:
+        return parts[0] if parts else column.empty
     ragged = [part for part in parts if isinstance(part, Ragged)]
     if ragged:
         rows = objects([row for part in ragged for row in part.rows()])[order]
-        return Ragged.of(rows, ragged[0].values.dtype)
+        return Ragged.of(rows, column.dtype)
     return np.concatenate([part for part in parts if not isinstance(part, Ragged)])[order]

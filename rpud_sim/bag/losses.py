@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
-import struct
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 
@@ -15,8 +13,6 @@ LOSSES_RECORD = "rpud_losses"  # metadata record with the ``Losses`` of each top
 # Metadata record with the duration that a recorder loses at most if it is killed: ``max_loss`` [s].
 RECORDING_RECORD = "rpud_recording"
 
-_BEGINNING = re.compile(r"\s*std_msgs/(?:msg/)?Header\s+header\s+uint64\s+sequence\b")
-_COMMENT = re.compile(r"#.*")
 _SEQUENCES = 64  # of one topic at most; the oldest, of publishers that left, are discarded
 
 
@@ -90,24 +86,3 @@ class SequenceGaps:
         last.append(number)
         if len(last) > _SEQUENCES:
             del last[0]
-
-
-def numbers_messages(definition: str) -> bool:
-    """Return whether messages of a type begin with their header and ``uint64 sequence``.
-
-    Blocks number their first entry, not themselves: the number of missing blocks cannot be known.
-    """
-    text = _COMMENT.sub("", definition[: 64 * 1024]).split("=" * 80)[0]
-    return _BEGINNING.match(text) is not None and "[]" not in text
-
-
-def sequence_number(data: bytes) -> int | None:
-    """Return the field ``sequence``, which follows seconds, nanoseconds and name of the frame."""
-    order = "<" if data[1:2] == b"\x01" else ">"
-    try:
-        (length,) = struct.unpack_from(f"{order}I", data, 12)
-        place = 4 + (12 + length + 7) // 8 * 8  # numbers are aligned to their size after 4 bytes
-        (number,) = struct.unpack_from(f"{order}Q", data, place)
-    except struct.error:
-        return None
-    return int(number)

@@ -27,8 +27,8 @@ class Manifest:
     node: str = ""  # full name of the drill; empty without one
     time: int = 0  # of the parameters [ns since the epoch]
     parameters: Mapping[str, Any] = field(default_factory=dict)  # all parameters of the drill
-    # text of the drill's scenario, from a recorder with the faults as they were drawn; empty
-    # without one, None if it is unknown
+    # text of the drill's scenario; empty without one, None if it is unknown, as to a recorder: the
+    # journal has the faults as they were drawn
     scenario: str | None = ""
     command: tuple[str, ...] = ()  # command line of the program that wrote the bag
     versions: Mapping[str, str] = field(default_factory=dict)  # of the software of that program

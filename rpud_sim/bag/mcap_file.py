@@ -161,7 +161,12 @@ class McapFile:
                 if not isinstance(chunk, Chunk) or chunk.uncompressed_size != part.size:
                     raise BagFormatError("a chunk is not what its index says")
                 content = uncompressed(chunk)
-            return _blocks_in(content, wanted)
+            blocks = _blocks_in(content, wanted)
+            if any(block.log_times[0] < part.first for block in blocks):
+                raise BagFormatError(
+                    "a message is earlier than its chunk says; rpud recover makes a whole bag of it"
+                )
+            return blocks
 
     @contextmanager
     def _reading(self) -> Iterator[None]:
@@ -198,32 +203,22 @@ class McapFile:
         return found
 
     def _span(self, channels: set[int]) -> tuple[int | None, int | None]:
-        """Return the first and last log time of channels [ns]; None without messages.
+        """Return log times of the first and the last message of channels [ns]; None without any.
 
-        It reads as few message indexes as possible: files have thousands.
+        Only the indexes of two parts are read: files have thousands.
         """
-        parts = {part.start: part for each in channels for part in self._parts_of.get(each, ())}
-        firsts: list[int] = []
-        for part in sorted(parts.values(), key=lambda part: part.first):
-            if firsts and part.first >= min(firsts):
-                break
-            firsts += self._extremes(part, channels)[:1]
-        lasts: list[int] = []
-        for part in sorted(parts.values(), key=lambda part: -part.last):
-            if lasts and part.last <= max(lasts):
-                break
-            lasts += self._extremes(part, channels)[1:]
-        return min(firsts, default=None), max(lasts, default=None)
+        parts = [part for each in channels for part in self._parts_of.get(each, ())]
+        if not parts:
+            return None, None
+        first = self._times(min(parts, key=lambda part: part.first), channels)
+        last = self._times(max(parts, key=lambda part: part.last), channels)
+        return min(first, default=None), max(last, default=None)
 
-    def _extremes(self, part: Part, channels: set[int]) -> list[int]:
-        """Return the first and the last log time of channels in a part; empty without messages."""
+    def _times(self, part: Part, channels: set[int]) -> list[int]:
         # A set operation would visit all channels of the part.
         offsets = [part.indexes[each] for each in channels if each in part.indexes]
-        indexes = (message_index(self._file.record(offset))[1] for offset in offsets)
-        times = [index["log_time"] for index in indexes if len(index)]
-        if not times:
-            return []
-        return [int(min(map(np.min, times))), int(max(map(np.max, times)))]
+        found = [message_index(self._file.record(each))[1]["log_time"] for each in offsets]
+        return [int(end) for times in found if len(times) for end in (times.min(), times.max())]
 
 
 # Thousands of channels share a few texts.

@@ -156,13 +156,10 @@ def joined(blocks: Sequence[MessageBlock]) -> MessageBlock:
     )
 
 
-def messages_of(
-    blocks: Sequence[MessageBlock], due: Sequence[np.ndarray] | None = None
-) -> Iterator[Message]:
+def messages_of(blocks: Sequence[MessageBlock]) -> Iterator[Message]:
     """Yield the messages of blocks in the order of their log times.
 
-    Those of one time keep the order of the buffers, and of their places there. ``due`` has other
-    times for the order.
+    Those of one time keep the order of the buffers, and of their places there.
     """
     if not blocks:
         return
@@ -171,9 +168,7 @@ def messages_of(
     counts = [len(block) for block in blocks]
     starts = np.concatenate([block.starts for block in blocks])
     logs = np.concatenate([block.log_times for block in blocks])
-    times = logs if due is None else np.concatenate(due)
-    # Those that are earlier than their segment have one time there, and keep the order of blocks.
-    order = np.lexsort((starts, logs, np.repeat(numbers, counts), times))
+    order = np.lexsort((starts, np.repeat(numbers, counts), logs))
     own = np.repeat(np.arange(len(blocks)), counts)[order].tolist()
     ends = starts + np.concatenate([block.sizes for block in blocks])
     sent = np.concatenate([block.publish_times for block in blocks])
@@ -220,14 +215,6 @@ def _grouped(messages: Sequence[Message]) -> Iterator[MessageBlock]:
         yield MessageBlock(topic, logs, sent, data, starts, sizes)
 
 
-class _TimedBlock(NamedTuple):
-    block: MessageBlock  # the messages
-    times: np.ndarray  # from which they may be passed on [ns]: not before their segment was due
-
-    def cut(self, chosen: slice) -> _TimedBlock:
-        return _TimedBlock(self.block.part(chosen), self.times[chosen])
-
-
 def blocks_in_order(
     segments: Iterable[BagSegment],
     topics: Collection[str] | None = None,
@@ -240,16 +227,15 @@ def blocks_in_order(
     that of the first that does not count any more [ns].
     """
     for due in _steps(segments, topics, start, end):
-        by_topic: dict[str, list[_TimedBlock]] = {}
-        for part in due:
-            by_topic.setdefault(part.block.topic, []).append(part)
-        for parts in by_topic.values():
-            if all(a.times[-1] <= b.times[0] for a, b in pairwise(parts)):
-                yield from (part.block for part in parts)
+        by_topic: dict[str, list[MessageBlock]] = {}
+        for block in due:
+            by_topic.setdefault(block.topic, []).append(block)
+        for blocks in by_topic.values():
+            if all(a.log_times[-1] <= b.log_times[0] for a, b in pairwise(blocks)):
+                yield from blocks
             else:
-                block = joined([part.block.packed() for part in parts])
-                times = np.concatenate([part.times for part in parts])
-                yield block.part(np.argsort(times, kind="stable"))
+                block = joined([block.packed() for block in blocks])
+                yield block.part(np.argsort(block.log_times, kind="stable"))
 
 
 def messages_in_order(
@@ -259,12 +245,12 @@ def messages_in_order(
 ) -> Iterator[Message]:
     """Yield messages in the order of log times, those of one time in the order of segments."""
     for due in _steps(segments, topics, start, None):
-        yield from messages_of([part.block for part in due], [part.times for part in due])
+        yield from messages_of(due)
 
 
 def _steps(
     segments: Iterable[BagSegment], topics: Collection[str] | None, start: int, end: int | None
-) -> Iterator[list[_TimedBlock]]:
+) -> Iterator[list[MessageBlock]]:
     """Yield what is due before each segment, in the order of segments, and the rest at the end.
 
     A segment is read when none before it holds earlier messages.
@@ -276,7 +262,7 @@ def _steps(
         and (end is None or segment.start_time < end)
         and (topics is None or not segment.topics.isdisjoint(topics))
     ]
-    waiting: list[_TimedBlock] = []
+    waiting: list[MessageBlock] = []
     opened: list[tuple[int, int]] = []  # last time and size of segments
     for segment in sorted(chosen, key=lambda segment: segment.start_time):
         due, waiting = _parted(waiting, segment.start_time)
@@ -292,29 +278,25 @@ def _steps(
             first = _count_before(block.log_times, start)
             behind = len(block) if end is None else _count_before(block.log_times, end)
             block = block.part(slice(first, behind))
-            times = block.log_times
-            if not len(times):
-                continue
-            if times[0] < segment.start_time:  # the index is wrong
-                times = np.maximum(times, min(segment.start_time, LATEST))
-            waiting.append(_TimedBlock(block, times))
-            last = max(last, int(times[-1]))
+            if len(block):
+                waiting.append(block)
+                last = max(last, int(block.log_times[-1]))
         if last >= 0:
             opened.append((last, segment.size))
     yield waiting
 
 
 def _parted(
-    waiting: Iterable[_TimedBlock], until: int
-) -> tuple[list[_TimedBlock], list[_TimedBlock]]:
+    waiting: Iterable[MessageBlock], until: int
+) -> tuple[list[MessageBlock], list[MessageBlock]]:
     """Return what is due up to a time [ns], which no later segment precedes, and the rest."""
     due, rest = [], []
-    for part in waiting:
-        count = _count_before(part.times, until, "right")
+    for block in waiting:
+        count = _count_before(block.log_times, until, "right")
         if count:
-            due.append(part.cut(slice(0, count)))
-        if count < len(part.times):
-            rest.append(part.cut(slice(count, None)))
+            due.append(block.part(slice(0, count)))
+        if count < len(block):
+            rest.append(block.part(slice(count, None)))
     return due, rest
 
 

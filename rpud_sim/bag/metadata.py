@@ -25,7 +25,7 @@ RECORD_NAME = "rosbag2"
 RECORD_KEY = "serialized_metadata"
 VERSION = 9
 
-# Greatest metadata: its characters, and _NODE_SIZE for each value; aliases count in full.
+# Greatest metadata: its characters, and _NODE_SIZE for each value.
 SIZE_LIMIT = 8 * 2**20
 
 INFINITE = 2**63 - 1  # unlimited duration [ns]; in YAML ``sec: 9223372036``, ``nsec: 854775807``
@@ -156,12 +156,9 @@ class ReadMetadata(NamedTuple):
     relative_file_paths: tuple[str, ...]
     compression_format: str  # of whole files or messages, not that of MCAP chunks
     compression_mode: str
-    custom_data: dict[str, str]
 
 
-def metadata_of(
-    files: Sequence[FileInformation], counts: Mapping[Topic, int], custom_data: Mapping[str, str]
-) -> dict[str, Any]:
+def metadata_of(files: Sequence[FileInformation], counts: Mapping[Topic, int]) -> dict[str, Any]:
     """Return the metadata of a bag with these files, and topics with their message counts."""
     filled = [file for file in files if file.message_count]
     start = min((file.start_time for file in filled), default=0)
@@ -187,7 +184,7 @@ def metadata_of(
         "compression_mode": "",
         "relative_file_paths": [file.path for file in files],
         "files": [{"path": path, **_extent(*extent)} for path, *extent in files],
-        "custom_data": dict(custom_data),
+        "custom_data": {},
         "ros_distro": os.environ.get("ROS_DISTRO") or "jazzy",
     }
 
@@ -216,11 +213,14 @@ def metadata_from_document(text: str) -> ReadMetadata:
     document = _load(text)
     if not isinstance(document, Mapping) or _OUTER_KEY not in document:
         raise BagFormatError(f"{FILE_NAME} has no {_OUTER_KEY}")
-    return _from_mapping(document[_OUTER_KEY])
-
-
-def metadata_from_record(text: str) -> ReadMetadata:
-    return _from_mapping(_load(text))
+    value = document[_OUTER_KEY]
+    with parsing("the rosbag2 metadata"):
+        return ReadMetadata(
+            storage_identifier=str(value["storage_identifier"]),
+            relative_file_paths=tuple(str(path) for path in value["relative_file_paths"] or ()),
+            compression_format=str(value.get("compression_format") or ""),
+            compression_mode=str(value.get("compression_mode") or ""),
+        )
 
 
 def read_document(path: Path) -> ReadMetadata:
@@ -261,19 +261,6 @@ def local_name(name: str) -> str:
         raise BagFormatError(f"the name {name!r:.200} is not UTF-8, as a bag's must be") from None
 
 
-def _from_mapping(value: Any) -> ReadMetadata:
-    with parsing("the rosbag2 metadata"):
-        return ReadMetadata(
-            storage_identifier=str(value["storage_identifier"]),
-            relative_file_paths=tuple(str(path) for path in value["relative_file_paths"] or ()),
-            compression_format=str(value.get("compression_format") or ""),
-            compression_mode=str(value.get("compression_mode") or ""),
-            custom_data={
-                str(key): str(item) for key, item in (value.get("custom_data") or {}).items()
-            },
-        )
-
-
 def _load(text: str) -> Any:
     try:
         _check_size(text)
@@ -284,28 +271,19 @@ def _load(text: str) -> Any:
 
 
 def _check_size(text: str) -> None:
-    """Check for short YAML with a large value: aliases of aliases, nesting, long numbers."""
-    size = 0
-    sizes: dict[str, int] = {}  # of complete values with anchors
-    inside: list[tuple[str | None, int]] = []  # anchor and size so far of open collections
+    """Check for short YAML with a large value: aliases, nesting, long numbers."""
+    size = depth = 0
     for event in yaml.parse(text, Loader=_LOADER):
         if isinstance(event, yaml.AliasEvent):
-            # A value inside itself is not complete, and has no end.
-            size += sizes.get(event.anchor or "", SIZE_LIMIT + 1)
-        elif isinstance(event, yaml.CollectionStartEvent):
-            inside.append((event.anchor, size))
-            size += _NODE_SIZE
-        elif isinstance(event, yaml.CollectionEndEvent):
-            anchor, before = inside.pop()
-            if anchor is not None:
-                sizes[anchor] = size - before
-        elif isinstance(event, yaml.ScalarEvent):
-            size += _NODE_SIZE + len(event.value)
-            if event.anchor is not None:
-                sizes[event.anchor] = _NODE_SIZE + len(event.value)
+            raise BagFormatError("the rosbag2 metadata has aliases, which rosbag2 never writes")
+        depth += isinstance(event, yaml.CollectionStartEvent)
+        depth -= isinstance(event, yaml.CollectionEndEvent)
+        size += _NODE_SIZE
+        if isinstance(event, yaml.ScalarEvent):
+            size += len(event.value)
             if event.implicit[0] and _LONG_NUMBER.fullmatch(event.value):
                 raise BagFormatError(f"the rosbag2 metadata has a number {event.value[:20]}...")
-        if size > SIZE_LIMIT or len(inside) > _DEPTH_LIMIT:
+        if size > SIZE_LIMIT or depth > _DEPTH_LIMIT:
             raise BagFormatError(
                 f"the rosbag2 metadata is larger than {SIZE_LIMIT} or nested deeper than "
                 f"{_DEPTH_LIMIT}"

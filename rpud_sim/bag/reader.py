@@ -115,17 +115,10 @@ class BagReader:
         """Reasons why topics, or the record of losses, are damaged, by their names."""
         return {name: str(error) for name, error in self._declared[1].items()}
 
-    @cached_property
-    def tables(self) -> Tables:
-        """Tables of the topics, for blocks that are read otherwise."""
-        from rpud_sim.bag.tables import Tables  # loads what listing a bag does not need
-
-        return Tables(self.path, *self._declared)
-
     @property
     def left_out(self) -> dict[str, str]:
         """Reasons why topics cannot be tables, by their names."""
-        return self.tables.left_out
+        return self._tables.left_out
 
     def records(self, name: str) -> list[dict[str, str]]:
         """Return the metadata records of one name, in the order in which they were written."""
@@ -176,7 +169,7 @@ class BagReader:
 
     def columns(self, topic: str) -> tuple[Column, ...]:
         """Return the columns of a topic's table, with units; errors are those of ``batches``."""
-        return self.tables.table(topic).columns
+        return self._tables.table(topic).columns
 
     def batches(
         self,
@@ -194,8 +187,8 @@ class BagReader:
             leave_out: called with the topic and the reason for each message that does not fit its
                 type, which is then skipped; None for an error.
         """
-        tables = self.tables.choose([topics] if isinstance(topics, str) else topics)
-        return self.tables.batches(tables, self.blocks(tables, start, duration), leave_out)
+        tables = self._tables.choose([topics] if isinstance(topics, str) else topics)
+        return self._tables.batches(tables, self.blocks(tables, start, duration), leave_out)
 
     @overload
     def arrays(  # type: ignore[overload-overlap]  # a text is a collection of texts, too
@@ -215,8 +208,8 @@ class BagReader:
         Several topics are read in one pass. The result then has such columns for each topic.
         ``start`` and ``duration`` are as for ``batches``.
         """
-        tables = self.tables.choose([topics] if isinstance(topics, str) else topics)
-        found = self.tables.arrays(tables, self.blocks(tables, start, duration))
+        tables = self._tables.choose([topics] if isinstance(topics, str) else topics)
+        found = self._tables.arrays(tables, self.blocks(tables, start, duration))
         return found[topics] if isinstance(topics, str) else found
 
     def frame(self, topic: str, start: int = 0, duration: int | None = None) -> pandas.DataFrame:
@@ -226,7 +219,7 @@ class BagReader:
         """
         from rpud_sim.bag.tables import to_frame
 
-        return to_frame(self.tables.table(topic), self.arrays(topic, start, duration))
+        return to_frame(self._tables.table(topic), self.arrays(topic, start, duration))
 
     def close(self) -> None:
         """Release the files."""
@@ -237,6 +230,12 @@ class BagReader:
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+    @cached_property
+    def _tables(self) -> Tables:
+        from rpud_sim.bag.tables import Tables  # loads what listing a bag does not need
+
+        return Tables(self.path, *self._declared)
 
     @cached_property
     def _declared(self) -> tuple[tuple[TopicSummary, ...], dict[str, BagFormatError]]:

@@ -52,7 +52,6 @@ _LARGE = {Opcode.ATTACHMENT, Opcode.CHUNK, Opcode.MESSAGE, Opcode.MESSAGE_INDEX}
 _ANY_LENGTH = (Opcode.CHUNK, Opcode.ATTACHMENT)  # to be left out if they are too large
 _PRIVATE = 0x80  # kinds from here on are for others to define
 _KINDS: dict[int, Any] = {
-    Opcode.ATTACHMENT: kinds.Attachment,
     Opcode.CHANNEL: kinds.Channel,
     Opcode.CHUNK: Chunk,
     Opcode.CHUNK_INDEX: kinds.ChunkIndex,

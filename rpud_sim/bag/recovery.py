@@ -11,36 +11,25 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from mcap.records import Attachment, Channel, Message, Metadata, Schema
+from mcap.records import Channel, Message, Metadata, Schema
 
 from rpud_sim.bag.errors import BagError, BagFormatError, BagNotFoundError
-from rpud_sim.bag.losses import (
-    LOSSES_RECORD,
-    RECORDING_RECORD,
-    Losses,
-    SequenceGaps,
-    losses_from_record,
-    numbers_messages,
-    sequence_number,
-)
+from rpud_sim.bag.losses import LOSSES_RECORD, RECORDING_RECORD, Losses, losses_from_record
 from rpud_sim.bag.mcap_file import McapFile
 from rpud_sim.bag.messages import LATEST, REPEATED_KEY
 from rpud_sim.bag.metadata import (
     FILE_NAME,
-    RECORD_KEY,
     RECORD_NAME,
-    SIZE_LIMIT,
     QosProfile,
     ReadMetadata,
     Topic,
     dump_offered_qos,
     load_offered_qos,
-    metadata_from_record,
     read_document,
 )
 from rpud_sim.bag.reader import BagReader
 from rpud_sim.bag.records import RecordFile, reading
-from rpud_sim.bag.scan import Damage, Scan, UnreadMessages
+from rpud_sim.bag.scan import Damage, Item, Scan, UnreadMessages
 from rpud_sim.bag.storage_files import SUFFIXES, in_order, storage_files
 from rpud_sim.bag.writer import BagWriter, whole_bag
 
@@ -48,10 +37,8 @@ from rpud_sim.bag.writer import BagWriter, whole_bag
 RECOVERY_RECORD = "rpud_recovery"
 
 _SHOWN = 1000  # damages that are kept one by one
-_LISTED_LIMIT = SIZE_LIMIT * 3 // 4  # of metadata.yaml, for its topics [characters]
 _DECLARED_LIMIT = 64 * 2**20  # bytes of all channels and schemas of a file
 _KEPT_LIMIT = 64 * 2**20  # characters of all metadata records of a file
-_CUSTOM_DATA_LIMIT = 2**20  # characters
 _OFFERS = "offered_qos_profiles"
 _OTHERS = (
     "rpud recover makes whole bags of MCAP files that are compressed by chunks alone: "
@@ -68,8 +55,6 @@ class TopicRecovery:
     recovered: int = 0  # messages in the new bag
     unchecked: int = 0  # those of them without a checksum
     lost: int = 0  # messages that are known to have been in the file
-    # messages missing by the numbers in the messages; None if they have no numbers
-    gaps: int | None = None
     # messages that the recorder lost; None if they were not counted
     recording_losses: Losses | None = None
 
@@ -135,10 +120,8 @@ def recover(
     files = files_to_recover(torn)
     recovery = Recovery(Path(out))
     with whole_bag(out) as bag:
-        document = _document(Path(torn))
-        recovered = _RecoveredBag(bag, recovery)
-        recovered.add_custom_data(document.custom_data if document else {})
-        held = [_FileRecovery(file, recovered, file == files[0]).run(progress) for file in files]
+        recovering = _Recovering(bag, recovery)
+        held = [recovering.add(file, progress) for file in files]
         if not any(held):
             raise BagFormatError(f"{torn} holds nothing of an MCAP file")
         bag.add_record(RECOVERY_RECORD, {"account": json.dumps(recovery.to_mapping())})
@@ -181,129 +164,58 @@ def _document(torn: Path) -> ReadMetadata | None:
     return None
 
 
-class _RecoveredBag:
-    """New bag with its account; files of a torn bag have its channels under other numbers."""
+class _Recovering:
+    """Recovery of the files of a bag, one after the other, into a new bag.
+
+    Messages that a file repeats of the previous one are kept of the first file only.
+    """
 
     def __init__(self, bag: BagWriter, recovery: Recovery) -> None:
-        self.bag, self.recovery = bag, recovery
-        self._listed = 0  # characters of metadata.yaml, at most
-        self._numbers: dict[tuple[Any, ...], int] = {}
-        self._gaps: dict[int, SequenceGaps] = {}  # of channels whose messages have numbers
+        self._bag, self._recovery = bag, recovery
+        self._numbers: dict[tuple[Any, ...], int] = {}  # of channels in the new bag, by content
+        self._repeats = True
 
-    def number(self, channel: Channel, schema: Schema | None) -> int:
-        """Return the number of a file's channel in the new bag, declared if it is new."""
-        kind = (schema.name, schema.encoding, schema.data) if schema else ()
-        metadata = tuple(sorted(channel.metadata.items()))
-        key = (channel.topic, channel.message_encoding, kind, metadata)
-        if key not in self._numbers:
-            self._numbers[key] = self._declare(channel, schema)
-        return self._numbers[key]
+    def add(self, file: Path, progress: Callable[[int], object]) -> bool:
+        """Recover a file, and return whether it holds anything of an MCAP file.
 
-    def add(self, number: int, topic: str, message: Message, checked: bool) -> None:
-        times = message.log_time, message.publish_time
-        self.bag.write_on(number, message.data, *times, message.sequence)
-        account = self.recovery.topics[topic]
-        account.recovered += 1
-        account.unchecked += not checked
-        gaps = self._gaps.get(number)
-        if gaps is not None:
-            before = gaps.missing
-            gaps.note(sequence_number(message.data))
-            account.gaps = (account.gaps or 0) + gaps.missing - before
-
-    def add_custom_data(self, content: Mapping[str, str]) -> None:
-        """Add custom data, or note in the account that it is too large."""
-        size = _characters(content)
-        if size <= _CUSTOM_DATA_LIMIT:
-            self.bag.custom_data.update(content)
-        else:
-            reason = f"is left out: at most {_CUSTOM_DATA_LIMIT}"
-            self.recovery.note(f"custom data of {size} characters {reason}")
-
-    def _declare(self, channel: Channel, schema: Schema | None) -> int:
-        """Declare a channel without what no bag can have: the account has the reasons."""
-        definition, metadata = "", dict(channel.metadata)
-        offers: tuple[QosProfile, ...] = ()
-        if schema is not None and schema.encoding == "ros2msg":
-            try:
-                definition = schema.data.decode()
-            except UnicodeDecodeError:
-                name = f"{schema.name:.80}"
-                self.recovery.note(f"the definition of {name} is left out: it is not UTF-8")
-                schema = Schema(id=schema.id, name=schema.name, encoding="", data=b"")
-        try:
-            offers = load_offered_qos(metadata.get(_OFFERS, ""))
-            if load_offered_qos(dump_offered_qos(offers)) != offers:
-                raise BagFormatError("they cannot be written as they were read")
-        except BagFormatError as error:
-            self.recovery.note(f"the offers on {channel.topic:.200} are left out: {error}")
-            offers = ()
-            del metadata[_OFFERS]
-        topic = Topic(
-            name=channel.topic,
-            type=schema.name if schema else "",
-            type_hash=metadata.get("topic_type_hash", ""),
-            offered_qos=offers,
-            serialization_format=channel.message_encoding,
-        )
-        texts = (topic.name, topic.type, topic.type_hash, topic.serialization_format)
-        self._listed += 1024 + 1536 * len(offers) + 4 * sum(map(len, texts))
-        if self._listed > _LISTED_LIMIT:
-            raise BagFormatError("its topics are more than the metadata of a bag can list")
-        number = self.bag.add_channel(topic, schema, metadata)
-        account = self.recovery.topic(topic.name, topic.type)
-        if numbers_messages(definition):
-            self._gaps[number] = SequenceGaps(lambda: max(1, len(offers)))
-            account.gaps = account.gaps or 0
-        return number
-
-
-class _FileRecovery:
-    """Recovery of one file into a new bag; ``repeats`` keeps messages that it repeats."""
-
-    def __init__(self, file: Path, out: _RecoveredBag, repeats: bool) -> None:
-        self._file, self._out, self._repeats = file, out, repeats
-        self._recovery = out.recovery
+        ``progress`` is called with the bytes read since the last call.
+        """
+        self._file = file
         self._schemas: dict[int, Schema] = {}
         self._channels: dict[int, Channel] = {}
         self._declared = 0
-        self._numbers: dict[int, int] = {}  # of the file's channels in the new bag
+        self._number_of: dict[int, int] = {}  # of the file's channels in the new bag
         self._found: Counter[int] = Counter()  # messages of each channel
         self._missing: Counter[int] = Counter()  # messages of each channel in lost chunks
         self._kept = 0  # characters of metadata records
         self._unknown = 0  # messages of undeclared channels
-
-    def run(self, progress: Callable[[int], object]) -> bool:
-        """Recover the file, and return whether it holds anything of an MCAP file.
-
-        ``progress`` is called with the bytes read since the last call.
-        """
         expected = self._read_summary()
-        with reading(self._file), self._file.open("rb") as stream:
+        with reading(file), file.open("rb") as stream:
             scan = Scan(RecordFile(stream))
             before, held = 0, scan.begins
             for item in scan:
                 held |= not isinstance(item, Damage)
-                if isinstance(item, Damage):
-                    self._recovery.size_lost += item.size
-                    end = item.offset + item.size
-                    self._note(f"byte {item.offset} to {end} {item.reason}")
-                elif isinstance(item, UnreadMessages):
-                    self._missing[item.channel] += item.messages
-                elif isinstance(item.record, Message):
-                    self._add_message(item.record, item.checked)
-                elif isinstance(item.record, Schema | Channel):
-                    self._declare(item.record, item.checked)
-                elif isinstance(item.record, Attachment):
-                    self._out.bag.add_attachment(item.record)
-                elif isinstance(item.record, Metadata):
-                    self._add_metadata(item.record)
+                self._add_item(item)
                 progress(scan.position - before)
                 before = scan.position
             progress(scan.position - before)
         self._recovery.closed &= scan.closed
         self._account(expected)
+        self._repeats = False
         return held
+
+    def _add_item(self, item: Item) -> None:
+        if isinstance(item, Damage):
+            self._recovery.size_lost += item.size
+            self._note(f"byte {item.offset} to {item.offset + item.size} {item.reason}")
+        elif isinstance(item, UnreadMessages):
+            self._missing[item.channel] += item.messages
+        elif isinstance(item.record, Message):
+            self._add_message(item.record, item.checked)
+        elif isinstance(item.record, Schema | Channel):
+            self._declare(item.record, item.checked)
+        elif isinstance(item.record, Metadata):
+            self._add_metadata(item.record)
 
     def _read_summary(self) -> Mapping[int, int]:
         """Declare what a whole summary section declares; return its number of messages by channel.
@@ -312,22 +224,18 @@ class _FileRecovery:
         """
         try:
             with McapFile(self._file) as file:
-                for schema in file.schemas.values():
-                    self._declare(schema, True)
-                for channel in file.channels.values():
-                    self._declare(channel, True)
+                declared: list[Schema | Channel] = [*file.schemas.values(), *file.channels.values()]
+                for record in declared:
+                    self._declare(record, True)
                 return file.counts
         except BagError:
             return {}
 
     def _add_metadata(self, record: Metadata) -> None:
-        if record.name == RECORD_NAME:  # the new bag has its own; only custom data is kept
-            with suppress(BagFormatError):
-                content = metadata_from_record(record.metadata.get(RECORD_KEY, ""))
-                self._out.add_custom_data(content.custom_data)
+        if record.name == RECORD_NAME:  # the new bag has its own
             return
+        size = sum(len(text) for item in record.metadata.items() for text in item)
         try:
-            size = _characters(record.metadata)
             if self._kept + size > _KEPT_LIMIT:
                 raise BagFormatError(f"all together have more than {_KEPT_LIMIT} characters")
             if record.name == LOSSES_RECORD:
@@ -340,7 +248,7 @@ class _FileRecovery:
             with suppress(ValueError):
                 self._recovery.max_loss = float(record.metadata.get("max_loss", ""))
         self._kept += size
-        self._out.bag.add_record(record.name, record.metadata)
+        self._bag.add_record(record.name, record.metadata)
 
     def _declare(self, record: Schema | Channel, checked: bool) -> None:
         """Note a declaration; one with a checksum replaces others of its number."""
@@ -351,7 +259,7 @@ class _FileRecovery:
         if self._declared > _DECLARED_LIMIT:
             raise BagFormatError(f"{self._file} declares more than {_DECLARED_LIMIT} bytes")
         known[record.id] = record
-        self._numbers.clear()
+        self._number_of.clear()
 
     def _add_message(self, message: Message, checked: bool) -> None:
         channel = self._channels.get(message.channel_id)
@@ -360,16 +268,55 @@ class _FileRecovery:
             return
         self._found[channel.id] += 1
         if self._is_kept(channel):
-            self._out.add(self._number(channel), channel.topic, message, checked)
+            times = message.log_time, message.publish_time
+            self._bag.write_on(self._number(channel), message.data, *times, message.sequence)
+            account = self._recovery.topics[channel.topic]
+            account.recovered += 1
+            account.unchecked += not checked
 
     def _is_kept(self, channel: Channel) -> bool:
         return self._repeats or REPEATED_KEY not in channel.metadata
 
     def _number(self, channel: Channel) -> int:
-        if channel.id not in self._numbers:
+        """Return the number of a channel in the new bag, declared if it is new."""
+        if channel.id not in self._number_of:
             schema = self._schemas.get(channel.schema_id)
-            self._numbers[channel.id] = self._out.number(channel, schema)
-        return self._numbers[channel.id]
+            kind = (schema.name, schema.encoding, schema.data) if schema else ()
+            metadata = tuple(sorted(channel.metadata.items()))
+            key = (channel.topic, channel.message_encoding, kind, metadata)
+            if key not in self._numbers:
+                self._numbers[key] = self._add_channel(channel, schema)
+            self._number_of[channel.id] = self._numbers[key]
+        return self._number_of[channel.id]
+
+    def _add_channel(self, channel: Channel, schema: Schema | None) -> int:
+        """Declare a channel without what no bag can have: the account has the reasons."""
+        metadata = dict(channel.metadata)
+        offers: tuple[QosProfile, ...] = ()
+        if schema is not None and schema.encoding == "ros2msg":
+            try:
+                schema.data.decode()
+            except UnicodeDecodeError:
+                name = f"{schema.name:.80}"
+                self._recovery.note(f"the definition of {name} is left out: it is not UTF-8")
+                schema = Schema(id=schema.id, name=schema.name, encoding="", data=b"")
+        try:
+            offers = load_offered_qos(metadata.get(_OFFERS, ""))
+            if load_offered_qos(dump_offered_qos(offers)) != offers:
+                raise BagFormatError("they cannot be written as they were read")
+        except BagFormatError as error:
+            self._recovery.note(f"the offers on {channel.topic:.200} are left out: {error}")
+            offers = ()
+            del metadata[_OFFERS]
+        topic = Topic(
+            name=channel.topic,
+            type=schema.name if schema else "",
+            type_hash=metadata.get("topic_type_hash", ""),
+            offered_qos=offers,
+            serialization_format=channel.message_encoding,
+        )
+        self._recovery.topic(topic.name, topic.type)
+        return self._bag.add_channel(topic, schema, metadata)
 
     def _account(self, expected: Mapping[int, int]) -> None:
         for number, channel in self._channels.items():
@@ -388,7 +335,3 @@ class _FileRecovery:
 
     def _note(self, reason: str) -> None:
         self._recovery.note(f"{self._file.name}: {reason}")
-
-
-def _characters(content: Mapping[str, str]) -> int:
-    return sum(len(text) for item in content.items() for text in item)

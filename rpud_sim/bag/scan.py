@@ -7,8 +7,6 @@ proves itself by its checksum; any other record by the lengths inside it and by 
 from __future__ import annotations
 
 import re
-import struct
-import zlib
 from bisect import bisect_left
 from collections.abc import Generator, Iterator
 from contextlib import suppress
@@ -34,7 +32,7 @@ from rpud_sim.bag.records import (
 _BLOCK = 1 << 20
 # A record that is worth finding: its kind, and a length below 4 GiB.
 _BEGINNING = re.compile(rb"[\x03-\x07\x09\x0c\x0f](?=.{4}\x00{4})", re.DOTALL)
-_KEPT = (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.METADATA, Opcode.ATTACHMENT)
+_KEPT = (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.METADATA)
 
 
 class Found(NamedTuple):
@@ -101,9 +99,8 @@ class Scan:
         opcode, end = head
         if opcode == Opcode.CHUNK:
             return (yield from self._chunk(offset, end))
-        size = end - offset
-        if opcode == Opcode.ATTACHMENT and size > CONTENT_LIMIT and self._file.continues(end):
-            yield Damage(offset, size, f"is an attachment of more than {CONTENT_LIMIT} bytes")
+        if opcode == Opcode.ATTACHMENT and self._file.continues(end):
+            yield Damage(offset, end - offset, "is an attachment, which is left out")
             return end
         record = self._file.sound(offset)
         if record is None:
@@ -115,17 +112,12 @@ class Scan:
             return end
         self._index_lost = False
         self.closed = opcode == Opcode.FOOTER
-        if opcode == Opcode.ATTACHMENT:
-            (checksum,) = struct.unpack_from("<I", record.content, len(record.content) - 4)
-            if checksum not in (0, zlib.crc32(record.content[:-4])):
-                yield Damage(offset, size, "is an attachment whose checksum is wrong")
-                return end
         if opcode == Opcode.MESSAGE:
             yield Found(_message(record.content, 0, len(record.content)), False)
         elif opcode in _KEPT:
             parsed = parse(record)
             assert parsed is not None
-            yield Found(parsed, opcode == Opcode.ATTACHMENT)
+            yield Found(parsed, False)
         return end
 
     def _chunk(self, offset: int, end: int) -> Generator[Item, None, int | None]:

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property, lru_cache, partial
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rpud_sim.bag.cdr import Codec, definition_size
+from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.columns import (
     RECEIVED,
     Column,
@@ -23,6 +25,7 @@ from rpud_sim.bag.columns import (
 )
 from rpud_sim.bag.errors import BagError, BagFormatError
 from rpud_sim.bag.field_values import FieldReader
+from rpud_sim.bag.layout import MessageType
 from rpud_sim.bag.messages import MessageBlock
 from rpud_sim.bag.messages import joined as joined_blocks
 from rpud_sim.bag.metadata import TopicSummary
@@ -44,6 +47,7 @@ DECODED_SIZE = 64 * 2**20
 # Greatest definitions of all types of a bag together, without comments [characters].
 DEFINITIONS_LIMIT = 256 * 2**10
 
+_COMMENT = re.compile(r"#.*")
 _DEFINITION_OVERHEAD = 64  # characters that take as long to compile as the smallest type
 _OVERHEAD = 256  # bytes that a message takes in memory in addition to its data
 _NAMES_SHOWN = 30
@@ -98,24 +102,26 @@ class Table:
         then skipped; None for an error.
         """
         fields = self._reader.read(block)
-        reasons = dict(fields.errors)
-        if not reasons:
-            try:
-                return self._batch(block, fields.columns)
-            except BagFormatError:
-                if leave_out is None:
-                    raise
-        if leave_out is None:
-            raise BagFormatError(reasons[min(reasons)])
+        for _, reason in fields.errors:
+            if leave_out is None:
+                raise BagFormatError(reason)
+            leave_out(reason)
+        if fields.errors:
+            block = block.part(fields.rows)
+        try:
+            return self._batch(block, fields.columns)
+        except BagFormatError:  # of a block whose rows have no time, or too few values
+            if leave_out is None:
+                raise
+        kept = []
         for row in range(len(block)):
-            if self._blocks and row not in reasons:
-                try:
-                    self.batch(block.part(slice(row, row + 1)))
-                except BagFormatError as error:
-                    reasons[row] = str(error)
-            if row in reasons:
-                leave_out(reasons[row])
-        return self.batch(block.part(np.array([row not in reasons for row in range(len(block))])))
+            try:
+                self.batch(block.part(slice(row, row + 1)))
+            except BagFormatError as error:
+                leave_out(str(error))
+            else:
+                kept.append(row)
+        return self.batch(block.part(np.array(kept, np.intp)))
 
     def empty(self) -> Batch:
         none, data = np.empty(0, np.int64), np.empty(0, np.uint8)
@@ -184,7 +190,7 @@ class Tables:
             kind = (summary.topic.type, summary.definition)
             if kind not in self._kinds:
                 self._kinds.add(kind)
-                self._size += definition_size(summary.definition or "") + _DEFINITION_OVERHEAD
+                self._size += len(_COMMENT.sub("", summary.definition or "")) + _DEFINITION_OVERHEAD
             try:
                 if self._size > DEFINITIONS_LIMIT:
                     raise BagFormatError(
@@ -210,34 +216,33 @@ class Tables:
         ``BATCH_SIZE``.
         """
         limit = batch_size or BATCH_SIZE
-        waiting = {name: _Waiting(limit) for name in tables}
+        waiting: dict[str, list[MessageBlock]] = {name: [] for name in tables}
+        shares = dict.fromkeys(tables, 0.0)  # of a batch, that wait
+        total = 0
 
         def batch(name: str) -> Batch:
-            block = joined_blocks(waiting[name].blocks)
-            waiting[name] = _Waiting(limit)
+            nonlocal total
+            block, waiting[name] = joined_blocks(waiting[name]), []
+            total -= _memory(block)
+            shares[name] = 0.0
             try:
                 return tables[name].batch(block, leave_out and partial(leave_out, name))
             except BagFormatError as error:
                 raise BagFormatError(f"{self._path}: {name}: {error}") from error
 
-        total = 0
-        for block in blocks:
-            name = block.topic
-            rest: MessageBlock | None = block
-            while rest is not None:
-                size = waiting[name].size
-                rest = waiting[name].add(rest, tables[name].codec.type.most(rest.sizes))
-                total += waiting[name].size - size
-                if waiting[name].full:
-                    total -= waiting[name].size
+        for whole in blocks:
+            name = whole.topic
+            for block, share in _divided(whole, tables[name].codec.type, limit):
+                # A batch of one block is made at once. What waits must not keep the chunk.
+                alone = share >= 1.0 and not waiting[name]
+                waiting[name].append(block if alone else block.packed())
+                shares[name] += share
+                total += _memory(block)
+                if shares[name] >= 1.0:
                     yield batch(name)
                 elif total >= TOTAL_SIZE:
-                    largest = max(waiting, key=lambda each: waiting[each].size)
-                    total -= waiting[largest].size
-                    yield batch(largest)
-        for name, left in waiting.items():
-            if left.blocks:
-                yield batch(name)
+                    yield batch(max(shares, key=shares.__getitem__))
+        yield from (batch(name) for name in tables if waiting[name])
 
     def arrays(
         self, tables: Mapping[str, Table], blocks: Iterable[MessageBlock]
@@ -257,38 +262,27 @@ class Tables:
         }
 
 
-class _Waiting:
-    """Messages of one topic that wait to become a batch of ``limit`` bytes."""
+def _memory(block: MessageBlock) -> int:
+    return int(block.sizes.sum()) + _OVERHEAD * len(block)
 
-    def __init__(self, limit: int) -> None:
-        self._limit = limit
-        # of these messages alone, unless one block fills the batch
-        self.blocks: list[MessageBlock] = []
-        self.size = self._decoded = 0  # memory that they take [bytes]
-        self.full = False  # whether they must become a batch now
 
-    def add(self, block: MessageBlock, decoded: np.ndarray) -> MessageBlock | None:
-        """Add the first messages of a block until they are full; return the others, if any.
+def _divided(
+    block: MessageBlock, kind: MessageType, limit: int
+) -> Iterator[tuple[MessageBlock, float]]:
+    """Yield a block in parts, and the share of a batch that each fills; ``limit`` is in bytes.
 
-        A block that makes less than two batches is not divided if none wait.
-        """
-        rest = None
-        size = self.size + int(block.sizes.sum()) + _OVERHEAD * len(block)
-        used = self._decoded + int(decoded.sum())
-        self.full = size >= self._limit or used >= DECODED_SIZE
-        alone = self.full and not self.blocks
-        if self.full and (used >= DECODED_SIZE or not alone or size >= 2 * self._limit):
-            sizes = self.size + np.cumsum(block.sizes + _OVERHEAD)
-            memory = self._decoded + np.cumsum(decoded)
-            count = int(((sizes >= self._limit) | (memory >= DECODED_SIZE)).argmax()) + 1
-            size, used = int(sizes[count - 1]), int(memory[count - 1])
-            if count < len(block):
-                rest = block.part(slice(count, None))
-                block = block.part(slice(0, count))
-        # A batch of one block is made at once. What waits must not keep the chunk in memory.
-        self.blocks.append(block if alone else block.packed())
-        self.size, self._decoded = size, used
-        return rest
+    What fills less than two batches stays whole.
+    """
+    decoded = kind.most(int(block.sizes.sum())) + (len(block) - 1) * kind.most(0)
+    share = max(_memory(block) / limit, decoded / DECODED_SIZE)
+    if share < 2.0:
+        yield block, share
+        return
+    shares = np.maximum((block.sizes + _OVERHEAD) / limit, kind.most(block.sizes) / DECODED_SIZE)
+    sums = np.cumsum(shares)
+    cuts = np.searchsorted(sums, np.arange(1.0, sums[-1])) + 1
+    for start, end in pairwise(np.unique([0, *cuts, len(block)]).tolist()):
+        yield block.part(slice(start, end)), float(shares[start:end].sum())
 
 
 def _listed(names: Iterable[str]) -> str:

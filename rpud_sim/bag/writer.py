@@ -10,18 +10,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from mcap.records import Attachment, Schema
+from mcap.records import Schema
 
-from rpud_sim.bag.chunks import COMPRESSIONS
 from rpud_sim.bag.errors import BagError, BagExistsError
-from rpud_sim.bag.mcap_writer import McapWriter, Reserve, writing
+from rpud_sim.bag.mcap_writer import COMPRESSIONS, McapWriter
 from rpud_sim.bag.messages import (
     LATEST,
     REPEATED_KEY,
     LatchedMessages,
     Message,
     MessageBlock,
-    messages_of,
 )
 from rpud_sim.bag.metadata import (
     FILE_NAME,
@@ -35,6 +33,7 @@ from rpud_sim.bag.metadata import (
     metadata_of,
     stored_name,
 )
+from rpud_sim.bag.reserve import Reserve, writing
 from rpud_sim.foundation.time import SECOND
 
 CHUNK_SIZE = 1 << 20  # uncompressed size after which a chunk is closed [bytes]
@@ -52,7 +51,7 @@ class BagWriter:
     not share a writer.
 
     Args:
-        compression: of the chunks: ``none``, ``lz4`` or ``zstd``.
+        compression: of the chunks: ``none`` or ``zstd``.
         chunk_size: uncompressed size after which a chunk is closed [bytes].
         max_file_size: a new file begins before one is larger [bytes], unless a single message is.
         max_file_duration: a new file begins before one lasts longer [s].
@@ -65,7 +64,6 @@ class BagWriter:
         *,
         compression: str = "zstd",
         chunk_size: int = CHUNK_SIZE,
-        custom_data: Mapping[str, str] | None = None,
         max_file_size: int | None = None,
         max_file_duration: float | None = None,
         reserved: bool = False,
@@ -74,7 +72,6 @@ class BagWriter:
             allowed = ", ".join(COMPRESSIONS)
             raise BagError(f"compression is {compression!r}; it must be one of {allowed}")
         self.path = Path(os.path.abspath(path))  # directory of the bag
-        self.custom_data = dict(custom_data or {})  # texts for the metadata
         self._compression, self._chunk_size = compression, chunk_size
         self._max_size = max_file_size
         self._max_duration = max_file_duration and round(max_file_duration * SECOND)
@@ -181,30 +178,23 @@ class BagWriter:
         self._counts[self._channels[channel][0]] += 1
 
     def write_blocks(self, blocks: Sequence[tuple[MessageBlock, np.ndarray]]) -> None:
-        """Add many serialized messages at once.
+        """Add many serialized messages at once, to a bag of one file.
 
         The file is the same as if they were written one by one in their order. With the messages of
         a topic comes the place of each among those of all blocks, int64, ascending. Messages of
-        equal place follow each other as their blocks do.
+        equal place follow each other as their blocks do. Topics must not be latched.
         """
         blocks = [(block, places) for block, places in blocks if len(block)]
         for block, _ in blocks:
             self._check(block)
-        latched = any(block.topic in self._latched for block, _ in blocks)
-        if latched or self._max_size is not None or self._max_duration is not None:
-            due = [places for _, places in blocks]
-            for message in messages_of([block for block, _ in blocks], due):
-                self.write(message.topic, message.data, message.log_time, message.publish_time)
-            return
-        channels = [self._numbers[self._channel_of[block.topic]] for block, _ in blocks]
         self._opened.write_blocks(
-            [(channel, *block) for channel, block in zip(channels, blocks, strict=True)]
+            [
+                (self._numbers[self._channel_of[block.topic]], block, places)
+                for block, places in blocks
+            ]
         )
-        last = max((int(places[-1]) for _, places in blocks), default=0)
-        for block, places in blocks:
+        for block, _ in blocks:
             self._counts[block.topic] += len(block)
-            if places[-1] == last:
-                self._last = int(block.log_times[-1])
 
     def split(self) -> None:
         """Complete the file and go on in a new one that begins with the latched messages."""
@@ -224,10 +214,6 @@ class BagWriter:
     def add_record(self, name: str, content: Mapping[str, str]) -> None:
         """Add a metadata record: named texts, such as how the bag was made."""
         self._opened.add_record(name, content)
-
-    def add_attachment(self, attachment: Attachment) -> None:
-        """Add a file that belongs to the bag, as MCAP has it."""
-        self._opened.add_attachment(attachment)
 
     def reserve(self, size: int) -> bool:
         """Return whether a message of ``size`` bytes can be written and the bag then be closed.
@@ -270,6 +256,8 @@ class BagWriter:
     def _check(self, block: MessageBlock) -> None:
         if block.topic not in self._channel_of:
             raise _undeclared(block.topic)
+        if self._max_size or self._max_duration or block.topic in self._latched:
+            raise BagError(f"{block.topic} cannot be written in blocks: its files are split")
         logs, sent = block.log_times, block.publish_times
         wrong = (logs < 0) | (logs > LATEST) | (sent < 0) | (sent > LATEST)
         for row in np.flatnonzero(wrong)[:1].tolist():
@@ -302,7 +290,7 @@ class BagWriter:
 
     def _metadata(self, files: Sequence[FileInformation]) -> dict[str, Any]:
         counts = {topic: self._counts[name] for name, topic in self._topics.items()}
-        return metadata_of(files, counts, self.custom_data)
+        return metadata_of(files, counts)
 
     @property
     def _opened(self) -> McapWriter:

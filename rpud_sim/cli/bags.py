@@ -8,7 +8,7 @@ from datetime import datetime, timezone
 from typing import TYPE_CHECKING, Any
 
 from rpud_sim.cli.options import BAG, JSON, command, run_number_option
-from rpud_sim.cli.output import cell, print_result, progress_bar, table
+from rpud_sim.cli.output import print_result, progress_bar
 from rpud_sim.cli.program import ExitCode
 from rpud_sim.foundation.options import (
     duration_option,
@@ -18,7 +18,7 @@ from rpud_sim.foundation.options import (
     start_option,
 )
 from rpud_sim.foundation.quantities import ParameterError, Quantity
-from rpud_sim.foundation.terminal import complain, printable
+from rpud_sim.foundation.terminal import cell, complain, printable, table
 from rpud_sim.foundation.time import SECOND, split_seconds
 
 if TYPE_CHECKING:
@@ -102,10 +102,10 @@ def _recovery_lines(recovery: Recovery) -> Iterator[str]:
     yield f"recovered {recovery.message_count} messages to {printable(recovery.path)}"
     yield ""
     rows = [
-        (topic.name, topic.type, topic.recovered, topic.lost, topic.gaps)
+        (topic.name, topic.type, topic.recovered, topic.lost)
         for _, topic in sorted(recovery.topics.items())
     ]
-    yield from table(("topic", "type", "recovered", "lost", "gaps"), rows, left=2)
+    yield from table(("topic", "type", "recovered", "lost"), rows, left=2)
     yield ""
     for topic in recovery.topics.values():
         name, losses = printable(topic.name), topic.recording_losses

@@ -6,11 +6,11 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 from rpud_sim.cli.options import JSON, RUN, command
-from rpud_sim.cli.output import print_result, progress_bar, table
+from rpud_sim.cli.output import print_result, progress_bar
 from rpud_sim.cli.program import ExitCode
 from rpud_sim.foundation.options import SECONDS, option, positional
 from rpud_sim.foundation.quantities import Quantity
-from rpud_sim.foundation.terminal import complain, printable
+from rpud_sim.foundation.terminal import complain, printable, table
 
 if TYPE_CHECKING:
     from rpud_sim.inspection.compare import Comparison
@@ -57,7 +57,7 @@ _MOST_LINES = 40  # of a table of settings; the page and --json have all
         "run in a bag with several, from 1; give it once, or once for each bag",
         RUN,
         flag="--run",
-        append=True,
+        action="append",
     ),
     namespaces=option(
         (),

@@ -12,11 +12,10 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from rpud_sim.cli.options import AT_MOST_ONE, EXACTLY_ONE, PLACE, Fields, command
-from rpud_sim.cli.output import cell, table
 from rpud_sim.cli.program import CommandError, ExitCode
 from rpud_sim.foundation.options import POSITIVE_SECONDS, option, positional
 from rpud_sim.foundation.quantities import Quantity
-from rpud_sim.foundation.terminal import complain, printable
+from rpud_sim.foundation.terminal import cell, complain, printable, table
 
 if TYPE_CHECKING:
     from rpud_sim.ros.client import DrillClient
@@ -335,7 +334,7 @@ def _listen(listener: TopicListener, show: Callable[[Any], None], options: Any) 
                 if wanted is None:
                     break
                 limit = f"within {options.duration:g} s"
-                raise CommandError(f"{shown} of {wanted} messages on {listener.topic} {limit}")
+                raise CommandError(f"{shown} of {wanted} messages on {listener.name} {limit}")
             messages = listener.take(rest)
             for message in messages[: None if wanted is None else wanted - shown]:
                 show(message)
@@ -344,7 +343,7 @@ def _listen(listener: TopicListener, show: Callable[[Any], None], options: Any) 
                 sys.stdout.flush()
             if listener.lost > lost:
                 lost = listener.lost
-                complain("rpud echo", f"{lost} messages of {listener.topic} were lost")
+                complain("rpud echo", f"{lost} messages of {listener.name} were lost")
     return ExitCode.DONE
 
 

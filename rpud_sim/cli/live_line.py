@@ -25,11 +25,8 @@ _LOG_FORMAT = "RCUTILS_CONSOLE_OUTPUT_FORMAT"
 _ROS_LOG_FORMAT = "[{severity}] [{time}] [{name}]: {message}"
 _ERASE = "\r\x1b[K"
 
-# Parts of the live line that get shorter where the terminal is narrow, step by step in this order.
-_SHORTENED = (
-    *("reacting", "contact", "factor", "contact", "reacting", "late", "weight", "impacts"),
-    *("contact", "depth", "rotation", "feed", "faults", "faults", "dropped", "rotation", "feed"),
-)
+# Parts that a narrow terminal has no place for, the least important first.
+_LEFT_OUT = ("reacting", "factor", "late", "contact", "dropped", "rotation", "feed", "faults")
 
 
 class LiveLine:
@@ -94,18 +91,19 @@ def logging_above(live: bool, opening: AbstractContextManager[Opened]) -> Iterat
 def live_text(report: Report, width: int | None = None) -> str:
     """Return the live line of a report, at most as wide as a terminal of ``width`` columns.
 
-    Less important parts get shorter or are left out where the line is as long: a longer one would
-    wrap, and scroll.
+    Where it is as long, its parts are shorter, and less important ones are left out: it would wrap,
+    and scroll.
     """
     parts = _parts(report)
+    text = _joined(parts)
     if width is None:
-        return _joined(parts)
-    for name in _SHORTENED:
-        if len(_joined(parts)) < width:
-            break
-        if name in parts:
-            parts[name] = parts[name][1:] or parts[name]
-    return _joined(parts)[: max(0, width - 1)]
+        return text
+    for name in ("", *_LEFT_OUT):
+        if len(text) < width:
+            return text
+        parts.pop(name, None)
+        text = _joined(parts, -1)
+    return text[: max(0, width - 1)]
 
 
 def summary_text(
@@ -137,51 +135,44 @@ def summary_text(
 
 
 def _parts(report: Report) -> dict[str, tuple[str, ...]]:
-    """Return the parts of a live line, each from its longest form to its shortest."""
+    """Return the parts of a live line, some with a longer and a shorter form."""
     status, process = report.status, report.process
     kinds = [record.fault.kind for record in report.faults]
-    weight = _shown("weight_on_bit", status["weight_on_bit"])
     parts: dict[str, tuple[str, ...]] = {
         "time": (f"{report.time / 1e9:7.1f} s",),
         "state": (status["state"],),
-        "weight": (f"{weight} on bit", weight),
+        "weight": (f"{_shown('weight_on_bit', status['weight_on_bit'])} on bit",),
         "drive": ("" if status["drive_enabled"] else "drive off",),
         "lost": ("commands lost" if status["commands_lost"] else "",),
         **_motion(report.figures, kinds),
     }
     if mount := process.mount:
         feed = f"feed {_shown('feed', mount.feed)}"
-        parts["feed"] = (f"{feed}, {_shown('feed_rate', mount.rate)}", feed, "")
+        parts["feed"] = (f"{feed}, {_shown('feed_rate', mount.rate)}", feed)
     if rotor := process.rotation:
         rate = "stalled" if rotor.stalled else _shown("rotation_rate", rotor.rate)
-        parts["rotation"] = (f"{rate}, torque {_shown('torque', rotor.torque)}", rate, "")
+        parts["rotation"] = (f"{rate}, torque {_shown('torque', rotor.torque)}", rate)
     if math.isfinite(status["depth"]):
         depth = _shown("depth", status["depth"])
         parts["depth"] = (f"depth {depth}", depth)
     if hole := process.borehole:
         parts["layer"] = (f"in {printable(hole.layer)}" if hole.layer else "broken through",)
     if kinds:
-        count = "1 fault" if len(kinds) == 1 else f"{len(kinds)} faults"
         first = kinds[0] if len(kinds) == 1 else f"{kinds[0]} +{len(kinds) - 1}"
-        parts["faults"] = (f"faults: {', '.join(dict.fromkeys(kinds))}", first, count)
+        parts["faults"] = (f"faults: {', '.join(dict.fromkeys(kinds))}", first)
     if refused := status["commands_rejected"] + report.requests_refused:
         parts["refused"] = (f"{refused} refused",)
     if dropped := status["messages_dropped"]:
         parts["dropped"] = (f"{dropped} messages dropped", f"{dropped} dropped")
-    parts["late"] = (f"late {_shown('lateness', status['lateness_max'])}", "")
-    parts["factor"] = (f"x{status['real_time_factor']:.3f}", "")
+    parts["late"] = (f"late {_shown('lateness', status['lateness_max'])}",)
+    parts["factor"] = (f"x{status['real_time_factor']:.3f}",)
     return parts
 
 
 def _motion(figures: Figures, faults: Sequence[str]) -> dict[str, tuple[str, ...]]:
     """Return the rate of impacts, or why there are none, and the forces."""
-    rate, mean, most, reacting = (
-        figures[name]
-        for name in (
-            *("drill_tool_impact_rate", "contact_force_mean", "contact_force_max"),
-            "reacting_force_mean",
-        )
-    )
+    rate, mean = figures["drill_tool_impact_rate"], figures["contact_force_mean"]
+    most, reacting = figures["contact_force_max"], figures["reacting_force_mean"]
     none = "jammed" if "free_mass_jammed" in faults else "no impacts"
     number = _shown("impact_rate", rate, unit=False)
     parts: dict[str, tuple[str, ...]] = {
@@ -190,10 +181,10 @@ def _motion(figures: Figures, faults: Sequence[str]) -> dict[str, tuple[str, ...
     if mean is not None and most is not None:
         peak, greatest = _shown("peak_force", mean), _shown("peak_force", most)
         long = f"peak force {peak} mean {greatest} max"
-        parts["contact"] = (long, f"peak {peak}, max {greatest}", f"peak {peak}", "")
+        parts["contact"] = (long, f"peak {peak}, max {greatest}")
     if reacting is not None:
         load = _shown("reacting_force", reacting)
-        parts["reacting"] = (f"load on the mount {load}", f"load {load}", "")
+        parts["reacting"] = (f"load on the mount {load}", f"load {load}")
     return parts
 
 
@@ -201,5 +192,5 @@ def _shown(name: str, value: float | None, unit: bool = True) -> str:
     return QUANTITIES[name].text(value, unit=unit)
 
 
-def _joined(parts: dict[str, tuple[str, ...]]) -> str:
-    return "  ".join(texts[0] for texts in parts.values() if texts[0])
+def _joined(parts: dict[str, tuple[str, ...]], form: int = 0) -> str:
+    return "  ".join(texts[form] for texts in parts.values() if texts[form])

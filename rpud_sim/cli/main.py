@@ -114,7 +114,6 @@ def _run(parser: argparse.ArgumentParser, words: Sequence[str]) -> int:
 
 
 def main(words: Sequence[str] | None = None) -> None:
-    """Run the command and exit with its code."""
     words = sys.argv[1:] if words is None else words
     program = f"rpud {words[0]}" if words and words[0] in COMMANDS else "rpud"
     run_program(program, lambda: execute(words))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import dataclasses
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from types import MappingProxyType, SimpleNamespace
 from typing import Any, NamedTuple, NoReturn, TypeAlias, TypeVar
 
@@ -65,7 +66,6 @@ def command(
 
 
 def fields_of(kind: type[Any]) -> Fields:
-    """Return the declarations of a dataclass of options."""
     return {field.name: field for field in dataclasses.fields(kind)}
 
 
@@ -112,41 +112,7 @@ class Parser(argparse.ArgumentParser):
     """Parser whose errors are one line."""
 
     def error(self, message: str) -> NoReturn:
-        """Exit with 2."""
         self.exit(2, f"{self.prog}: {printable(message)}; see {self.prog} --help\n")
-
-
-class _Number(argparse.Action):
-    """Argument that is a number in a range; outside, a ParameterError names the option."""
-
-    def __init__(
-        self, *arguments: Any, quantity: Quantity, append: bool = False, **options: Any
-    ) -> None:
-        super().__init__(*arguments, **options)
-        self._quantity = quantity
-        self._append = append
-
-    def __call__(
-        self,
-        parser: argparse.ArgumentParser,
-        namespace: argparse.Namespace,
-        values: Any,
-        option_string: str | None = None,
-    ) -> None:
-        number = self._quantity.check(self.option_strings[-1], _parse_number(values))
-        if self._append:
-            number = [*(getattr(namespace, self.dest) or ()), number]
-        setattr(namespace, self.dest, number)
-
-
-def _parse_number(text: Any) -> Any:
-    """Return the number that a text says; the text itself where it says none."""
-    for kind in (int, float):  # integers first: a float would round a long seed
-        try:
-            return kind(text)
-        except ValueError:
-            pass
-    return text
 
 
 def add_options(parser: argparse.ArgumentParser, fields: Fields) -> None:
@@ -165,22 +131,47 @@ def add_options(parser: argparse.ArgumentParser, fields: Fields) -> None:
         if words.pop("positional", False):
             groups[group].add_argument(name, **words)
             continue
-        flag = words.pop("flag", f"--{name.replace('_', '-')}")
+        words.pop("flag", None)
         if isinstance(field.default, bool):
             words["action"] = "store_true"
         elif not words.get("required"):
             words["default"] = None if field.default == () else field.default
         if "quantity" in words:
-            unit = words["quantity"].unit
-            words = {"action": _Number, "metavar": _METAVARS.get(unit, unit.upper()), **words}
-        groups[group].add_argument(flag, dest=name, **words)
+            unit = words.pop("quantity").unit
+            words = {"metavar": _METAVARS.get(unit, unit.upper()), **words}
+        groups[group].add_argument(_flag(name, field), dest=name, **words)
+
+
+def _flag(name: str, field: Any) -> str:
+    return str(field.metadata.get("flag", f"--{name.replace('_', '-')}"))
 
 
 def options_from(arguments: argparse.Namespace, fields: Fields, kind: Callable[..., Any]) -> Any:
-    """Return the options of parsed arguments; one that is not given has its default."""
-    values = {name: field.default for name, field in fields.items()}
-    values.update((n, v) for n, v in vars(arguments).items() if n in fields and v is not None)
+    """Return the options of parsed arguments; one that is not given has its default.
+
+    A number outside its range is a ParameterError that names the option.
+    """
+    values = {}
+    for name, field in fields.items():
+        value = getattr(arguments, name, None)
+        quantity = field.metadata.get("quantity")
+        if value is None:
+            value = field.default
+        elif quantity and isinstance(value, list):
+            value = [quantity.check(_flag(name, field), _number(each)) for each in value]
+        elif quantity:
+            value = quantity.check(_flag(name, field), _number(value))
+        values[name] = value
     return kind(**values)
+
+
+def _number(value: Any) -> Any:
+    """Return the number that a text says; anything else as it is."""
+    if isinstance(value, str):
+        for kind in (int, float):  # integers first: a float would round a long seed
+            with suppress(ValueError):
+                return kind(value)
+    return value
 
 
 def split_ros_arguments(words: list[str]) -> tuple[list[str], list[str]]:

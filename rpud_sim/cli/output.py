@@ -1,4 +1,4 @@
-"""Output of commands: tables and JSON on standard output, progress on standard error.
+"""Output of commands: their results on standard output, progress on standard error.
 
 A terminal shows progress as one line that is rewritten. Where standard error is no terminal, such
 as a log, one line is written every ten seconds.
@@ -8,27 +8,12 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from typing import Any
 
-from rpud_sim.foundation.terminal import printable
-
 _DELAY = 2.0  # s, until a terminal shows a bar
 _LINE_PERIOD = 10.0  # s between two lines where there is no terminal
-
-
-def cell(value: Any, form: str = "", none: str = "-") -> str:
-    """Return a value of a table, in a format; a dash for None."""
-    return none if value is None else f"{value:{form}}"
-
-
-def table(head: Sequence[str], rows: Iterable[Sequence[Any]], left: int) -> list[str]:
-    """Return the lines of a table, aligned and printable, ``left`` columns to the left."""
-    cells = [[printable(cell(value)) for value in row] for row in (head, *rows)]
-    widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
-    forms = ["<" if number < left else ">" for number in range(len(widths))]
-    return ["  ".join(map("{:{}{}}".format, row, forms, widths)) for row in cells]
 
 
 def print_result(options: Any, content: Any, lines: Callable[[], Iterable[str]]) -> None:

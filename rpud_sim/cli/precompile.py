@@ -20,7 +20,6 @@ _PROGRAM = "python -m rpud_sim.cli.precompile"
 
 
 def main(words: Sequence[str] | None = None) -> None:
-    """Compile what is missing, and exit with a code."""
     parser = Parser(
         prog=_PROGRAM,
         description="Compile the model now, for the first start on this machine or on others. "

@@ -69,7 +69,6 @@ _READY = "recording\n"  # that the recorder prints when it records
     quiet=option(False, "no live line of rate and forces"),
 )
 def _run(options: Any) -> int:
-    """Drill until the duration is over or a signal stops it."""
     values = parameter_values(options)
     from rpud_sim.ros.drill.drill_node import open_drill
     from rpud_sim.ros.stopping import StopRequest
@@ -120,10 +119,9 @@ def _drill_and_record(
         (
             *(*RPUD, "record", "--out", record, "--namespace", node.get_namespace()),
             # `_missing` compares numbers of messages, which says more than an empty bag.
-            *("--max-loss", str(max_loss), "--allow-empty", "--until-eof", "--ready-fd", "1"),
+            *("--max-loss", str(max_loss), "--allow-empty", "--ready-fd", "1"),
         ),
         errors_apart=True,
-        until_eof=True,
     )
     if not recorder.first_line(_RECORDER_START, lambda: stop.requested):
         closed = _close_recorder(recorder)

@@ -10,11 +10,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rpud_sim.cli.options import AT_MOST_ONE, JSON, command
-from rpud_sim.cli.output import print_result, progress_bar, table
+from rpud_sim.cli.output import print_result, progress_bar
 from rpud_sim.cli.program import ExitCode
 from rpud_sim.foundation.options import option, positional, required
 from rpud_sim.foundation.quantities import Quantity
-from rpud_sim.foundation.terminal import printable
+from rpud_sim.foundation.terminal import printable, table
 
 if TYPE_CHECKING:
     from rpud_sim.studies.fit.fit import Fit
@@ -132,8 +132,8 @@ def _fit(options: Any, specification: FitSpecification) -> int:
     write_fit(fit, out, f"rpud fit {shlex.quote(options.targets)} --out DIR")
     took = f"{fit.simulations} runs, {fit.kept} kept, in {time.perf_counter() - started:.0f} s"
     content = {"out": str(out), **fit_content(fit), "run": fit.simulations, "kept": fit.kept}
-    said = [fit_text(fit), f"{took}: {printable(out)}/report.html"]
-    print_result(options, content, lambda: said)
+    took = f"{took}: {printable(out)}/report.html"
+    print_result(options, content, lambda: (*fit_lines(fit), took))
     return ExitCode.INCOMPLETE if fit.refusal else ExitCode.DONE
 
 
@@ -148,31 +148,20 @@ def _prove(options: Any, specification: FitSpecification) -> int:
     return ExitCode.DONE if proof["holds"] else ExitCode.FAILED
 
 
-def fit_text(fit: Fit) -> str:
-    """Return what a fit found, for a terminal."""
-    lines = []
+def fit_lines(fit: Fit) -> Iterator[str]:
+    from rpud_sim.studies.fit.fit_report import TARGET_HEADING, target_rows, unknown_table
+
     if fit.missed:
-        lines.append(f"not met: {fit.refusal}; there are no intervals")
-        lines += [item.miss for item in fit.missed]
-        lines.append("nearest point:")
+        yield f"not met: {fit.refusal}; there are no intervals"
+        yield from (item.miss for item in fit.missed)
     elif fit.refusal:
-        lines.append(f"no intervals: {fit.refusal}")
-    lines += [_unknown(fit, name) for name in fit.specification.unknowns]
-    lines += [f"{choices}: probability {share:.3f}" for choices, share in fit.choices]
-    lines += [f"ridge: {ridge}" for ridge in fit.ridges]
-    lines += map(str, fit.comparisons)
-    lines.append(f"misfit {fit.misfit_text}")
-    return "\n".join(lines)
-
-
-def _unknown(fit: Fit, name: str) -> str:
-    from rpud_sim.studies.sweep.specification import unit_of
-
-    if (interval := fit.intervals.get(name)) is None:
-        return f"{name:28} {fit.best[name]:.4g} {unit_of(name)}".rstrip()
-    best = f"{fit.best[name]:.{interval.digits}g}"
-    text = f"{name:28} {best:10} {interval} {unit_of(name)}".rstrip()
-    return text + "".join(f" ({remark})" for remark in interval.remarks)
+        yield f"no intervals: {fit.refusal}"
+    heading, unknowns = unknown_table(fit)
+    yield from table(heading, unknowns, left=len(heading))
+    yield from (f"{choices}: probability {share:.3f}" for choices, share in fit.choices)
+    yield from (f"ridge: {ridge}" for ridge in fit.ridges)
+    yield from table(TARGET_HEADING, target_rows(fit), left=1)
+    yield f"misfit {fit.misfit_text}"
 
 
 def _proof_lines(proof: dict[str, Any]) -> Iterator[str]:

@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rpud_sim.cli.options import command
-from rpud_sim.cli.output import cell, print_result, progress_bar, table
+from rpud_sim.cli.output import print_result, progress_bar
 from rpud_sim.cli.program import CommandError, ExitCode, failing
 from rpud_sim.foundation.options import option, positional
-from rpud_sim.foundation.terminal import complain, printable
+from rpud_sim.foundation.terminal import cell, complain, printable, table
 from rpud_sim.foundation.whole_folder import whole_file
 
 if TYPE_CHECKING:
@@ -63,7 +63,6 @@ def _run(options: Any) -> int:
 
 
 def _test_campaign(options: Any) -> int:
-    """Call pytest on a campaign; return the exit code."""
     for name in ("expect", "namespace", "json"):
         if getattr(options, name):
             raise CommandError(f"--{name} is for bags", ExitCode.USAGE)

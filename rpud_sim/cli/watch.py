@@ -55,12 +55,10 @@ _SEARCH_PERIOD = 0.05  # s
     until_eof=option(False, argparse.SUPPRESS),
 )
 def _run(options: Any) -> int:
-    """Serve until a signal."""
     return _watch_drills(options) if options.bag is None else _watch_bag(options, options.bag)
 
 
 def _watch_bag(options: Any, bag: str) -> ExitCode:
-    """Serve the page of a bag until a signal."""
     from rpud_sim.viewer.recorded_store import serve_bag
     from rpud_sim.viewer.server import Place
 
@@ -77,7 +75,6 @@ def _watch_bag(options: Any, bag: str) -> ExitCode:
 
 
 def _watch_drills(options: Any) -> ExitCode:
-    """Serve the pages of running drills until a signal."""
     from rpud_sim.viewer.live_store import serve_drills
     from rpud_sim.viewer.server import Place
 

@@ -38,7 +38,6 @@ class Disturbances:
     side_walk: float = 0.0  # at which the bit walks sideways at the start of a hole [m/s]
     worn_factor: float = 1.0  # on the area of the wear flats of the bit
     screw_torque: float = 0.0  # of rock in the flutes, along which the tool screws itself in [N m]
-    preload_factor: float = 1.0  # on the force of the load spring, 0 to 1
 
 
 UNDISTURBED = Disturbances()

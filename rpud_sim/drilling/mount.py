@@ -228,14 +228,13 @@ class Mount:
         interval: float,
         bottom: float,
         percussion: Percussion,
-        load_spring_rate: float,
+        spring_rate: float,
         disturbances: Disturbances,
     ) -> None:
         """Move for one step, to a hole whose bottom [m] is infinite if there is none.
 
         The arm moves under the hole and the feed of the step before; then both have moved.
         """
-        spring_rate = load_spring_rate * disturbances.preload_factor
         damping = percussion.load_damping
         # What the drill's own motion takes from the force of the load spring.
         push = self.preload - percussion.reacting_force

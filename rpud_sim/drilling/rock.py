@@ -166,16 +166,14 @@ def find_strata(choice: str) -> Strata:
         raise ParameterError(
             f"strata = {shown(choice)} is neither a file nor a rock; {did_you_mean(choice, ROCKS)}"
         )
-    return _strata_at(open_yaml(choice, where="{file}: line {line}: "))
+    return _strata_at(open_yaml(choice))
 
 
 def _strata_at(content: Cursor) -> Strata:
-    whole = cursor_at(content.value, content.source.file)  # errors without a line
     content.file_mapping("a file of strata")
     given = content.mapping(("layers", "bottom"))
-    entries = given.get("layers", whole.get("layers")).sequence("layer {number}")
-    layers = tuple(map(_layer_at, entries))
-    with whole.errors():
+    layers = tuple(map(_layer_at, content.get("layers").sequence()))
+    with content.errors():
         bottom = BOTTOM.check("bottom", given["bottom"].value) if "bottom" in given else math.inf
         return Strata(layers, bottom)
 

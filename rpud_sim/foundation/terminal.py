@@ -1,12 +1,13 @@
-"""Text on a terminal: errors in one line, and no name from outside that steers the terminal."""
+"""Text on a terminal: tables, errors in one line, and no name from outside that steers it."""
 
 from __future__ import annotations
 
 import os
 import re
 import sys
+from collections.abc import Iterable, Sequence
 from contextlib import suppress
-from typing import TextIO
+from typing import Any, TextIO
 
 # What moves a cursor, changes the direction of writing, or has no encoding.
 _STEERING = re.compile("[\x00-\x1f\x7f-\x9f\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
@@ -31,3 +32,16 @@ def complain(program: str, reason: object) -> None:
     """Print an error on standard error, as one line; the exit code tells it where nobody reads."""
     with suppress(BrokenPipeError):
         print(f"{program}: {printable(reason)}", file=sys.stderr)
+
+
+def cell(value: Any, form: str = "", none: str = "-") -> str:
+    """Return a value of a table, in a format; a dash for None."""
+    return none if value is None else f"{value:{form}}"
+
+
+def table(head: Sequence[str], rows: Iterable[Sequence[Any]], left: int) -> list[str]:
+    """Return the lines of a table, aligned and printable, ``left`` columns to the left."""
+    cells = [[printable(cell(value)) for value in row] for row in (head, *rows)]
+    widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
+    forms = ["<" if number < left else ">" for number in range(len(widths))]
+    return ["  ".join(map("{:{}{}}".format, row, forms, widths)).rstrip() for row in cells]

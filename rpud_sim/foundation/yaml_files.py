@@ -1,17 +1,17 @@
 """Reading of YAML from users: a value with its place, or an error in one line.
 
-A reader opens a file and asks the cursor for what it expects. Each error names file and place::
+A reader opens a file and asks the cursor for what it expects. Each error names file and line::
 
     top = open_yaml(path, truth_values=False, error=FaultError)
     keys = top.mapping(("seed", "faults"), needed=("faults",))
-    for entry in keys["faults"].sequence("entry {number}"):
-        with entry.errors():  # of code that knows no file: FILE: entry 3: ...
+    for entry in keys["faults"].sequence():
+        with entry.errors():  # of code that knows no file: FILE:3: ...
             Fault(**{key: each.value for key, each in entry.mapping(_KEYS).items()})
-    seed = top.get("seed", 0).check(SEED)  # FILE: seed = -1 is outside its range [0, 9]
-    raise keys["faults"].refusal("{name} = {shown} is empty")  # FILE: faults = [] is empty
+    seed = top.get("seed", 0).check(SEED)  # FILE:1: seed = -1 is outside its range [0, 9]
+    raise keys["faults"].refusal("{name} = {shown} is empty")  # FILE:2: faults = [] is empty
 
-``where="{file}:{line}: "`` names the line. With ``dotted`` errors begin with the path of the value,
-as in ``FILE: swept.free_mass.minimum: is missing``. ``cursor_at`` is for values without a file.
+Without lines, as of ``cursor_at``, errors name the path of the value instead, as in
+``FILE: swept.free_mass.minimum is missing``.
 """
 
 from __future__ import annotations
@@ -74,33 +74,36 @@ _LoaderWithoutTruthValues.yaml_implicit_resolvers = {
 _PYYAML_ERRORS = (ValueError, LookupError, AttributeError, TypeError, OverflowError, RecursionError)
 
 
-def parse_yaml(text: str, truth_values: bool = True) -> Any:
-    """Return the value of a text in YAML; without ``truth_values`` off is a word."""
+Place = tuple[str | int, ...]
+Lines = Mapping[Place, int]
+
+
+def _read_yaml(text: str, truth_values: bool) -> tuple[Any, Lines]:
+    """Return the value of a text, and the line of each key and entry, from 1 on."""
+    lines: dict[Place, int] = {}
+
+    def visit(node: Any, place: Place, line: int) -> None:
+        lines[place] = line
+        if isinstance(node, yaml.MappingNode):
+            for key, value in node.value:
+                visit(value, (*place, str(key.value)), key.start_mark.line + 1)
+        elif isinstance(node, yaml.SequenceNode):
+            for number, value in enumerate(node.value):
+                visit(value, (*place, number), value.start_mark.line + 1)
+
     try:
-        return yaml.load(text, _Loader if truth_values else _LoaderWithoutTruthValues)
+        loader = (_Loader if truth_values else _LoaderWithoutTruthValues)(text)
+        if (whole := loader.get_single_node()) is None:
+            return None, {(): 1}
+        visit(whole, (), whole.start_mark.line + 1)
+        return loader.construct_document(whole), lines
     except (yaml.YAMLError, *_PYYAML_ERRORS) as error:
         raise ParameterError(f"is not YAML: {' '.join(str(error).split())}") from None
 
 
-def yaml_lines(text: str) -> dict[tuple[str | int, ...], int]:
-    """Return the line of each key and entry, from 1 on, by the keys and numbers that lead there."""
-    found: dict[tuple[str | int, ...], int] = {}
-
-    def visit(node: Any, path: tuple[str | int, ...], line: int) -> None:
-        found[path] = line
-        if isinstance(node, yaml.MappingNode):
-            for key, value in node.value:
-                visit(value, (*path, str(key.value)), key.start_mark.line + 1)
-        elif isinstance(node, yaml.SequenceNode):
-            for number, value in enumerate(node.value):
-                visit(value, (*path, number), value.start_mark.line + 1)
-
-    if (whole := yaml.compose(text, _Loader)) is not None:
-        visit(whole, (), whole.start_mark.line + 1)
-    return found
-
-
-Place = tuple[str | int, ...]
+def parse_yaml(text: str, truth_values: bool = True) -> Any:
+    """Return the value of a text in YAML; without ``truth_values`` off is a word."""
+    return _read_yaml(text, truth_values)[0]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -108,20 +111,14 @@ class Source:
     """Origin of cursors, and the beginning of their errors."""
 
     file: str  # its name, or that of an option
-    text: str = ""  # of the file, for the lines of places
     error: type[ValueError] = ParameterError  # class of the errors
-    where: str = "{file}: "  # begins an error; may have the {line}
-    dotted: bool = False  # whether errors go on with the path of the value
+    lines: Lines = dataclasses.field(default_factory=dict)  # of places; empty if unknown
 
     def head(self, place: Place) -> str:
         """Return the beginning of an error about a place, or the nearest known one around it."""
-        line = 1
-        if "{line}" in self.where:
-            lines = yaml_lines(self.text)
-            while place and place not in lines:
-                place = place[:-1]
-            line = lines.get(place, 1)
-        return self.where.format(file=self.file, line=line)
+        while place and place not in self.lines:
+            place = place[:-1]
+        return f"{self.file}:{self.lines[place]}: " if self.lines else f"{self.file}: "
 
 
 @dataclasses.dataclass(frozen=True)
@@ -130,25 +127,26 @@ class Cursor:
 
     value: Any
     source: Source
-    name: str = ""  # its key, or with ``dotted`` the path to it
-    label: str = ""  # of the entry around it, begins errors: such as ``entry 3``
+    name: str = ""  # its key, or the path to it where lines are unknown
     place: Place = ()  # keys and numbers that lead to it
 
     @property
     def prefix(self) -> str:
-        """Beginning of an error: file, perhaps line, and label."""
-        return self.source.head(self.place) + (f"{self.label}: " if self.label else "")
+        """Beginning of an error: file, and line or path."""
+        path = self.name and not self.source.lines
+        return self.source.head(self.place) + (f"{self.name}: " if path else "")
 
     def refusal(self, text: str, known: Iterable[str] = ()) -> ValueError:
         """Return an error in one line; ``known`` are the names for {names} and {hint}."""
         known = tuple(known)
         words = {"name": self.name, "shown": shown(self.value), "names": ", ".join(known)}
         hint = did_you_mean(self.value, known) if known else ""
-        return self._error(text.format(**words, hint=hint))
+        unnamed = dataclasses.replace(self, name="") if text.startswith("{name}") else self
+        return unnamed._error(text.format(**words, hint=hint))
 
     @contextmanager
     def errors(self) -> Iterator[None]:
-        """Context that gives file and label to errors of code that knows neither."""
+        """Context that gives its place to errors of code that knows none."""
         try:
             yield
         except ParameterError as error:
@@ -186,36 +184,25 @@ class Cursor:
     def get(self, key: str, default: Any = None) -> Cursor:
         return self._at(key, self.value.get(key, default))
 
-    def sequence(
-        self, label: str = "", *, other: str = "{name} = {shown} is not a list"
-    ) -> list[Cursor]:
-        """Return the entries of a list, or refuse what is none by the text ``other``.
-
-        ``label`` is that of each entry, with its {number} from 1 on.
-        """
+    def sequence(self, *, other: str = "{name} = {shown} is not a list") -> list[Cursor]:
+        """Return the entries of a list, or refuse what is none by the text ``other``."""
         if not isinstance(self.value, list):
             raise self.refusal(other)
-        outer = f"{self.label}: " if self.label else ""
-        found = []
-        for index, value in enumerate(self.value):
-            name = f"{self.name}[{index}]"
-            own = name if self.source.dotted else self.label
-            if label:
-                own = outer + label.format(number=index + 1)
-            found.append(Cursor(value, self.source, name, own, (*self.place, index)))
-        return found
+        return [
+            Cursor(value, self.source, f"{self.name}[{index}]", (*self.place, index))
+            for index, value in enumerate(self.value)
+        ]
 
     def check(self, allowed: Allowed) -> Any:
         """Return the value as a quantity, choice, flag or text takes it."""
-        named = self.source.dotted and self.label == self.name
-        with dataclasses.replace(self, label="" if named else self.label).errors():
+        with dataclasses.replace(self, name="").errors():
             return allowed.check(self.name, self.value)
 
     def _at(self, key: Any, value: Any) -> Cursor:
-        name, label = shown_name(key), self.label
-        if self.source.dotted:
-            name = label = f"{self.name}.{name}" if self.name else name
-        return Cursor(value, self.source, name, label, (*self.place, str(key)))
+        name = shown_name(key)
+        if self.name and not self.source.lines:
+            name = f"{self.name}.{name}"
+        return Cursor(value, self.source, name, (*self.place, str(key)))
 
     def _error(self, text: str) -> ValueError:
         error = self.source.error(self.prefix + text)
@@ -228,10 +215,9 @@ def open_yaml(
     *,
     truth_values: bool = True,
     error: type[ValueError] = ParameterError,
-    where: str = "{file}: ",
-    dotted: bool = False,
+    lines: bool = True,
 ) -> Cursor:
-    """Return a cursor at the value of a file; options as of ``Source`` and ``parse_yaml``."""
+    """Return a cursor at the value of a file; without ``lines`` errors name paths."""
     try:
         with open(path, "rb") as file:
             content = file.read(MOST_BYTES + 1)
@@ -241,15 +227,14 @@ def open_yaml(
     if len(content) > MOST_BYTES:
         raise error(f"{path} is longer than the {MOST_BYTES} bytes that it may have")
     try:
-        text = content.decode("utf-8")
-        value = parse_yaml(text, truth_values)
+        value, found = _read_yaml(content.decode("utf-8"), truth_values)
     except UnicodeDecodeError as failure:
         raise error(f"{path} is not YAML: {failure}") from None
     except ParameterError as failure:
         raise error(f"{path} {failure}") from None
-    return Cursor(value, Source(str(path), text, error, where, dotted))
+    return Cursor(value, Source(str(path), error, found if lines else {}))
 
 
 def cursor_at(value: Any, name: str, error: type[ValueError] = ParameterError) -> Cursor:
     """Return a cursor at a value, with a name in place of a file's."""
-    return Cursor(value, Source(name, error=error))
+    return Cursor(value, Source(name, error))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import os
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from operator import itemgetter
 from typing import Any
@@ -16,14 +16,15 @@ from rpud_sim.foundation.time import SECOND
 from rpud_sim.inspection import InspectionError
 from rpud_sim.inspection.recorded_drill import RecordedDrill, find_run
 from rpud_sim.inspection.recorded_journal import Recorded
-from rpud_sim.simulation.configuration import PARAMETERS, Settings, to_configuration
+from rpud_sim.simulation.block import boundaries_until, boundary
+from rpud_sim.simulation.configuration import PARAMETERS, Settings, to_configuration, to_values
 from rpud_sim.simulation.faults import Fault, FaultError
 from rpud_sim.simulation.fields import Bookkeeping, header_fields
-from rpud_sim.simulation.journal import JournalEntry
-from rpud_sim.simulation.plans import Changes, apply_change, apply_parameters
-from rpud_sim.simulation.rerun import JournalError, Rerun, Resumed, Start, repeat_change, resume
+from rpud_sim.simulation.journal import Journal, JournalEntry
+from rpud_sim.simulation.plans import Agenda, Changes, apply_change, apply_parameters
+from rpud_sim.simulation.rerun import JournalError, Rerun, Start, repeat_change
 from rpud_sim.simulation.run import Run
-from rpud_sim.simulation.telemetry import Entry
+from rpud_sim.simulation.telemetry import Entry, Together
 from rpud_sim.simulation.topics import Fields
 
 # Parameters of a node that a live fork may have otherwise, for they change no bit.
@@ -36,7 +37,11 @@ class Fork:
 
     recorded: RecordedDrill  # the run of the bag
     time: int  # instant, in simulation time [ns]
-    resumed: Resumed  # the run in its state there
+    # in its state there, with a journal that goes on with the number after the recorded entries
+    run: Run
+    settings: Settings  # in force
+    # last message of the topic ``faults``, and entries of the journal for the stop at the instant
+    entries: tuple[Entry, ...]
     # messages of the journal up to there, with the times at which they were published
     history: tuple[tuple[int, Fields], ...]
     origin: Mapping[str, Any]  # the manifest's ``forked_from``
@@ -69,7 +74,7 @@ def open_fork(
     _check_instant(recorded, time)
     recorded.check_engine()
     try:
-        resumed = resume(recorded.necessary(time), time, stop=stop, report=report)
+        resumed = _resume(recorded.necessary(time), time, stop, report)
     except JournalError as error:
         raise InspectionError(f"{recorded.journal}: {error}") from error
     history = tuple((each.message.publish_time, _fields(each)) for each in recorded.history(time))
@@ -80,7 +85,50 @@ def open_fork(
         "journal": recorded.digest(time),
         "changes": _to_json(changes),
     }
-    return Fork(recorded, time, resumed, history, origin)
+    return Fork(recorded, time, *resumed, history, origin)
+
+
+def _resume(
+    entries: Sequence[JournalEntry], time: int, stop: bool, report: Callable[[float], object]
+) -> tuple[Run, Settings, tuple[Entry, ...]]:
+    """Run a journal again up to a simulation time of the last of its runs [ns].
+
+    ``entries`` are all up to there, at least one. With ``stop`` the run stops exactly there, which
+    its journal notes between two blocks; otherwise at the end of the last block before. ``report``
+    is called with the seconds that were simulated since its last call.
+    """
+    wanted: set[str] = set()
+    journal = Journal(states=False)  # the recorded ones are repeated
+    rerun = Rerun(journal, lambda topic: bool(wanted))
+    kept: dict[str, Entry] = {}  # the last of each topic
+    reached = 0
+
+    def hear(messages: Iterable[Entry | Together]) -> None:
+        nonlocal reached
+        for message in messages:
+            if not isinstance(message, Together):  # which has neither faults nor entries
+                kept[message[1]] = message
+            if rerun.time >= reached + SECOND:
+                report((rerun.time - reached) / SECOND)
+                reached = rerun.time
+
+    for entry in entries:
+        hear(rerun.repeat(entry))
+        reached = min(reached, rerun.time)  # a restored checkpoint, or the next run
+    run = rerun.run
+    if run is None:
+        raise JournalError("nothing has begun")
+    rate = run.beginning.settings.telemetry_rate
+    last = boundary(boundaries_until(time, rate), rate)
+    if last > run.time:
+        hear(run.advance_together(last))
+    journal.restart(entries[-1].sequence + 1)
+    kept.pop("journal", None)
+    if stop:
+        hear(run.advance_to(time))
+    wanted.add("all")
+    settings = run.beginning.settings.replace(to_values(run.simulation.configuration))
+    return run, settings, tuple(kept[name] for name in ("faults", "journal") if name in kept)
 
 
 def live_start(fork: Fork, changes: Changes) -> Start:
@@ -90,9 +138,9 @@ def live_start(fork: Fork, changes: Changes) -> Start:
     of faults and the rest of the scenario are part of the state. The fork must have stopped at its
     instant; its run is used up.
     """
-    run = fork.resumed.run
-    settings = begin_changes(run, fork.resumed.settings, changes)
-    entries = (*fork.resumed.entries, *run.changes())
+    run = fork.run
+    settings = begin_changes(run, fork.settings, changes)
+    entries = (*fork.entries, *run.changes())
     # The scenario is part of the state, and its file may be another one by now.
     of_node = {name: value for name, value in changes.parameters.items() if name in LIVE}
     fixed: dict[str, Any] = {"scenario": "", "autostart": True, **of_node}
@@ -106,7 +154,7 @@ def live_start(fork: Fork, changes: Changes) -> Start:
             *(fields for _, name, fields in entries if name == "journal"),
         ),
         tuple(
-            dataclasses.replace(planned, delay=fork.time + planned.delay)
+            planned._replace(delay=fork.time + planned.delay)
             for planned in changes.planned
             if planned.delay
         ),
@@ -168,7 +216,7 @@ class Continuation:
         self.warnings: list[str] = []  # refused changes, one line each
         self._fork = fork
         self._changes = changes
-        self._run = fork.resumed.run
+        self._run = fork.run
         # Without commands of its own the fork repeats what the watchdog did.
         self._watches = changes.replaces_commands
         self._cleared: dict[int, Fault] = {}  # by the number of the journal's entry
@@ -176,15 +224,15 @@ class Continuation:
     def begin(self) -> Iterator[Entry]:
         """Apply the changes at the instant, and yield their messages and a status."""
         if not self._changes.empty:
-            begin_changes(self._run, self._fork.resumed.settings, self._changes)
+            begin_changes(self._run, self._fork.settings, self._changes)
             yield from self._run.changes()
         yield self._run.status("running", Bookkeeping())
 
     def messages(self, report: Callable[[float], object]) -> Iterator[Entry]:
         run = self._run
-        events = deque(sorted(self._events(), key=itemgetter(0)))
+        events = Agenda(sorted(self._events(), key=itemgetter(0)))
         while True:
-            time = min(events[0][0] if events else self.end, self.end)
+            time = min(events.next, self.end)
             while run.time < time:
                 before = run.time
                 yield from run.advance_to(min(run.next_boundary, time))
@@ -193,12 +241,12 @@ class Continuation:
                     yield self._status()
                 if self._watches:
                     yield from self._watch()
-            if not events or events[0][0] > self.end:
+            if events.next > self.end:
                 break
             shown = self._shown()
-            while events and events[0][0] == time:
+            for happens in events.due(time):
                 try:
-                    yield from events.popleft()[1]() or ()
+                    yield from happens() or ()
                     yield from run.changes()
                 except ParameterError as error:  # a node would refuse it as well
                     self.warnings.append(f"refused at {time / SECOND:.9g} s: {error}")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import sys
-from collections import deque
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -23,7 +22,7 @@ from rpud_sim.inspection.fork import Continuation, Fork, open_fork
 from rpud_sim.inspection.recorded_journal import installed_codec
 from rpud_sim.simulation.fields import Bookkeeping
 from rpud_sim.simulation.journal import Journal
-from rpud_sim.simulation.plans import Changes, Planned, apply_change
+from rpud_sim.simulation.plans import Agenda, Changes, Planned, apply_change
 from rpud_sim.simulation.run import Beginning, Run
 from rpud_sim.simulation.telemetry import Columns, Entry, Together
 from rpud_sim.simulation.topics import TOPICS, DrillTopic, Fields, offered_topics
@@ -68,19 +67,18 @@ def write_offline_bag(
 def _messages(
     run: Run, end: int, report: Callable[[float], object], planned: Sequence[Planned]
 ) -> Iterator[Entry | Together]:
-    pending = deque(each for each in planned if each.delay < end)
+    agenda = Agenda(each for each in planned if each.delay < end)
     run.begin(0)
     yield from run.changes()
     yield run.status("running", Bookkeeping())
     while run.time < end:
         before = run.time
-        if pending and pending[0].delay == before:
-            while pending and pending[0].delay == before:
-                apply_change(run.control, pending.popleft().change)
+        if agenda.next == before:
+            for change in agenda.due(before):
+                apply_change(run.control, change)
             yield from run.changes()
             yield run.status("running", Bookkeeping())
-        until = pending[0].delay if pending else end
-        yield from run.advance_together(min((before // SECOND + 1) * SECOND, until, end))
+        yield from run.advance_together(min((before // SECOND + 1) * SECOND, agenda.next, end))
         report((run.time - before) / SECOND)
         if run.time % SECOND == 0:
             yield run.status("running", Bookkeeping())
@@ -183,9 +181,9 @@ def write_fork(
     fork = open_fork(path, at, changes, run=run, topic=topic, stop=not changes.empty, report=report)
     continuation = Continuation(fork, changes, duration)
     first = list(continuation.begin())
-    resumed, prefix = fork.resumed, fork.recorded.prefix
-    topics = offered_topics(resumed.run.beginning.settings.values())
-    values = {**resumed.settings.values(), "seed": resumed.run.beginning.seed}
+    prefix = fork.recorded.prefix
+    topics = offered_topics(fork.run.beginning.settings.values())
+    values = {**fork.settings.values(), "seed": fork.run.beginning.seed}
     zero, published = _clock(fork)
     instant = zero + fork.time
     count = 0  # of messages after those of the instant
@@ -198,10 +196,9 @@ def write_fork(
         # As a recorder that begins at the instant would get the latched topics.
         for (_, fields), publish_time in zip(fork.history, published, strict=True):
             write("journal", fields, instant, publish_time)
-        faults = (resumed.faults,) if resumed.faults else ()
-        for _, name, fields in (*faults, *resumed.entries, *first):
+        for _, name, fields in (*fork.entries, *first):
             write(name, fields, instant, instant)
-        between = resumed.run.time < fork.time
+        between = fork.run.time < fork.time
         for time, name, fields in continuation.messages(report):
             # Without those of the block in which the instant lies, before it.
             if not between or time > fork.time:
@@ -225,7 +222,7 @@ def _clock(fork: Fork) -> tuple[int, list[int]]:
     Publishing times show which run a message belongs to: with runs before, every entry is before
     all that follows.
     """
-    zero = max(0, fork.resumed.run.origin)
+    zero = max(0, fork.run.origin)
     count = len(fork.history) if fork.recorded.before else 0
     instant = max(zero + fork.time, count)
     return instant - fork.time, [

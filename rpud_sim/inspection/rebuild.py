@@ -6,8 +6,6 @@ import os
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import closing
 from dataclasses import asdict, dataclass
-from itertools import chain
-from typing import Any
 
 import numpy as np
 
@@ -43,6 +41,9 @@ _COLUMNS = (
     ),
 )
 
+
+# Number of the first row, number of rows, and columns; None where samples lack.
+_Rows = tuple[int, int, Mapping[str, np.ndarray] | None]
 
 # Rounding of the times of consecutive segments [s]; at a reset, time steps back further.
 _ROUNDING = 1e-6
@@ -87,48 +88,39 @@ def rebuild(
     with rpud_sim.bag.open(path) as bag:
         topic = _topic(bag, topics)
 
-        def pieces() -> Iterator[TrajectoryPiece]:
-            return trajectory_pieces(bag.messages({topic}), installed_codec(_TYPE), bag.path)
-
-        begin, end, origin, runs, size = _survey(pieces(), rate, run)
-        first = begin + round(start * rate)
-        if first >= end:
-            held = (end - begin) / rate
-            raise InspectionError(
-                f"--start = {start:g} s is not in the {held:g} s that the bag holds"
-            )
-        if duration is not None:
-            end = min(end, first + max(1, round(duration * rate)))
-        about: dict[str, Any] = {
-            "topic": topic,
-            "rate": rate,
-            "first": first,
-            "count": end - first,
-            "origin": origin,
-            "run": run,
-            "runs": runs,
-        }
-        metadata = {"rpud_sim": {"bag": str(bag.path), **about}}
+        messages = bag.messages({topic})
+        pieces = trajectory_pieces(messages, installed_codec(_TYPE), bag.path)
+        waveform = _Waveform(rate, run, start, duration)
+        about = {"bag": str(bag.path), "topic": topic, "rate": rate, "run": run}
         with new_folder(out) as folder:
-            file = make_table(file_format, folder / file_stem(topic), _COLUMNS, metadata)
+            stem = folder / file_stem(topic)
+            file = make_table(file_format, stem, _COLUMNS, {"rpud_sim": about})
             missing = 0
             with closing(file):
-                for place, count, values in _rows(_samples(pieces(), rate, run, end), first, end):
+                for place, count, values in waveform.rows(pieces):
                     none = dict.fromkeys(CHANNELS, np.full(0 if values else count, np.nan))
-                    file.write({"time": _stamps(place, count, rate, origin), **(values or none)})
+                    stamps = _stamps(place, count, rate, waveform.origin)
+                    file.write({"time": stamps, **(values or none)})
                     missing += 0 if values else count
                     report(count if values else 0)
+            waveform.check()
             rebuilt = Rebuilt(
                 path=os.fspath(out),
                 format=file_format,
+                topic=topic,
                 table=file.paths[0].relative_to(folder).parts[0],
+                rate=rate,
+                first=waveform.first,
+                count=waveform.end - waveform.first,
                 missing=missing,
-                trajectory_size=size,
+                origin=waveform.origin,
+                run=run,
+                runs=waveform.runs,
+                trajectory_size=waveform.size,
                 size=sum(each.stat().st_size for each in file.paths),
-                **about,
             )
             columns = {column.name: describe_column(column) for column in _COLUMNS}
-            write_account(folder, {"bag": str(bag.path), **asdict(rebuilt), "columns": columns})
+            write_account(folder, {**about, **asdict(rebuilt), "columns": columns})
     return rebuilt
 
 
@@ -145,41 +137,75 @@ def _topic(bag: BagReader, wanted: Collection[str] | None) -> str:
     return names[0]
 
 
-def _survey(
-    pieces: Iterable[TrajectoryPiece], rate: int, run: int
-) -> tuple[int, int, int, int, int]:
-    """Return first sample, end and first origin of a run, number of runs, and size of all."""
-    first = end = origin = runs = size = 0
-    for piece in pieces:
-        if piece.run == run:
-            if runs < run:
-                first, origin = first_sample(piece.segments[0], rate), piece.origin
-            end = end_sample(piece.segments[-1], rate)
-        runs = piece.run
-        size += piece.size
-    if not runs:
-        raise InspectionError("the trajectory holds no segments")
-    if not 1 <= run <= runs:
-        raise InspectionError(
-            f"--run = {run} is outside its range [1, {runs}]: resets begin new ones"
-        )
-    return first, end, origin, runs, size
+class _Waveform:
+    """Samples of one run of a trajectory, from ``start`` [s] for a duration [s]; None for all."""
+
+    def __init__(self, rate: int, run: int, start: float, duration: float | None) -> None:
+        self.first = 0  # number of the first sample
+        self.end = 0  # number after the last one
+        self.origin = 0  # stamp of simulation time zero [ns]
+        self.runs = 0  # number of runs so far
+        self.size = 0  # of their messages [bytes]
+        self._rate, self._run, self._start, self._duration = rate, run, start, duration
+        self._begin = 0  # number of the run's first sample
+        self._run_end = 0
+
+    def rows(self, pieces: Iterable[TrajectoryPiece]) -> Iterator[_Rows]:
+        """Yield number of the first row, number of rows and columns; None where samples lack."""
+        place: int | None = None  # of the next row
+        for number, samples in self._samples(pieces):
+            place = self.first if place is None else place
+            yield from _gap(place, min(number, self.end))
+            place = max(place, min(number, self.end))
+            last = min(number + len(samples.reacting_force), self.end)
+            if last > place:
+                part = slice(place - number, last - number)
+                yield place, last - place, {n: getattr(samples, n)[part] for n in CHANNELS}
+                place = last
+        yield from _gap(self.first if place is None else place, self.end)
+
+    def _samples(self, pieces: Iterable[TrajectoryPiece]) -> Iterator[tuple[int, Samples]]:
+        """Yield the samples of the run, each array with its first number."""
+        rebuilder = Rebuilder(self._rate)
+        for piece in pieces:
+            begun, self.runs = self.runs >= self._run, piece.run
+            self.size += piece.size
+            if piece.run != self._run:
+                continue
+            first = first_sample(piece.segments[0], self._rate)
+            if not begun:
+                self._begin, self.origin = first, piece.origin
+                self.first = first + round(self._start * self._rate)
+            self._run_end = end_sample(piece.segments[-1], self._rate)
+            self.end = self._run_end
+            if self._duration is not None:
+                longest = max(1, round(self._duration * self._rate))
+                self.end = min(self.end, self.first + longest)
+            if not piece.follows:
+                yield from rebuilder.finish()
+            if first < self.end:
+                yield from rebuilder.add(piece.segments)
+        yield from rebuilder.finish()
+
+    def check(self) -> None:
+        """Raise an InspectionError if there is no such part, once all is read."""
+        if not self.runs:
+            raise InspectionError("the trajectory holds no segments")
+        if not 1 <= self._run <= self.runs:
+            raise InspectionError(
+                f"--run = {self._run} is outside its range [1, {self.runs}]: resets begin new ones"
+            )
+        if self.first >= self._run_end:
+            held = (self._run_end - self._begin) / self._rate
+            raise InspectionError(
+                f"--start = {self._start:g} s is not in the {held:g} s that the bag holds"
+            )
 
 
-def _samples(
-    pieces: Iterable[TrajectoryPiece], rate: int, run: int, end: int
-) -> Iterator[tuple[int, Samples]]:
-    """Yield the samples of a run before sample ``end``, each array with its first number."""
-    rebuilder = Rebuilder(rate)
-    for piece in pieces:
-        if piece.run != run:
-            continue
-        if not piece.follows:
-            yield from rebuilder.finish()
-        if first_sample(piece.segments[0], rate) >= end:
-            break
-        yield from rebuilder.add(piece.segments)
-    yield from rebuilder.finish()
+def _gap(first: int, end: int) -> Iterator[_Rows]:
+    while (count := min(end, first + _MOST_SKIPPED) - first) > 0:
+        yield first, count, None
+        first += count
 
 
 @dataclass(frozen=True)
@@ -190,7 +216,8 @@ class TrajectoryPiece:
     follows: bool  # whether they follow those of the piece before without a gap
     origin: int  # stamp of simulation time zero [ns]
     segments: np.ndarray  # ``SEGMENT`` records; at least one
-    log_time: int  # of the message [ns]
+    stamp: int  # of the message [ns]
+    published: int  # when the message was sent [ns]
     size: int  # of the message [bytes]
 
 
@@ -214,25 +241,12 @@ def trajectory_pieces(
         origin = join_seconds(message.origin.sec, message.origin.nanosec)
         follows = message.sequence == following
         size = len(recorded.data)
-        yield TrajectoryPiece(run, follows, origin, segments, recorded.log_time, size)
+        stamp = join_seconds(message.header.stamp.sec, message.header.stamp.nanosec)
+        published = recorded.publish_time
+        yield TrajectoryPiece(run, follows, origin, segments, stamp, published, size)
         following = message.sequence + len(segments)
         last = segments[-1]
         end = int(last["start_seconds"]) + float(last["start_fraction"] + last["duration"])
-
-
-def _rows(
-    parts: Iterable[tuple[int, Samples]], first: int, end: int
-) -> Iterator[tuple[int, int, Mapping[str, np.ndarray] | None]]:
-    """Yield number of the first row, number of rows and columns; no columns where samples lack."""
-    for number, samples in chain(parts, ((end, None),)):
-        while (count := min(number, end, first + _MOST_SKIPPED) - first) > 0:
-            yield first, count, None
-            first += count
-        last = min(end, number + len(samples.reacting_force)) if samples else first
-        if samples and last > first:
-            part = slice(first - number, last - number)
-            yield first, last - first, {name: getattr(samples, name)[part] for name in CHANNELS}
-            first = last
 
 
 def _stamps(first: int, count: int, rate: int, origin: int) -> np.ndarray:

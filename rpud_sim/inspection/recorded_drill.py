@@ -9,8 +9,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
-import numpy as np
-
 from rpud_sim.bag import BagFormatError, BagReader, TopicSummary
 from rpud_sim.bag.manifest import MANIFEST_RECORD as MANIFEST
 from rpud_sim.bag.manifest import Manifest, manifest_from_record
@@ -29,6 +27,7 @@ from rpud_sim.inspection.recorded_journal import (
     recorded_progress,
     with_wrong_header,
 )
+from rpud_sim.inspection.run_clock import RunClock
 from rpud_sim.simulation.block import boundaries_until, boundary
 from rpud_sim.simulation.journal import JournalEntry
 from rpud_sim.simulation.topics import TOPICS
@@ -39,54 +38,13 @@ _LATEST = 2**62  # later than every time [ns]
 
 
 @dataclass(frozen=True)
-class Jump:
-    """Step of a clock that passed time does not explain, for example at a reset."""
-
-    time: int  # log or publishing time of the first message after it [ns]
-    step: int  # of the stamps, less the time that passed [ns]
-
-
-@dataclass(frozen=True)
-class Clock:
-    """Conversion of stamps to times since a beginning.
-
-    It converts any part of a bag, in any order, because it knows the jumps. ``times`` are log or
-    publishing times, as those of the jumps.
-    """
-
-    zero: int | None  # stamp at the beginning [ns]; None where log times are used
-    begin: int = 0  # log time of the beginning, for that case [ns]
-    jumps: tuple[Jump, ...] = ()  # in their order
-
-    def offset(self, time: int) -> int:
-        """Return the stamp at time zero, for messages of a time [ns]."""
-        if self.zero is None:
-            return self.begin
-        return self.zero + sum(jump.step for jump in self.jumps if jump.time <= time)
-
-    def elapsed(self, stamps: np.ndarray, times: np.ndarray) -> np.ndarray:
-        """Return times since the beginning [s], of stamps and times [ns]; all (n,)."""
-        if self.zero is None:
-            return (times - _number(self.begin)) / SECOND
-        steps = np.cumsum([0, *(jump.step for jump in self.jumps)], dtype=np.int64)
-        moments = np.array([jump.time for jump in self.jumps], np.int64)
-        passed = steps[np.searchsorted(moments, times, "right")]
-        return (stamps - _number(self.zero) - passed) / SECOND
-
-
-def _number(time: int) -> int | float:
-    """Return a time for calculations with int64: exact, unless it would not fit [ns]."""
-    return time if abs(time) < 2**62 else float(time)
-
-
-@dataclass(frozen=True)
 class RecordedDrill:
     """One run of one drill in a bag."""
 
     path: str
     journal: str  # name of the journal's topic, also where the bag holds none
     manifest: Manifest | None
-    clock: Clock  # of simulation time, by publishing times
+    clock: RunClock  # of simulation time
     number: int = 1  # of the run, from 1; a reset or a restored checkpoint begins the next one
     runs: int = 1  # number of runs of this drill in the bag
     before: tuple[Recorded, ...] = ()  # journal of the same start of the node before this run
@@ -264,17 +222,15 @@ def _journal(bag: BagReader, wanted: str | None) -> TopicSummary:
     return found[wanted or names]
 
 
-def _clock(entries: list[Recorded]) -> Clock:
+def _clock(entries: list[Recorded]) -> RunClock:
     """Return the clock of the origins in a journal."""
-    origins = [
-        (each.message.publish_time, int(each.entry.content["origin"]))
-        for each in entries
-        if each.entry.kind == "origin"
-    ] or [(0, 0)]
-    steps = zip(origins[1:], origins, strict=False)
-    return Clock(
-        origins[0][1], 0, tuple(Jump(time, zero - last) for (time, zero), (_, last) in steps)
-    )
+    clock: RunClock | None = None
+    for each in entries:
+        if each.entry.kind == "origin":
+            origin, time = int(each.entry.content["origin"]), each.entry.time
+            clock = clock or RunClock(origin)
+            clock.add("origin", origin + time, time, each.message.publish_time)
+    return clock or RunClock(0)
 
 
 def _up_to_its_end(extent: Extent, drill: RecordedDrill) -> RecordedDrill:
@@ -328,7 +284,7 @@ def find_drill(
     stamps = [
         int(found["stamp"].min()) for _, found in recorded_progress(bag, extent.codecs, 0, SECOND)
     ]
-    clock = Clock(min(stamps, default=bag.start_time))  # the origin is unknown
+    clock = RunClock(min(stamps, default=bag.start_time))  # the origin is unknown
     return RecordedDrill(os.fspath(bag.path), journal, manifest, clock, warnings=(reason,))
 
 

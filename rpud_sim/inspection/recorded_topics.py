@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Collection, Generator, Iterator
+from collections.abc import Callable, Generator, Iterator
+from functools import cached_property
 
 import numpy as np
 
@@ -15,26 +16,36 @@ _FEW = 2**16  # size of messages that are better given together [bytes]
 
 
 class RecordedTopics:
-    """Reader of several topics at once, so that each chunk is uncompressed once.
+    """Several readers of topics in one pass of a bag, so that each chunk is uncompressed once.
 
-    A topic that is too far behind or ahead of the others gets a reader of its own. So memory is
+    A reader that is too far behind or ahead of the others gets a pass of its own. So memory is
     bounded whatever the order of the messages.
     """
 
-    def __init__(self, bag: BagReader, topics: Collection[str]) -> None:
+    def __init__(self, bag: BagReader) -> None:
         self._bag = bag
-        # Of each topic without a reader of its own.
-        self._waiting: dict[str, deque[MessageBlock]] = {topic: deque() for topic in topics}
+        # Of each reader without a pass of its own, by its topic.
+        self._waiting: dict[str, list[deque[MessageBlock]]] = {}
         self._size = 0  # of waiting messages [bytes]
-        self._together = bag.blocks(topics)
+
+    @cached_property
+    def _together(self) -> Iterator[MessageBlock]:
+        return self._bag.blocks(set(self._waiting))
 
     def blocks(self, topic: str) -> Generator[MessageBlock, None, None]:
-        """Yield the messages of a topic in their order, at least one at once.
+        """Return the messages of a topic in their order, at least one at once, for one reader.
 
-        An iterator that is closed before its end lets no further messages wait.
+        Nothing is read before all readers have theirs. One that is closed before its end lets no
+        further messages wait.
         """
+        waiting: deque[MessageBlock] = deque()
+        self._waiting.setdefault(topic, []).append(waiting)
+        return self._blocks(topic, waiting)
+
+    def _blocks(
+        self, topic: str, waiting: deque[MessageBlock]
+    ) -> Generator[MessageBlock, None, None]:
         passed = 0  # messages so far
-        waiting = self._waiting[topic]
         try:
             while waiting or self._size <= _MOST_WAITING:
                 if waiting:
@@ -50,12 +61,15 @@ class RecordedTopics:
                     yield found
                 elif (block := next(self._together, None)) is None:
                     return
-                elif block.topic in self._waiting:
+                elif readers := self._waiting[block.topic]:
                     kept = block.packed()  # a few messages must not keep a whole chunk
-                    self._waiting[block.topic].append(kept)
-                    self._size += len(kept.data)
+                    for each in readers:
+                        each.append(kept)
+                        self._size += len(kept.data)
         finally:
-            self._size -= sum(len(block.data) for block in self._waiting.pop(topic))
+            self._size -= sum(len(block.data) for block in waiting)
+            readers = self._waiting[topic]
+            readers[:] = [each for each in readers if each is not waiting]
         for block in self._bag.blocks({topic}):
             rest = block.part(slice(min(passed, len(block)), None))
             passed -= len(block) - len(rest)

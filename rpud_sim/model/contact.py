@@ -5,7 +5,6 @@ From the impact on, free mass and drill tool are one body m_fmdt = m_fm + m_eff,
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from typing import NamedTuple
 
@@ -49,7 +48,7 @@ def common_velocity(mass_1, velocity_1, mass_2, velocity_2):
     return (mass_1 * velocity_1 + mass_2 * velocity_2) / (mass_1 + mass_2)
 
 
-class UndisturbedContact(NamedTuple):
+class Contact(NamedTuple):
     """Contact in the rock after an impact at t_j, which nothing disturbs."""
 
     displacement: float  # u'_dt(t_j) [m]
@@ -88,31 +87,23 @@ class UndisturbedContact(NamedTuple):
         return 2.0 * self.time_of_maximum
 
     @property
-    def greatest_force(self) -> float:
+    def peak_displacement(self) -> float:
+        """Displacement of the drill tool's upper side at the maximum [m]."""
+        return self.deformation(self.time_of_maximum)[0]
+
+    @property
+    def peak_force(self) -> float:
         """Contact force at its maximum [N], eqs. (30), (36) and (38)."""
         omega, _, along, across = self._swing
         pull: float = omega * omega * hypotenuse(along, across)
         return self.free_mass * (self.gravity + pull)
 
 
-@dataclasses.dataclass(frozen=True)
-class Contact:
-    """Result of one blow on the resting drill tool, by the energy balance."""
-
-    tool_mass: float  # m_eff,dt [kg]
-    tool_spring_rate: float  # k_eff,dt [N/m]
-    peak_force: float  # greatest contact force [N]
-    peak_displacement: float  # of the drill tool's upper side [m]
-    duration: float  # t_con of eq. (39) [s]
-
-
 def single_contact(parameters: Parameters, impact_velocity: float) -> Contact:
     """Return the contact after a blow on the resting drill tool; the velocity is in m/s."""
     tool, free_mass = effective_tool(parameters), parameters.free_mass
     velocity = free_mass * impact_velocity / (free_mass + tool.mass)  # eq. (21)
-    contact = UndisturbedContact(0.0, velocity, free_mass, tool, parameters.gravity)
-    peak_displacement, _ = contact.deformation(contact.time_of_maximum)
-    return Contact(*tool, contact.greatest_force, peak_displacement, contact.duration)
+    return Contact(0.0, velocity, free_mass, tool, parameters.gravity)
 
 
 @compiled

@@ -33,7 +33,6 @@ _STROKE = 1.4  # width of a line [pixels]
 _LINE = 18  # height of a line of text [pixels]
 _GAP = 8  # pixels between a plot and its text
 _MOST_TITLES = 400  # points of a cloud have no texts under the pointer: they are one path
-_DASHES = {"dashed": "6 4", "dotted": "2 3"}
 _FIGURE = Markup(
     '<figure class="plot"><figcaption><span class="plot-title">{}</span>{}</figcaption>{}</figure>'
 )
@@ -123,27 +122,16 @@ def _panel(plot: Plot, left: float, top: float, width: float, height: float) -> 
 
 def _draw(layer: Layer, x: Scale, y: Scale, plot: Plot) -> Iterator[Markup]:
     color = f"var(--{_color(layer)})"
-    width, height = max(x.begin, x.end), max(y.begin, y.end)
+    height = max(y.begin, y.end)
     if isinstance(layer, Line):
-        at = x(layer.x)
-        if layer.low is not None and layer.high is not None:
-            low, high = y(layer.low), y(layer.high)
-            for part in whole_parts(np.isfinite(low + high + at)):
-                around = np.concatenate([at[part], at[part][::-1]])
-                edge = np.concatenate([high[part], low[part][::-1]])
-                yield path(track(around, edge) + "Z", "none", fill=color, opacity=0.25)
-        yield path(track(at, y(layer.y), layer.steps), color, _STROKE)
+        yield path(track(x(layer.x), y(layer.y), layer.steps), color, _STROKE)
     elif isinstance(layer, Rule):
-        place = float((y if layer.across else x)(layer.value))
-        ends = (0.0, place, width, place) if layer.across else (place, 0.0, place, height)
-        dash = _DASHES.get(layer.dash, "none")
-        yield line("rule", ends, layer.text, stroke=color, stroke_dasharray=dash)
+        place = float(x(layer.value))
+        yield line("rule", (place, 0.0, place, height), stroke=color)
     elif isinstance(layer, Zone):
-        first, last = sorted((y if layer.across else x)([layer.low, layer.high]).tolist())
-        box = {"x": 0.0, "y": first, "width": width, "height": last - first}
-        if not layer.across:
-            box = {"x": first, "y": 0.0, "width": last - first, "height": height}
-        yield element("rect", (titled(layer.text),), **box, fill=color, opacity=0.16)
+        first, last = x([layer.low, layer.high]).tolist()
+        box = {"x": first, "y": 0.0, "width": last - first, "height": height}
+        yield element("rect", **box, fill=color, opacity=0.16)
     else:
         yield from _points(layer, x, y, plot, color)
 
@@ -223,17 +211,13 @@ def _shortened(text: str, room: float) -> str:
 # Elements of a picture; places are in pixels
 
 
-def whole_parts(known: np.ndarray) -> Iterator[slice]:
-    """Yield the parts of a series between its gaps."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], known, [False]]).astype(int)))
-    yield from (slice(*pair) for pair in edges.reshape(-1, 2))
-
-
 def track(x: np.ndarray, y: np.ndarray, steps: bool = False) -> str:
     """Return the way through points; NaN is a gap."""
     texts = []
-    for part in whole_parts(np.isfinite(x) & np.isfinite(y)):
-        points = list(zip(x[part].tolist(), y[part].tolist(), strict=True))
+    known = np.isfinite(x) & np.isfinite(y)
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], known, [False]]).astype(int)))
+    for first, end in edges.reshape(-1, 2).tolist():
+        points = list(zip(x[first:end].tolist(), y[first:end].tolist(), strict=True))
         texts.append(f"M{points[0][0]:.1f} {points[0][1]:.1f}")
         texts += [f"H{a:.1f}V{b:.1f}" if steps else f"L{a:.1f} {b:.1f}" for a, b in points[1:]]
     return "".join(texts)
@@ -245,12 +229,9 @@ def path(way: str, stroke: str, width: float = 0.0, **style: Any) -> Markup:
     return element("path", d=way, **found)
 
 
-def line(
-    name: str, ends: tuple[float, float, float, float], text: str = "", **style: Any
-) -> Markup:
-    """Return a straight line with a text under the pointer."""
+def line(name: str, ends: tuple[float, float, float, float], **style: Any) -> Markup:
     places = dict(zip(("x1", "y1", "x2", "y2"), ends, strict=True))
-    return element("line", (titled(text),), class_=name, **places, **style)
+    return element("line", (), class_=name, **places, **style)
 
 
 def text_at(text: str, x: float, y: float, anchor: str, name: str = "tick", **style: Any) -> Markup:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any, Literal, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -35,15 +35,13 @@ class Axis:
 
 @dataclass(frozen=True)
 class Line:
-    """Line through points, with a band around it if it has one."""
+    """Line through points."""
 
     name: str
     x: np.ndarray  # x, y: its points, shape (n,)
     y: np.ndarray
     steps: bool = False  # whether each value holds until the next one
     color: int | str = 0  # number of its colour, or the name of one in ``page.css``
-    low: np.ndarray | None = None  # low, high: ends of the band, such as extremes, shape (n,)
-    high: np.ndarray | None = None
 
 
 @dataclass(frozen=True)
@@ -65,26 +63,21 @@ class Points:
 
 @dataclass(frozen=True)
 class Rule:
-    """Straight line through the whole plot, such as a limit."""
+    """Upright line through the whole plot, such as a limit."""
 
     name: str  # in the legend; empty for none
-    value: float  # where it is
-    across: bool = True  # whether it is horizontal
+    value: float  # of x
     color: int | str = "text"  # number of its colour, or the name of one in ``page.css``
-    dash: Literal["solid", "dashed", "dotted"] = "dashed"  # of the line
-    text: str = ""  # under the pointer
 
 
 @dataclass(frozen=True)
 class Zone:
-    """Coloured range through the whole plot, such as a tolerance."""
+    """Coloured range of x through the whole plot, such as a tolerance."""
 
     name: str  # in the legend; empty for none
     low: float
     high: float
-    across: bool = True  # whether it lies between two values of y, not of x
     color: int | str = "muted"  # number of its colour, or the name of one in ``page.css``
-    text: str = ""  # under the pointer
 
 
 Layer: TypeAlias = Line | Points | Rule | Zone
@@ -185,14 +178,12 @@ def axis_ends(plot: Plot, side: str) -> tuple[float, float]:
 
 def _held(layer: Layer, side: str) -> Iterator[Any]:
     """Yield the values of a layer that an axis has to hold."""
-    if isinstance(layer, Rule | Zone):
-        if layer.across == (side == "y"):
-            yield from (layer.value,) if isinstance(layer, Rule) else (layer.low, layer.high)
-    else:
+    if isinstance(layer, Line | Points):
         yield getattr(layer, side)
-        across = isinstance(layer, Points) and layer.across
-        if across == (side == "x") and layer.low is not None:
+        if isinstance(layer, Points) and layer.across == (side == "x") and layer.low is not None:
             yield from (layer.low, layer.high)
+    elif side == "x":
+        yield from (layer.value,) if isinstance(layer, Rule) else (layer.low, layer.high)
 
 
 def _step(least: float) -> float:

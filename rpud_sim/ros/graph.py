@@ -1,24 +1,18 @@
-"""ROS graph: message types by name, requests that fit what publishers offer, names of nodes."""
+"""ROS graph: message types by name, names of nodes, and who has discovered whom."""
 
 from __future__ import annotations
 
 import importlib
 import re
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from contextlib import suppress
+from math import inf
 from typing import Any
 
 from rcl_interfaces.srv import GetParameters
 from rclpy.client import Client
 from rclpy.node import Node
-from rclpy.qos import (
-    DurabilityPolicy,
-    QoSCompatibility,
-    QoSProfile,
-    ReliabilityPolicy,
-    qos_check_compatible,
-)
 from rclpy.task import Future
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 from rclpy.type_support import check_for_type_support
@@ -28,11 +22,11 @@ from rpud_sim.bag.encoder import CODES, Members
 from rpud_sim.bag.encoder import Sequence as SequenceOf
 
 _TYPE_NAME = re.compile(r"([A-Za-z]\w*)/([a-z]+)/([A-Za-z]\w*)")
-_SEQUENCE = re.compile(r"sequence<([^,]+)>")
+_ARRAY = re.compile(r"sequence<(.+?)(?:, *\d+)?>|(.+)\[\d+\]")
 # Services of rosbag2 that need no fields.
 _TRIGGERS = ("pause", "resume", "toggle_paused", "play_next", "stop", "split_bagfile")
 _UNKNOWN = "_NODE_NAME_UNKNOWN_"  # as rcl calls it
-_REPETITION = 0.05  # of a request, whose response the other node may drop [s]
+_REPETITION = 0.05  # of a probe's request [s]
 
 
 class UnknownTypeError(Exception):
@@ -83,28 +77,33 @@ def members_of(message: Any) -> Members:
 def _member(described: str) -> Any:
     if described in CODES:
         return CODES[described]
-    sequence = _SEQUENCE.fullmatch(described)
-    if sequence is not None:
-        return SequenceOf(_member(sequence[1]))
-    return members_of(message_class(described.replace("/", "/msg/")))
+    if (element := element_of(described)) and described == f"sequence<{element}>":
+        return SequenceOf(_member(element))
+    return members_of(member_class(described))
 
 
-def request_for(offers: Sequence[QoSProfile], depth: int) -> QoSProfile:
-    """Return the strongest request that every offer satisfies, so that all of them connect."""
-    reliable = all(offer.reliability == ReliabilityPolicy.RELIABLE for offer in offers)
-    latched = all(offer.durability == DurabilityPolicy.TRANSIENT_LOCAL for offer in offers)
-    return QoSProfile(
-        depth=depth,
-        reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
-        durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
-    )
+def element_of(described: str) -> str:
+    """Return the type of the elements of a field of this type; empty if it is no array."""
+    match = _ARRAY.fullmatch(described)
+    return "" if match is None else match[1] or match[2]
 
 
-def is_satisfied(request: QoSProfile, offers: Sequence[QoSProfile]) -> bool:
-    """Return whether a request connects to every offer."""
-    return all(
-        qos_check_compatible(offer, request)[0] != QoSCompatibility.ERROR for offer in offers
-    )
+def member_class(described: str) -> Any:
+    """Import the class of a field of this type, such as ``std_msgs/String``."""
+    return message_class(described.replace("/", "/msg/"))
+
+
+def filled(message: Any, values: Mapping[str, Any]) -> Any:
+    """Set the message's fields, and those of the messages in it, and return it."""
+    for name, value in values.items():
+        if isinstance(value, dict):
+            filled(getattr(message, name), value)
+            continue
+        if isinstance(value, list) and value and isinstance(value[0], dict):
+            kind = member_class(element_of(message.get_fields_and_field_types()[name]))
+            value = [filled(kind(), each) for each in value]
+        setattr(message, name, value)
+    return message
 
 
 def node_name(endpoint: TopicEndpointInfo) -> str:
@@ -113,33 +112,56 @@ def node_name(endpoint: TopicEndpointInfo) -> str:
     return "" if name == _UNKNOWN else f"{endpoint.node_namespace.rstrip('/')}/{name}"
 
 
+class RepeatedRequest:
+    """Request that is sent again and again, as the other node may drop its response.
+
+    ``period`` is between two requests [s]; infinite for one that must act only once.
+    """
+
+    def __init__(self, client: Client, request: Any, period: float) -> None:
+        self._client = client
+        self._request = request
+        self._period = period
+        self._futures: list[Future] = []
+        self._sent = -inf
+
+    def answered(self) -> Future | None:
+        """Return a future with the response, None before it; to be called again until it is there.
+
+        The middleware may not call a service ready while it remembers an ended namesake.
+        """
+        for future in self._futures:
+            if future.done():
+                return future
+        now = time.monotonic()
+        if not self._futures or now - self._sent > self._period:
+            self._futures.append(self._client.call_async(self._request))
+            self._sent = now
+        return None
+
+    def close(self) -> None:
+        for future in self._futures:
+            self._client.remove_pending_request(future)
+
+
 class DiscoveryProbe:
     """Request to a node, by a client that is made after the subscriptions.
 
     Discovery announces the readers of a process in the order in which they were made. So a node
-    whose response has come knows all readers from before: it will not publish past them. ``name``
-    is the full name of the other node; the executor of ``node`` takes the responses.
+    whose response has come knows all readers from before: it will not publish past them. The
+    executor of ``node`` takes the responses. The request has no fields.
     """
 
-    def __init__(self, node: Node, name: str) -> None:
+    def __init__(self, node: Node, service: str, kind: Any = GetParameters) -> None:
         self._node = node
-        self._client: Client | None = node.create_client(GetParameters, f"{name}/get_parameters")
-        self._futures: list[Future] = []
-        self._sent = 0.0
+        self._client: Client | None = node.create_client(kind, service)
+        self._request = RepeatedRequest(self._client, kind.Request(), _REPETITION)
 
     def answered(self) -> bool:
         """Return whether the node has answered; to be called again until it has."""
-        if self._client is None:
-            return True
-        if any(future.done() for future in self._futures):
+        if self._client is not None and self._request.answered():
             self.close()
-            return True
-        # The middleware may not call the service ready while it remembers an ended namesake.
-        now = time.monotonic()
-        if now - self._sent > _REPETITION:
-            self._futures.append(self._client.call_async(GetParameters.Request()))
-            self._sent = now
-        return False
+        return self._client is None
 
     def close(self) -> None:
         if self._client is not None:

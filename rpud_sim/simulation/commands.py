@@ -118,11 +118,10 @@ class Control:
             return
         if isinstance(command, Drive):
             command = command.after(self._given.drive)
-        self.simulation.configuration.check(command)
+        self.simulation.apply(command)
         self._last = self.simulation.time
         given: dict[str, Any] = {COMMAND_NAMES[type(command)]: command}
         self._given = dataclasses.replace(self._given, **given)
-        self.simulation.apply(command)
 
     def act(self) -> bool:
         """Put the present share into force; return whether commands were lost or came back."""

@@ -9,8 +9,7 @@ from typing import Any
 
 from rpud_sim.drilling.borehole import BitParameters
 from rpud_sim.drilling.mount import MountParameters
-from rpud_sim.drilling.process import DrillingParameters
-from rpud_sim.drilling.rock import RockParameters, StrataParameters
+from rpud_sim.drilling.rock import RockParameters, Strata, StrataParameters, uniform_strata
 from rpud_sim.drilling.rotor import RotationParameters
 from rpud_sim.foundation.quantities import (
     Declaration,
@@ -67,10 +66,20 @@ class Configuration(ParameterGroup):
             )
 
     @property
-    def drilling(self) -> DrillingParameters:
-        return DrillingParameters(
-            self.rotation, self.mount, self.strata, self.bit, self.rock, self.parameters.tool_length
-        )
+    def layers(self) -> Strata | None:
+        """Strata in which a bit is stepped; None without rock, or with percussion in one rock.
+
+        A tool that rotates in the rock of the parameters ``rock_*`` is stepped as well.
+        """
+        if self.strata.found is not None:
+            return self.strata.found
+        if self.rotates and self.rock.rock_model != "none":
+            return uniform_strata(self.rock.rock_specific_energy)
+        return None
+
+    @property
+    def rotates(self) -> bool:
+        return self.rotation.rotation_model != "none"
 
     @property
     def nominal_drive(self) -> Drive:

@@ -7,7 +7,6 @@ import dataclasses
 import math
 import threading
 import time
-from collections import deque
 from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 
@@ -29,7 +28,7 @@ from rpud_sim.simulation.actuator import Actuator
 from rpud_sim.simulation.commands import WeightOnBit
 from rpud_sim.simulation.configuration import Configuration, whole_configuration
 from rpud_sim.simulation.energy_account import EnergyAccount, FeedAccount
-from rpud_sim.simulation.plans import Planned, Scenario, apply_change
+from rpud_sim.simulation.plans import Agenda, Planned, Scenario, apply_change
 from rpud_sim.simulation.plant import rpud_constants
 from rpud_sim.simulation.sampling import Times
 from rpud_sim.simulation.simulation import Simulation
@@ -52,7 +51,8 @@ def runs_by_itself(configuration: Configuration, scenario: Scenario | None = Non
     """
     actuator = configuration.actuator
     steady = not actuator.heating and actuator.generator != "tracking"
-    return steady and not configuration.drilling.active and not (scenario and scenario.faults)
+    alone = not (configuration.rotates or configuration.has_feed or configuration.layers)
+    return steady and alone and not (scenario and scenario.faults)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -314,7 +314,7 @@ def _run(
     report: Callable[[float], object],
 ) -> Member:
     """Run a member stretch by stretch: a long one, or one with changes or a depth."""
-    pending = deque(planned)
+    agenda = Agenda(planned)
     statistics = Statistics()
     try:
         for begin in range(0, end, _STRETCH):
@@ -322,10 +322,11 @@ def _run(
             if isinstance(run, EnsembleRuns):
                 run.advance_to(time, statistics)
             else:
-                while pending and pending[0].delay < time:
-                    if pending[0].delay > run.time:
-                        statistics.add(run.advance_to(pending[0].delay))
-                    apply_change(run, pending.popleft().change)
+                while agenda.next < time:
+                    if agenda.next > run.time:
+                        statistics.add(run.advance_to(agenda.next))
+                    for change in agenda.due(run.time):
+                        apply_change(run, change)
                 statistics.add(run.advance_to(time))
             report((time - begin) / SECOND)
     except EngineError as error:

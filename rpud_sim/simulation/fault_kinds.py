@@ -37,6 +37,7 @@ class FaultEffects(Disturbances):
     parameters: Parameters = dataclasses.field(default_factory=Parameters)
     pushing_rate: float = 0.0  # k_1 without a binding, with which the load spring pushes [N/m]
     jammed: bool = False  # whether the free mass is wedged to the drill tool
+    preload_factor: float = 1.0  # on the force of the load spring, 0 to 1
     progress_factor: float = 1.0  # on the progress into the rock by percussion alone, 0 to 1
     resonance_offset: float = 0.0  # of the actuator [Hz]
     lock_lost: bool = False  # whether a tracking generator does not track
@@ -121,8 +122,7 @@ def _tracking(magnitude: float, drill: Configuration) -> str:
 
 
 def _rotation(magnitude: float, drill: Configuration) -> str:
-    there = drill.rotation.rotation_model != "none"
-    return "" if there else "needs a rotation_model, which is none"
+    return "" if drill.rotates else "needs a rotation_model, which is none"
 
 
 def _feed(magnitude: float, drill: Configuration) -> str:
@@ -130,12 +130,12 @@ def _feed(magnitude: float, drill: Configuration) -> str:
 
 
 def _hole(magnitude: float, drill: Configuration) -> str:
-    there = drill.drilling.layers is not None
+    there = drill.layers is not None
     return "" if there else "needs strata, or a rotation_model with a rock_model"
 
 
 def _rock(magnitude: float, drill: Configuration) -> str:
-    there = drill.rock.rock_model != "none" or drill.drilling.layers is not None
+    there = drill.rock.rock_model != "none" or drill.layers is not None
     return "" if there else "needs a rock_model, which is none, or strata"
 
 
@@ -145,7 +145,7 @@ def _rock_while_drilling(magnitude: float, drill: Configuration) -> str:
 
 
 def _softer_rock(magnitude: float, drill: Configuration) -> str:
-    layers = drill.drilling.layers
+    layers = drill.layers
     softest = min(layer.strength for layer in layers.layers) if layers else 0.0
     if magnitude > softest:
         return ""
@@ -153,7 +153,7 @@ def _softer_rock(magnitude: float, drill: Configuration) -> str:
 
 
 def _wear(magnitude: float, drill: Configuration) -> str:
-    layers = drill.drilling.layers
+    layers = drill.layers
     blows_fail = layers is not None and any(each.threshold_energy for each in layers.layers)
     if blows_fail or not _rotation(magnitude, drill):
         return ""

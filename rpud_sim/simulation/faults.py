@@ -130,10 +130,16 @@ def supported_kinds(configuration: Configuration) -> tuple[str, ...]:
     return tuple(name for name, kind in KINDS.items() if supported(name, kind))
 
 
-def effects_of(faults: Iterable[Fault], parameters: Parameters) -> FaultEffects:
-    """Return the effects of any faults, at most one of a kind, on a drill."""
+def effects_of(
+    faults: Iterable[Fault], parameters: Parameters, hardness: float = 1.0
+) -> FaultEffects:
+    """Return the effects of any faults, at most one of a kind, on a drill.
+
+    ``hardness`` is a factor on the specific energy of the rock at time zero, without faults.
+    """
     given = {fault.kind: fault.magnitude for fault in faults}
-    healthy = FaultEffects(parameters=parameters, pushing_rate=parameters.load_spring_rate)
+    rate = parameters.load_spring_rate
+    healthy = FaultEffects(parameters=parameters, pushing_rate=rate, hardness=hardness)
     values = {**vars(parameters), **vars(healthy)}
     for name in reversed(KINDS):  # not in the order of injection: factors round otherwise
         for changed, effect in KINDS[name].effects.items() if name in given else ():

@@ -8,15 +8,16 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeVar
 
 import numpy as np
 
 from rpud_sim.foundation.quantities import ParameterError, Quantity, shown
-from rpud_sim.foundation.time import SECOND
+from rpud_sim.foundation.time import NEVER, SECOND
 from rpud_sim.foundation.yaml_files import Cursor, cursor_at, open_yaml
 from rpud_sim.simulation.commands import Command, Control, Drive, Feed, WeightOnBit
 from rpud_sim.simulation.configuration import (
@@ -40,6 +41,8 @@ DURATION = Quantity("s", "time for which it lasts", 1e-9, 1e6)
 _DRAWN = ("onset", "duration", "magnitude")
 _KEYS = ("kind", "channel", *_DRAWN)
 
+Item = TypeVar("Item")
+
 
 @dataclasses.dataclass(frozen=True)
 class ScheduledFault:
@@ -48,7 +51,7 @@ class ScheduledFault:
     onset: int  # simulation time at which it begins [ns]
     clear: int | None  # simulation time at which it ends, None if it does not end by itself [ns]
     fault: Fault  # that begins
-    # file and entry, with a colon; an error message begins with it
+    # file and line, with a colon; an error message begins with it
     place: str = dataclasses.field(default="", compare=False)
 
     @property
@@ -77,20 +80,21 @@ def scenario_of(settings: Settings, seed: int | None = None) -> Scenario | None:
 def read_scenario(path: str | Path, seed: int | None = None) -> Scenario:
     """Read a scenario file; a seed, zero or more, takes the place of the file's."""
     # Without truth values: in a scenario, off is a kind of fault.
-    return _scenario(open_yaml(path, truth_values=False, error=FaultError), seed)
+    return scenario_at(open_yaml(path, truth_values=False, error=FaultError), seed)
 
 
 def parse_scenario(content: Any, name: str, seed: int | None = None) -> Scenario:
-    return _scenario(cursor_at(content, name, FaultError), seed)
+    return scenario_at(cursor_at(content, name, FaultError), seed)
 
 
-def _scenario(top: Cursor, seed: int | None) -> Scenario:
+def scenario_at(top: Cursor, seed: int | None = None) -> Scenario:
+    """Return the scenario that a cursor is at the top of."""
     top.file_mapping("a scenario")
     top.mapping(("seed", "faults"))
     written = top.get("seed", 0).check(SEED)
     seed = written if seed is None else replace(top.get("seed"), value=seed).check(SEED)
     found = []
-    for number, entry in enumerate(top.get("faults").sequence("entry {number}"), 1):
+    for number, entry in enumerate(top.get("faults").sequence(), 1):
         with entry.errors():
             found.append((number, _scheduled(entry, number, seed)))
     found.sort(key=lambda item: item[1].onset)
@@ -174,8 +178,7 @@ class Injection:
 Change = WeightOnBit | DriveChange | Feed | Injection
 
 
-@dataclasses.dataclass(frozen=True)
-class Planned:
+class Planned(NamedTuple):
     """Change at a time."""
 
     delay: int  # from the instant of the fork [ns]
@@ -202,6 +205,23 @@ class Changes:
             _in_order((*self.planned, *other.planned)),
             self.replaces_commands or other.replaces_commands,
         )
+
+
+class Agenda(Generic[Item]):
+    """What is still to come, each at its simulation time [ns], in the order of these."""
+
+    def __init__(self, items: Iterable[tuple[int, Item]]) -> None:
+        self._items = deque(items)
+
+    @property
+    def next(self) -> int:
+        """Time of the next item; ``NEVER`` if nothing is left."""
+        return self._items[0][0] if self._items else NEVER
+
+    def due(self, time: int) -> Iterator[Item]:
+        """Take what comes up to a time, one after the other."""
+        while self.next <= time:
+            yield self._items.popleft()[1]
 
 
 def _in_order(planned: Iterable[Planned]) -> tuple[Planned, ...]:
@@ -236,7 +256,7 @@ def parse_injections(texts: Sequence[str]) -> Changes:
         if len(dict(keys)) < len(keys):
             raise ParameterError(f"--inject {shown(text)} gives a key twice")
         entries.append({"onset": 0.0, **dict(keys)})
-    return Changes(planned=_injections({"faults": entries}, "--inject"))
+    return Changes(planned=_injections(cursor_at({"faults": entries}, "--inject")))
 
 
 def read_commands(path: str | Path) -> Changes:
@@ -248,16 +268,17 @@ def read_commands(path: str | Path) -> Changes:
     entries = top.file_mapping("a scenario")
     content = {key: entry.value for key, entry in entries.items() if key != "commands"}
     if "commands" not in entries:
-        return Changes(planned=_injections(content, str(path)))
-    faults = Changes(planned=_injections({"faults": [], **content}, str(path)))
-    planned = parse_commands(entries["commands"].sequence("command {number}"))
+        return Changes(planned=_injections(top))
+    content = {"faults": [], **content}
+    faults = Changes(planned=_injections(dataclasses.replace(top, value=content)))
+    planned = parse_commands(entries["commands"])
     return Changes(planned=planned, replaces_commands=True) + faults
 
 
-def parse_commands(entries: Iterable[Cursor]) -> tuple[Planned, ...]:
+def parse_commands(listed: Cursor) -> tuple[Planned, ...]:
     """Return the commands of a list in YAML, in the order of their times."""
     planned: list[Planned] = []
-    for entry in entries:
+    for entry in listed.sequence():
         with entry.errors():
             planned += _commands(entry)
     return _in_order(planned)
@@ -277,10 +298,10 @@ def check_commands(planned: Sequence[Planned], configuration: Configuration) -> 
         drive = command if isinstance(command, Drive) else drive
 
 
-def _injections(content: Mapping[Any, Any], name: str) -> tuple[Planned, ...]:
+def _injections(top: Cursor) -> tuple[Planned, ...]:
     return tuple(
         Planned(scheduled.onset, Injection(scheduled.fault, scheduled.duration))
-        for scheduled in parse_scenario(content, name).faults
+        for scheduled in scenario_at(top).faults
     )
 
 

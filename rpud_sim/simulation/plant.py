@@ -6,8 +6,11 @@ import math
 
 import numpy as np
 
-from rpud_sim.drilling.process import Process, Surroundings
+from rpud_sim.drilling.borehole import Borehole
+from rpud_sim.drilling.mount import Mount
+from rpud_sim.drilling.process import Process
 from rpud_sim.drilling.rock import Progress
+from rpud_sim.drilling.rotor import Rotor
 from rpud_sim.foundation.time import NEVER, SECOND, split_fraction
 from rpud_sim.model.drill import DrillConstants, derive
 from rpud_sim.model.energy import RpudConstants, withdrawal_work
@@ -52,9 +55,8 @@ class Plant:
         # into the rock by percussion alone
         self.progress = Progress(configuration.rock, parameters.tool_length)
         self._effects = effects_of((), parameters)
-        self._hardness = 1.0
         # rotation, feed and borehole
-        self.process = Process(configuration.drilling, self._surroundings())
+        self.process = self._new_process(configuration)
         mount = self.process.mount
         if mount is not None:
             parameters = self._acting_parameters().replace(weight_on_bit=mount.weight_on_bit)
@@ -80,6 +82,17 @@ class Plant:
         # furthest time to advance to at once [ns]
         self.next_step = min(self.actuator.next_step, self.process.next_step)
         self._in_force = (self._drill, *self._commands())
+
+    def _new_process(self, drill: Configuration) -> Process:
+        length = drill.parameters.tool_length
+        rotor = mount = borehole = None
+        if drill.rotates:
+            rotor = Rotor(drill.rotation)
+        if drill.has_feed:
+            mount = Mount(drill.mount, self._pushing_rate(), self._bottom() < math.inf)
+        if (layers := drill.layers) is not None:
+            borehole = Borehole(drill.bit, layers, drill.rock, length)
+        return Process(rotor, mount, borehole)
 
     @property
     def reading(self) -> ActuatorReading:
@@ -120,16 +133,12 @@ class Plant:
         finished, struck = reached.T
         return finished + segments, struck + impacts
 
-    def change(self, effects: FaultEffects, hardness: float) -> None:
-        """Put effects of faults into force at the present time; positions and velocities go on.
-
-        ``hardness`` is a factor on the specific energy of the rock at time zero, without faults.
-        """
+    def change(self, effects: FaultEffects) -> None:
+        """Put effects of faults into force at the present time; positions and velocities go on."""
         self._set_aside()
         self.actuator.drift(effects.resonance_offset)
         self.actuator.lock(not effects.lock_lost)
         self._effects = effects
-        self._hardness = hardness
         self._drill = self._derived()
 
     def drain(self) -> tuple[np.ndarray, np.ndarray]:
@@ -172,7 +181,7 @@ class Plant:
         )
         mount = self.process.mount
         was_in_contact = mount is not None and mount.in_contact
-        self.process.step(percussion, self._surroundings(), self._effects)
+        self.process.step(percussion, self._effects, self._pushing_rate(), self._bottom())
         if self._load_spring and mount is not None:
             if mount.in_contact is not was_in_contact:
                 self._drill = self._derived()
@@ -208,15 +217,12 @@ class Plant:
         acting = self._effects
         return acting.pushing_rate * acting.preload_factor
 
-    def _surroundings(self) -> Surroundings:
-        parameters = self._effects.parameters
+    def _bottom(self) -> float:
+        """Depth at which the tool meets rock, by percussion alone [m]; infinite without rock."""
+        if self._effects.parameters.regime != "drilling":
+            return math.inf
         depth = self.progress.depth
-        return Surroundings(
-            self._effects.pushing_rate,
-            parameters.regime == "drilling",
-            depth if math.isfinite(depth) else 0.0,
-            self._hardness,
-        )
+        return depth if math.isfinite(depth) else 0.0
 
     def _acting_parameters(self) -> Parameters:
         """Parameters in force, free of the rock while the tool does not touch it."""
@@ -240,7 +246,7 @@ class Plant:
             self._percussion.add(impacts)
         if self._drill.in_rock:
             acting = self._effects
-            self.progress.add(impacts, self._hardness * acting.hardness, acting.progress_factor)
+            self.progress.add(impacts, acting.hardness, acting.progress_factor)
 
     def _weight_on_bit(self) -> float:
         if (mount := self.process.mount) is not None:

@@ -1,16 +1,15 @@
-"""Rerun of a journal: the same messages again, bit for bit; checkpoints, and a run resumed."""
+"""Rerun of a journal: the same messages again, bit for bit; checkpoints, and starts of forks."""
 
 from __future__ import annotations
 
 import dataclasses
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 from rpud_sim.foundation.quantities import ParameterError, did_you_mean, shown
-from rpud_sim.foundation.time import SECOND, split_fraction
+from rpud_sim.foundation.time import split_fraction
 from rpud_sim.model.engine import EngineError
-from rpud_sim.simulation.block import boundaries_until, boundary
 from rpud_sim.simulation.commands import Drive, Feed, WeightOnBit
 from rpud_sim.simulation.configuration import Settings, to_configuration, to_values
 from rpud_sim.simulation.faults import Fault
@@ -174,65 +173,6 @@ _CHANGES: Mapping[str, Callable[[Run, Mapping[str, Any]], object]] = {
     "state": lambda run, content: run.note_state(),
     "save": lambda run, content: run.note("save", **content),
 }
-
-
-@dataclasses.dataclass(frozen=True)
-class Resumed:
-    """Recorded run at an instant."""
-
-    run: Run  # with a journal that goes on with the number after the recorded entries
-    settings: Settings  # in force
-    faults: Entry | None  # the last message of the topic ``faults``
-    # of the journal that the resumption itself added: the stop at the instant
-    entries: tuple[Entry, ...]
-
-
-def resume(
-    entries: Sequence[JournalEntry],
-    time: int,
-    *,
-    stop: bool,
-    report: Callable[[float], object] = lambda seconds: None,
-) -> Resumed:
-    """Run a journal again up to a simulation time of the last of its runs [ns].
-
-    ``entries`` are all up to there, at least one. With ``stop`` the run stops exactly there, which
-    its journal notes between two blocks; otherwise at the end of the last block before. ``report``
-    is called with the seconds that were simulated since its last call.
-    """
-    wanted: set[str] = set()
-    journal = Journal(states=False)  # the recorded ones are repeated
-    rerun = Rerun(journal, lambda topic: bool(wanted))
-    faults: Entry | None = None
-    reached = 0
-
-    def hear(messages: Iterable[Entry | Together]) -> list[Entry]:
-        nonlocal faults, reached
-        heard = []
-        for message in messages:
-            if not isinstance(message, Together):  # which has neither faults nor entries
-                faults = message if message[1] == "faults" else faults
-                heard += [message] if message[1] == "journal" else []
-            if rerun.time >= reached + SECOND:
-                report((rerun.time - reached) / SECOND)
-                reached = rerun.time
-        return heard
-
-    for entry in entries:
-        hear(rerun.repeat(entry))
-        reached = min(reached, rerun.time)  # a restored checkpoint, or the next run
-    run = rerun.run
-    if run is None:
-        raise JournalError("nothing has begun")
-    rate = run.beginning.settings.telemetry_rate
-    last = boundary(boundaries_until(time, rate), rate)
-    if last > run.time:
-        hear(run.advance_together(last))
-    journal.restart(entries[-1].sequence + 1)
-    stops = hear(run.advance_to(time)) if stop else []
-    wanted.add("all")
-    settings = run.beginning.settings.replace(to_values(run.simulation.configuration))
-    return Resumed(run, settings, faults, tuple(stops))
 
 
 @dataclasses.dataclass(frozen=True)

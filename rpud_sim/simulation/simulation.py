@@ -283,9 +283,9 @@ class Simulation:
                 self._change_effects()
 
     def _change_effects(self) -> None:
-        configuration = self.configuration
         active = [record.fault for record in self.faults.active]
-        self._plant.change(
-            effects_of(active, configuration.parameters),
-            configuration.rock.rock_specific_energy / self._first_specific_energy,
-        )
+        hardness = 1.0
+        if self.configuration.strata.found is None:
+            energy = self.configuration.rock.rock_specific_energy
+            hardness = energy / self._first_specific_energy
+        self._plant.change(effects_of(active, self.parameters, hardness))

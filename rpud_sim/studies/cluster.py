@@ -16,8 +16,8 @@ from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.studies.workers import (
     IN_FLIGHT,
     LostError,
-    Numbered,
     Outcomes,
+    StudyChunk,
     WorkerError,
     keep_busy,
 )
@@ -27,7 +27,7 @@ CONNECT_TIMEOUT = 10.0  # s
 RESTART_TIMEOUT = 300.0
 _RETRY_PERIOD = 0.2  # between two attempts to reach the scheduler [s]
 
-_Chunk = TypeVar("_Chunk", bound=Numbered)
+_Chunk = TypeVar("_Chunk", bound=StudyChunk)
 _Outcome = TypeVar("_Outcome")
 
 
@@ -47,27 +47,15 @@ def run_on_cluster(
             f"--scheduler needs {error.name}: pip install 'rpud_sim[cluster]'"
         ) from None
     _check_reachable(address)
-    with _quiet_log():
-        while True:
-            try:
-                return (yield from _run_on_scheduler(work, chunks, address))
-            except (CancelledError, LostError) as error:  # cancelled before there was a chunk
-                chunks = itertools.chain(error.args, chunks)
-                _wait_for_scheduler(address)
-
-
-@contextlib.contextmanager
-def _quiet_log() -> Iterator[None]:
-    """Keep Dask from printing tracebacks of a lost connection, which is dealt with here."""
-    names = ("distributed", "distributed.client", "distributed.comm", "distributed.core")
-    levels = {name: logging.getLogger(name).level for name in names}
-    for name in names:
+    for name in ("distributed", *(f"distributed.{part}" for part in ("client", "comm", "core"))):
+        # It would print tracebacks of a lost connection, which is dealt with here.
         logging.getLogger(name).setLevel(logging.CRITICAL + 1)
-    try:
-        yield
-    finally:
-        for name, level in levels.items():
-            logging.getLogger(name).setLevel(level)
+    while True:
+        try:
+            return (yield from _run_on_scheduler(work, chunks, address))
+        except (CancelledError, LostError) as error:  # cancelled before there was a chunk
+            chunks = itertools.chain(error.args, chunks)
+            _wait_for_scheduler(address)
 
 
 def _run_on_scheduler(

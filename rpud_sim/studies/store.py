@@ -1,39 +1,82 @@
 """Store of a study that can be resumed: its folder, locked while it runs and never mixed up.
 
-A file appears when it is complete, so that a study can be killed at any time.
+A file appears when it is complete, so that a study can be killed at any time. The next call runs
+the chunks of work whose files are missing.
 """
 
 from __future__ import annotations
 
+import abc
 import contextlib
 import fcntl
 import json
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, Generic, TypeVar
 
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.foundation.whole_folder import UNFINISHED, whole_file
+from rpud_sim.studies.workers import StudyChunk, run_chunks
 
 MANIFEST = "manifest.json"
 _LONGEST_VALUE = 100  # characters in a message
 
+Report = Callable[[int], None]  # called with the number of runs that finished since its last call
+_Chunk = TypeVar("_Chunk", bound=StudyChunk)
+_Outcome = TypeVar("_Outcome")
+
 
 def write_whole(path: Path, content: str | bytes) -> None:
-    """Write a file that appears when it is complete."""
     with whole_file(path) as unfinished:
         unfinished.write_bytes(content.encode() if isinstance(content, str) else content)
 
 
-class StudyStore:
-    """Folder of a study, whose name is also that of its command."""
+class StudyStore(abc.ABC, Generic[_Chunk, _Outcome]):
+    """Folder of a study, named as its command, with the outcomes of its chunks."""
 
-    def __init__(self, path: Path, manifest: dict[str, Any], study: str) -> None:
+    def __init__(
+        self, path: Path, manifest: dict[str, Any], study: str, report: Report = lambda runs: None
+    ) -> None:
         self.path = path
         # All that its results depend on, as JSON reads it back.
         self.manifest = json.loads(json.dumps(manifest))
+        self.simulated = 0  # runs of this call
+        self.kept = 0  # runs of earlier calls
         self._study = study
+        self._report = report
+
+    @abc.abstractmethod
+    def has(self, chunk: _Chunk) -> bool:
+        """Whether the outcome of a chunk is there as a whole: a power loss may have torn it."""
+
+    @abc.abstractmethod
+    def add(self, chunk: _Chunk, outcome: _Outcome) -> None:
+        """Keep the outcome of a chunk."""
+
+    def finish(
+        self,
+        chunks: Iterable[_Chunk],
+        work: Callable[[_Chunk], _Outcome],
+        prepare: Callable[[], None],
+        workers: int,
+        scheduler: str | None = None,
+    ) -> None:
+        """Run the chunks that are missing, as ``run_chunks`` does; ``prepare`` comes before."""
+        missing = []
+        for chunk in chunks:
+            if self.has(chunk):
+                self.kept += chunk.count
+                self._report(chunk.count)
+            else:
+                missing.append(chunk)
+        if missing:
+            prepare()
+            with contextlib.closing(run_chunks(work, missing, workers, scheduler)) as outcomes:
+                for chunk, outcome in outcomes:
+                    self.add(chunk, outcome)
+                    self.simulated += chunk.count
+                    self._report(chunk.count)
 
     @contextlib.contextmanager
     def held(self) -> Iterator[None]:

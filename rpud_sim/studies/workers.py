@@ -46,15 +46,19 @@ class LostError(Exception):
     """The chunks in flight, its arguments, are lost with their workers."""
 
 
-class Numbered(Protocol):
-    """Chunk of work."""
+class StudyChunk(Protocol):
+    """Runs that one worker does at once."""
 
     @property
     def number(self) -> int:
         """Number of the chunk, for messages."""
 
+    @property
+    def count(self) -> int:
+        """Number of its runs."""
 
-_Chunk = TypeVar("_Chunk", bound=Numbered)
+
+_Chunk = TypeVar("_Chunk", bound=StudyChunk)
 _Outcome = TypeVar("_Outcome")
 Outcomes = Generator[tuple[_Chunk, _Outcome], None, None]
 

@@ -91,7 +91,7 @@ class Campaign(NamedTuple):
 def read_campaign(path: str | Path) -> Campaign:
     """Return the campaign of a file; relative paths in it begin at its folder."""
     # Without truth values: off is a kind of fault.
-    top = open_yaml(path, truth_values=False, where="{file}:{line}: ")
+    top = open_yaml(path, truth_values=False)
     top = dataclasses.replace(top, name="the file")
     _entries(top, _KEYS, ("system", "duration", "scenarios", "expectations"))
     folder = Path(path).parent.absolute()
@@ -124,7 +124,6 @@ def _list(cursor: Cursor) -> list[Cursor]:
 
 
 def _line(cursor: Cursor) -> str:
-    """Return a text of one line."""
     if not (isinstance(cursor.value, str) and cursor.value.strip() and cursor.value.isprintable()):
         raise cursor.refusal("{name} = {shown} is not a text of one line")
     return cursor.value

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -10,15 +9,14 @@ from urllib.parse import quote
 
 from markupsafe import Markup
 
-from rpud_sim.foundation.terminal import printable
+from rpud_sim.foundation.terminal import printable, table
 from rpud_sim.pages.frame import render_page
-from rpud_sim.testing.campaign_file import Campaign, CampaignRun, read_campaign
+from rpud_sim.testing.campaign_file import Campaign, read_campaign
 from rpud_sim.testing.campaign_runs import (
     COMPLETED,
     ENDINGS,
     SYSTEM,
-    RunOutcome,
-    outcome_from_dict,
+    FlownRun,
 )
 from rpud_sim.verdicts import Verdict
 from rpud_sim.verdicts.verdict import FAILED, OUTCOMES, PASSED, UNDECIDED
@@ -51,22 +49,6 @@ run ends before.</p>
 _MOST_FAILURES = 100  # in full: the table of runs has all
 
 
-class FlownRun(NamedTuple):
-    """Run of a campaign with its outcome."""
-
-    run: CampaignRun
-    outcome: RunOutcome
-    wall_time: float = 0.0  # that it took [s]
-    bag: str = ""  # path of its bag, relative to the page; empty for none
-    report: str = ""  # path of its report page, likewise
-
-    @property
-    def links(self) -> Markup:
-        files = {"report": self.report, "bag": self.bag}
-        link = Markup('<a href="{}">{}</a> ')
-        return Markup("").join(link.format(quote(p), name) for name, p in files.items() if p)
-
-
 class MatrixCell(NamedTuple):
     """Verdicts on one requirement in some runs."""
 
@@ -83,17 +65,31 @@ class MatrixCell(NamedTuple):
         return f"{self.outcome}{margin}{reaction}"
 
 
-class CampaignResults(NamedTuple):
-    """Results of those runs of a campaign that were flown."""
+class CampaignResults:
+    """Results of those runs of a campaign that were flown, in the order of the campaign."""
 
-    campaign: Campaign
-    runs: tuple[FlownRun, ...]  # in the order of the campaign
-    scenarios: Mapping[str, tuple[str, ...]]  # faults by name
-    # Names of the expectations of each requirement: the system under test itself, then those of the
-    # campaign; an expectation without a requirement is one.
-    requirements: Mapping[str, Sequence[str]]
-    # by requirement and scenario, the empty name for all runs; none where it has no verdict
-    cells: Mapping[tuple[str, str], MatrixCell]
+    def __init__(self, campaign: Campaign, runs: Sequence[FlownRun]) -> None:
+        self.campaign = campaign
+        self.runs = tuple(runs)
+        self.scenarios = {flown.run.scenario: flown.run.faults for flown in runs}
+        # Names of the expectations of each requirement: the system under test itself, then those of
+        # the campaign; an expectation without a requirement is one.
+        self.requirements = {SYSTEM: [SYSTEM], **{name: [] for name in campaign.requirements}}
+        for each in campaign.expectations:
+            self.requirements.setdefault(each.requirement or each.name, []).append(each.name)
+        # By requirement and scenario, the empty name for all; none where it has no verdict.
+        self.cells: dict[tuple[str, str], MatrixCell] = {}
+        for name, expectations in self.requirements.items():
+            for scenario in ("", *self.scenarios):
+                found = [
+                    (verdict, flown)
+                    for flown in runs
+                    if scenario in ("", flown.run.scenario)
+                    for verdict in flown.verdicts
+                    if verdict.name in expectations
+                ]
+                if found:
+                    self.cells[name, scenario] = _cell(found)
 
     @property
     def outcomes(self) -> dict[str, str]:
@@ -103,7 +99,6 @@ class CampaignResults(NamedTuple):
 
     @property
     def counts(self) -> dict[str, int]:
-        """Number of requirements by outcome."""
         return {each: [*self.outcomes.values()].count(each) for each in OUTCOMES}
 
     @property
@@ -119,33 +114,19 @@ class CampaignResults(NamedTuple):
 
     def lines(self) -> list[str]:
         """Return the matrix of requirements by scenarios as lines of a table."""
-        rows = [["requirement", "verdict", *self.scenarios]]
-        for name, outcome in self.outcomes.items():
-            cells = [str(self.cells.get((name, each), "-")) for each in self.scenarios]
-            rows.append([name, outcome, *cells])
-        widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-        lines = ["  ".join(map(str.ljust, row, widths)).rstrip() for row in rows]
-        return [*lines, "", f"requirements: {self.sums}"]
+        head = ("requirement", "verdict", *self.scenarios)
+        rows = [
+            (name, outcome, *(self.cells.get((name, each)) for each in self.scenarios))
+            for name, outcome in self.outcomes.items()
+        ]
+        return [*table(head, rows, left=len(head)), "", f"requirements: {self.sums}"]
 
     def to_dict(self) -> dict[str, Any]:
         return {
             "campaign": self.campaign.name,
             "counts": self.counts,
             "requirements": self.outcomes,
-            "runs": [
-                {
-                    "run": flown.run.name,
-                    "scenario": flown.run.scenario,
-                    "faults": list(flown.run.faults),
-                    "parameters": dict(flown.run.parameters),
-                    "seed": flown.run.setup.seed,
-                    "wall_time": flown.wall_time,
-                    "bag": flown.bag,
-                    "report": flown.report,
-                    **dataclasses.asdict(flown.outcome),
-                }
-                for flown in self.runs
-            ],
+            "runs": [flown.to_dict() for flown in self.runs],
         }
 
 
@@ -158,31 +139,12 @@ def results_from_reports(
     runs = []
     for run in campaign.runs:
         if report := found.get(run.name):
+            ended = report["ending"], report["reached"], report["text"]
+            verdicts = tuple(Verdict(**each) for each in report["verdicts"])
             files = [report.get(name, "") for name in ("rpud_bag", "rpud_report")]
             relative = [each and Path(each).relative_to(place).as_posix() for each in files]
-            runs.append(FlownRun(run, outcome_from_dict(report), report["wall_time"], *relative))
-    return results_of(campaign, runs)
-
-
-def results_of(campaign: Campaign, runs: Sequence[FlownRun]) -> CampaignResults:
-    requirements: dict[str, list[str]] = {SYSTEM: [SYSTEM]}
-    requirements.update((name, []) for name in campaign.requirements)
-    for each in campaign.expectations:
-        requirements.setdefault(each.requirement or each.name, []).append(each.name)
-    scenarios = {flown.run.scenario: flown.run.faults for flown in runs}
-    cells = {}
-    for name, expectations in requirements.items():
-        for scenario in ("", *scenarios):
-            found = [
-                (verdict, flown)
-                for flown in runs
-                if scenario in ("", flown.run.scenario)
-                for verdict in flown.outcome.verdicts
-                if verdict.name in expectations
-            ]
-            if found:
-                cells[name, scenario] = _cell(found)
-    return CampaignResults(campaign, tuple(runs), scenarios, requirements, cells)
+            runs.append(FlownRun(run, *ended, verdicts, report["wall_time"], *relative))
+    return CampaignResults(campaign, runs)
 
 
 def _cell(found: Sequence[tuple[Verdict, FlownRun]]) -> MatrixCell:
@@ -217,13 +179,12 @@ def campaign_page(results: CampaignResults) -> str:
         matrix.append([_below(name, text), *map(_field, cells)])
     runs = []
     for number, flown in enumerate(results.runs, 1):
-        outcome = flown.outcome
-        ending = outcome.ending if outcome.ending == COMPLETED else ENDINGS[outcome.ending]
-        judged = {each.name: str(_cell([(each, flown)])) for each in outcome.verdicts}
-        times = f"{outcome.reached:.3f}", f"{flown.wall_time:.2f}"
+        ending = flown.ending if flown.ending == COMPLETED else ENDINGS[flown.ending]
+        judged = {each.name: str(_cell([(each, flown)])) for each in flown.verdicts}
+        times = f"{flown.reached:.3f}", f"{flown.wall_time:.2f}"
         row = [judged.get(name, "-") for name in names]
-        runs.append([number, flown.run.name, ending, *times, *row, flown.links])
-    failed = [flown for flown in results.runs if flown.outcome.failures]
+        runs.append([number, flown.run.name, ending, *times, *row, _links(flown)])
+    failed = [flown for flown in results.runs if flown.failures]
     return render_page(
         _BODY,
         campaign.name,
@@ -231,7 +192,7 @@ def campaign_page(results: CampaignResults) -> str:
         counts=results.sums,
         matrix=matrix,
         failures=[
-            (flown.run.name, flown.links, "\n".join(flown.outcome.failures).splitlines())
+            (flown.run.name, _links(flown), "\n".join(flown.failures).splitlines())
             for flown in failed[:_MOST_FAILURES]
         ],
         heading=["number", "run", "ending", "simulated [s]", "real [s]", *names, "artefacts"],
@@ -248,5 +209,11 @@ def _field(cell: MatrixCell | None) -> Markup:
         return Markup("<b>no verdict</b>")
     rest = cell.text if cell.outcome == UNDECIDED else str(cell).removeprefix(cell.outcome)
     return Markup('<b class="{0}">{0}</b> {1}<br>{2}').format(
-        cell.outcome, printable(rest), cell.worst.links
+        cell.outcome, printable(rest), _links(cell.worst)
     )
+
+
+def _links(flown: FlownRun) -> Markup:
+    files = {"report": flown.report, "bag": flown.bag}
+    link = Markup('<a href="{}">{}</a> ')
+    return Markup("").join(link.format(quote(p), name) for name, p in files.items() if p)

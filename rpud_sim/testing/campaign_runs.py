@@ -1,12 +1,12 @@
-"""Flight of one run of a campaign beside the system under test, and its outcome."""
+"""Flight of one run of a campaign beside the system under test, and what came of it."""
 
 from __future__ import annotations
 
 import dataclasses
 import math
 import time
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 from rpud_sim.testing.campaign_file import CampaignRun, CampaignSystem
 from rpud_sim.testing.drill import Drill
@@ -27,14 +27,17 @@ ENDINGS = {
 SYSTEM = "system under test"
 
 
-@dataclasses.dataclass(frozen=True)
-class RunOutcome:
-    """Ending of a run, and the verdicts on it."""
+class FlownRun(NamedTuple):
+    """Run of a campaign, how it ended, and the verdicts on it."""
 
+    run: CampaignRun
     ending: str  # one of ``ENDINGS``
     reached: float  # simulation time at its end [s]
     text: str  # why it ended early, with the last lines of output; empty if it is completed
     verdicts: tuple[Verdict, ...]  # on the system under test, and on each expectation
+    wall_time: float = 0.0  # that it took [s]
+    bag: str = ""  # path of its bag, relative to the campaign's page; empty for none
+    report: str = ""  # path of its report page, likewise
 
     @property
     def failures(self) -> list[str]:
@@ -45,25 +48,31 @@ class RunOutcome:
             if verdict.outcome == FAILED
         ]
 
+    def to_dict(self) -> dict[str, Any]:
+        return {
+            "run": self.run.name,
+            "scenario": self.run.scenario,
+            "faults": list(self.run.faults),
+            "parameters": dict(self.run.parameters),
+            "seed": self.run.setup.seed,
+            **{name: getattr(self, name) for name in self._fields[1:]},
+            "verdicts": [dataclasses.asdict(verdict) for verdict in self.verdicts],
+        }
 
-def outcome_from_dict(content: Mapping[str, Any]) -> RunOutcome:
-    verdicts = tuple(Verdict(**each) for each in content["verdicts"])
-    return RunOutcome(content["ending"], content["reached"], content["text"], verdicts)
 
-
-def outcome_of(
-    ending: str, reached: float, text: str, verdicts: Sequence[Verdict] = ()
-) -> RunOutcome:
-    """Return an outcome with the verdict on the system under test itself."""
+def flown_run(
+    run: CampaignRun, ending: str, reached: float, text: str, verdicts: Sequence[Verdict] = ()
+) -> FlownRun:
+    """Return a run with the verdict on the system under test itself."""
     outcome = {COMPLETED: PASSED, BROKEN: UNDECIDED}.get(ending, FAILED)
     reason = text.partition("\n")[0] or ENDINGS[ending]
     system = Verdict(SYSTEM, "", outcome, at=reached, text=reason)
-    return RunOutcome(ending, reached, text, (system, *verdicts))
+    return FlownRun(run, ending, reached, text, (system, *verdicts))
 
 
 def fly(
     drill: Drill, run: CampaignRun, system: CampaignSystem, expectations: Sequence[Expectation]
-) -> RunOutcome:
+) -> FlownRun:
     """Step the drill through a run beside the system under test, and judge what was published."""
     topics = {topic for each in expectations for topic in each.topics}
     ending, text = COMPLETED, ""
@@ -74,14 +83,14 @@ def fly(
         if not drill.alive:
             raise DrillError(f"the drill has ended; its last lines:\n{drill.output}") from error
         if _missing(drill, topics):  # it ended before there was something to judge
-            return outcome_of(ending, drill.time, text)
+            return flown_run(run, ending, drill.time, text)
     try:
         verdicts = drill.expect(*expectations)
     except ExpectationFailedError as failed:
         verdicts = failed.verdicts
     if ending != COMPLETED:
         verdicts = tuple(_cut_short(each, drill.time) for each in verdicts)
-    return outcome_of(ending, drill.time, text, verdicts)
+    return flown_run(run, ending, drill.time, text, verdicts)
 
 
 def _step_through(drill: Drill, duration: float, system: CampaignSystem, topics: set[str]) -> None:

@@ -5,7 +5,6 @@ pytest loads this module in every run, so it imports nothing heavy before it fin
 
 from __future__ import annotations
 
-import dataclasses
 import json
 import re
 from collections.abc import Generator, Iterator
@@ -23,7 +22,7 @@ from rpud_sim.testing.item_drills import give_back_drills, take_drill
 if TYPE_CHECKING:
     from rpud_sim.testing.campaign_file import Campaign, CampaignRun
     from rpud_sim.testing.campaign_results import CampaignResults
-    from rpud_sim.testing.campaign_runs import RunOutcome
+    from rpud_sim.testing.campaign_runs import FlownRun
 
 NAME = "rpud_campaigns"  # of the plugin, by which its results are found
 # Keys that together only campaigns have.
@@ -55,20 +54,20 @@ class CampaignItem(pytest.Item):
     def __init__(self, run: CampaignRun, campaign: Campaign, **options: Any) -> None:
         super().__init__(**options)
         self._run, self._campaign = run, campaign
-        self.rpud_outcome: RunOutcome | None = None
+        self.rpud_flown: FlownRun | None = None
 
     def runtest(self) -> None:
         """Fly the run; a failed verdict fails the test, an undecided one another run may decide."""
-        from rpud_sim.testing.campaign_runs import BROKEN, fly, outcome_of
+        from rpud_sim.testing.campaign_runs import BROKEN, flown_run, fly
 
         system = self._campaign.system
         try:
             drill = take_drill(self, self._run.setup, system.folder)
-            self.rpud_outcome = fly(drill, self._run, system, self._campaign.expectations)
+            self.rpud_flown = fly(drill, self._run, system, self._campaign.expectations)
         except (DrillError, LostMessagesError, ParameterError) as error:
-            self.rpud_outcome = outcome_of(BROKEN, 0.0, str(error))
+            self.rpud_flown = flown_run(self._run, BROKEN, 0.0, str(error))
             raise
-        if failures := self.rpud_outcome.failures:
+        if failures := self.rpud_flown.failures:
             raise RunFailedError("\n".join(failures))
 
     def teardown(self) -> None:
@@ -110,9 +109,9 @@ class CampaignSession:
     ) -> Generator[None, Any, None]:
         """Add the outcome of a run to its report, which may go to another process."""
         result = yield
-        outcome = getattr(item, "rpud_outcome", None)
-        if call.when == "call" and outcome is not None:
-            run = {"file": str(item.path), "name": item.name, **dataclasses.asdict(outcome)}
+        flown = getattr(item, "rpud_flown", None)
+        if call.when == "call" and flown is not None:
+            run = {"file": str(item.path), "name": item.name, **flown.to_dict()}
             result.get_result().rpud_run = run
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:

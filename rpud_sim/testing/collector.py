@@ -15,11 +15,13 @@ from rclpy.serialization import deserialize_message
 from rpud_msgs.srv import GetDelivery
 from sensor_msgs.msg import JointState
 
+from rpud_sim.bag.losses import SequenceGaps
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.ros.client import DrillClient
-from rpud_sim.ros.client.topic_listener import listening_qos, types_of_topic
+from rpud_sim.ros.client.topic_listener import types_of_topic
 from rpud_sim.ros.drill.commands import joints_to_feed
 from rpud_sim.ros.graph import message_class
+from rpud_sim.ros.subscriptions import FollowedTopic, request_for, taken
 from rpud_sim.simulation.topics import ALL_COMMAND_TOPICS, TOPICS
 from rpud_sim.testing.errors import is_verdict
 
@@ -34,7 +36,7 @@ _LONGEST_WAIT = 0.05  # between looks at processes, whose end sends no signal [s
 __tracebackhide__ = is_verdict
 
 
-class HeardTopic:
+class HeardTopic(FollowedTopic):
     """Messages of a topic in order, decoded when they are asked for.
 
     ``numbered`` says whether one publisher alone numbers the messages, so that a gap is a loss.
@@ -50,13 +52,10 @@ class HeardTopic:
         numbered: bool = False,
         changes: bool = False,
     ) -> None:
-        self.name = name
-        self.kind = kind
-        self.latched = qos.durability == DurabilityPolicy.TRANSIENT_LOCAL
+        super().__init__(node, name, kind, qos.depth, qos)
         self.number: int | None = None  # of the latest message, by its publisher
-        self.lost = 0
+        self.gaps = SequenceGaps(lambda: 1)  # counted where ``numbered``
         self.commands = 0  # that the drill counts, if this is a topic of commands
-        self._node = node
         self._numbered = numbered
         self._changes = changes
         self.payloads: list[bytes] = []
@@ -64,22 +63,24 @@ class HeardTopic:
         self._messages: list[Any] = []
         fields = tuple(kind.get_fields_and_field_types().values())
         self.stamped = bool(fields) and fields[0] in _STAMPED
-        self.subscription = node.create_subscription(kind, name, _ignore, qos, raw=True)
 
     def __len__(self) -> int:
         return len(self.payloads)
 
     def take(self, time: int) -> None:
         """Take what has arrived, unstamped at the time [ns]."""
-        handle = self.subscription.handle
-        with handle:
-            while taken := handle.take_message(self.kind, True):
-                payload, info = taken
-                self._count(info["publication_sequence_number"])
-                self.commands += self.kind is not JointState or _commands_feed(payload)
-                if not self._repeats(payload):
-                    self.payloads.append(payload)
-                    self.stamps.append(self._stamp(payload, time))
+        for payload, info in taken(self.subscription):
+            self.note(info["publication_sequence_number"])
+            self.commands += self.kind is not JointState or _commands_feed(payload)
+            if not self._repeats(payload):
+                self.payloads.append(payload)
+                self.stamps.append(self._stamp(payload, time))
+
+    def note(self, number: int | None) -> None:
+        """Note the number of the latest message, by its publisher."""
+        self.number = number
+        if self._numbered:
+            self.gaps.note(number)
 
     def messages(self) -> list[Any]:
         for payload in self.payloads[len(self._messages) :]:
@@ -96,18 +97,7 @@ class HeardTopic:
 
     def forget(self, until: int) -> None:
         del self.payloads[:until], self.stamps[:until], self._messages[:until]
-        self.commands = self.lost = 0
-
-    def close(self) -> None:
-        """Unsubscribe."""
-        self._node.destroy_subscription(self.subscription)
-
-    def _count(self, number: int | None) -> None:
-        if number is None:
-            return
-        if self._numbered and self.number is not None and number > self.number + 1:
-            self.lost += number - self.number - 1
-        self.number = number
+        self.commands = self.gaps.missing = 0
 
     def _repeats(self, payload: bytes) -> bool:
         return (
@@ -131,10 +121,6 @@ def _commands_feed(payload: bytes) -> bool:
         return joints_to_feed(deserialize_message(payload, JointState)) is not None
     except Exception:  # it is refused, which counts too
         return True
-
-
-def _ignore(payload: bytes) -> None:
-    """Do nothing: messages are taken without an executor."""
 
 
 class Collector:
@@ -182,14 +168,14 @@ class Collector:
         absolute = self.resolve(name)
         if absolute in self.topics:
             return self.topics[absolute]
-        offers = [each.qos_profile for each in self.node.get_publishers_info_by_topic(absolute)]
         own = TOPICS.get(name)
         if not kind:
             types = types_of_topic(self.node, absolute)
             if not types:
                 return None
             kind = types[0]
-        qos = listening_qos(offers) if own is None else _qos_of(own.latched)
+        offers = [each.qos_profile for each in self.node.get_publishers_info_by_topic(absolute)]
+        qos = request_for(offers, _DEPTH) if own is None else _qos_of(own.latched)
         topic = HeardTopic(
             self.node,
             absolute,

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Concatenate, ParamSpec, TypeVar
 
 from rpud_sim.foundation.quantities import ParameterError, Quantity, did_you_mean, shown_name
 from rpud_sim.foundation.time import SECOND
@@ -26,8 +27,23 @@ _SECONDS = Quantity("s", "a simulation time", 1e-9, 1e6)
 _REAL_SECONDS = Quantity("s", "a time limit", 0.0, 1e6, exclusive=True)
 _COUNT = Quantity("", "a number of messages", 1, 1e6, whole=True)
 
-Value = TypeVar("Value")
+_Words = ParamSpec("_Words")
+_Value = TypeVar("_Value")
 __tracebackhide__ = is_verdict
+
+
+def _noted(
+    command: Callable[Concatenate[DrillClient, _Words], _Value],
+) -> Callable[Concatenate[Drill, _Words], _Value]:
+    """Return a command of the client as one of a test's drill, which writes it down."""
+
+    @functools.wraps(command)
+    def act(drill: Drill, /, *given: _Words.args, **named: _Words.kwargs) -> _Value:
+        words = [*map(str, given), *(f"{name}={value}" for name, value in named.items())]
+        drill._note(" ".join([command.__name__, *words]))
+        return drill._act(lambda: command(drill.client, *given, **named))
+
+    return act
 
 
 class Drill(Lockstep):
@@ -168,52 +184,19 @@ class Drill(Lockstep):
         self.seed = self.seed if seed is None else seed
         self._verdicts.reset()
 
-    # Commands.
+    # Commands, as of ``DrillClient``.
 
-    def press(self, force: float) -> None:
-        """Command a weight on bit [N]; see ``DrillClient.press``."""
-        self._noted(f"press {force!r} N", lambda: self.client.press(force))
-
-    def drive(
-        self, enabled: bool = True, voltage: float | None = None, frequency: float | None = None
-    ) -> None:
-        """Command the drive; see ``DrillClient.drive``."""
-        self._noted(
-            f"drive {enabled} voltage={voltage} frequency={frequency}",
-            lambda: self.client.drive(enabled, voltage, frequency),
-        )
-
-    def feed(self, rate: float | None = None, position: float | None = None) -> None:
-        """Command the feed of a drill on an arm; see ``DrillClient.feed``."""
-        self._noted(
-            f"feed rate={rate} position={position}", lambda: self.client.feed(rate, position)
-        )
-
-    def engage(self, on: bool = True) -> None:
-        """Put the drill tool into the rock, or take it out."""
-        self._noted(f"engage {on}", lambda: self.client.engage(on))
-
-    def inject(
-        self,
-        kind: str,
-        channel: str = "",
-        magnitude: float | None = None,
-        duration: float | None = None,
-    ) -> int:
-        """Inject a fault and return its number; see ``DrillClient.inject``."""
-        return self._noted(
-            f"inject {kind} channel={channel!r} magnitude={magnitude} duration={duration}",
-            lambda: self.client.inject(kind, channel, magnitude, duration),
-        )
-
-    def clear(self, which: int | str = "all") -> list[int]:
-        """End active faults and return their numbers; see ``DrillClient.clear``."""
-        return self._noted(f"clear {which}", lambda: self.client.clear(which))
+    press = _noted(DrillClient.press)
+    drive = _noted(DrillClient.drive)
+    feed = _noted(DrillClient.feed)
+    engage = _noted(DrillClient.engage)
+    inject = _noted(DrillClient.inject)
+    clear = _noted(DrillClient.clear)
 
     def set_parameters(self, **values: Any) -> None:
         """Set parameters of the drill; the next test has those of its start again."""
-        text = " ".join(f"{name}={value}" for name, value in values.items())
-        self._noted(f"set {text}", lambda: self.client.set_parameters(**values))
+        self._note(f"set {' '.join(f'{name}={value}' for name, value in values.items())}")
+        self._act(lambda: self.client.set_parameters(**values))
 
     # What was published.
 
@@ -232,7 +215,7 @@ class Drill(Lockstep):
         if topic in TOPICS:
             self.await_connections()
             if heard.number is None:
-                heard.number = self._collector.published.get(topic, 0)
+                heard.note(self._collector.published.get(topic, 0))
 
     def messages(self, topic: str) -> list[Any]:
         """Return all messages of a topic since the test began, which must be listened to."""
@@ -339,10 +322,6 @@ class Drill(Lockstep):
         else:
             self._note(text)
         self._advance(until)
-
-    def _noted(self, text: str, action: Callable[[], Value]) -> Value:
-        self._note(text)
-        return self._act(action)
 
     def _heard(self, topic: str) -> HeardTopic:
         heard = self._collector.topics.get(self._collector.resolve(topic))

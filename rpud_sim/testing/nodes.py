@@ -69,7 +69,7 @@ class Introductions:
         for name in self._probes.keys() - names:
             self._probes.pop(name).close()
         for name in names - self._probes.keys():
-            self._probes[name] = DiscoveryProbe(self._own, name)
+            self._probes[name] = DiscoveryProbe(self._own, f"{name}/get_parameters")
         # First all of them: each call sends a request.
         unanswered = {name for name in names if not self._probes[name].answered()}
         unanswered.update(self._collector.ask(sorted(names)).unanswered)

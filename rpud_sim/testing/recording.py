@@ -23,11 +23,10 @@ class Recording:
         self._process = ChildProcess(
             (
                 *(*RPUD, "record", "--all", "--out", str(path), "--namespace", drill.namespace),
-                *("--until-eof", "--allow-empty", "--ready-fd", "1"),
+                *("--allow-empty", "--ready-fd", "1"),
             ),
             environment=drill.environment,
             errors_apart=True,
-            until_eof=True,
         )
         if not self._process.first_line(_START) or not self._process.running:
             self._process.kill()

@@ -17,7 +17,7 @@ from rpud_sim.foundation.quantities import (
     shown_name,
     suggestion,
 )
-from rpud_sim.foundation.yaml_files import open_yaml
+from rpud_sim.foundation.yaml_files import cursor_at, open_yaml
 from rpud_sim.simulation.configuration import (
     PARAMETERS,
     Configuration,
@@ -26,7 +26,7 @@ from rpud_sim.simulation.configuration import (
 )
 from rpud_sim.simulation.fault_kinds import KINDS
 from rpud_sim.simulation.faults import FaultError, check_supported
-from rpud_sim.simulation.plans import parse_scenario
+from rpud_sim.simulation.plans import scenario_at
 from rpud_sim.testing.errors import DrillError
 from rpud_sim.testing.processes import LOCKSTEP, NO_FAULTS, DrillProcess
 
@@ -116,21 +116,20 @@ def _scenario(faults: Any, folders: Sequence[Path], configuration: Configuration
         )
     if isinstance(faults, Path) or (isinstance(faults, str) and faults not in KINDS):
         file = find_file(faults, "faults", folders)
-        content = open_yaml(file, truth_values=False).value
-        name = str(file)
+        top = open_yaml(file, truth_values=False, error=FaultError)
     else:
         entries = [faults] if isinstance(faults, str | Mapping) else faults
         if not isinstance(entries, list | tuple):
             raise ParameterError(f"faults = {shown(faults)} is neither a file nor a list of faults")
         found = [{"kind": e, "onset": 0.0} if isinstance(e, str) else e for e in entries]
-        name = "faults"
         content = {"faults": [dict(e) if isinstance(e, Mapping) else e for e in found]}
-    for planned in parse_scenario(content, name).faults:
+        top = cursor_at(content, "faults", FaultError)
+    for planned in scenario_at(top).faults:
         try:
             check_supported(planned.fault, configuration)
         except FaultError as error:
             raise FaultError(f"{planned.place}{error}") from None
-    return yaml.safe_dump(content)
+    return yaml.safe_dump(top.value)
 
 
 class DrillPool:

@@ -48,7 +48,6 @@ class SystemUnderTest(ChildProcess):
         super().kill()
 
     def send(self, number: int) -> None:
-        """Send it a signal."""
         if self.running:
             self.note(f"{signal.Signals(number).name} to {self.name}")
         super().send(number)
@@ -130,11 +129,8 @@ class Systems:
             lacking = lack()
             return not lacking
 
-        def vain() -> bool:
-            return not self._answers.connect()
-
-        if late := self._await(complete, timeout, words, vain, _POLL_PERIOD):
-            raise self._failure_of(system, "silent", f"{lacking} {''.join(late)}")
+        if late := self._await(complete, timeout, self._unpublished, _POLL_PERIOD):
+            raise self._failure_of(system, "silent", f"{lacking} {late}")
         return system
 
     def _started(self, words: list[str], folder: Path | None, name: str) -> SystemUnderTest:
@@ -172,15 +168,11 @@ class Systems:
             self._check_publishers()
             return
 
-        late = self._await(
-            lambda: answers.connect() and self.connected(),
-            _START,
-            [system.command for system in self.processes],
-            lambda: not answers.connect(),
-            _POLL_PERIOD,
-        )
-        if late:
-            text = f"no publisher on {' and '.join(answers.names)} {''.join(late)}"
+        def ready() -> bool:
+            return answers.connect() and self.connected()
+
+        if late := self._await(ready, _START, self._unpublished, _POLL_PERIOD):
+            text = f"no publisher on {' and '.join(answers.names)} {late}"
             raise self._failure(", ".join(answers.names), "silent", text, self.processes)
         answers.introduced = True
         self._check_publishers()
@@ -191,16 +183,12 @@ class Systems:
         if self._ended:
             return
         late = self._await(
-            lambda: not answers.missing(stamp),
-            answers.timeout,
-            [system.command for system in self.processes],
-            lambda: answers.never,
+            lambda: not answers.missing(stamp), answers.timeout, lambda: answers.never
         )
         if late:
-            limit, again = late
             text = (
-                f"no answer for {stamp / SECOND:.3f} s of simulation time {limit} on "
-                f"{'; '.join(answers.missing(stamp))}{again}"
+                f"no answer for {stamp / SECOND:.3f} s of simulation time {late} on "
+                f"{'; '.join(answers.missing(stamp))}"
             )
             kind = "late" if answers.late(stamp) else "silent"
             raise self._failure(", ".join(answers.names), kind, text, self.processes)
@@ -243,23 +231,24 @@ class Systems:
         self,
         condition: Callable[[], object],
         longest: float,
-        commands: Sequence[object],
         vain: Callable[[], bool],
         *period: float,
-    ) -> tuple[str, str] | None:
-        """Wait for what commands shall do; return in words how long, unless it was done.
+    ) -> str:
+        """Wait for what processes shall do; return in words how long, unless it was done.
 
         There is less time for what was in vain in a test before.
         """
-        need = (longest, *self._answers.names, *commands)
-        limit, again = longest, ""
-        if need in self._silent:
-            limit, again = min(longest, _SILENT), ", as in a test before"
+        need = (longest, *self._answers.names, *(system.command for system in self.processes))
+        known = need in self._silent
+        limit = min(longest, _SILENT) if known else longest
         if self._collector.until(condition, limit, self.check, *period):
-            return None
+            return ""
         if vain():
             self._silent.add(need)
-        return f"within {limit:g} s", again
+        return f"within {limit:g} s{', as in a test before' if known else ''}"
+
+    def _unpublished(self) -> bool:
+        return not self._answers.connect()
 
     def _introduce(self, further: Mapping[bytes, str] = {}) -> list[str]:
         return self._introductions.lacking({**self._answers.publishers, **further})

@@ -30,7 +30,6 @@ from rpud_sim.verdicts.steps import (
     compared,
     inserted,
     negate,
-    next_in,
     over_window,
     shared,
     sorted_windows,
@@ -124,9 +123,6 @@ class Evaluation:
                 broken = (each for each in instants if self.steps(then).shows(each, False))
                 instant = next(broken, None)
                 return self.end if instant is None else self.decided(then, instant, False)
-            case f.Count(until=goal, window=window) if goal is not None:
-                found = self.steps(goal).first(time, self.end, True)
-                return self.end if found is None else found
             case f.Count(window=window) | f.Quantile(window=window):
                 return window.last(time, self.end)
         return time
@@ -167,9 +163,8 @@ class Evaluation:
 
     def _compared_signal(self, part: f.Compare | f.Says) -> Steps:
         """Return a comparison or a word, with each message's value until the next one."""
-        topic, hold = part.signal.topic, part.signal.hold
-        if hold is None:
-            hold = PERIODIC_HOLD if topic in PERIODIC else NEVER
+        topic = part.signal.topic
+        hold = PERIODIC_HOLD if topic in PERIODIC else NEVER
         samples = self._samples(part)
         lost = self._record.lost(topic) > 0
         if not len(samples.stamps):
@@ -315,18 +310,8 @@ class Evaluation:
         maybe = instants.stamps[instants.values[MOST_TRUTH] > 0.0]
         edges = (instants.stamps, instants.first - 1, instants.first, instants.last)
         times = self._times(np.concatenate(edges), window)
-        if formula.until is None:
-            first, last, beyond = window_spans(times, window, end)
-            surely_last = last
-        else:
-            goal = self.steps(formula.until)
-            first = times = np.union1d(times, goal.starts)
-            surely_last = (
-                next_in(goal, (goal.values[MOST_TRUTH] > 0.0) | goal.absent, times, end) - 1
-            )
-            last = next_in(goal, (goal.values[LEAST_TRUTH] > 0.0) & ~goal.absent, times, end) - 1
-            beyond = last >= end
-        least = shared(sure, sure, first, surely_last)
+        first, last, beyond = window_spans(times, window, end)
+        least = shared(sure, sure, first, last)
         most = shared(maybe, maybe, first, last) + instants.missing.among(first, last)
         touched = shared(instants.first, instants.last, first, last) > 0.0
         most[last < first], touched[last < first] = 0.0, False

@@ -61,7 +61,6 @@ class Signal:
 
     topic: str  # relative name of one of the drill's topics, or any absolute name
     field: str  # with dots and numbers in brackets, as in ``position[1]``
-    hold: int | None = None  # longest time for which a value holds [ns]; None for that of the topic
 
     def __str__(self) -> str:
         return f"{self.topic}.{self.field}"
@@ -109,6 +108,10 @@ class Compare(Formula):
         if self.tolerance.value < 0.0:
             raise ExpectationError(f"tolerance = {self.tolerance} is below zero")
 
+    def __str__(self) -> str:
+        tolerance = f" +- {self.tolerance}" if self.tolerance != ZERO else ""
+        return f"{self.signal} {self.operator} {self.number}{tolerance}"
+
 
 @dataclasses.dataclass(frozen=True)
 class Says(Formula):
@@ -122,6 +125,10 @@ class Says(Formula):
         fits = isinstance(word, bool) or (isinstance(word, str) and word == word.strip() != "")
         if not fits or word in ("true", "false"):
             raise ExpectationError(f"{self.signal} is {shown(word)}: that is no word")
+
+    def __str__(self) -> str:
+        word = str(self.word).lower() if isinstance(self.word, bool) else self.word
+        return f"{self.signal} is {word}"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -249,20 +256,17 @@ class After(Formula):
 
 @dataclasses.dataclass(frozen=True)
 class Count(Formula):
-    """The number of events in a window, or before a goal holds, compared."""
+    """The number of events in a window, compared."""
 
     event: Event
     operator: str
     number: float
     window: Window = WHOLE
-    until: Formula | None = None  # the goal, in place of a window
 
     def __post_init__(self) -> None:
         _check_operator(self.operator)
         if not isinstance(self.event, Event):
             raise ExpectationError("count needs an event: onset, cleared, message or becomes")
-        if self.until is not None and self.window != WHOLE:
-            raise ExpectationError("a count has a window or an until, not both")
         if not 0.0 <= self.number < 1e15:
             raise ExpectationError(f"count = {self.number:g} is outside its range [0, 1e15)")
 

@@ -16,7 +16,7 @@ import numpy as np
 from rpud_sim.bag import Kind
 from rpud_sim.bag.columns import objects, to_plain
 from rpud_sim.foundation.time import NEVER, SECOND
-from rpud_sim.verdicts.names import DIAGNOSTICS, SignalField
+from rpud_sim.verdicts.names import SignalField
 from rpud_sim.verdicts.steps import HIGH, LOW
 from rpud_sim.verdicts.units import ExpectationError
 
@@ -165,13 +165,8 @@ class TopicMessages:
         return MissingMessages(before[some], self.stamps[some], counts[some])
 
     def samples(self, name: str, field: SignalField | None) -> FieldSamples:
-        """Return the values of a field, or by name of a diagnostic or a field of unknown type."""
-        if field is not None:
-            values = self._values(field)
-        elif self._topic == DIAGNOSTICS:
-            values = self._diagnosed(name)
-        else:
-            values = objects(self.column(name))
+        """Return the values of a field, by its name if its type is not known."""
+        values = self._values(field) if field is not None else objects(self.column(name))
         gaps = np.zeros(len(self), bool)
         if self._numbered:
             gaps[:-1] = np.diff(self._key) > 1
@@ -242,31 +237,3 @@ class TopicMessages:
             return values.astype(bool if field.is_flag else float)
         except (TypeError, ValueError) as error:
             raise ExpectationError(f"{self._topic}.{column.name}: {error!r:.100}") from None
-
-    def _diagnosed(self, name: str) -> np.ndarray:
-        """Return a value of the diagnostics: NAME.level, NAME.message or NAME.KEY."""
-        entry, _, key = name.partition(".")
-        found = []
-        for statuses in self.column("status"):
-            value: Any = np.nan
-            for status in statuses:
-                if str(get(status, "name")).rpartition(": ")[2] == entry:
-                    value = _entry(status, key)
-            found.append(value)
-        return objects(found)
-
-
-def _entry(status: Any, key: str) -> Any:
-    if key == "level":
-        level = get(status, "level")
-        return float(level[0] if isinstance(level, bytes) else level)
-    if key == "message":
-        return str(get(status, "message"))
-    for item in get(status, "values"):
-        if str(get(item, "key")).partition(" [")[0] == key:
-            text = str(get(item, "value"))
-            try:
-                return float(text)
-            except ValueError:
-                return text
-    return np.nan

@@ -29,8 +29,6 @@ from rpud_sim.verdicts.formulas import (
 )
 from rpud_sim.verdicts.units import ExpectationError, Number, to_si, unit_factor
 
-DIAGNOSTICS = "/diagnostics"
-
 # Types of the topics with relative names.
 TYPES: Mapping[str, str] = {
     **{name: topic.type for name, topic in TOPICS.items()},
@@ -158,7 +156,7 @@ def find_field(signal: Signal, columns: tuple[Column, ...]) -> SignalField:
 def _check_topic(topic: str) -> None:
     """Raise an ExpectationError if a relative name is none of the drill's topics."""
     if not topic.startswith("/") and topic not in TYPES:
-        hint = did_you_mean(topic, (*TYPES, "diagnostics"))
+        hint = did_you_mean(topic, TYPES)
         raise ExpectationError(
             f"topic {shown(topic)} is none of the drill's; {hint} (others begin with /)"
         )

@@ -18,7 +18,6 @@ from rpud_sim.verdicts.units import (
     Number,
     Window,
     duration_text,
-    parse_duration,
     parse_quantity,
     to_number,
     window,
@@ -27,16 +26,12 @@ from rpud_sim.verdicts.units import (
 _SIGNAL = re.compile(r"([A-Za-z/][\w/]*)\.(\S.*)")
 
 
-def signal(name: str, hold: str | float | None = None) -> f.Signal:
-    """Return a signal by topic and field, as in ``reacting_force.force``.
-
-    A value holds at most for ``hold``, as ``0.1 s``; None for that of the topic.
-    """
+def signal(name: str) -> f.Signal:
+    """Return a signal by topic and field, as in ``reacting_force.force``."""
     match = _SIGNAL.fullmatch(name) if isinstance(name, str) else None
     if match is None:
         raise ExpectationError(f"{shown(name)} is not a topic and a field, as reacting_force.force")
-    topic = "/diagnostics" if match[1] == "diagnostics" else match[1]
-    return f.Signal(topic, match[2], None if hold is None else parse_duration(hold, "hold"))
+    return f.Signal(match[1], match[2])
 
 
 def always(formula: f.Formula, within: Any = None, between: Any = None) -> f.Always:
@@ -70,10 +65,9 @@ def count(
     number: float,
     within: Any = None,
     between: Any = None,
-    until: f.Formula | None = None,
 ) -> f.Count:
-    """Return the comparison of the number of events in a window, or before ``until`` holds."""
-    return f.Count(event, operator, float(number), window(within, between), until)
+    """Return the comparison of the number of events in a window."""
+    return f.Count(event, operator, float(number), window(within, between))
 
 
 def quantile(
@@ -98,7 +92,6 @@ class _Form(NamedTuple):
 
 _WINDOW = ("within", "between")
 _FORMS = {
-    "signal": _Form(f.Compare, {"signal": "signal", "is": "number"}, ("hold",)),
     "fault": _Form(f.Active, {"fault": "fault"}),
     "onset": _Form(f.Onset, {"onset": "fault"}),
     "cleared": _Form(f.Cleared, {"cleared": "fault"}),
@@ -113,7 +106,7 @@ _FORMS = {
     "hold until": _Form(f.Until, {"hold": "formula", "until": "goal"}, _WINDOW),
     "hold unless": _Form(unless, {"hold": "formula", "unless": "goal"}),
     "after": _Form(f.After, {"after": "trigger", "expect": "formula"}),
-    "count": _Form(f.Count, {"count": "event", "is": "number"}, (*_WINDOW, "until")),
+    "count": _Form(f.Count, {"count": "event", "is": "number"}, _WINDOW),
     "quantile": _Form(f.Quantile, {"quantile": "share", "of": "signal", "is": "number"}, _WINDOW),
 }
 _MAIN = tuple(dict.fromkeys(next(iter(form.fields)) for form in _FORMS.values()))
@@ -127,8 +120,7 @@ _COMPARED = re.compile(rf"(<=|>=|==|!=|<|>|=)\s*({NUMBER}[^+]*?)\s*(?:(?:\+-|±)
 def read_expectations(path: str | Path) -> tuple[Expectation, ...]:
     """Read a file of expectations; an error names the file and the line."""
     # Without truth values: off is a kind of fault, and `is: true` a text as `is: running`.
-    where = "{file}:{line}: "
-    top = open_yaml(path, truth_values=False, error=ExpectationError, where=where)
+    top = open_yaml(path, truth_values=False, error=ExpectationError)
     known, none = ("expectations",), "it holds no expectations:"
     unknown = "{shown} is not expectations"
     entries = top.mapping(known, known, other=none, unknown=unknown, missing=none)
@@ -177,11 +169,6 @@ def to_formula(cursor: Cursor) -> f.Formula:
             return _about(signal(match[1] or match[3]), match[2] or match[4])
         parts = cursor.mapping(other="{shown} is neither a comparison nor a mapping")
         form = _form(value)
-        if form.make is f.Compare:
-            text = value["is"]
-            if isinstance(text, str) and text[:1] not in "<>=!":
-                text = f"is {text}"
-            return _about(signal(value["signal"], value.get("hold")), text)
         fields: dict[str, Any] = {}
         for key, part in parts.items():
             if key not in _WINDOW:
@@ -232,17 +219,17 @@ def _fields(name: str, cursor: Cursor) -> dict[str, Any]:
     if name == "topic":
         if not isinstance(value, str):
             raise cursor.refusal("message = {shown} is no topic")
-        return {name: "/diagnostics" if value == "diagnostics" else value}
+        return {name: value}
     if name == "signal":
         return {name: signal(value)}
     return {name: value if name == "fault" else to_formula(cursor)}
 
 
-def _about(about: f.Signal, text: Any) -> f.Compare | f.Says:
+def _about(about: f.Signal, text: str) -> f.Compare | f.Says:
     """Return the formula about a signal of a text such as ``< 45 N`` or ``is running``."""
-    if isinstance(text, str) and text.startswith("is "):
+    if text.startswith("is "):
         return about.says(text[3:].strip())
-    match = _COMPARED.fullmatch(text) if isinstance(text, str) else None
+    match = _COMPARED.fullmatch(text)
     if match is None:
         raise ExpectationError(
             f"{shown(text)} is no comparison of {about}, as < 45 N, == 0 N +- 0.1 N or is running"
@@ -264,7 +251,7 @@ def _window(value: Mapping[str, Any]) -> Window:
 def to_plain(formula: f.Formula) -> Any:
     """Return the plain value of a formula, the inverse of ``to_formula``."""
     if isinstance(formula, (f.Compare, f.Says)):
-        return _plain_atom(formula)
+        return str(formula)
     make = unless if isinstance(formula, f.Until) and formula.weak else type(formula)
     form = next(each for each in _FORMS.values() if each.make is make)
     further = {key: key for key in form.may if key not in _WINDOW}
@@ -286,17 +273,3 @@ def to_plain(formula: f.Formula) -> Any:
     elif part != WHOLE:
         plain["between"] = [duration_text(part.start), end]
     return plain
-
-
-def _plain_atom(formula: f.Compare | f.Says) -> Any:
-    if isinstance(formula, f.Says):
-        word = str(formula.word).lower() if isinstance(formula.word, bool) else formula.word
-        text = f"is {word}"
-    else:
-        text = f"{formula.operator} {formula.number}"
-        if formula.tolerance != Number(0.0):
-            text += f" +- {formula.tolerance}"
-    if formula.signal.hold is None:
-        return f"{formula.signal} {text}"
-    hold = duration_text(formula.signal.hold)
-    return {"signal": str(formula.signal), "is": text.removeprefix("is "), "hold": hold}

@@ -17,7 +17,6 @@ from rpud_sim.foundation.values import Ragged
 from rpud_sim.verdicts.formulas import Signal, SignalFormula
 from rpud_sim.verdicts.messages import MissingMessages, Piece, TopicMessages, get, time_of
 from rpud_sim.verdicts.names import (
-    DIAGNOSTICS,
     PERIODIC,
     PERIODIC_HOLD,
     TYPES,
@@ -238,10 +237,10 @@ class Record:
         return span[0] if span else 0
 
     def field(self, signal: Signal) -> SignalField | None:
-        """Return the field of a signal; None for a diagnostic, or if its type is not known."""
+        """Return the field of a signal; None if its type is not known."""
         topic = signal.topic
         columns = self._columns.get(topic) or (drill_columns(topic) if topic in TYPES else None)
-        return None if columns is None or topic == DIAGNOSTICS else find_field(signal, columns)
+        return None if columns is None else find_field(signal, columns)
 
     def messages(self, topic: str) -> TopicMessages:
         """Return the messages of a topic in the last run."""

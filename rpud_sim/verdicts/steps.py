@@ -280,14 +280,6 @@ def window_spans(
     return times + window.start, last, np.maximum(times + window.start, last) > end
 
 
-def next_in(steps: Steps, chosen: np.ndarray, times: np.ndarray, end: int) -> np.ndarray:
-    """Return the first instant from each time on in one of the chosen steps, or after the end."""
-    starts = np.append(steps.starts[chosen & (steps.starts <= end)], end + 1)
-    found = starts[np.searchsorted(starts, times, side="left")]
-    inside = chosen[steps.at(times)] & (times <= end)
-    return np.where(inside, times, found)
-
-
 def shared(begins: np.ndarray, ends: np.ndarray, first: np.ndarray, last: np.ndarray) -> np.ndarray:
     """Return how many stretches of time, in order, share an instant with each of some spans."""
     begun = np.searchsorted(begins, last, side="right")

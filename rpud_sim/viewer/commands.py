@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from array import array
+from collections import deque
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -14,9 +15,8 @@ import numpy as np
 from rpud_sim.pages.quantities import QUANTITIES
 
 COMMAND, FAULT, RUN, REFUSAL = "command", "fault", "run", "refusal"  # kinds of entries
-MOST_LOGGED = 1000  # entries of a frame
+MOST_LOGGED = 1000  # entries that are kept, the newest
 
-_STORED = 4 * MOST_LOGGED  # entries that are kept, at most
 _MOST_STEPS = 50_000  # changes of one quantity that are kept, at most
 _CLOSE = 1.0  # longest time between changes that follow each other closely [s]
 _ALONE = 4  # close changes that have entries of their own; further ones share the last entry
@@ -50,8 +50,8 @@ class Commands:
 
     def __init__(self) -> None:
         self.parameters: dict[str, Any] = {}  # of the present run, as far as it is known
-        self._forgotten = 0  # entries that are not kept any more
-        self._entries: list[LogEntry] = []
+        self._count = 0  # entries, also those that are not kept any more
+        self._entries: deque[LogEntry] = deque(maxlen=MOST_LOGGED)
         self._last: dict[str, tuple[float, str, int, LogEntry]] = {}  # by kind; number in the row
         self._steps: dict[str, tuple[array[float], array[float]]] = {}
 
@@ -80,16 +80,12 @@ class Commands:
         if kind in _LASTING and row > _ALONE and entry is not None:
             entry.time, entry.text, entry.count = time, text[:_LENGTH], entry.count + 1
         else:
-            entry = LogEntry(time, sort, text[:_LENGTH])
-            self._entries.append(entry)
+            entry = self._log(time, sort, text)
         self._last[kind] = time, text, row, entry
-        if len(self._entries) > _STORED:
-            self._entries = _thinned(self._entries, _STORED // 2)
-            self._forgotten += _STORED + 1 - len(self._entries)
 
     def refuse(self, time: float, reason: str) -> None:
         """Add a refusal to the log, at a time [s]."""
-        self._entries.append(LogEntry(time, REFUSAL, f"refused: {reason}"[:_LENGTH]))
+        self._log(time, REFUSAL, f"refused: {reason}")
 
     @property
     def quantities(self) -> Collection[str]:
@@ -111,11 +107,15 @@ class Commands:
                 told.append(LogEntry(float(fault["end"]), FAULT, f"{name} ends"))
         own = [entry for entry in self._entries if not (told and entry.kind == FAULT)]
         entries = sorted([*own, *told], key=lambda entry: entry.time)
-        logged = _thinned(entries, MOST_LOGGED)
         return {
-            "log": [entry.plain() for entry in logged],
-            "log_thinned": len(entries) - len(logged) + self._forgotten,
+            "log": [entry.plain() for entry in entries],
+            "log_thinned": self._count - len(self._entries),
         }
+
+    def _log(self, time: float, kind: str, text: str) -> LogEntry:
+        self._count += 1
+        self._entries.append(entry := LogEntry(time, kind, text[:_LENGTH]))
+        return entry
 
     def steps(self, start: float, end: float, most: int) -> dict[str, dict[str, np.ndarray]]:
         """Return the field ``steps`` of a frame: each commanded value from its time on.
@@ -208,12 +208,3 @@ def fault_row(fault: Any, seconds: Callable[[Any], float]) -> dict[str, Any]:
         "end": None if fault.active else seconds(fault.clear),
         "active": bool(fault.active),
     }
-
-
-def _thinned(entries: list[LogEntry], most: int) -> list[LogEntry]:
-    """Return the newest half of so many entries, and evenly chosen ones of those before."""
-    if len(entries) <= most:
-        return entries
-    newest = most // 2
-    chosen = np.linspace(0, len(entries) - newest - 1, most - newest).astype(int)
-    return [entries[place] for place in chosen] + entries[-newest:]

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from rpud_sim.foundation.time import SECOND, join_seconds
+from rpud_sim.inspection.run_clock import GREATEST, RunClock
 from rpud_sim.pages.quantities import QUANTITIES
 from rpud_sim.ros.client.telemetry import FIELDS
 from rpud_sim.viewer.commands import Commands, fault_row
@@ -60,10 +61,8 @@ class Heard:
         self.run = 0
         self.version = 0  # grows with what is heard
         self.log_version = 0  # grows with commands, faults and refusals
-        self.origin: int | None = None
         self.journal_lost = 0
-        self._located = False  # whether the origin is that of the drill that is heard now
-        self._former = (0, 0)  # origin of earlier stamps than the second one, of the same run
+        self._clock: RunClock | None = None  # of the run that is heard now
         self._kept: dict[str, Any] = {}  # latest latched message by topic
         self._journal_next = 0
         self._waiting: dict[str, list[tuple[int, tuple[Any, ...]]]] = {
@@ -93,7 +92,7 @@ class Heard:
 
     def restart(self) -> None:
         """Forget the drill: what comes next is of another one, which numbers from zero."""
-        self._located = False
+        self._clock = None
         self._kept = {}
         self._journal_next = 0
 
@@ -113,8 +112,8 @@ class Heard:
             self._journal(message)
         else:
             self._kept[topic] = message
-            if self._located:
-                self._show(topic, message)
+            if self._clock:
+                self._show(topic, message, self._clock)
 
     def refuse(self, reason: str) -> None:
         """Note that the drill has refused a command."""
@@ -132,8 +131,8 @@ class Heard:
         for topic, waiting in self._waiting.items():
             if waiting:
                 self.version += 1
-                if self._located:
-                    self._settle(topic, waiting)
+                if self._clock:
+                    self._settle(topic, waiting, self._clock)
                 waiting.clear()
         if monotonic() - self._pending_since >= _WHOLE_PERIOD:
             self._pending_since = monotonic()
@@ -143,11 +142,11 @@ class Heard:
                 self.whole.add(signal, times, values)
             self._pending = {}
 
-    def _settle(self, topic: str, waiting: list[tuple[int, tuple[Any, ...]]]) -> None:
+    def _settle(
+        self, topic: str, waiting: list[tuple[int, tuple[Any, ...]]], clock: RunClock
+    ) -> None:
         stamps, messages = zip(*waiting, strict=True)
-        counted = np.array(stamps, np.int64)
-        former, until = self._former
-        times = (counted - np.where(counted < until, former, self.origin or 0)) / SECOND
+        times = clock.elapsed(np.array(stamps, np.int64), np.zeros(len(stamps)))
         if times[-1] < 0.0:
             return
         self.time = max(self.time or 0.0, float(times[-1]))
@@ -223,10 +222,6 @@ class Heard:
 
     # Inside
 
-    def _seconds(self, stamp: int) -> float:
-        former, until = self._former
-        return (stamp - (former if stamp < until else self.origin or 0)) / SECOND
-
     def _journal(self, entry: Any) -> None:
         number = int(entry.sequence)
         if self._journal_next:
@@ -235,51 +230,46 @@ class Heard:
         content: Any = {}
         with suppress(RecursionError, ValueError):  # a stranger may publish there too
             content = json.loads(entry.content)
-        if not isinstance(content, dict) or not isinstance(time := content.get("time"), int):
+        time = content.get("time") if isinstance(content, dict) else None
+        if not isinstance(time, int) or abs(time) > GREATEST:
             return
-        stamp = _stamp(entry.header.stamp)
+        stamp, clock = _stamp(entry.header.stamp), self._clock
         if entry.kind in ("begin", "restore"):
             self.run += 1
             self._clear()
             # Where the clock goes back, a later status belongs to the run before. Faults are not
             # repeated: those may be the newest ones, heard before the journal.
-            back, status = stamp - time <= (self.origin or 0), self._kept.get("status")
-            if self._located and back and status and _stamp(status.header.stamp) > stamp:
+            back, status = clock and stamp - time <= (clock.origin or 0), self._kept.get("status")
+            if back and status and _stamp(status.header.stamp) > stamp:
                 del self._kept["status"]
-            self._locate(stamp - time)
-        elif entry.kind == "origin" and isinstance(origin := content.get("origin"), int):
-            former = self.origin if self._located and self.time is not None else None
-            self._locate(origin)
-            if former is not None and former != origin:  # the run goes on with other stamps
-                self._former = former, origin + time
-                self.time = min(self.time or 0.0, time / SECOND)
-        elif not self._located:
-            self._locate(stamp - time)
+            clock = None
+        if clock is None or self.time is None:
+            clock = self._clock = RunClock(stamp - time)
+            clock.add("begin", stamp, time)
+            for topic, message in self._kept.items():
+                if _stamp(message.header.stamp) >= stamp - time:
+                    self._show(topic, message, clock)
+        elif clock.add("origin", stamp, time):  # the run goes on with other stamps
+            self.time = min(self.time, time / SECOND)
         self.log_version += 1
-        self.commands.add(self._seconds(stamp), entry.kind, content)
+        self.commands.add(clock.seconds(stamp), entry.kind, content)
 
-    def _locate(self, origin: int) -> None:
-        self.origin, self._located, self._former = origin, True, (0, 0)
-        for topic, message in self._kept.items():
-            if _stamp(message.header.stamp) >= origin:
-                self._show(topic, message)
-
-    def _show(self, topic: str, message: Any) -> None:
+    def _show(self, topic: str, message: Any, clock: RunClock) -> None:
         if topic == "status":
-            return self._status(message)
+            return self._status(message, clock)
         self.log_version += 1
         self.faults = [
-            fault_row(fault, lambda time: self._seconds(_stamp(time))) for fault in message.faults
+            fault_row(fault, lambda time: clock.seconds(_stamp(time))) for fault in message.faults
         ]
         return None
 
-    def _status(self, status: Any) -> None:
+    def _status(self, status: Any, clock: RunClock) -> None:
         names = [name for name in status.get_fields_and_field_types() if name != "header"]
         fields = {name: getattr(status, name) for name in names}
         for name in TIMES:
-            fields[name] = self._seconds(_stamp(fields[name]))
+            fields[name] = clock.seconds(_stamp(fields[name]))
         self.status = fields
-        time = self._seconds(_stamp(status.header.stamp))
+        time = clock.seconds(_stamp(status.header.stamp))
         self.time = max(self.time or 0.0, time)
         for field, quantity in _QUANTITIES["status"].items():
             if _OWNERS.get(quantity) not in self._latest:

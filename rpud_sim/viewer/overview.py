@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import json
 import math
 from collections import defaultdict
 from collections.abc import Iterable
@@ -13,7 +14,6 @@ import numpy as np
 
 from rpud_sim.bag import Message
 from rpud_sim.foundation.time import SECOND
-from rpud_sim.inspection.recorded_drill import Jump
 from rpud_sim.viewer.commands import Commands, fault_row
 from rpud_sim.viewer.history import Bins, Impacts
 from rpud_sim.viewer.picture import GAP, usual
@@ -23,7 +23,6 @@ from rpud_sim.viewer.recording import (
     JOURNAL_TYPE,
     PieceRows,
     RecordedBag,
-    find_jumps,
     namespace,
 )
 
@@ -49,35 +48,48 @@ class Overview:
 
     def __init__(self, recording: RecordedBag) -> None:
         self._recording = recording
-        marks, readers = (JOURNAL_TYPE, FAULTS_TYPE), recording.readers
-        self._marked = [name for name, reader in readers.items() if reader.type in marks]
-        self._scanned = 0  # parts whose jumps of the clocks are known
+        # Journals first: they tell the clocks.
+        self._marked = [
+            name
+            for kind in (JOURNAL_TYPE, FAULTS_TYPE)
+            for name, reader in recording.readers.items()
+            if reader.type == kind
+        ]
         self.version = 0  # of commands and faults
-        self._restart()
-        self.look(recording.sample)
+        self.commands: dict[str, Commands] = defaultdict(Commands)  # by drill
+        self._faults: dict[tuple[str, int, int], dict[str, Any]] = {}  # drill, run, number
+        self.unlisted = 0  # faults beyond ``MOST_FAULTS``, and messages of other types
+        self._marks = 0  # parts whose commands and faults were read
+        self._latest: dict[str, int] = {}  # publishing time of the latest entry by journal
+        self.read = 0  # parts that were read in their order
+        self._sampled: set[int] = set()  # parts beyond them that were read
         all(self._read_marks() for _ in range(AT_ONCE))  # until there are no more
+        self._restart()
 
     def _restart(self) -> None:
-        """Forget everything: the clocks of the recording have changed."""
+        """Forget all values: a clock has changed."""
         recording = self._recording
-        duration = max(recording.bag.duration / SECOND, 1e-3)
-        if recording.pieces:
-            duration = max(duration, recording.end_of(recording.rows(len(recording.pieces) - 1)))
+        last = recording.rows(len(recording.pieces) - 1) if recording.pieces else {}
+        duration = max(recording.end_of(last), 0.0) or self._expected
         names = [signal.name for signal in recording.signals]
         fitting = MEMORY // (_BIN_SIZE * max(1, len(names)))
         count = min(BINS, max(_LEAST_BINS, 2 ** int(math.log2(fitting))))
         self.bins = Bins(names, duration * _SPARE / count, count)
         self.impacts: dict[str, Impacts] = defaultdict(Impacts)  # by drill
-        self.end = duration  # latest time of what was read, and at first the expected one [s]
+        self._seen = 0.0  # latest time of what was read [s]
         self._until = 0.0  # time up to which the parts reach that were read in their order [s]
-        self.read = 0  # number of these parts
-        self._sampled: set[int] = set()  # parts beyond them that were read
-        self._last: dict[str, tuple[int, int]] = {}  # stamp and log time by drill
-        self.commands: dict[str, Commands] = defaultdict(Commands)  # by drill
-        self._faults: dict[tuple[str, int, int], dict[str, Any]] = {}  # drill, run, number
-        self.unlisted = 0  # faults beyond ``MOST_FAULTS``, and messages of other types
-        self._marks = 0  # parts whose commands and faults were read
-        self.version += 1
+        self.read = 0
+        self._sampled.clear()
+        self.look(recording.sample)
+
+    @property
+    def _expected(self) -> float:
+        return max(self._recording.bag.duration / SECOND, 1e-3)
+
+    @property
+    def end(self) -> float:
+        """Latest time of what was read [s]."""
+        return self._seen or self._expected
 
     @property
     def complete(self) -> bool:
@@ -105,25 +117,16 @@ class Overview:
                     self._sampled.add(number)
 
     def read_next(self) -> bool:
-        """Read the next few parts, those with commands first; return whether there were any.
-
-        If they show that a clock was set, all later times change, and all is read again.
-        """
+        """Read the next few parts, those with commands first; return whether there were any."""
         if self._read_marks():
             return True
         if self.complete:
             return False
         recording, numbers = self._recording, self._batch(self.read)
-        sampled = self.read in self._sampled
-        found = recording.rows(self.read) if sampled else recording.rows_of(numbers)
-        jumps = self._jumps(found)
-        if self.read >= self._scanned and any(
-            not {*new} <= {*recording.clocks[drill].jumps} for drill, new in jumps.items()
-        ):
-            self._scan()
-            self._restart()
-            return True
-        if not sampled:
+        if self.read in self._sampled:
+            found = recording.rows(self.read)
+        else:
+            found = recording.rows_of(numbers)
             self._add(found)
         self._until = max(self._until, recording.end_of(found))
         self.read += len(numbers)
@@ -156,29 +159,6 @@ class Overview:
         rest = range(first, min(first + _BATCH, len(self._recording.pieces)))
         return [*itertools.takewhile(lambda number: number not in self._sampled, rest)]
 
-    def _scan(self) -> None:
-        """Find all jumps of the clocks: one was set between the sampled parts."""
-        self._scanned = len(self._recording.pieces)
-        self._last.clear()
-        jumps: dict[str, list[Jump]] = defaultdict(list)
-        for first in range(0, self._scanned, _BATCH):
-            numbers = range(first, min(first + _BATCH, self._scanned))
-            for drill, new in self._jumps(self._recording.rows_of(numbers)).items():
-                jumps[drill] += new
-        self._recording.set_jumps(jumps)
-
-    def _jumps(self, found: PieceRows) -> dict[str, list[Jump]]:
-        """Return the jumps of each drill's clock in the parts that follow those before."""
-        jumps = {}
-        for drill in self._recording.clocks:
-            stamps, logs = self._recording.series(drill, found)
-            if len(stamps):
-                before = self._last.get(drill, (stamps[0], logs[0]))
-                self._last[drill] = stamps[-1], logs[-1]
-                stamps, logs = np.append(before[0], stamps), np.append(before[1], logs)
-                jumps[drill] = find_jumps(stamps, logs)
-        return jumps
-
     def _add(self, found: PieceRows) -> None:
         """Add the rows of parts."""
         recording = self._recording
@@ -186,7 +166,7 @@ class Overview:
             if not len(rows.stamps):
                 continue
             times, drill = recording.elapsed(topic, rows), namespace(topic)
-            self.end = max(self.end, float(times.max()))
+            self._seen = max(self._seen, float(times.max()))
             for signal in recording.readers[topic].signals:
                 self.bins.add(signal.name, times, rows.values[signal.column])
             if topic == recording.topic(drill, IMPACTS_TYPE) and "peak_force" in rows.values:
@@ -208,19 +188,24 @@ class Overview:
         return False
 
     def _mark(self, drill: str, message: Message, decoded: Any) -> None:
-        time_of = partial(self._recording.time_of, message)
+        recording = self._recording
+        time_of = partial(recording.time_of, message)
         try:
-            if not hasattr(decoded, "faults"):
+            if hasattr(decoded, "faults"):
+                for fault in decoded.faults:
+                    key = drill, recording.run(message), int(fault.number)
+                    if key in self._faults or len(self._faults) < MOST_FAULTS:
+                        self._faults[key] = fault_row(fault, time_of)
+                    else:
+                        self.unlisted += 1
+            elif message.publish_time >= self._latest.get(message.topic, 0):  # no repeated one
+                self._latest[message.topic] = message.publish_time
+                content = json.loads(decoded.content)
+                changed = recording.set_clock(message, decoded, content["time"])
                 time = time_of(decoded.header.stamp)
-                self.commands[drill].add(time, str(decoded.kind), decoded.content)
-                return
-            jumps = self._recording.clocks[drill].jumps
-            run = sum(jump.time <= message.log_time for jump in jumps)
-            for fault in decoded.faults:
-                key = drill, run, int(fault.number)
-                if key in self._faults or len(self._faults) < MOST_FAULTS:
-                    self._faults[key] = fault_row(fault, time_of)
-                else:
-                    self.unlisted += 1
-        except (AttributeError, TypeError, ValueError):
-            self.unlisted += 1  # another type of the same name
+                if changed and self._marks <= max(self.read, *self._sampled, 0):
+                    self._restart()
+                self.commands[drill].add(time, str(decoded.kind), content)
+        # Another type of the same name, or another program wrote it.
+        except (AttributeError, LookupError, RecursionError, TypeError, ValueError):
+            self.unlisted += 1

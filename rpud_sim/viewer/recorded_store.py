@@ -1,12 +1,10 @@
-"""Bag that browsers look at: opened once, read on in the background, also while it grows."""
+"""Bag that browsers look at: opened once, read on while they look, also while it grows."""
 
 from __future__ import annotations
 
 import os
-import threading
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -23,6 +21,7 @@ if TYPE_CHECKING:
     from rpud_sim.viewer.server import PageServer, Place
 
 _REFRESH = 1.0  # shortest time between pictures of what was read on, and looks at the files [s]
+_SLICE = 0.07  # longest time for which a question reads on [s]
 _SHARE = 0.1  # greatest part of the time that these looks take
 _MOST_PLOTS = 5  # of a bag without a drill
 _MOST_GAPS = 300
@@ -31,8 +30,8 @@ _MOST_GAPS = 300
 class RecordedStore(Store):
     """Store of one bag.
 
-    When it is made it has read a sample of the bag, so that a page can stand at once; ``start``
-    begins the thread that reads on. Questions of pages go first: the thread waits meanwhile.
+    When it is made it has read a sample of the bag, so that a page can stand at once. Each question
+    for a frame reads on for a moment, and looks whether the bag has grown when all was read.
     """
 
     mode = "recorded"
@@ -42,19 +41,11 @@ class RecordedStore(Store):
         self._bag = Views(self.path)
         self._opened = 1  # how often the bag was opened
         self._version = 0  # of what was read; grows at most each ``_REFRESH``
-        self._refreshed = 0.0
-        self._error = ""
-        self._idle, self._ended = threading.Event(), threading.Event()
-        self._idle.set()  # while no page asks
-        self._lock = threading.Lock()
-        self._thread = threading.Thread(target=self._run, name="read the bag", daemon=True)
-
-    def start(self) -> None:
-        """Read on in a thread."""
-        self._thread.start()
+        self._reading = True  # whether there was more to read
+        self._refreshed = self._look_at = 0.0  # times of the latest picture, and of the next look
 
     def read_all(self) -> Views:
-        """Read the whole bag and return it; for one that no thread reads."""
+        """Read the whole bag at once, and return it."""
         while self._bag.overview.read_next():
             pass
         self._version += 1
@@ -64,9 +55,6 @@ class RecordedStore(Store):
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._ended.set()
-        if self._thread.is_alive():
-            self._thread.join()
         self._bag.recording.close()
 
     # For pages
@@ -92,17 +80,15 @@ class RecordedStore(Store):
             raise ParameterError("a recorded drill takes no commands")
         back = content["to"] == "previous"
         since = float(content["from"]) + (-1e-9 if back else 1e-9)
-        with self._first():
-            found = self._bag.waveforms.next_impact(client.drill, since, back=back)
+        found = self._bag.waveforms.next_impact(client.drill, since, back=back)
         word = "earlier" if back else "further"
         client.sent["jump"] = found or {"none": f"there is no {word} impact"}
 
     def frame(self, client: ClientState) -> dict[str, Any] | None:
         """Return what is new for a browser; None for nothing."""
-        if self._error:
-            raise StoreError(self._error)
-        with self._first():
-            return self._frame(client) or None
+        frame = self._frame(client)
+        self._read_on()
+        return frame or None
 
     # Inside
 
@@ -214,6 +200,8 @@ class RecordedStore(Store):
             parts.append(f"Messages that cannot be read: {', '.join(unreadable[:5])}.")
         if unlisted:
             parts.append(f"{unlisted} entries of journal and faults are not shown.")
+        if not self._bag.waveforms.has(self.drills[0]) and recording.is_drill(self.drills[0]):
+            parts.append("The bag holds no trajectory, from which its motion could be drawn.")
         if not recording.signals:
             parts.append("The bag holds no numbers that can be drawn over time.")
         elif recording.left_out:
@@ -221,67 +209,44 @@ class RecordedStore(Store):
             parts.append(f"Topics that cannot be drawn: {names:.300}.")
         return " ".join(parts)
 
-    @contextmanager
-    def _first(self) -> Iterator[None]:
-        """Keep the thread from reading on meanwhile."""
-        self._idle.clear()
+    def _read_on(self) -> None:
+        now = time.monotonic()
+        read_next = self._bag.overview.read_next
+        more = read_next()
+        self._reading |= more
+        while more and time.monotonic() - now < _SLICE:
+            more = read_next()
+        if self._reading and (not more or now - self._refreshed > _REFRESH):
+            self._refreshed = now
+            self._version += 1
+        if not self._reading and now >= self._look_at:
+            self._look_at_files()
+        self._reading = more
+
+    def _look_at_files(self) -> None:
+        """Add what was written since, or open the bag again."""
+        begin, recording = time.monotonic(), self._bag.recording
         try:
-            with self._lock:
-                yield
-        finally:
-            self._idle.set()
-
-    def _run(self) -> None:
-        try:
-            while self._may_read():
-                with self._lock:
-                    more = self._bag.overview.read_next()
-                    if not more or time.monotonic() - self._refreshed > _REFRESH:
-                        self._refreshed = time.monotonic()
-                        self._version += 1
-                if not more:
-                    try:
-                        self._wait_for_growth()
-                    except BagError as error:  # what was read stays
-                        self._bag.recording.lost = f"it cannot be opened again ({error})"
-        except Exception as error:  # the pages must know
-            self._error = f"the bag cannot be read on: {error!r:.300}"
-            raise
-
-    def _may_read(self) -> bool:
-        self._idle.wait()
-        return not self._ended.is_set()
-
-    def _wait_for_growth(self) -> None:
-        """Wait until the bag has grown, and add what was written."""
-        pause = _REFRESH
-        while not self._ended.wait(pause) and self._may_read():
-            begin = time.monotonic()
-            with self._lock:
-                recording = self._bag.recording
-                before = len(recording.pieces)
-                if not recording.grow():
-                    opened = Views(self.path)
-                    recording.close()
-                    self._bag = opened
-                    self._opened += 1
-                    return
-                if len(recording.pieces) > before:
-                    return
-            pause = max(_REFRESH, (time.monotonic() - begin) / _SHARE)
+            if not recording.grow():
+                self._bag = Views(self.path)
+                recording.close()
+                self._opened += 1
+        except BagError as error:  # what was read stays
+            recording.lost = f"it cannot be opened again ({error})"
+        now = time.monotonic()
+        self._look_at = now + max(_REFRESH, (now - begin) / _SHARE)
 
 
 def serve_bag(
     bag: str | os.PathLike[str], place: Place, announce: Callable[[PageServer], object]
 ) -> None:
-    """Serve the screen of a bag until SIGINT or SIGTERM; it reads the bag meanwhile.
+    """Serve the screen of a bag until SIGINT or SIGTERM.
 
     ``announce`` is called once the server listens, and prints ``server.url("/screen")``.
     """
     from rpud_sim.viewer.server import PageServer  # needs Tornado, which a report does without
 
     with RecordedStore(os.fspath(bag)) as store, PageServer(store, place) as server:
-        store.start()
         announce(server)
         server.run()
 

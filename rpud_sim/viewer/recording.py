@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from bisect import bisect_left
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache, partial
@@ -21,7 +21,7 @@ from rpud_sim.bag.field_values import FieldReader
 from rpud_sim.bag.messages import MessageBlock, joined, messages_of
 from rpud_sim.bag.tables import compiled
 from rpud_sim.foundation.time import SECOND, join_seconds
-from rpud_sim.inspection.recorded_drill import Clock, Jump
+from rpud_sim.inspection.run_clock import RunClock
 from rpud_sim.simulation.topics import TOPICS
 
 MOST_SIGNALS, MOST_TOPICS = 120, 100  # signals of a bag, and topics with signals
@@ -30,7 +30,6 @@ IMPACTS_TYPE = "rpud_msgs/msg/ContactForce"
 TRAJECTORY_TYPE = "rpud_msgs/msg/Trajectory"
 JOURNAL_TYPE, FAULTS_TYPE = "rpud_msgs/msg/JournalEntry", "rpud_msgs/msg/Faults"
 STATUS_TYPE = "rpud_msgs/msg/Status"
-WAVEFORM_TYPE = "rpud_msgs/msg/Waveform"
 
 # Parts that are read before the page stands; of the others it has not seen anything yet.
 SAMPLED = 48
@@ -39,17 +38,6 @@ LATE = 0.5  # longest time from the stamp of a message to that of others logged 
 _KEPT = 96  # parts whose rows, and decoded messages, are kept
 _STILL = 10.0  # a bag that was written to within so many seconds may still be recorded [s]
 _NO_SIGNALS = {"sequence", "sample_period"}  # they number messages, or help to read them
-_BACK = SECOND  # step back of a clock that lateness does not explain [ns]
-_AHEAD = 60 * SECOND  # step ahead of a clock that passed time does not explain [ns]
-
-
-def find_jumps(stamps: np.ndarray, log_times: np.ndarray) -> list[Jump]:
-    """Return the jumps in a series of messages, in the order of log times; shapes (n,), [ns]."""
-    steps, passed = np.diff(stamps), np.maximum(np.diff(log_times), 0)
-    return [
-        Jump(int(log_times[place + 1]), int(steps[place] - passed[place]))
-        for place in np.flatnonzero((steps < -_BACK) | (steps - passed > _AHEAD)).tolist()
-    ]
 
 
 @dataclass(frozen=True)
@@ -89,6 +77,7 @@ class Rows:
     """Messages of one topic in a part of a bag."""
 
     log_times: np.ndarray  # shape (n,) [ns]
+    publish_times: np.ndarray  # shape (n,) [ns]
     stamps: np.ndarray  # shape (n,) [ns]; the log times of messages without stamps
     # of each signal, by column, shape (n,); NaN where a value cannot be drawn
     values: dict[str, np.ndarray]
@@ -119,12 +108,13 @@ class TopicReader:
         """Return the rows of messages; count those that are not of the type."""
         found = self._fields.read(block)
         self.unreadable += len(found.errors)
-        logs = block.log_times[found.rows]
+        logs, published = block.log_times[found.rows], block.publish_times[found.rows]
         values = {}
         for signal in self.signals:
             numbers = found.array(signal.column).astype(float)
             values[signal.column] = np.where(usable(numbers), numbers, np.nan)
-        return Rows(logs, found.array("header.stamp") if self.stamped else logs, values)
+        stamps = found.array("header.stamp") if self.stamped else logs
+        return Rows(logs, published, stamps, values)
 
 
 def topic_readers(bag: BagReader) -> tuple[dict[str, TopicReader], dict[str, str]]:
@@ -148,23 +138,6 @@ def topic_readers(bag: BagReader) -> tuple[dict[str, TopicReader], dict[str, str
         else:
             left -= len(readers[name].signals)
     return dict(sorted(readers.items())), left_out
-
-
-def clock_topics(readers: Mapping[str, TopicReader]) -> dict[str, frozenset[str]]:
-    """Return the topics whose stamps show the time of each drill; none if no topic has stamps.
-
-    Blocks are logged long after their stamps, and latched messages may be old. They are used only
-    if a drill has nothing else.
-    """
-    ranks: dict[str, dict[str, tuple[bool, bool]]] = defaultdict(dict)
-    for name, reader in readers.items():
-        known = ranks[namespace(name)]
-        if reader.stamped:
-            known[name] = reader.latched, reader.block
-    return {
-        drill: frozenset(name for name, rank in known.items() if rank == min(known.values()))
-        for drill, known in ranks.items()
-    }
 
 
 PieceRows = dict[str, Rows]  # rows of one part of a bag, by topic
@@ -196,17 +169,24 @@ class RecordedBag:
         self.rows = lru_cache(_KEPT)(lambda number: self.rows_of([number]))
         self.decoded = lru_cache(_KEPT)(self._decode)
         self._held = lru_cache(_KEPT)(self._numbers)
-        self._clock_topics = clock_topics(self.readers) or {"": frozenset()}  # nothing is readable
+        # Topics that show the time of each namespace. Blocks are logged long after their stamps,
+        # and latched messages may be old: they do so only where there is nothing else.
+        self._timed: dict[str, set[str]] = {}
+        for drill in {*map(namespace, self.readers)} or {""}:  # nothing is readable
+            own = [each for name, each in self.readers.items() if namespace(name) == drill]
+            stamped = [each for each in own if each.stamped]
+            prompt = [each for each in stamped if not (each.latched or each.block)]
+            self._timed[drill] = {each.topic for each in prompt or stamped or own}
         self._topics = {
             name
             for name, reader in self.readers.items()
             if (reader.signals or reader.stamped)
-            and (not reader.block or name in self._clock_topics[namespace(name)])
+            and (not reader.block or name in self._timed[namespace(name)])
         }
         self._spans: dict[str, dict[int, tuple[float, float] | None]] = defaultdict(dict)
-        self.clocks = {drill: Clock(None, self.begin) for drill in self._clock_topics}
-        for drill in self.clocks:
-            self._find_clock(drill)
+        self._begun: dict[str, int] = {}  # publishing times of first messages [ns]
+        # None of a namespace without stamps, where log times count.
+        self.clocks = {drill: self._first_clock(drill) for drill in self._timed}
 
     @property
     def growing(self) -> bool:
@@ -245,13 +225,12 @@ class RecordedBag:
         now = _sizes(self.path)
         if now == self._files or self.lost:
             return True
-        names = [file.name for file in self.bag.files]
-        gone = [name for name in names if now.get(name, -1) < self._files.get(name, 0)]
-        if gone and any(now[name] > self._files.get(name, 0) for name in now):
+        gone = [name for name, size in self._files.items() if now.get(name, -1) < size]
+        gone = [file.name for file in self.bag.files if file.name in gone]
+        if gone and any(size > self._files.get(name, 0) for name, size in now.items()):
             return False  # a recorder with a limit of the disk deletes its oldest file
         if gone:
-            missing = gone[0] not in now
-            self.lost = f"{gone[0]} was deleted" if missing else f"{gone[0]} became shorter"
+            self.lost = f"{gone[0]} was deleted or cut"
             return True
         try:
             bag = rpud_sim.bag.open(self.path, unclosed=True)
@@ -309,39 +288,52 @@ class RecordedBag:
 
     def elapsed(self, topic: str, rows: Rows) -> np.ndarray:
         """Return the times of rows since the bag began [s]."""
-        if not self.readers[topic].stamped:
+        clock = self.clocks[namespace(topic)]
+        if clock is None or not self.readers[topic].stamped:
             return (rows.log_times - self.begin) / SECOND
-        return self.clocks[namespace(topic)].elapsed(rows.stamps, rows.log_times)
+        return clock.elapsed(rows.stamps, rows.publish_times)
 
     def time_of(self, message: Message, stamp: Any) -> float:
         """Return the time since the bag began [s] of a stamp in a message."""
         clock = self.clocks[namespace(message.topic)]
-        if clock.zero is None:
+        if clock is None:
             return (message.log_time - self.begin) / SECOND
-        return (join_seconds(stamp.sec, stamp.nanosec) - clock.offset(message.log_time)) / SECOND
+        return clock.seconds(join_seconds(stamp.sec, stamp.nanosec), message.publish_time)
+
+    def run(self, message: Message) -> int:
+        """Return a number that messages of one run of a drill share."""
+        clock = self.clocks[namespace(message.topic)]
+        return clock.run(message.publish_time) if clock else 0
 
     def end_of(self, found: PieceRows) -> float:
         """Return the greatest time since the bag began of some rows [s]; 0 without any."""
         times = [self.elapsed(topic, rows) for topic, rows in found.items()]
         return max((float(each.max()) for each in times if len(each)), default=0.0)
 
-    def set_jumps(self, found: Mapping[str, Sequence[Jump]]) -> None:
-        for drill, jumps in found.items():
-            self._set_clock(drill, self.clocks[drill].zero, jumps)
+    def set_clock(self, message: Message, entry: Any, time: Any) -> bool:
+        """Tell a drill's clock an entry of its journal; return whether time goes on otherwise now.
 
-    def series(self, drill: str, found: PieceRows) -> tuple[np.ndarray, np.ndarray]:
-        """Return stamps and log times that show a drill's time, in the order of the log times."""
-        wanted = self._clock_topics[drill] or [name for name in found if namespace(name) == drill]
-        parts = [(rows.stamps, rows.log_times) for name, rows in found.items() if name in wanted]
-        stamps, logs = np.concatenate([np.empty((2, 0), np.int64), *parts], axis=1)
-        order = np.argsort(logs, kind="stable")
-        return stamps[order], logs[order]
+        Entries of before the bag, which a late recorder gets, tell the origin alone.
+        """
+        drill, published = namespace(message.topic), message.publish_time
+        if (clock := self.clocks[drill]) is None:
+            return False
+        stamp = join_seconds(entry.header.stamp.sec, entry.header.stamp.nanosec)
+        if published < self._begun[drill] - SECOND:
+            clock = RunClock(clock.zero)
+        elif clock.origin is None:
+            clock = RunClock(min(stamp, clock.zero))
+        self.clocks[drill] = clock
+        self._spans[drill].clear()
+        return clock.add(str(entry.kind), stamp, time, published)
 
     def span(self, drill: str, number: int) -> tuple[float, float] | None:
         """Return the first and the last time of a drill in a part [s]; None if it has none."""
         if number not in self._spans[drill]:
-            times = self.clocks[drill].elapsed(*self.series(drill, self.rows(number)))
-            self._spans[drill][number] = (times.min(), times.max()) if len(times) else None
+            times = [self.elapsed(name, rows) for name, rows in self._timed_rows(drill, number)]
+            ends = [(float(each.min()), float(each.max())) for each in times]
+            first, last = zip(*ends, strict=True) if ends else ((), ())
+            self._spans[drill][number] = (min(first), max(last)) if ends else None
         return self._spans[drill][number]
 
     def close(self) -> None:
@@ -374,31 +366,22 @@ class RecordedBag:
         span = self.span(drill, number)
         return span[1] if span else (self.pieces[number].end_time - self.begin) / SECOND
 
-    def _set_clock(self, drill: str, zero: int | None, jumps: Sequence[Jump]) -> None:
-        self.clocks[drill] = Clock(zero, self.begin, tuple(jumps))
-        self._spans[drill].clear()
+    def _first_clock(self, drill: str) -> RunClock | None:
+        """Return the clock of a namespace by its first messages."""
+        for number in self._held(drill, len(self.pieces)):
+            found = [rows for _, rows in self._timed_rows(drill, number)]
+            if found and self.readers[min(self._timed[drill])].stamped:
+                first = min(found, key=lambda rows: rows.stamps[0])
+                late = int(first.log_times[0]) - self.begin
+                self._begun[drill] = int(first.publish_times[0])
+                # A namespace may begin after the bag.
+                return RunClock(int(first.stamps[0]) - (late if late > SECOND else 0))
+        return None
 
-    def _find_clock(self, drill: str) -> None:
-        """Find when a clock began, and its jumps as far as a sample of the bag shows them."""
-        topics = self._clock_topics[drill]
-        sample = [
-            found
-            for each in map(self.rows, self.sample)
-            if (
-                found := {
-                    name: each[name] for name in topics & each.keys() if len(each[name].stamps)
-                }
-            )
-        ]
-        if not sample:
-            return
-        stamps, logs = np.concatenate([self.series(drill, rows) for rows in sample], axis=1)
-        rows = min(sample[0].values(), key=lambda each: each.log_times[0])
-        # A block is logged after its last row, and the other messages at their own times.
-        others = np.flatnonzero(rows.log_times != rows.log_times[0])
-        last = int(others[0]) - 1 if len(others) else -1
-        zero = int(rows.stamps[last]) - (int(rows.log_times[0]) - self.begin)
-        self._set_clock(drill, zero, find_jumps(stamps, logs))
+    def _timed_rows(self, drill: str, number: int) -> list[tuple[str, Rows]]:
+        """Return what shows the time of a namespace in a part, by topic."""
+        rows = self.rows(number)
+        return [(n, rows[n]) for n in self._timed[drill] & rows.keys() if len(rows[n].stamps)]
 
 
 def _key(piece: BagSegment) -> tuple[int, int, int]:

@@ -37,7 +37,7 @@ from rpud_sim.viewer.session import ClientState, StoreError, View, encode
 from rpud_sim.viewer.views import Views
 
 BINS = 3000  # of a layer, at most
-SECTIONS = 12  # blocks of motion that a report keeps
+MOMENTS = 12  # whose motion and numbers a report keeps
 
 _FINEST = 0.016  # shortest bin [s]: there are some impacts in each
 MOST_SEGMENTS = 100  # further ones are in the last
@@ -130,16 +130,21 @@ def _frame(bag: Views, drill: str, frame: dict[str, Any], damages: Damages) -> d
     choices = [choice for plot in frame["plots"] for choice in plot["choices"]]
     kinds = {layer["quantity"]: layer["kind"] for each in choices for layer in each["layers"]}
     frame["view"] = bag.view(drill, 0.0, now, int(min(BINS, max(now / _FINEST, 1.0))), kinds)
-    # Blocks of motion at the ends of equal parts of the run, and after faults.
-    moments = np.linspace(0.0, now, SECTIONS + 1)[1:]
-    for fault in frame["faults"][: SECTIONS // 2]:
+    # Moments at the ends of equal parts of the run, and after faults.
+    moments = np.linspace(0.0, now, MOMENTS + 1)[1:]
+    for fault in frame["faults"][: MOMENTS // 2]:
         after = min(float(fault["onset"]) + 0.1, now)
         moments[np.argmin(np.abs(moments - after))] = after
-    sections = [bag.waveforms.section(drill, moment) for moment in np.unique(moments).tolist()]
-    if sections := [section for section in sections if section is not None]:
-        frame |= {"sections": sections, "section": sections[-1]}
+    frame["moments"] = [_moment(bag, drill, time) for time in np.unique(moments).tolist()]
+    frame.pop("section", None)
     frame["report"] = _report(bag, drill, frame, damages)
     return frame
+
+
+def _moment(bag: Views, drill: str, time: float) -> dict[str, Any]:
+    section = bag.waveforms.section(drill, time)
+    frame = bag.moment(drill, time) | ({"section": section} if section else {})
+    return {"time": time, "frame": frame}
 
 
 def _report(
@@ -242,6 +247,8 @@ def segment_table(content: Views, drill: str, frame: Mapping[str, Any]) -> Table
         if moment - begins[-1] > _NEAR:
             begins.append(moment)
     title = "segments between commands and faults"
+    if frame["log_thinned"]:
+        title += f", without {frame['log_thinned']} older commands"
     if len(begins) > MOST_SEGMENTS:
         title += f"; the last has {len(begins) - MOST_SEGMENTS} further ones"
         begins = begins[:MOST_SEGMENTS]

@@ -6,9 +6,8 @@ import itertools
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -26,7 +25,6 @@ from rpud_sim.viewer.recording import (
     IMPACTS_TYPE,
     STATUS_TYPE,
     TRAJECTORY_TYPE,
-    WAVEFORM_TYPE,
     RecordedBag,
     RecordedSignal,
     is_stranger,
@@ -36,7 +34,7 @@ from rpud_sim.viewer.recording import (
 SAMPLES = 100_000
 
 HIGHEST_RATE = 1_000_000_000  # greatest rate of a rebuilt waveform [Hz], that of ``rpud export``
-SECTION_RATE = 60_000  # of its samples [Hz]
+SECTION_RATE = 60_000  # of the samples of a section [Hz]
 
 # Channels by the quantities that they show.
 CHANNELS = {
@@ -55,32 +53,12 @@ WAVEFORM_RANGE = 0.05  # longest range of time that is drawn from the waveform [
 _MOST_PIECES = 80  # parts of the bag that one view reads
 _MOST_BACK = 50  # parts of the bag that are searched for the latest status
 
-_Samples = tuple[np.ndarray, np.ndarray, Mapping[str, np.ndarray]]  # numbers, times, channels
 
+class Stretch(NamedTuple):
+    """Samples of the waveform without a gap; those of before and after it are missing."""
 
-@dataclass(frozen=True)
-class Waveform:
-    """Samples of all channels."""
-
-    rate: int  # of the samples [Hz]
-    numbers: np.ndarray  # of the samples since simulation time zero, shape (n,)
-    times: np.ndarray  # since the bag began [s], shape (n,)
-    channels: Mapping[str, np.ndarray]  # by name, shape (n,); none without a sample
-
-    @classmethod
-    def of(cls, parts: Sequence[_Samples], rate: int) -> Waveform:
-        """Return parts in the order of their times."""
-        parts = sorted(parts, key=lambda part: float(part[1][0]))
-        numbers = np.concatenate([np.empty(0, np.int64), *(part[0] for part in parts)])
-        times = np.concatenate([np.empty(0), *(part[1] for part in parts)])
-        names = parts[0][2] if parts else ()
-        channels = {name: np.concatenate([part[2][name] for part in parts]) for name in names}
-        return cls(rate, numbers, times, channels)
-
-    @property
-    def cuts(self) -> list[int]:
-        """Places before which samples are missing, or another run begins."""
-        return (np.flatnonzero(np.diff(self.numbers) != 1) + 1).tolist()
+    times: np.ndarray  # since the bag began, shape (n,), at least one [s]
+    channels: Mapping[str, np.ndarray]  # by name, shape (n,)
 
 
 class Waveforms:
@@ -91,48 +69,40 @@ class Waveforms:
         self._codec = Codec(TRAJECTORY_TYPE, find_definition(TRAJECTORY_TYPE))
 
     def has(self, drill: str) -> bool:
-        """Whether the waveform of a drill can be rebuilt, or was recorded."""
-        return any(self._recording.topic(drill, kind) for kind in (TRAJECTORY_TYPE, WAVEFORM_TYPE))
+        return bool(self._recording.topic(drill, TRAJECTORY_TYPE))
 
-    def between(self, drill: str, start: float, end: float, rate: int | None = None) -> Waveform:
-        """Return the exact samples between two times since the bag began [s].
+    def between(
+        self, drill: str, start: float, end: float, rate: int | None = None
+    ) -> list[Stretch]:
+        """Return the exact samples between two times since the bag began [s], in their order.
 
         ``rate`` is whole [Hz]; None for one that gives about ``SAMPLES``.
         """
         if rate is None:
             rate = int(min(max(SAMPLES / max(end - start, 1e-9), 1.0), HIGHEST_RATE))
-        parts: list[_Samples] = []
+        found = []
         for zero, segments in self._stretches(drill, start, end):
             first = max(math.ceil((start - zero) * rate), first_sample(segments[0], rate))
             last = min(math.floor((end - zero) * rate) + 1, end_sample(segments[-1], rate))
             if last > first:
                 samples = sample(segments, Times.from_grid(first, last - first, rate))
-                counted = np.arange(first, last, dtype=np.int64)
-                parts.append((counted, counted / rate + zero, vars(samples)))
-        return Waveform.of(parts, rate)
+                times = np.arange(first, last, dtype=np.int64) / rate + zero
+                found.append(Stretch(times, vars(samples)))
+        return sorted(found, key=lambda stretch: float(stretch.times[0]))
 
     def section(self, drill: str, end: float) -> dict[str, Any] | None:
         """Return the field ``section`` of a frame: the motion until a time [s]; None without any.
 
-        It is rebuilt from the trajectory. Without one it has the samples of the waveform's topic.
+        It begins after the last gap.
         """
-        waveform = self.between(drill, end - SECTION, end, SECTION_RATE)
-        if not len(waveform.times):
-            waveform = self.recorded(drill, end - SECTION, end)
-        if not len(waveform.times):
+        found = self.between(drill, end - SECTION, end, SECTION_RATE)
+        if not found:
             return None
-        # Of two runs it is the later one; what is missing is NaN.
-        newest = int(np.flatnonzero(np.diff(waveform.numbers, prepend=0) <= 0)[-1:].sum())
-        numbers = waveform.numbers[newest:] - waveform.numbers[newest]
-        step = -(-int(numbers[-1] + 1) // round(SECTION * SECTION_RATE + 1))
-        time = float(waveform.times[newest])
-        found: dict[str, Any] = {"period": step / waveform.rate, "time": time}
-        for name in MOTION:
-            values = np.full(int(numbers[-1]) + 1, np.nan, np.float32)
-            values[numbers] = waveform.channels[CHANNELS[name]][newest:]
-            found[name] = values[::step]
-        times, *rest = self.impacts(drill, time, end)
-        return found | {"impacts": np.column_stack([times - time, *rest]).tolist()}
+        times, channels = found[-1]
+        arrays = {name: channels[CHANNELS[name]].astype(np.float32) for name in MOTION}
+        struck, *rest = self.impacts(drill, float(times[0]), end)
+        impacts = np.column_stack([struck - times[0], *rest]).tolist()
+        return {"period": 1.0 / SECTION_RATE, "time": times[0], "impacts": impacts, **arrays}
 
     def impacts(self, drill: str, start: float, end: float) -> np.ndarray:
         """Return times [s], peak forces [N] and durations [s] of impacts in a range: (3, n)."""
@@ -163,34 +133,6 @@ class Waveforms:
                     return dict(zip(names, found[:, -1 if back else 0].tolist(), strict=True))
         return None
 
-    def recorded(self, drill: str, start: float, end: float, beyond: int = 0) -> Waveform:
-        """Return the samples of the waveform's topic between two times [s], and some beyond."""
-        recording, topic = self._recording, self._recording.topic(drill, WAVEFORM_TYPE)
-        parts: list[_Samples] = []
-        rate = SECTION_RATE
-        for number in recording.pieces_between(drill, start, end) if topic else ():
-            for message, block in recording.decoded(number, topic):
-                try:
-                    channels = {
-                        name: np.asarray(getattr(block, name), float) for name in CHANNELS.values()
-                    }
-                    period, sequence = float(block.sample_period), int(block.sequence)
-                    begin = recording.time_of(message, block.header.stamp)
-                except (AttributeError, TypeError, ValueError):
-                    continue  # another program wrote it
-                length = len(channels["contact_force"])
-                alike = all(values.shape == (length,) for values in channels.values())
-                if not (alike and 1e-9 <= period <= SECTION):
-                    continue
-                rate = round(1.0 / period)
-                times = begin + np.arange(length) * period
-                inside = (times >= start - beyond * period) & (times <= end + beyond * period)
-                if inside.any():
-                    channels = {name: values[inside] for name, values in channels.items()}
-                    numbers = (sequence % 2**62) + np.flatnonzero(inside)
-                    parts.append((numbers, times[inside], channels))
-        return Waveform.of(parts, rate)
-
     def _stretches(
         self, drill: str, start: float, end: float
     ) -> Iterator[tuple[float, np.ndarray]]:
@@ -202,7 +144,8 @@ class Waveforms:
         held: list[np.ndarray] = []
         zero = 0.0
         for piece in self._pieces(topic, drill, start, end) if topic else ():
-            offset = recording.clocks[drill].offset(piece.log_time)
+            clock = recording.clocks[drill]
+            offset = clock.offset(piece.stamp, piece.published) if clock else recording.begin
             begin = (piece.origin - offset) / SECOND
             if held and not (piece.follows and begin == zero):
                 yield zero, np.concatenate(held)
@@ -298,12 +241,14 @@ class Views:
                 bins.add(name, times, values)
                 layer = bins.view(name, start, end, width)
             layers[name] = with_gaps(layer)
-        near = self._waveform(drill, start, end)
-        if near is not None:
+        exact = end - start < 1.001 * WAVEFORM_RANGE
+        near = self.waveforms.between(drill, start, end) if exact else []
+        if near:
             struck = "peak_force" in layers and len(layers["peak_force"]["t"]) > 0
             for quantity, channel in CHANNELS.items():
-                silent = channel == "contact_force" and not near.channels[channel].any()
-                if not (silent and struck):  # before drilling an impact has no duration
+                silent = not any(stretch.channels[channel].any() for stretch in near)
+                # Before drilling an impact has no duration.
+                if not (channel == "contact_force" and silent and struck):
                     layers[quantity] = _waveform_layer(near, channel, width)
         found = {"start": start, "end": end, "detail": WAVEFORM if near else MESSAGES}
         return {**found, "band": "least-greatest", "layers": layers}
@@ -341,15 +286,6 @@ class Views:
         first, last = np.searchsorted(times, [start, np.nextafter(end, np.inf)], sorter=order)
         chosen = order[max(first - 1, 0) : last + 1]
         return times[chosen], values[chosen]
-
-    def _waveform(self, drill: str, start: float, end: float) -> Waveform | None:
-        """Return the samples of a short range; None of a longer one, or without any."""
-        if end - start >= 1.001 * WAVEFORM_RANGE:
-            return None
-        found = self.waveforms.between(drill, start, end)
-        if not len(found.times):
-            found = self.waveforms.recorded(drill, start, end, beyond=1)
-        return found if len(found.times) else None
 
     def _status(self, drill: str, time: float) -> dict[str, Any]:
         """Return the fields of the last status at a time [s] or before; none before the first."""
@@ -399,12 +335,10 @@ def thinned(times: np.ndarray, values: np.ndarray, most: int) -> Layer:
     return {"t": times[kept], "mean": values[kept]}
 
 
-def _waveform_layer(waveform: Waveform, channel: str, most: int) -> Layer:
+def _waveform_layer(stretches: Sequence[Stretch], channel: str, most: int) -> Layer:
     """Return a channel with every peak, and NaN where samples are missing."""
-    edges = [0, *waveform.cuts, len(waveform.times)]
-    times, values = [], []
-    for first, last in itertools.pairwise(edges):
-        part = thinned(waveform.times[first:last], waveform.channels[channel][first:last], most)
-        times += [part["t"], part["t"][-1:]]
-        values += [part["mean"], [np.nan]]
-    return {"t": np.concatenate(times[:-1]), "mean": np.concatenate(values[:-1])}
+    parts = []
+    for times, channels in stretches:
+        part = thinned(times, channels[channel], most)
+        parts += [part, {"t": part["t"][-1:], "mean": np.full(1, np.nan)}]
+    return {name: np.concatenate([part[name] for part in parts[:-1]]) for name in ("t", "mean")}

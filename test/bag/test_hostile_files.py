@@ -14,7 +14,8 @@ from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
 from mcap.reader import make_reader
 from mcap.records import Channel, Chunk, ChunkIndex, Footer, Metadata, MetadataIndex, Statistics
-from sample_bags import write_bag
+from mcap.writer import CompressionType
+from sample_bags import write_bag, write_mcap
 
 import rpud_sim.bag
 from rpud_sim.bag import BagError, BagFormatError
@@ -137,11 +138,6 @@ def chunk_start(content):
     return index.chunk_start_offset
 
 
-def test_the_bombs_are_files_that_another_reader_takes_for_bags():
-    content = mcap(chunk("zstd", zeros(2**20), 1000))
-    assert content[chunk_start(content)] == Opcode.CHUNK
-
-
 def test_a_chunk_within_the_limit_is_read(tmp_path):
     message = struct.pack("<HIQQ", 1, 0, 5, 5) + bytes(10_000_000)
     data = record(Opcode.MESSAGE, message)
@@ -171,29 +167,10 @@ def test_a_summary_that_was_changed_is_found_by_its_checksum(tmp_path):
     assert recover(file, tmp_path / "out").topics["/rpud/talk"].recovered == 10
 
 
-def test_statistics_that_contradict_the_indexes_give_no_negative_rate(tmp_path):
-    message = record(Opcode.MESSAGE, struct.pack("<HIQQ", 1, 0, 5, 5))
-    times = struct.pack("<QQQQ", 5, 0, 9, 0)
-    index = record(Opcode.MESSAGE_INDEX, struct.pack("<HI", 1, 32) + times)
-    place = len(MAGIC) + 9 + 8
-    path = tmp_path / "liar.mcap"
-    path.write_bytes(
-        mcap(
-            index,
-            message,
-            summary=[Channel(1, "/a", "cdr", {}, 0)],
-            chunk_indexes=[ChunkIndex(0, 0, "", 0, 9, 0, {1: place}, 0, 0)],
-        )
-    )
-    with rpud_sim.bag.open(path) as bag:
-        [topic] = bag.topics
-    assert (topic.first_time, topic.last_time, topic.message_count) == (5, 9, 0)
-    assert topic.rate is None
-
-
-@pytest.mark.parametrize("compression", ["none", "lz4", "zstd"])
+@pytest.mark.parametrize("compression", CompressionType)
 def test_a_cut_at_any_byte_of_a_chunk_s_head_ends(tmp_path, compression):
-    content = (write_bag(tmp_path / "run", compression=compression) / "run_0.mcap").read_bytes()
+    entries = [("/a", number, b"") for number in range(10)]
+    content = write_mcap(tmp_path / "a.mcap", entries, compression=compression).read_bytes()
     head = chunk_start(content)
     torn = tmp_path / "torn.mcap"
     for size in range(head, head + 80):

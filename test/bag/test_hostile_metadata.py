@@ -51,12 +51,6 @@ def test_metadata_that_is_none_or_grows_is_refused(text):
         assert "\n" not in str(caught.value)
 
 
-def test_aliases_that_stay_small_are_read(tmp_path):
-    text = (write_bag(tmp_path / "run") / "metadata.yaml").read_text()
-    text = text.replace("custom_data: {}", "custom_data: {first: &a one, second: *a}")
-    assert metadata_from_document(text).custom_data == {"first": "one", "second": "one"}
-
-
 def test_a_document_of_gigabytes_is_refused_unread(tmp_path):
     path = write_bag(tmp_path / "run")
     os.truncate(path / "metadata.yaml", 100 * SIZE_LIMIT)

@@ -9,7 +9,7 @@ from sample_bags import START, STRING_DEFINITION, TALK
 
 import rpud_sim.bag
 from rpud_sim.bag import BagError, BagWriter, mcap_writer
-from rpud_sim.bag.mcap_writer import RESERVE_NAME, Reserve, ReservedFile
+from rpud_sim.bag.reserve import RESERVE_NAME, Reserve, ReservedFile
 
 SIZE = 20_000  # bytes of a message
 
@@ -51,7 +51,7 @@ def write(bag, count):
     return count
 
 
-@pytest.mark.parametrize("compression", ["none", "zstd", "lz4"])
+@pytest.mark.parametrize("compression", ["none", "zstd"])
 def test_a_bag_is_whole_though_the_disk_is_full(tmp_path, fill, compression):
     path = tmp_path / "run"
     with BagWriter(path, compression=compression, reserved=True) as bag:

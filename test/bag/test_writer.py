@@ -8,8 +8,6 @@ from pathlib import Path
 
 import pytest
 import yaml
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from mcap.reader import make_reader
 from mcap.records import Message as McapMessage
 from mcap.stream_reader import StreamReader
@@ -25,14 +23,13 @@ from sample_bags import (
     serialized_string,
     write_bag,
 )
-from support import examples
 
 import rpud_sim.bag
 from rpud_sim.bag import BagError, BagExistsError, BagWriter
 from rpud_sim.bag.writer import whole_bag
 
 
-@pytest.mark.parametrize("compression", ["none", "lz4", "zstd"])
+@pytest.mark.parametrize("compression", ["none", "zstd"])
 def test_rosbags_reads_topics_offers_times_and_content(tmp_path, compression):
     write_bag(tmp_path / "run", 10, compression=compression)
     with AnyReader([tmp_path / "run"]) as bag:
@@ -86,27 +83,6 @@ def test_the_file_has_what_rosbag2_s_has(tmp_path):
     counts = [topic["message_count"] for topic in record["topics_with_message_count"]]
     assert counts == [1000, 0]
     assert sorted(os.listdir(tmp_path / "run")) == ["metadata.yaml", "run_0.mcap"]
-
-
-@settings(max_examples=examples(30), deadline=None)
-@given(
-    st.lists(st.tuples(st.binary(max_size=300), st.integers(0, 2**63 - 1)), max_size=50),
-    st.sampled_from(["none", "lz4", "zstd"]),
-    st.sampled_from([1, 200, 1 << 20]),
-)
-def test_any_bytes_at_any_times_come_back(tmp_path_factory, content, compression, chunk_size):
-    path = tmp_path_factory.mktemp("bags") / "run"
-    with BagWriter(path, compression=compression, chunk_size=chunk_size) as bag:
-        bag.add_topic(TALK, STRING_DEFINITION)
-        for data, time in content:
-            bag.write(TALK.name, data, time, time)
-    by_time = sorted(content, key=lambda item: item[1])
-    with rpud_sim.bag.open(path) as bag:
-        own = [(message.data, message.log_time) for message in bag.messages()]
-    with (path / "run_0.mcap").open("rb") as stream:
-        other = [(item.data, item.log_time) for _, _, item in make_reader(stream).iter_messages()]
-    assert sorted(own) == sorted(other) == sorted(content)
-    assert [time for _, time in own] == [time for _, time in by_time]
 
 
 @pytest.mark.parametrize(
@@ -168,19 +144,17 @@ def test_what_was_flushed_is_in_the_file_before_it_is_closed(tmp_path):
 
 
 def test_records_are_kept_by_name(tmp_path):
-    with BagWriter(tmp_path / "run", custom_data={"place": "Mars"}) as bag:
+    with BagWriter(tmp_path / "run") as bag:
         bag.add_record("rpud_manifest", {"seed": "1", "nested": '{"a": 2}'})
         bag.add_record("rpud_manifest", {"seed": "2"})
     with rpud_sim.bag.open(tmp_path / "run") as bag:
         assert bag.records("rpud_manifest") == [{"seed": "1", "nested": '{"a": 2}'}, {"seed": "2"}]
         assert bag.records("other") == []
-    document = yaml.safe_load((tmp_path / "run" / "metadata.yaml").read_text())
-    assert document["rosbag2_bagfile_information"]["custom_data"] == {"place": "Mars"}
 
 
 def test_misuse_is_named(tmp_path):
-    with pytest.raises(BagError, match=r"compression is 'lzma'; it must be one of none, lz4, zstd"):
-        BagWriter(tmp_path / "run", compression="lzma")
+    with pytest.raises(BagError, match=r"compression is 'lz4'; it must be one of none, zstd"):
+        BagWriter(tmp_path / "run", compression="lz4")
     assert not (tmp_path / "run").exists()
     with BagWriter(tmp_path / "run") as bag:
         with pytest.raises(BagError, match=r"/rpud/talk was not declared"):

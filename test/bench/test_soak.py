@@ -25,30 +25,19 @@ def tally(*numbers, length=1):
     return counted
 
 
-def noisy(sizes, seed=5):
-    return sizes + np.random.default_rng(seed).normal(0.0, 100.0, len(SECONDS))
-
-
-def test_memory_that_only_settles_in_the_first_half_passes():
-    sizes = 200_000.0 + 50_000.0 * np.minimum(SECONDS / 900.0, 1.0)
-    assert checks.memory_growth("drill", SECONDS, noisy(sizes)).passed
-
-
 @pytest.mark.parametrize(
-    ("rate", "passed"), [(0.0, True), (0.5, True), (1.5, False), (50.0, False)]
+    ("sizes", "passed"),
+    [
+        (200_000.0 + 50_000.0 * np.minimum(SECONDS / 900.0, 1.0), True),  # it settles
+        (200_000.0 + 0.5 * SECONDS, True),  # the bound of 1024 KiB in 900 s is 1.14 KiB/s
+        (200_000.0 + 1.5 * SECONDS, False),
+        (SECONDS[:10], False),  # too few samples
+    ],
 )
-def test_memory_that_grows_by_more_than_the_bound_fails(rate, passed):
-    """Rates are in KiB/s; the bound of 1024 KiB in 900 s is 1.14."""
-    verdict = checks.memory_growth("drill", SECONDS, noisy(200_000.0 + rate * SECONDS))
-    assert verdict.passed == passed
-    assert float(verdict.found.split()[0]) == pytest.approx(900.0 * rate, abs=60.0)
-
-
-@pytest.mark.parametrize("count", [0, 1, 10])
-def test_memory_of_too_few_samples_is_not_passed(count):
-    verdict = checks.memory_growth("drill", SECONDS[:count], SECONDS[:count])
-    assert not verdict.passed
-    assert "samples" in verdict.found
+def test_memory_may_settle_in_the_first_half_and_hardly_grow_in_the_second(sizes, passed):
+    noise = np.random.default_rng(5).normal(0.0, 100.0, len(SECONDS))[: len(sizes)]
+    seconds = SECONDS[: len(sizes)]
+    assert checks.memory_growth("drill", seconds, sizes + noise).passed == passed
 
 
 @pytest.mark.parametrize(
@@ -77,16 +66,13 @@ def test_one_sample_that_is_missing_or_twice_there_fails(first, count, data):
     assert not checks.telemetry("wrench", tally(*twice), last).passed
 
 
-def test_a_topic_on_which_nothing_is_heard_fails():
-    assert not checks.telemetry("wrench", tally(), 100).passed
-    assert not checks.stream("waveform", tally()).passed
-    assert not checks.impacts(tally(), 0).passed
-
-
-def test_a_gap_in_a_stream_fails():
+def test_a_gap_in_a_stream_and_a_silent_topic_fail():
     assert checks.stream("waveform", tally(500, 3000, 5500, length=2500)).passed
     assert not checks.stream("waveform", tally(500, 3000, 5501, length=2500)).passed
     assert not checks.stream("waveform", tally(500, 3000, 3000, length=2500)).passed
+    assert not checks.stream("waveform", tally()).passed
+    assert not checks.telemetry("wrench", tally(), 100).passed
+    assert not checks.impacts(tally(), 0).passed
 
 
 @pytest.mark.parametrize(("counted", "passed"), [(9, False), (10, True), (11, True), (12, False)])

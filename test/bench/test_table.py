@@ -30,12 +30,6 @@ def test_a_table_shows_each_figure_beside_its_goal():
     assert next(heading([PART])) == "Measured on processor any, cores 2."
 
 
-def test_a_ratio_below_zero_meets_no_goal():
-    failed = row("speed over that of before", [3.0, -8.8, 3.4], goal=Goal(least=3.0))
-    assert failed.goal.met(failed.median)
-    assert failed.missed
-
-
 def test_results_survive_their_file(tmp_path):
     write_parts(tmp_path / "kept" / "engine.json", [PART, PART])
 

@@ -3,8 +3,6 @@
 import os
 import signal
 
-import pytest
-
 from bench.talk import Talk, end, ros
 
 
@@ -21,15 +19,3 @@ def test_a_drill_that_does_not_end_is_killed_and_counted(capsys):
         assert end(talks, 0.1) == 1
     assert "1 of 1 drills killed" in capsys.readouterr().err
     assert talks[0]._process.returncode == -signal.SIGKILL
-
-
-def test_another_interrupt_kills_at_once(monkeypatch):
-    def interrupted(self, seconds):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(Talk, "wait", interrupted)
-    with ros():
-        talks = [stopped(), stopped()]
-        with pytest.raises(KeyboardInterrupt):
-            end(talks)
-    assert {talk._process.returncode for talk in talks} == {-signal.SIGKILL}

@@ -1,17 +1,11 @@
 """The fixtures of this folder find what they are there to find."""
 
-import os
-import subprocess
-import sys
-from pathlib import Path
-
 import pytest
 from browser.conftest import require_browser
 from browser.pages import PHONE
 
 pytestmark = pytest.mark.extended
 
-ROOT = Path(__file__).resolve().parents[2]
 GOOD = """<!DOCTYPE html><html lang="en"><title>Good</title>
 <meta name="viewport" content="width=device-width">
 <style>:root { color-scheme: light dark; }</style>
@@ -60,43 +54,6 @@ def test_a_bad_page_fails(page_of, file, body, what):
     page = page_of(file(body), width=PHONE)
     with pytest.raises(AssertionError, match=what):
         page.check()
-
-
-def test_another_machine_is_out_of_reach(page_of, file):
-    page = page_of(
-        file("<script>fetch('http://example.org/').catch((e) => said = `${e}`)</script>")
-    )
-    page.until("typeof said === 'string'")
-    assert "Failed to fetch" in page.tab.evaluate("said")
-
-
-FILES = {  # a browser ends with its module
-    "pytest.ini": "[pytest]\n",
-    "conftest.py": "from browser.conftest import *\n",
-    "test_fails.py": """
-def test_one(page_of, tmp_path):
-    (tmp_path / "a.html").write_text("<title>a</title>")
-    assert page_of(tmp_path / "a.html").url == "x"
-""",
-    "test_then.py": "import asyncio\ndef test_two():\n    asyncio.run(asyncio.sleep(0))\n",
-}
-
-
-def test_a_failed_test_leaves_a_screenshot_and_the_next_may_have_a_loop(
-    a_browser_is_there, tmp_path
-):
-    for name, text in FILES.items():
-        (tmp_path / name).write_text(text)
-    paths = [str(ROOT), str(ROOT / "test"), os.environ.get("PYTHONPATH", "")]
-    done = subprocess.run(
-        [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "."],
-        cwd=tmp_path,
-        env={**os.environ, "PYTHONPATH": os.pathsep.join(paths)},
-        capture_output=True,
-        text=True,
-    )
-    assert "1 failed, 1 passed" in done.stdout + done.stderr
-    assert [path.name for path in tmp_path.glob("rpud-artefacts/browser/*/*")] == ["failed_1.png"]
 
 
 @pytest.mark.parametrize("required", [{}, {"RPUD_BROWSER": "required"}, {"CI": "true"}])

@@ -215,17 +215,6 @@ def test_zoom_of_a_live_drill_and_following_again(live):
     until_screen(live, "screen.seen.view.end - screen.seen.view.start < 5.01")
 
 
-def test_a_reloaded_screen_and_a_second_one_show_the_same_past(live, server, page_of):
-    live.tab.fill("#weight", "17")
-    click(live, "Press")
-    second = opened(page_of, server, NAMESPACE)
-    live.tab.reload()
-    for page in (live, second):
-        until_screen(page, "screen.seen.log?.some((each) => each.text.includes('17'))")
-        until_screen(page, "screen.seen.timeline?.t.length > 2")
-        page.until("document.querySelector('#weight').value === '17'")
-
-
 @pytest.mark.parametrize(("width", "scheme"), [(1400, "light"), (1024, "light"), (PHONE, "dark")])
 def test_the_screen_is_accessible_and_asks_nothing_of_other_machines(
     live, server, page_of, width, scheme

@@ -21,6 +21,8 @@ RATE, COUNT = 60_000, 1200
 PAGE = """<!DOCTYPE html>
 <html lang="en"><meta charset="utf-8"><meta name="viewport" content="width=device-width">
 <title>section</title><link rel="icon" href="data:,">
+<link rel="stylesheet" href="share/vendor/uPlot.min.css">
+<script src="share/vendor/uPlot.iife.min.js"></script>
 <link rel="stylesheet" href="share/screen.css"><link rel="stylesheet" href="share/section.css">
 <style>#section { height: 740px; } #motion { height: 220px; display: flex; flex-direction: column; }
 main { max-width: 700px; }</style>

@@ -10,10 +10,10 @@ from support import called
 
 # The command line where some modules are missing: a name that is None cannot be imported.
 _LACKING = """
-import sys
+import importlib, sys
 sys.modules.update(dict.fromkeys(sys.argv.pop(1).split(",")))
-from rpud_sim.cli.main import main
-main()
+module, name = sys.argv.pop(1).split(":")
+getattr(importlib.import_module(module), name)()
 """
 
 
@@ -28,9 +28,9 @@ def lacking(tmp_path_factory):
     """Run `rpud` where modules are missing, in a folder of its own."""
     folder = tmp_path_factory.mktemp("lacking")
 
-    def run(modules, *words):
+    def run(modules, *words, program="rpud_sim.cli.main:main"):
         return subprocess.run(
-            [sys.executable, "-c", _LACKING, ",".join(modules), *map(str, words)],
+            [sys.executable, "-c", _LACKING, ",".join(modules), program, *map(str, words)],
             cwd=folder,
             env={**os.environ, "RPUD_TRACEBACK": ""},
             capture_output=True,

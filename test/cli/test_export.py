@@ -1,4 +1,4 @@
-"""`rpud export` from the shell: what it prints, and its exit codes."""
+"""`rpud export` and `rpud report` from the shell: what they print, and their exit codes."""
 
 import json
 
@@ -80,3 +80,9 @@ def test_a_rebuilt_waveform_and_its_size(drill_bag, tmp_path, rpud):
     lines = out.splitlines()
     assert lines[0] == "rebuilt 100000 samples at 1000000 Hz in rpud.trajectory: 8.80 MB"
     assert lines[1].startswith("the bag's trajectory is 0.0")
+
+
+def test_a_report_says_where_its_page_is(bag, rpud, monkeypatch):
+    monkeypatch.chdir(bag.parent)
+    assert rpud("report", "bag") == (0, "report.html: 10 messages on 2 topics\n", "")
+    assert (bag.parent / "report.html").read_text().startswith("<!DOCTYPE html>")

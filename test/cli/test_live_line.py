@@ -1,5 +1,6 @@
 """The live line of `rpud run` shows what the drill does, and fits the terminal."""
 
+import contextlib
 import dataclasses
 import io
 import os
@@ -202,25 +203,18 @@ def test_log_lines_erase_the_live_line_and_later_processes_do_not_inherit_it(mon
     variable = "RCUTILS_CONSOLE_OUTPUT_FORMAT"
     seen = []
 
-    class Opening:
-        def __enter__(self):
-            seen.append(os.environ.get(variable))
-            return "opened"
-
-        def __exit__(self, *_):
-            seen.append("closed")
+    @contextlib.contextmanager
+    def opening():
+        seen.append(os.environ.get(variable))
+        yield
 
     monkeypatch.setattr("sys.stderr", Terminal())
     monkeypatch.delenv(variable, raising=False)
-    with logging_above(True, Opening()) as opened:
-        assert opened == "opened"
+    with logging_above(True, opening()):
         assert variable not in os.environ
-    assert seen[0].startswith(r"\r\x1b[K[{severity}]")
     monkeypatch.setenv(variable, "{message}")
-    with logging_above(True, Opening()):
-        assert os.environ[variable] == "{message}"
-    assert seen[2] == r"\r\x1b[K{message}"
-    with logging_above(False, Opening()):
-        pass
-    assert seen[4] == "{message}"
-    assert seen.count("closed") == 3
+    for live in (True, False):
+        with logging_above(live, opening()):
+            assert os.environ[variable] == "{message}"
+    assert seen[0].startswith(r"\r\x1b[K[{severity}]")
+    assert seen[1:] == [r"\r\x1b[K{message}", "{message}"]

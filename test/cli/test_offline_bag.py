@@ -81,14 +81,6 @@ def test_contact_forces_are_those_of_the_simulation_without_a_gap(messages):
     assert np.array(stamps(found)) == pytest.approx(times * SECOND, abs=1.0)
 
 
-def test_status_comes_every_second_and_at_the_end(messages):
-    found = messages["/rpud/status"]
-    assert stamps(found) == [0, SECOND, END]
-    assert column(found, "state") == ["running", "running", "stopped"]
-    assert column(found, "regime") == ["drilling"] * 3
-    assert column(found, "impacts")[-1] >= len(messages["/rpud/contact_force"])
-
-
 def test_mcap_ros2_support_reads_the_same(bag, messages):
     found = {}
     with (bag / "bag_0.mcap").open("rb") as stream:

@@ -3,9 +3,8 @@
 import re
 
 import pytest
-from support import called
 
-from rpud_sim.bag.chunks import COMPRESSIONS
+from rpud_sim.bag.mcap_writer import COMPRESSIONS
 from rpud_sim.cli.options import (
     Parser,
     add_options,
@@ -31,14 +30,6 @@ def record(*words):
 
 def replay(*words):
     return parsed(ReplayOptions, "bag", *words)
-
-
-@pytest.mark.parametrize("command", ["export", "fork"])
-@pytest.mark.parametrize("run", ["0", "-1", "1.5", "first"])
-def test_a_run_is_a_whole_number_from_one(capsys, command, run):
-    code, _, errors = called(capsys, command, "bag", "--at=1", f"--run={run}")
-    assert (code, errors.count("\n")) == (2, 1)
-    assert f"--run = {run}" in errors or f"--run = '{run}'" in errors
 
 
 def test_the_defaults_of_the_command_line_are_those_of_the_options():

@@ -1,4 +1,4 @@
-"""After the step of the set-up nothing is left to compile, and kernels compute the same bits."""
+"""After the step of the set-up nothing is left to compile."""
 
 import subprocess
 import sys
@@ -84,38 +84,3 @@ def test_a_folder_that_cannot_be_made_is_refused(tmp_path):
     reason = f"nothing can be written to {tmp_path / 'taken/kernels'}"
     expected = f"python -m rpud_sim.cli.precompile: {reason}\n"
     assert (done.returncode, done.stderr) == (1, expected)
-
-
-# Kernels of another instruction set, compiled here from the same sources without the baseline's.
-NATIVE = """
-import sys
-from numba.core.codegen import get_host_cpu_features
-import llvmlite.binding as llvm
-from rpud_sim.kernels import dispatchers, processor
-if "native" in sys.argv:
-    target = processor.Target(llvm.get_host_cpu_name(), get_host_cpu_features())
-    dispatchers.this_target = lambda: target
-from rpud_sim.model.compile import STORE
-STORE.folders = STORE.folders if "native" not in sys.argv else ()
-from rpud_sim.simulation import ActuatorParameters, Configuration, Simulation, WeightOnBit
-digest = __import__("hashlib").sha256()
-simulation = Simulation(Configuration(actuator=ActuatorParameters("resonance")), 0.1)
-for number in range(1, 21):
-    simulation.apply(WeightOnBit(5.0 * (number % 7)))
-    block = simulation.advance_to(number * 100_000_000)
-    digest.update(block.covering.tobytes() + block.impacts.tobytes())
-print(digest.hexdigest(), dispatchers._codegen().magic_tuple()[1])
-"""
-
-
-@pytest.mark.extended
-def test_kernels_of_the_baseline_compute_the_bits_of_kernels_for_this_processor_alone():
-    def run(*words):
-        process = subprocess.run(
-            [sys.executable, "-c", NATIVE, *words], capture_output=True, text=True, check=True
-        )
-        return process.stdout.split()
-
-    baseline, native = run(), run("native")
-    assert baseline[0] == native[0]
-    assert (baseline[1], native[1] == "x86-64-v3") == ("x86-64-v3", False)

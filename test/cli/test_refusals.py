@@ -54,6 +54,7 @@ TAKEN = "exists already; nothing is overwritten"
         (f"{EXPORT} --start 1", 1, "--start = 1 s is not in the 0.009 s that the bag holds"),
         (f"{EXPORT} --topics /rpud/tlak", 1, "talk holds no topic '/rpud/tlak'; it holds /rpud/ch"),
         (f"{EXPORT} --run 2", 2, "--run goes with --rate"),
+        (f"{EXPORT} --run first", 2, "--run = 'first' is outside its range [1, 1e+09]"),
         ("export talk --out taken", 1, f"taken {TAKEN}"),
         ("export talk --out begun", 1, f"begun.part {TAKEN}"),
         ("export none --out out", 1, "there is no bag at none"),

@@ -117,22 +117,22 @@ LAYER_FAULTS = [
 ]
 FILE_FAULTS = [
     ("[]", "FILE is not a file of strata: it holds no mapping"),
-    ("rocks: []", "FILE: line 1: 'rocks' is not one of layers, bottom"),
-    ("layers: {}", "FILE: line 1: layers = {} is not a list"),
-    ("layers: []", "FILE: layers = [] has no layer; at least one is needed"),
-    *((f"layers:\n- {text}", f"FILE: line 2: layer 1: {said}") for text, said in LAYER_FAULTS),
+    ("rocks: []", "FILE:1: 'rocks' is not one of layers, bottom"),
+    ("layers: {}", "FILE:1: layers = {} is not a list"),
+    ("layers: []", "FILE:1: layers = [] has no layer; at least one is needed"),
+    *((f"layers:\n- {text}", f"FILE:2: {said}") for text, said in LAYER_FAULTS),
     (
         "layers:\n- {depth_from: 0.01, rock: chalk}",
-        "FILE: layer 1 (chalk): depth_from = 0.01 m is not 0 m, where the first layer begins",
+        "FILE:1: layer 1 (chalk): depth_from = 0.01 m is not 0 m, where the first layer begins",
     ),
     (
         f"layers:{CHALK}}}{CHALK}, name: x}}",
-        "FILE: layer 2 (x): depth_from = 0 m is not below 0 m, where the one above begins",
+        "FILE:1: layer 2 (x): depth_from = 0 m is not below 0 m, where the one above begins",
     ),
-    (f"layers:{CHALK}}}\nbottom: 0", "FILE: bottom = 0 m is outside its range (0, 10000] m"),
+    (f"layers:{CHALK}}}\nbottom: 0", "FILE:1: bottom = 0 m is outside its range (0, 10000] m"),
     (
         f"layers:{CHALK}}}\n- {{depth_from: 1, rock: chalk}}\nbottom: 0.5",
-        "FILE: bottom = 0.5 m is not below 1 m, where the last layer begins",
+        "FILE:1: bottom = 0.5 m is not below 1 m, where the last layer begins",
     ),
 ]
 

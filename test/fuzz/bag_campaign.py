@@ -6,6 +6,7 @@ import contextlib
 import dataclasses
 import faulthandler
 import io
+import itertools
 import multiprocessing
 import random
 import resource
@@ -15,12 +16,13 @@ import tempfile
 import time
 import traceback
 import warnings
+from collections import deque
 from collections.abc import Callable, Iterator
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
 from typing import Any
 
-from fuzz.bag_inputs import draw_bag
+from fuzz.bag_inputs import draw_bag, warm_up
 from fuzz.tally import Outcome
 from rpud_sim.cli.main import execute, load_command
 
@@ -88,70 +90,50 @@ def run(
 ) -> Outcome:
     """Run a campaign; each bag depends on the seed and its own number, and can be repeated."""
     outcome = Outcome(WAYS)
-    with tempfile.TemporaryDirectory() as folder, contextlib.ExitStack() as stack:
-        started = [
-            _Worker(range(first, inputs, workers), seed, Path(folder, str(first)))
-            for first in range(workers)
-        ]
-        for worker in started:
-            stack.callback(worker.end)
-        while running := {each.pipe: each for each in started if each.numbers}:
+    for way, how in WAYS.items():
+        if how.words is not None:
+            load_command(way)
+    warm_up()
+    context = multiprocessing.get_context("fork")
+    numbers = iter(range(inputs))
+    running: dict[Any, tuple[int, Any]] = {}
+    with tempfile.TemporaryDirectory() as folder:
+        while True:
+            for number in itertools.islice(numbers, workers - len(running)):
+                pipe, child = context.Pipe()
+                arguments = (child, seed, number, Path(folder, str(number)))
+                process = context.Process(target=_send_result, args=arguments, daemon=True)
+                process.start()
+                child.close()
+                running[pipe] = number, process
+            if not running:
+                return outcome
             for pipe in wait(list(running)):
-                running[pipe].take(outcome)
+                number, process = running.pop(pipe)
+                try:
+                    way, refused, cpu, memory, harms = pipe.recv()
+                except EOFError:
+                    process.join()
+                    way, refused, cpu, memory = _way_of(seed, number), False, 0.0, 0
+                    harms = [f"ended by {_name(process.exitcode)}"]
+                process.join()
+                outcome.tallies[way].add(refused, cpu, memory)
+                outcome.harms += [f"bag {number} of seed {seed}, {way}: {harm}" for harm in harms]
                 progress()
-    return outcome
-
-
-class _Worker:
-    """Process that reads bags one after the other, replaced if a bag ends it."""
-
-    def __init__(self, numbers: range, seed: int, folder: Path) -> None:
-        self.numbers = numbers
-        self._seed = seed
-        self._folder = folder
-        self._start()
-
-    def take(self, outcome: Outcome) -> None:
-        """Add the result of the next bag."""
-        number = self.numbers[0]
-        self.numbers = self.numbers[1:]
-        try:
-            way, refused, cpu, memory, harms = self.pipe.recv()
-        except EOFError:
-            self._process.join()
-            way = drawn_way(random.Random(f"{self._seed}:{number}"))
-            refused, cpu, memory = False, 0.0, 0
-            harms = [f"ended by {_name(self._process.exitcode)}"]
-            if self.numbers:
-                self._start()
-        outcome.tallies[way].add(refused, cpu, memory)
-        outcome.harms += [f"bag {number} of seed {self._seed}, {way}: {harm}" for harm in harms]
-
-    def end(self) -> None:
-        """End the process."""
-        self._process.kill()
-        self._process.join()
-
-    def _start(self) -> None:
-        context = multiprocessing.get_context("fork")
-        self.pipe, child = context.Pipe()
-        arguments = (child, self.numbers, self._seed, self._folder)
-        self._process = context.Process(target=_work, args=arguments, daemon=True)
-        self._process.start()
-        child.close()
 
 
 def _name(code: int | None) -> str:
     return signal.Signals(-code).name if code and code < 0 else f"exit {code}"
 
 
-def _work(pipe: Connection, numbers: range, seed: int, folder: Path) -> None:
-    for way, how in WAYS.items():
-        if how.words is not None:
-            load_command(way)
-    for number in numbers:
-        pipe.send(attack(seed, number, folder))
-    pipe.close()
+def _send_result(pipe: Connection, seed: int, number: int, folder: Path) -> None:
+    folder.mkdir()
+    pipe.send(attack(seed, number, folder))
+    shutil.rmtree(folder)
+
+
+def _way_of(seed: int, number: int) -> str:
+    return drawn_way(random.Random(f"{seed}:{number}"))
 
 
 def drawn_way(drawn: random.Random) -> str:
@@ -163,15 +145,11 @@ def attack(seed: int, number: int, folder: Path) -> tuple[str, bool, float, int,
     """Read one bag; return reader, whether it rejected it, CPU [s], memory [byte], and harms."""
     drawn = random.Random(f"{seed}:{number}")
     way = drawn_way(drawn)
-    shutil.rmtree(folder, ignore_errors=True)
-    folder.mkdir()
     bag = draw_bag(drawn, folder / "bag", WAYS[way].of_drills)
     Path("/proc/self/clear_refs").write_text("5")  # the peak of memory begins here
     held = _peak()  # by the process that forked this one, too
     began = time.process_time()
-    _, hard = resource.getrlimit(resource.RLIMIT_CPU)
-    used = sum(resource.getrusage(resource.RUSAGE_SELF)[:2])
-    resource.setrlimit(resource.RLIMIT_CPU, (int(used) + CPU + 2, hard))  # SIGXCPU ends it
+    resource.setrlimit(resource.RLIMIT_CPU, (CPU + 2, resource.RLIM_INFINITY))  # SIGXCPU ends it
     harms, refused = [], False
     faulthandler.dump_traceback_later(PATIENCE, exit=True)
     try:
@@ -237,13 +215,8 @@ def _check_recovered(path: Path, folder: Path) -> None:
     for file in path.glob("*.mcap"):
         with file.open("rb") as stream:
             reader = make_reader(stream, validate_crcs=True)
-            for items in (
-                reader.iter_messages(),
-                reader.iter_metadata(),
-                reader.iter_attachments(),
-            ):
-                for _ in items:
-                    pass
+            deque(reader.iter_messages(), 0)
+            deque(reader.iter_metadata(), 0)
 
 
 def _arrays(path: Path) -> bool:

@@ -9,6 +9,7 @@ import sqlite3
 import struct
 import tempfile
 from pathlib import Path
+from typing import NamedTuple
 
 import zstandard
 from mcap.writer import CompressionType, Writer
@@ -100,6 +101,14 @@ WORDS = [
 ]
 
 
+class Content(NamedTuple):
+    """Content of a bag."""
+
+    topics: list[tuple[str, str, str, str]]  # name, type, hash of the type, definition
+    messages: list[tuple[int, bytes, int]]  # number of the topic, data and time
+    records: list[tuple[str, dict[str, str]]]
+
+
 def draw_bag(drawn: random.Random, folder: Path, of_drills: float = 0.2) -> Path:
     """Write a bag, with or without metadata, into a new folder and return its path.
 
@@ -107,25 +116,32 @@ def draw_bag(drawn: random.Random, folder: Path, of_drills: float = 0.2) -> Path
         of_drills: share of the bags that are a drill's, with a few odd messages.
     """
     folder.mkdir()
+    file = folder / "bag.mcap"
     if drawn.random() < of_drills:
-        return _write_drill(drawn, folder / "bag.mcap")
+        _write_mcap(drawn, file, _drill_content(drawn), 0.01)
+        if drawn.random() < 0.1:
+            file.write_bytes(damaged(drawn, file.read_bytes()))
+        return file
     mode = drawn.choice(["", "", "", "", "FILE", "MESSAGE"])
-    storage = drawn.choice(["mcap"] * 5 + ["sqlite3"])
-    file = folder / ("bag.mcap" if storage == "mcap" else "bag.db3")
-    write = _write_mcap if storage == "mcap" else _write_sqlite
-    write(drawn, file, mode == "MESSAGE")
-    content = file.read_bytes()
+    content = _small_content(drawn, mode == "MESSAGE")
+    if storage_is_sqlite := drawn.random() < 1 / 6:
+        file = folder / "bag.db3"
+        _write_sqlite(drawn, file, content)
+    else:
+        _write_mcap(drawn, file, content, 0.1)
+    data = file.read_bytes()
     if drawn.random() < 0.4:
-        content = damaged(drawn, content)
+        data = damaged(drawn, data)
     if mode == "FILE":
         file.unlink()
         file = file.with_name(f"{file.name}.zstd")
-        content = zstandard.compress(content)
+        data = zstandard.compress(data)
         if drawn.random() < 0.2:
-            content = damaged(drawn, content)
-    file.write_bytes(content)
+            data = damaged(drawn, data)
+    file.write_bytes(data)
     if not mode and drawn.random() < 0.7:
         return file
+    storage = "sqlite3" if storage_is_sqlite else "mcap"
     text = METADATA.format(
         storage=storage, name=file.name, mode=mode or "''", format="zstd" if mode else "''"
     )
@@ -181,31 +197,39 @@ def odd_text(drawn: random.Random, text: str) -> str:
     return text
 
 
-def _maybe(drawn: random.Random, text: str) -> str:
-    return odd_text(drawn, text) if drawn.random() < 0.1 else text
+def _maybe(drawn: random.Random, text: str, share: float = 0.1) -> str:
+    return odd_text(drawn, text) if drawn.random() < share else text
+
+
+def _small_content(drawn: random.Random, compressed: bool) -> Content:
+    topics = []
+    for _ in range(drawn.choice([1, 1, 2, 4])):
+        definition, valid = drawn.choice(list(DEFINITIONS.items()))
+        name, kind = drawn.choice(TOPICS), drawn.choice(TYPES[:1] * 6 + TYPES)
+        topics.append(((name, kind, "x", definition), valid))
+    messages = []
+    for number in range(drawn.choice([0, 1, 4, 30])):
+        time = drawn.choice(NUMBERS) if drawn.random() < 0.05 else number * 10**6
+        topic = drawn.randrange(len(topics))
+        messages.append((topic, _message(drawn, topics[topic][1], compressed), time))
+    records = [(name, content) for name, content in RECORDS.items() if drawn.random() < 0.3]
+    return Content([topic for topic, _ in topics], messages, records)
 
 
 def _message(drawn: random.Random, valid: bytes, compressed: bool) -> bytes:
-    parts = [b"\0\1\0\0" if drawn.random() < 0.9 else drawn.randbytes(drawn.randrange(5))]
-    for _ in range(drawn.randrange(12)):
-        parts.append(
-            drawn.choice(
-                [
-                    struct.pack("<I", drawn.choice([0, 0, 1, 2, 3, *NUMBERS[:8]]) % 2**32),
-                    struct.pack("<d", drawn.choice([0.0, 1.5, float("nan"), float("inf"), 1e308])),
-                    b"\2\0\0\0a\0\0\0",
-                    drawn.randbytes(drawn.randrange(9)),
-                    bytes(drawn.choice([1, 8, 100, 5000])),
-                ]
-            )
-        )
+    parts = [b"\0\1\0\0", valid]
+    if drawn.random() < 0.1:
+        parts = [b"\0\1\0\0" if drawn.random() < 0.9 else drawn.randbytes(drawn.randrange(5))]
+        for _ in range(drawn.randrange(12)):
+            number = struct.pack("<I", drawn.choice([0, 0, 1, 2, 3, *NUMBERS[:8]]) % 2**32)
+            real = struct.pack("<d", drawn.choice(REALS))
+            some = drawn.randbytes(drawn.randrange(9)), bytes(drawn.choice([1, 8, 100, 5000]))
+            parts.append(drawn.choice([number, real, b"\2\0\0\0a\0\0\0", *some]))
     data = b"".join(parts)
-    if drawn.random() < 0.9:
-        data = b"\0\1\0\0" + valid
-    if compressed:
-        data = zstandard.compress(data)
-        return damaged(drawn, data) if drawn.random() < 0.1 else data
-    return data
+    if not compressed:
+        return data
+    data = zstandard.compress(data)
+    return damaged(drawn, data) if drawn.random() < 0.1 else data
 
 
 @functools.cache
@@ -220,52 +244,46 @@ def drill_bag(number: int) -> tuple[list[TopicSummary], list[Message], dict[str,
             return list(bag.topics), list(bag.messages()), bag.records("rpud_manifest")[0]
 
 
-def _write_drill(drawn: random.Random, file: Path) -> Path:
+def warm_up() -> None:
+    """Make what all bags share, and load the kernels of drills."""
+    for number in range(len(DRILLS)):
+        drill_bag(number)
+
+
+def _drill_content(drawn: random.Random) -> Content:
     topics, messages, manifest = drill_bag(drawn.randrange(len(DRILLS)))
-    written = [(each.topic, each.data, each.log_time) for each in messages]
+    names = [each.topic.name for each in topics]
+    written = [(names.index(each.topic), each.data, each.log_time) for each in messages]
     for _ in range(drawn.choice([0, 1, 1, 1, 2, 5, 20])):
-        name = drawn.choice(topics).topic.name
-        places = [place for place, each in enumerate(written) if each[0] == name]
+        number = drawn.randrange(len(names))
+        places = [place for place, each in enumerate(written) if each[0] == number]
         if places:
             place = drawn.choice(places)
             written[place : place + 1] = _odd_messages(drawn, *written[place])
     parameters = dict(manifest)
     if drawn.random() < 0.2:
         parameters["manifest"] = _odd_json(drawn, parameters["manifest"])
-    with file.open("wb") as stream:
-        writer = Writer(stream, compression=CompressionType.NONE, enable_crcs=False)
-        writer.start("ros2", "fuzz")
-        channels = {}
-        for each in topics:
-            text = _maybe(drawn, each.definition or "") if drawn.random() < 0.1 else each.definition
-            schema = writer.register_schema(each.topic.type, "ros2msg", (text or "").encode())
-            metadata = {"topic_type_hash": each.topic.type_hash, "offered_qos_profiles": OFFER}
-            channels[each.topic.name] = writer.register_channel(
-                each.topic.name, "cdr", schema, metadata
-            )
-        for number, (name, data, time) in enumerate(written):
-            writer.add_message(channels[name], time, data, time, number)
-        if drawn.random() < 0.9:
-            writer.add_metadata("rpud_manifest", parameters)
-        writer.finish()
-    if drawn.random() < 0.1:
-        file.write_bytes(damaged(drawn, file.read_bytes()))
-    return file
+    records = [("rpud_manifest", parameters)] if drawn.random() < 0.9 else []
+    kinds = [
+        (each.topic.name, each.topic.type, each.topic.type_hash, each.definition or "")
+        for each in topics
+    ]
+    return Content(kinds, written, records)
 
 
 def _odd_messages(
-    drawn: random.Random, name: str, data: bytes, time: int
-) -> list[tuple[str, bytes, int]]:
+    drawn: random.Random, topic: int, data: bytes, time: int
+) -> list[tuple[int, bytes, int]]:
     """Return what stands in place of a message: none, two, a later one, or one of other bytes."""
     kind = drawn.randrange(8)
     if kind == 0:
         return []
     if kind == 1:
-        return [(name, data, time)] * 2
+        return [(topic, data, time)] * 2
     if kind == 2:
-        return [(name, data, drawn.choice(NUMBERS))]
+        return [(topic, data, drawn.choice(NUMBERS))]
     if kind == 3:
-        return [(name, damaged(drawn, data), time)]
+        return [(topic, damaged(drawn, data), time)]
     changed = bytearray(data)
     place = 4 + drawn.randrange(max(1, len(data) - 4)) // 4 * 4
     number = struct.pack("<d", drawn.choice(REALS))
@@ -274,7 +292,7 @@ def _odd_messages(
     if kind == 5:
         number = (drawn.choice(NUMBERS) % 2**32).to_bytes(4, "little")
     changed[place : place + len(number)] = number
-    return [(name, bytes(changed[: len(data)]), time)]
+    return [(topic, bytes(changed[: len(data)]), time)]
 
 
 def _odd_json(drawn: random.Random, text: str) -> str:
@@ -287,7 +305,8 @@ def _odd_json(drawn: random.Random, text: str) -> str:
     return json.dumps(content)
 
 
-def _write_mcap(drawn: random.Random, file: Path, compressed: bool) -> None:
+def _write_mcap(drawn: random.Random, file: Path, content: Content, odd: float) -> None:
+    """Write a file of which each declaration is odd with a probability."""
     with file.open("wb") as stream:
         writer = Writer(
             stream,
@@ -298,32 +317,29 @@ def _write_mcap(drawn: random.Random, file: Path, compressed: bool) -> None:
         )
         writer.start("ros2", "fuzz")
         channels = []
-        for _ in range(drawn.choice([1, 1, 2, 4])):
-            definition, valid = drawn.choice(list(DEFINITIONS.items()))
-            text = _maybe(drawn, definition).encode()
-            text = damaged(drawn, text) if drawn.random() < 0.05 else text
-            encoding = drawn.choice(["ros2msg"] * 28 + ["", "ros2idl"])
-            schema = writer.register_schema(drawn.choice(TYPES[:1] * 6 + TYPES), encoding, text)
-            metadata = {"offered_qos_profiles": _maybe(drawn, OFFER), "topic_type_hash": "x"}
-            if drawn.random() < 0.1:
+        for name, kind, type_hash, definition in content.topics:
+            text = _maybe(drawn, definition, odd).encode()
+            text = damaged(drawn, text) if drawn.random() < odd / 2 else text
+            encoding = drawn.choice(["", "ros2idl"]) if drawn.random() < odd / 2 else "ros2msg"
+            schema = writer.register_schema(kind, encoding, text)
+            offers = _maybe(drawn, OFFER, odd)
+            metadata = {"offered_qos_profiles": offers, "topic_type_hash": type_hash}
+            if drawn.random() < odd:
                 metadata["rpud_repeated"] = "true"
-            topic = drawn.choice(TOPICS)
-            coding = drawn.choice(["cdr"] * 29 + ["json"])
-            channels.append((writer.register_channel(topic, coding, schema, metadata), valid))
-        for number in range(drawn.choice([0, 1, 4, 30])):
-            time = drawn.choice(NUMBERS) if drawn.random() < 0.05 else number * 10**6
-            channel, valid = drawn.choice(channels)
-            writer.add_message(channel, time, _message(drawn, valid, compressed), time, number)
-        for name, content in RECORDS.items():
-            if drawn.random() < 0.3:
-                content = {key: _maybe(drawn, text) for key, text in content.items()}
-                writer.add_metadata(name, content)
-        if drawn.random() < 0.2:
+            coding = "json" if drawn.random() < odd / 3 else "cdr"
+            channels.append(writer.register_channel(name, coding, schema, metadata))
+        for number, (topic, data, time) in enumerate(content.messages):
+            writer.add_message(channels[topic], time, data, time, number)
+        for name, texts in content.records:
+            writer.add_metadata(
+                name, {key: _maybe(drawn, text, odd) for key, text in texts.items()}
+            )
+        if drawn.random() < odd:
             writer.add_attachment(1, 2, "name", "type", b"data")
         writer.finish()
 
 
-def _write_sqlite(drawn: random.Random, file: Path, compressed: bool) -> None:
+def _write_sqlite(drawn: random.Random, file: Path, content: Content) -> None:
     with sqlite3.connect(file) as database:
         database.executescript(
             "CREATE TABLE schema(schema_version INTEGER, ros_distro TEXT);"
@@ -335,18 +351,17 @@ def _write_sqlite(drawn: random.Random, file: Path, compressed: bool) -> None:
         )
         version = drawn.choice([4, 4, 4, 3, 0, -1, "x"])
         database.execute("INSERT INTO schema VALUES (?, 'jazzy')", (version,))
-        definition, valid = drawn.choice(list(DEFINITIONS.items()))
-        text = _maybe(drawn, definition)
-        database.execute(
-            "INSERT INTO message_definitions VALUES (1, 'a_msgs/msg/A', ?, ?, 'x')",
-            (drawn.choice(["ros2msg"] * 5 + ["ros2idl"]), text),
-        )
-        for number in range(drawn.choice([1, 2, 3])):
-            row = (number, drawn.choice(TOPICS), "a_msgs/msg/A", "cdr", _maybe(drawn, OFFER), "x")
-            database.execute("INSERT INTO topics VALUES (?, ?, ?, ?, ?, ?)", row)
-        for number in range(drawn.choice([0, 1, 30])):
-            odd = drawn.random() < 0.02
-            time = drawn.choice([-1, 2**62, "x", None, 1.5]) if odd else number * 10**6
-            row = (number, drawn.randrange(3), time, _message(drawn, valid, compressed))
+        for number, (name, kind, _, definition) in enumerate(content.topics):
+            row = (number, kind, drawn.choice(["ros2msg"] * 5 + ["ros2idl"]))
+            text = _maybe(drawn, definition)
+            database.execute(
+                "INSERT INTO message_definitions VALUES (?, ?, ?, ?, 'x')", (*row, text)
+            )
+            offers = _maybe(drawn, OFFER)
+            row = (number, name, kind, offers)
+            database.execute("INSERT INTO topics VALUES (?, ?, ?, 'cdr', ?, 'x')", row)
+        for number, (topic, data, time) in enumerate(content.messages):
+            odd = drawn.random() < 0.02 or time >= 2**63
+            row = (number, topic, drawn.choice([-1, "x", None, 1.5]) if odd else time, data)
             database.execute("INSERT INTO messages VALUES (?, ?, ?, ?)", row)
     database.close()

@@ -1,12 +1,12 @@
 """Times of a journal that no other message shows are not run again: they might never end."""
 
-import dataclasses
 import json
 
 import pytest
 from altered_bags import altered, unchanged
 from inspection.forked_runs import JOURNAL, SECOND, entries_of
 
+from rpud_sim.bag.columns import to_plain
 from rpud_sim.inspection import InspectionError, recorded_journal
 from rpud_sim.inspection.offline_bag import write_fork
 from rpud_sim.inspection.recorded_journal import UnverifiableError, installed_codec
@@ -25,7 +25,7 @@ def forged(path, out, kind, stamped, topics=None):
         nonlocal ahead
         if message.topic != JOURNAL:
             return [message.data]
-        fields = dataclasses.asdict(CODEC.decode(message.data))
+        fields = to_plain(CODEC.decode(message.data))
         content = json.loads(fields["content"])
         if fields["kind"] == kind:
             ahead = AHEAD
@@ -87,7 +87,7 @@ def test_an_origin_that_contradicts_its_stamp_is_not_run_again(plain, tmp_path):
     def change(message):
         if message.topic != JOURNAL:
             return [message.data]
-        fields = dataclasses.asdict(CODEC.decode(message.data))
+        fields = to_plain(CODEC.decode(message.data))
         content = json.loads(fields["content"])
         if fields["kind"] == "origin":
             content["origin"] -= AHEAD * SECOND

@@ -3,6 +3,7 @@
 import pytest
 import rclpy
 from builtin_interfaces.msg import Time
+from drill_client import stamps
 from rpud_msgs.msg import JournalEntry, Result, WeightOnBit
 from std_msgs.msg import Header
 from support import PATIENCE, until
@@ -54,7 +55,7 @@ def test_the_account_of_delivery_says_who_knows_the_drill(drill):
         asked = ["no name", "/nobody", "/answers"]
 
         def known():
-            rclpy.spin_once(namesake, executor=other._listening._executor, timeout_sec=0.0)
+            rclpy.spin_once(namesake, executor=other._executor, timeout_sec=0.0)
             delivery = drill.delivery(asked)
             commanders = dict(zip(delivery.command_topics, delivery.publishers, strict=True))
             return delivery.unanswered == asked[:2] and commanders["command/weight_on_bit"]
@@ -143,8 +144,10 @@ def test_a_step_is_over_when_all_its_messages_are_there(drill):
     published = dict(zip(told.topics, told.published, strict=True))
     del published["status"]  # which a paused drill goes on to publish
     assert drill.published.items() >= published.items()
+    assert drill.step(0.001234567) == 1.001234567
     assert drill.run_to(1.5) == 1.5
-    assert len(forces) == 150
+    assert stamps(forces) == [number * 10_000_000 for number in range(1, 151)]
+    assert [each.sequence for each in impacts] == list(range(len(impacts)))
     with pytest.raises(RefusedError, match=r"is not after the drill's time") as refused:
         drill.run_to(1.5)
     assert refused.value.result == Result.RESULT_OPERATION_FAILED

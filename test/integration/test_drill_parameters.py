@@ -3,7 +3,7 @@
 import re
 
 import pytest
-from drill_client import parameters, stamps
+from drill_client import parameters
 from rcl_interfaces.msg import Parameter, ParameterEvent
 from rcl_interfaces.srv import (
     GetParameters,
@@ -59,23 +59,6 @@ def test_what_is_fixed_is_refused_by_its_name_and_a_dump_of_all_is_loaded(client
     request = SetParameters.Request(parameters=dump)
     results = client.call(SetParameters, f"{NODE}/set_parameters", request).results
     assert [result.reason for result in results] == [""] * len(names)
-
-
-def test_a_change_is_seen_in_the_motion_from_then_on(client):
-    planes = client.listen("nodal_plane")
-    client.until(lambda: client.step(0.5) and planes)
-
-    def resting_place():
-        """Where the drill comes to rest on its spring without the drive."""
-        reached = client.step(2.0)
-        client.until(lambda: stamps(planes[-1:])[0] == reached)
-        return planes[-1].position
-
-    before = resting_place()
-    assert set_together(client, gravity=0.0, load_spring_rate=4000.0).successful
-    after = resting_place()
-    assert after != pytest.approx(before, rel=0.05)
-    assert set_together(client, gravity=9.81, load_spring_rate=2000.0).successful
 
 
 def test_the_regime_by_parameter_and_by_engage_are_one(client):

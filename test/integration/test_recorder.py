@@ -8,7 +8,6 @@ import sys
 from pathlib import Path
 
 import pytest
-import yaml
 from rclpy.serialization import deserialize_message
 from rosbags.highlevel import AnyReader
 from rpud_msgs.msg import ContactForce
@@ -17,7 +16,6 @@ import rpud_sim.bag
 from rpud_sim.bag.manifest import MANIFEST_RECORD as MANIFEST
 from rpud_sim.bag.manifest import manifest_from_record
 from rpud_sim.ros.graph import rosbag_service
-from rpud_sim.simulation.plans import parse_scenario, read_scenario
 
 HERE = Path(__file__).parent
 CONTACT_FORCE = "/rpud/contact_force"
@@ -50,8 +48,7 @@ def test_a_bag_holds_what_it_is_a_recording_of(process, tmp_path):
     assert {name: manifest.parameters[name] for name in settings} == settings
     assert manifest.parameters["drive_enabled"] is True
     assert manifest.seed == 7
-    planned = parse_scenario(yaml.safe_load(manifest.scenario), "manifest")
-    assert planned.faults == read_scenario(scenario).faults
+    assert manifest.scenario is None  # the journal has it, with what was drawn
     assert shlex.join(manifest.command).endswith(f"contact_force --out {tmp_path / 'run'}")
     assert manifest.versions.keys() >= {"rpud_sim", "python", "numpy", "numba", "ros_distro"}
 
@@ -74,26 +71,9 @@ def test_a_recorder_that_nobody_reads_has_its_exit_code(tmp_path):
     assert (tmp_path / "run" / "metadata.yaml").exists()
 
 
-def test_a_stranger_s_scenario_is_no_file_of_this_machine(process, tmp_path):
-    secret = tmp_path / "secret"
-    secret.write_text("secret of this machine")
-    words = ("status", "--out", tmp_path / "run", "--compression", "none")
-    recorder = process("recorder", *words)
-    process(sys.executable, HERE / "stranger.py", secret)
-    recorder.wait_for_line("knows the parameters of /rpud/stranger")
-    recorder.wait_for_line("recording 1 topics")
-    recorder.interrupt()
-    assert recorder.wait() == 0
-    [manifest] = manifests(tmp_path / "run")
-    assert manifest.node == "/rpud/stranger"
-    assert manifest.parameters["scenario"] == str(secret)
-    assert manifest.scenario == ""
-    assert all(b"secret of" not in file.read_bytes() for file in (tmp_path / "run").iterdir())
-
-
 def test_answers_that_no_drill_gives_end_no_recording(process, talker, tmp_path):
     recorder = process("recorder", "--out", tmp_path / "run")
-    process(sys.executable, HERE / "stranger.py", "x", "--odd").wait_for_line("answered")
+    process(sys.executable, HERE / "stranger.py").wait_for_line("answered")
     recorder.wait_for_line("an answer of /rpud/stranger cannot be used: ")
     talker("--count", 100, "--rate", 500).wait_for_line("published 100")
     recorder.interrupt()
@@ -124,14 +104,6 @@ def test_a_publisher_without_a_match_is_subscribed_again(process, tmp_path):
     recorder.interrupt()
     assert recorder.wait() == 1
     assert re.search("subscribed /rpud/contact_force again 1 times", recorder.output)
-
-
-def test_it_says_when_it_records_where_that_is_wanted(process, talker, tmp_path):
-    talker("--count", 0, "--subscribers", 0).wait_for_line("published 0")
-    words = ("--out", tmp_path / "run", "--duration", "0.1", "--ready-fd", "1")
-    recorder = process("recorder", *words)
-    recorder.wait_for_line("^recording$")
-    assert recorder.wait() == 0
 
 
 def sequences(path):
@@ -176,7 +148,7 @@ def test_services_pause_go_on_and_split(process, talker, connect, tmp_path):
 
 
 def test_a_split_recording_has_every_message_and_its_losses(process, talker, tmp_path):
-    words = ("--max-bag-duration", "0.2", "--max-bag-size", "200000", "--compression", "lz4")
+    words = ("--max-bag-duration", "0.2", "--max-bag-size", "200000", "--compression", "none")
     recorder = process("recorder", "--out", tmp_path / "run", *words)
     talker("--count", 1000, "--rate", 1000).wait_for_line("published 1000")
     recorder.interrupt()
@@ -187,7 +159,7 @@ def test_a_split_recording_has_every_message_and_its_losses(process, talker, tmp
     with rpud_sim.bag.open(tmp_path / "run") as bag:
         losses = {summary.topic.name: summary.losses for summary in bag.topics}
         assert losses[CONTACT_FORCE].total == 0
-        assert bag.compression == "lz4"
+        assert bag.compression == "none"
     with AnyReader([tmp_path / "run"]) as reader:
         assert reader.message_count >= 2001 - losses["/rpud/nodal_plane"].total
 

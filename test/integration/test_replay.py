@@ -108,25 +108,6 @@ def test_a_replay_is_stepped_moved_sped_up_looped_and_stopped(replay, audience):
     process.wait_for_line(r"replayed \d+ messages in .* late .* ms \(median\)")
 
 
-def test_what_cannot_be_done_is_refused_and_changes_nothing(replay, audience):
-    process = replay("--loop")
-    audience.until(lambda: audience.numbers)
-    refused = {
-        "play_next": ({}, "the replay is not paused"),
-        "burst": ({"num_messages": 3}, "the replay is not paused"),
-        "set_rate": ({"rate": float("nan")}, r"rate = nan is outside its range"),
-        "seek": ({"time": at(100 * SECOND)}, "time = .* s is after the last"),
-    }
-    for service, (fields, reason) in refused.items():
-        response = audience.ask(service, **fields)
-        assert not getattr(response, "success", False)
-        process.wait_for_line(f"{service} is refused: {reason}")
-    assert audience.ask("get_rate").rate == 1.0
-    assert not audience.ask("is_paused").paused
-    process.interrupt()
-    assert process.wait() == 0
-
-
 def test_topics_are_renamed_and_left_out(process, bag, audience):
     heard = []
     audience.hear("/robot/talk", lambda message: heard.append(int(message.data)))

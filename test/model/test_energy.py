@@ -1,17 +1,14 @@
 """The energy account of segments, against quadrature, and what it finds in a broken trajectory."""
 
-import sys
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 from scipy.integrate import quad
-from support import examples
 
 from rpud_sim.model import energy, tally
-from rpud_sim.model.closed_form import NO_SWING, Oscillation, swing_at
 from rpud_sim.model.engine import Engine
 from rpud_sim.model.parameters import preset
 from rpud_sim.model.search import force_on_drill_tool
@@ -29,11 +26,11 @@ def trajectory(regime, seconds=0.3, phase=0.2, **changes):
     return engine.drain()[0].copy(), seconds
 
 
-def account(segments, seconds, rpud=RPUD, start=0.0):
+def account(segments, seconds):
     tallies = tally.empty_tallies(1)
     room = np.zeros(tally.CLASSES, np.int64), np.zeros(tally.PART_ROOM)
     nothing = np.empty(0, IMPACT)
-    tally.add_block(rpud, segments, nothing, (0, start), (0, seconds), False, tallies, *room)
+    tally.add_block(RPUD, segments, nothing, (0, 0.0), (0, seconds), False, tallies, *room)
     return tallies[0]["account"]
 
 
@@ -204,36 +201,3 @@ def test_a_segment_that_breaks_its_equation_of_motion_shows(field, contact, fact
     number = np.flatnonzero((segments["contact"] == contact) & (segments["duration"] > 1e-6))[20]
     segments[field][number] *= factor
     assert abs(residual(account(segments, end))) > 1e-12
-
-
-@settings(max_examples=20)
-@given(mass=st.floats(0.5, 2.0), start=st.floats(0.0, 0.2))
-def test_gravity_on_the_drill_is_work_on_the_rpud(mass, start):
-    segments, end = trajectory("drilling", rpud_mass=mass, gravity_on_drill=True)
-    first = max(int(np.searchsorted(segments["start_fraction"], start, side="right")) - 1, 0)
-    part = segments[first:]
-    sound = energy.RpudConstants(mass, True, 0.0)
-    assert abs(residual(account(part, end, sound, start))) < 1e-9
-    assert abs(residual(account(part, end, sound._replace(gravity_acts=False), start))) > 1e-7
-
-
-@settings(max_examples=examples(100))
-@given(
-    st.complex_numbers(max_magnitude=1e3),
-    st.floats(1e-9, 1e5),
-    st.floats(1.0, 1e7),
-    st.floats(0.0, 1.0),
-)
-def test_what_a_damper_takes_is_the_integral_of_the_squared_velocity(
-    amplitude, decay, angular_frequency, duration
-):
-    motion = Oscillation(
-        0.0, decay, angular_frequency, amplitude.real, -amplitude.imag, 0.0, 0.0
-    )
-    ended = swing_at(decay, angular_frequency, duration)
-    found = energy.damper_loss.py_func(2.0 * decay, motion, NO_SWING, ended)
-    rate = complex(-decay, angular_frequency)
-    speed = rate * amplitude
-    expected = 2.0 * decay * energy.product_integral.py_func(speed, rate, speed, rate, duration)
-    # As exact as the energy at the start, of which it is a part.
-    assert found == pytest.approx(expected, abs=1e-13 * abs(speed) ** 2 + sys.float_info.min)

@@ -157,7 +157,7 @@ def test_an_undisturbed_impact_of_the_engine_is_a_single_contact(model):
     forces = np.array([contact.peak_force for contact in contacts])
     assert impacts["peak_force"][alone] == pytest.approx(forces[alone], rel=1e-6)
     # What the mass brought, and what the tool's elasticity gave it back.
-    together = 5e-3 / (5e-3 + contacts[0].tool_mass)
+    together = 5e-3 / (5e-3 + contacts[0].tool.mass)
     impulses = 5e-3 * (1.0 + together) * velocities
     assert impacts["impulse"][alone] == pytest.approx(impulses[alone], rel=1e-3)
 

@@ -175,15 +175,6 @@ def test_the_load_of_a_contact_is_the_integral_of_its_force(seed, contact, time)
     )
 
 
-def test_the_loaded_vibration_is_smaller():
-    engine = Engine(preset("drilling"), 0.2, resonance=RESONANCE)
-    envelopes = []
-    for time in np.arange(0.1, 1.0, 1e-3):
-        engine.advance(0, time)
-        envelopes.append(engine.account(0, time).envelope)
-    assert np.abs(envelopes).mean() < 60.0
-
-
 def test_a_drill_without_drive_comes_to_rest():
     engine = Engine(preset("drilling"), 0.2, resonance=RESONANCE)
     drill = derive(preset("drilling"))

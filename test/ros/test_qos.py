@@ -13,9 +13,9 @@ from rclpy.qos import (
 
 from rpud_sim.bag.metadata import INFINITE
 from rpud_sim.bag.metadata import QosProfile as RecordedProfile
-from rpud_sim.ros.graph import is_satisfied, request_for
 from rpud_sim.ros.record.recorded_topic import recorded_profile
 from rpud_sim.ros.replay.replayer_node import replay_offer
+from rpud_sim.ros.subscriptions import is_satisfied, request_for
 
 SENSOR = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
 RELIABLE = QoSProfile(depth=5)

@@ -6,7 +6,6 @@ The vibration itself is in test/model/test_resonator.py, its energy in test_ener
 import dataclasses
 import math
 
-import numpy as np
 import pytest
 from drill_configurations import tables
 from hypothesis import given
@@ -17,7 +16,6 @@ from rpud_sim.foundation.time import NEVER
 from rpud_sim.model.parameters import preset
 from rpud_sim.model.resonator import ResonatorEnergy
 from rpud_sim.simulation.actuator import (
-    HEATING_INTERVAL,
     TRACKING_INTERVAL,
     Actuator,
     ActuatorParameters,
@@ -79,34 +77,6 @@ def test_a_vibration_too_light_for_the_free_mass_is_refused():
     Configuration(drill.replace(free_mass=modal_mass / LEAST_MASS_RATIO), parameters)
 
 
-def test_the_amplitude_sags_under_load_and_with_it_the_power():
-    def run(drill):
-        """Give the drill's last reading, and the mean amplitude of the second half of a second."""
-        simulation, amplitudes = Simulation(Configuration(drill, RESONANCE)), []
-        for time in range(500, 1000):
-            simulation.advance_to(time * MILLISECOND)
-            amplitudes.append(simulation.actuator.amplitude)
-        return simulation.actuator, np.mean(amplitudes)
-
-    (free, idle), (loaded, sagging) = run(LIGHT), run(tables("drilling"))
-    assert idle == pytest.approx(AMPLITUDE, rel=0.02)
-    assert 0.1 * idle < sagging < 0.6 * idle
-    assert loaded.electrical_energy < 0.6 * free.electrical_energy
-    # A source behind a resistance gives a load V^2 / 8 R at most.
-    assert loaded.mechanical_work < 12.5
-
-
-def test_the_temperature_tends_to_that_of_the_heat_in_the_thermal_time_constant():
-    actuator = Actuator(HEATING, AMPLITUDE, NOMINAL)
-    for number in range(1, 1001):
-        time = number * HEATING_INTERVAL
-        assert actuator.next_step == time
-        actuator.step(time, NOTHING._replace(heat=32.0 * time / SECOND))
-    rise = actuator.read(0.0, NOTHING).temperature - HEATING.ambient_temperature
-    assert rise == pytest.approx(32.0 * HEATING.thermal_resistance, rel=1e-3)
-    assert actuator.resonance_frequency == pytest.approx(16000.0 * (1.0 - 2e-4 * rise), rel=1e-12)
-
-
 def test_heat_lowers_the_resonance_and_with_it_amplitude_and_power():
     simulation = Simulation(Configuration(LIGHT, HEATING))
     simulation.advance_to(10 * SECOND)
@@ -117,17 +87,6 @@ def test_heat_lowers_the_resonance_and_with_it_amplitude_and_power():
     assert rise == pytest.approx(50.0 / (1.0 + detuning**2), rel=0.02)
     assert now.amplitude == pytest.approx(AMPLITUDE / math.hypot(1.0, detuning), rel=0.02)
     assert now.phase == pytest.approx(-math.atan(detuning), abs=0.02)
-
-
-def test_a_tracking_generator_follows_a_warm_resonance():
-    parameters = dataclasses.replace(HEATING, generator="tracking")
-    simulation = Simulation(Configuration(LIGHT, parameters))
-    simulation.advance_to(5 * SECOND)
-    now = simulation.actuator
-    assert now.frequency == pytest.approx(now.resonance_frequency, abs=3.0)
-    assert now.resonance_frequency < 15_900.0
-    assert now.phase == pytest.approx(0.0, abs=0.1)
-    assert now.amplitude > 0.98 * AMPLITUDE
 
 
 def test_a_tracking_generator_finds_a_resonance_and_loses_it_by_a_fault():

@@ -1,7 +1,6 @@
 """Slow processes beside a direct integration in small steps, and with half their own step."""
 
 import json
-import math
 
 import numpy as np
 import pytest
@@ -11,9 +10,7 @@ from scipy.stats import t
 from rpud_sim.drilling.process import Process
 from rpud_sim.drilling.rock import RockParameters, preset_layer
 from rpud_sim.model.engine import EngineError
-from rpud_sim.model.resonator import ResonatorEnergy
-from rpud_sim.simulation import Simulation, actuator, plant, to_configuration
-from rpud_sim.simulation.commands import Drive
+from rpud_sim.simulation import Simulation, plant, to_configuration
 
 MILLISECOND = 1_000_000
 PHASES = (0.05, 0.3, 0.55, 0.8)
@@ -170,18 +167,3 @@ def test_percussion_gives_the_depth_of_its_single_impacts_at_any_step(
             assert simulation.depth > depth
         else:  # the longest contacts go on through several steps
             assert np.max(block.impacts["contact_duration"]) > 2e-5
-
-
-def test_the_temperature(monkeypatch):
-    """It heats with a power that varies within the thermal time constant."""
-    nothing, found = ResonatorEnergy(0j, 0.0, 0.0, 0.0, 0.0, 0.0), []
-    for step in (20, 10, 5):
-        monkeypatch.setattr(actuator, "HEATING_INTERVAL", step * MILLISECOND)
-        parameters = actuator.ActuatorParameters("resonance", heating=True, heat_capacity=0.2)
-        heated = actuator.Actuator(parameters, 20e-6, Drive(True, 100.0, 16000.0))
-        while (time := heated.next_step) <= SECOND:
-            now = time / SECOND
-            heat = 50.0 * now + 4.0 * (1.0 - math.cos(9.0 * now))
-            heated.step(time, nothing._replace(heat=heat))
-        found.append([heated.read(0.0, nothing).temperature - 293.15])
-    assert_converges(found, 5e-3)

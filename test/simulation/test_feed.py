@@ -12,7 +12,6 @@ from support import examples, refusal
 
 from rpud_sim.drilling.borehole import BitParameters, cut, radius_of
 from rpud_sim.drilling.rock import preset_layer
-from rpud_sim.model.drill import derive
 from rpud_sim.simulation import (
     Drive,
     Fault,
@@ -26,7 +25,6 @@ from rpud_sim.simulation.commands import Control
 from rpud_sim.simulation.configuration import to_settings
 from rpud_sim.simulation.energy_account import EnergyAccount, FeedAccount
 from rpud_sim.simulation.fields import Bookkeeping
-from rpud_sim.simulation.percussion import FORCE_WINDOW, PercussionMeter
 from rpud_sim.simulation.run import Beginning, Run
 from rpud_sim.simulation.statistics import account_of
 
@@ -163,30 +161,6 @@ def test_the_accounts_of_a_run_through_strata_choking_and_an_inclusion_close(pla
     assert abs(feed.residual(energy.weight_on_bit_work)) < 1e-11 * energy.actuator_work
     assert abs(work.residual) < 1e-11 * work.drive
     assert min(work.cutting, work.friction, work.flutes, feed.penetration_work) > 0.0
-
-
-ROCK = preset("drilling")
-DRILL = derive(ROCK)
-
-
-def test_the_rock_bears_what_presses_the_drill_within_the_window():
-    meter = PercussionMeter(20e-6, 0.0, 10.0)
-
-    def force(weight, seconds, drill=DRILL, position=0.0):
-        """Force on the rock after a time in which nothing moves, less the free mass's weight."""
-        for _ in range(round(seconds * 1000)):
-            percussion = meter.read(1e-3, position, weight, drill, 0.0)
-        return percussion.rock_force - ROCK.free_mass * ROCK.gravity
-
-    assert force(10.0, 1e-3) == pytest.approx(10.0)
-    heavy = derive(ROCK.replace(gravity_on_drill=True))
-    assert force(10.0, 1e-3, heavy) == pytest.approx(10.0 + 9.81 * ROCK.rpud_mass)
-    assert force(20.0, FORCE_WINDOW) == pytest.approx(20.0 - 10.0 / 2.718, rel=0.01)
-    assert force(20.0, 9.0 * FORCE_WINDOW) == pytest.approx(20.0, rel=1e-3)
-    # A lifted tool and a drill that pulls press nothing.
-    assert force(20.0, 1e-3, derive(preset("free"))) < 0.0
-    assert force(20.0, 1e-3) > 19.0  # the tool is back
-    assert force(0.0, 1.0, position=1e-3) < 0.0
 
 
 @pytest.mark.parametrize("weight", [2.0, 10.0, 40.0])

@@ -91,20 +91,6 @@ def test_in_pieces_it_gives_the_same_messages_as_in_one_go(regime, stops):
     assert pieces.time == whole.time == END
 
 
-def test_at_the_boundaries_even_the_order_is_the_same_and_every_block_is_counted_once():
-    blocks = []
-    whole, _ = begun(scenario=SCENARIO)
-    pieces, _ = begun(scenario=SCENARIO, on_block=blocks.append)
-    expected = [repr(message) for message in whole.advance_to(END)]
-    found = []
-    while pieces.time < END:
-        found += [repr(message) for message in pieces.advance_to(pieces.next_boundary)]
-    assert found == expected
-    ends = [0, *(block.end for block in blocks)]
-    assert [block.start for block in blocks] == ends[:-1]
-    assert ends[-1] == END
-
-
 def test_the_beginning_comes_first_then_the_origin_and_another_place_changes_stamps():
     run, messages = begun(journal=Journal())
     assert topics(messages) == ["journal", "journal", "faults"]
@@ -131,14 +117,6 @@ def test_an_entry_comes_before_its_consequences():
     assert kinds(messages) == ["weight_on_bit", "inject"]
     assert all(time == 10 * MILLISECOND for time, _, _ in messages[:3])
     assert [stamp_of(fields) for _, _, fields in messages[:3]] == [ORIGIN + 10 * MILLISECOND] * 3
-
-
-def test_a_command_that_changes_nothing_is_no_entry():
-    run, messages = started(RATES), []
-    for _ in range(20):
-        run.control.apply(WeightOnBit(12.0))
-        messages += run.advance_to(run.next_boundary)
-    assert kinds(messages).count("weight_on_bit") == 1
 
 
 @pytest.mark.parametrize("kind", ["flush", "end"])
@@ -304,27 +282,6 @@ def test_whatever_was_done_is_done_again(regime, steps):
     messages += [*run.advance_to(run.time + 31 * MILLISECOND), *run.flush("end")]
     told, entries = split(messages)
     assert again(entries)[1] == told
-
-
-def test_one_other_bit_in_a_command_gives_another_trajectory():
-    run = started(RATES)
-    run.simulation.apply(WeightOnBit(20.0))
-    told, entries = split([*run.advance_to(50 * MILLISECOND), *run.flush("end")])
-    assert again(entries)[1] == told
-    place = [entry.kind for entry in entries].index("weight_on_bit")
-    entries[place] = JournalEntry(place, 0, "weight_on_bit", {"force": 20.000000000000004})
-    assert again(entries)[1] != told
-
-
-def test_a_change_that_is_refused_is_not_noted():
-    run = started(RATES)
-    run.simulation.inject(Fault("lost_preload"))
-    list(run.changes())
-    with pytest.raises(FaultError):
-        run.simulation.inject(Fault("lost_preload"))
-    with pytest.raises(FaultError):
-        run.simulation.clear(99)
-    assert list(run.changes()) == []
 
 
 BEGIN = {"parameters": {**RATES, "regime": "free"}, "initial_phase": 0.0, "seed": 0, "faults": []}

@@ -12,7 +12,6 @@ from numpy.testing import assert_allclose
 from support import trajectory_messages
 from trajectories import rebuild
 
-from rpud_sim.model.drill import derive
 from rpud_sim.simulation import preset
 from rpud_sim.simulation.commands import Drive, WeightOnBit
 from rpud_sim.simulation.sampling import CHANNELS, Rebuilder, Times, sample, to_segments
@@ -63,40 +62,6 @@ def test_samples_are_the_motion_of_their_segments(segments, rate):
     for name in CHANNELS:
         close = next(limit for word, limit in TOLERANCES.items() if name.endswith(word))
         assert_allclose(getattr(samples, name), expected[name], rtol=1e-9, atol=close, err_msg=name)
-
-
-def test_a_grid_over_many_blocks_is_that_of_the_whole(blocks, segments):
-    rate = 44_100
-    grids = [block.grid(rate) for block in blocks]
-    pieces = [
-        block.sample(Times.from_grid(grid.start, len(grid), rate))
-        for block, grid in zip(blocks, grids, strict=True)
-    ]
-    expected = sample(segments, Times.from_grid(0, grids[-1].stop, rate))
-    for name in (*CHANNELS, "in_contact"):
-        joined = np.concatenate([getattr(piece, name) for piece in pieces])
-        assert np.array_equal(joined, getattr(expected, name)), name
-
-
-def test_the_forces_are_those_of_contact_spring_and_damper(regime, segments):
-    drill, samples = (
-        derive(preset(regime)),
-        sample(segments, Times.from_grid(0, 500_000, 2_000_000)),
-    )
-    touching = samples.in_contact
-    assert 0 < np.count_nonzero(touching) < len(touching)
-    assert (samples.contact_force[~touching] == 0.0).all()
-    assert samples.contact_force.min() > -1e-6
-    assert (samples.contact_force[touching] > 0.0).mean() > 0.99
-    gap = samples.drill_tool_displacement - samples.free_mass_position
-    assert abs(gap[touching]).max() < 2e-9
-    weight_on_bit = (
-        samples.reacting_force
-        + drill.load_spring_rate * samples.nodal_plane_position
-        + drill.rpud_damping * samples.nodal_plane_velocity
-    )
-    assert_allclose(weight_on_bit[:125_000], weight_on_bit[0], atol=1e-9)
-    assert_allclose(weight_on_bit[125_001:], 25.0, atol=1e-9)
 
 
 def test_no_times_give_no_samples_and_samples_do_not_change(blocks):

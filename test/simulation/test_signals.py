@@ -76,16 +76,6 @@ def test_the_table_of_channels_names_everything_that_is_measured(run, channel):
 
 
 @pytest.mark.parametrize("channel", CHANNELS)
-def test_a_healthy_channel_publishes_the_very_message(run, channel):
-    other = "wrench" if channel != "wrench" else "drill_tool"
-    for records in ((), (record("off", other),), (record("off", channel, clear=0),)):
-        published = send(channel, run[channel], *records)
-        assert all(
-            out is message for (_, out), (_, message) in zip(published, run[channel], strict=True)
-        )
-
-
-@pytest.mark.parametrize("channel", CHANNELS)
 @pytest.mark.parametrize("kind", SIGNAL)
 def test_a_fault_touches_measurements_alone_and_only_while_it_lasts(run, kind, channel):
     untouched = copy.deepcopy(run[channel])

@@ -156,15 +156,6 @@ def test_a_scheduled_fault_that_cannot_begin_is_refused_and_reported():
     assert spans(simulation) == [("free_mass_jammed", 0, None), ("lost_preload", 2 * SECOND, None)]
 
 
-def test_what_cannot_be_honoured_is_refused_at_once_and_changes_nothing():
-    with pytest.raises(FaultError, match="hard_rock cannot be honoured"):
-        Simulation(Parameters(), scenario=scenario(scheduled("hard_rock", SECOND)))
-    simulation = Simulation(Parameters())
-    with pytest.raises(FaultError, match="resonance_drift cannot be honoured"):
-        simulation.inject(Fault("resonance_drift"))
-    assert simulation.faults.records == ()
-
-
 def test_a_duration_ends_the_fault_and_a_clear_before_ends_it_once():
     simulation = Simulation(Parameters())
     simulation.advance_to(10)
@@ -262,12 +253,6 @@ def test_what_does_not_last_cannot_end(number):
         with pytest.raises(FaultError, match=r"^there is no fault .* to clear$"):
             faults.clear(5, number)
         number = faults.clear_all(6) or 1  # has ended
-
-
-def test_a_fault_lasts_from_its_onset_to_before_its_end():
-    record = FaultRecord(1, OFF, 10, 20)
-    assert [record.lasts_at(time) for time in (9, 10, 19, 20)] == [False, True, True, False]
-    assert FaultRecord(1, OFF, 10).lasts_at(10**18)
 
 
 def test_of_many_cleared_faults_the_oldest_are_only_counted():

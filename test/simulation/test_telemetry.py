@@ -12,7 +12,6 @@ from support import one_by_one
 
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.definitions import find_definition
-from rpud_sim.inspection.offline_bag import encoded
 from rpud_sim.model.engine import Engine, EngineError
 from rpud_sim.model.parameters import preset
 from rpud_sim.simulation import Parameters, fields
@@ -257,23 +256,6 @@ def test_a_stop_between_two_blocks_is_made_up_for_block_by_block():
     assert isinstance(found[-1], Together)
     assert found[-1].end == SECOND
     assert len(found[-1].ends) == 80
-
-
-@given(VALUES)
-@settings(max_examples=10)
-def test_serialized_by_the_block_they_are_the_same(values):
-    [messages] = together(values, SECOND)
-    for found in messages:
-        if not isinstance(found, Together):
-            continue
-        placed = [
-            (place, number, int(block.log_times[index]), block.topic, block.message(index))
-            for number, (columns, block) in enumerate(encoded(found, CODECS, "/rpud/"))
-            for index, place in enumerate(columns.places.tolist())
-        ]
-        placed.sort(key=lambda each: each[:2])
-        expected = [(t, f"/rpud/{topic}", data) for t, topic, data in serialized(found.messages())]
-        assert [each[2:] for each in placed] == expected
 
 
 def test_an_engine_that_fails_has_not_moved_and_gives_the_same_error():

@@ -16,7 +16,7 @@ from rpud_sim.testing import (
     SystemUnderTestError,
 )
 from rpud_sim.testing.artefacts import write_bag
-from rpud_sim.testing.setup import DrillPool, drill_setup
+from rpud_sim.testing.setup import drill_setup
 from rpud_sim.verdicts import Expectation, Record, always, evaluate
 from rpud_sim.verdicts import signal as field
 
@@ -52,64 +52,51 @@ def test_a_step_is_over_when_everything_is_there(drill):
     assert drill.time == pytest.approx(0.369)
 
 
-def test_nothing_leaks_into_the_next_test():
-    pool = DrillPool()
+def test_nothing_leaks_into_the_next_test(pool):
     setup = drill_setup({"weight_on_bit": 12.0})
-    try:
-        drill = pool.take(setup)
-        impacts, fresh = drill.status.impacts, content(drill)
-        drill.step(0.3)
-        first = content(drill)
-        pool.give_back(drill)
+    drill = pool.take(setup)
+    impacts, fresh = drill.status.impacts, content(drill)
+    drill.step(0.3)
+    first = content(drill)
+    pool.give_back(drill)
 
-        noisy = drill_setup({"weight_on_bit": 12.0, "faults": "free_mass_jammed", "seed": 9})
-        assert pool.take(noisy) is drill
+    noisy = drill_setup({"weight_on_bit": 12.0, "faults": "free_mass_jammed", "seed": 9})
+    assert pool.take(noisy) is drill
+    drill.step(0.1)
+    assert drill.status.active_faults == 1
+    drill.set_parameters(load_spring_rate=20000.0, command_timeout=2.0, real_time_factor=3.0)
+    drill.press(40.0)
+    drill.drive(False)
+    drill.engage(False)
+    drill.inject("lost_preload")
+    drill.listen("waveform")
+    drill.step(0.2)
+    DrillClient.play(drill.client)
+    pool.give_back(drill)
+
+    assert pool.take(setup) is drill
+    status = drill.status
+    assert (status.state, status.regime) == (Status.STATE_PAUSED, Status.REGIME_DRILLING)
+    assert (status.weight_on_bit, status.drive_enabled) == (12.0, True)
+    assert (status.active_faults, status.impacts, status.commands_accepted) == (0, impacts, 0)
+    assert content(drill) == fresh
+    assert drill.log == []
+    assert "/rpud/waveform" not in drill.heard
+    drill.step(0.3)
+    assert content(drill) == first
+    pool.give_back(drill)
+
+
+def test_a_dead_drill_is_replaced_and_told_of(pool):
+    drill = pool.take(drill_setup({}))
+    os.kill(drill.pid, signal.SIGKILL)
+    with pytest.raises(RuntimeError, match="the drill was ended by SIGKILL"):
         drill.step(0.1)
-        assert drill.status.active_faults == 1
-        drill.set_parameters(load_spring_rate=20000.0, command_timeout=2.0, real_time_factor=3.0)
-        drill.press(40.0)
-        drill.drive(False)
-        drill.engage(False)
-        drill.inject("lost_preload")
-        drill.listen("waveform")
-        drill.step(0.2)
-        DrillClient.play(drill.client)
-        pool.give_back(drill)
-
-        assert pool.take(setup) is drill
-        status = drill.status
-        assert (status.state, status.regime) == (Status.STATE_PAUSED, Status.REGIME_DRILLING)
-        assert (status.weight_on_bit, status.drive_enabled) == (12.0, True)
-        assert (status.active_faults, status.impacts, status.commands_accepted) == (
-            0,
-            impacts,
-            0,
-        )
-        assert content(drill) == fresh
-        assert drill.log == []
-        assert "/rpud/waveform" not in drill.heard
-        drill.step(0.3)
-        assert content(drill) == first
-    finally:
-        pool.give_back(drill)
-        pool.close()
-
-
-def test_a_dead_drill_is_replaced_and_told_of():
-    pool = DrillPool()
-    setup = drill_setup({})
-    try:
-        drill = pool.take(setup)
-        os.kill(drill.pid, signal.SIGKILL)
-        with pytest.raises(RuntimeError, match="the drill was ended by SIGKILL"):
-            drill.step(0.1)
-        pool.give_back(drill)
-        other = pool.take(setup)
-        assert other is not drill
-        assert other.step(0.1) == 0.1
-        pool.give_back(other)
-    finally:
-        pool.close()
+    pool.give_back(drill)
+    other = pool.take(drill_setup({}))
+    assert other is not drill
+    assert other.step(0.1) == 0.1
+    pool.give_back(other)
 
 
 def test_a_node_that_answers_is_stepped_with_and_always_alike(drill, drill_factory):
@@ -124,14 +111,6 @@ def test_a_node_that_answers_is_stepped_with_and_always_alike(drill, drill_facto
         found.append((each.time, content(each)))
     assert drill.domain != each.domain
     assert found[0] == found[1]
-
-
-def test_a_node_that_the_test_ends_is_not_waited_for(drill):
-    supervisor = supervise(drill)
-    drill.step(0.3)
-    supervisor.kill()
-    drill.step(0.3)
-    assert drill.time == pytest.approx(0.6)
 
 
 @pytest.mark.extended

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from rpud_sim.testing.setup import DrillPool, drill_setup
+from rpud_sim.testing.setup import drill_setup
 
 STARTS = int(os.environ.get("RPUD_STARTS", "30"))
 
@@ -16,19 +16,16 @@ STARTS = int(os.environ.get("RPUD_STARTS", "30"))
 @pytest.mark.extended
 @pytest.mark.timeout(0)
 @pytest.mark.parametrize("how", ["commands", "calls"])
-def test_no_start_loses_the_first_command_or_call(how):
-    pool, lost = DrillPool(), []
-    try:
-        for number in range(STARTS):
-            drill = pool.take(drill_setup({}), Path(__file__).parent)
-            drill.with_answers("command/weight_on_bit")
-            try:
-                drill.start(f"python commander.py {how}", hears=("reacting_force",))
-                drill.step(0.2)
-                assert drill.status.commands_accepted == 2
-            except AssertionError as error:
-                lost.append(f"{number}: {error}")
-            pool.give_back(drill)
-    finally:
-        pool.close()
+def test_no_start_loses_the_first_command_or_call(pool, how):
+    lost = []
+    for number in range(STARTS):
+        drill = pool.take(drill_setup({}), Path(__file__).parent)
+        drill.with_answers("command/weight_on_bit")
+        try:
+            drill.start(f"python commander.py {how}", hears=("reacting_force",))
+            drill.step(0.2)
+            assert drill.status.commands_accepted == 2
+        except AssertionError as error:
+            lost.append(f"{number}: {error}")
+        pool.give_back(drill)
     assert lost == []

@@ -94,7 +94,7 @@ def test_a_node_that_cannot_be_asked_has_some_time_and_a_warning(drill):
 
 @pytest.mark.extended
 def test_a_node_that_never_answers_is_waited_for_once(drill):
-    for limit in ("within 2 s", r"within 1 s .*, as in a test before"):
+    for limit in ("within 2 s", "within 1 s, as in a test before"):
         drill.begin(0)
         drill.with_answers(HEARTBEAT, timeout=2.0)
         # A killed namesake of a test before is remembered for a while, and has other clients.
@@ -138,6 +138,7 @@ def test_a_paused_node_is_silent_until_it_goes_on(drill):
     drill.step(0.2)
     assert len(drill.messages(HEARTBEAT)) == 6
     supervisor.kill()
+    drill.step(0.2)  # without waiting for it
     texts = [text for _, text in drill.log]
     assert [text for text in texts if text.startswith("SIG")] == [
         "SIGSTOP to supervisor.py",
@@ -149,7 +150,7 @@ def test_a_paused_node_is_silent_until_it_goes_on(drill):
 def test_a_bag_declares_what_the_test_has_lost(drill, tmp_path):
     drill.step(0.1)
     impacts = drill.heard["/rpud/contact_force"]
-    impacts._count(drill.published["contact_force"] + 3)  # as if two were lost
+    impacts.note(drill.published["contact_force"] + 3)  # as if two were lost
     with pytest.raises(LostMessagesError, match="2 messages of /rpud/contact_force are lost"):
         drill.messages("contact_force")
     impacts.number = drill.published["contact_force"]

@@ -124,23 +124,16 @@ def test_the_metadata_say_what_an_index_shows(wheels):
     assert len(metadata.get_all("Classifier")) > 5
 
 
-def test_the_extra_for_ros_wants_the_messages_of_this_version_and_the_pinned_ros(wheels):
-    (wheel,) = wheels.glob("rpud_sim-*")
-    lines = metadata_of(wheel).get_all("Requires-Dist")
-    wanted = {line.partition(";")[0] for line in lines if 'extra == "ros"' in line}
-    pins = (ROOT / "toolchain" / "requirements" / "ros.in").read_text()
-    assert f"rpud_msgs=={VERSION}" in wanted
-    for pin in wanted - {f"rpud_msgs=={VERSION}"}:
-        assert re.search(rf"^{re.escape(pin)}$", pins, re.M), pin
-
-
-def test_the_extras_hold_all_that_the_sources_import_and_the_plain_package_does_not(wheels):
+def test_extras_hold_what_the_plain_package_does_not_need_and_ros_is_the_pinned_one(wheels):
     (wheel,) = wheels.glob("rpud_sim-*")
     lines = metadata_of(wheel).get_all("Requires-Dist")
     names = {re.match(r"[\w-]+", line)[0] for line in lines}
     plain = {re.match(r"[\w-]+", line)[0] for line in lines if "extra ==" not in line}
     assert {"scipy", "tornado", "pyarrow", "distributed", "pytest"} <= names - plain
     assert {"numpy", "numba", "mcap", "rosbags"} <= plain
+    ros = {line.partition(";")[0] for line in lines if 'extra == "ros"' in line}
+    pins = (ROOT / "toolchain" / "requirements" / "ros.in").read_text().splitlines()
+    assert ros - {*pins} == {f"rpud_msgs=={VERSION}"}
 
 
 def test_the_wheels_hold_no_path_of_this_machine(wheels):

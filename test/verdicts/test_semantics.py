@@ -13,7 +13,6 @@ from rpud_sim.verdicts.evaluation import Evaluation
 
 UNKNOWN = (-math.inf, math.inf, -1.0, 1.0)
 FORCE, WEIGHT = f.Signal("reacting_force", "force"), f.Signal("status", "weight_on_bit")
-SHORT = f.Signal("reacting_force", "force", 2)
 
 
 def compared(signal, operator, number):
@@ -23,7 +22,7 @@ def compared(signal, operator, number):
 def comparisons():
     return st.builds(
         compared,
-        st.sampled_from([FORCE, WEIGHT, SHORT]),
+        st.sampled_from([FORCE, WEIGHT]),
         st.sampled_from(["<", "<=", ">", ">=", "==", "!="]),
         st.sampled_from([0.0, 1.0, 2.0]),
     )
@@ -35,8 +34,7 @@ def windows():
 
 
 def events():
-    where = comparisons().filter(lambda each: each.signal is not SHORT)
-    messages = where.map(lambda each: f.Published(each.signal.topic, each))
+    messages = comparisons().map(lambda each: f.Published(each.signal.topic, each))
     messages |= st.sampled_from(["reacting_force", "status"]).map(f.Published)
     return messages | st.builds(f.Becomes, comparisons())
 
@@ -49,12 +47,10 @@ def atoms(draw):
         return draw(events())
     if kind == "count":
         operator, number = draw(st.sampled_from(["<", ">=", "=="])), draw(st.sampled_from([0, 2]))
-        goal = draw(st.none() | comparisons() | events())
-        return f.Count(draw(events()), operator, float(number), f.WHOLE if goal else window, goal)
+        return f.Count(draw(events()), operator, float(number), window)
     if kind == "quantile":
         share = draw(st.sampled_from([0.3, 0.5, 1.0]))
-        signal = f.Signal(each.signal.topic, each.signal.field)
-        return f.Quantile(share, signal, each.operator, each.number, window)
+        return f.Quantile(share, each.signal, each.operator, each.number, window)
     return each
 
 
@@ -96,12 +92,9 @@ class Oracle:
         return bounds, any(part[1] for part in parts) and bounds[2] < bounds[3]
 
     def value(self, signal, time):
-        """Return the value that holds; None if there is none yet, ``old`` if it holds no more."""
+        """Return the value that holds; None if there is none yet."""
         stamps = [stamp for stamp in self.signals[signal.topic] if stamp <= time]
-        if not stamps:
-            return None
-        old = signal.hold is not None and time - max(stamps) >= signal.hold
-        return "old" if old else self.signals[signal.topic][max(stamps)]
+        return self.signals[signal.topic][max(stamps)] if stamps else None
 
     def judged(self, value, operator, number):
         if math.isnan(value):
@@ -126,8 +119,6 @@ class Oracle:
         value = self.value(formula.signal, time)
         if value is None:
             return UNKNOWN, True
-        if value == "old":
-            return UNKNOWN, False
         return self.judged(value, formula.operator, formula.number.value), False
 
     def published(self, formula, time):
@@ -230,18 +221,11 @@ class Oracle:
         every = [self.at(formula.event, each) for each in range(self.begin, self.end + 1)]
         if all(absent for _, absent in every):
             return UNKNOWN, True
-        times = surely = self.window(formula.window, time)
+        times = self.window(formula.window, time)
         window = formula.window
         beyond = time + (window.start if window.end is None else window.end) > self.end
-        if formula.until is not None:
-            goals = {each: self.at(formula.until, each) for each in times}
-            came = [each for each, (goal, absent) in goals.items() if goal[2] > 0.0 and not absent]
-            may = [each for each, (goal, absent) in goals.items() if goal[3] > 0.0 or absent]
-            beyond = not came
-            times = range(time, min(came, default=self.end + 1))
-            surely = range(time, min(may, default=self.end + 1))
-        low = sum(self.known(formula.event, each)[2] > 0.0 for each in surely if each <= self.end)
         found = [self.known(formula.event, each) for each in times if each <= self.end]
+        low = sum(bounds[2] > 0.0 for bounds in found)
         high = math.inf if beyond else sum(bounds[3] > 0.0 for bounds in found)
         unsure = [not absent and bounds[2] < bounds[3] for bounds, absent in every]
         for first in range(self.begin, self.end):  # any number of events in two such instants

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
 from sample_bags import write_offline_bag
 
 import rpud_sim.bag
-from rpud_sim.bag import BagWriter, Topic
+from rpud_sim.bag import BagWriter, QosProfile, Topic
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.definitions import find_definition, find_type_hash
 from rpud_sim.simulation import preset
@@ -16,6 +17,7 @@ from rpud_sim.simulation.plans import read_scenario
 
 SECOND = 1_000_000_000
 FORCE = "rpud_msgs/msg/ReactingForce"
+JOURNAL = "rpud_msgs/msg/JournalEntry"
 DURATION = 1.5
 FAULTS = """
 faults:
@@ -35,17 +37,33 @@ class ForceRecorder:
 
     def write(self, rows, topic="/rpud/reacting_force") -> None:
         """Write messages: rows are log time [ns], stamp [ns] and value [N]."""
-        if topic not in self._topics:
-            self._topics.add(topic)
-            self._bag.add_topic(Topic(topic, FORCE, find_type_hash(FORCE)), find_definition(FORCE))
+        self._declare(topic, FORCE)
         for log_time, stamp, value in rows:
-            header = {"stamp": {"sec": stamp // SECOND, "nanosec": stamp % SECOND}, "frame_id": "f"}
-            data = self._codec.encode({"header": header, "force": value})
+            data = self._codec.encode({"header": header(stamp), "force": value})
             self._bag.write(topic, data, log_time, log_time)
         self._bag.flush()
 
+    def tell(self, log_time, published, kind, stamp, time) -> None:
+        """Write an entry of the journal; its times are in nanoseconds."""
+        self._declare("/rpud/journal", JOURNAL)
+        content = json.dumps({"time": time})
+        fields = {"header": header(stamp), "sequence": 0, "kind": kind, "content": content}
+        data = Codec(JOURNAL, find_definition(JOURNAL)).encode(fields)
+        self._bag.write("/rpud/journal", data, log_time, published)
+
+    def _declare(self, topic, kind) -> None:
+        if topic not in self._topics:
+            self._topics.add(topic)
+            offer = QosProfile(durability="transient_local" if kind == JOURNAL else "volatile")
+            described = Topic(topic, kind, find_type_hash(kind), (offer,))
+            self._bag.add_topic(described, find_definition(kind))
+
     def close(self) -> None:
         self._bag.close()
+
+
+def header(stamp):
+    return {"stamp": {"sec": stamp // SECOND, "nanosec": stamp % SECOND}, "frame_id": "f"}
 
 
 def write_forces(path: Path, rows, *, topic="/rpud/reacting_force", chunk_size=400) -> Path:

@@ -110,7 +110,6 @@ def test_pages_follow_the_end_and_see_that_the_recording_ended(recorder, monkeyp
             seen.update(store.frame(client) or {})
             return seen[name] == pytest.approx(value)
 
-        store.start()
         until(lambda: shown("now", 0.49))
         assert seen["growing"]
         recorder.write(100)
@@ -125,5 +124,5 @@ def test_pages_follow_the_end_and_see_that_the_recording_ended(recorder, monkeyp
         assert seen["run"] > run
         recorder.close()
         until(lambda: shown("growing", False))
-        assert seen["notice"] == ""
+        assert "lost its end" not in seen["notice"]
         assert np.isfinite(seen["read"])

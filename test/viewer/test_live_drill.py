@@ -114,18 +114,6 @@ def test_an_action_is_done_or_refused_in_the_users_words(client):
     assert "'close' is unknown" in client.until(lambda seen: seen.get("refused"))[1]
 
 
-def test_a_fault_is_shown_from_its_onset_to_its_end(client):
-    assert outcome_of(client, "inject", kind="free_mass_jammed")[1].startswith("fault ")
-    client.until(lambda seen: seen["faults"] and seen["faults"][-1]["active"])
-    assert outcome_of(client, "clear")[0] == "done"
-    client.until(lambda seen: not seen["faults"][-1]["active"])
-    fault = client.seen["faults"][-1]
-    assert fault["kind"] == "free_mass_jammed"
-    assert 0.0 < fault["onset"] < fault["end"] <= client.seen["now"]
-    begins = f"fault {fault['number']}: free mass jammed begins"
-    client.until(lambda seen: begins in [entry["text"] for entry in seen["log"]])
-
-
 def test_kinds_of_faults_are_asked_for_until_the_drill_answers(drill, monkeypatch):
     answered, latched, refusals = DrillClient.list_faults, Heard.latched, iter(["busy"])
 

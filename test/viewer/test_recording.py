@@ -5,16 +5,14 @@ from contextlib import closing
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from sample_bags import write_bag
-from viewer.recorded_bags import SECOND, rows_of, write_forces
+from viewer.recorded_bags import SECOND, ForceRecorder, rows_of, write_forces
 
-from rpud_sim.inspection.recorded_drill import Clock, Jump
+from rpud_sim.viewer import overview as overviews
 from rpud_sim.viewer import recording as recordings
 from rpud_sim.viewer.overview import Overview
 from rpud_sim.viewer.recorded_store import RecordedStore
-from rpud_sim.viewer.recording import RecordedBag, find_jumps
+from rpud_sim.viewer.recording import RecordedBag
 from rpud_sim.viewer.session import ClientState
 
 STEP = 10_000_000
@@ -102,42 +100,7 @@ def test_the_clock_of_each_drill_is_its_own(tmp_path):
         tmp_path / "one", rows_of(200, stamp=500 * SECOND), topic="/b/reacting_force"
     )
     with closing(RecordedBag(path)) as recording:
-        assert recording.clocks["/b"].zero == 500 * SECOND
         assert times_of(recording).tolist() == [number / 100 for number in range(200)]
-
-
-STEPS = st.lists(
-    st.tuples(st.integers(0, 5 * SECOND), st.integers(-200 * SECOND, 200 * SECOND)), max_size=30
-)
-
-
-@given(STEPS, st.integers(0, 10**18))
-def test_time_passes_as_the_stamps_do_except_at_jumps(steps, first):
-    logs = first + np.cumsum([0, *(1 + passed for passed, _ in steps)])
-    stamps = first + np.cumsum([0, *(step for _, step in steps)])
-    jumps = find_jumps(stamps, logs)
-    elapsed = Clock(int(stamps[0]), int(logs[0]), tuple(jumps)).elapsed(stamps, logs)
-    at = {jump.time for jump in jumps}
-    for place, (passed, step) in enumerate(steps, 1):
-        expected = 1 + passed if int(logs[place]) in at else step
-        assert elapsed[place] - elapsed[place - 1] == pytest.approx(expected / SECOND, abs=1e-6)
-
-
-@pytest.mark.parametrize("clock", [Clock(2**63), Clock(None, 2**64)])
-def test_a_time_that_no_clock_has_is_no_error(clock):
-    assert clock.elapsed(np.array([0]), np.array([0]))[0] < -9e9
-
-
-def test_a_topic_without_stamps_goes_by_the_log_times():
-    clock = Clock(None, 5 * SECOND)
-    assert clock.elapsed(np.array([0]), np.array([7 * SECOND])).tolist() == [2.0]
-
-
-@pytest.mark.parametrize("far", [2**63, -(2**63) - 1])
-def test_times_beyond_int64_are_no_error(far):
-    stamps = np.array([3 * SECOND])
-    for clock in (Clock(None, far), Clock(far, 0), Clock(far, 0, (Jump(1, 1),))):
-        assert clock.elapsed(stamps, stamps) == pytest.approx([-far / SECOND])
 
 
 def forces(values):
@@ -196,17 +159,36 @@ def test_gaps_are_where_messages_are_missing(tmp_path):
         assert abs(end - 5.0) < 0.02
 
 
-def test_a_reset_between_the_sampled_parts_is_found_when_all_is_read(tmp_path, monkeypatch):
-    monkeypatch.setattr(recordings, "SAMPLED", 2)
-    # Twenty seconds from zero, a reset after twelve of them: stamps never step back in the sample.
-    rows = [
-        (number * STEP, (number if number < 1200 else number - 1200) * STEP, float(number))
-        for number in range(2000)
-    ]
-    with closing(RecordedBag(write_forces(tmp_path / "bag", rows, chunk_size=4000))) as recording:
-        overview = read_all(Overview(recording))
-        (clock,) = recording.clocks.values()
-        assert [jump.time for jump in clock.jumps] == [1200 * STEP]
-        shown = whole(overview)
+def test_a_run_after_a_reset_follows_the_one_before(tmp_path, monkeypatch):
+    """Twenty seconds, after twelve of which stamps begin again, as the journal tells at its end."""
+    monkeypatch.setattr(overviews, "AT_ONCE", 1)
+    recorder = ForceRecorder(tmp_path / "bag", 4000)
+    recorder.tell(0, 0, "begin", 0, 0)
+    recorder.write([(number * STEP, number * STEP, float(number)) for number in range(1200)])
+    reset = 1200 * STEP
+    for kind, stamp in (("flush", reset), ("begin", 0)):
+        recorder.tell(reset, reset, kind, stamp, stamp)
+    recorder.write([(reset + n * STEP, n * STEP, 1200.0 + n) for n in range(800)])
+    recorder.close()
+    with closing(RecordedBag(recorder.path)) as recording:
+        shown = whole(read_all(Overview(recording)))
         valid = np.isfinite(shown["mean"])
         assert np.abs(shown["mean"][valid] - 100.0 * shown["t"][valid]).max() < 10.0
+
+
+def test_a_late_recording_begins_at_zero_and_pauses_take_no_time(tmp_path):
+    recorder = ForceRecorder(tmp_path / "bag")
+    begin, late = 500 * SECOND, 900 * SECOND  # stamps, which are real times
+    recorder.tell(late, begin, "begin", begin, 0)
+    recorder.tell(late, begin + 100 * SECOND, "begin", begin + 100 * SECOND, 0)
+    recorder.write([(late + n * STEP, late + n * STEP, float(n)) for n in range(100)])
+    resumed = late + 61 * SECOND
+    recorder.write([(resumed, resumed, 100.0)])  # it is sent before the entry
+    recorder.tell(resumed + 1, resumed + 1, "origin", resumed, 301 * SECOND)
+    recorder.write([(resumed + STEP, resumed + STEP, 101.0)])
+    recorder.close()
+    with closing(RecordedBag(recorder.path)) as recording:
+        overview = read_all(Overview(recording))
+        assert overview.end == pytest.approx(1.01)
+        times = np.unique(times_of(recording).round(6))  # of entries before it as well
+        assert times[times >= 0.0] == pytest.approx(np.arange(102) * 0.01)

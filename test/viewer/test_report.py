@@ -85,11 +85,16 @@ def test_segments_lie_between_commands_and_faults(frame, bag):
     )
 
 
-def test_motion_is_kept_over_the_whole_run_and_after_a_fault(frame):
-    ends = [each["time"] + len(each["free_mass"]) * each["period"] for each in frame["sections"]]
-    assert len(ends) == 12
-    assert max(ends) == pytest.approx(frame["now"], abs=0.02)
-    assert any(1.0 < end < 1.2 for end in ends)
+def test_motion_and_numbers_are_kept_over_the_whole_run_and_after_a_fault(frame):
+    times = [each["time"] for each in frame["moments"]]
+    assert len(times) == 12
+    assert times[-1] == frame["now"]
+    assert any(1.0 < time < 1.2 for time in times)
+    for time, kept in zip(times, frame["moments"], strict=True):
+        section, peak = kept["frame"]["section"], kept["frame"]["numbers"]["peak_force"]
+        end = section["time"] + len(section["free_mass"]) * section["period"]
+        assert end == pytest.approx(time, abs=0.02)
+        assert peak["least"] <= peak["mean"] <= peak["greatest"]
 
 
 def test_the_overview_has_every_quantity_that_a_plot_may_show(frame):

@@ -28,7 +28,7 @@ from rpud_sim.inspection.compare.estimates import (
     estimate,
 )
 from rpud_sim.inspection.compare.results import Comparison, RunFigures
-from rpud_sim.inspection.compare.same_bits import compare_bits
+from rpud_sim.inspection.compare.same_bits import BitsComparison
 from rpud_sim.inspection.compare.values import (
     COUNTERS,
     FIGURES,
@@ -37,12 +37,15 @@ from rpud_sim.inspection.compare.values import (
     STATUS,
     TIMING,
     ComparedQuantity,
+    OpenRun,
     RecordedValues,
-    read_values,
+    read_together,
     series_of,
+    value_readers,
 )
 from rpud_sim.inspection.output import Damages
 from rpud_sim.inspection.recorded_drill import RecordedDrill, find_drill
+from rpud_sim.inspection.recorded_topics import RecordedTopics
 
 MOST_RUNS = 6  # number of runs that are compared with each other
 
@@ -76,18 +79,24 @@ def compare(
     numbers = _for_each(run_numbers, len(paths), "run")
     spaces = _for_each(namespaces, len(paths), "namespace")
     with ExitStack() as opened:
-        sides = []
-        runs = []
+        opened_runs = []
         for path, space, number in zip(paths, spaces, numbers, strict=True):
             bag = opened.enter_context(rpud_sim.bag.open(path))
             damages = Damages(bag)
             drill = find_drill(bag, damages, space, number)
-            sides.append((bag, drill))
-            runs.append(read_values(bag, drill, damages, report))
-        bits = tuple(
-            compare_bits((sides[0], side), min(runs[0].end, run.end), report)
-            for side, run in zip(sides[1:], runs[1:], strict=True)
-        )
+            opened_runs.append(OpenRun(bag, drill, damages, RecordedTopics(bag)))
+        reference, *others = opened_runs
+        compared = [BitsComparison(reference, other, report) for other in others]
+        readers = [reader for each in compared for reader in each.readers]
+        runs = [RecordedValues(each.drill) for each in opened_runs]
+        for each, run in zip(opened_runs, runs, strict=True):
+            readers += value_readers(each, run, report)
+        read_together(readers)
+        for each, run in zip(opened_runs, runs, strict=True):
+            run.damaged = each.damages.texts
+    bits = tuple(
+        each.result(min(runs[0].end, run.end)) for each, run in zip(compared, runs[1:], strict=True)
+    )
     drills = [run.drill for run in runs]
     names = _names(drills)
     changed, failed = commands(drills), faults(runs)

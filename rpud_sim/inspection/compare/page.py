@@ -26,13 +26,9 @@ from rpud_sim.inspection.compare.results import (
     texts,
 )
 from rpud_sim.inspection.compare.values import (
-    COUNTERS,
     FIGURES,
     QUANTITIES,
-    STATUS,
-    TIMING,
     ComparedQuantity,
-    RecordedValues,
     series_of,
     shown,
 )
@@ -47,8 +43,6 @@ _TAIL = 0.002  # share of values beyond each end of a histogram
 _DECADES = 30.0  # greatest over least, above which classes are equal in the logarithm
 _APART = 0.5  # between the outer runs, in rows of the differences
 _ROW = 19  # height of a row of the differences [pixels]
-_BINS = 200  # of a series over time
-_MOST_COMMANDS = 60  # that are drawn; more would be a solid surface
 _COLORS = {
     DIFFERS: "series1",
     SAME: "muted",
@@ -56,8 +50,6 @@ _COLORS = {
     UNDECIDED: "series4",
     TOO_FEW: "muted",
 }
-# Quantities over time; others are on the page as distributions.
-_OVER_TIME = ("impact_rate", "peak_force", "reacting_force", "nodal_plane_position")
 
 _BODY = """\
 <p class="verdict">{{ verdict }}</p>
@@ -73,7 +65,7 @@ _BODY = """\
 {% if section.text %}<p>{{ section.text }}</p>{% endif %}
 {% for each in section.tables %}{{ table(each.head, each.rows, caption=each.caption) }}
 {% endfor %}
-{% if section.plots %}{{ figures(section.plots, section.width) }}{% endif %}
+{% if section.plots %}{{ figures(section.plots) }}{% endif %}
 </details>
 {% endfor %}
 """
@@ -91,7 +83,6 @@ class Section(NamedTuple):
     text: str = ""
     tables: Sequence[ResultTable] = ()
     plots: Sequence[Plot] = ()
-    width: float = 20.0  # least width of a plot, in letters
 
 
 def write_page(found: Comparison, out: str | os.PathLike[str]) -> None:
@@ -120,14 +111,12 @@ def render(found: Comparison) -> str:
         plot=difference_plot(found, windows[0]),
         sections=[
             *(_window(found, number, place) for place, number in enumerate(windows)),
-            Section("Over time", "Line: mean; band: least to greatest.", (), time_plots(found), 30),
             Section("Settings, commands and faults", "", tables),
             Section(
                 "Bits",
                 "Times count from the beginning of each run.",
                 [_bits_table(found, run) for run in range(1, len(found.names))],
             ),
-            _timing(found),
         ],
     )
 
@@ -190,20 +179,6 @@ def _bits_table(found: Comparison, run: int) -> ResultTable:
     return ResultTable(f"{label(found, run)}: {bits_line(found.bits[run - 1])}", head, rows)
 
 
-def _timing(found: Comparison) -> Section:
-    rows = [
-        (f"{title}, {kind}", *(f"{timing[kind][name]:.4g}" for timing in found.timing))
-        for name, title in TIMING.items()
-        for kind in ("median", "greatest")
-    ]
-    rows += [
-        (title, *(str(NONE if timing[name] is None else timing[name]) for timing in found.timing))
-        for name, title in COUNTERS.items()
-    ]
-    table = ResultTable("From the reports in status, in s", ("", *found.letters), rows)
-    return Section("Timing of the machine that ran the drill, which is not tested", "", [table])
-
-
 def difference_plot(found: Comparison, number: int) -> Plot | None:
     """Return the relative differences of a window with their intervals; None without any."""
     differences = _of_window(found, number)
@@ -212,10 +187,10 @@ def difference_plot(found: Comparison, number: int) -> Plot | None:
     if not known:
         return None
     runs = len(found.names) - 1
-    layers: list[Layer] = [Rule("", 0.0, across=False, color="text", dash="solid")]
+    layers: list[Layer] = [Rule("", 0.0)]
     if found.tolerance:
         edge = 100.0 * found.tolerance
-        layers.insert(0, Zone("tolerance", -edge, edge, across=False))
+        layers.insert(0, Zone("tolerance", -edge, edge))
     # A layer for each run; if there is one alone, for each decision.
     groups: dict[tuple[str, str | int], list[FigureDifference]] = {}
     for each in known:
@@ -284,71 +259,9 @@ def _distribution(
             shares = 100.0 * np.histogram(values, edges)[0] / len(values)
             x, y = np.append(edges, edges[-1]), np.concatenate([shares, shares[-1:], [0.0]])
             name = label(found, number)
-            layers.append(Line(name, x * unit.scale, y, steps=True, color=number))
+            layers.append(Line(name, x * unit.scale, y, True, number))
             medians.append(f"{found.letters[number]} {unit.text(float(np.median(values)))}")
     axis = Axis("", unit.unit, log=log, low=low * unit.scale, high=high * unit.scale)
     title = f"{unit.label} [{unit.unit}], share in each class [%]"
     alt = f"Medians: {', '.join(medians)}."
     return Plot(title, tuple(layers), alt, Axis(low=0.0), axis, 130, 340)
-
-
-def time_plots(found: Comparison) -> list[Plot]:
-    """Return the series of all runs over one time axis."""
-    end = max(run.end for run in found.values)
-    marks = [*_marks(found, end)]
-    x = Axis("simulation time", "s", low=min(run.begin for run in found.values), high=end)
-    plots = []
-    for quantity in QUANTITIES:
-        if quantity.name not in _OVER_TIME and quantity.topic != STATUS:
-            continue
-        unit = shown(quantity.name)
-        lines = [
-            _envelope(label(found, number), *points, number, unit.scale)
-            for number, run in enumerate(found.values)
-            if (points := _points(run, quantity))
-        ]
-        if lines:
-            alt = f"{unit.label} of {len(lines)} runs."
-            y = Axis(unit=unit.unit)
-            plots.append(Plot(unit.label, (*marks, *lines), alt, y, x, 130, 520))
-    return plots
-
-
-def _points(
-    run: RecordedValues, quantity: ComparedQuantity
-) -> tuple[np.ndarray, np.ndarray] | None:
-    arrays = run.topics.get(quantity.topic, {})
-    times = arrays.get("time", np.empty(0))
-    if len(times) < 2:
-        return None
-    if quantity.name == "impact_rate":
-        counts, edges = np.histogram(times, _BINS, (run.begin, run.end))
-        return edges[:-1], counts / np.diff(edges)
-    values = arrays.get(quantity.column, np.full(len(times), np.nan))
-    known = np.isfinite(values)
-    return (times[known], values[known]) if known.any() else None
-
-
-def _envelope(name: str, times: np.ndarray, values: np.ndarray, color: int, scale: float) -> Line:
-    """Return least, mean and greatest value of equal parts of the time that have any."""
-    width = (times[-1] - times[0]) / _BINS or 1.0
-    place = ((times - times[0]) / width).astype(int)
-    firsts = np.flatnonzero(np.diff(place, prepend=-1))
-    counts = np.diff(np.append(firsts, len(place)))
-    low, total, high = (
-        part.reduceat(values * scale, firsts) for part in (np.minimum, np.add, np.maximum)
-    )
-    middle = times[0] + (place[firsts] + 0.5) * width
-    return Line(name, middle, total / counts, color=color, low=low, high=high)
-
-
-def _marks(found: Comparison, end: float) -> Iterator[Layer]:
-    """Yield faults, and commands if there are not too many."""
-    for event in found.faults:
-        for begin, clear in dict.fromkeys(zip(event.times, event.ends, strict=True)):
-            if begin is not None:
-                yield Zone("", begin, end if clear is None else clear, False, "fault", event.text)
-    for event in found.commands if len(found.commands) <= _MOST_COMMANDS else ():
-        for time in dict.fromkeys(event.times):
-            if time is not None:
-                yield Rule("", time, False, "command", "dotted", event.text)

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-import heapq
 import struct
 from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import closing
-from types import SimpleNamespace
 from typing import Any, NamedTuple
 
-from rpud_sim.bag import BagFormatError, BagReader, TopicSummary
+import numpy as np
+
+from rpud_sim.bag import BagFormatError, TopicSummary
 from rpud_sim.bag.cdr import Codec
+from rpud_sim.bag.encoder import Decoded
 from rpud_sim.bag.messages import MessageBlock
 from rpud_sim.foundation.time import SECOND, join_seconds
+from rpud_sim.inspection.compare.values import OpenRun
 from rpud_sim.inspection.recorded_drill import RecordedDrill
-from rpud_sim.inspection.recorded_topics import RecordedTopics
 from rpud_sim.inspection.verify.messages import first_field
 from rpud_sim.simulation.topics import PROVED
 
@@ -54,70 +55,63 @@ class _Timed(NamedTuple):
 
 
 _Pair = tuple[_Timed | None, _Timed | None]
+# With the simulation time of what one run holds beyond the other [ns]; 0 without.
+_Compared = tuple[TopicBits, int]
 
 
-def compare_bits(
-    runs: Sequence[tuple[BagReader, RecordedDrill]], end: float, report: Callable[[int], object]
-) -> tuple[TopicBits, ...]:
-    """Compare a run with the reference, the first of both, on each topic that a run computes.
+class BitsComparison:
+    """Comparison of a run with the reference on each topic that a run computes."""
 
-    ``end`` is the simulation time that both reach [s].
-    """
-    held = [_topics(*run) for run in runs]
-    readers = [
-        RecordedTopics(bag, [drill.topic(name) for name in topics])
-        for (bag, drill), topics in zip(runs, held, strict=True)
-    ]
-    results = {}
-    queue: list[tuple[int, str, Generator[int, None, TopicBits]]] = []
-    for topic in PROVED:
-        summaries = [topics[topic] for topics in held if topic in topics]
-        if len(summaries) == 1:
-            lacking = "this run" if topic in held[0] else "the reference"
-            results[topic] = TopicBits(topic, NOT_COMPARED, note=f"{lacking} does not hold it")
-        elif summaries:
-            try:
-                [(name, definition)] = {(s.topic.type, s.definition) for s in summaries}
-                codec = Codec(name, definition or "")
-            except (BagFormatError, ValueError):
-                note = "the definitions of its messages differ"
-                results[topic] = TopicBits(topic, NOT_COMPARED, note=note)
-                continue
-            blocks = [
-                reader.blocks(drill.topic(topic))
-                for reader, (_, drill) in zip(readers, runs, strict=True)
-            ]
-            queue.append((-1, topic, _compare_topic(topic, codec, runs, blocks, end, report)))
-    # The topic that is behind goes on, so that few messages of the others wait.
-    while queue:
-        _, topic, comparison = queue[0]
-        try:
-            heapq.heapreplace(queue, (next(comparison), topic, comparison))
-        except StopIteration as ended:
-            results[topic] = ended.value
-            heapq.heappop(queue)
-    return tuple(results[topic] for topic in PROVED if topic in results)
+    def __init__(self, reference: OpenRun, run: OpenRun, report: Callable[[int], object]) -> None:
+        self.readers: list[Iterator[int]] = []  # one a topic, for ``read_together``
+        self._found: dict[str, _Compared] = {}  # by topic
+        held = [_topics(each) for each in (reference, run)]
+        for topic in PROVED:
+            summaries = [topics[topic] for topics in held if topic in topics]
+            if len(summaries) == 1:
+                lacking = "this run" if topic in held[0] else "the reference"
+                self._leave_out(topic, f"{lacking} does not hold it")
+            elif summaries:
+                try:
+                    [(name, definition)] = {(s.topic.type, s.definition) for s in summaries}
+                    codec = Codec(name, definition or "")
+                except (BagFormatError, ValueError):
+                    self._leave_out(topic, "the definitions of its messages differ")
+                    continue
+                first, second = (
+                    _messages(each.recorded.blocks(each.drill.topic(topic)), each.drill, report)
+                    for each in (reference, run)
+                )
+                self.readers.append(self._read(_compare_topic(topic, codec, first, second)))
+
+    def _leave_out(self, topic: str, note: str) -> None:
+        self._found[topic] = TopicBits(topic, NOT_COMPARED, note=note), 0
+
+    def _read(self, comparison: Generator[int, None, _Compared]) -> Iterator[int]:
+        found = yield from comparison
+        self._found[found[0].topic] = found
+
+    def result(self, end: float) -> tuple[TopicBits, ...]:
+        """Return what was found, once all is read; both reach simulation time ``end`` [s]."""
+        found = [self._found[topic] for topic in PROVED if topic in self._found]
+        return tuple(
+            bits if left <= end * SECOND else bits._replace(note="") for bits, left in found
+        )
 
 
-def _topics(bag: BagReader, drill: RecordedDrill) -> dict[str, TopicSummary]:
-    found = {s.topic.name: s for s in bag.readable_topics if s.message_count}
-    return {name: found[full] for name in PROVED if (full := drill.topic(name)) in found}
+def _topics(run: OpenRun) -> dict[str, TopicSummary]:
+    found = {s.topic.name: s for s in run.bag.readable_topics if s.message_count}
+    return {name: found[full] for name in PROVED if (full := run.drill.topic(name)) in found}
 
 
 def _compare_topic(
     topic: str,
     codec: Codec,
-    runs: Sequence[tuple[BagReader, RecordedDrill]],
-    blocks: Sequence[Generator[MessageBlock, None, None]],
-    end: float,
-    report: Callable[[int], object],
-) -> Generator[int, None, TopicBits]:
-    """Compare a topic; yield the simulation time that it came to, now and then [ns]."""
+    first: Generator[_Timed, None, None],
+    second: Generator[_Timed, None, None],
+) -> Generator[int, None, _Compared]:
     equal = 0
-    with closing(blocks[0]), closing(blocks[1]):
-        first, second = (
-            _messages(each, drill, report) for each, (_, drill) in zip(blocks, runs, strict=True)
-        )
+    with closing(first), closing(second):
         one, other = yield from _common_begin(first, second)
         while one and other and one.time == other.time:
             apart = [(each.data[: _STAMP.start], each.data[_STAMP.stop :]) for each in (one, other)]
@@ -125,7 +119,7 @@ def _compare_topic(
             same = apart[0] == apart[1]
             same &= one.origin == other.origin or topic not in _SEVERAL_TIMES
             if not same and (found := _difference(codec, one, other)):
-                return TopicBits(topic, DIFFERENT, equal, one.time / SECOND, *found)
+                return TopicBits(topic, DIFFERENT, equal, one.time / SECOND, *found), 0
             equal += 1
             one, other = next(first, None), next(second, None)
             if one:
@@ -134,30 +128,35 @@ def _compare_topic(
         texts = ("a message", "nothing at this time")
         texts = texts if one.time < other.time else texts[::-1]
         time = min(one.time, other.time) / SECOND
-        return TopicBits(topic, DIFFERENT, equal, time, "", *texts)
+        return TopicBits(topic, DIFFERENT, equal, time, "", *texts), 0
     if not equal:
-        return TopicBits(topic, NOT_COMPARED, note="the runs have no time in common")
-    left = one or other
-    longer = f"{'the reference' if one else 'this run'} goes on longer"
-    note = longer if left and left.time <= end * SECOND else ""
-    return TopicBits(topic, EQUAL, equal, note=note)
+        return TopicBits(topic, NOT_COMPARED, note="the runs have no time in common"), 0
+    if left := one or other:
+        note = f"{'the reference' if one else 'this run'} goes on longer"
+        return TopicBits(topic, EQUAL, equal, note=note), left.time
+    return TopicBits(topic, EQUAL, equal), 0
 
 
 def _messages(
-    blocks: Iterator[MessageBlock], drill: RecordedDrill, report: Callable[[int], object]
-) -> Iterator[_Timed]:
+    blocks: Generator[MessageBlock, None, None],
+    drill: RecordedDrill,
+    report: Callable[[int], object],
+) -> Generator[_Timed, None, None]:
     """Yield the messages of a run, without repeats."""
     first, last = drill.bounds
     latest = b""
-    for block in blocks:
-        report(len(block))
-        for number, published in enumerate(block.publish_times.tolist()):
-            data = block.message(number)
-            # A latched message is repeated where a bag's next file begins.
-            if first <= published <= last and data != latest:
-                latest = data
-                origin = drill.clock.offset(published)
-                yield _Timed(_stamp_of(data) - origin, data, origin)
+    with closing(blocks):
+        for block in blocks:
+            report(len(block))
+            messages = [block.message(number) for number in range(len(block))]
+            stamps = np.array([_stamp_of(data) for data in messages], np.int64)
+            origins = drill.clock.offsets(stamps, block.publish_times)
+            times = (stamps - origins).tolist(), origins.tolist(), block.publish_times.tolist()
+            for data, time, origin, published in zip(messages, *times, strict=True):
+                # A latched message is repeated where a bag's next file begins.
+                if first <= published <= last and data != latest:
+                    latest = data
+                    yield _Timed(time, data, origin)
 
 
 def _common_begin(first: Iterator[_Timed], second: Iterator[_Timed]) -> Generator[int, None, _Pair]:
@@ -197,11 +196,13 @@ def _stamp_of(data: bytes) -> int:
 
 def _shifted(value: Any, offset: int) -> Any:
     """Return a decoded message with times counted from an origin [ns]; zero times stay."""
-    if getattr(value, "__msgtype__", "") == _TIME:
-        time = join_seconds(value.sec, value.nanosec)
+    if isinstance(value, list):
+        return [_shifted(item, offset) for item in value]
+    if not isinstance(value, Decoded):
+        return value
+    if value.type_name == _TIME:
+        time = join_seconds(value["sec"], value["nanosec"])
         time -= offset if time else 0
-        return SimpleNamespace(sec=time // SECOND, nanosec=time % SECOND)
-    if hasattr(value, "__msgtype__"):
-        inner = {name: item for name, item in vars(value).items() if name != "__msgtype__"}
-        return SimpleNamespace(**{name: _shifted(item, offset) for name, item in inner.items()})
-    return [_shifted(item, offset) for item in value] if isinstance(value, list) else value
+        return Decoded(_TIME, {"sec": time // SECOND, "nanosec": time % SECOND})
+    inner = {name: _shifted(item, offset) for name, item in vars(value).items()}
+    return Decoded(value.type_name, inner)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import heapq
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -11,10 +12,13 @@ import numpy as np
 
 from rpud_sim.bag import BagReader
 from rpud_sim.bag.columns import Kind, usable
-from rpud_sim.bag.tables import Batch
+from rpud_sim.bag.messages import MessageBlock
+from rpud_sim.bag.tables import Tables
 from rpud_sim.foundation.time import SECOND, join_seconds
 from rpud_sim.inspection.output import Damages
 from rpud_sim.inspection.recorded_drill import RecordedDrill
+from rpud_sim.inspection.recorded_topics import RecordedTopics
+from rpud_sim.inspection.run_clock import RunClock
 from rpud_sim.pages.quantities import QUANTITIES as SHOWN
 from rpud_sim.pages.quantities import ShownQuantity
 from rpud_sim.simulation.topics import TOPICS
@@ -77,17 +81,9 @@ def shown(quantity: str) -> ShownQuantity:
 
 
 # Fields of a status about timing, which belong to the machine and are never tested.
-TIMING = {
-    "lateness_max": "latest block",
-    "lag": "lag behind the schedule",
-    "real_time_factor": "real-time factor",
-}
+TIMING = ("lateness_max", "lag", "real_time_factor")
 # Fields of a status that count since the start.
-COUNTERS = {
-    "deadlines_missed": "deadlines missed",
-    "messages_dropped": "messages dropped",
-    "commands_rejected": "commands refused",
-}
+COUNTERS = ("deadlines_missed", "messages_dropped", "commands_rejected")
 
 Arrays = dict[str, np.ndarray]
 
@@ -136,24 +132,69 @@ class RecordedValues:
         return [times for name, times in held.items() if name != STATUS] or [*held.values()]
 
 
-def read_values(
-    bag: BagReader, drill: RecordedDrill, damages: Damages, report: Callable[[int], object]
-) -> RecordedValues:
-    names = {drill.topic(name): name for name in _READ if _usable_topic(bag, drill.topic(name))}
-    parts: dict[str, list[Arrays]] = {}
-    faults: dict[int, RecordedFault] = {}
-    for batch in bag.batches(names, leave_out=damages.add):
-        report(batch.message_count)
-        if names[batch.topic] == FAULTS:
-            faults |= {fault.number: fault for fault in _faults(batch, drill)}
+class OpenRun(NamedTuple):
+    """Run of a bag that is read."""
+
+    bag: BagReader
+    drill: RecordedDrill
+    damages: Damages
+    recorded: RecordedTopics  # for all readers of the bag
+
+
+def value_readers(
+    run: OpenRun, values: RecordedValues, report: Callable[[int], object]
+) -> Iterator[Iterator[int]]:
+    """Yield a reader for each topic, for ``read_together``."""
+    tables = Tables(run.bag.path, run.bag.readable_topics, {})
+    for name in _READ:
+        full = run.drill.topic(name)
+        if _usable_topic(run.bag, full):
+            yield _read(run, name, tables, run.recorded.blocks(full), values, report)
+
+
+def _read(
+    run: OpenRun,
+    name: str,
+    tables: Tables,
+    blocks: Iterable[MessageBlock],
+    values: RecordedValues,
+    report: Callable[[int], object],
+) -> Iterator[int]:
+    """Read a topic into the values; yield the simulation times to which it came [ns]."""
+    full = run.drill.topic(name)
+    chosen = tables.choose([full])
+    parts = []
+    for block in blocks:
+        report(len(block))
+        for batch in tables.batches(chosen, [block], run.damages.add):
+            published = batch.columns["publish_time"]
+            times = run.drill.clock.elapsed(batch.columns["header.stamp"], published)
+            first, last = run.drill.bounds
+            own = (published >= first) & (published <= last)
+            if name == FAULTS:
+                values.faults |= {f.number: f for f in _faults(batch.columns, own, run.drill)}
+            else:
+                parts.append(_rows(batch.columns, own & (times >= 0), times, name))
+            yield round(SECOND * float(times.max(initial=0.0)))
+    if parts:
+        values.topics[name] = {
+            key: np.concatenate([part.pop(key) for part in parts]) for key in [*parts[0]]
+        }
+
+
+def read_together(readers: Iterable[Iterator[int]]) -> None:
+    """Read all to their ends; each yields, now and then, to which simulation time it came [ns].
+
+    The one that is behind goes on, so that few messages of the others wait.
+    """
+    queue = [(-1, number, reader) for number, reader in enumerate(readers)]
+    while queue:
+        _, number, reader = queue[0]
+        time = next(reader, None)
+        if time is None:
+            heapq.heappop(queue)
         else:
-            name = names[batch.topic]
-            parts.setdefault(name, []).append(_rows(batch, drill, name))
-    topics = {
-        name: {key: np.concatenate([part[key] for part in found]) for key in found[0]}
-        for name, found in parts.items()
-    }
-    return RecordedValues(drill, topics, faults, damages.texts)
+            heapq.heapreplace(queue, (time, number, reader))
 
 
 def _usable_topic(bag: BagReader, full: str) -> bool:
@@ -167,37 +208,34 @@ def _usable_topic(bag: BagReader, full: str) -> bool:
     return kinds.get("header.stamp") is Kind.TIME and numbered
 
 
-def _rows(batch: Batch, drill: RecordedDrill, name: str) -> Arrays:
-    columns = batch.columns
-    published = columns["publish_time"]
-    first, last = drill.bounds
-    times = drill.clock.elapsed(columns["header.stamp"], published)
-    own = (published >= first) & (published <= last) & (times >= 0)
+def _rows(
+    columns: Mapping[str, np.ndarray], own: np.ndarray, times: np.ndarray, name: str
+) -> Arrays:
     wanted = [q.column for q in QUANTITIES if q.topic == name]
-    found: Arrays = {"time": times[own]}
+    found = {"time": times[own]}
     if name == IMPACTS:
         found["sequence"] = columns["sequence"][own].astype(np.int64)
-    for key in (*wanted, *(TIMING | COUNTERS if name == STATUS else ())):
+    for key in (*wanted, *((*TIMING, *COUNTERS) if name == STATUS else ())):
         if key in columns:
             values = columns[key][own].astype(float)
             found[key] = np.where(usable(values), values, np.nan)
     return found
 
 
-def _faults(batch: Batch, drill: RecordedDrill) -> Iterator[RecordedFault]:
-    first, last = drill.bounds
-    columns = batch.columns
-    for published, states in zip(columns["publish_time"], columns["faults"], strict=True):
-        for state in states if first <= published <= last else ():
+def _faults(
+    columns: Mapping[str, np.ndarray], own: np.ndarray, drill: RecordedDrill
+) -> Iterator[RecordedFault]:
+    for published, states in zip(columns["publish_time"][own], columns["faults"][own], strict=True):
+        for state in states:
             try:
-                yield _fault(state, drill.clock.offset(int(published)))
+                yield _fault(state, drill.clock, int(published))
             except (KeyError, TypeError, ValueError):  # another type of the same name
                 continue
 
 
-def _fault(state: Mapping[str, Any], origin: int) -> RecordedFault:
+def _fault(state: Mapping[str, Any], clock: RunClock, published: int) -> RecordedFault:
     def since(moment: Mapping[str, int]) -> float:
-        return (join_seconds(moment["sec"], moment["nanosec"]) - origin) / SECOND
+        return clock.seconds(join_seconds(moment["sec"], moment["nanosec"]), published)
 
     magnitude = float(state["magnitude"])
     text = str(state["kind"])[:40]

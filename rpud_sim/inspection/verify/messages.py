@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import struct
-from array import array
 from collections.abc import Iterator, Mapping
-from dataclasses import is_dataclass
-from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from rpud_sim.bag import BagFormatError
 from rpud_sim.bag.cdr import Codec
+from rpud_sim.bag.encoder import Decoded
 from rpud_sim.bag.messages import MessageBlock
 from rpud_sim.foundation.time import join_seconds
 from rpud_sim.inspection.offline_bag import encoded
@@ -92,11 +90,10 @@ def first_field(found: Any, expected: Any) -> tuple[str, str, str] | None:
 
 
 def _leaves(value: Any, path: str = "") -> Iterator[tuple[str, Any]]:
-    if is_dataclass(value) or isinstance(value, SimpleNamespace):
+    if isinstance(value, Decoded):
         for name, inner in vars(value).items():
-            if not name.startswith("__"):
-                yield from _leaves(inner, f"{path}.{name}" if path else name)
-    elif isinstance(value, (list, np.ndarray, array)):
+            yield from _leaves(inner, f"{path}.{name}" if path else name)
+    elif isinstance(value, list | np.ndarray):
         yield f"length of {path}", len(value)
         for number, inner in enumerate(value):
             yield from _leaves(inner, f"{path}[{number}]")

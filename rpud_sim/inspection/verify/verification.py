@@ -185,12 +185,14 @@ class _Proof:
                 self.lost[summary.topic.name] = summary.losses.total if summary.losses else None
 
     def _compare(self) -> dict[str, TopicComparison]:
-        names = {name: self._summaries[name].topic.name for name in self._codecs}
-        recorded = RecordedTopics(self._bag, set(names.values()))
+        recorded = RecordedTopics(self._bag)
+        blocks_of = {
+            name: recorded.blocks(self._summaries[name].topic.name) for name in self._codecs
+        }
         comparisons = {
             name: TopicComparison(
                 codec,
-                RecordedMessages(recorded.blocks(names[name])),
+                RecordedMessages(blocks_of[name]),
                 self._stretches,
                 self._coverage,
                 TOPICS[name].latched,

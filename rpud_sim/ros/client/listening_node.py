@@ -14,6 +14,7 @@ from rclpy.subscription import Subscription
 
 from rpud_sim.foundation.quantities import ExpectedError, Quantity
 from rpud_sim.ros.starting import name_error, start_ros
+from rpud_sim.ros.subscriptions import taken
 from rpud_sim.ros.threads import raised
 
 if TYPE_CHECKING:
@@ -23,7 +24,6 @@ PATIENCE = 10.0  # time limit of a client, unless it is given another one [s]
 SECONDS = Quantity("s", "a duration", 0.0, 2.0**31, below=True)
 POLL_PERIOD = 0.02  # between looks at the graph, which wakes no executor [s]
 _WITH_INFO = Subscription.CallbackType.WithMessageInfo
-_MOST_AT_ONCE = 10_000  # messages of a topic; more would keep its owner from looking
 
 Value = TypeVar("Value")
 
@@ -66,8 +66,7 @@ class ListeningNode:
     ) -> None:
         self.patience = float(SECONDS.check("patience", patience))
         self._subscriptions: list[Subscription] = []
-        # Called while the owner waits; may raise an error, which ends the wait.
-        self.check: Callable[[], object] = lambda: None
+        self._check: Callable[[], object] = lambda: None
         self._context = rclpy.Context()
         start_ros(context=self._context, domain_id=domain_id)
         try:
@@ -95,7 +94,15 @@ class ListeningNode:
     def domain_id(self) -> int:
         return int(self._context.get_domain_id())
 
+    def check_while_waiting(self, check: Callable[[], object]) -> None:
+        """Call this while a method waits; an error that it raises ends the wait.
+
+        A test that has started the drill knows at once that the drill has died.
+        """
+        self._check = check
+
     def close(self) -> None:
+        """Leave the graph."""
         if self._context.ok():
             self._executor.shutdown()
             self.node.destroy_node()
@@ -113,41 +120,43 @@ class ListeningNode:
         self._subscriptions.remove(subscription)
         self.node.destroy_subscription(subscription)
 
-    def spin(self, seconds: float) -> None:
-        """Take what has arrived, or wait some seconds for the next message or response."""
-        self.check()
+    def spin(self, seconds: float = 0.0) -> None:
+        """Take messages, responses and events that have arrived, or wait for the next one [s]."""
+        self._check()
         try:
             self._executor.spin_once(timeout_sec=seconds)
         except RuntimeError as error:  # rclpy raises it at a malformed message of a stranger
             self.node.get_logger().warning(raised(error))
         # The executor takes one message, which costs it more than all others do this way.
-        self.settle()
+        self.take()
 
-    def settle(self) -> None:
-        """Take the messages that have arrived, without a wait."""
+    def take(self) -> None:
+        """Take all messages that have arrived, without a wait; responses and events stay."""
         for subscription in self._subscriptions:
             with_info = subscription._callback_type is _WITH_INFO
             try:
-                with subscription.handle:
-                    take = subscription.handle.take_message
-                    for _ in range(_MOST_AT_ONCE):
-                        taken = take(subscription.msg_type, subscription.raw)
-                        if taken is None:
-                            break
-                        subscription.callback(*(taken if with_info else taken[:1]))
+                for message, info in taken(subscription):
+                    subscription.callback(*((message, info) if with_info else (message,)))
             except RuntimeError as error:
                 self.node.get_logger().warning(raised(error))
 
-    def until(
-        self, condition: Callable[[], Value], what: str, patience: float | None = None
+    def wait_until(
+        self,
+        condition: Callable[[], Value | None],
+        what: str,
+        patience: float | None = None,
+        alive: Callable[[], int] = lambda: 0,
     ) -> Value:
         """Take messages until a condition holds, and return its value.
 
-        ``what`` is the error's sentence, without the limit.
+        ``what`` is the error's sentence, without the limit. The patience begins again whenever the
+        number of ``alive`` is another one.
         """
         patience = self.patience if patience is None else float(patience)
-        deadline = time.monotonic() + patience
+        deadline, number = time.monotonic() + patience, alive()
         while not (value := condition()):
+            if alive() != number:
+                deadline, number = time.monotonic() + patience, alive()
             if time.monotonic() >= deadline:
                 raise NoAnswerError(f"{what} within {patience:g} s")
             self.spin(POLL_PERIOD)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
+from math import inf
 from typing import Any
 
 from rcl_interfaces.msg import SetParametersResult
@@ -13,12 +13,11 @@ from std_srvs.srv import SetBool
 
 from rpud_sim.foundation.time import SECOND, split_seconds
 from rpud_sim.ros.client.listening_node import (
-    POLL_PERIOD,
     SECONDS,
     ListeningNode,
-    NoAnswerError,
     RefusedError,
 )
+from rpud_sim.ros.graph import DiscoveryProbe, RepeatedRequest
 
 _SERVICES = {
     "inject_fault": srv.InjectFault,
@@ -76,42 +75,28 @@ class ServiceCaller:
     def introduce(self, patience: float | None = None) -> None:
         """Wait until the drill has discovered all subscriptions and clients of this node.
 
-        Discovery reports them in the order in which they were made: an answer to the last one
-        shows that the drill knows all. Otherwise it could drop a response or the first messages.
+        Otherwise it could drop a response or the first messages.
         """
-        node = self._listening.node
-        last = node.create_client(srv.GetSimulationState, "simulation/get_state")
+        kind, service = srv.GetSimulationState, "simulation/get_state"
+        probe = DiscoveryProbe(self._listening.node, service, kind)
         try:
-            self._answer(last, srv.GetSimulationState.Request(), True, patience)
+            self._listening.wait_until(
+                probe.answered, f"service {service} did not answer", patience
+            )
         finally:
-            node.destroy_client(last)
+            probe.close()
 
-    def _answer(
-        self, client: Client, request: Any, repeat: bool, patience: float | None = None
-    ) -> Any:
+    def _answer(self, client: Client, request: Any, repeat: bool) -> Any:
         service = self._listening.node.resolve_service_name(client.srv_name)
-        patience = self._listening.patience if patience is None else patience
-        self._listening.until(
-            client.service_is_ready, f"service {service} did not appear", patience
-        )
-        futures = [client.call_async(request)]
-        sent = alive = time.monotonic()
-        number = self._alive()
+        until = self._listening.wait_until
+        until(client.service_is_ready, f"service {service} did not appear")
+        sent = RepeatedRequest(client, request, _REPETITION if repeat else inf)
         try:
-            while not any(future.done() for future in futures):
-                self._listening.spin(POLL_PERIOD)
-                now = time.monotonic()
-                if self._alive() != number:
-                    number, alive = self._alive(), now
-                if now - alive >= patience:
-                    raise NoAnswerError(f"service {service} did not answer within {patience:g} s")
-                if repeat and now - sent >= _REPETITION:
-                    futures.append(client.call_async(request))
-                    sent = now
-            return next(future.result() for future in futures if future.done())
+            return until(
+                sent.answered, f"service {service} did not answer", alive=self._alive
+            ).result()
         finally:
-            for future in futures:
-                client.remove_pending_request(future)
+            sent.close()
 
 
 def to_time(kind: Any, name: str, seconds: Any) -> Any:

@@ -76,7 +76,7 @@ class FastTopics:
 
 def decoded(kind: Any, data: bytes) -> tuple[int, tuple[Any, ...]]:
     """Return the stamp of a message [ns] and its other fields, or raise a BagFormatError."""
-    header, *values, _ = vars(_codec(kind).decode(data)).values()  # its type is last
+    header, *values = vars(_codec(kind).decode(data)).values()
     return join_seconds(header.stamp.sec, header.stamp.nanosec), tuple(values)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import suppress
 from typing import Any
 
@@ -15,23 +15,21 @@ from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 from rclpy.validate_topic_name import validate_topic_name
 
-from rpud_sim.bag.losses import SequenceGaps
 from rpud_sim.foundation.quantities import ParameterError, did_you_mean, shown
 from rpud_sim.ros.client.listening_node import ClientError, ListeningNode, NoAnswerError
-from rpud_sim.ros.graph import UnknownTypeError, is_satisfied, message_class, request_for
+from rpud_sim.ros.graph import UnknownTypeError, element_of, member_class, message_class
 from rpud_sim.ros.starting import name_error
+from rpud_sim.ros.subscriptions import FollowedTopic
 
 CUT = 128  # elements of an array, or characters of a text, that are shown unless all are wanted
 
 _PART = re.compile(r"([A-Za-z]\w*)((?:\[\d+\])*)")
-_MESSAGE = re.compile(r"(\w+)/(\w+)")
-_ELEMENT = re.compile(r"sequence<(.+?)(?:, *\d+)?>|(.+)\[\d+\]")
 _DEPTH = 5_000  # messages that may wait for a listener; Fast DDS keeps no more
 _PUBLISHER_WAIT = 1.0  # for a publisher of a topic that has a subscription [s]
 _REFRESH_PERIOD = 0.5  # between looks at the publishers [s]
 
 
-class TopicListener:
+class TopicListener(FollowedTopic):
     """Subscription to a topic, and its messages in the order in which they came.
 
     The name is absolute or relative to the node's namespace; without a class of messages it waits
@@ -49,22 +47,12 @@ class TopicListener:
         patience: float | None = None,
     ) -> None:
         self._listening = listening
-        self._node = listening.node
-        self.topic = absolute_name(self._node, topic)  # absolute name
-        self.kind = kind or self._find(
-            listening.patience if patience is None else patience
-        )  # class of the messages
-        self._gaps = SequenceGaps(lambda: self._node.count_publishers(self.topic))
         self.messages: list[Any] = []  # that have come and were not taken
-        self._heard = False
-        self._request = qos or listening_qos(offers_of_topic(self._node, self.topic))
-        self._subscription = self._subscribe()
+        name = absolute_name(listening.node, topic)
+        patience = listening.patience if patience is None else patience
+        kind = kind or _find_type(listening, name, patience)
+        super().__init__(listening.node, name, kind, _DEPTH, qos)
         self._looked_at = time.monotonic()
-
-    @property
-    def lost(self) -> int:
-        """Messages that are missing between those that came."""
-        return self._gaps.missing
 
     def take(self, seconds: float) -> list[Any]:
         """Return the messages that have come, or wait some seconds for the next one."""
@@ -73,47 +61,42 @@ class TopicListener:
             now = time.monotonic()
             if now >= self._looked_at + _REFRESH_PERIOD:
                 self._looked_at = now
-                self._refresh()
+                if self._has_another_offer():
+                    self.renew()
             self._listening.spin(min(0.1, max(0.0, deadline - now)))
             if self.messages or time.monotonic() >= deadline:
                 messages = self.messages.copy()
                 self.messages.clear()
                 return messages
 
-    def _find(self, patience: float) -> Any:
-        node, topic, until = self._node, self.topic, self._listening.until
-        try:
-            types = until(lambda: types_of_topic(node, topic), "", patience)
-        except NoAnswerError:
-            hint = did_you_mean(topic, [name for name, _ in node.get_topic_names_and_types()])
-            raise NoAnswerError(f"no topic {topic} within {patience:g} s; {hint}") from None
-        if len(types) > 1:
-            raise ClientError(f"topic {topic} has several types: {', '.join(types)}")
-        # A subscription may be discovered before the publisher, whose QoS decides.
-        with suppress(NoAnswerError):
-            until(lambda: offers_of_topic(node, topic), "", min(patience, _PUBLISHER_WAIT))
-        try:
-            return message_class(types[0])
-        except UnknownTypeError as error:
-            raise ClientError(f"topic {topic}: {error}") from error
+    def close(self) -> None:
+        self._listening.unsubscribe(self.subscription)
 
     def _subscribe(self) -> Subscription:
-        return self._listening.subscribe(self.kind, self.topic, self._hear, self._request)
-
-    def _refresh(self) -> None:
-        """Subscribe again if the publishers offer less, or more before the first message."""
-        request = listening_qos(offers_of_topic(self._node, self.topic))
-        # A stronger one would give latched messages a second time.
-        stays = self._heard or is_satisfied(request, [self._request])
-        if not (stays and is_satisfied(self._request, [request])):
-            self._request = request
-            self._listening.unsubscribe(self._subscription)
-            self._subscription = self._subscribe()
+        return self._listening.subscribe(self.kind, self.name, self._hear, self.request)
 
     def _hear(self, message: Any, info: dict[str, Any]) -> None:
-        self._heard = True
+        self.received_at = time.monotonic()
         self.messages.append(message)
-        self._gaps.note(info["publication_sequence_number"])
+        self.gaps.note(info["publication_sequence_number"])
+
+
+def _find_type(listening: ListeningNode, topic: str, patience: float) -> Any:
+    node, until = listening.node, listening.wait_until
+    try:
+        types = until(lambda: types_of_topic(node, topic), "", patience)
+    except NoAnswerError:
+        hint = did_you_mean(topic, [name for name, _ in node.get_topic_names_and_types()])
+        raise NoAnswerError(f"no topic {topic} within {patience:g} s; {hint}") from None
+    if len(types) > 1:
+        raise ClientError(f"topic {topic} has several types: {', '.join(types)}")
+    # A subscription may be discovered before the publisher, whose QoS decides.
+    with suppress(NoAnswerError):
+        until(lambda: node.count_publishers(topic), "", min(patience, _PUBLISHER_WAIT))
+    try:
+        return message_class(types[0])
+    except UnknownTypeError as error:
+        raise ClientError(f"topic {topic}: {error}") from error
 
 
 def absolute_name(node: Node, topic: str) -> str:
@@ -128,19 +111,6 @@ def absolute_name(node: Node, topic: str) -> str:
 def types_of_topic(node: Node, topic: str) -> list[str]:
     """Return the types of the publishers and subscriptions of a topic, by its absolute name."""
     return sorted(dict(node.get_topic_names_and_types()).get(topic, []))
-
-
-def offers_of_topic(node: Node, topic: str) -> list[QoSProfile]:
-    """Return the QoS of each publisher of a topic, by its absolute name."""
-    return [endpoint.qos_profile for endpoint in node.get_publishers_info_by_topic(topic)]
-
-
-def listening_qos(offers: Sequence[QoSProfile]) -> QoSProfile:
-    """Return the strongest request that all offers satisfy; reliable and volatile without one.
-
-    A latched topic then gives its last messages at once.
-    """
-    return request_for(offers, _DEPTH) if offers else QoSProfile(depth=_DEPTH)
 
 
 def to_plain(value: Any, cut: int | None = None) -> Any:
@@ -174,8 +144,8 @@ def field_getter(text: str, kind: Any) -> Callable[[Any], Any]:
             )
         name, indices = match.groups()
         if steps:
-            member = _MESSAGE.fullmatch(described)
-            kind = message_class(f"{member[1]}/msg/{member[2]}") if member else None
+            is_message = "/" in described and not element_of(described)
+            kind = member_class(described) if is_message else None
         fields = kind.get_fields_and_field_types() if kind else {}
         if name not in fields:
             hint = did_you_mean(name, fields) if fields else f"{described} has no fields"
@@ -183,10 +153,9 @@ def field_getter(text: str, kind: Any) -> Callable[[Any], Any]:
         steps.append(name)
         described = fields[name]
         for index in re.findall(r"\d+", indices):
-            element = _ELEMENT.fullmatch(described)
-            if element is None:
+            if not (element := element_of(described)):
                 raise ParameterError(f"field {shown(text)}: {described} is not an array")
-            described = element[1] or element[2]
+            described = element
             steps.append(int(index))
 
     def get(message: Any) -> Any:

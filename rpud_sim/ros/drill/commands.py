@@ -25,6 +25,7 @@ from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.foundation.time import SECOND, join_seconds
 from rpud_sim.ros.delay_histogram import DelayHistogram
 from rpud_sim.ros.graph import message_class
+from rpud_sim.ros.subscriptions import taken
 from rpud_sim.simulation.commands import Command, Drive, Feed, WeightOnBit
 from rpud_sim.simulation.configuration import Settings
 from rpud_sim.simulation.fields import FEED_JOINT, JOINTS, ROTATION_JOINT
@@ -248,14 +249,9 @@ class CommandTopic:
 
     def _on_message(self, payload: bytes, information: Mapping[str, Any]) -> None:
         """Take all commands that wait: the executor takes one of each topic in a turn."""
-        taken: tuple[bytes, Mapping[str, Any]] | None = (payload, information)
-        handle = self._subscription.handle
-        with handle:
-            for _ in range(COMMAND_QOS.depth):
-                if taken is None:
-                    break
-                self._read(*taken)
-                taken = handle.take_message(self._type, True)
+        self._read(payload, information)
+        for payload, information in taken(self._subscription, COMMAND_QOS.depth):
+            self._read(payload, information)
         self._count_discarded()
 
     def _read(self, payload: bytes, information: Mapping[str, Any]) -> None:

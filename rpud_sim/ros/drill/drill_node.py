@@ -116,7 +116,8 @@ class DrillNode(ManagedNode):
         if (live := self.loop.live) is None:
             return
         publishers, end = live.publishers, time.monotonic() + _DISCOVERY_TIME
-        while (unheard := publishers.unheard) and time.monotonic() < end and not stop.wait(0.01):
+        outlets = publishers.outlets
+        while (unheard := outlets.unheard) and time.monotonic() < end and not stop.wait(0.01):
             pass
         if unheard and not stop.requested:
             self.get_logger().warning(f"not heard by the recorder: {', '.join(unheard)}")

@@ -6,7 +6,6 @@ import dataclasses
 import sys
 import threading
 import time
-from collections import deque
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future
 from typing import NamedTuple
@@ -23,7 +22,7 @@ from rpud_sim.ros.drill.report import StatusReporter
 from rpud_sim.ros.threads import schedule_thread
 from rpud_sim.simulation.configuration import Settings
 from rpud_sim.simulation.journal import Journal
-from rpud_sim.simulation.plans import apply_change
+from rpud_sim.simulation.plans import Agenda, apply_change
 from rpud_sim.simulation.rerun import Checkpoints, Start
 from rpud_sim.simulation.run import Beginning, Run
 from rpud_sim.simulation.topics import offered_topics
@@ -196,7 +195,7 @@ class LiveRun:
                 self._clock_due = time.monotonic() + _STANDSTILL_PERIOD
             return _STANDSTILL_PERIOD
         # The block ends at its boundary, a planned change or a goal.
-        until = min(self.run.next_boundary, self._next_planned, self.goal or NEVER)
+        until = min(self.run.next_boundary, self._planned.next, self.goal or NEVER)
         if self.playing and (idle := pacer.idle(until)) > 0.0:
             self._report_if_due()
             self._publish_deferred(until)
@@ -222,10 +221,10 @@ class LiveRun:
     def _read_commands(self) -> None:
         """Let planned changes that are due and waiting commands act; publish what changed."""
         changed = False
-        while self._next_planned <= self.run.time:
+        for change in self._planned.due(self.run.time):
             changed = True
             try:
-                apply_change(self.run.control, self._planned.popleft().change)
+                apply_change(self.run.control, change)
             except ParameterError as error:
                 self._logger.warning(f"planned change refused: {error}")
         for command in self._inbox.drain():
@@ -407,10 +406,6 @@ class LiveRun:
         for message in self.run.flush(kind):
             self.publishers.publish([message])
 
-    @property
-    def _next_planned(self) -> int:
-        return self._planned[0].delay if self._planned else NEVER
-
     def _replace(
         self, run: Run, settings: Settings, origin: int, active: bool | None = None
     ) -> None:
@@ -431,7 +426,7 @@ class LiveRun:
         self.run = run
         self.pacer.reset()
         planned = self._start.planned if self._start else ()
-        self._planned = deque(change for change in planned if change.delay > run.time)
+        self._planned = Agenda(change for change in planned if change.delay > run.time)
         if active is None:
             run.begin(origin)
         else:

@@ -77,7 +77,7 @@ class PacingLoop:
         if self._thread is not None:
             self._thread.join()
         if self.live is not None:
-            self.live.publishers.wait_for_subscribers(_ACKNOWLEDGEMENT)
+            self.live.publishers.outlets.wait(_ACKNOWLEDGEMENT)
 
     def clean_up(self) -> None:
         """Stop, and give up the live run."""

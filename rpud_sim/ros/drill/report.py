@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 from rclpy.node import Node
@@ -22,7 +21,7 @@ from rpud_sim.simulation.faults import FaultRecord
 from rpud_sim.simulation.fields import Bookkeeping, time_fields
 from rpud_sim.simulation.run import Run
 from rpud_sim.simulation.statistics import Figures, Statistics
-from rpud_sim.simulation.topics import ALL_COMMAND_TOPICS, JOINT_COMMANDS, MOUNT_FRAME, Fields
+from rpud_sim.simulation.topics import JOINT_COMMANDS, MOUNT_FRAME, Fields
 
 # Power that the steps of the arm may lose or win, as a share of the work of actuator and feed.
 COUPLING_SHARE = 0.05
@@ -73,7 +72,7 @@ _SHOWN = {
         "actuator_temperature [K], electrical_power [W], depth [m], penetration_rate [m/s], "
         "side_offset [m], coupling_power [W], active_faults, namesakes"
     ),
-    "messages": "published, subscribers, publishers, acknowledged",
+    "messages": "messages_dropped",
 }
 
 
@@ -110,8 +109,6 @@ def diagnose(run: Run, status: Fields, measured: Fields, period: float) -> list[
 
 
 def _text(value: Any) -> str:
-    if isinstance(value, Mapping):
-        return ", ".join(f"{name} {count}" for name, count in value.items())
     return f"{value:g}" if isinstance(value, float) else str(value)
 
 
@@ -172,9 +169,6 @@ class StatusReporter:
         self._command_topics = [
             [node.resolve_topic_name(topic) for topic in topics] for topics in _COMMAND_TOPICS
         ]
-        self._subscriptions = [
-            each for each in node.subscriptions if each.topic in ALL_COMMAND_TOPICS
-        ]
         self._blocks: list[Block] = []
         self._measured: Fields = {}  # by the latest full report
         self._figures: Figures = {}  # of it
@@ -204,13 +198,6 @@ class StatusReporter:
         self._blocks.append(block)
         if len(self._blocks) >= _BATCH_SIZE:
             self._count()
-
-    def publishers_heard(self) -> Mapping[str, int]:
-        """Return the number of publishers whose commands reach the node, by topic.
-
-        The graph names a publisher before its messages arrive.
-        """
-        return {each.topic: each.get_publisher_count() for each in self._subscriptions}
 
     def due(self) -> bool:
         """Whether it is time for a full report."""
@@ -275,10 +262,6 @@ class StatusReporter:
             "last_refusal": self.last.last_refusal,
             "scheduling": self.scheduling,
             "namesakes": self._namesakes.count(),
-            "published": self._publishers.published,
-            "subscribers": self._publishers.subscribers(),
-            "publishers": self.publishers_heard(),
-            "acknowledged": self._publishers.acknowledged(),
         }
         entries = diagnose(run, status[2], measured, self._period)
         for entry in entries:

@@ -32,14 +32,14 @@ from rpud_sim.foundation.time import SECOND, join_seconds
 from rpud_sim.ros.drill.live_run import LONGEST_STEP, InterruptedStepError, LiveRun, Reached
 from rpud_sim.ros.drill.managed_node import ManagedNode
 from rpud_sim.ros.drill.pacing_loop import PacingLoop
-from rpud_sim.ros.drill.publishers import filled, nanoseconds_to_time
-from rpud_sim.ros.graph import DiscoveryProbe
+from rpud_sim.ros.drill.publishers import nanoseconds_to_time
+from rpud_sim.ros.graph import DiscoveryProbe, filled
 from rpud_sim.ros.threads import StoppedError
 from rpud_sim.simulation.configuration import Settings
 from rpud_sim.simulation.fault_kinds import KINDS
 from rpud_sim.simulation.faults import Fault, FaultError, check_kind
 from rpud_sim.simulation.fields import fault_fields
-from rpud_sim.simulation.topics import CHANNELS, TOPICS
+from rpud_sim.simulation.topics import ALL_COMMAND_TOPICS, CHANNELS, TOPICS
 
 STOPPED = SimulationState.STATE_STOPPED
 PLAYING = SimulationState.STATE_PLAYING
@@ -300,6 +300,8 @@ class DeliveryServer:
         self._node = node
         self._loop = loop
         self._probes: dict[str, DiscoveryProbe] = {}
+        # The graph names a publisher before its commands arrive; they count those that reach it.
+        self._commands = [each for each in node.subscriptions if each.topic in ALL_COMMAND_TOPICS]
         group = MutuallyExclusiveCallbackGroup()
         node.create_service(
             GetDelivery, "simulation/get_delivery", self._answer, callback_group=group
@@ -312,12 +314,12 @@ class DeliveryServer:
         response.services = [each.service_name for each in self._node.services]
         response.clients = [self._node.count_clients(name) for name in response.services]
         if (live := self._loop.live) is not None:
-            publishers, heard = live.publishers, live.reporter.publishers_heard()
-            response.topics = list(publishers.published)
-            response.published = list(publishers.published.values())
-            response.subscribers = list(publishers.subscribers().values())
-            response.acknowledged = publishers.acknowledged()
-            response.command_topics, response.publishers = list(heard), list(heard.values())
+            outlets, published = live.publishers.outlets, live.publishers.published
+            response.topics, response.published = list(published), list(published.values())
+            response.subscribers = list(outlets.subscribers.values())
+            response.acknowledged = all(each.acknowledged() for each in outlets.values())
+            response.command_topics = [each.topic for each in self._commands]
+            response.publishers = [each.get_publisher_count() for each in self._commands]
         return response
 
     def _answered(self, name: str) -> bool:
@@ -325,7 +327,7 @@ class DeliveryServer:
             if len(self._probes) >= _MOST_NODES:
                 return False
             try:
-                self._probes[name] = DiscoveryProbe(self._node, name)
+                self._probes[name] = DiscoveryProbe(self._node, f"{name}/get_parameters")
             except (NameValidationException, RuntimeError):  # RCLError: it is too long
                 return False
         return self._probes[name].answered()

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-from rclpy.action import ActionServer, CancelResponse
-from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.node import Node
 
 from rpud_sim.ros.drill.live_run import LiveRun
@@ -13,7 +11,6 @@ from rpud_sim.ros.drill.services import DrillServices
 from rpud_sim.simulation.block import boundaries_until, boundary
 
 try:
-    from simulation_interfaces.action import SimulateSteps
     from simulation_interfaces.msg import SimulatorFeatures
     from simulation_interfaces.srv import (
         GetSimulationState,
@@ -40,17 +37,14 @@ _FEATURES_OF_TIME = (
     "SIMULATION_STATE_PAUSE",
     "STEP_SIMULATION_SINGLE",
     "STEP_SIMULATION_MULTIPLE",
-    "STEP_SIMULATION_ACTION",
 )
 
 
 class StandardServer:
-    """The standard's services for features, state, steps and resets, and its action for steps.
+    """The standard's services for features, state, steps and resets.
 
-    ``get_simulator_features``, ``get_simulation_state``, ``set_simulation_state``,
-    ``step_simulation``, ``reset_simulation`` and ``simulate_steps``; states, results and refusals
-    are those of the drill's own services. A step is a telemetry period; the first of several goes
-    to the next boundary of one. ``services``, the drill's own, do the work.
+    ``services``, the drill's own, do the work: states, results and refusals are theirs. A step is a
+    telemetry period; the first of several goes to the next boundary of one.
     """
 
     def __init__(self, node: Node, services: DrillServices) -> None:
@@ -69,45 +63,12 @@ class StandardServer:
             "reset_simulation",
             lambda request, response: services.reset(int(request.scope)),
         )
-        self._action = ActionServer(
-            node,
-            SimulateSteps,
-            "simulate_steps",
-            self._on_simulate_steps,
-            callback_group=ReentrantCallbackGroup(),
-            cancel_callback=lambda goal: CancelResponse.ACCEPT,
-        )
 
     def _on_features(self, request: Any, response: Any) -> Any:
         names = (*_FEATURES, *(_FEATURES_OF_TIME if self._services.controls_time() else ()))
         response.features.features = sorted(getattr(SimulatorFeatures, name) for name in names)
         response.features.custom_info = "rpud_sim: a step is one period of telemetry_rate"
         return response
-
-    def _on_simulate_steps(self, goal: Any) -> Any:
-        steps = int(goal.request.steps)
-        wanted = max(steps, 1)  # zero steps are refused as the first one is
-        completed = 0
-
-        def act() -> None:
-            nonlocal completed
-            while completed < wanted and not goal.is_cancel_requested:
-                self._step(min(steps, 1))
-                completed += 1
-                goal.publish_feedback(
-                    SimulateSteps.Feedback(
-                        completed_steps=completed, remaining_steps=wanted - completed
-                    )
-                )
-
-        result = self._services.answer(SimulateSteps.Result(), act)
-        if completed == wanted:
-            goal.succeed()
-        elif goal.is_cancel_requested:
-            goal.canceled()
-        else:
-            goal.abort()
-        return result
 
     def _step(self, steps: int) -> None:
         def until(live: LiveRun) -> int:

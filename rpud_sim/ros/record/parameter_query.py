@@ -1,34 +1,28 @@
-"""Query of recorded drills for their parameters and scenario, without waiting."""
+"""Query of recorded drills for their parameters, without waiting."""
 
 from __future__ import annotations
 
-import json
-import math
 import time
 from collections.abc import Generator, Mapping, Sequence
 from typing import Any
 
 from rcl_interfaces.srv import GetParameters, ListParameters
 from rclpy.parameter import parameter_value_to_python
-from rclpy.qos import DurabilityPolicy, QoSProfile
 
 from rpud_sim.bag.manifest import MANIFEST_RECORD, Manifest, installed_versions, machine_name
-from rpud_sim.foundation.time import SECOND
-from rpud_sim.ros.graph import UnknownTypeError, message_class, node_name
+from rpud_sim.ros.graph import node_name
 from rpud_sim.ros.record.recorder_node import Recorder
 
 _STATUS = "rpud_msgs/msg/Status"
-_ENTRY = "rpud_msgs/msg/JournalEntry"
-_SCENARIO_LIMIT = 100_000  # characters
-_JOURNAL = QoSProfile(depth=1000, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 class ParameterQuery:
     """Finds the drills of recorded topics, and records the manifest of each.
 
-    A drill is a node that publishes a Status; a restarted one is queried again. Its scenario comes
-    from its journal: no file is read, as a stranger could name any. The node needs no executor:
-    ``poll`` reads the answers that have come. ``command`` is the command line of the recorder.
+    A drill is a node that publishes a Status; a restarted one is queried again. The text of its
+    scenario stays unknown: no file is read, as a stranger could name any, and its journal has the
+    faults. The node needs no executor: ``poll`` reads the answers that have come. ``command`` is
+    the command line of the recorder.
     """
 
     def __init__(self, node: Recorder, command: Sequence[str]) -> None:
@@ -82,34 +76,14 @@ class ParameterQuery:
 
 
 def _ask(node: Recorder, name: str, found: dict[str, Any]) -> Generator[None, None, None]:
-    """Ask a drill for its parameters and its scenario, and keep them as fields of a manifest."""
+    """Ask a drill for its parameters, and keep them as fields of a manifest."""
     listed = yield from _answer(node, name, ListParameters, "list_parameters")
     names = list(listed.result.names)
     response = yield from _answer(node, name, GetParameters, "get_parameters", names=names)
     with node.guard(f"an answer of {name}"):
         values = map(_plain, map(parameter_value_to_python, response.values))
         found["parameters"] = dict(zip(names, values, strict=False))
-    if not found.get("parameters", {}).get("scenario"):
-        found["scenario"] = ""
-        return
-    topic = f"{name.rpartition('/')[0]}/journal"
-    try:
-        kind = message_class(_ENTRY)
-    except UnknownTypeError:
-        return
-    while not node.count_publishers(topic):  # a subscription alone would create the topic
-        yield
-    journal = node.create_subscription(kind, topic, lambda _: None, _JOURNAL)
-    try:
-        while found["scenario"] is None:
-            yield
-            with node.guard(f"an answer of {name}"), journal.handle:
-                while (taken := journal.handle.take_message(kind, False)) is not None:
-                    entry, _ = taken
-                    if entry.kind == "begin" and len(entry.content) < _SCENARIO_LIMIT:
-                        found["scenario"] = scenario_text(entry.content)
-    finally:
-        node.destroy_subscription(journal)
+        found["scenario"] = None if found["parameters"].get("scenario") else ""
 
 
 def _answer(
@@ -130,31 +104,6 @@ def _answer(
             yield
     finally:
         node.destroy_client(client)
-
-
-def scenario_text(content: str) -> str:
-    """Return the scenario of a journal's entry ``begin`` as the text of a file, all faults drawn.
-
-    The text is one JSON object, which YAML reads too; it is empty if no fault was planned. Other
-    content raises a ValueError.
-    """
-    try:
-        faults = [_planned(entry) for entry in json.loads(content)["faults"]]
-    except (ArithmeticError, LookupError, RecursionError, TypeError, ValueError) as error:
-        raise ValueError(f"no beginning of a journal: {error!r:.100}") from None
-    return json.dumps({"faults": faults}, indent=1) + "\n" if faults else ""
-
-
-def _planned(entry: Mapping[str, Any]) -> dict[str, Any]:
-    onset, clear = entry["onset"], entry["clear"]
-    planned: dict[str, Any] = {"kind": str(entry["kind"]), "onset": int(onset) / SECOND}
-    if entry["channel"]:
-        planned["channel"] = str(entry["channel"])
-    if clear is not None:
-        planned["duration"] = (int(clear) - int(onset)) / SECOND
-    if math.isfinite(entry["magnitude"]):
-        planned["magnitude"] = float(entry["magnitude"])
-    return planned
 
 
 def _plain(value: Any) -> Any:

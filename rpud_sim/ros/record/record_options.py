@@ -19,7 +19,7 @@ from rpud_sim.foundation.options import (
 )
 
 # Names of the writer's compressions; repeated, because the writer takes long to load.
-COMPRESSIONS = ("none", "lz4", "zstd")
+COMPRESSIONS = ("none", "zstd")
 
 
 def pattern(text: str) -> re.Pattern[str]:
@@ -80,7 +80,6 @@ class RecordOptions:
     )
     start_paused: bool = option(False, "record only when the service ~/resume is called")
     with_parent: bool = parent_flag()
-    until_eof: bool = option(False, argparse.SUPPRESS)  # stop also where standard input ends
     allow_empty: bool = option(
         False, "exit code 0 also if a requested topic never appears, or no message arrives"
     )

@@ -11,15 +11,15 @@ from typing import Any
 
 from rclpy.duration import Duration
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile
-from rclpy.subscription import Subscription
+from rclpy.qos import QoSProfile
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from rpud_sim.bag import BagError, Message, Topic
 from rpud_sim.bag.definitions import find_definition, find_type_hash
-from rpud_sim.bag.losses import Losses, SequenceGaps
+from rpud_sim.bag.losses import Losses
 from rpud_sim.bag.metadata import QosProfile as RecordedProfile
-from rpud_sim.ros.graph import is_satisfied, message_class, request_for
+from rpud_sim.ros.graph import message_class
+from rpud_sim.ros.subscriptions import FollowedTopic
 
 # Messages that may wait in the middleware for the recorder: ten seconds of a 1 kHz topic.
 RECORDING_DEPTH = 10_000
@@ -31,25 +31,16 @@ _LATEST = 2**63 - 1  # in a bag [ns since the epoch]
 _AWAY = 86_400_000_000_000  # that our clock may be set while a message waits [ns]
 
 
-class RecordedTopic:
-    """Topic of one type, subscribed with the QoS that its publishers offer, and its counts."""
+class RecordedTopic(FollowedTopic):
+    """Topic of one type, with counts of its received, lost and damaged messages."""
 
     def __init__(self, node: Node, name: str, type_name: str) -> None:
-        self.name = name
         self.type = type_name
-        self.message = message_class(type_name)
+        super().__init__(node, name, message_class(type_name), RECORDING_DEPTH)
         self.declared = False  # whether the bag has its declaration
         self.further_types: set[str] = set()  # of the topic, which are not recorded
         self.damaged = 0  # messages that were damaged
-        self.received_at = -inf  # when a message came last, by the monotonic clock [s]
         self.renewals = 0  # subscriptions that were renewed as a publisher was silent
-        self._node = node
-        self.endpoints = self._publishers()  # publishers that were found last
-        # Before the first publisher its subscribers show what it will have to offer.
-        known = self.endpoints or node.get_subscriptions_info_by_topic(name)
-        self.request = request_for([each.qos_profile for each in known], RECORDING_DEPTH)
-        self.subscription = self._subscribe()
-        self.gaps = SequenceGaps(lambda: node.count_publishers(name))
         self._numbered = True  # whether the middleware numbers messages
         self._uncounted = 0  # damaged messages whose numbers are a gap in the next ones
         self._latest: dict[tuple[int, int | None, int], None] = {}
@@ -64,19 +55,15 @@ class RecordedTopic:
 
     def follow(self) -> str:
         """Look at the publishers; return why to subscribe again because of them, or ""."""
-        now, endpoints = time.monotonic(), self._publishers()
-        if not endpoints:
+        now = time.monotonic()
+        if self._has_another_offer():
+            return "its publishers offer something else"
+        if not self.endpoints:
             # Those that come from now on are new: their first messages, before they know the
             # subscription, are lost.
-            if now >= self._settled_at and not self._latched and not self.endpoints:
+            if now >= self._settled_at and not self.latched:
                 self.gaps.from_first = True
-            return ""
-        self.endpoints = endpoints
-        offers = [endpoint.qos_profile for endpoint in endpoints]
-        if not is_satisfied(self.request, offers):
-            self.request = request_for(offers, RECORDING_DEPTH)
-            return "a publisher offers less than before"
-        if self.subscription.handle.get_publisher_count() >= len(offers):
+        elif self.subscription.handle.get_publisher_count() >= len(self._offers):
             self._matched_by = inf
         elif now >= self._matched_by:
             self.renewals += 1
@@ -86,10 +73,8 @@ class RecordedTopic:
         return ""
 
     def renew(self) -> None:
-        """Subscribe again; what the old subscription holds is lost."""
-        self._node.destroy_subscription(self.subscription)
+        super().renew()
         self._matched_by = inf
-        self.subscription = self._subscribe()
 
     def declaration(self, *, received: bool) -> tuple[Topic, str | None]:
         """Return the topic and its definition for the bag; ``received`` if it has had a message."""
@@ -115,7 +100,7 @@ class RecordedTopic:
             self.damaged += 1
             self._uncounted += 1
             return None
-        if self._latched:
+        if self.latched:
             key = publish_time, number, hash(data)  # publishers may have no clock
             if key in self._latest:
                 return None
@@ -133,20 +118,8 @@ class RecordedTopic:
             self._uncounted = 0
         return Message(self.name, log_time, publish_time, data)
 
-    @property
-    def _latched(self) -> bool:
-        return self.request.durability == DurabilityPolicy.TRANSIENT_LOCAL
-
     def _publishers(self) -> list[TopicEndpointInfo]:
-        endpoints = self._node.get_publishers_info_by_topic(self.name)
-        return [endpoint for endpoint in endpoints if endpoint.topic_type == self.type]
-
-    def _subscribe(self) -> Subscription:
-        # The recorder takes messages in batches, so nothing ever calls the callback: an executor
-        # costs several times as much for each message as the message itself.
-        return self._node.create_subscription(
-            self.message, self.name, lambda _: None, self.request, raw=True
-        )
+        return [each for each in super()._publishers() if each.topic_type == self.type]
 
     def _find(self, find: Callable[[str], str]) -> str | None:
         try:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import sys
-import threading
 import time
 from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import suppress
@@ -66,8 +65,6 @@ def _record(options: RecordOptions, stop: StopRequest, show: Callable[[str], Non
         bag.add_record(RECORDING_RECORD, {"max_loss": str(options.max_loss)})
         writing = WritingThread(intake, bag, options.max_loss, stop.request, options.max_disk)
         writing.start()
-        if options.until_eof:
-            threading.Thread(target=_wait_for_eof, args=(stop,), daemon=True).start()
         began = time.monotonic()
         try:
             query = ParameterQuery(node, sys.argv)
@@ -96,12 +93,6 @@ def _record(options: RecordOptions, stop: StopRequest, show: Callable[[str], Non
     if writing.refusal:
         return RecordResult(text, f"stopped with a whole bag: {writing.refusal}")
     return RecordResult(text, failure(node, allow_empty=options.allow_empty))
-
-
-def _wait_for_eof(stop: StopRequest) -> None:
-    while os.read(sys.stdin.fileno(), 4096):
-        pass
-    stop.request()
 
 
 def _collect(

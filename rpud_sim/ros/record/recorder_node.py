@@ -20,6 +20,7 @@ from rpud_sim.ros.graph import UnknownTypeError, fill_known, rosbag_service
 from rpud_sim.ros.record.record_options import RecordOptions
 from rpud_sim.ros.record.recorded_topic import RecordedTopic
 from rpud_sim.ros.record.writing import Intake
+from rpud_sim.ros.subscriptions import taken
 
 _BATCH_SIZE = 1000  # messages of one topic at once, so that a fast one does not starve the rest
 _LOG_PERIOD = 10.0  # between two lines about data that cannot be used [s]
@@ -243,20 +244,17 @@ class Recorder(Node):
 
         Times are those of reception [ns since the epoch].
         """
-        handle = topic.subscription.handle
-        with handle:
-            for _ in range(_BATCH_SIZE):
-                taken = handle.take_message(topic.message, True)
-                if taken is None:
-                    return inf
-                data, info = taken
-                if min(info["source_timestamp"], info["received_timestamp"]) > self._end:
-                    continue
-                message = topic.accept(data, info, counts=not self.intake.paused)
-                if message is not None:
-                    self._declare(topic, received=True)
-                    self._batch.append(message)
-        return float(info["received_timestamp"])
+        room, received = _BATCH_SIZE, inf
+        for data, info in taken(topic.subscription, room):
+            room -= 1
+            received = info["received_timestamp"]
+            if min(info["source_timestamp"], received) > self._end:
+                continue
+            message = topic.accept(data, info, counts=not self.intake.paused)
+            if message is not None:
+                self._declare(topic, received=True)
+                self._batch.append(message)
+        return inf if room else received
 
     def _declare(self, topic: RecordedTopic, *, received: bool) -> None:
         if not topic.declared:

@@ -126,12 +126,12 @@ def _replay(
     make_bar: MakeBar,
 ) -> str:
     node = Replayer(topics, with_clock=options.clock is not None, remappings=options.remap)
-    if not node.topic_names:
+    if not node.outlets:
         if topics:
             raise ReplayError(f"nothing of {bag.path} can be replayed here")
         return f"{printable(bag.path)} has no messages to replay"
     node.get_logger().info(
-        f"replaying {printable(bag.path)}: {len(node.topic_names)} topics, "
+        f"replaying {printable(bag.path)}: {len(node.outlets)} topics, "
         f"{bag.duration / SECOND:.1f} s at {options.rate:g} times real time"
     )
     _await_subscribers(node, stop, patient=options.wait_for_subscribers)
@@ -141,7 +141,7 @@ def _replay(
         last = min(last, first + round(options.duration * SECOND))
 
     def read(position: int) -> Messages:
-        return read_ahead(bag.messages(node.topic_names, position - bag.start_time))
+        return read_ahead(bag.messages(list(node.outlets), position - bag.start_time))
 
     playback = Playback(read, (first, last), options, node, interrupted=lambda: stop.requested)
     offer_services(node, playback)
@@ -160,7 +160,7 @@ def _replay(
             playback.stop()
         playing.result()
         if not stop.requested:
-            for name in node.wait_for_acknowledgement(_ACKNOWLEDGEMENT_TIME):
+            for name in node.outlets.wait(_ACKNOWLEDGEMENT_TIME):
                 node.get_logger().warning(f"a subscriber of {name} has not confirmed all messages")
             # Best-effort messages have no acknowledgement, and may still be on their way; whoever
             # asks now learns that the replay has ended.
@@ -187,12 +187,12 @@ def _show(playback: Playback, first: int, bar: Any) -> None:
 def _await_subscribers(node: Replayer, stop: StopRequest, *, patient: bool) -> None:
     deadline = time.monotonic() + DISCOVERY_TIME
     logged = False
-    while node.unheard:
+    while unheard := node.outlets.unheard:
         if time.monotonic() >= deadline:
             if not patient:
                 break
             if not logged:
-                node.get_logger().info(f"waiting for subscribers of {', '.join(node.unheard)}")
+                node.get_logger().info(f"waiting for subscribers of {', '.join(unheard)}")
                 logged = True
         if stop.wait(_POLL_PERIOD):
             return

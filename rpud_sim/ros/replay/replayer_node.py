@@ -2,29 +2,26 @@
 
 from __future__ import annotations
 
-import re
-import time
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
 from math import inf
 from typing import Any
 
-import numpy as np
 from rclpy.duration import Duration
 from rclpy.exceptions import NameValidationException
 from rclpy.node import Node
-from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, LivelinessPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.validate_full_topic_name import validate_full_topic_name
 from rosgraph_msgs.msg import Clock
 
 from rpud_sim.bag import BagError, BagFormatError, Message, TopicSummary
 from rpud_sim.bag.cdr import Codec
+from rpud_sim.bag.columns import to_plain
 from rpud_sim.bag.definitions import find_type_hash
 from rpud_sim.bag.metadata import QosProfile as RecordedProfile
 from rpud_sim.foundation.terminal import printable
 from rpud_sim.foundation.time import split_seconds
-from rpud_sim.ros.graph import UnknownTypeError, message_class
+from rpud_sim.ros.graph import UnknownTypeError, filled, message_class
+from rpud_sim.ros.outlets import Outlets
 
 CLOCK = "/clock"
 
@@ -33,19 +30,7 @@ REPLAY_DEPTH = 5_000
 DEPTH_LIMIT = 2**31 - 1  # greatest depth that the middleware accepts
 # Messages that a replayed latched topic keeps; discovery does not show how many it was.
 LATCHED_DEPTH = 10
-# Type of the elements of a field, such as ``sequence<rpud_msgs/Fault>``.
-_ELEMENT = re.compile(r"(?:.*<)?(\w+)/(\w+).*")
-_LONGEST_WAIT = 5_000_000_000  # for subscribers of a fast replay [ns]
-
-
-@dataclass
-class _Output:
-    """Publisher of a topic, and how far it may run ahead of reliable subscribers."""
-
-    publisher: Publisher
-    send: Callable[[bytes], object]
-    depth: float  # messages that may be unacknowledged
-    room: float  # further ones that may be
+_LONGEST_WAIT = 5.0  # for subscribers of a fast replay [s]
 
 
 class Replayer(Node):
@@ -72,7 +57,7 @@ class Replayer(Node):
             start_parameter_services=False,
         )
         self.failures = 0  # requests that raised an error
-        self._outputs: dict[str, _Output] = {}  # by the topic's name in the bag
+        self.outlets = Outlets(_LONGEST_WAIT)  # by the topic's name in the bag
         self._types: dict[str, str] = {}  # by the names that they are published with
         if with_clock:
             qos = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -83,11 +68,11 @@ class Replayer(Node):
                 self.get_logger().warning(f"the bag's own {CLOCK} is left out for that of --clock")
                 continue
             try:
-                self._outputs[name] = self._output(summary)
+                self._add(summary)
             except UnknownTypeError as error:
                 self.get_logger().warning(printable(f"not replayed: {name}: {error}"))
 
-    def _output(self, summary: TopicSummary) -> _Output:
+    def _add(self, summary: TopicSummary) -> None:
         topic = summary.topic
         if len(summary.kinds) > 1:
             raise UnknownTypeError("it has several types or definitions")
@@ -107,77 +92,28 @@ class Replayer(Node):
             publisher = self.create_publisher(message, topic.name, offer)
         except (OverflowError, RuntimeError, TypeError, ValueError) as error:
             raise UnknownTypeError(f"its QoS cannot be offered: {error}") from error
-        # Without the checks of rclpy: they take a fifth of the time of each message.
-        send = publisher.handle.publish_raw
-        if converted is not None:
-
-            def send(data: bytes) -> None:
-                publisher.publish(converted(data))
-
         # A latched topic keeps only its last messages.
         latched = offer.durability == DurabilityPolicy.TRANSIENT_LOCAL
-        depth = inf if latched else min(offer.depth, REPLAY_DEPTH)
-        return _Output(publisher, send, depth, depth / 2)
+        outlet = self.outlets.add(
+            topic.name, publisher, inf if latched else min(offer.depth, REPLAY_DEPTH)
+        )
+        if converted is not None:
+            outlet.send = lambda data: publisher.publish(converted(data))
 
     def count_failure(self, reason: str) -> None:
         """Count a request that raised an error, and log why, once a second at most."""
         self.failures += 1
         self.get_logger().warning(f"request failed: {reason}", throttle_duration_sec=1.0)
 
-    @property
-    def topic_names(self) -> list[str]:
-        return list(self._outputs)
-
-    @property
-    def unheard(self) -> list[str]:
-        """Names of the replayed topics without a subscriber."""
-        return [
-            name
-            for name, output in self._outputs.items()
-            if not output.publisher.get_subscription_count()
-        ]
-
-    def publish(self, message: Message, *, hurried: bool = False) -> None:
-        """Publish a message as it was serialized.
-
-        If messages are ``hurried``, it waits for reliable subscribers before the oldest message
-        that they lack would be overwritten.
-        """
-        output = self._outputs[message.topic]
-        output.send(message.data)
-        # If its time has paced it, some of those before it may be unacknowledged all the same.
-        output.room = output.room - 1 if hurried else output.depth / 2
-        if output.room <= 0:
-            self._wait_for_subscribers(message.topic, output)
+    def publish(self, message: Message, *, hurried: bool) -> None:
+        """Publish a message as it was serialized; see ``Outlets.send``."""
+        self.outlets.send(message.topic, message.data, hurried=hurried)
 
     def publish_clock(self, bag_time: int) -> None:
         """Publish the bag's time [ns] on ``/clock``."""
         message = Clock()
         message.clock.sec, message.clock.nanosec = split_seconds(bag_time)
         self._clock_publisher.publish(message)
-
-    def wait_for_acknowledgement(self, seconds: float) -> list[str]:
-        """Wait until reliable subscribers have all messages; return topics where some lack."""
-        deadline = time.monotonic() + seconds
-        lacking = []
-        for name, output in self._outputs.items():
-            left = max(0.0, deadline - time.monotonic())
-            if not output.publisher.wait_for_all_acked(Duration(seconds=left)):
-                lacking.append(name)
-        return lacking
-
-    def _wait_for_subscribers(self, name: str, output: _Output) -> None:
-        # All of the depth is used the next time: Fast DDS asks for acknowledgement at once where it
-        # is, and otherwise at every heartbeat. Other topics are acknowledged while this one waits.
-        if output.publisher.wait_for_all_acked(Duration(nanoseconds=_LONGEST_WAIT)):
-            for other in self._outputs.values():
-                if other.publisher.wait_for_all_acked(Duration()):
-                    other.room = other.depth
-        else:
-            output.depth = output.room = inf
-            self.get_logger().warning(
-                f"a subscriber of {name} does not keep up; it is not waited for any more"
-            )
 
 
 def replay_offer(recorded: Sequence[RecordedProfile]) -> QoSProfile:
@@ -234,23 +170,8 @@ def conversion(summary: TopicSummary, installed: Any) -> Callable[[bytes], Any] 
 
     def converted(data: bytes) -> Any:
         try:
-            return _filled(installed(), codec.decode(data))
+            return filled(installed(), to_plain(codec.decode(data)))
         except (AssertionError, AttributeError, BagFormatError, TypeError, ValueError):
             return data  # a damaged one goes out as it is
 
     return converted
-
-
-def _filled(message: Any, values: Any) -> Any:
-    for name, kind in message.get_fields_and_field_types().items():
-        if (value := getattr(values, name, None)) is None:
-            continue
-        if isinstance(value, np.ndarray):
-            value = value.tolist()
-        elif "/" in kind and isinstance(value, list):
-            element = message_class(_ELEMENT.sub(r"\1/msg/\2", kind))
-            value = [_filled(element(), each) for each in value]
-        elif "/" in kind:
-            value = _filled(getattr(message, name), value)
-        setattr(message, name, value)
-    return message

@@ -138,7 +138,6 @@ def _value(item: Measure, values: np.ndarray, duration: float) -> float:
 
 
 def _read_bag(path: Path) -> Series:
-    """Return impacts and samples of the topics of a drill in a bag."""
     from rpud_sim.bag import BagError, open  # slow to load
 
     series: Series = {}
@@ -186,7 +185,6 @@ def _read_csv(path: Path) -> Series:
 
 
 def _column(path: Path, heading: list[str], rows: list[list[str]], name: str) -> np.ndarray:
-    """Return a column; empty cells are NaN."""
     place, found = heading.index(name), np.empty(len(rows))
     for number, row in enumerate(rows):
         try:

@@ -23,7 +23,6 @@ from rpud_sim.studies.fit.rounds import (
     Branch,
     FitError,
     FitFolder,
-    Report,
     explore,
     named_points,
     pool,
@@ -31,7 +30,7 @@ from rpud_sim.studies.fit.rounds import (
 )
 from rpud_sim.studies.fit.surrogate import Region
 from rpud_sim.studies.fit.target_file import FitSpecification, FitTarget
-from rpud_sim.studies.store import write_whole
+from rpud_sim.studies.store import Report, write_whole
 
 CANDIDATES = 16  # for the best point
 CANDIDATE_RUNS = 32
@@ -56,7 +55,6 @@ class TargetComparison:
 
     @property
     def ratio(self) -> float:
-        """Model over target."""
         return self.mean / self.target.value if self.target.value else math.nan
 
     @property
@@ -132,7 +130,6 @@ class Fit:
 
     @property
     def misfit_text(self) -> str:
-        """Both misfits in words."""
         hold_out = self.misfit(True)
         more = "" if hold_out is None else f", held out {hold_out:.2f}"
         return f"{self.misfit(False):.2f} standard deviations{more}"

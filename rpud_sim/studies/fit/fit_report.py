@@ -23,6 +23,7 @@ from rpud_sim.studies.fit.rounds import fit_versions
 from rpud_sim.studies.store import write_whole
 from rpud_sim.studies.sweep.specification import unit_of
 
+TARGET_HEADING = ("target", "value", "model", "ratio", "standard deviations")
 _BINS = 40
 _TAIL = 0.002  # share of the posterior beyond each end of what is shown
 _HEIGHT, _WIDTH = 150, 344  # of a plot of the posterior [pixels]
@@ -47,8 +48,7 @@ _BODY = """\
 {% if choices %}
 {{ table(("choices", "probability"), choices, caption="Choices") }}
 {% endif %}
-{{ table(("target", "value", "model", "ratio", "standard deviations"), targets,
-caption="Targets") }}
+{{ table(target_heading, targets, caption="Targets") }}
 <details><summary>How to read it</summary>
 <p>Made by <code>{{ command }}</code>. Seed {{ seed }}, {{ runs }} runs. The model's figures are
 means of {{ best_runs }} runs at the best point. All numbers are in fit.json.
@@ -75,7 +75,6 @@ def write_fit(fit: Fit, folder: Path, command: str) -> None:
 
 
 def fit_content(fit: Fit) -> dict[str, Any]:
-    """Return all numbers of a fit as plain values."""
     content = {
         "reached": fit.reached,
         "missed": [item.target.title for item in fit.missed],
@@ -130,7 +129,7 @@ def _page(fit: Fit, command: str) -> str:
     used = sum(not item.target.hold_out for item in fit.comparisons)
     missed = f"Not met: the model does not reach {len(fit.missed)} of {used} targets."
     reached = f"The model reaches all {used} targets that the fit used."
-    heading = ("parameter", "best point", f"{PERCENT} interval", "width", "remarks")
+    heading, unknowns = unknown_table(fit)
     return render_page(
         _BODY,
         "Fit of a drill",
@@ -141,29 +140,40 @@ def _page(fit: Fit, command: str) -> str:
         missed=[item.miss for item in fit.missed],
         runs=fit.simulations + fit.kept,
         percent=PERCENT,
-        heading=heading if fit.intervals else heading[:2],
-        unknowns=[_unknown(fit, name) for name in fit.specification.unknowns],
+        heading=heading,
+        unknowns=unknowns,
         choices=[(choices, f"{share:.3f}") for choices, share in fit.choices],
         ridges=[str(ridge) for ridge in fit.ridges],
         singles=single_plots(fit),
-        targets=[_target(item) for item in fit.comparisons],
+        target_heading=TARGET_HEADING,
+        targets=target_rows(fit),
         best_runs=BEST_RUNS,
         misfit=fit.misfit_text,
     )
 
 
-def _unknown(fit: Fit, name: str) -> tuple[str, ...]:
-    """Return name, best point, interval, width and remarks of an unknown."""
-    shown = unknown_quantity(fit, name)
-    best = (name, shown.text(fit.best[name]))
-    if (interval := fit.intervals.get(name)) is None:
-        return best
-    ends = f"{shown.text(interval.low, unit=False)} to {shown.text(interval.high)}"
-    return (*best, ends, f"{interval.width:.2f}", "; ".join(interval.remarks))
+def unknown_table(fit: Fit) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
+    """Return heading and rows of the unknowns: name, best point, and what is known of it."""
+    heading: tuple[str, ...] = ("parameter", "nearest point" if fit.missed else "best point")
+    rows: list[tuple[str, ...]] = [
+        (name, unknown_quantity(fit, name).text(fit.best[name]))
+        for name in fit.specification.unknowns
+    ]
+    if fit.intervals:
+        heading = (*heading, f"{PERCENT} interval", "width", "remarks")
+        rows = [
+            (*row, _ends(fit, name), f"{interval.width:.2f}", "; ".join(interval.remarks))
+            for row, (name, interval) in zip(rows, fit.intervals.items(), strict=True)
+        ]
+    return heading, rows
+
+
+def _ends(fit: Fit, name: str) -> str:
+    shown, interval = unknown_quantity(fit, name), fit.intervals[name]
+    return f"{shown.text(interval.low, unit=False)} to {shown.text(interval.high)}"
 
 
 def unknown_quantity(fit: Fit, name: str) -> ShownQuantity:
-    """Return how an unknown is shown."""
     greatest = abs(fit.specification.unknowns[name].maximum)
     digits = fit.intervals[name].digits if name in fit.intervals else 4
     return dataclasses.replace(quantity_in(unit_of(name), greatest, name), digits=digits)
@@ -180,24 +190,26 @@ def single_plots(fit: Fit) -> list[Plot]:
         shares = np.histogram(samples, edges)[0] / len(samples)
         scale = shown.scale
         layers = (
-            Zone(f"{PERCENT} interval", scale * interval.low, scale * interval.high, False),
+            Zone(f"{PERCENT} interval", scale * interval.low, scale * interval.high),
             Line("posterior", scale * edges, np.append(shares, 0.0), steps=True),
-            Rule("best point", scale * best, False, "series1", "solid"),
+            Rule("best point", scale * best, "series1"),
         )
-        _, text, between, *_ = _unknown(fit, name)
-        alt = f"Best point {text}, {PERCENT} interval {between}."
+        alt = f"Best point {shown.text(best)}, {PERCENT} interval {_ends(fit, name)}."
         axes = Axis(low=0.0), Axis(name, shown.unit, log)
         plots.append(Plot(name, layers, alt, *axes, _HEIGHT, _WIDTH))
     return plots
 
 
-def _target(item: TargetComparison) -> tuple[str, ...]:
-    """Return name, value, model, ratio and deviation of a target."""
-    target = item.target
-    shown = quantity_in(target.measure.unit, abs(target.value))
-    name = f"{target.source} {target.title}{' (held out)' * target.hold_out}".strip()
-    texts = (shown.text(target.value), shown.text(item.mean))
-    return (name, *texts, f"{item.ratio:.3f}", f"{item.deviation:.2f}")
+def target_rows(fit: Fit) -> list[tuple[str, ...]]:
+    """Return name, value, model, ratio and deviation of each target."""
+    rows: list[tuple[str, ...]] = []
+    for item in fit.comparisons:
+        target = item.target
+        shown = quantity_in(target.measure.unit, abs(target.value))
+        name = f"{target.source} {target.title}{' (held out)' * target.hold_out}".strip()
+        texts = (shown.text(target.value), shown.text(item.mean))
+        rows.append((name, *texts, f"{item.ratio:.3f}", f"{item.deviation:.2f}"))
+    return rows
 
 
 def _parameter_file(fit: Fit, command: str) -> str:

@@ -71,12 +71,10 @@ class Measure:
 
     @property
     def unit(self) -> str:
-        """SI unit."""
         return UNITS[self.figure]
 
     @property
     def simulated(self) -> bool:
-        """Whether it needs a run."""
         return self.figure not in CONTACT_FIGURES
 
     def __str__(self) -> str:
@@ -134,7 +132,6 @@ class _Window:
         self.blocks: list[Block] = []  # of the motion; none if nothing of it is sampled
 
     def statistics(self) -> Statistics:
-        """Return the statistics of all parts."""
         if len(self.parts) == 1:  # a sum takes as long as a short run
             return self.parts[0]
         whole = Statistics()
@@ -143,7 +140,6 @@ class _Window:
         return whole
 
     def values(self, field: str) -> np.ndarray:
-        """Return a field of all impacts."""
         return np.concatenate([impacts[field] for impacts in self.impacts])
 
 
@@ -180,7 +176,6 @@ def _simulate(
 
 
 def _figure(window: _Window, item: Measure) -> float:
-    """Return a figure of a window."""
     start, end = _span(item)
     duration = (end - start) / SECOND
     if item.figure in IMPACT_VALUES:

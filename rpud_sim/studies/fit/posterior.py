@@ -15,7 +15,7 @@ import math
 from collections.abc import Mapping
 
 import numpy as np
-from scipy import stats
+from scipy import special, stats
 from scipy.stats import qmc
 
 from rpud_sim.studies.fit.surrogate import Surrogate
@@ -115,14 +115,16 @@ def sample(likelihood: Likelihood, particles: int, random: np.random.Generator) 
     scale = 2.38 / math.sqrt(unknowns)
     for _ in range(_MOST_STEPS):
         step = _step(logs, power)
-        weights = _weights(logs, step)
-        evidence += _log_mean(logs, step)
+        weights = special.softmax(step * logs)
+        evidence += float(special.logsumexp(step * logs)) - math.log(len(logs))
         power += step
         chosen = _systematic(weights, random)
         deviation = shares - weights @ shares
         covariance = (weights[:, None] * deviation).T @ deviation
         shares, logs = shares[chosen], logs[chosen]
-        lower = _root(covariance, region.high - region.low)
+        # Flat directions keep a small width.
+        flat = np.diag((1e-6 * (region.high - region.low)) ** 2)
+        lower = np.linalg.cholesky(covariance + flat)
         for _ in range(_MOVES):
             moved = shares + scale * random.standard_normal(shares.shape) @ lower.T
             new = likelihood(moved)
@@ -142,7 +144,7 @@ def _step(logs: np.ndarray, power: float) -> float:
     usable = np.isfinite(logs).mean()
 
     def effective(step: float) -> float:
-        weights = _weights(logs, step)
+        weights = special.softmax(step * logs)
         return float(1.0 / (weights**2).sum() / len(weights) / usable)
 
     if effective(rest) >= _KEPT:
@@ -157,25 +159,10 @@ def _step(logs: np.ndarray, power: float) -> float:
     return max(low, 1e-12)
 
 
-def _weights(logs: np.ndarray, step: float) -> np.ndarray:
-    weights = np.exp(step * (logs - logs.max()))
-    return weights / weights.sum()
-
-
-def _log_mean(logs: np.ndarray, step: float) -> float:
-    greatest = logs.max()
-    return float(step * greatest + math.log(np.exp(step * (logs - greatest)).mean()))
-
-
 def _systematic(weights: np.ndarray, random: np.random.Generator) -> np.ndarray:
     """Return the numbers of the particles that are drawn, by systematic resampling."""
     places = (np.arange(len(weights)) + random.random()) / len(weights)
     return np.minimum(np.searchsorted(np.cumsum(weights), places), len(weights) - 1)
-
-
-def _root(covariance: np.ndarray, widths: np.ndarray) -> np.ndarray:
-    """Return a lower triangular root; flat directions keep a small width."""
-    return np.linalg.cholesky(covariance + np.diag((1e-6 * widths) ** 2))
 
 
 @dataclasses.dataclass(frozen=True)

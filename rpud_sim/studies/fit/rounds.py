@@ -5,10 +5,9 @@ There is one branch for each combination of choices.
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -18,14 +17,15 @@ from scipy.stats import qmc
 from rpud_sim.foundation.quantities import ExpectedError, ParameterError
 from rpud_sim.foundation.whole_folder import whole_file
 from rpud_sim.simulation import EngineError
+from rpud_sim.simulation.configuration import Configuration
 from rpud_sim.simulation.ensemble import compile_kernels, compile_members
 from rpud_sim.simulation.versions import engine_versions, version_of
 from rpud_sim.studies.fit.measures import measure
 from rpud_sim.studies.fit.posterior import IMPOSSIBLE, Likelihood, Posterior, cut_off, sample
 from rpud_sim.studies.fit.surrogate import Region, SurrogateError, fit_surrogate
 from rpud_sim.studies.fit.target_file import FitSpecification
-from rpud_sim.studies.store import StudyStore
-from rpud_sim.studies.workers import check_versions, run_chunks
+from rpud_sim.studies.store import Report, StudyStore
+from rpud_sim.studies.workers import check_versions
 
 PARTICLES = 4096
 _CHUNK = 100.0  # simulated time in a chunk [s]: a fraction of a second of work
@@ -39,29 +39,38 @@ _SEEN = 0.01  # probability of a combination of choices that an interval depends
 # What is drawn, as the second number of a seed.
 DESIGN, PHASES, SAMPLING, CANDIDATE, FINAL = range(5)
 
-Report = Callable[[int], None]  # called with the number of runs that finished since its last call
-
 
 class FitError(ExpectedError, RuntimeError):
     """Fit that has no result; the text gives the reason in one line."""
 
 
 @dataclasses.dataclass(frozen=True)
-class _Chunk:
+class FitChunk:
     """Points of a design with the same choices."""
 
-    number: int  # of the chunk in its job
+    job: str  # name of the design
+    number: int  # of the chunk in it
     specification: FitSpecification  # of the fit
     points: Sequence[Mapping[str, Any]]  # values of all unknowns at each point
     phases: np.ndarray  # initial phases [cycles], shape (points, repeat, conditions)
     versions: Mapping[str, str]  # of everything that determines the results
 
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """Numbers of points, runs at each, and targets."""
+        points, repeat, _ = self.phases.shape
+        return points, repeat, len(self.specification.targets)
 
-def simulate(chunk: _Chunk) -> np.ndarray:
-    """Return the targets' measures of all runs, shape (points, repeat, targets); NaN if missing."""
+    @property
+    def count(self) -> int:
+        return self.shape[0] * self.shape[1]
+
+
+def simulate(chunk: FitChunk) -> np.ndarray:
+    """Return the targets' measures of all runs, of the chunk's shape; NaN if missing."""
     check_versions(chunk.versions)
     specification = chunk.specification
-    found = np.full((*chunk.phases.shape[:2], len(specification.targets)), np.nan)
+    found = np.full(chunk.shape, np.nan)
     for number, condition in enumerate(specification.conditions):
         places = np.flatnonzero(specification.condition_numbers == number)
         measures = [specification.targets[i].measure for i in places]
@@ -80,7 +89,7 @@ def fit_versions() -> dict[str, str]:
     return engine_versions() | {"scipy": version_of("scipy")}
 
 
-class FitFolder(StudyStore):
+class FitFolder(StudyStore[FitChunk, np.ndarray]):
     """Folder of a fit, and the simulations in it."""
 
     def __init__(
@@ -90,12 +99,9 @@ class FitFolder(StudyStore):
             "specification": dataclasses.asdict(specification),
             "versions": fit_versions(),
         }
-        super().__init__(path, content, "fit")
+        super().__init__(path, content, "fit", report)
         self._specification = specification
         self._workers = workers
-        self._report = report
-        self.simulated = 0
-        self.kept = 0
 
     def simulate(
         self, job: str, points: Sequence[Mapping[str, Any]], repeat: int, seed: Sequence[int]
@@ -104,31 +110,6 @@ class FitFolder(StudyStore):
 
         Those that an earlier call has simulated for the job of this name are read.
         """
-        chunks = self._chunks(points, repeat, seed)
-        found = {chunk.number: self._read(job, chunk) for chunk in chunks}
-        missing = [chunk for chunk in chunks if found[chunk.number] is None]
-        kept = repeat * (len(points) - sum(len(chunk.points) for chunk in missing))
-        self.kept += kept
-        self._report(kept)
-        if missing:
-            condition = self._specification.conditions[0]
-            configuration = self._specification.configuration(points[0], condition)
-            compile_members(configuration)
-            compile_kernels(configuration)  # of figures that are sampled
-            with contextlib.closing(run_chunks(simulate, missing, self._workers)) as outcomes:
-                for chunk, outcome in outcomes:
-                    path = self._path(job, chunk)
-                    path.parent.mkdir(exist_ok=True)
-                    with whole_file(path) as unfinished, unfinished.open("wb") as file:
-                        np.save(file, outcome, allow_pickle=False)
-                    found[chunk.number] = outcome
-                    self.simulated += len(chunk.points) * repeat
-                    self._report(len(chunk.points) * repeat)
-        return np.concatenate([found[chunk.number] for chunk in chunks])
-
-    def _chunks(
-        self, points: Sequence[Mapping[str, Any]], repeat: int, seed: Sequence[int]
-    ) -> list[_Chunk]:
         specification = self._specification
         spread = specification.phase_spread
         shape = (len(points), repeat, len(specification.conditions))
@@ -139,22 +120,35 @@ class FitFolder(StudyStore):
         size = max(1, round(_CHUNK / max(sum(ends.values()) * repeat, 1e-3)))
         size = min(size, _MOST_POINTS)
         versions = engine_versions()
-        return [
-            _Chunk(number, specification, points[i : i + size], phases[i : i + size], versions)
+        chunks = [
+            FitChunk(
+                job, number, specification, points[i : i + size], phases[i : i + size], versions
+            )
             for number, i in enumerate(range(0, len(points), size))
         ]
+        drill = specification.configuration(points[0], specification.conditions[0])
+        self.finish(chunks, simulate, lambda: _compile(drill), self._workers)
+        return np.concatenate([np.load(self._path(chunk)) for chunk in chunks])
 
-    def _path(self, job: str, chunk: _Chunk) -> Path:
-        return self.path / "simulations" / f"{job}_{chunk.number:05}.npy"
-
-    def _read(self, job: str, chunk: _Chunk) -> np.ndarray | None:
-        """Return the measures of a chunk; None if the file is missing or torn by a power loss."""
+    def has(self, chunk: FitChunk) -> bool:
         try:
-            found: np.ndarray = np.load(self._path(job, chunk), allow_pickle=False)
+            return np.load(self._path(chunk), allow_pickle=False).shape == chunk.shape
         except (OSError, ValueError, EOFError):
-            return None
-        shape = (*chunk.phases.shape[:2], len(self._specification.targets))
-        return found if found.shape == shape else None
+            return False
+
+    def add(self, chunk: FitChunk, outcome: np.ndarray) -> None:
+        path = self._path(chunk)
+        path.parent.mkdir(exist_ok=True)
+        with whole_file(path) as unfinished, unfinished.open("wb") as file:
+            np.save(file, outcome, allow_pickle=False)
+
+    def _path(self, chunk: FitChunk) -> Path:
+        return self.path / "simulations" / f"{chunk.job}_{chunk.number:05}.npy"
+
+
+def _compile(drill: Configuration) -> None:
+    compile_members(drill)
+    compile_kernels(drill)  # of figures that are sampled
 
 
 @dataclasses.dataclass
@@ -212,7 +206,6 @@ def sobol_points(region: Region, count: int, seed: Sequence[int]) -> np.ndarray:
 def named_points(
     specification: FitSpecification, shares: np.ndarray, choices: Mapping[str, Any]
 ) -> list[dict[str, Any]]:
-    """Return the values of all unknowns at points."""
     values = specification.values_at(shares)
     return [
         {**{name: column[i].item() for name, column in values.items()}, **choices}
@@ -221,7 +214,6 @@ def named_points(
 
 
 def _update(specification: FitSpecification, branch: Branch, number: int) -> None:
-    """Fit the surrogate of a branch and sample its posterior."""
     try:
         surrogate = fit_surrogate(
             branch.region, branch.shares, branch.figures, specification.condition_numbers

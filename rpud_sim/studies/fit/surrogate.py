@@ -30,7 +30,6 @@ class Region:
 
     @staticmethod
     def whole(count: int) -> Region:
-        """Return the region between all bounds."""
         return Region(np.zeros(count), np.ones(count))
 
     def holds(self, shares: np.ndarray) -> np.ndarray:

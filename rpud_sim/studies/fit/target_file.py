@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from rpud_sim.foundation.quantities import Allowed, Choice, Flag, Quantity, Text, shown_name
+from rpud_sim.foundation.quantities import Allowed, Choice, Flag, Quantity, Text
 from rpud_sim.foundation.yaml_files import Cursor, open_yaml
 from rpud_sim.simulation.configuration import (
     NODE_NAMES,
@@ -110,7 +110,6 @@ class FitSpecification:
 
     @property
     def condition_numbers(self) -> np.ndarray:
-        """Number of each target's condition."""
         conditions = self.conditions
         return np.array([conditions.index(target.parameters) for target in self.targets])
 
@@ -133,7 +132,7 @@ class FitSpecification:
 
 def read_target_file(path: str | Path) -> FitSpecification:
     """Return the specification of a YAML file; the paths in it begin at its folder."""
-    return specification_of(open_yaml(path, dotted=True), Path(path).parent)
+    return specification_of(open_yaml(path, lines=False), Path(path).parent)
 
 
 def specification_of(top: Cursor, folder: Path) -> FitSpecification:
@@ -223,8 +222,7 @@ def _target(item: Cursor, fixed: Mapping[str, Any]) -> FitTarget:
 def _measure(item: Cursor, entries: Mapping[str, Cursor]) -> Measure:
     figure = entries["figure"].value
     if not (isinstance(figure, str) and figure in UNITS):
-        named = dataclasses.replace(entries["figure"], name=shown_name(figure))
-        raise named.refusal("{name} is not a figure; {hint}", UNITS)
+        raise entries["figure"].refusal("{shown} is not a figure; {hint}", UNITS)
     if figure in CONTACT_FIGURES:
         return Measure(figure, 0.0, 0.0)
     window = item.get("window", 5.0)
@@ -282,7 +280,7 @@ def _data_targets(item: Cursor, fixed: Mapping[str, Any], folder: Path) -> list[
         raise file.refusal("is no path")
     skip = item.get("skip", 0.5).check(Quantity("s", "", 0.0, 50.0))
     hold_out = item.get("hold_out", False).check(Flag(""))
-    with dataclasses.replace(item, label="").errors():
+    with dataclasses.replace(item, name="").errors():
         found, runs = read_data(folder / file.value, "bag" in entries, skip)
     return [
         FitTarget(

@@ -77,7 +77,6 @@ def chunk_size(sweep: SweepSpecification) -> int:
 
 
 def chunk_count(sweep: SweepSpecification) -> int:
-    """Return the number of chunks."""
     return -(-sweep.simulations // chunk_size(sweep))
 
 
@@ -118,16 +117,11 @@ def _swept_points(sweep: SweepSpecification) -> dict[str, np.ndarray]:
 
 
 def make_chunks(
-    sweep: SweepSpecification,
-    points: Mapping[str, np.ndarray],
-    finished: frozenset[int] = frozenset(),
+    sweep: SweepSpecification, points: Mapping[str, np.ndarray]
 ) -> Iterator[SweepChunk]:
-    """Yield the unfinished chunks of a sweep, in order."""
     size = chunk_size(sweep)
     versions = engine_versions()
     for number in range(chunk_count(sweep)):
-        if number in finished:
-            continue
         first = number * size
         count = min(size, sweep.simulations - first)
         begin = first // sweep.repeat
@@ -137,7 +131,6 @@ def make_chunks(
 
 
 def simulate(chunk: SweepChunk) -> SweepOutcome:
-    """Run the simulations of a chunk."""
     check_versions(chunk.versions)
     sweep = chunk.specification
     rows: list[dict[str, Any]] = []

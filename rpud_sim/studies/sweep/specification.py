@@ -66,7 +66,6 @@ class Range:
 
     @property
     def count(self) -> int:
-        """Number of values in a grid."""
         return self.points or 0
 
     def levels(self) -> np.ndarray:
@@ -86,7 +85,6 @@ class Values:
 
     @property
     def count(self) -> int:
-        """Number of values in a grid."""
         return len(self.values)
 
     def levels(self) -> np.ndarray:
@@ -112,7 +110,6 @@ class PlannedRun:
 
     @property
     def scenario(self) -> Scenario | None:
-        """Scenario of the fault."""
         return Scenario(self.seed, (self.fault,)) if self.fault else None
 
     def labels(self) -> dict[str, Any]:
@@ -182,12 +179,10 @@ class SweepSpecification:
 
     @property
     def point_count(self) -> int:
-        """Number of points."""
         return self.design_count * max(len(self.cases), 1) * (len(self.faults) + 1)
 
     @property
     def simulations(self) -> int:
-        """Number of simulations."""
         return self.point_count * self.repeat
 
     @property
@@ -200,7 +195,6 @@ class SweepSpecification:
         return to_configuration(self._values(point))
 
     def settings(self, point: Mapping[str, Any]) -> Settings:
-        """Return the settings of a run at a point; see ``configuration``."""
         return to_settings(self._values(point))
 
     def planned(self, point: Mapping[str, Any]) -> tuple[Planned, ...]:

@@ -8,12 +8,12 @@ from collections.abc import Collection, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from rpud_sim.foundation.quantities import Allowed, Choice, Flag, Quantity, Text, shown_name
+from rpud_sim.foundation.quantities import Allowed, Choice, Flag, Quantity, Text
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.foundation.yaml_files import Cursor, open_yaml
 from rpud_sim.simulation.configuration import NODE_NAMES, PARAMETERS
 from rpud_sim.simulation.faults import Fault, check_supported
-from rpud_sim.simulation.plans import Planned, check_commands, parse_commands
+from rpud_sim.simulation.plans import check_commands, parse_commands
 from rpud_sim.simulation.statistics import FIGURES
 from rpud_sim.simulation.topics import TOPICS
 from rpud_sim.studies.sweep.specification import (
@@ -53,9 +53,8 @@ _NAMES = tuple(
 
 
 def read_specification(path: str | Path) -> SweepSpecification:
-    """Return the sweep of a YAML file."""
     # Without truth values: off is a kind of fault.
-    return specification_of(open_yaml(path, truth_values=False, dotted=True))
+    return specification_of(open_yaml(path, truth_values=False, lines=False))
 
 
 def specification_of(top: Cursor) -> SweepSpecification:
@@ -80,7 +79,7 @@ def specification_of(top: Cursor) -> SweepSpecification:
         faults=_faults(top.get("faults", [])),
         onset=_interval(entries["onset"]) if "onset" in entries else None,
         lasting=_interval(entries["lasting"]) if "lasting" in entries else None,
-        commands=_commands(top.get("commands", [])),
+        commands=parse_commands(top.get("commands", [])),
         bags=_names(top.get("bags", []), TOPICS),
     )
     _check_design(top, specification)
@@ -136,15 +135,15 @@ def _check_drills(top: Cursor, specification: SweepSpecification) -> None:
         for value in item.values
     ]
     for case in specification.cases or ("",):
-        place = dataclasses.replace(top, label=f"cases.{case}" if case else "")
+        place = dataclasses.replace(top, name=f"cases.{case}" if case else "")
         for other in words or [{}]:
             point = {"case": case, **first, **other}
             with place.errors():
                 drill = specification.configuration(point)
                 check_commands(specification.planned(point), drill)
             for name, fault in specification.faults.items():
-                outer = f"{place.label}: " if case else ""
-                with dataclasses.replace(top, label=f"{outer}faults: {name}").errors():
+                outer = f"{place.name}: " if case else ""
+                with dataclasses.replace(top, name=f"{outer}faults: {name}").errors():
                     check_supported(fault, drill)
 
 
@@ -176,33 +175,18 @@ def _cases(cursor: Cursor, taken: Collection[str]) -> dict[str, Case]:
                 "is not a name: lower-case letters, digits and underscores, at most 40"
             )
         values = {key: each.value for key, each in read_mapping(item).items()}
-        commands = _commands(item.get("commands", []))
+        commands = parse_commands(item.get("commands", []))
         values.pop("commands", None)
         own = dataclasses.replace(item, value=values)
         cases[name] = Case(_parameters(own, taken), commands)
     return cases
 
 
-def _commands(cursor: Cursor) -> tuple[Planned, ...]:
-    return parse_commands(_numbered(cursor, "command {number}"))
-
-
-def _numbered(cursor: Cursor, label: str) -> list[Cursor]:
-    """Return the entries of a list, which have numbers from 1 on in errors instead of paths."""
-    plain = dataclasses.replace(cursor, source=dataclasses.replace(cursor.source, dotted=False))
-    return plain.sequence(label, other="{shown} is not a list")
-
-
 def _faults(cursor: Cursor) -> dict[str, Fault]:
     """Return the faults by name: kind, channel, and the number of the severity."""
     faults: dict[str, Fault] = {}
-    for item in _numbered(cursor, "entry {number}"):
-        values = item.mapping(
-            ("kind", "channel", "severities"),
-            ("kind",),
-            other="holds no mapping",
-            unknown="{name}: is unknown; {hint}",
-        )
+    for item in cursor.sequence():
+        values = read_mapping(item, ("kind", "channel", "severities"), ("kind",))
         kind, channel = values["kind"].value, item.get("channel", "").value
         with item.errors():
             severities = item.get("severities", None)
@@ -210,7 +194,7 @@ def _faults(cursor: Cursor) -> dict[str, Fault]:
             if "severities" not in values:
                 magnitudes = [Fault(kind, channel).magnitude]
             if not (isinstance(magnitudes, list) and magnitudes):
-                raise severities.refusal("severities: {shown} is not a list of magnitudes")
+                raise severities.refusal("{shown} is not a list of magnitudes")
             series = [Fault(kind, channel, magnitude) for magnitude in magnitudes]
         for severity, fault in enumerate(series, 1):
             if fault in faults.values():
@@ -256,7 +240,6 @@ def checked_range(cursor: Cursor, name: str, ends: Mapping[str, Any], **more: An
 
 
 def read_values(cursor: Cursor, name: str) -> tuple[Any, ...]:
-    """Return the values of a parameter in a list."""
     items = cursor.sequence(other="{shown} is not a list of values")
     if not items:
         raise cursor.refusal("holds no value")
@@ -282,8 +265,7 @@ def _names(cursor: Cursor, known: Iterable[str]) -> tuple[str, ...]:
     known = tuple(known)
     for item in cursor.sequence(other="{shown} is not a list of names"):
         if not (isinstance(item.value, str) and item.value in known):
-            wrong = dataclasses.replace(item, name=shown_name(item.value), label=cursor.label)
-            raise wrong.refusal("{name} is unknown; {hint}", known)
+            raise item.refusal("{shown} is unknown; {hint}", known)
     return tuple(name for name in known if name in cursor.value)
 
 

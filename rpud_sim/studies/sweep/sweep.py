@@ -7,7 +7,7 @@ import dataclasses
 import hashlib
 import json
 import shutil
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -18,12 +18,11 @@ import pyarrow.parquet as pq
 from rpud_sim.foundation.whole_folder import whole_file, whole_folder
 from rpud_sim.simulation.ensemble import compile_kernels, compile_members
 from rpud_sim.simulation.versions import engine_versions, version_of
-from rpud_sim.studies.store import StudyStore, write_whole
+from rpud_sim.studies.store import Report, StudyStore, write_whole
 from rpud_sim.studies.sweep.chunks import (
     SweepChunk,
     SweepOutcome,
     chunk_count,
-    chunk_size,
     design_points,
     make_chunks,
     simulate,
@@ -31,7 +30,6 @@ from rpud_sim.studies.sweep.chunks import (
 from rpud_sim.studies.sweep.indices import figure_indices
 from rpud_sim.studies.sweep.specification import SweepSpecification
 from rpud_sim.studies.sweep.sweep_page import error_name, sweep_page
-from rpud_sim.studies.workers import run_chunks
 
 _CHUNKS = "chunks"
 _TABLES = ("simulations.parquet", "points.parquet")
@@ -56,32 +54,25 @@ def run_sweep(
     out: Path,
     workers: int,
     scheduler: str | None = None,
-    report: Callable[[int], None] = lambda simulations: None,
+    report: Report = lambda runs: None,
 ) -> SweepResult:
     """Run those simulations of a sweep that are missing in its folder, and complete the folder.
 
     The folder is new, or left by an earlier call of the same sweep. ``scheduler`` is the address of
     a Dask cluster to use instead of local processes.
     """
-    folder = SweepFolder(out, sweep)
+    folder = SweepFolder(out, sweep, report)
+    points = design_points(sweep)
+
+    def prepare() -> None:  # each process of this machine would compile the same
+        if scheduler is None:
+            drill = sweep.configuration({name: each[0].item() for name, each in points.items()})
+            compile_members(drill)
+            if sweep.faults or sweep.bags:
+                compile_kernels(drill, messages=bool(sweep.bags))
+
     with folder.held():
-        finished = folder.finished()
-        size = chunk_size(sweep)
-        kept = sum(min(size, sweep.simulations - number * size) for number in finished)
-        report(kept)
-        if len(finished) < chunk_count(sweep):
-            points = design_points(sweep)
-            chunks = make_chunks(sweep, points, finished)
-            if scheduler is None:  # compiled first, or each process would
-                first = {name: values[0].item() for name, values in points.items()}
-                drill = sweep.configuration(first)
-                compile_members(drill)
-                if sweep.faults or sweep.bags:
-                    compile_kernels(drill, messages=bool(sweep.bags))
-            with contextlib.closing(run_chunks(simulate, chunks, workers, scheduler)) as outcomes:
-                for chunk, outcome in outcomes:
-                    folder.add(chunk, outcome)
-                    report(chunk.count)
+        folder.finish(make_chunks(sweep, points), simulate, prepare, workers, scheduler)
         folder.complete_tables()
         table, failures = folder.points(), folder.failures()
         indices = {}
@@ -90,8 +81,8 @@ def run_sweep(
             write_whole(out / "indices.json", json.dumps(indices, indent=2) + "\n")
         page = out / "report.html"
         write_whole(page, sweep_page(sweep, table, failures, indices))
-        run = sweep.simulations - kept
-        return SweepResult(out, folder.manifest, run, kept, failures, page, indices)
+        runs = folder.simulated, folder.kept
+        return SweepResult(out, folder.manifest, *runs, failures, page, indices)
 
 
 def make_manifest(sweep: SweepSpecification) -> dict[str, Any]:
@@ -111,23 +102,29 @@ def make_manifest(sweep: SweepSpecification) -> dict[str, Any]:
     }
 
 
-class SweepFolder(StudyStore):
+class SweepFolder(StudyStore[SweepChunk, SweepOutcome]):
     """Folder of a sweep: its finished chunks, and the tables of their results."""
 
-    def __init__(self, path: Path, sweep: SweepSpecification) -> None:
-        super().__init__(path, make_manifest(sweep), "sweep")
+    def __init__(
+        self, path: Path, sweep: SweepSpecification, report: Report = lambda runs: None
+    ) -> None:
+        super().__init__(path, make_manifest(sweep), "sweep", report)
         self._specification = sweep
         self._simulations, self._points = (path / name for name in _TABLES)
 
     @property
     def complete(self) -> bool:
-        """Whether both tables exist."""
         return self._simulations.exists() and self._points.exists()
 
-    def finished(self) -> frozenset[int]:
-        """Return the numbers of the finished chunks."""
-        numbers = range(chunk_count(self._specification))
-        return frozenset(number for number in numbers if self.complete or self._is_whole(number))
+    def has(self, chunk: SweepChunk) -> bool:
+        if self.complete:
+            return True
+        try:
+            table = _rows(self._chunk_path(chunk.number))
+        except (OSError, pa.ArrowInvalid):
+            return False
+        bags = table["bag"].drop_null().to_pylist() if self._specification.bags else []
+        return len(table) == chunk.count and all((self.path / name).is_dir() for name in bags)
 
     def add(self, chunk: SweepChunk, outcome: SweepOutcome) -> None:
         """Write the bags of a chunk, then its file.
@@ -192,23 +189,8 @@ class SweepFolder(StudyStore):
     def _chunk_path(self, number: int) -> Path:
         return self.path / _CHUNKS / f"{number:08}.arrow"
 
-    def _is_whole(self, number: int) -> bool:
-        """Whether a chunk's file has all rows, and its bags are there.
-
-        The machine may have lost power while writing them.
-        """
-        size = chunk_size(self._specification)
-        rows = min(size, self._specification.simulations - number * size)
-        try:
-            table = _rows(self._chunk_path(number))
-        except (OSError, pa.ArrowInvalid):
-            return False
-        bags = table["bag"].drop_null().to_pylist() if self._specification.bags else []
-        return len(table) == rows and all((self.path / name).is_dir() for name in bags)
-
 
 def _rows(path: Path) -> pa.Table:
-    """Return all rows of a chunk's file."""
     with pa.memory_map(str(path)) as mapped, pa.ipc.open_file(mapped) as file:
         return file.read_all()
 

@@ -63,7 +63,7 @@ export class Details {
   logRows() {
     const { log = [], log_thinned: thinned = 0 } = this.seen;
     const rows = [...log].reverse().map((entry) => [`${entry.time.toFixed(3)} s`, entry.kind, entry.text]);
-    return [tableOf("log of commands, the newest first", ["time", "kind", "what"], rows), ...(thinned ? [`${thinned} older entries are left out, evenly.`] : [])];
+    return [tableOf("log of commands, the newest first", ["time", "kind", "what"], rows), ...(thinned ? [`${thinned} older entries are left out.`] : [])];
   }
 
   /** Show what a test says of its run, before the screen. @param {import("./frames.js").Report} report */

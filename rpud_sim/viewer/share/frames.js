@@ -17,7 +17,7 @@
  * @typedef {{time: number, kind: string, text: string}} Entry
  * @typedef {{time: number, period: number, nodal_plane: Float32Array, actuator: Float32Array,
  *   free_mass: Float32Array, drill_tool: Float32Array, contact_force: Float32Array,
- *   impacts: [number, number, number][], kept?: number[]}} Section
+ *   impacts: [number, number, number][]}} Section
  * @typedef {{mean: number | null, least: number | null, greatest: number | null,
  *   spark: Float32Array | number[]}} NumberOf
  * @typedef {{number: number, name: string,
@@ -35,7 +35,7 @@
  *   notice?: string, status?: Record<string, any>, values?: Record<string, Record<string, any>>,
  *   numbers?: Record<string, NumberOf | null>, faults?: Fault[],
  *   steps?: Record<string, Steps>,
- *   gaps?: [number, number][], view?: View, section?: Section, sections?: Section[],
+ *   gaps?: [number, number][], view?: View, section?: Section, moments?: {time: number, frame: Partial<Frame>}[], kept?: number,
  *   timeline?: {t: Float64Array, low: Float32Array, mean: Float32Array, high: Float32Array},
  *   hole?: any, kinds?: string[], channels?: string[], outcomes?: Outcome[],
  *   refused?: [number, string], timing?: Record<string, string>,

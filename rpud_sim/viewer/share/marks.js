@@ -9,6 +9,9 @@ import { colourOf, inWords, timeText } from "./quantities.js";
  *   point: (time: number | null) => void, click: (time: number) => void}} Listener hands of the reader
  */
 
+export const AXIS = 52; // width of every axis of values, as --axis [px]
+export const END = 10; // free on the right, as --end [px]
+
 const STEPS = Array.from({ length: 30 }, (_, i) => [1, 2, 5].map((each) => Number(`${each}e${i - 15}`))).flat();
 
 /** Return an axis with a thin grid. @param {uPlot.Axis} options @returns {uPlot.Axis} */
@@ -21,10 +24,20 @@ export function axisOf(options) {
   };
 }
 
-/** @param {number[]} values of an axis @param {number} step between them @returns {string[]} */
+/** @param {HTMLElement} host of a plot */
+export function sizeOf(host) {
+  return { width: host.clientWidth || 300, height: host.clientHeight || 120 };
+}
+
+/** Let a plot fill its host, whose size may change. @param {uPlot} plot @param {HTMLElement} host @param {() => void} [then] */
+export function keepSize(plot, host, then) {
+  new ResizeObserver(() => (plot.setSize(sizeOf(host)), then?.())).observe(host);
+}
+
+/** @param {(number | null)[]} values of an axis, null for none @param {number} step between them @returns {string[]} */
 function tickTexts(values, step) {
   const places = Math.max(0, Math.min(9, -Math.floor(Math.log10(step) + 1e-9)));
-  return values.map((value) => value.toFixed(places).replace("-", "\u2212"));
+  return values.map((value) => (value === null ? "" : value.toFixed(places).replace("-", "\u2212")));
 }
 
 /** Return the time axis of a plot, whose times may be written below another one.

@@ -1,24 +1,18 @@
 // @ts-check
 /* Zigzag of the free mass between tip and tool, over the same 20 ms and at the same place as the section. */
 import { make } from "./dom.js";
-import { quantityOf, roundUp, valueText } from "./quantities.js";
+import { AXIS, END, axisOf, keepSize, sizeOf } from "./marks.js";
+import { columnOf } from "./plots.js";
+import { colourOf, quantityOf, valueText } from "./quantities.js";
 
-const MOTION_LEFT = 52, MOTION_RIGHT = 10, MOTION_TOP = 6, MOTION_FORCES = 34, MOTION_BOTTOM = 18; // px
+const MOTION_FORCES = 34; // height of the forces, below the motion [px]
 const MOTION_LINES = /** @type {const} */ ([["actuator", "tip", "plane"], ["free_mass", "free mass", "mass"], ["drill_tool", "drill tool", "tool"]]);
-
-/** Multiples of a round step within a range. @param {number} low @param {number} high @param {number} count of them, about */
-export function motionTicks(low, high, count) {
-  const every = roundUp((high - low) / Math.max(count, 1)), ticks = [];
-  for (let each = Math.ceil(low / every); each * every <= high; each += 1) ticks.push(+(each * every).toPrecision(9));
-  return ticks;
-}
 
 /** Middle of each contact [s]. @param {import("./frames.js").Section} block */
 const motionStruck = (block) => block.impacts.map(([time, , length]) => time + (length || 0) / 2);
 
 /** Draw the motion of the bodies into a figure. @param {HTMLElement} element @param {import("./clock.js").MotionClock} clock */
 export function mountMotion(element, clock) {
-  const canvas = make("canvas", { ariaHidden: "true" });
   const area = make("div", { className: "area", tabIndex: 0, role: "slider", ariaLabel: "place in the motion of the last 20 ms", ariaValueMax: "0" });
   const cursor = make("div", { className: "cursor" }), dot = make("i"), title = make("figcaption"), unit = make("small");
   const outputs = MOTION_LINES.map(([, label, colour]) => {
@@ -30,95 +24,62 @@ export function mountMotion(element, clock) {
   });
   title.prepend(make("b", { textContent: "motion of the last 20 ms" }), unit);
   cursor.append(dot);
-  area.append(canvas, cursor);
+  area.append(cursor);
   element.classList.add("plot", "motion");
   element.replaceChildren(title, area);
-  let width = 0, height = 0, low = 0, high = 1, told = -1e9;
+  let told = -1e9, low = 0, high = 1; // ends of the motion, in its unit
 
-  const x = (/** @type {number} */ place) => MOTION_LEFT + (clock.end ? place / clock.end : 0) * (width - MOTION_LEFT - MOTION_RIGHT);
-  // Toward the rock is down, as in the section.
-  const y = (/** @type {number} */ position) =>
-    MOTION_TOP + ((position - low) / (high - low)) * (height - MOTION_BOTTOM - MOTION_FORCES - MOTION_TOP);
+  /** @type {(plot: uPlot, ticks: number[]) => (number | null)[]} */
+  const above = (_, ticks) => ticks.map((each) => (each < high ? each : null)); // the forces
+  const plot = new uPlot({
+    ...sizeOf(area), legend: { show: false }, cursor: { show: false }, padding: [6, END, 0, 0],
+    series: [{}, ...MOTION_LINES.map(([body, , paint]) => (
+      { stroke: () => colourOf(paint), width: body === "free_mass" ? 1.6 : 1, pxAlign: 0, points: { show: false } }))],
+    scales: {
+      x: { time: false, range: () => [-1e3 * (clock.end || 0.02), 0] }, // ms before the newest
+      y: { dir: -1, range: () => [low, high + ((high - low) * MOTION_FORCES) / Math.max(area.clientHeight - MOTION_FORCES - 24, 20)] },
+    },
+    axes: [
+      axisOf({ size: 18, gap: 4, space: 90 }),
+      axisOf({ size: AXIS, gap: 6, space: 26, filter: above, grid: { stroke: () => colourOf("rule"), width: 1, filter: above } }),
+    ],
+    hooks: { draw: [drawForces] },
+  }, [[], ...MOTION_LINES.map(() => [])], area);
 
   function draw() {
-    const context = canvas.getContext("2d"), block = clock.block;
-    if (!context || !width || !height) return;
-    const style = getComputedStyle(element), colour = (/** @type {string} */ name) => style.getPropertyValue(`--${name}`).trim() || style.color;
-    const right = width - MOTION_RIGHT, base = height - MOTION_BOTTOM, { scale, unit: name } = quantityOf("free_mass");
-    [canvas.width, canvas.height] = [width, height].map((each) => Math.round(each * devicePixelRatio));
-    context.scale(devicePixelRatio, devicePixelRatio);
-    Object.assign(context, { font: `12px ${style.fontFamily}`, textBaseline: "middle", lineJoin: "round" });
-    const write = (/** @type {string} */ text, /** @type {number} */ left, /** @type {number} */ top, /** @type {CanvasTextAlign} */ align) => {
-      context.textAlign = align;
-      context.fillText(text.replace("-", "\u2212"), left, top);
-    };
+    const { block } = clock, { scale, unit: name } = quantityOf("free_mass");
     unit.textContent = name;
-    context.fillStyle = style.color;
-    if (!block) return write("no waveform yet", width / 2, height / 2, "center");
-    [low, high] = [Infinity, -Infinity];
-    for (const [body] of MOTION_LINES) for (const value of block[body]) {
-      low = value < low ? value : low;
-      high = value > high ? value : high;
-    }
-    const margin = Math.max(0.04 * (high - low), 2e-6);
-    [low, high] = [low - margin, high + margin];
+    const columns = MOTION_LINES.map(([body]) => columnOf(block?.[body], block?.free_mass.length ?? 0, scale));
+    const known = /** @type {number[]} */ (columns.flat().filter((each) => each !== null));
+    const [least, most] = known.reduce(([a, b], each) => [Math.min(a, each), Math.max(b, each)], [Infinity, -Infinity]);
+    if (known.length) [low, high] = [least - Math.max(0.04 * (most - least), 2e-6 * scale), most + Math.max(0.04 * (most - least), 2e-6 * scale)];
+    plot.setData([columns[0].map((_, each) => ((block?.period ?? 0) * each - clock.end) * 1e3), ...columns]);
+  }
 
-    context.strokeStyle = colour("rule");
-    context.fillStyle = colour("muted");
-    context.beginPath();
-    for (const tick of motionTicks(low * scale, high * scale, (base - MOTION_FORCES) / 30)) {
-      context.moveTo(MOTION_LEFT, y(tick / scale));
-      context.lineTo(right, y(tick / scale));
-      write(`${tick}`, MOTION_LEFT - 6, y(tick / scale), "right");
-    }
-    for (const tick of motionTicks(-clock.end * 1e3 - 0.1, 0, width / 100)) {
-      const place = Math.max(x(clock.end + tick / 1e3), MOTION_LEFT);
-      context.moveTo(place, MOTION_TOP);
-      context.lineTo(place, base);
-      write(tick ? `${tick}` : "0 ms", tick ? place : right, height - MOTION_BOTTOM / 2, tick ? "center" : "right");
-    }
-    context.stroke();
-    if (block.impacts.length) write("kN", MOTION_LEFT - 6, base - 6, "right");
-
-    const count = block.free_mass.length;
-    for (const [body, , paint] of MOTION_LINES) {
-      // Least and greatest of each column, as one shape; one of the tip holds a whole vibration.
-      const columns = Math.max(Math.min(Math.round(right - MOTION_LEFT), Math.ceil(body === "actuator" ? count / 4 : count)), 1);
-      /** @type {[number, number][]} */ let lows = [];
-      Object.assign(context, { strokeStyle: colour(paint), fillStyle: `color-mix(in srgb, ${colour(paint)} 40%, transparent)`,
-        lineWidth: body === "free_mass" ? 1.6 : 1.2 });
-      for (let each = 0; each <= columns; each += 1) {
-        const first = Math.floor((each * count) / columns), last = Math.min(Math.floor(((each + 1) * count) / columns), count - 1);
-        const part = block[body].subarray(first, last + 1), place = x(((first + last) / 2) * block.period);
-        if (!lows.length) context.beginPath();
-        if (part.length && part.every(Number.isFinite)) {
-          context.lineTo(place, y(Math.max(...part)));
-          lows.push([place, y(Math.min(...part))]);
-          continue;
-        }
-        for (const [before, value] of lows.reverse()) context.lineTo(before, value);
-        context.closePath();
-        context.fill();
-        context.stroke();
-        lows = [];
-      }
-    }
-
-    const strongest = Math.max(...block.impacts.map(([, peak]) => peak || 0), 1), struck = motionStruck(block);
-    let free = MOTION_LEFT - 2;
-    context.fillStyle = colour("force");
-    block.impacts.forEach(([time, peak], each) => {
-      const place = x(struck[each]), top = base - (peak / strongest) * (MOTION_FORCES - 16);
-      context.fillRect(place - 1, top, 2, base - top);
-      context.beginPath();
-      context.arc(place, y(block.drill_tool[Math.min(Math.round(time / block.period), count - 1)]), 2.5, 0, 7);
-      context.fill();
-      const text = peak ? (peak / 1e3)[peak < 50 ? "toPrecision" : "toFixed"](1) : "", half = context.measureText(text).width / 2;
-      const middle = Math.min(Math.max(place, MOTION_LEFT + half), right - half);
+  /** @param {uPlot} plot */
+  function drawForces({ ctx, bbox, valToPos }) {
+    const { block } = clock, ratio = uPlot.pxRatio, base = bbox.top + bbox.height, right = bbox.left + bbox.width;
+    ctx.save();
+    Object.assign(ctx, { font: `${12 * ratio}px system-ui, sans-serif`, textBaseline: "middle", textAlign: "center", fillStyle: colourOf("text") });
+    if (!block) ctx.fillText("no waveform yet", bbox.left + bbox.width / 2, bbox.top + bbox.height / 2);
+    else if (block.impacts.length) ctx.fillText("kN", bbox.left - 14 * ratio, base - 6 * ratio);
+    const strongest = Math.max(...(block?.impacts ?? []).map(([, peak]) => peak || 0), 1), struck = block ? motionStruck(block) : [];
+    let free = bbox.left - 2 * ratio;
+    ctx.fillStyle = colourOf("force");
+    block?.impacts.forEach(([time, peak], each) => {
+      const x = valToPos((struck[each] - clock.end) * 1e3, "x", true), height = (peak / strongest) * (MOTION_FORCES - 16) * ratio;
+      ctx.fillRect(x - ratio, base - height, 2 * ratio, height);
+      ctx.beginPath();
+      const tool = block.drill_tool[Math.min(Math.round(time / block.period), block.drill_tool.length - 1)];
+      ctx.arc(x, valToPos(tool * quantityOf("drill_tool").scale, "y", true), 2.5 * ratio, 0, 7);
+      ctx.fill();
+      const text = peak ? (peak / 1e3)[peak < 50 ? "toPrecision" : "toFixed"](1) : "", half = ctx.measureText(text).width / 2;
+      const middle = Math.min(Math.max(x, bbox.left + half), right - half);
       if (middle - half < free) return;
-      write(text, middle, top - 7, "center");
-      free = middle + half + 3;
+      ctx.fillText(text, middle, base - height - 7 * ratio);
+      free = middle + half + 3 * ratio;
     });
+    ctx.restore();
   }
 
   function move() {
@@ -126,9 +87,9 @@ export function mountMotion(element, clock) {
     cursor.hidden = !block;
     for (const output of block ? [] : outputs) output.textContent = "";
     if (!block) return void (area.ariaValueText = "no waveform yet");
-    cursor.style.transform = `translateX(${x(clock.place)}px)`;
-    dot.style.transform = `translateY(${y(block.free_mass[sample])}px)`;
-    const stands = clock.held || clock.resting, before = (clock.place - clock.end) * 1e3;
+    const before = (clock.place - clock.end) * 1e3, stands = clock.held || clock.resting;
+    cursor.style.transform = `translateX(${AXIS + plot.valToPos(before, "x")}px)`;
+    dot.style.transform = `translateY(${6 + plot.valToPos(block.free_mass[sample] * quantityOf("free_mass").scale, "y")}px)`;
     if (now - told < 1000 && !stands && !outputs[0].textContent) return;
     told = now;
     MOTION_LINES.forEach(([body], each) => { outputs[each].textContent = stands ? valueText(body, block[body][sample]) : ""; });
@@ -140,7 +101,7 @@ export function mountMotion(element, clock) {
   for (const kind of /** @type {const} */ (["pointerdown", "pointermove"])) area.addEventListener(kind, (event) => {
     if (!clock.block || (kind === "pointerdown" ? event.button : !area.hasPointerCapture(event.pointerId))) return;
     area.setPointerCapture(event.pointerId);
-    clock.still(((event.clientX - area.getBoundingClientRect().left - MOTION_LEFT) / (width - MOTION_LEFT - MOTION_RIGHT)) * clock.end);
+    clock.still(plot.posToVal(event.clientX - area.getBoundingClientRect().left - AXIS, "x") / 1e3 + clock.end);
   });
   area.addEventListener("keydown", (event) => {
     if (!clock.block || event.ctrlKey || event.altKey || event.metaKey) return;
@@ -157,12 +118,8 @@ export function mountMotion(element, clock) {
     event.stopPropagation();
   });
 
-  new ResizeObserver(() => {
-    ({ width, height } = area.getBoundingClientRect());
-    draw();
-    move();
-  }).observe(area);
-  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", draw);
+  keepSize(plot, area, move);
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => plot.redraw());
   clock.listen((changed) => {
     if (changed) draw();
     move();

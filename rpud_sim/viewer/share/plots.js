@@ -1,11 +1,9 @@
 // @ts-check
 /* The column of plots: bands, means, outliers and steps over the time in view. */
 import { make } from "./dom.js";
-import { axisOf, commandsOf, drawSpans, drawTimes, drawWords, sharedCursor, timeAxis } from "./marks.js";
+import { AXIS, END, axisOf, commandsOf, drawSpans, drawTimes, drawWords, sharedCursor, sizeOf, timeAxis } from "./marks.js";
 import { axisRange, colourOf, quantityOf, valueText } from "./quantities.js";
 
-const AXIS = 52; // width of every axis of values, as --axis [px]
-const END = 10; // free on the right, as --end [px]
 const CLIP = 0.999; // quantile of the values at which an axis ends
 const SHRINK = 0.6; // an axis gets shorter when its values fill less of it
 
@@ -51,11 +49,7 @@ class TimePlot {
     this.select.onchange = () => (this.choose(this.select.value), onChoice(this.select.value));
     this.choice = definition.choices[0];
     this.choose(chosen);
-    new ResizeObserver(() => this.plot?.setSize(this.size())).observe(this.area);
-  }
-
-  size() {
-    return { width: this.area.clientWidth || 300, height: this.area.clientHeight || 120 };
+    new ResizeObserver(() => this.plot?.setSize(sizeOf(this.area))).observe(this.area); // whichever plot is there
   }
 
   /** Show other quantities. @param {string} id of the choice */
@@ -106,7 +100,7 @@ class TimePlot {
     }
     const { hooks, ...shared } = sharedCursor(this.listener);
     return {
-      ...this.size(), ...shared, series, bands,
+      ...sizeOf(this.area), ...shared, series, bands,
       scales: {
         x: { time: false, range: () => [this.range.start, this.range.end] },
         y: { dir: this.definition.id === "motion" ? -1 : 1, range: () => this.ends ?? [0, 1] }, // the rock is below

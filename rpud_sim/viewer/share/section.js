@@ -2,7 +2,6 @@
 /* Section of the drill in slow motion. Bodies are a scheme; one factor magnifies all motions, and another
  * one what goes below the place of touch. Both apply to every body, so that bodies touch in the picture
  * where they touch in the data, and nowhere else. */
-import { motionTicks } from "./motion.js";
 import { roundUp } from "./quantities.js";
 
 /** @typedef {{from: number, to: number | null, name: string, colour: number}} Stratum */
@@ -26,6 +25,12 @@ const SECTION_LITHOLOGY = [ // dots, lines, bricks, dashes, crosses, wedges
 
 const sectionLength = (/** @type {number} */ length, digits = 3) => Math.abs(length) >= 1e-3
   ? `${+(length * 1e3).toPrecision(digits)} mm` : `${+(length * 1e6).toPrecision(digits)} µm`;
+
+/** Multiples of a round step from zero on. @param {number} end @param {number} count of them, about */
+function sectionTicks(end, count) {
+  const every = roundUp(end / count);
+  return Array.from({ length: Math.floor(end / every) + 1 }, (_, each) => each * every);
+}
 
 /** The drawing, before anything moves. */
 function sectionDrawing() {
@@ -183,7 +188,7 @@ export function mountSection(element, clock) {
     if (inRock && known) {
       drawing.push(path("line", `M${left - 6} ${SECTION_ROCK}V${SECTION_BOTTOM}`), path("mark", `M${left - 6} ${bottom}l-8 -5v10Z`),
         text("now", left - 17, bottom + 4, `${+(deep * 1e3).toPrecision(3)}`), text("muted", 8, SECTION_ROCK - 14, "depth, mm", "start"));
-      for (const tick of motionTicks(0, shown * 1.001, 5)) {
+      for (const tick of sectionTicks(shown * 1.001, 5)) {
         drawing.push(path("line", `M${left - 6} ${at(tick)}h-5`));
         if (tick && Math.abs(at(tick) - bottom) > 14) drawing.push(text("muted", left - 14, at(tick) + 4, `${+(tick * 1e3).toPrecision(3)}`));
       }

@@ -1,6 +1,6 @@
 // @ts-check
 /* The whole run in one strip: envelope, faults, commands, gaps, the view and the playhead. */
-import { commandsOf, drawSpans, drawTimes, placesOf, sharedCursor, timeAxis } from "./marks.js";
+import { commandsOf, drawSpans, drawTimes, keepSize, placesOf, sharedCursor, sizeOf, timeAxis } from "./marks.js";
 import { columnOf } from "./plots.js";
 import { axisRange, colourOf } from "./quantities.js";
 
@@ -8,7 +8,6 @@ import { axisRange, colourOf } from "./quantities.js";
 export class Timeline {
   /** @param {HTMLElement} host @param {import("./marks.js").Listener} listener */
   constructor(host, listener) {
-    this.host = host;
     /** @type {import("./marks.js").Seen} */ this.seen = {};
     /** @type {import("./marks.js").Range} */ this.range = { start: 0, end: 1 };
     /** @type {number | null} */ this.playhead = null;
@@ -16,7 +15,7 @@ export class Timeline {
     const edge = { stroke: "transparent", width: 0, points: { show: false } };
     /** @type {uPlot.Options} */
     const options = {
-      ...this.size(), ...shared,
+      ...sizeOf(host), ...shared,
       series: [{}, { stroke: () => colourOf("force"), width: 1, points: { show: false } }, edge, { ...edge }],
       bands: [{ series: [3, 2], fill: () => colourOf("force", 0.25) }],
       scales: { x: { time: false, range: () => this.whole() }, y: { range: (_, low, high) => axisRange(low, high, true) } },
@@ -25,11 +24,7 @@ export class Timeline {
       hooks: { ...hooks, drawClear: [(plot) => drawSpans(plot, this.seen)], draw: [(plot) => this.mark(plot)] },
     };
     this.plot = new uPlot(options, [[], [], [], []], host);
-    new ResizeObserver(() => this.plot.setSize(this.size())).observe(host);
-  }
-
-  size() {
-    return { width: this.host.clientWidth || 300, height: this.host.clientHeight || 64 };
+    keepSize(this.plot, host);
   }
 
   /** @returns {[number, number]} ends of the run */

@@ -8,7 +8,8 @@ from rpud_sim.inspection.compare.changes import ComparedWindow
 from rpud_sim.inspection.compare.comparison import compare_values
 from rpud_sim.inspection.compare.estimates import DIFFERS
 from rpud_sim.inspection.compare.values import IMPACTS, RecordedValues
-from rpud_sim.inspection.recorded_drill import Clock, RecordedDrill
+from rpud_sim.inspection.recorded_drill import RecordedDrill
+from rpud_sim.inspection.run_clock import RunClock
 from rpud_sim.simulation import Parameters, Simulation, Times, preset
 
 DRILLING = preset("drilling")
@@ -31,7 +32,7 @@ def simulated_values(parameters: Parameters, phase: float, duration: int) -> Rec
     found = np.concatenate(impacts)
     times = np.arange(duration * RATE) / RATE
     return RecordedValues(
-        RecordedDrill("", "/journal", None, Clock(0)),
+        RecordedDrill("", "/journal", None, RunClock(0)),
         {
             IMPACTS: {
                 "time": found["seconds"] + found["fraction"],

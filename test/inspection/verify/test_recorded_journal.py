@@ -1,6 +1,5 @@
 """The journal of a bag: the run that a message belongs to, and what a proof needs of a journal."""
 
-import dataclasses
 import itertools
 from types import SimpleNamespace
 
@@ -12,6 +11,7 @@ from hypothesis import strategies as st
 from inspection.verify.proof_bags import JOURNAL
 
 from rpud_sim.bag import Message
+from rpud_sim.bag.columns import to_plain
 from rpud_sim.inspection.recorded_journal import JOURNAL as TYPE
 from rpud_sim.inspection.recorded_journal import Recorded, UnverifiableError, installed_codec
 from rpud_sim.inspection.verify.coverage import JournalStretches
@@ -121,7 +121,7 @@ def later_engine(content):
 
 
 def twice(message):
-    fields = dataclasses.asdict(installed_codec(TYPE).decode(message.data))
+    fields = to_plain(installed_codec(TYPE).decode(message.data))
     return [message.data, installed_codec(TYPE).encode({**fields, "kind": "stop"})]
 
 

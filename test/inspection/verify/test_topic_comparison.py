@@ -174,7 +174,7 @@ def test_each_topic_is_read_in_order_however_far_the_others_are(skewed, most, or
     with rpud_sim.bag.open(skewed) as bag, pytest.MonkeyPatch.context() as patch:
         patch.setattr(recorded_topics, "_MOST_WAITING", most)
         found = {"/a": [], "/b": [], "/c": []}
-        recorded = RecordedTopics(bag, found)
+        recorded = RecordedTopics(bag)
         blocks = {topic: recorded.blocks(topic) for topic in found}
         for topic in order + [name for name in found for _ in range(301)]:
             block = next(blocks[topic], None)

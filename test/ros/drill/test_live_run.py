@@ -21,6 +21,7 @@ from rpud_sim.ros.drill.pacer import Pacer
 from rpud_sim.ros.drill.publishers import DrillPublishers
 from rpud_sim.simulation.commands import WeightOnBit
 from rpud_sim.simulation.configuration import Settings
+from rpud_sim.simulation.topics import PROVED
 
 NO_OTHERS = SimpleNamespace(count=lambda: 0)  # of the same name
 MILLISECOND = 1_000_000
@@ -375,6 +376,20 @@ def test_the_settings_of_the_run_come_back_with_it_but_for_its_pace(drill):
     drill.restore("changed")
     expected = dataclasses.replace(changed, real_time_factor=0.5)
     assert drill.settings == drill.restored[-1] == expected
+
+
+def test_a_reset_to_a_seed_gives_the_bytes_of_a_drill_that_was_started_with_it(make):
+    def drilled(drill, seed):
+        drill.reset(time=True, state=True, seed=seed)
+        before = len(drill.publishers.messages)
+        drill.step(SECOND // 5)
+        drill.finish_step()
+        return [each for each in drill.publishers.messages[before:] if each[0] in PROVED]
+
+    started = drilled(make(publish_clock=True, seed=7), None)
+    drill = make(publish_clock=True)
+    assert {name for name, _ in started} >= {"contact_force", "trajectory", "wrench"}
+    assert drilled(drill, 7) == drilled(drill, 7) == started != drilled(drill, 8)
 
 
 def test_a_reset_of_the_time_alone_goes_on_at_stamp_zero_where_the_drill_is_its_source(make):

@@ -28,9 +28,9 @@ from rpud_sim.bag.encoder import Encoder
 from rpud_sim.drilling.rock import RockParameters
 from rpud_sim.model import segment
 from rpud_sim.model.segment import CONSTANTS, SEGMENT
-from rpud_sim.ros.drill.publishers import filled, nanoseconds_to_time
+from rpud_sim.ros.drill.publishers import nanoseconds_to_time
 from rpud_sim.ros.drill.services import message_to_fault
-from rpud_sim.ros.graph import members_of
+from rpud_sim.ros.graph import filled, members_of
 from rpud_sim.simulation import fields, preset
 from rpud_sim.simulation.actuator import ActuatorParameters
 from rpud_sim.simulation.commands import Drive, WeightOnBit

@@ -8,7 +8,6 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.serialization import deserialize_message
 from rpud_msgs.msg import Drive as DriveMessage
 from rpud_msgs.msg import WeightOnBit as WeightOnBitMessage
-from support import until
 
 from rpud_sim.ros.drill.commands import Inbox, result_of
 from rpud_sim.ros.drill.pacer import Pacer
@@ -198,10 +197,8 @@ def test_status_and_diagnostics_tell_of_the_drill(drill):
         "impacts": str(status["impacts"]),
         "vibration_amplitude [m]": f"{status['vibration_amplitude']:g}",
         "actuator_temperature [K]": "293.15",
-        "acknowledged": "True",
     }
     assert {key: values[key] for key in expected} == expected
-    assert "status 1" in values["published"].split(", ")
 
 
 def test_figures_are_those_since_the_full_report_before_and_totals_those_of_all(drill):
@@ -249,16 +246,12 @@ def test_lost_commands_are_told(drill):
     assert (status["commands_lost"], status["weight_on_bit"]) == (True, 0.0)
 
 
-def test_commanders_are_those_of_the_topic_that_has_most_whose_publishers_are_counted(nodes):
+def test_commanders_are_those_of_the_topic_that_has_most(nodes):
     remapped = ["--ros-args", "-r", "command/drive:=/arm/drive"]
     nodes.append(rclpy.create_node("drill_node", namespace="/rpud", cli_args=remapped))
-    node, heavy, drive = nodes[-1], "command/weight_on_bit", "/arm/drive"
-    node.create_subscription(WeightOnBitMessage, heavy, lambda _: None, 1)
-    drill = Drill(node)
-    assert drill.reporter.publishers_heard() == {heavy: 0}
-    node.create_publisher(DriveMessage, drive, 1)
+    drill = Drill(nodes[-1])
+    nodes[-1].create_publisher(DriveMessage, "/arm/drive", 1)
     assert drill.report().status["commanders"] == 1
     for _ in range(2):
-        node.create_publisher(WeightOnBitMessage, heavy, 1)
+        nodes[-1].create_publisher(WeightOnBitMessage, "command/weight_on_bit", 1)
     assert drill.report().status["commanders"] == 2
-    until(lambda: drill.reporter.publishers_heard() == {heavy: 2})

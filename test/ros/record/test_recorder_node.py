@@ -206,23 +206,6 @@ def test_a_further_type_that_comes_later_is_named_too(peer, record, nodes):
     rclpy.shutdown(context=other)
 
 
-def test_what_is_too_short_for_a_message_is_counted_and_not_recorded(peer, record):
-    publisher = peer.create_publisher(Int32, "a", RELIABLE)
-    recorder = discovered(record(), 1)
-    heard(publisher)
-    publisher.publish(Int32(data=1))
-    publisher.publish(b"\x00\x01\x00")
-    recorder.intake.refused["/rpud/a"] = 4  # counted by the queue
-    publisher.publish(Int32(data=2))
-    publisher.publish(b"")
-    until(
-        lambda: recorder.receive() and (recorder.taken == 2 and recorder.losses["/rpud/a"].damaged)
-    )
-    until(lambda: recorder.receive() and recorder.losses["/rpud/a"] == Losses(0, 4, 2))
-    recorded = [item for item in items(recorder) if isinstance(item, Message)]
-    assert [message.data[4] for message in recorded] == [1, 2]
-
-
 def test_a_name_that_never_appears_and_a_namespace_without_topics_are_failures(peer, record):
     publisher = peer.create_publisher(Int32, "contact_force", RELIABLE)
     named = record(["contact_forse"])

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from specifications import parse_targets
 
-from rpud_sim.cli.studies import fit_text
+from rpud_sim.cli.studies import fit_lines
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.simulation.configuration import read_parameter_file, to_settings
 from rpud_sim.studies.fit import fit as fits
@@ -172,7 +172,7 @@ def outputs(fit, folder):
     """Return the text of every file of a fit, and what the command prints."""
     write_fit(fit, folder, "rpud fit targets.yaml --out DIR")
     files = [path.read_text() for path in folder.iterdir()]
-    return "\n".join([*files, fit_text(fit)])
+    return "\n".join([*files, *fit_lines(fit)])
 
 
 @pytest.mark.parametrize(("weight", "end"), [(20.0, "high"), (2.0, "low"), (20.5, "high")])
@@ -195,8 +195,9 @@ def test_a_posterior_that_the_last_region_cuts_off_has_no_interval(monkeypatch, 
     fit = fit_in(drill, drill.specification(TWO, weight=11.2, loss=0.5))
     assert fit.reached
     assert fit.refusal.startswith("the last round's region cuts off the probable values of weight")
-    assert "use more rounds" in fit_text(fit)
-    assert "% interval" not in outputs(fit, tmp_path)
+    text = outputs(fit, tmp_path)
+    assert text.count("use more rounds") == 4
+    assert "% interval" not in text
     assert not (tmp_path / "posterior.csv").exists()
     assert not fit.intervals
 

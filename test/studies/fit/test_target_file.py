@@ -77,7 +77,7 @@ targets:
         (unknown("weight_on_bit", [2, 1]), "unknowns.weight_on_bit: low 2 is not below high 1"),
         (unknown("weight_on_bit", 2), "unknowns.weight_on_bit: 2 is not of the form [low, high]"),
         (unknown("gravity", {"low": 0, "high": 1, "scale": "log"}), "low 0 has no logarithm"),
-        (target(figure="reacting_force"), "figure: reacting_force is not a figure; did you mean r"),
+        (target(figure="reacting_force"), "figure: 'reacting_force' is not a figure; did you mean"),
         (target(figure="events", value=-1), "targets[0].value = -1 is outside its range [0, "),
         (target(value=...), "targets[0].value: is missing"),
         (target(tolerance=0), "targets[0].tolerance = 0 N is outside its range"),

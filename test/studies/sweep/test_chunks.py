@@ -42,8 +42,8 @@ def sweep(points=3, repeat=2, duration=0.02, **entries):
     )
 
 
-def chunks_of(specification, **options):
-    return list(make_chunks(specification, design_points(specification), **options))
+def chunks_of(specification):
+    return list(make_chunks(specification, design_points(specification)))
 
 
 @given(points=st.integers(1, 300), repeat=st.integers(1, 20), duration=st.floats(1e-3, 1e4))
@@ -106,6 +106,15 @@ def test_a_point_outside_the_ranges_is_a_failure_of_its_own_alone():
     assert table["contact_force_mean"].is_null().to_pylist() == [True, False]
     columns = {name: table[name].to_numpy() for name in table.column_names}
     assert "2 simulations have no figures" in sweep_page(specification, columns, 2)
+
+
+def test_a_drill_beyond_its_event_budget_is_a_failure_of_its_own():
+    masses = {"fixed": {"regime": "free"}, "swept": {"free_mass": [1e-11, 5e-3]}}
+    content = {"design": "grid", "duration": 1, **masses}
+    (chunk,) = chunks_of(parse_specification(content))
+    first, second = simulate(chunk).table["failure"].to_pylist()
+    assert "with free_mass = 1e-11 kg (default: 0.005)" in first
+    assert second is None
 
 
 SWEPT = {

@@ -91,7 +91,10 @@ LINE = {"minimum": 1.0, "maximum": 2.0, "points": 3}
             "swept.gravity: minimum 0 has no logarithm",
         ),
         (swept(free_mass=LINE | {"maximum": 20}), "swept.free_mass: free_mass = 20 kg is"),
-        (changed(figures=["force"]), "figures: force is unknown; known are events, drill_tool"),
+        (
+            changed(figures=["force"]),
+            "figures[0]: 'force' is unknown; known are events, drill_tool",
+        ),
         (
             changed(design="saltelli", points=4, swept={"gravity": [1, 2]}, cases={"a": {}}),
             "design: a saltelli design takes neither cases nor faults",

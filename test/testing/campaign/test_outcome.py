@@ -7,7 +7,6 @@ import pytest
 
 from rpud_sim.testing.campaign_file import read_campaign
 from rpud_sim.testing.campaign_runs import fly
-from rpud_sim.testing.setup import DrillPool
 from rpud_sim.verdicts.verdict import FAILED, PASSED, UNDECIDED
 
 SUPERVISORS = Path(__file__).resolve().parents[1]  # with the plugin's node under test
@@ -30,13 +29,6 @@ expectations:
     requirement: LIVE-1
     expect: {{count: {{message: /rpud/supervisor/heartbeat}}, is: '>= 10'}}
 """
-
-
-@pytest.fixture(scope="module")
-def pool():
-    pool = DrillPool()
-    yield pool
-    pool.close()
 
 
 @pytest.fixture

@@ -11,7 +11,6 @@ import pytest
 
 from rpud_sim.testing.campaign_file import read_campaign
 from rpud_sim.testing.campaign_runs import fly
-from rpud_sim.testing.setup import DrillPool
 
 CAMPAIGN = Path(__file__).resolve().parents[3] / "config" / "campaign.yaml"
 RUN = "jammed actuator_restitution=0.8 seed=1"
@@ -36,18 +35,14 @@ def digest_of(drill):
 
 @pytest.mark.extended
 @pytest.mark.timeout(0)
-def test_a_run_gives_the_same_results_each_time():
+def test_a_run_gives_the_same_results_each_time(pool):
     campaign = read_campaign(CAMPAIGN)
     (run,) = [each for each in campaign.runs if each.name == RUN]
     found = set()
-    pool = DrillPool()
-    try:
-        for _ in range(REPETITIONS):
-            drill = pool.take(run.setup, campaign.system.folder)
-            outcome = fly(drill, run, campaign.system, campaign.expectations)
-            found.add((outcome, digest_of(drill)))
-            pool.give_back(drill)
-    finally:
-        pool.close()
+    for _ in range(REPETITIONS):
+        drill = pool.take(run.setup, campaign.system.folder)
+        outcome = fly(drill, run, campaign.system, campaign.expectations)
+        found.add((outcome, digest_of(drill)))
+        pool.give_back(drill)
     assert len(found) == 1
     assert outcome.failures == []

@@ -1,0 +1,13 @@
+"""Fixtures of tests with drills in lockstep."""
+
+import pytest
+
+from rpud_sim.testing.setup import DrillPool
+
+
+@pytest.fixture(scope="module")
+def pool():
+    """Pool of drills, which end with the module."""
+    pool = DrillPool()
+    yield pool
+    pool.close()
