@@ -29,7 +29,7 @@ def other_engine(beginning: Any) -> str:
     if engine == ENGINE:
         return ""
     if engine in (2, 4):
-        return f"made by engine {engine}, of no release; this is engine {ENGINE}: no release proves it"
+        return f"made by engine {engine}, of no release: none proves it; this is engine {ENGINE}"
     made_by = beginning.get("made_by") if isinstance(beginning, Mapping) else None
     release = made_by.get("rpud_sim") if isinstance(made_by, Mapping) else None
     release = f"rpud_sim {release or 'of an unknown version'!s:.40}"
