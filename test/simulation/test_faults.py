@@ -56,14 +56,14 @@ def test_a_magnitude_that_is_left_open_is_the_default_or_none(kind):
 @pytest.mark.parametrize(
     ("arguments", "complaint"),
     [
-        (("rusty",), "fault kind = 'rusty' is unknown; possible are free_mass_jammed, "),
-        (("hard_rok",), "fault kind = 'hard_rok' is unknown (did you mean hard_rock?)"),
+        (("rusty",), "fault kind = 'rusty' is unknown; known are free_mass_jammed, "),
+        (("hard_rok",), "fault kind = 'hard_rok' is unknown; did you mean hard_rock?"),
         (
             ("off", "wrnech"),
             "channel of off = 'wrnech' is not one of nodal_plane, drill_tool, reacting_force, "
             "wrench, contact_force, rotation, mount (did you mean wrench?)",
         ),
-        ((["off"],), "fault kind = ['off'] is unknown; possible are "),
+        ((["off"],), "fault kind = ['off'] is unknown; known are "),
         (("choking", "wrench"), "choking is a fault of the drill and has no channel, given 'wr"),
         (("off",), "channel of off = '' is not one of nodal_plane, drill_tool, "),
         (("off", ["wrench"]), "channel of off = ['wrench'] is not one of "),
