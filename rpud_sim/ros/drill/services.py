@@ -326,7 +326,7 @@ class DeliveryServer:
             if len(self._probes) >= _MOST_NODES:
                 return False
             try:
-                self._probes[name] = DiscoveryProbe(self._node, f"{name}/get_parameters")
+                self._probes[name] = DiscoveryProbe(self._node, name)
             except (NameValidationException, RuntimeError):  # RCLError: it is too long
                 return False
         return self._probes[name].answered()
