@@ -1,6 +1,8 @@
 """Bags that are like another one, except for what a test changes."""
 
 import json
+from contextlib import suppress
+from dataclasses import replace
 
 from rpud_sim import bag as bags
 from rpud_sim.bag.columns import to_plain
@@ -8,23 +10,44 @@ from rpud_sim.bag.losses import LOSSES_RECORD
 from rpud_sim.inspection.recorded_journal import installed_codec
 
 
-def altered(source, out, change, topics=None):
-    """Copy a bag; `change` returns what to write in place of each message, which may be nothing."""
-    with bags.open(source) as reader, bags.BagWriter(out) as writer:
-        for summary in reader.topics:
-            if topics is None or summary.topic.name in topics:
-                writer.add_topic(summary.topic, summary.definition)
-        for message in reader.messages(topics):
-            for data in change(message):
-                writer.write(message.topic, data, message.log_time, message.publish_time)
-        for record in reader.records(LOSSES_RECORD):
-            writer.add_record(LOSSES_RECORD, record)
-    return out
-
-
 def unchanged(message):
     """Return a message as it is."""
     return [message.data]
+
+
+def copied(writer, source, change=unchanged, topics=None, shift=0, namespace="/rpud"):
+    """Write the messages of a bag later by a time [ns], and in a namespace.
+
+    `change` returns what to write in place of each message, which may be nothing.
+    """
+    with bags.open(source) as reader:
+        for summary in reader.topics:
+            if topics is None or summary.topic.name in topics:
+                name = summary.topic.name.replace("/rpud", namespace)
+                with suppress(bags.BagError):  # another bag has it too
+                    writer.add_topic(replace(summary.topic, name=name), summary.definition)
+        for message in reader.messages(topics):
+            name = message.topic.replace("/rpud", namespace)
+            for data in change(message):
+                writer.write(name, data, message.log_time + shift, message.publish_time + shift)
+
+
+def altered(source, out, change, topics=None):
+    """Copy a bag with its losses."""
+    with bags.BagWriter(out) as writer:
+        copied(writer, source, change, topics)
+        with bags.open(source) as reader:
+            for record in reader.records(LOSSES_RECORD):
+                writer.add_record(LOSSES_RECORD, record)
+    return out
+
+
+def merged(out, *parts):
+    """Write a bag of several: each with the time that is added to it, and its namespace [ns]."""
+    with bags.BagWriter(out) as writer:
+        for source, shift, namespace in parts:
+            copied(writer, source, shift=shift, namespace=namespace)
+    return out
 
 
 def flipped(data, place, bit=0):

@@ -27,7 +27,6 @@ COLUMNS_LIMIT = 10_000  # greatest number of columns of a table
 # Columns of every table; a field with such a name gets underscores until it is unique.
 RECEIVED = ("log_time", "publish_time")
 
-_TIME, _DURATION = "builtin_interfaces/msg/Time", "builtin_interfaces/msg/Duration"
 _DTYPES = {"bool": np.dtype(bool), "byte": np.dtype(np.uint8), "char": np.dtype(np.uint8)}
 _TYPE_LINE = re.compile(r"^={80}\s*^MSG: *(\S+)[^\n]*$", re.MULTILINE)
 _FIELD_LINE = re.compile(r"^ *[^\s#]+ +(\w+)[^#\n=]*#+ *(.*?) *$", re.MULTILINE)
@@ -49,6 +48,13 @@ class Kind(Enum):
     ARRAY = "array"
     SEQUENCE = "sequence"
     NESTED = "nested"
+
+
+_TIME_KINDS = {
+    "builtin_interfaces/msg/Time": Kind.TIME,
+    "builtin_interfaces/msg/Duration": Kind.DURATION,
+}
+_TIME_FIELDS = [("sec", ("int32", 0)), ("nanosec", ("uint32", 0))]
 
 
 @dataclass(frozen=True)
@@ -107,8 +113,7 @@ def _columns(
         if node == Nodetype.BASE:
             dtype = _dtype(description)
             yield column(Kind.NUMBER, dtype) if dtype else column(Kind.TEXT)
-        elif node == Nodetype.NAME and description in (_TIME, _DURATION):
-            kind = Kind.TIME if description == _TIME else Kind.DURATION
+        elif node == Nodetype.NAME and (kind := _time_kind(codec, description)):
             yield column(kind, np.dtype(np.int64))
         elif node == Nodetype.NAME:
             yield from _columns(codec, comments, description, f"{name}.", f"{attribute}.", unit)
@@ -121,6 +126,13 @@ def _columns(
                 yield column(Kind.ARRAY, dtype, length)
             else:
                 yield column(Kind.SEQUENCE, dtype)
+
+
+def _time_kind(codec: Codec, type_name: str) -> Kind | None:
+    """Return the kind of a time or duration; a bag may define these types otherwise."""
+    if [(name, kind[1]) for name, _, kind in codec.fields(type_name)] != _TIME_FIELDS:
+        return None
+    return _TIME_KINDS.get(type_name)
 
 
 def objects(values: Sequence[Any]) -> np.ndarray:

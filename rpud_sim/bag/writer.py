@@ -35,6 +35,7 @@ from rpud_sim.bag.metadata import (
 )
 from rpud_sim.bag.reserve import Reserve, writing
 from rpud_sim.foundation.time import SECOND
+from rpud_sim.foundation.whole_folder import whole_file
 
 CHUNK_SIZE = 1 << 20  # uncompressed size after which a chunk is closed [bytes]
 _END = 1 << 20  # bytes of a reserve for records at the end of a bag, its metadata and its folder
@@ -342,13 +343,8 @@ def _create(folder: Path) -> None:
 
 
 def _write_document(folder: Path, metadata: Mapping[str, Any]) -> None:
-    # Renamed when it is whole, so that there is never half a metadata.yaml.
-    draft = folder / f"{FILE_NAME}.tmp"
-    with draft.open("x", encoding="utf-8") as document:
-        document.write(dump_document(metadata))
-        document.flush()
-        os.fsync(document.fileno())
-    draft.rename(folder / FILE_NAME)
+    with whole_file(folder / FILE_NAME) as draft:
+        draft.write_text(dump_document(metadata), encoding="utf-8")
     _sync(folder)
 
 

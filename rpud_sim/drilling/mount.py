@@ -9,13 +9,12 @@ from typing import NamedTuple
 from rpud_sim.drilling.arm import Arm, Move, SpringLoad, arm_force, drift, shift
 from rpud_sim.drilling.inputs import Disturbances, Percussion
 from rpud_sim.foundation.quantities import (
+    Choice,
     ParameterError,
     ParameterGroup,
     Quantity,
     choice,
     number,
-    shown,
-    suggestion,
 )
 
 RATE = "rate"
@@ -23,6 +22,7 @@ POSITION = "position"
 # Modes, in the order of the MODE constants of ``rpud_msgs/Feed``
 FEED_MODES = (RATE, POSITION)
 
+FEED_MODE = Choice("motion of the feed", FEED_MODES)
 FEED_RATE = Quantity("m/s", "rate of the feed toward the rock", -1.0, 1.0)
 FEED_POSITION = Quantity("m", "position of the feed along the drill axis", -1.0, 1.0)
 
@@ -35,11 +35,7 @@ class Feed:
     value: float  # rate toward the rock [m/s], or position along the drill axis [m]
 
     def __post_init__(self) -> None:
-        if not (isinstance(self.mode, str) and self.mode in FEED_MODES):
-            raise ParameterError(
-                f"feed mode = {shown(self.mode)} is not one of {', '.join(FEED_MODES)}"
-                f"{suggestion(self.mode, FEED_MODES)}"
-            )
+        FEED_MODE.check("feed mode", self.mode)
         quantity = FEED_RATE if self.mode == RATE else FEED_POSITION
         object.__setattr__(self, "value", quantity.check(f"feed {self.mode}", self.value))
 
@@ -106,16 +102,10 @@ class MountParameters(ParameterGroup):
             )
 
     def check(self, motion: Feed) -> None:
-        limit = self.feed_rate_limit
-        if motion.mode == RATE and not -limit <= motion.value <= limit:
-            raise ParameterError(
-                f"feed rate = {motion.value:g} m/s is outside its range [{-limit:g}, {limit:g}]"
-            )
-        least, greatest = self.feed_minimum, self.feed_maximum
-        if motion.mode == POSITION and not least <= motion.value <= greatest:
-            raise ParameterError(
-                f"feed position = {motion.value:g} m is outside its range [{least:g}, {greatest:g}]"
-            )
+        allowed = Quantity("m", "", self.feed_minimum, self.feed_maximum)
+        if motion.mode == RATE:
+            allowed = Quantity("m/s", "", -self.feed_rate_limit, self.feed_rate_limit)
+        allowed.check(f"feed {motion.mode}", motion.value)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -17,13 +17,12 @@ from rpud_sim.foundation.time import SECOND
 from rpud_sim.inspection import InspectionError
 from rpud_sim.inspection.output import Damages
 from rpud_sim.inspection.recorded_journal import (
-    Extent,
     Recorded,
+    RecordedJournal,
     UnverifiableError,
     agreed,
     held_journals,
-    journal_codec,
-    journal_entries,
+    progress_codecs,
     recorded_progress,
     with_wrong_header,
 )
@@ -168,14 +167,12 @@ def find_run(
     bag: BagReader, number: int = 1, topic: str | None = None, damages: Damages | None = None
 ) -> RecordedDrill:
     """Return a run of a bag by its number, from 1; ``topic`` chooses one of several journals."""
-    summary = _journal(bag, topic)
-    name = summary.topic.name
-    codec = journal_codec(summary)
-    extent = Extent(bag, name[: -len("journal")])
+    journal = RecordedJournal(bag, _journal(bag, topic))
+    name = journal.name
     entries: list[Recorded] = []
     torn = ""
     try:
-        entries.extend(extent.check(journal_entries(bag.messages({name}), codec)))
+        entries.extend(journal.entries())
     except UnverifiableError as error:
         torn = f"{name}: {error}"
     # The first entry is a beginning, or a state from which a late recording goes on.
@@ -207,7 +204,7 @@ def find_run(
         "" if closed else torn,
         closed,
     )
-    return found if closed or torn else _up_to_its_end(extent, found)
+    return found if closed or torn else _up_to_its_end(journal, found)
 
 
 def _journal(bag: BagReader, wanted: str | None) -> TopicSummary:
@@ -233,7 +230,7 @@ def _clock(entries: list[Recorded]) -> RunClock:
     return clock or RunClock(0)
 
 
-def _up_to_its_end(extent: Extent, drill: RecordedDrill) -> RecordedDrill:
+def _up_to_its_end(journal: RecordedJournal, drill: RecordedDrill) -> RecordedDrill:
     """Return a run that was not closed with the time that it reached, at the end of a block."""
     for each, wrong in with_wrong_header(drill.entries):
         if wrong:
@@ -247,7 +244,7 @@ def _up_to_its_end(extent: Extent, drill: RecordedDrill) -> RecordedDrill:
             drill.check_engine()
         rate = int(drill.beginning["parameters"]["telemetry_rate"])
         origin = origins[-1] if origins else 0
-        reached = agreed([drill.end + origin, *extent.last]) - origin
+        reached = agreed([drill.end + origin, *journal.last]) - origin
         end = boundary(boundaries_until(reached, rate), rate)
     except (ArithmeticError, LookupError, TypeError, ValueError) as error:
         raise InspectionError(f"{drill.journal} cannot be understood: {error!r:.100}") from None
@@ -280,10 +277,8 @@ def find_drill(
     elif run not in (None, 1):
         raise InspectionError(f"{bag.path} holds no journal, so there is no run {run}")
     manifest = find_manifest(bag, damages, chosen)
-    extent = Extent(bag, f"{chosen}/")
-    stamps = [
-        int(found["stamp"].min()) for _, found in recorded_progress(bag, extent.codecs, 0, SECOND)
-    ]
+    codecs = progress_codecs(bag, f"{chosen}/")
+    stamps = [int(found["stamp"].min()) for _, found in recorded_progress(bag, codecs, 0, SECOND)]
     clock = RunClock(min(stamps, default=bag.start_time))  # the origin is unknown
     return RecordedDrill(os.fspath(bag.path), journal, manifest, clock, warnings=(reason,))
 

@@ -72,16 +72,6 @@ def held_journals(bag: BagReader) -> dict[str, TopicSummary]:
     return held
 
 
-def journal_codec(summary: TopicSummary) -> Codec:
-    """Return the codec of a journal of any version, for every bag's journal is read."""
-    if summary.topic.type_hash in ("", find_type_hash(JOURNAL)):
-        return installed_codec(JOURNAL)
-    try:
-        return Codec(JOURNAL, summary.definition or "")
-    except BagFormatError as error:
-        raise UnverifiableError(f"{summary.topic.name}: {error}") from None
-
-
 def proof_codec(summary: TopicSummary) -> Codec:
     """Return the codec of a topic whose type is the installed one."""
     topic = summary.topic
@@ -94,8 +84,8 @@ def proof_codec(summary: TopicSummary) -> Codec:
     return installed_codec(expected)
 
 
-def journal_entries(recorded: Iterable[Message], codec: Codec) -> Iterator[Recorded]:
-    """Yield the journal's entries with their messages, in order.
+def _entries(recorded: Iterable[Message], codec: Codec) -> Iterator[Recorded]:
+    """Yield a journal's entries with their messages, in order.
 
     Repeated entries are skipped: a recorder repeats them at the beginning of a bag's next file.
     Number zero begins the journal of another start of the node. Both journals may be equal, where
@@ -155,22 +145,37 @@ def _decode(message: Message, codec: Codec) -> Recorded:
         raise UnverifiableError(f"an entry of the journal cannot be understood: {reason}") from None
 
 
-class Extent:
-    """Times that the messages of a drill show: they bound how long a journal is run again."""
+def progress_codecs(bag: BagReader, prefix: str) -> dict[str, Codec]:
+    """Return the codecs of a drill's topics that show its progress, by their names."""
+    found = {}
+    for summary in bag.topics:
+        topic = summary.topic
+        name = topic.name.removeprefix(prefix)
+        if topic.name == name or name not in (*PROVED, "status") or not summary.definition:
+            continue
+        with suppress(BagFormatError):
+            own = TOPICS[name].type
+            same = (topic.type, topic.type_hash) == (own, find_type_hash(own))
+            found[topic.name] = (
+                installed_codec(own) if same else Codec(topic.type, summary.definition)
+            )
+    return found
 
-    def __init__(self, bag: BagReader, prefix: str) -> None:
+
+class RecordedJournal:
+    """Journal in a bag; the other messages of its drill bound how long it is run again."""
+
+    def __init__(self, bag: BagReader, summary: TopicSummary) -> None:
+        self.name = summary.topic.name
+        self.prefix = self.name[: -len("journal")]  # namespace, with a slash at its end
+        self.codecs = progress_codecs(bag, self.prefix)
         self._bag = bag
-        self.codecs: dict[str, Codec] = {}  # of the topics that show them, by name
-        for summary in bag.topics:
-            topic = summary.topic
-            name = topic.name.removeprefix(prefix)
-            if topic.name == name or name not in (*PROVED, "status") or not summary.definition:
-                continue
-            with suppress(BagFormatError):
-                own = TOPICS[name].type
-                same = (topic.type, topic.type_hash) == (own, find_type_hash(own))
-                codec = installed_codec(own) if same else Codec(topic.type, summary.definition)
-                self.codecs[topic.name] = codec
+        self._codec = installed_codec(JOURNAL)
+        if summary.topic.type_hash not in ("", find_type_hash(JOURNAL)):
+            try:  # every bag's journal is read
+                self._codec = Codec(JOURNAL, summary.definition or "")
+            except BagFormatError as error:
+                raise UnverifiableError(f"{self.name}: {error}") from None
 
     @cached_property
     def end(self) -> list[tuple[str, np.ndarray]]:
@@ -183,14 +188,14 @@ class Extent:
         """Last stamp of each topic in the end of the bag [ns]."""
         return [*{topic: int(progress["stamp"][-1]) for topic, progress in self.end}.values()]
 
-    def check(self, journal: Iterable[Recorded]) -> Iterator[Recorded]:
-        """Yield a journal's entries; an UnverifiableError at one of a time that nothing shows.
+    def entries(self) -> Iterator[Recorded]:
+        """Yield the entries; an UnverifiableError at one of a time that nothing shows.
 
         It would be run again without an end.
         """
         origin: int | None = None
         begun = 0
-        for recorded in journal:
+        for recorded in _entries(self._bag.messages({self.name}), self._codec):
             entry = recorded.entry
             if entry.kind == "origin":
                 origin = int(entry.content["origin"])

@@ -126,10 +126,7 @@ class RepeatedRequest:
         self._sent = -inf
 
     def answered(self) -> Future | None:
-        """Return a future with the response, None before it; to be called again until it is there.
-
-        The middleware may not call a service ready while it remembers an ended namesake.
-        """
+        """Return a future with the response; None before it, and to be called again then."""
         for future in self._futures:
             if future.done():
                 return future
@@ -148,17 +145,18 @@ class DiscoveryProbe:
     """Request to a node, by a client that is made after the subscriptions.
 
     Discovery announces the readers of a process in the order in which they were made. So a node
-    whose response has come knows all readers from before: it will not publish past them. The
-    executor of ``node`` takes the responses. The request has no fields.
+    whose response has come knows all readers from before: it will not publish past them. ``name``
+    is the full name of the other node; the executor of ``node`` takes the responses.
     """
 
-    def __init__(self, node: Node, service: str, kind: Any = GetParameters) -> None:
+    def __init__(self, node: Node, name: str) -> None:
         self._node = node
-        self._client: Client | None = node.create_client(kind, service)
-        self._request = RepeatedRequest(self._client, kind.Request(), _REPETITION)
+        self._client: Client | None = node.create_client(GetParameters, f"{name}/get_parameters")
+        self._request = RepeatedRequest(self._client, GetParameters.Request(), _REPETITION)
 
     def answered(self) -> bool:
         """Return whether the node has answered; to be called again until it has."""
+        # The middleware may not call the service ready while it remembers an ended namesake.
         if self._client is not None and self._request.answered():
             self.close()
         return self._client is None

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from rpud_sim.drilling.mount import STOPPED
 from rpud_sim.drilling.mount import Feed as Feed
-from rpud_sim.foundation.quantities import ParameterError, Quantity, shown
+from rpud_sim.foundation.quantities import Flag, Quantity
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.model.parameters import QUANTITIES
 
@@ -41,8 +41,7 @@ class Drive:
     frequency: float  # [Hz]
 
     def __post_init__(self) -> None:
-        if not isinstance(self.enabled, bool):
-            raise ParameterError(f"drive enabled = {shown(self.enabled)} is not true or false")
+        Flag("").check("drive enabled", self.enabled)
         object.__setattr__(self, "voltage", VOLTAGE.check("drive voltage", self.voltage))
         if not self.enabled and self.frequency == 0.0:
             object.__setattr__(self, "frequency", 0.0)

@@ -12,11 +12,10 @@ import dataclasses
 import math
 from collections import deque
 from collections.abc import Callable, Iterable, Sequence
-from typing import Any
 
 import numpy as np
 
-from rpud_sim.foundation.quantities import ParameterError, shown, suggestion
+from rpud_sim.foundation.quantities import ParameterError, did_you_mean, shown, suggestion
 from rpud_sim.foundation.values import Shared
 from rpud_sim.model.parameters import QUANTITIES, Parameters
 from rpud_sim.simulation.configuration import Configuration
@@ -32,14 +31,6 @@ class FaultError(ParameterError):
     """Unusable fault; the text says why, in one line."""
 
 
-def check_kind(kind: Any, possible: Iterable[str]) -> None:
-    if not (isinstance(kind, str) and kind in KINDS):
-        raise FaultError(
-            f"fault kind = {shown(kind)} is unknown{suggestion(kind, KINDS)}; "
-            f"possible are {', '.join(possible)}"
-        )
-
-
 @dataclasses.dataclass(frozen=True)
 class Fault:
     """Fault, immutable."""
@@ -51,7 +42,9 @@ class Fault:
     magnitude: float = math.nan
 
     def __post_init__(self) -> None:
-        check_kind(self.kind, KINDS)
+        if not (isinstance(self.kind, str) and self.kind in KINDS):
+            hint = did_you_mean(self.kind, KINDS)
+            raise FaultError(f"fault kind = {shown(self.kind)} is unknown; {hint}")
         self._check_channel()
         object.__setattr__(self, "magnitude", self._checked_magnitude())
 

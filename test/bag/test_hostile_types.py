@@ -11,6 +11,7 @@ from sample_bags import START, write_mcap
 
 from rpud_sim.bag import BagFormatError
 from rpud_sim.bag.cdr import DEFINITION_LIMIT, Codec
+from rpud_sim.bag.columns import columns_of
 from rpud_sim.bag.layout import DECODED_LIMIT
 
 GIGABYTE = 2**30
@@ -81,6 +82,15 @@ ARRAYS = "".join(f"{SEPARATOR}\nMSG: a_msgs/N{n}\nN{n + 1}[99] next\n" for n in 
 def test_a_type_of_countless_members_is_refused_unvisited(definition):
     with pytest.raises(BagFormatError, match="fields with those of its members; at most 100000"):
         Codec("a_msgs/msg/N0", definition)
+
+
+@pytest.mark.parametrize("fields", ["int32 sec\n", "float64 sec\nuint32 nanosec\n", "int8 x\n"])
+def test_a_time_of_other_fields_is_no_time(fields):
+    definition = f"builtin_interfaces/Time t\n{SEPARATOR}\nMSG: builtin_interfaces/Time\n{fields}"
+    columns = columns_of(Codec("a_msgs/msg/A", definition), definition)
+    assert [each.name for each in columns] == [
+        f"t.{line.split()[1]}" for line in fields.splitlines()
+    ]
 
 
 TINY = f"B[] parts\n{SEPARATOR}\nMSG: a_msgs/B\nint8 x\n"

@@ -52,7 +52,7 @@ WAYS = {
             *drawn.choice([[], [], [], ["--rate", "20000"]]),
         ],
     ),
-    "report": Way(1, lambda drawn, out: ["--out", f"{out}.html"]),
+    "report": Way(2, lambda drawn, out: ["--out", f"{out}.html"]),
     "arrays": Way(4),
     "verify": Way(6, lambda drawn, out: drawn.choice([[], ["--strict"], ["--json"]]), 0.9),
     "compare": Way(

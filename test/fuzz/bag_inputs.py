@@ -15,6 +15,7 @@ import zstandard
 from mcap.writer import CompressionType, Writer
 
 import rpud_sim.bag
+from fuzz import hostile
 from rpud_sim.bag import Message, TopicSummary
 from rpud_sim.inspection.offline_bag import write_offline_bag
 from rpud_sim.simulation.configuration import to_settings
@@ -74,9 +75,7 @@ METADATA = """rosbag2_bagfile_information:
   custom_data: {{a: b}}
   ros_distro: jazzy
 """
-NUMBERS = [0, 1, 0x7F, 0x80, 0xFF, 0xFFFF, 2**31 - 1, 2**31, 2**32 - 1, 2**62, 2**63, 2**64 - 1]
-REALS = [0.0, -1.0, 1e-300, 1e9, 1e18, 1e308, float("inf"), float("-inf"), float("nan")]
-VALUES = [None, True, "", "x", "two\nlines", [], {}, [0.0], 0, -1, 10**400, 2**63, *REALS]
+VALUES = [None, True, [], {}, [0.0], 0, -1, 10**400, 2**63, *hostile.NUMBERS, *hostile.WORDS]
 DRILLS = (
     {"telemetry_rate": 40, "sample_rate": 1000, "block_duration": 0.1},
     {"telemetry_rate": 20, "sample_rate": 1000, "feed_model": "arm", "initial_feed": 0.005}
@@ -86,19 +85,7 @@ FAULTS = [
     {"kind": "lost_preload", "onset": 0.03, "duration": 0.02},
     {"kind": "noise", "channel": "wrench", "onset": 0.04},
 ]
-WORDS = [
-    "",
-    ".inf",
-    "-1",
-    "1e400",
-    "9" * 80,
-    "!!timestamp 1",
-    "[1]",
-    "{a: b}",
-    "*a",
-    "\x00",
-    "\ud7ff",
-]
+WORDS = (".inf", "-1", "1e400", "9" * 80, "!!timestamp 1", "[1]", "{a: b}", *hostile.WORDS)
 
 
 class Content(NamedTuple):
@@ -169,7 +156,7 @@ def damaged(drawn: random.Random, content: bytes) -> bytes:
             data[place:place] = data[source : source + length]
         elif kind == 4:
             size = drawn.choice([1, 2, 4, 8])
-            number = drawn.choice(NUMBERS) % 2 ** (8 * size)
+            number = hostile.whole(drawn, 8 * size)
             data[place : place + size] = number.to_bytes(size, "little")
         elif data:
             data[place % len(data)] ^= 1 << drawn.randrange(8)
@@ -209,7 +196,7 @@ def _small_content(drawn: random.Random, compressed: bool) -> Content:
         topics.append(((name, kind, "x", definition), valid))
     messages = []
     for number in range(drawn.choice([0, 1, 4, 30])):
-        time = drawn.choice(NUMBERS) if drawn.random() < 0.05 else number * 10**6
+        time = hostile.whole(drawn, 64) if drawn.random() < 0.05 else number * 10**6
         topic = drawn.randrange(len(topics))
         messages.append((topic, _message(drawn, topics[topic][1], compressed), time))
     records = [(name, content) for name, content in RECORDS.items() if drawn.random() < 0.3]
@@ -217,15 +204,9 @@ def _small_content(drawn: random.Random, compressed: bool) -> Content:
 
 
 def _message(drawn: random.Random, valid: bytes, compressed: bool) -> bytes:
-    parts = [b"\0\1\0\0", valid]
+    data = b"\0\1\0\0" + valid
     if drawn.random() < 0.1:
-        parts = [b"\0\1\0\0" if drawn.random() < 0.9 else drawn.randbytes(drawn.randrange(5))]
-        for _ in range(drawn.randrange(12)):
-            number = struct.pack("<I", drawn.choice([0, 0, 1, 2, 3, *NUMBERS[:8]]) % 2**32)
-            real = struct.pack("<d", drawn.choice(REALS))
-            some = drawn.randbytes(drawn.randrange(9)), bytes(drawn.choice([1, 8, 100, 5000]))
-            parts.append(drawn.choice([number, real, b"\2\0\0\0a\0\0\0", *some]))
-    data = b"".join(parts)
+        data = damaged(drawn, data + bytes(drawn.choice([0, 1, 8, 100, 5000])))
     if not compressed:
         return data
     data = zstandard.compress(data)
@@ -281,16 +262,16 @@ def _odd_messages(
     if kind == 1:
         return [(topic, data, time)] * 2
     if kind == 2:
-        return [(topic, data, drawn.choice(NUMBERS))]
+        return [(topic, data, hostile.whole(drawn, 64))]
     if kind == 3:
         return [(topic, damaged(drawn, data), time)]
     changed = bytearray(data)
     place = 4 + drawn.randrange(max(1, len(data) - 4)) // 4 * 4
-    number = struct.pack("<d", drawn.choice(REALS))
+    number = struct.pack("<d", hostile.number(drawn))
     if kind == 4:
-        number = (drawn.choice(NUMBERS) % 2**64).to_bytes(8, "little")
+        number = hostile.whole(drawn, 64).to_bytes(8, "little")
     if kind == 5:
-        number = (drawn.choice(NUMBERS) % 2**32).to_bytes(4, "little")
+        number = hostile.whole(drawn, 32).to_bytes(4, "little")
     changed[place : place + len(number)] = number
     return [(topic, bytes(changed[: len(data)]), time)]
 

@@ -55,7 +55,7 @@ def test_the_account_of_delivery_says_who_knows_the_drill(drill):
         asked = ["no name", "/nobody", "/answers"]
 
         def known():
-            rclpy.spin_once(namesake, executor=other._listening._executor, timeout_sec=0.0)
+            rclpy.spin_once(namesake, executor=other._executor, timeout_sec=0.0)
             delivery = drill.delivery(asked)
             commanders = dict(zip(delivery.command_topics, delivery.publishers, strict=True))
             return delivery.unanswered == asked[:2] and commanders["command/weight_on_bit"]

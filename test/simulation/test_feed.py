@@ -1,7 +1,6 @@
 """A drill on an arm: bits, energies, refusals, forces on the rock, and what its messages say."""
 
 import dataclasses
-import json
 import math
 
 import pytest
@@ -79,88 +78,50 @@ def test_the_drill_gets_into_the_rock_and_out_again():
     assert 0.0 < simulation.depth < 3 * deep
 
 
-def energies(blocks):
-    """Give the accounts of blocks, of the drill and of its feed."""
-    energy, feed = EnergyAccount(), FeedAccount()
-    for block in blocks:
-        energy += account_of(block)
-        feed += block.feed
-    return energy, feed
+ROCK = {"rock_model": "specific_energy"}
+THIN = "{layers: [{depth_from: 0.0, rock: regolith}, {depth_from: 0.00002, rock: chalk}]}"
+TURNING = {"rotation_model": "friction_drive", "strata": THIN}
 
 
 @given(
+    drill=st.sampled_from([ROCK, TURNING]),
     stiffness=st.sampled_from([0.0, 3e3, 2e4, 1e6]),
     damping=st.sampled_from([1.0, 200.0, 1e4]),
     play=st.sampled_from([0.0, 2e-4]),
     anchoring=st.sampled_from([2.0, 12.0, 100.0]),
     start=st.floats(-1e-3, 8e-3),
     rates=st.lists(st.floats(-5e-3, 5e-3), min_size=2, max_size=3),
-    change=st.sampled_from([2000.0, 2600.0, Fault("lost_preload"), Fault("load_spring_binding")]),
+    change=st.sampled_from([2000.0, 2600.0, "lost_preload", "load_spring_binding", "choking"]),
 )
 @settings(max_examples=examples(60), deadline=None)
-def test_both_accounts_close(stiffness, damping, play, anchoring, start, rates, change):
+def test_all_accounts_close(drill, stiffness, damping, play, anchoring, start, rates, change):
     simulation = made(
         **ARM,
+        **drill,
         arm_stiffness=stiffness,
         arm_damping=damping,
         arm_play=play,
         anchoring_force=anchoring,
         initial_feed=start,
-        rock_model="specific_energy",
     )
-    blocks = []
+    energy, feed = EnergyAccount(), FeedAccount()
     for number, rate in enumerate(rates):
         simulation.apply(Feed("rate", rate))
-        if number == 1 and isinstance(change, Fault):
-            simulation.inject(change)
+        if number == 1 and isinstance(change, str):
+            simulation.inject(Fault(change))
         elif number == 1:
             parameters = simulation.parameters.replace(load_spring_rate=change)
             now = simulation.configuration
             simulation.configure(dataclasses.replace(now, parameters=parameters))
         end = simulation.time + 61_234_567
-        blocks += [simulation.advance_to(end - 40 * MILLISECOND), simulation.advance_to(end)]
-    energy, feed = energies(blocks)
+        for until in (end - 40 * MILLISECOND, end):
+            block = simulation.advance_to(until)
+            energy, feed = energy + account_of(block), feed + block.feed
     size = max(*map(abs, vars(feed).values()), energy.actuator_work, 1e-3)
     assert abs(energy.residual) < 1e-11 * size
     assert abs(feed.residual(energy.weight_on_bit_work)) < 1e-11 * size
-
-
-LAYERS = [
-    {"depth_from": 0.0, "rock": "regolith"},
-    {"depth_from": 1.5e-3, "rock": "chalk"},
-    {"depth_from": 3e-3, "rock": "sandstone"},
-]
-PERIOD = SECOND // 50  # of the force control
-
-
-def pressed(simulation, seconds, target):
-    """Hold the weight on bit by the feed; yield a block in each period."""
-    summed = 0.0
-    for _ in range(round(seconds * SECOND / PERIOD)):
-        missing = target - simulation.weight_on_bit
-        summed += 3e-3 * missing * PERIOD / SECOND
-        simulation.apply(Feed("rate", min(max(3e-3 * missing + summed, -0.01), 0.01)))
-        yield simulation.advance_to(simulation.time + PERIOD)
-
-
-@pytest.mark.parametrize("play", [0.0, 2e-4])
-def test_the_accounts_of_a_run_through_strata_choking_and_an_inclusion_close(play):
-    drill = {**ARM, "rotation_model": "friction_drive", "feed_rate_limit": 0.04}
-    simulation = made(**drill, strata=json.dumps({"layers": LAYERS}), arm_play=play)
-    blocks = [*pressed(simulation, 2.0, 15.0)]
-    simulation.inject(Fault("choking", magnitude=0.9), SECOND)
-    blocks += pressed(simulation, 0.6, 15.0)
-    simulation.apply(Feed("rate", -0.02))
-    blocks.append(simulation.advance_to(simulation.time + 700 * MILLISECOND))
-    simulation.inject(Fault("hard_inclusion", magnitude=2e8), SECOND // 2)
-    blocks += pressed(simulation, 3.0, 9.0)
-    energy, feed = energies(blocks)
-    work = simulation.process.rotation.work
-    assert simulation.process.borehole.layer == "sandstone"
-    assert abs(energy.residual) < 1e-11 * energy.actuator_work
-    assert abs(feed.residual(energy.weight_on_bit_work)) < 1e-11 * energy.actuator_work
-    assert abs(work.residual) < 1e-11 * work.drive
-    assert min(work.cutting, work.friction, work.flutes, feed.penetration_work) > 0.0
+    if rotation := simulation.process.rotation:
+        assert abs(rotation.work.residual) < 1e-11 * rotation.work.drive
 
 
 @pytest.mark.parametrize("weight", [2.0, 10.0, 40.0])
@@ -168,9 +129,9 @@ def test_the_bit_cuts_with_the_force_that_the_impacts_give_the_rock(weight):
     drill = {"rotation_model": "friction_drive", "strata": "sandstone", "bit_wear_rate": 0.0}
     simulation = made(**drill, weight_on_bit=weight)
     simulation.advance_to(SECOND)
-    blocks = [simulation.advance_to(SECOND + (n + 1) * SECOND // 100) for n in range(400)]
-    force = sum(block.impacts["impulse"].sum() for block in blocks) / 4.0
-    torque = sum(block.process.rotation.torque for block in blocks) / 400.0
+    blocks = [simulation.advance_to(SECOND + (n + 1) * SECOND // 100) for n in range(1600)]
+    force = sum(block.impacts["impulse"].sum() for block in blocks) / 16.0
+    torque = sum(block.process.rotation.torque for block in blocks) / 1600.0
     bit, layer = BitParameters(), preset_layer("sandstone")
 
     def torque_under(force):

@@ -30,15 +30,10 @@ def verdict(formula: f.Formula, record):
 
 
 @given(formulas())
-def test_negation_turns_the_verdict_and_the_sign_of_the_margin(record, formula):
-    plain, negated = verdict(formula, record), verdict(f.Not(formula), record)
-    assert negated.outcome == OPPOSITE[plain.outcome]
-    assert negated.margin == (None if plain.margin is None else -plain.margin)
-
-
-@given(formulas())
-def test_the_verdict_is_the_sign_of_the_margin(record, formula):
-    found = verdict(formula, record)
+def test_a_verdict_is_the_sign_of_its_margin_and_negation_turns_both(record, formula):
+    found, negated = verdict(formula, record), verdict(f.Not(formula), record)
+    assert negated.outcome == OPPOSITE[found.outcome]
+    assert negated.margin == (None if found.margin is None else -found.margin)
     if found.outcome == UNDECIDED:
         assert found.margin is found.at is None
     elif found.margin is not None:

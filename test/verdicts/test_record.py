@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from altered_bags import altered, unchanged
+from altered_bags import copied, merged
 from random_expectations import record_of
 from sample_bags import SECOND, serialized
 
@@ -118,18 +118,14 @@ def test_losses_at_unknown_times_leave_only_what_was_seen():
 
 
 def test_losses_that_a_bag_counts_make_undecided_where_they_matter(faulty_bag, tmp_path):
-    path = altered(faulty_bag, tmp_path / "bag", unchanged)
     lossy = tmp_path / "lossy"
-    with bags.open(path) as reader, bags.BagWriter(lossy) as writer:
-        for summary in reader.topics:
-            writer.add_topic(summary.topic, summary.definition)
-        for message in reader.messages():
-            writer.write(message.topic, message.data, message.log_time, message.publish_time)
+    with bags.BagWriter(lossy) as writer:
+        copied(writer, faulty_bag)
         losses = {"/rpud/reacting_force": Losses(2, 1, 0)}
         writer.add_record(LOSSES_RECORD, losses_to_record(losses))
     formula = always(FORCE < "1 kN")
     topics = Expectation("it", formula).topics
-    assert outcome(formula, Record.from_bag(path, topics)) == "passed"
+    assert outcome(formula, Record.from_bag(faulty_bag, topics)) == "passed"
     record = Record.from_bag(lossy, topics)
     assert record.lost("reacting_force") == 3
     assert outcome(formula, record) == "undecided"
@@ -246,12 +242,9 @@ DEFINITION = HEARTBEAT + HEADER + TIME
 def other_bag(faulty_bag, tmp_path):
     """Return the bag with a topic of a supervisor."""
     path = tmp_path / "bag"
-    with bags.open(faulty_bag) as reader, bags.BagWriter(path) as writer:
-        for summary in reader.topics:
-            writer.add_topic(summary.topic, summary.definition)
+    with bags.BagWriter(path) as writer:
+        copied(writer, faulty_bag)
         writer.add_topic(Topic("/supervisor/heartbeat", "pkg/msg/Heartbeat"), DEFINITION)
-        for message in reader.messages():
-            writer.write(message.topic, message.data, message.log_time, message.publish_time)
         for number in range(10):
             stamp = {"sec": 0, "nanosec": number * SECOND // 10}
             header = {"stamp": stamp, "frame_id": ""}
@@ -286,16 +279,7 @@ def test_stamps_of_another_clock_are_outside_the_recording(other_bag):
 
 
 def test_two_drills_in_a_bag_must_be_named(faulty_bag, tmp_path):
-    path = tmp_path / "bag"
-    with bags.open(faulty_bag) as reader, bags.BagWriter(path) as writer:
-        for space in ("/one", "/two"):
-            for summary in reader.topics:
-                name = summary.topic.name.replace("/rpud", space)
-                writer.add_topic(Topic(name, summary.topic.type), summary.definition)
-        for message in reader.messages():
-            for space in ("/one", "/two"):
-                name = message.topic.replace("/rpud", space)
-                writer.write(name, message.data, message.log_time, message.publish_time)
+    path = merged(tmp_path / "bag", (faulty_bag, 0, "/one"), (faulty_bag, 0, "/two"))
     with pytest.raises(ExpectationError, match="several drills, /one, /two"):
         Record.from_bag(path, ["status"])
     record = Record.from_bag(path, ["status"], "/two")

@@ -200,7 +200,7 @@ def _shifted(value: Any, offset: int) -> Any:
         return [_shifted(item, offset) for item in value]
     if not isinstance(value, Decoded):
         return value
-    if value.type_name == _TIME:
+    if value.type_name == _TIME and all(isinstance(each, int) for each in vars(value).values()):
         time = join_seconds(value["sec"], value["nanosec"])
         time -= offset if time else 0
         return Decoded(_TIME, {"sec": time // SECOND, "nanosec": time % SECOND})

@@ -14,8 +14,8 @@ from rpud_sim.bag.cdr import Codec
 from rpud_sim.foundation.time import SECOND, join_seconds
 from rpud_sim.inspection.recorded_journal import (
     PROGRESS,
-    Extent,
     Recorded,
+    RecordedJournal,
     WrongHeader,
     agreed,
     with_wrong_header,
@@ -101,18 +101,20 @@ class Coverage:
     journal_count: int  # entries that the drill counted last in a status; 0 if it did not
 
 
-def find_coverage(bag: BagReader, extent: Extent, stretches: JournalStretches) -> Coverage:
+def find_coverage(
+    bag: BagReader, journal: RecordedJournal, stretches: JournalStretches
+) -> Coverage:
     """Return the coverage of a bag.
 
     The last second of a recording shows nothing about its end: when a recorder closes, messages of
     some topics are still on their way. If the drill ended first, its last status shows the end.
     """
-    found = np.concatenate([np.empty(0, PROGRESS), *(progress for _, progress in extent.end)])
+    found = np.concatenate([np.empty(0, PROGRESS), *(progress for _, progress in journal.end)])
     end = int(found["log_time"].max(initial=0))
     return Coverage(
-        _find_begin(bag, extent.codecs, stretches),
+        _find_begin(bag, journal.codecs, stretches),
         _reached(found, end, stretches),
-        agreed(extent.last),
+        agreed(journal.last),
         *_journal_until(found, end, stretches),
     )
 

@@ -16,12 +16,10 @@ from rpud_sim.bag import BagFormatError, BagReader, Message, TopicSummary
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.inspection.recorded_journal import (
-    Extent,
     Recorded,
+    RecordedJournal,
     UnverifiableError,
     held_journals,
-    journal_codec,
-    journal_entries,
     proof_codec,
 )
 from rpud_sim.inspection.recorded_topics import RecordedMessages, RecordedTopics
@@ -126,10 +124,8 @@ class _Proof:
         self.warnings: list[str] = []
         self._bag = bag
         self._report = report
-        self._journal = journal.topic.name
-        self._codec = journal_codec(journal)
-        prefix = self._journal[: -len("journal")]
-        self._extent = Extent(bag, prefix)
+        self._recorded = RecordedJournal(bag, journal)
+        self._journal, prefix = self._recorded.name, self._recorded.prefix
         self._first_faults: Fields = {}  # of the state with which a late recording begins
         self._stretches = JournalStretches(self._entries())  # first: it refuses another engine
         # By the names of topics in the run.
@@ -146,7 +142,7 @@ class _Proof:
                     self._codecs[name] = proof_codec(summary)
         if not any(self._summaries[name].message_count for name in self._codecs):
             raise UnverifiableError(f"the bag holds nothing that {self._journal} could prove")
-        self._coverage = find_coverage(bag, self._extent, self._stretches)
+        self._coverage = find_coverage(bag, self._recorded, self._stretches)
 
     def run(self) -> None:
         if wrong := self._stretches.wrong:
@@ -319,7 +315,7 @@ class _Proof:
     def _check_commands(self) -> None:
         """Warn if the drill took more commands than a bag with all of their topics holds."""
         status = self._summaries.get("status")
-        codec = self._extent.codecs.get(status.topic.name) if status else None
+        codec = self._recorded.codecs.get(status.topic.name) if status else None
         held = [self._summaries.get(name) for name in ALL_COMMAND_TOPICS]
         if self._stretches.runs > 1 or None in held[: len(COMMAND_TOPICS)]:
             return  # the counters may have begun again, or the commands were not to be recorded
@@ -343,8 +339,7 @@ class _Proof:
         self.differences.append(MessageDifference(*place, field, value, computed))
 
     def _entries(self) -> Iterator[Recorded]:
-        journal = journal_entries(self._bag.messages({self._journal}), self._codec)
-        for recorded in self._extent.check(journal):
+        for recorded in self._recorded.entries():
             entry = recorded.entry
             if entry.kind in STARTS:
                 held = entry.content

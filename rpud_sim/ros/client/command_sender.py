@@ -54,7 +54,7 @@ class CommandSender:
         self._awaited = message.header.frame_id = f"{self._mark}/{self._count}"
         self._results.clear()
         self._publishers[name].publish(message)
-        until, what = self._listening.until, "the drill did not accept the command"
+        until, what = self._listening.wait_until, "the drill did not accept the command"
         [(result, shown)] = until(lambda: self._results, what)
         until(lambda: self._status_number() >= shown, what)
         if not result.accepted:
@@ -69,7 +69,7 @@ class CommandSender:
         topic = f"command/{name}"
         publisher = self._node.create_publisher(kind, topic, _COMMAND_DEPTH)
         self._services.introduce()
-        self._listening.until(
+        self._listening.wait_until(
             lambda: self._is_heard(publisher), f"the drill did not subscribe to {topic}"
         )
         return publisher

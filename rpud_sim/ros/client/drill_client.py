@@ -12,7 +12,6 @@ from typing import Any
 
 from builtin_interfaces.msg import Duration, Time
 from rcl_interfaces.srv import SetParametersAtomically
-from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rpud_msgs import msg, srv
@@ -56,7 +55,7 @@ _CHANNEL = Text("topic of a faulty signal", "a topic")
 _FAULT_NUMBER = Quantity("", "the number of a fault", 1, 2**32 - 1, whole=True)
 
 
-class DrillClient:
+class DrillClient(ListeningNode):
     """Commands and hears one running drill.
 
     A command returns when the drill has accepted it, so that a step which follows cannot overtake
@@ -68,9 +67,10 @@ class DrillClient:
             drill.step(0.5)
             print(drill.status.impacts)
 
-    The client has one node in a context of its own, and no thread: it takes messages while one of
-    its methods waits. Use it from one thread. A drill that does not answer raises a
-    ``NoAnswerError`` after the patience, a missing one a ``NoDrillError``. ``patience`` is in s.
+    The client has one ``node``, also for publishers and services of your own, in a context of its
+    own, and no thread: it takes messages while one of its methods waits. Use it from one thread. A
+    drill that does not answer raises a ``NoAnswerError`` after the patience, a missing one a
+    ``NoDrillError``. ``patience`` is in s.
     """
 
     def __init__(
@@ -80,7 +80,7 @@ class DrillClient:
         node_name: str = "drill_client",
         patience: float = PATIENCE,
     ) -> None:
-        self._listening = ListeningNode(node_name, namespace, domain_id, patience)
+        super().__init__(node_name, namespace, domain_id, patience)
         self._found = False
         self._latest: dict[str, Any] = {}  # message by topic
         self._numbers = deque([0], maxlen=100)  # of the latest statuses, by their publisher
@@ -88,26 +88,11 @@ class DrillClient:
         self.published: Mapping[str, int] = {}
         self._observer: Callable[[str, Any], object] = lambda topic, message: None
         for topic, kind in _HEARD.items():
-            self._listening.subscribe(kind, topic, partial(self._hear, topic), _LATCHED)
-        self._services = ServiceCaller(self._listening, lambda: self.status_number)
-        self._commands = CommandSender(self._listening, self._services, lambda: self.status_number)
-
-    def __enter__(self) -> DrillClient:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
-    def close(self) -> None:
-        """Leave the graph."""
-        self._listening.close()
+            self.subscribe(kind, topic, partial(self._hear, topic), _LATCHED)
+        self._services = ServiceCaller(self, lambda: self.status_number)
+        self._commands = CommandSender(self, self._services, lambda: self.status_number)
 
     # What the drill is and says.
-
-    @property
-    def node(self) -> Node:
-        """Node of the client, for publishers and services of your own."""
-        return self._listening.node
 
     @property
     def namespace(self) -> str:
@@ -160,14 +145,15 @@ class DrillClient:
         """
         if self._found:
             return
-        patience = self._listening.patience if patience is None else float(patience)
+        patience = self.patience if patience is None else float(patience)
         try:
             self._services.introduce(patience)
         except NoAnswerError:
-            domain = self._listening.domain_id
-            raise NoDrillError(no_drill(self.node, self.namespace, domain, patience)) from None
+            raise NoDrillError(
+                no_drill(self.node, self.namespace, self.domain_id, patience)
+            ) from None
         try:
-            self._listening.until(lambda: "status" in self._latest, "", patience)
+            self.wait_until(lambda: "status" in self._latest, "", patience)
         except NoAnswerError:
             raise NoDrillError(
                 f"the drill in {self.namespace} published no status within {patience:g} s: it is "
@@ -188,22 +174,7 @@ class DrillClient:
         client. ``what`` is a sentence for the error, without the limit.
         """
         self.found()
-        return self._listening.until(condition, what, patience)
-
-    def check_while_waiting(self, check: Callable[[], object]) -> None:
-        """Call this while a method waits; an error that it raises ends the wait.
-
-        A test that has started the drill knows at once that the drill has died.
-        """
-        self._listening.check = check
-
-    def take(self) -> None:
-        """Take all messages that have arrived, without a wait; responses and events stay."""
-        self._listening.settle()
-
-    def spin(self, seconds: float = 0.0) -> None:
-        """Take messages, responses and events that have arrived, or wait for the next one [s]."""
-        self._listening.spin(seconds)
+        return self.wait_until(condition, what, patience)
 
     def listen(
         self,
@@ -219,7 +190,7 @@ class DrillClient:
         ``patience`` limits the wait for the topic [s]; None for that of the client.
         """
         self.found()
-        listener = TopicListener(self._listening, topic, kind, qos, patience)
+        listener = TopicListener(self, topic, kind, qos, patience)
         self._services.introduce()
         return listener.messages
 
@@ -237,7 +208,7 @@ class DrillClient:
         ``sinks`` has, by topic, a function of the stamp [ns] and the values, as ``FastTopics`` has
         them.
         """
-        return FastTopics(self._listening, sinks)
+        return FastTopics(self, sinks)
 
     # Commands: each returns when the drill has accepted it.
 
@@ -436,7 +407,7 @@ class DrillClient:
             return len(names) <= 1
 
         with suppress(NoAnswerError):
-            self._listening.until(is_alone, "", _STATUS_PERIOD)
+            self.wait_until(is_alone, "", _STATUS_PERIOD)
 
 
 # Arguments as fields of messages; the drill itself checks their ranges.

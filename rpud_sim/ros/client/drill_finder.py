@@ -20,7 +20,7 @@ class DrillFinder(ListeningNode):
 
     def drills(self) -> list[str]:
         """Return the namespaces of the drills."""
-        self.settle()
+        self.take()
         return drill_namespaces(self.node)
 
 

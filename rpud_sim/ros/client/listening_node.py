@@ -66,8 +66,7 @@ class ListeningNode:
     ) -> None:
         self.patience = float(SECONDS.check("patience", patience))
         self._subscriptions: list[Subscription] = []
-        # Called while the owner waits; may raise an error, which ends the wait.
-        self.check: Callable[[], object] = lambda: None
+        self._check: Callable[[], object] = lambda: None
         self._context = rclpy.Context()
         start_ros(context=self._context, domain_id=domain_id)
         try:
@@ -95,7 +94,15 @@ class ListeningNode:
     def domain_id(self) -> int:
         return int(self._context.get_domain_id())
 
+    def check_while_waiting(self, check: Callable[[], object]) -> None:
+        """Call this while a method waits; an error that it raises ends the wait.
+
+        A test that has started the drill knows at once that the drill has died.
+        """
+        self._check = check
+
     def close(self) -> None:
+        """Leave the graph."""
         if self._context.ok():
             self._executor.shutdown()
             self.node.destroy_node()
@@ -113,18 +120,18 @@ class ListeningNode:
         self._subscriptions.remove(subscription)
         self.node.destroy_subscription(subscription)
 
-    def spin(self, seconds: float) -> None:
-        """Take what has arrived, or wait some seconds for the next message or response."""
-        self.check()
+    def spin(self, seconds: float = 0.0) -> None:
+        """Take messages, responses and events that have arrived, or wait for the next one [s]."""
+        self._check()
         try:
             self._executor.spin_once(timeout_sec=seconds)
         except RuntimeError as error:  # rclpy raises it at a malformed message of a stranger
             self.node.get_logger().warning(raised(error))
         # The executor takes one message, which costs it more than all others do this way.
-        self.settle()
+        self.take()
 
-    def settle(self) -> None:
-        """Take the messages that have arrived, without a wait."""
+    def take(self) -> None:
+        """Take all messages that have arrived, without a wait; responses and events stay."""
         for subscription in self._subscriptions:
             with_info = subscription._callback_type is _WITH_INFO
             try:
@@ -133,7 +140,7 @@ class ListeningNode:
             except RuntimeError as error:
                 self.node.get_logger().warning(raised(error))
 
-    def until(
+    def wait_until(
         self,
         condition: Callable[[], Value | None],
         what: str,

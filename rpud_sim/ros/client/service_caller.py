@@ -17,7 +17,7 @@ from rpud_sim.ros.client.listening_node import (
     ListeningNode,
     RefusedError,
 )
-from rpud_sim.ros.graph import DiscoveryProbe, RepeatedRequest
+from rpud_sim.ros.graph import RepeatedRequest
 
 _SERVICES = {
     "inject_fault": srv.InjectFault,
@@ -75,24 +75,26 @@ class ServiceCaller:
     def introduce(self, patience: float | None = None) -> None:
         """Wait until the drill has discovered all subscriptions and clients of this node.
 
-        Otherwise it could drop a response or the first messages.
+        Discovery reports them in the order in which they were made: an answer to the last one
+        shows that the drill knows all. Otherwise it could drop a response or the first messages.
         """
-        kind, service = srv.GetSimulationState, "simulation/get_state"
-        probe = DiscoveryProbe(self._listening.node, service, kind)
+        node, kind = self._listening.node, srv.GetSimulationState
+        last = node.create_client(kind, "simulation/get_state")
         try:
-            self._listening.until(probe.answered, f"service {service} did not answer", patience)
+            self._answer(last, kind.Request(), True, patience)
         finally:
-            probe.close()
+            node.destroy_client(last)
 
-    def _answer(self, client: Client, request: Any, repeat: bool) -> Any:
+    def _answer(
+        self, client: Client, request: Any, repeat: bool, patience: float | None = None
+    ) -> Any:
+        wait_until = self._listening.wait_until
         service = self._listening.node.resolve_service_name(client.srv_name)
-        until = self._listening.until
-        until(client.service_is_ready, f"service {service} did not appear")
+        wait_until(client.service_is_ready, f"service {service} did not appear", patience)
         sent = RepeatedRequest(client, request, _REPETITION if repeat else inf)
+        what = f"service {service} did not answer"
         try:
-            return until(
-                sent.answered, f"service {service} did not answer", alive=self._alive
-            ).result()
+            return wait_until(sent.answered, what, patience, self._alive).result()
         finally:
             sent.close()
 

@@ -82,7 +82,7 @@ class TopicListener(FollowedTopic):
 
 
 def _find_type(listening: ListeningNode, topic: str, patience: float) -> Any:
-    node, until = listening.node, listening.until
+    node, until = listening.node, listening.wait_until
     try:
         types = until(lambda: types_of_topic(node, topic), "", patience)
     except NoAnswerError:

@@ -37,7 +37,7 @@ from rpud_sim.ros.graph import DiscoveryProbe, filled
 from rpud_sim.ros.threads import StoppedError
 from rpud_sim.simulation.configuration import Settings
 from rpud_sim.simulation.fault_kinds import KINDS
-from rpud_sim.simulation.faults import Fault, FaultError, check_kind
+from rpud_sim.simulation.faults import Fault, FaultError
 from rpud_sim.simulation.fields import fault_fields
 from rpud_sim.simulation.topics import ALL_COMMAND_TOPICS, CHANNELS, TOPICS
 
@@ -145,7 +145,6 @@ class DrillServices:
             if duration < 0:
                 raise FaultError(f"duration = {duration / SECOND:g} s is less than zero")
             simulation = live.run.simulation
-            check_kind(request.fault.kind, simulation.supported_kinds())
             response.number = simulation.inject(message_to_fault(request.fault), duration)
             live.report()
 
@@ -327,7 +326,7 @@ class DeliveryServer:
             if len(self._probes) >= _MOST_NODES:
                 return False
             try:
-                self._probes[name] = DiscoveryProbe(self._node, f"{name}/get_parameters")
+                self._probes[name] = DiscoveryProbe(self._node, name)
             except (NameValidationException, RuntimeError):  # RCLError: it is too long
                 return False
         return self._probes[name].answered()

@@ -7,7 +7,7 @@ import re
 
 import numpy as np
 import pytest
-from altered_bags import altered, unchanged
+from altered_bags import altered, merged, unchanged
 from sample_bags import write_offline_bag
 from support import called
 
@@ -58,23 +58,6 @@ def found(made):
 
 def states(found):
     return {topic.topic: topic.state for topic in found.bits[0]}
-
-
-def merged(out, *parts):
-    """Write a bag of several: each with the time that is added to it, and its namespace [ns]."""
-    with bags.BagWriter(out) as writer:
-        known = set()
-        for path, shift, space in parts:
-            with bags.open(path) as reader:
-                for summary in reader.topics:
-                    name = summary.topic.name.replace("/rpud", space)
-                    if name not in known:
-                        writer.add_topic(bags.Topic(name, summary.topic.type), summary.definition)
-                    known.add(name)
-                for m in reader.messages():
-                    name = m.topic.replace("/rpud", space)
-                    writer.write(name, m.data, m.log_time + shift, m.publish_time + shift)
-    return out
 
 
 # --- bits --------------------------------------------------------------------------------------

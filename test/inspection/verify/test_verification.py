@@ -1,9 +1,10 @@
 """What a bag proves, and what it does not: altered, shortened and torn apart."""
 
+import dataclasses
 import struct
 
 import pytest
-from altered_bags import altered, flipped, messages_of, numbered
+from altered_bags import altered, flipped, merged, messages_of, numbered
 from inspection.forked_runs import write_used
 from inspection.verify.proof_bags import DURATION, JOURNAL, ON_ARM
 from sample_bags import write_offline_bag
@@ -11,7 +12,7 @@ from sample_bags import write_offline_bag
 import rpud_sim.bag
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.definitions import find_definition
-from rpud_sim.inspection.recorded_journal import installed_codec
+from rpud_sim.inspection.recorded_journal import UnverifiableError, installed_codec
 from rpud_sim.inspection.verify.verification import PROVED, verify
 from rpud_sim.simulation import preset
 from rpud_sim.simulation.topics import TOPICS
@@ -122,14 +123,8 @@ def test_a_repeated_message_of_a_latched_topic_is_none_of_its_own(bag, tmp_path)
 def test_a_start_that_says_the_same_as_the_one_before_is_another_start(bag, tmp_path):
     # A node that is its own clock, cleaned up and activated again, or killed and started again.
     later = 10 * 1_000_000_000
-    with rpud_sim.bag.open(bag) as reader, rpud_sim.bag.BagWriter(tmp_path / "bag") as writer:
-        for summary in reader.topics:
-            writer.add_topic(summary.topic, summary.definition)
-        for shift in (0, later):
-            for message in reader.messages():
-                times = (message.log_time + shift, message.publish_time + shift)
-                writer.write(message.topic, message.data, *times)
-    once, twice = verify(bag), verify(tmp_path / "bag")
+    path = merged(tmp_path / "bag", (bag, 0, "/rpud"), (bag, later, "/rpud"))
+    once, twice = verify(bag), verify(path)
     assert twice.proved
     assert twice.simulated == 2 * once.simulated
     assert twice.topics["/rpud/wrench"].equal == 2 * once.topics["/rpud/wrench"].equal
@@ -209,3 +204,22 @@ def test_a_journal_that_begins_with_a_later_run_proves_that_run(tmp_path):
     assert verification.first_difference is None
     assert verification.undecided.endswith("messages are of before the journal begins")
     assert verification.topics["/rpud/faults"].before > 0
+
+
+@pytest.mark.parametrize(
+    ("old", "new"), [("float64 energy ", "float32 energy "), ("float64 energy ", "float64 power ")]
+)
+def test_a_type_with_a_field_of_its_own_cannot_be_proved(bag, tmp_path, old, new):
+    definition = find_definition("rpud_msgs/msg/ContactForce").replace(old, new)
+    out = tmp_path / "bag"
+    with rpud_sim.bag.open(bag) as reader, rpud_sim.bag.BagWriter(out) as writer:
+        for summary in reader.topics:
+            topic, text = summary.topic, summary.definition
+            if topic.name == "/rpud/contact_force":
+                other = Codec(topic.type, definition)
+                topic, text = dataclasses.replace(topic, type_hash=other.type_hash), definition
+            writer.add_topic(topic, text)
+        for message in reader.messages():
+            writer.write(message.topic, message.data, message.log_time, message.publish_time)
+    with pytest.raises(UnverifiableError, match="/rpud/contact_force is of another version of"):
+        verify(out)

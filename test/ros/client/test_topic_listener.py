@@ -85,7 +85,9 @@ def test_a_topic_of_two_types_is_refused(talker, listening):
     with participant() as other:
         other.create_publisher(Int32, "twofold", 10)
         two = ["std_msgs/msg/Int32", "std_msgs/msg/String"]
-        listening.until(lambda: types_of_topic(listening.node, "/heard/twofold") == two, "not both")
+        listening.wait_until(
+            lambda: types_of_topic(listening.node, "/heard/twofold") == two, "not both"
+        )
         with pytest.raises(ClientError, match=f"has several types: {', '.join(two)}"):
             TopicListener(listening, "twofold")
 
