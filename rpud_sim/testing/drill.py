@@ -139,22 +139,18 @@ class Drill(Lockstep):
             self._step_to(self._collector.time + length)
         return self.time
 
-    def step_until(
-        self, condition: Callable[[], object] | Formula, timeout: float, period: float | None = None
-    ) -> float:
+    def step_until(self, condition: Callable[[], object] | Formula, timeout: float) -> float:
         """Step until a condition holds, and return the simulation time [s].
 
         Args:
             condition: looked at before the first step and after each; a formula of
                 ``rpud_sim.verdicts`` has to hold at some instant from now on.
             timeout: longest simulation time [s].
-            period: of the steps [s]; None for the time between two answers.
 
         Raises:
             AssertionError: if it does not hold within the time.
         """
         limit = _SECONDS.check("timeout", timeout)
-        length = None if period is None else round(_SECONDS.check("period", period) * SECOND)
         begun = self._collector.time
         end = begun + round(limit * SECOND)
         holds, text = (
@@ -169,8 +165,7 @@ class Drill(Lockstep):
                     f"not within {limit:g} s of simulation time, at {self.time:.3f} s: {text}; "
                     f"{self._summary()}"
                 )
-            stop = self._next_stop() if length is None else now + length
-            self._step_to(min(stop, end))
+            self._step_to(min(self._next_stop(), end))
         return self.time
 
     def reset(self, seed: int | None = None) -> None:
@@ -247,7 +242,6 @@ class Drill(Lockstep):
     def with_answers(
         self,
         *topics: str,
-        kind: str = "",
         count: int = 1,
         period: float = PERIOD,
         timeout: float = 10.0,
@@ -259,7 +253,6 @@ class Drill(Lockstep):
         Args:
             topics: on which a node publishes when it has done its work for a stamp: with a header
                 or a time, that stamp; otherwise one more message.
-            kind: type of the topics; may be empty: that of the publisher.
             count: messages of each topic for one stamp.
             period: simulation time between two answers: they are due at its multiples [s].
             timeout: longest real time for the answers to one step [s].
@@ -267,7 +260,7 @@ class Drill(Lockstep):
         answers = self._answers
         answers.timeout = _REAL_SECONDS.check("timeout", timeout)
         length = round(_SECONDS.check("period", period) * SECOND)
-        answers.declare(topics, kind, int(_COUNT.check("count", count)), length)
+        answers.declare(topics, int(_COUNT.check("count", count)), length)
         self._note(f"with_answers {' '.join(topics)} period={period:g} s")
         return self
 

@@ -135,7 +135,6 @@ class Introductions:
 @dataclasses.dataclass
 class _Answer:
     name: str
-    kind: str
     count: int
     topic: HeardTopic | None = None
     begun: int = 0  # messages before the step
@@ -164,21 +163,19 @@ class Answers:
     def names(self) -> list[str]:
         return [answer.name for answer in self._answers]
 
-    def declare(
-        self, names: tuple[str, ...], kind: str = "", count: int = 1, period: int = 0
-    ) -> None:
+    def declare(self, names: tuple[str, ...], count: int = 1, period: int = 0) -> None:
         """Declare topics with answers, in place of those before."""
         self.period = period if names else 0
         self.introduced = False
         self._introductions.renew()
         resolve = self._collector.resolve
-        self._answers = [_Answer(resolve(name), kind, count) for name in names]
+        self._answers = [_Answer(resolve(name), count) for name in names]
 
     def connect(self) -> bool:
         """Subscribe as far as publishers are there; return whether each topic has one."""
         for answer in self._answers:
             if answer.topic is None:
-                answer.topic = self._collector.subscribe(answer.name, answer.kind)
+                answer.topic = self._collector.subscribe(answer.name)
                 if answer.topic is not None:  # what nodes knew before is not enough
                     self._introductions.renew()
         return all(self._publishers(answer) for answer in self._answers)

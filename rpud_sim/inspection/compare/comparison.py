@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 import rpud_sim.bag
-from rpud_sim.foundation.quantities import ParameterError, did_you_mean, shown_name
+from rpud_sim.foundation.quantities import ParameterError, check_names
 from rpud_sim.inspection import InspectionError
 from rpud_sim.inspection.compare.changes import (
     ComparedWindow,
@@ -143,11 +143,7 @@ def _check(
 
 def _chosen(names: Sequence[str]) -> tuple[ComparedQuantity, ...]:
     known = {quantity.name: quantity for quantity in QUANTITIES}
-    for name in names:
-        if name not in known:
-            raise ParameterError(
-                f"{shown_name(name)} is not a quantity; {did_you_mean(name, known)}"
-            )
+    check_names(names, known, "quantity")
     return tuple(known[name] for name in dict.fromkeys(names)) if names else QUANTITIES
 
 
