@@ -83,7 +83,7 @@ def _beside_c(regime: str, parameters: Parameters) -> Iterator[Row]:
     rates = []
     for _ in PHASES:
         began = time.process_time()
-        list(run_members(parameters, _MEMBER_DURATION, phases, accounts=True, threads=_THREADS))
+        list(run_members(parameters, _MEMBER_DURATION, phases, threads=_THREADS))
         rates.append(events / (time.process_time() - began))
     goal = _ENSEMBLE[regime]
     yield row(f"ensembles, {regime}: events per second of processor time", rates, "1/s", goal=goal)

@@ -60,6 +60,13 @@ def did_you_mean(name: Any, known: Iterable[str]) -> str:
     return f"did you mean {close[0]}?" if close else f"known are {', '.join(known)}"
 
 
+def check_names(names: Iterable[Any], known: Iterable[str], what: str = "parameter") -> None:
+    known = tuple(known)
+    for name in names:
+        if name not in known:
+            raise ParameterError(f"{shown_name(name)} is not a {what}; {did_you_mean(name, known)}")
+
+
 @dataclasses.dataclass(frozen=True)
 class Quantity:
     """Number with its unit, meaning and allowed range."""

@@ -8,7 +8,13 @@ import math
 from typing import NamedTuple
 
 from rpud_sim.model.compile import compiled
-from rpud_sim.model.elementary import exponential, sin_cos, sin_cos_cycles
+from rpud_sim.model.elementary import (
+    exponential,
+    exponential_minus_one,
+    sin_cos,
+    sin_cos_cycles,
+    sine_and_less,
+)
 
 TWO_PI = 2.0 * math.pi
 
@@ -118,24 +124,30 @@ class DecayingSinCos(NamedTuple):
 
     cosine: float
     sine: float
+    change: float  # of the cosine since the start of the segment, without cancellation
 
 
 # That of every oscillation at its start, and of one that rests.
-NO_SWING = DecayingSinCos(1.0, 0.0)
+NO_SWING = DecayingSinCos(1.0, 0.0, 0.0)
+
+_NEAR = 0.75  # [rad]
 
 
 @compiled
 def swing_at(decay_rate, angular_frequency, time):
-    """Return the ``DecayingSinCos`` at a time; functions whose value is known are not called."""
     if time == 0.0:
         return NO_SWING
+    angle = angular_frequency * time
+    if angle <= _NEAR:
+        sine, less = sine_and_less(angle)
+        growth = exponential_minus_one(-decay_rate * time)
+        change = growth + (less + growth * less)
+        return DecayingSinCos(1.0 + change, sine + growth * sine, change)
     decay = 1.0
     if decay_rate != 0.0:
         decay = exponential(-decay_rate * time)
-    if angular_frequency == 0.0:
-        return DecayingSinCos(decay, 0.0)
-    sine, cosine = sin_cos(angular_frequency * time)
-    return DecayingSinCos(decay * cosine, decay * sine)
+    sine, cosine = sin_cos(angle)
+    return DecayingSinCos(decay * cosine, decay * sine, decay * cosine - 1.0)
 
 
 @compiled

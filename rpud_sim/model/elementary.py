@@ -40,6 +40,7 @@ _DECADES_PER_UNIT = 0.4342944819032518  # 1 / log(10)
 
 # exp(x) is finite and normal for arguments up to this.
 _MOST_DOUBLINGS = 708.0
+_NO_DOUBLING = 0.34  # up to this exp(x) has none
 _BELOW_NORMAL = math.ldexp(1.0, -128)
 _SQUARE_ROOT_OF_HALF = 0.7071067811865476
 
@@ -68,18 +69,30 @@ def _pairs(z, w, a, b, c, d, e, f):
 
 
 @compiled
-def _sine_and_cosine(r):
-    """Return both for an angle from -pi/4 to pi/4 [rad]."""
+def _sine_and_parts(r):
+    """Return the sine of an angle up to pi/4 [rad], and h and p of its cosine 1 - h + p."""
     z = r * r
     w = z * z
     a, b, c = -0.1666666666666663, 0.008333333333322118, -0.000198412698295898
     d, e, f = 2.7557313621453654e-06, -2.5050747770751343e-08, 1.5896230488619227e-10
     sine = r + r * z * _pairs(z, w, a, b, c, d, e, f)
-    half = 0.5 * z
-    rest = 1.0 - half
     a, b, c = 0.0416666666666666, -0.0013888888888874138, 2.480158728949149e-05
     d, e, f = -2.755731435515062e-07, 2.087572367270663e-09, -1.1359669288081694e-11
-    return sine, rest + (((1.0 - rest) - half) + w * _pairs(z, w, a, b, c, d, e, f))
+    return sine, 0.5 * z, w * _pairs(z, w, a, b, c, d, e, f)
+
+
+@compiled
+def _sine_and_cosine(r):
+    sine, half, part = _sine_and_parts(r)
+    rest = 1.0 - half
+    return sine, rest + (((1.0 - rest) - half) + part)
+
+
+@compiled
+def sine_and_less(angle):
+    """Return the sine, and the cosine less 1, of an angle up to pi/4 [rad], within 1.5 ulp."""
+    sine, half, part = _sine_and_parts(angle)
+    return sine, part - half
 
 
 @compiled
@@ -126,10 +139,8 @@ def _power_of_two(exponent):
 
 
 @compiled
-def _growth(x):
-    """Return whole doublings n and growth q, with exp(x) = 2**n (1 + q) and abs(q) < 0.42."""
-    doublings = (x * _DOUBLINGS_PER_UNIT + _ROUND) - _ROUND
-    r = (x - doublings * _LOG_2_1) - doublings * _LOG_2_2
+def _growth_near(r):
+    """Return exp(r) - 1 for an argument of at most half a doubling."""
     z = r * r
     w = z * z
     low = _pair(r, 0.5000000000000001, 0.16666666666666674)
@@ -137,8 +148,15 @@ def _growth(x):
     high = _pair(r, 0.0013888888917198688, 0.00019841269886576346)
     high += z * _pair(r, 2.4801521319527276e-05, 2.7557242356039655e-06)
     highest = _pair(r, 2.7620077125270555e-07, 2.5110041863631634e-08)
-    growth = r + z * (low + w * (high + w * highest))
-    return int(doublings), growth
+    return r + z * (low + w * (high + w * highest))
+
+
+@compiled
+def _growth(x):
+    """Return whole doublings n and growth q, with exp(x) = 2**n (1 + q) and abs(q) < 0.42."""
+    doublings = (x * _DOUBLINGS_PER_UNIT + _ROUND) - _ROUND
+    r = (x - doublings * _LOG_2_1) - doublings * _LOG_2_2
+    return int(doublings), _growth_near(r)
 
 
 @compiled
@@ -166,6 +184,8 @@ def exponential(x):
 @compiled
 def exponential_minus_one(x):
     """Return exp(x) - 1, within 2.5 ulp."""
+    if abs(x) <= _NO_DOUBLING:
+        return _growth_near(x)
     if abs(x) <= _MOST_DOUBLINGS:
         doublings, growth = _growth(x)
         power = _power_of_two(doublings)

@@ -9,7 +9,7 @@ Within a segment every power is a product of sums of ``Re(z exp(rate s))``, comp
 
 from typing import NamedTuple
 
-from rpud_sim.model.closed_form import TWO_PI
+from rpud_sim.model.closed_form import TWO_PI, swinging_part
 from rpud_sim.model.compile import compiled
 from rpud_sim.model.elementary import (
     complex_exponential,
@@ -66,19 +66,13 @@ class RpudConstants(NamedTuple):
 _SHORT = 1e-9
 
 
-class Growth(NamedTuple):
-    """Change of an exponential over a duration, without cancellation."""
-
-    whole: complex  # exp(rate s) - 1
-    size: float  # abs(exp(rate s)) - 1
-
-
 @compiled
 def growth_over(rate, duration):
+    """Return exp(rate s) - 1 without cancellation, with a complex rate [1/s]."""
     size = exponential_minus_one(rate.real * duration)
     half, cosine = sin_cos(0.5 * rate.imag * duration)
     real = size - (size + 1.0) * (2.0 * half * half)
-    return Growth(complex(real, (size + 1.0) * (2.0 * half * cosine)), size)
+    return complex(real, (size + 1.0) * (2.0 * half * cosine))
 
 
 @compiled
@@ -87,7 +81,7 @@ def exponential_integral(rate, duration):
     largest = max(abs(rate.real), abs(rate.imag))  # without a root where it is large enough
     if largest * duration < _SHORT and complex_size(rate) * duration < _SHORT:
         return duration * (1.0 + 0.5 * rate * duration)
-    return complex_quotient(growth_over(rate, duration).whole, rate)
+    return complex_quotient(growth_over(rate, duration), rate)
 
 
 @compiled
@@ -100,17 +94,30 @@ def product_integral(first, first_rate, second, second_rate, duration):
 
 
 @compiled
-def decaying_square_integral(amplitude, rate, duration, growth):
-    """Integral of the square of the derivative of Re(amplitude exp(rate s)), with its growth."""
-    twice = rate.real + rate.real
-    mean = duration
-    if abs(twice) * duration >= _SHORT:
-        mean = growth.size * (2.0 + growth.size) / twice
-    whole = growth.whole
-    swinging = 0.5 * rate * (amplitude * amplitude) * (whole * (whole + 2.0))
-    size = amplitude.real * amplitude.real + amplitude.imag * amplitude.imag
-    square = rate.real * rate.real + rate.imag * rate.imag
-    return 0.5 * (swinging.real + square * size * mean)
+def way_of(motion, begun, ended):
+    """Way of a decaying part between two ``DecayingSinCos`` [m].
+
+    A difference of positions would lose the digits that the deflection of a soft spring takes.
+    """
+    change = ended.change - begun.change
+    return motion.cosine * change + motion.sine * (ended.sine - begun.sine)
+
+
+@compiled
+def damper_loss(damping, motion, begun, ended):
+    """Energy that a damping takes from a decaying part between two ``DecayingSinCos`` [J].
+
+    x'' + 2 a x' + (a^2 + w^2) x = 0 times x', integrated once: no other function is needed.
+    """
+    a = motion.decay_rate
+    if damping == 0.0 or a == 0.0:
+        return 0.0
+    w = motion.angular_frequency
+    u_begun, v_begun = swinging_part(motion, begun)
+    u_ended, v_ended = swinging_part(motion, ended)
+    lost = (v_begun - v_ended) * (v_begun + v_ended)
+    lost -= (a * a + w * w) * way_of(motion, begun, ended) * (u_begun + u_ended)
+    return 0.25 * damping / a * lost
 
 
 @compiled
@@ -121,14 +128,6 @@ def square_integral(first, first_rate, second, second_rate, duration):
         + 2.0 * product_integral(first, first_rate, second, second_rate, duration)
         + product_integral(second, second_rate, second, second_rate, duration)
     )
-
-
-@compiled
-def decaying_from(motion, start):
-    """Complex amplitude [m] and rate [1/s] of a decaying part, from a time on."""
-    rate = complex(-motion.decay_rate, motion.angular_frequency)
-    amplitude = complex(motion.cosine, -motion.sine)
-    return (amplitude * complex_exponential(rate * start) if start > 0.0 else amplitude), rate
 
 
 class HeldMotion(NamedTuple):
@@ -145,7 +144,10 @@ class HeldMotion(NamedTuple):
 @compiled
 def held_motion(segment, start):
     motion = nodal_plane_motion(segment)
-    decaying, rate = decaying_from(motion, start)
+    rate = complex(-motion.decay_rate, motion.angular_frequency)
+    decaying = complex(motion.cosine, -motion.sine)
+    if start > 0.0:
+        decaying *= complex_exponential(rate * start)
     sine, cosine = vibration_turn(segment, start)
     turn = complex(cosine, sine)
     steady = complex(motion.vibration_cosine, -motion.vibration_sine) * turn
@@ -155,21 +157,20 @@ def held_motion(segment, start):
 
 
 @compiled
-def drill_tool_damper_loss(segment, start, end):
-    """Energy that the damping of the drill tool takes in a part of a segment [J]."""
-    if segment.drill_tool_damping == 0.0:
+def drill_tool_damper_loss(segment, start, end, begun, ended):
+    """Energy that the damping of the drill tool takes in a part of a segment [J].
+
+    ``begun`` and ``ended`` are its ``DecayingSinCos`` at the start and the end of the part.
+    """
+    damping = segment.drill_tool_damping
+    if segment.contact != CONTACT_BOTH:
+        return damper_loss(damping, drill_tool_motion(segment), begun, ended)
+    if damping == 0.0:
         return 0.0
-    duration = end - start
-    if segment.contact == CONTACT_BOTH:
-        held = held_motion(segment, start)
-        return segment.drill_tool_damping * square_integral(
-            held.rate * held.decaying, held.rate, held.omega * held.tip, held.omega, duration
-        )
-    if segment.drill_tool_cosine == 0.0 and segment.drill_tool_sine == 0.0:
-        return 0.0
-    decaying, rate = decaying_from(drill_tool_motion(segment), start)
-    growth = growth_over(rate, duration)
-    return segment.drill_tool_damping * decaying_square_integral(decaying, rate, duration, growth)
+    held = held_motion(segment, start)
+    return damping * square_integral(
+        held.rate * held.decaying, held.rate, held.omega * held.tip, held.omega, end - start
+    )
 
 
 @compiled
@@ -206,8 +207,8 @@ def held_travels(segment, held, duration):
     Differences of positions would lose the digits that the deflection of a soft spring takes.
     """
     decaying, rate, steady, _, turn, omega = held
-    swing = growth_over(omega, duration).whole
-    nodal_plane = (decaying * growth_over(rate, duration).whole).real + (steady * swing).real
+    swing = growth_over(omega, duration)
+    nodal_plane = (decaying * growth_over(rate, duration)).real + (steady * swing).real
     vibration = complex(0.0, -segment.vibration_amplitude) * turn
     loss = segment.load_spring_damping * square_integral(
         rate * decaying, rate, omega * steady, omega, duration
@@ -216,20 +217,18 @@ def held_travels(segment, held, duration):
 
 
 @compiled
-def free_travels(segment, start, end):
-    """Return the same of a free mass off the tip."""
-    duration = end - start
-    decaying, rate = decaying_from(nodal_plane_motion(segment), start)
-    growth = growth_over(rate, duration)
-    nodal_plane = (decaying * growth.whole).real
-    square = decaying_square_integral(decaying, rate, duration, growth)
+def free_travels(segment, start, end, begun, ended):
+    """Return the same of a free mass off the tip, given the ``Turns`` at start and end."""
+    motion = nodal_plane_motion(segment)
+    nodal_plane = way_of(motion, begun.nodal_plane, ended.nodal_plane)
+    damping = segment.load_spring_damping
+    loss = damper_loss(damping, motion, begun.nodal_plane, ended.nodal_plane)
     if segment.contact & CONTACT_DRILL_TOOL:
-        decaying, rate = decaying_from(drill_tool_motion(segment), start)
-        free_mass = (decaying * growth_over(rate, duration).whole).real
+        free_mass = way_of(drill_tool_motion(segment), begun.drill_tool, ended.drill_tool)
     else:
-        acceleration = segment.free_mass_acceleration
-        free_mass = (segment.free_mass_velocity + 0.5 * acceleration * (start + end)) * duration
-    return nodal_plane, free_mass, segment.load_spring_damping * square
+        mean = segment.free_mass_velocity + 0.5 * segment.free_mass_acceleration * (start + end)
+        free_mass = mean * (end - start)
+    return nodal_plane, free_mass, loss
 
 
 @compiled
@@ -246,17 +245,17 @@ def stored_energy(segment, motion, rpud_mass):
 
 
 @compiled
-def add_motion(rpud, segment, start, end, whole, account):
-    """Add what happens in a part of a segment; without ``whole`` the tool's loss alone."""
-    account[DRILL_TOOL_DAMPER] += drill_tool_damper_loss(segment, start, end)
-    if not whole:
-        return
+def add_motion(rpud, segment, start, end, begun, ended, account):
+    """Add what happens in a part of a segment, given the ``Turns`` at its start and end."""
+    account[DRILL_TOOL_DAMPER] += drill_tool_damper_loss(
+        segment, start, end, begun.drill_tool, ended.drill_tool
+    )
     if segment.contact & CONTACT_ACTUATOR:
         held, duration = held_motion(segment, start), end - start
         nodal_plane, free_mass, loss = held_travels(segment, held, duration)
         account[ACTUATOR_WORK] += actuator_work(segment, held, duration)
     else:
-        nodal_plane, free_mass, loss = free_travels(segment, start, end)
+        nodal_plane, free_mass, loss = free_travels(segment, start, end, begun, ended)
     account[WEIGHT_ON_BIT_WORK] += segment.weight_on_bit * nodal_plane
     gravity_work = segment.free_mass * segment.gravity * free_mass
     if rpud.gravity_acts:
@@ -295,13 +294,17 @@ def add_change(before, after, motion, begun, account):
 
     ``motion`` is ``motion_at`` the instant, ``begun`` that after it and after its collisions.
     """
-    # Nothing else moves the nodal plane at once, or stops a drill tool away from zero.
+    tool_rate, new_rate = before.drill_tool_spring_rate, after.drill_tool_spring_rate
+    same = before.load_spring_rate == after.load_spring_rate and tool_rate == new_rate
+    same = same and before.drill_tool_mass == after.drill_tool_mass
     commanded = after.event & EVENT_COMMAND
+    if same and not commanded:
+        return motion
     passed = motion[0] - begun[0]
+    # Nothing else moves the nodal plane at once, or stops a drill tool away from zero.
     if not commanded or abs(passed) <= LEAST_DEFORMATION:
         passed = 0.0  # rounding
     u_np, v_np, u_ut, v_ut, u_fm, v_fm, u_dt, v_dt = motion
-    tool_rate, new_rate = before.drill_tool_spring_rate, after.drill_tool_spring_rate
     account[CHANGES] += withdrawal_work(after, tool_rate, motion, passed)
     strain = u_dt  # where the stiffer spring of the drill tool acts
     u_dt -= passed

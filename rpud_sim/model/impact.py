@@ -125,7 +125,7 @@ def follow_impact(segment, impact, time, turns):
         force = peak_of_pair(segment, time, turns.drill_tool)
     moved = mass * (v_end - v_start) * (v_end + v_start)
     strained = spring_rate * (u_end - u_start) * (u_end + u_start)
-    loss = drill_tool_damper_loss(segment, 0.0, time)
+    loss = drill_tool_damper_loss(segment, 0.0, time, NO_SWING, turns.drill_tool)
     impact.energy_transferred += 0.5 * (moved + strained) + loss
     impact.contact_duration += time
     impact.peak_force = max(impact.peak_force, force)

@@ -7,15 +7,13 @@ import functools
 from typing import Any
 
 from rpud_sim.foundation.quantities import (
-    ParameterError,
     ParameterGroup,
+    check_names,
     choice,
     declarations,
-    did_you_mean,
     flag,
     number,
     quantities,
-    shown_name,
 )
 from rpud_sim.model.contact_models import CONTACT_MODELS, CONTACT_MODELS_TEXT
 
@@ -123,11 +121,7 @@ class Parameters(ParameterGroup):
         return self.section_1_length + self.section_2_length
 
     def replace(self, **changes: Any) -> Parameters:
-        for name in changes:
-            if name not in NAMES:
-                raise ParameterError(
-                    f"{shown_name(name)} is not a parameter; {did_you_mean(name, NAMES)}"
-                )
+        check_names(changes, NAMES)
         return dataclasses.replace(self, **changes)
 
 

@@ -157,7 +157,7 @@ def turns_at_end(segment, is_released):
             segment.drill_tool_angular_frequency,
             segment.gravity,
         )
-        tool = DecayingSinCos(cosine, sine)
+        tool = DecayingSinCos(cosine, sine, cosine - 1.0)
     else:
         tool = drill_tool_swing(segment, time)
     return Turns(vibration_turn(segment, time), nodal_plane_swing(segment, time), tool)

@@ -78,11 +78,13 @@ def soon_after(square, damping, displacement, velocity, time):
     second = -square * displacement - damping * velocity
     third = -square * velocity - damping * second
     fourth = -square * second - damping * third
-    after = displacement + time * (
-        velocity + time * (0.5 * second + time * (_SIXTH * third + time * (0.25 * _SIXTH * fourth)))
+    square_of_time = time * time
+    last = 0.5 * second + time * (_SIXTH * third)
+    after = (displacement + time * velocity) + square_of_time * (
+        last + square_of_time * (0.25 * _SIXTH * fourth)
     )
-    rate = velocity + time * (second + time * (0.5 * third + time * (_SIXTH * fourth)))
-    return after, rate
+    last = 0.5 * third + time * (_SIXTH * fourth)
+    return after, (velocity + time * second) + square_of_time * last
 
 
 @compiled
@@ -220,8 +222,7 @@ def first_landing(segment, limit):
         else:
             decay = exponential(-tool.decay_rate * time)
             sine, cosine = sin_cos(tool.angular_frequency * time)
-            displacement, velocity = swinging_part(
-                tool, DecayingSinCos(decay * cosine, decay * sine)
-            )
+            swing = DecayingSinCos(decay * cosine, decay * sine, decay * cosine - 1.0)
+            displacement, velocity = swinging_part(tool, swing)
         u_fm, v_fm = fall(segment.free_mass_position, segment.free_mass_velocity, gravity, time)
     return time, False, LONGEST_SEARCH

@@ -114,16 +114,18 @@ def time_in(segment, seconds, fraction):
 
 
 @compiled
-def add_until(rpud, segment, end, motion, turn, turns, whole, part):
+def add_until(rpud, segment, end, motion, turn, ended, part):
     """Add a segment from the part's offset to a time, given motion and ``Turns`` there."""
     start = part[OFFSET]
     if not end > start:
         return
-    energy.add_motion(rpud, segment, start, end, whole, part)
     # The integral of R = W - k_1 u_np - c_1 v_np.
-    position = nodal_plane_integral(segment, end, turn, turns)
+    position = nodal_plane_integral(segment, end, turn, ended)
+    begun = Turns(turn, NO_SWING, NO_SWING)
     if start > 0.0:
-        position -= nodal_plane_integral(segment, start, turn, turns_at(segment, start))
+        begun = turns_at(segment, start)
+        position -= nodal_plane_integral(segment, start, turn, begun)
+    energy.add_motion(rpud, segment, start, end, begun, ended, part)
     part[IMPULSE] += (
         segment.weight_on_bit * (end - start)
         - segment.load_spring_rate * position
@@ -153,7 +155,7 @@ def begin_part(rpud, segment, seconds, fraction, counts, tally, part):
 
 
 @compiled
-def add_ended(rpud, segment, after, turn, turns, turn_after, whole, tally, part):
+def add_ended(rpud, segment, after, turn, turns, turn_after, tally, part):
     """Add a segment from the part's offset on, and the event that ends it.
 
     ``turn`` is at its start, ``turns`` at its end, and ``turn_after`` at the start of the one
@@ -161,7 +163,7 @@ def add_ended(rpud, segment, after, turn, turns, turn_after, whole, tally, part)
     """
     end = segment.duration
     ended = motion_of(segment, end, turns)
-    add_until(rpud, segment, end, ended, turn, turns, whole, part)
+    add_until(rpud, segment, end, ended, turn, turns, part)
     motion = motion_of(after, 0.0, Turns(turn_after, NO_SWING, NO_SWING))
     changed = energy.add_change(segment, after, ended, motion, part)
     rested = energy.add_rest(segment, after, changed, part)
@@ -172,13 +174,13 @@ def add_ended(rpud, segment, after, turn, turns, turn_after, whole, tally, part)
 
 
 @compiled
-def finish_part(rpud, segment, seconds, fraction, whole, tally, part):
+def finish_part(rpud, segment, seconds, fraction, tally, part):
     """Add the open segment up to the end of a part of a run, and the part to the tally."""
     end = time_in(segment, seconds, fraction)
     turns = turns_at(segment, end)
     motion = motion_of(segment, end, turns)
     turn = turn_at(segment.vibration_phase)
-    add_until(rpud, segment, end, motion, turn, turns, whole, part)
+    add_until(rpud, segment, end, motion, turn, turns, part)
     part[energy.STORED] += energy.stored_energy(segment, motion, rpud.mass)
     tally.reacting_impulse += part[IMPULSE]
     for i in range(len(energy.TERMS)):
@@ -227,9 +229,9 @@ def add_block(rpud, covering, impacts, begin, until, counts, tallies, classes, p
         after = covering[i + 1]
         turn_after = turn_at(after.vibration_phase)
         turns = turns_at_end(segment, after.event & EVENT_RELEASE != 0)
-        add_ended(rpud, segment, after, turn, turns, turn_after, True, tally, part)
+        add_ended(rpud, segment, after, turn, turns, turn_after, tally, part)
         turn = turn_after
-    finish_part(rpud, covering[last], until[0], until[1], True, tally, part)
+    finish_part(rpud, covering[last], until[0], until[1], tally, part)
     add_impacts(impacts, tally, classes)
 
 
@@ -254,15 +256,14 @@ def advance_members(drill, rpud, members, begin, until, options, room, progress)
     ``members`` are arrays of their ``STATE``, open ``SEGMENT`` and ``IMPACT``, ``TALLY``, status
     and class of the 99 % quantile. They advance from ``begin`` to ``until``, whole seconds and
     fraction. ``options``: whether they begin now and end then (in one call, as they share the
-    classes), whether anything is added, whether the event of the first segment counts, whether the
-    account is whole. ``room`` is for impacts, two segments, the classes and a part's sums.
-    ``progress``: the member to go on with, its impacts (-1 before its turn), and those of the last
-    one.
+    classes), and whether the event of the first segment counts. ``room`` is for impacts, two
+    segments, the classes and a part's sums. ``progress``: the member to go on with, its impacts (-1
+    before its turn), and those of the last one.
 
     Returns whether all are there; if not, call again with more room for impacts.
     """
     states, open_segments, open_impacts, tallies, statuses, quantiles = members
-    starts, ends, added, counts, whole = options
+    starts, ends, counts = options
     impacts, segments, classes, part = room
     bodies = oscillators_of(drill)
     while progress[0] < len(states):
@@ -272,8 +273,7 @@ def advance_members(drill, rpud, members, begin, until, options, room, progress)
             count = 0
             if starts:
                 count = start(drill, states[i : i + 1], opened, open_impacts[i : i + 1], impacts)
-            if added:
-                begin_part(rpud, opened[0], begin[0], begin[1], counts, tally, part)
+            begin_part(rpud, opened[0], begin[0], begin[1], counts, tally, part)
         state, impact = states[i], open_impacts[i]
         segments[0] = opened[0]
         turn = turn_at(segments[0].vibration_phase)
@@ -288,8 +288,7 @@ def advance_members(drill, rpud, members, begin, until, options, room, progress)
             count, turn_after = pass_event(
                 drill, bodies, state, segment, after, impact, impacts, count, turns
             )
-            if added:
-                add_ended(rpud, segment, after, turn, turns, turn_after, whole, tally, part)
+            add_ended(rpud, segment, after, turn, turns, turn_after, tally, part)
             turn = turn_after
             segment, after = after, segment
         opened[0] = segment
@@ -298,8 +297,8 @@ def advance_members(drill, rpud, members, begin, until, options, room, progress)
             return False
         status = checked(status, state)
         statuses[i] = status
-        if added and status == DONE:
-            finish_part(rpud, opened[0], until[0], until[1], whole, tally, part)
+        if status == DONE:
+            finish_part(rpud, opened[0], until[0], until[1], tally, part)
             add_impacts(impacts[:count], tally, classes)
         if ends:
             quantiles[i] = class_at(tallies[i : i + 1], classes, QUANTILE)

@@ -29,7 +29,7 @@ WEAKEST_PULL = 1e-9
 SAME_ACCELERATION = 1e-6
 
 # An approach that is this near to its root is an event [s].
-TIME_RESOLUTION = 1e-16
+TIME_RESOLUTION = 1e-14
 
 # A slow drill tool in the rock that is nearer to zero is at rest there [m].
 LEAST_DEFORMATION = 1e-14

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -15,12 +15,11 @@ from rpud_sim.foundation.quantities import (
     Declaration,
     ParameterError,
     ParameterGroup,
+    check_names,
     declarations,
-    did_you_mean,
     flag,
     number,
     shown,
-    shown_name,
     text,
 )
 from rpud_sim.foundation.yaml_files import open_yaml, parse_yaml
@@ -205,7 +204,7 @@ class Settings(ParameterGroup):
 
     def replace(self, changes: Mapping[str, Any]) -> Settings:
         """Return settings with some values changed; only their groups are checked again."""
-        check_names(changes)
+        check_names(changes, PARAMETERS)
         configuration = self.configuration
         groups = {
             field: dataclasses.replace(getattr(configuration, field), **own)
@@ -235,20 +234,12 @@ CHANGEABLE = tuple(name for name, declaration in PARAMETERS.items() if declarati
 NODE_NAMES = _NAMES[Settings]
 
 
-def check_names(names: Iterable[str]) -> None:
-    for name in names:
-        if name not in PARAMETERS:
-            raise ParameterError(
-                f"{shown_name(name)} is not a parameter; {did_you_mean(name, PARAMETERS)}"
-            )
-
-
 def to_configuration(values: Mapping[str, Any]) -> Configuration:
     """Return the configuration: the preset of ``regime``, drilling if not given, with these values.
 
     Parameters of the run are ignored.
     """
-    check_names(values)
+    check_names(values, PARAMETERS)
     given = {**vars(preset(values.get("regime", "drilling"))), **values}
     groups = {field: group(**_those_of(group, given)) for field, group in _GROUPS.items()}
     return Configuration(**groups, **_those_of(Configuration, values))

@@ -60,7 +60,7 @@ class Member:
     """Result of one member of an ensemble."""
 
     figures: Figures  # of the whole run; empty if it failed
-    account: EnergyAccount | None = None  # of energy; None if it failed, or without accounts
+    account: EnergyAccount | None = None  # of energy; None if it failed
     failure: EngineError | None = None  # why it failed; None if it did not
     feed: FeedAccount | None = None  # energies of feed and mount; None without a feed
     rotation: RotorWork | None = None  # energies of the rotor; None without rotation
@@ -107,29 +107,29 @@ class EnsembleRuns:
     def depth(self) -> float:
         return self._progress.depth
 
-    def run(self, end: int, whole: bool) -> list[Member]:
+    def run(self, end: int) -> list[Member]:
         """Run all from time zero to an end [ns]."""
         tallies = empty_tallies(len(self._states))
-        self._advance(end, tallies, _room.classes, (True, True, True, True, whole))
+        self._advance(end, tallies, _room.classes, (True, True, True))
         found = []
         for number, tally in enumerate(tallies):
             if (error := self._error(number)) is not None:
                 found.append(Member({}, failure=error))
                 continue
             figures = figures_of(tally, end / SECOND, int(self._quantiles[number]))
-            energies = account_of_tally(tally, self._electrical(number)) if whole else None
+            energies = account_of_tally(tally, self._electrical(number))
             found.append(Member(figures, energies))
         return found
 
-    def advance_to(self, time: int, statistics: Statistics, whole: bool = True) -> np.ndarray:
+    def advance_to(self, time: int, statistics: Statistics) -> np.ndarray:
         """Advance a single run to a time [ns], and return its impacts since the last call.
 
-        The next call of any run in this thread overwrites them. The energy account needs ``whole``.
+        The next call of any run in this thread overwrites them.
         """
         [_] = self._states
         begin = self.time
         counts = begin == 0 and not statistics.begun
-        count = self._advance(time, *statistics.sums, (not self._begun, False, True, counts, whole))
+        count = self._advance(time, *statistics.sums, (not self._begun, False, counts))
         if (error := self._error(0)) is not None:
             raise error
         statistics.note_part(begin, time, self._electrical(0))
@@ -256,7 +256,6 @@ def run_members(
     phases: Sequence[float],
     report: Callable[[float], object] = lambda simulated: None,
     scenario: Scenario | None = None,
-    accounts: bool = False,
     threads: int = 1,
     planned: Sequence[Planned] = (),
 ) -> Generator[Member, None, None]:
@@ -289,7 +288,7 @@ def run_members(
             else:
                 own = Simulation(configuration, batch[0], scenario)
             return [_run(own, configuration, planned, end, tell)]
-        members = EnsembleRuns(configuration, batch).run(end, accounts)
+        members = EnsembleRuns(configuration, batch).run(end)
         tell(len(batch) * end / SECOND)
         return members
 
@@ -357,7 +356,7 @@ def run_ensemble(
     if scenario or planned:
         compile_kernels(configuration)
     started = time.perf_counter()
-    found = run_members(configuration, duration, phases, report, scenario, True, threads, planned)
+    found = run_members(configuration, duration, phases, report, scenario, threads, planned)
     members: list[Member] = []
     with contextlib.closing(found):
         for member in found:

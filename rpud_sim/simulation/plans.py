@@ -16,15 +16,15 @@ from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeVar
 
 import numpy as np
 
-from rpud_sim.foundation.quantities import ParameterError, Quantity, shown
+from rpud_sim.foundation.quantities import ParameterError, Quantity, check_names, shown
 from rpud_sim.foundation.time import NEVER, SECOND
 from rpud_sim.foundation.yaml_files import Cursor, cursor_at, open_yaml
 from rpud_sim.simulation.commands import Command, Control, Drive, Feed, WeightOnBit
 from rpud_sim.simulation.configuration import (
     CHANGEABLE,
+    PARAMETERS,
     Configuration,
     Settings,
-    check_names,
     parse_assignment,
 )
 from rpud_sim.simulation.fault_kinds import KINDS
@@ -83,8 +83,8 @@ def read_scenario(path: str | Path, seed: int | None = None) -> Scenario:
     return scenario_at(open_yaml(path, truth_values=False, error=FaultError), seed)
 
 
-def parse_scenario(content: Any, name: str, seed: int | None = None) -> Scenario:
-    return scenario_at(cursor_at(content, name, FaultError), seed)
+def parse_scenario(content: Any, name: str) -> Scenario:
+    return scenario_at(cursor_at(content, name, FaultError))
 
 
 def scenario_at(top: Cursor, seed: int | None = None) -> Scenario:
@@ -234,7 +234,7 @@ def parameter_changes(values: Mapping[str, Any], fixed: Sequence[str] = ()) -> C
     What a fork takes is checked later, with the other values of the run.
     """
     allowed = (*CHANGEABLE, *COMMANDED, *fixed)
-    check_names(values)
+    check_names(values, PARAMETERS)
     for name in values:
         if name not in allowed:
             raise ParameterError(

@@ -53,18 +53,6 @@ def test_the_cut_is_linear_in_the_weight_up_to_the_contact_depth_and_beyond():
     assert half.friction_torque == pytest.approx(0.25 * ROCK.friction * RADIUS * bearing)
 
 
-@given(LAYERS, WEIGHTS, WEIGHTS, FLATS, FLATS)
-def test_more_weight_cuts_deeper_and_a_blunter_bit_or_harder_rock_less(
-    layer, weight, other, flat, blunter
-):
-    low, high = sorted((weight, other))
-    sharp, blunt = sorted((flat, blunter))
-    depth = cut(BIT, layer, RADIUS, low, sharp).depth
-    assert depth <= cut(BIT, layer, RADIUS, high, sharp).depth
-    assert cut(BIT, layer, RADIUS, low, blunt).depth <= depth * (1.0 + 1e-12)
-    assert cut(BIT, layer, RADIUS, low, sharp, 2.0).depth <= depth
-
-
 @pytest.mark.parametrize("weight", [0.0, -1.0])
 def test_without_weight_it_does_not_cut(weight):
     assert cut(BIT, ROCK, RADIUS, weight, 0.0) == NO_CUT

@@ -5,12 +5,12 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from rpud_sim.drilling.borehole import BitParameters, Borehole, cut, radius_of
 from rpud_sim.drilling.inputs import UNDISTURBED, Disturbances, Percussion
-from rpud_sim.drilling.rock import ROCKS, Layer, RockParameters, Strata, find_strata, uniform_strata
+from rpud_sim.drilling.rock import Layer, RockParameters, Strata, find_strata, uniform_strata
 from rpud_sim.drilling.rotor import NOT_TURNED, RotationParameters, Rotor
 from rpud_sim.foundation.quantities import quantities
 
@@ -206,28 +206,6 @@ def test_a_bit_walks_sideways_only_until_the_hole_guides_it():
     faults = Disturbances(side_walk=1e-3)
     assert Drill(bit=BIT).run(0.5, faults=faults).side_offset == pytest.approx(0.5e-3)
     assert Drill(bit=BIT, deep=RADIUS).run(0.1, faults=faults).side_offset == 0.0
-
-
-@settings(max_examples=25)
-@given(
-    weight=st.floats(0.5, 80.0),
-    energy=st.floats(0.0, 0.5),
-    name=st.sampled_from(list(ROCKS)),
-    hardness=st.floats(1.0, 5.0),
-)
-def test_harder_rock_is_never_faster_and_the_account_closes(weight, energy, name, hardness):
-    soft, hard = Drill(name, BIT), Drill(name, BIT)
-    soft.run(0.05, weight, energy)
-    hard.run(0.05, weight, energy, faults=Disturbances(hardness=hardness))
-    # A rotor that stalls in one and not in the other is another matter.
-    if soft.rotor.state.rate > 0.0 and hard.rotor.state.rate >= soft.rotor.state.rate:
-        turned = hard.rotor.state.angle / soft.rotor.state.angle
-        assert hard.borehole.state.depth <= soft.borehole.state.depth * turned * (1.0 + 1e-9)
-    for drill in (soft, hard):
-        state, work = drill.borehole.state, drill.rotor.state.work
-        assert abs(work.residual) <= 1e-12 * max(work.drive, 1e-6)
-        assert 0.0 <= filling(state) <= 1.0 + 1e-12
-        assert state.bit_wear >= 0.0
 
 
 # What must not be at the same end, by parameter.

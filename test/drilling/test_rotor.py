@@ -4,9 +4,8 @@ import copy
 import math
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
-from scipy.integrate import solve_ivp
 
 from rpud_sim.drilling.rotor import Resistance, RotationParameters, Rotor
 
@@ -109,19 +108,3 @@ def test_the_works_add_up_and_nothing_comes_from_nowhere(steps, parameters):
         assert rotor.state.rate >= 0.0
         assert rotor.state.angle >= angle
         assert work.drawn >= work.drive - 1e-12 * size
-
-
-@settings(max_examples=20)
-@given(PARAMETERS, st.floats(0.2, 2.0), st.floats(0.0, 0.5))
-def test_it_agrees_with_a_numerical_integration(parameters, ratio, share):
-    stall = parameters.rotor_stall_torque
-    torque = share * stall * ratio  # it turns
-
-    def change(_, motion):
-        drive = stall * (ratio - motion[1] / parameters.rotor_no_load_rate)
-        return [motion[1], (drive - torque) / parameters.rotor_inertia]
-
-    found = solve_ivp(change, (0, 5e-3), (0, 0), method="LSODA", rtol=1e-9, atol=1e-11)
-    state = turn(5e-3, torque, ratio, parameters).state
-    assert state.angle == pytest.approx(found.y[0][-1], rel=1e-5, abs=1e-9)
-    assert state.rate == pytest.approx(found.y[1][-1], rel=1e-5, abs=1e-6)

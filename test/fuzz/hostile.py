@@ -4,8 +4,13 @@ from __future__ import annotations
 
 import math
 import random
+import re
 import struct
 import sys
+from collections.abc import Collection, Mapping
+from typing import Any
+
+from rpud_sim.ros.graph import message_class
 
 NUMBERS = (
     *(0.0, -0.0, 1.0, -1.0, 0.5, 5e-324, -5e-324, 2.2250738585072014e-308, sys.float_info.epsilon),
@@ -62,3 +67,29 @@ def name(random: random.Random, names: tuple[str, ...]) -> str:
     if choice == 1:
         return random.choice((known.upper(), known + " ", known[:-1], known * 2, f"/{known}"))
     return known
+
+
+def fill(random: random.Random, message: Any, known: Mapping[str, Collection[Any]]) -> Any:
+    """Give every field of a ROS message a value of its type, and return the message.
+
+    Fields whose names are ``known`` get one of these values; texts among them are damaged at times.
+    """
+    for field, described in message.get_fields_and_field_types().items():
+        kind = described.removeprefix("sequence<").removesuffix(">")
+        count = 1 if kind == described else random.choice((0, 1, 1, 1, 2, 5))
+        values = [_value(random, kind, tuple(known.get(field, ())), known) for _ in range(count)]
+        setattr(message, field, values[0] if kind == described else values)
+    return message
+
+
+def _value(random: random.Random, kind: str, choices: tuple[Any, ...], known: Any) -> Any:
+    if "/" in kind:
+        return fill(random, message_class(kind.replace("/", "/msg/"))(), known)
+    if kind == "string":
+        return name(random, choices) if choices else text(random, surrogates=False)
+    if choices:
+        return random.choice(choices)
+    if kind in ("boolean", "octet"):
+        return random.random() < 0.5 if kind == "boolean" else random.randbytes(1)
+    bits = re.search(r"\d+", kind)
+    return whole(random, int(bits[0]), not kind.startswith("u")) if bits else number(random)

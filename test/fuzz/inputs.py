@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import math
 import random
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from typing import Any
 
-from builtin_interfaces.msg import Duration, Time
-from lifecycle_msgs.msg import Transition
-from rcl_interfaces.msg import Parameter as ParameterMessage
-from rcl_interfaces.msg import ParameterType, ParameterValue
-from rpud_msgs.msg import Drive, Fault, Result, SimulationState, WeightOnBit
+from builtin_interfaces.msg import Time
+from rcl_interfaces.msg import ParameterType
+from rpud_msgs.msg import Drive, Result, SimulationState, WeightOnBit
 
 from fuzz import hostile
 from fuzz.drill import Drill
@@ -33,8 +31,18 @@ NUMBERS = {
 SECOND = 1_000_000_000
 LONGEST_STEP = 1_000_000 * SECOND  # that the drill takes; a fuzz that waits for one never ends
 ROS_NAMES = ("use_sim_time", "start_type_description_service")
-# Those that an active drill has would end it, rightly.
-IMPOSSIBLE_TRANSITIONS = (0, 1, 2, 3, *range(8, 256))
+KNOWN: Mapping[str, Collection[Any]] = {  # values of fields, by their names
+    "kind": KINDS,
+    "channel": (*[""] * len(CHANNELS), *CHANNELS, "waveform"),
+    "name": (*CHANGEABLE * 2, *PARAMETERS, *ROS_NAMES),
+    **dict.fromkeys(("names", "nodes", "prefixes"), tuple(PARAMETERS)),
+    "type": (*range(10), *[ParameterType.PARAMETER_DOUBLE] * 9, 200),
+    # Those that an active drill has would end it, rightly.
+    "id": (0, 1, 2, 3, *range(8, 256)),
+    "label": ("configure", "activate", "cleanup", "", *hostile.WORDS),
+    "state": {*range(256)} - {SimulationState.STATE_QUITTING},
+}
+CHECKPOINTS = ("before", "after", "befor")
 
 Reason = str | None  # why it was refused, None where it was accepted
 Send = Callable[[random.Random, Drill], Reason]
@@ -44,11 +52,11 @@ class NotAnsweredError(AssertionError):
     """A refusal without a reason, or without a count."""
 
 
-def _command(make: Callable[[random.Random], Any], topic: str) -> Send:
+def _command(kind: Callable[[], Any], topic: str) -> Send:
     def send(random: random.Random, drill: Drill) -> Reason:
-        message = make(random)
-        message.header.stamp = _stamp(random) if random.random() < 0.5 else Time()
-        message.header.frame_id = hostile.text(random, surrogates=False)
+        message = hostile.fill(random, kind(), KNOWN)
+        if random.random() < 0.5:
+            message.header.stamp = Time()
         rejected = drill.rejected
         drill.reasons.clear()
         drill.command(topic, message)
@@ -60,26 +68,19 @@ def _command(make: Callable[[random.Random], Any], topic: str) -> Send:
     return send
 
 
-def _weight_on_bit(random: random.Random) -> WeightOnBit:
-    return WeightOnBit(force=hostile.number(random))
-
-
-def _drive(random: random.Random) -> Drive:
-    voltage, frequency = hostile.number(random), hostile.number(random)
-    return Drive(enabled=random.random() < 0.8, voltage=voltage, frequency=frequency)
-
-
-def _stamp(random: random.Random) -> Time:
-    return Time(sec=hostile.whole(random, 32, signed=True), nanosec=hostile.whole(random, 32))
-
-
-def _service(name: str, refusal: Callable[[Any], Reason], /, **fields: Any) -> Send:
-    """Call a service; each field is drawn by a function of its own."""
+def _service(name: str, refusal: Callable[[Any], Reason], /, **known: Collection[Any]) -> Send:
+    """Call a service with values of all its fields; ``known`` has other ones than ``KNOWN``."""
 
     def send(random: random.Random, drill: Drill) -> Reason:
         request = drill.services[name].srv_type.Request()
-        for field, draw in fields.items():
-            setattr(request, field, draw(random))
+        hostile.fill(random, request, {**KNOWN, **known})
+        for parameter in getattr(request, "parameters", ()):
+            if parameter.name in NUMBERS and random.random() < 0.3:  # at the very end of its range
+                quantity = NUMBERS[parameter.name]
+                end = random.choice((quantity.minimum, quantity.maximum))
+                beyond = math.nextafter(end, random.choice((-1, 1)) * 1e99)
+                parameter.value.type = ParameterType.PARAMETER_DOUBLE
+                parameter.value.double_value = random.choice((end, beyond))
         before = drill.requests_refused
         reason = refusal(drill.call(name, request))
         counted = drill.requests_refused > before or reason == "it is in that state already"
@@ -88,78 +89,6 @@ def _service(name: str, refusal: Callable[[Any], Reason], /, **fields: Any) -> S
         return reason
 
     return send
-
-
-def _set_parameter(random: random.Random) -> ParameterMessage:
-    kind = random.choice((*range(10), ParameterType.PARAMETER_DOUBLE, hostile.whole(random, 8)))
-    value = ParameterValue(
-        type=kind,
-        bool_value=random.random() < 0.5,
-        integer_value=hostile.whole(random, 64, signed=True),
-        double_value=hostile.number(random),
-        string_value=hostile.text(random, surrogates=False),
-        byte_array_value=[bytes([byte]) for byte in random.randbytes(random.randrange(3))],
-        bool_array_value=[True] * random.randrange(3),
-        integer_array_value=[hostile.whole(random, 64, signed=True)] * random.randrange(3),
-        double_array_value=[hostile.number(random)] * random.randrange(3),
-        string_array_value=[hostile.text(random, surrogates=False)] * random.randrange(3),
-    )
-    known = random.choice((CHANGEABLE, (*PARAMETERS, *ROS_NAMES)))
-    name = hostile.name(random, known)
-    if name in NUMBERS and random.random() < 0.3:  # at the very end of its range
-        quantity = NUMBERS[name]
-        end = random.choice((quantity.minimum, quantity.maximum))
-        value.type = ParameterType.PARAMETER_DOUBLE
-        value.double_value = random.choice(
-            (end, math.nextafter(end, random.choice((-1, 1)) * 1e99))
-        )
-    return ParameterMessage(name=name, value=value)
-
-
-def _set_parameters(random: random.Random) -> list[ParameterMessage]:
-    return [_set_parameter(random) for _ in range(random.choice((0, 1, 1, 1, 2, 5)))]
-
-
-def _names(random: random.Random) -> list[str]:
-    return [hostile.name(random, tuple(PARAMETERS)) for _ in range(random.randrange(4))]
-
-
-def _fault(random: random.Random) -> Any:
-    kind = hostile.name(random, tuple(KINDS))
-    channel = "" if random.random() < 0.5 else hostile.name(random, (*CHANNELS, "waveform"))
-    return Fault(
-        kind=kind,
-        channel=channel,
-        magnitude=hostile.number(random),
-        number=hostile.whole(random, 32),
-        active=random.random() < 0.5,
-        onset=_stamp(random),
-    )
-
-
-def _duration(random: random.Random) -> Any:
-    stamp = _stamp(random)
-    return Duration(sec=stamp.sec, nanosec=stamp.nanosec)
-
-
-def _state(random: random.Random) -> Any:
-    state = hostile.whole(random, 8)
-    quitting = state == SimulationState.STATE_QUITTING  # ends the node, rightly
-    return SimulationState(state=255 if quitting else state)
-
-
-def _checkpoint(random: random.Random) -> str:
-    if random.random() < 0.5:
-        return random.choice(("before", "after", "befor"))
-    return hostile.text(random, surrogates=False)
-
-
-def _transition(random: random.Random) -> Any:
-    known = ("configure", "activate", "cleanup", "")
-    return Transition(
-        id=random.choice(IMPOSSIBLE_TRANSITIONS),
-        label=random.choice((*known, *hostile.WORDS)) if random.random() < 0.5 else "",
-    )
 
 
 def _step(name: str, field: str) -> Send:
@@ -242,42 +171,27 @@ def _node(random: random.Random, drill: Drill) -> Reason:
 
 
 WAYS: Mapping[str, Send] = {
-    "command/weight_on_bit": _command(_weight_on_bit, "command/weight_on_bit"),
-    "command/drive": _command(_drive, "command/drive"),
-    "set_parameters": _service("set_parameters", _of_parameters, parameters=_set_parameters),
-    "set_parameters_atomically": _service(
-        "set_parameters_atomically", _of_parameters_at_once, parameters=_set_parameters
-    ),
-    "get_parameters": _service("get_parameters", _answered, names=_names),
-    "get_parameter_types": _service("get_parameter_types", _answered, names=_names),
-    "describe_parameters": _service("describe_parameters", _answered, names=_names),
-    "list_parameters": _service(
-        "list_parameters",
-        _answered,
-        prefixes=_names,
-        depth=lambda random: hostile.whole(random, 64),
-    ),
-    "change_state": _service("change_state", _of_transition, transition=_transition),
-    "engage": _service("engage", _of_success, data=lambda random: random.random() < 0.5),
-    "inject_fault": _service("inject_fault", _of_success, fault=_fault, duration=_duration),
-    "clear_fault": _service(
-        "clear_fault", _of_success, number=lambda random: hostile.whole(random, 32)
-    ),
+    "command/weight_on_bit": _command(WeightOnBit, "command/weight_on_bit"),
+    "command/drive": _command(Drive, "command/drive"),
+    "set_parameters": _service("set_parameters", _of_parameters),
+    "set_parameters_atomically": _service("set_parameters_atomically", _of_parameters_at_once),
+    "get_parameters": _service("get_parameters", _answered),
+    "get_parameter_types": _service("get_parameter_types", _answered),
+    "describe_parameters": _service("describe_parameters", _answered),
+    "list_parameters": _service("list_parameters", _answered),
+    "change_state": _service("change_state", _of_transition),
+    "engage": _service("engage", _of_success),
+    "inject_fault": _service("inject_fault", _of_success),
+    "clear_fault": _service("clear_fault", _of_success),
     "list_faults": _service("list_faults", _answered),
     "simulation/get_state": _service("simulation/get_state", _of_result),
-    "simulation/get_delivery": _service("simulation/get_delivery", _answered, nodes=_names),
-    "simulation/set_state": _service("simulation/set_state", _of_result, state=_state),
+    "simulation/get_delivery": _service("simulation/get_delivery", _answered),
+    "simulation/set_state": _service("simulation/set_state", _of_result),
     "simulation/step": _step("simulation/step", "duration"),
     "simulation/run_to": _step("simulation/run_to", "time"),
-    "simulation/reset": _service(
-        "simulation/reset",
-        _of_result,
-        scope=lambda random: hostile.whole(random, 8),
-        reseed=lambda random: random.random() < 0.5,
-        seed=lambda random: hostile.whole(random, 32),
-    ),
-    "simulation/save": _service("simulation/save", _of_result, name=_checkpoint),
-    "simulation/restore": _service("simulation/restore", _of_result, name=_checkpoint),
+    "simulation/reset": _service("simulation/reset", _of_result),
+    "simulation/save": _service("simulation/save", _of_result, name=CHECKPOINTS),
+    "simulation/restore": _service("simulation/restore", _of_result, name=CHECKPOINTS),
     "node": _node,
 }
 # Their share of the turns: these take milliseconds, and rclpy never frees all that a node took.

@@ -24,6 +24,7 @@ from rpud_sim.model.elementary import (
     power,
     sin_cos,
     sin_cos_cycles,
+    sine_and_less,
 )
 
 mpmath.mp.prec = 200
@@ -52,6 +53,10 @@ def cosine_of_twice_pi(x):
     return mpmath.cospi(2 * x)
 
 
+def cosine_less_one(x):
+    return -2 * mpmath.sin(x / 2) ** 2
+
+
 def error(function, exact, *arguments):
     """Return the error of a result, absolute and in units in the last place."""
     found = function(*arguments)
@@ -64,6 +69,7 @@ def error(function, exact, *arguments):
 
 
 CYCLES = st.floats(-1e6, 1e6)
+EIGHTHS = st.floats(-0.78, 0.78).filter(lambda x: x == 0.0 or abs(x) > 1e-150)
 EXPONENTS = st.floats(-750, 715) | NEAR_ONE
 BEYOND_MINUS_ONE = st.floats(-1.0, 1.7e308, exclude_min=True) | st.floats(-0.5, 0.5)
 # Function, the exact one, bound in ulp, the range of arguments that is covered densely, where it
@@ -73,6 +79,8 @@ ACCURATE = [
     (cosine_of_cycles, cosine_of_twice_pi, 2.0, (-3, 3), (-0.5, 0.0), CYCLES),
     (exponential, mpmath.exp, 1.0, (-3, 3), (-3, 3), EXPONENTS),
     (exponential_minus_one, mpmath.expm1, 2.5, (-3, 3), (-3, 3), EXPONENTS),
+    (part(sine_and_less, 0), mpmath.sin, 1.5, (-0.78, 0.78), (-0.78, 0.78), EIGHTHS),
+    (part(sine_and_less, 1), cosine_less_one, 1.5, (-0.78, 0.78), (-0.78, 0.0), EIGHTHS),
     (logarithm, mpmath.log, 1.0, (0.01, 4), (0.1, 4), POSITIVE),
     (decimal_logarithm, mpmath.log10, 2.0, (0.01, 4), (0.1, 4), POSITIVE),
     (logarithm_one_plus, mpmath.log1p, 1.0, (-0.99, 4), (-0.9, 4), BEYOND_MINUS_ONE),

@@ -12,7 +12,7 @@ from rpud_sim.model import energy, tally
 from rpud_sim.model.engine import Engine
 from rpud_sim.model.parameters import preset
 from rpud_sim.model.search import force_on_drill_tool
-from rpud_sim.model.segment import IMPACT, motion_at
+from rpud_sim.model.segment import IMPACT, motion_at, turns_at
 
 RPUD = energy.RpudConstants(1.0, False, 0.0)
 ACTUATOR, DRILL_TOOL, BOTH = 1, 2, 3
@@ -63,7 +63,8 @@ def integral(function, start, end):
 def motion_added(segment, start, end):
     """Account of a part of a segment alone."""
     added = np.zeros(len(energy.TERMS))
-    energy.add_motion(RPUD, segment, start, end, True, added)
+    begun, ended = turns_at(segment, start), turns_at(segment, end)
+    energy.add_motion(RPUD, segment, start, end, begun, ended, added)
     return added
 
 

@@ -199,13 +199,11 @@ def simulated(configuration, phase, *times):
 @settings(max_examples=examples(30), deadline=None)
 @given(drills(), st.lists(PHASES, min_size=1, max_size=4), st.integers(1, 60 * MILLISECOND))
 def test_members_are_runs_of_a_simulation(configuration, phases, end):
-    found = EnsembleRuns(configuration, phases).run(end, True)
+    found = EnsembleRuns(configuration, phases).run(end)
     for phase, member in zip(phases, found, strict=True):
         assert member.failure is None
         expected, _ = simulated(configuration, phase, end)
         assert exact((member.figures, member.account)) == expected
-    without = EnsembleRuns(configuration, phases).run(end, False)
-    assert exact([m.figures for m in without]) == exact([m.figures for m in found])
 
 
 @settings(max_examples=examples(30), deadline=None)
@@ -228,7 +226,7 @@ def test_more_impacts_than_there_is_room_for_are_all_counted(monkeypatch):
     assert len(impacts) > 1000
     monkeypatch.setattr(ensemble, "_FIRST_IMPACTS", 70)
     monkeypatch.setattr(ensemble, "_room", ensemble._Room())
-    [member] = EnsembleRuns(configuration, [0.25]).run(2_000 * MILLISECOND, True)
+    [member] = EnsembleRuns(configuration, [0.25]).run(2_000 * MILLISECOND)
     assert exact((member.figures, member.account)) == expected
 
 
@@ -236,7 +234,7 @@ def test_a_member_that_fails_leaves_the_others_as_they_are():
     end, phases = 50 * MILLISECOND, [0.25, 0.5, 0.75]
     runs = EnsembleRuns(DRILLING, phases)
     runs._states["effort"][1] = 2.0 * GREATEST_EFFORT
-    found = runs.run(end, True)
+    found = runs.run(end)
     assert (found[1].figures, found[1].account) == ({}, None)
     assert str(found[1].failure).startswith("events exceed their budget of 500000 in a simulated")
     for number in (0, 2):

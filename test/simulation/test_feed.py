@@ -129,9 +129,9 @@ def test_the_bit_cuts_with_the_force_that_the_impacts_give_the_rock(weight):
     drill = {"rotation_model": "friction_drive", "strata": "sandstone", "bit_wear_rate": 0.0}
     simulation = made(**drill, weight_on_bit=weight)
     simulation.advance_to(SECOND)
-    blocks = [simulation.advance_to(SECOND + (n + 1) * SECOND // 100) for n in range(400)]
-    force = sum(block.impacts["impulse"].sum() for block in blocks) / 4.0
-    torque = sum(block.process.rotation.torque for block in blocks) / 400.0
+    blocks = [simulation.advance_to(SECOND + (n + 1) * SECOND // 100) for n in range(1600)]
+    force = sum(block.impacts["impulse"].sum() for block in blocks) / 16.0
+    torque = sum(block.process.rotation.torque for block in blocks) / 1600.0
     bit, layer = BitParameters(), preset_layer("sandstone")
 
     def torque_under(force):

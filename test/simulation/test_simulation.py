@@ -6,12 +6,11 @@ from itertools import chain, pairwise
 import numpy as np
 import pytest
 from drill_configurations import FULL, SANDSTONE
-from hypothesis import example, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from support import examples
 
 from rpud_sim.drilling.mount import STOPPED
-from rpud_sim.model.segment import EVENT_ACTUATOR_IMPACT
 from rpud_sim.simulation import Parameters, preset
 from rpud_sim.simulation.actuator import ActuatorParameters
 from rpud_sim.simulation.block import boundaries_until, boundary
@@ -19,7 +18,6 @@ from rpud_sim.simulation.commands import Applied, Drive, Feed, WeightOnBit
 from rpud_sim.simulation.configuration import Configuration, to_configuration
 from rpud_sim.simulation.faults import Fault
 from rpud_sim.simulation.journal import Journal
-from rpud_sim.simulation.sampling import Times
 from rpud_sim.simulation.simulation import Simulation
 
 SECOND = 1_000_000_000
@@ -44,18 +42,6 @@ def same(one, other):
     return one.dtype == other.dtype and len(one) == len(other) and (one == other).all()
 
 
-def at(block, time):
-    """Give all channels at one time."""
-    samples = block.sample(Times.from_nanoseconds(time))
-    return {name: values[0] for name, values in dataclasses.asdict(samples).items()}
-
-
-def phase(segment, time):
-    seconds, rest = divmod(time, SECOND)
-    since = (seconds - segment["start_seconds"]) + (rest / SECOND - segment["start_fraction"])
-    return (segment["vibration_phase"] + segment["vibration_frequency"] * since)[0]
-
-
 def test_a_second_call_for_the_same_time_brings_nothing_and_time_does_not_go_back():
     simulation = Simulation(Parameters())
     simulation.advance_to(SECOND)
@@ -68,25 +54,6 @@ def test_a_second_call_for_the_same_time_brings_nothing_and_time_does_not_go_bac
     for values in (again.open_segment, again.impacts):
         with pytest.raises(ValueError, match="read-only"):
             values[values.dtype.names[0]] = 1
-
-
-@settings(max_examples=examples(60))
-@given(regimes, moments, commands)
-@example(preset("free"), 0, Drive(True, 50.0, 27558.0))
-def test_nodal_plane_and_phase_are_continuous_at_a_command(parameters, time, command):
-    simulation = Simulation(parameters)
-    before = simulation.advance_to(time)
-    simulation.apply(command)
-    after = simulation.advance_to(time)
-    old, new = at(before, time), at(after, time)
-    assert new["nodal_plane_position"] == pytest.approx(old["nodal_plane_position"], abs=1e-15)
-    assert new["actuator_position"] == pytest.approx(old["actuator_position"], abs=1e-13)
-    cycles = phase(after.open_segment, time) - phase(before.open_segment, time)
-    assert cycles == pytest.approx(round(cycles), abs=1e-9)
-    # Where the tip touches the free mass, a vibration that is faster at once strikes it at once.
-    struck = after.open_segment["event"][0] & EVENT_ACTUATOR_IMPACT
-    if not (struck or before.open_segment["contact"][0] & 1):
-        assert new["nodal_plane_velocity"] == pytest.approx(old["nodal_plane_velocity"], abs=1e-13)
 
 
 @settings(max_examples=examples(40))

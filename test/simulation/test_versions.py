@@ -57,6 +57,7 @@ def test_a_run_of_another_engine_names_the_release_that_proves_it(beginning, eng
     assert other_engine(beginning) == expected
 
 
-def test_this_engine_proves_its_runs_and_no_release_those_of_engine_2():
+def test_this_engine_proves_its_runs_and_no_release_those_of_engines_that_had_none():
     assert other_engine({"engine": ENGINE}) == ""
-    assert other_engine({"physics": 2}).startswith("made by engine 2, of no release; ")
+    assert other_engine({"physics": 2}).startswith("made by engine 2, of no release: ")
+    assert other_engine({"engine": 4}).startswith("made by engine 4, of no release: ")

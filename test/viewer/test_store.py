@@ -214,7 +214,7 @@ def test_a_lost_block_is_a_gap_in_the_waveform(drill_bag, tmp_path):
     with RecordedStore(path) as store:
         before, after = store._bag.waveforms.between(DRILL, 0.1, 0.4, 100_000)
         assert after.times[0] - before.times[-1] > 0.04  # a block has 50 ms
-        assert np.isnan(viewed(store, 0.19, 0.24)["layers"]["contact_force"]["mean"]).sum() <= 1
+        assert np.isnan(viewed(store, 0.16, 0.21)["layers"]["contact_force"]["mean"]).sum() <= 1
         begin = after.times[0]  # of the first segment after the loss
         assert 0.2 < begin < 0.2501
         section = store.read_all().waveforms.section(DRILL, begin + 0.01)

@@ -15,7 +15,7 @@ from rpud_sim.simulation.sampling import Times
 from rpud_sim.simulation.simulation import Simulation
 
 # Part of a run in rock that shows all: the free mass commutes, while the drill springs back.
-BEGIN, END = 256_840_000, 257_520_000  # [ns]
+BEGIN, END = 547_920_000, 548_600_000  # [ns]
 _STEP = 500  # between two samples of the path [ns]
 _SCALE_TIME, _SCALE_LENGTH = 5e-5, 1e-4  # of the bars beside it [s, m]
 

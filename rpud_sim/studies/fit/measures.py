@@ -158,7 +158,7 @@ def _simulate(
         depth, statistics = run.depth, Statistics()
         blocks: list[Block] = []
         if isinstance(run, EnsembleRuns):  # it keeps no blocks, because nothing in it is sampled
-            records = [run.advance_to(end, statistics, "actuator_power" in figures)]
+            records = [run.advance_to(end, statistics)]
         else:
             between = range(start + _TORQUE_INTERVAL, end, _TORQUE_INTERVAL) if turns else ()
             blocks = [run.advance_to(time) for time in (*between, end)]
