@@ -202,7 +202,11 @@ def test_several_topics_come_from_one_pass(drilled, monkeypatch):
             bag.arrays(["/rpud/wrench", "/none"])
     assert [*together] == names
     for name, table in together.items():
-        assert [*map(repr, table.values())] == [*map(repr, single[name].values())]
+        pair = (
+            [(key, each.dtype, repr(each.tolist())) for key, each in one.items()]
+            for one in (table, single[name])
+        )
+        assert next(pair) == next(pair)
 
 
 def test_a_part_of_the_time(tmp_path):
