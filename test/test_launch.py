@@ -55,13 +55,9 @@ def declared(path: Path) -> set[str]:
 
 
 @every_launch_file
-def test_every_argument_has_a_description(path):
+def test_what_is_used_is_declared_and_described(path):
     for call in calls(path, "DeclareLaunchArgument"):
         assert keyword(call, "description"), call.args[0].value
-
-
-@every_launch_file
-def test_what_is_used_is_declared(path):
     used = {
         call.args[0].value
         for call in calls(path, "LaunchConfiguration")

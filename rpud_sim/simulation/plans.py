@@ -83,8 +83,8 @@ def read_scenario(path: str | Path, seed: int | None = None) -> Scenario:
     return scenario_at(open_yaml(path, truth_values=False, error=FaultError), seed)
 
 
-def parse_scenario(content: Any, name: str, seed: int | None = None) -> Scenario:
-    return scenario_at(cursor_at(content, name, FaultError), seed)
+def parse_scenario(content: Any, name: str) -> Scenario:
+    return scenario_at(cursor_at(content, name, FaultError))
 
 
 def scenario_at(top: Cursor, seed: int | None = None) -> Scenario:

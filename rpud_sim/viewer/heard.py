@@ -63,6 +63,7 @@ class Heard:
         self.log_version = 0  # grows with commands, faults and refusals
         self.journal_lost = 0
         self._clock: RunClock | None = None  # of the run that is heard now
+        self._restored: dict[str, Any] = {}  # checkpoint with which it begins
         self._kept: dict[str, Any] = {}  # latest latched message by topic
         self._journal_next = 0
         self._waiting: dict[str, list[tuple[int, tuple[Any, ...]]]] = {
@@ -242,7 +243,10 @@ class Heard:
             back, status = clock and stamp - time <= (clock.origin or 0), self._kept.get("status")
             if back and status and _stamp(status.header.stamp) > stamp:
                 del self._kept["status"]
-            clock = None
+            clock = self._clock = None
+            if entry.kind == "restore":  # its time is that of the run before
+                self._restored = content
+                return
         if clock is None or self.time is None:
             clock = self._clock = RunClock(stamp - time)
             clock.add("begin", stamp, time)
@@ -252,6 +256,9 @@ class Heard:
         elif clock.add("origin", stamp, time):  # the run goes on with other stamps
             self.time = min(self.time, time / SECOND)
         self.log_version += 1
+        if self._restored:
+            self.commands.add(clock.seconds(stamp), "restore", self._restored)
+            self._restored = {}
         self.commands.add(clock.seconds(stamp), entry.kind, content)
 
     def _show(self, topic: str, message: Any, clock: RunClock) -> None:

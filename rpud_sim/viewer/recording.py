@@ -368,7 +368,7 @@ class RecordedBag:
 
     def _first_clock(self, drill: str) -> RunClock | None:
         """Return the clock of a namespace by its first messages."""
-        for number in self._held(drill, len(self.pieces)):
+        for number in self._held(drill, len(self.pieces))[:SAMPLED]:
             found = [rows for _, rows in self._timed_rows(drill, number)]
             if found and self.readers[min(self._timed[drill])].stamped:
                 first = min(found, key=lambda rows: rows.stamps[0])

@@ -41,21 +41,11 @@ _UNDESCRIBED = """() => {
   const spoken = (e) => e.closest('[aria-hidden="true"], [role="presentation"], [role="none"]')
     || e.getAttribute('alt') !== null || e.getAttribute('aria-label')
     || e.getAttribute('aria-labelledby') || e.querySelector(':scope > title');
-  const found = [];
-  const look = (root, described) => {
-    for (const e of root.querySelectorAll('*')) {
-      const inside = described || e.closest(
-        'figure, [role="img"], [role="figure"], [role="group"], [role="application"]');
-      const named = inside && (inside === true || spoken(inside)
-        || inside.querySelector('figcaption'));
-      if (e.matches('img, svg, canvas') && !e.closest('svg svg') && !named && !spoken(e)
-          && e.getClientRects().length)
-        found.push(e.outerHTML.slice(0, 120));
-      if (e.shadowRoot) look(e.shadowRoot, Boolean(named || spoken(e)));
-    }
-  };
-  look(document, false);
-  return found;
+  const around = 'figure, [role="img"], [role="figure"], [role="group"], [role="application"]';
+  const named = (e) => e && (spoken(e) || e.querySelector('figcaption'));
+  return [...document.querySelectorAll('img, svg, canvas')].filter((e) => !e.closest('svg svg')
+    && !spoken(e) && !named(e.closest(around)) && e.getClientRects().length)
+    .map((e) => e.outerHTML.slice(0, 120));
 }"""
 
 _OVERFLOWING = """() => {
@@ -66,17 +56,6 @@ _OVERFLOWING = """() => {
   const wide = [...document.body.querySelectorAll('*')].filter((e) => right(e) > width + 0.5);
   return [`the page needs ${needed} px of ${width}`, ...wide.slice(0, 8).map(
     (e) => `${e.outerHTML.slice(0, 100)} ends at ${right(e)}`)];
-}"""
-
-
-_SCROLLING = """async () => {
-  const frame = () => new Promise((done) => requestAnimationFrame(() => setTimeout(done)));
-  for (let top = 0; top < document.body.scrollHeight; top += innerHeight) {
-    scrollTo(0, top);
-    await frame();
-    await frame();
-  }
-  scrollTo(0, 0);
 }"""
 
 
@@ -120,30 +99,15 @@ class BrowserPage:
         """Wait until an expression of JavaScript is true; Playwright's TimeoutError otherwise."""
         # Playwright's own wait compiles a text in the page, which the policy of our pages forbids.
         end = time.monotonic() + PATIENCE
-        while not self._is_true(condition):
+        while not self.tab.evaluate(condition):
             if time.monotonic() > end:
                 raise TimeoutError(f"after {PATIENCE} s it is still not true that {condition}")
             self.tab.wait_for_timeout(50)
-
-    def _is_true(self, condition: str) -> bool:
-        from playwright.sync_api import Error
-
-        try:
-            return bool(self.tab.evaluate(condition))
-        except Error as error:  # a page that loads again has no answer for a moment
-            if "Execution context was destroyed" not in str(error):
-                raise
-            return False
 
     def settle(self) -> None:
         """Wait until all is drawn, fonts too."""
         self.until("document.readyState === 'complete' && document.fonts.status === 'loaded'")
         self.tab.evaluate("() => new Promise((f) => requestAnimationFrame(() => setTimeout(f)))")
-
-    def see_all(self) -> None:
-        """Scroll to the end and back: plots are drawn when they come into view."""
-        self.tab.evaluate(_SCROLLING)
-        self.settle()
 
     def keep(self, name: str, *, whole: bool = True) -> Path:
         """Write a screenshot among the artefacts of the test, and return its path."""
@@ -183,7 +147,6 @@ class BrowserPage:
     def check(self) -> None:
         """Check all that every page of the project has to keep."""
         self.settle()
-        self.see_all()
         self.assert_fits()
         self.assert_described()
         self.assert_accessible()

@@ -3,13 +3,11 @@
 import re
 
 import pytest
-from drill_client import parameters
 from rcl_interfaces.msg import Parameter, ParameterEvent
 from rcl_interfaces.srv import (
     GetParameters,
     ListParameters,
     SetParameters,
-    SetParametersAtomically,
 )
 from rclpy.qos import qos_profile_parameter_events
 from rpud_msgs.msg import Result, SimulationState
@@ -32,12 +30,6 @@ def client(drill, connect):
     assert all(result.successful for result in client.set_each(regime="drilling", gravity=9.81))
     client.begin()
     return client
-
-
-def set_together(client, **values):
-    request = SetParametersAtomically.Request(parameters=parameters(values))
-    name = f"{NODE}/set_parameters_atomically"
-    return client.call(SetParametersAtomically, name, request).result
 
 
 def get(client, *names):

@@ -229,6 +229,16 @@ def test_a_reset_begins_a_new_run_with_nothing(heard):
     assert texts(heard) == ["a run begins"]
 
 
+def test_a_restored_checkpoint_begins_a_run_at_its_time(heard):
+    hear(heard, "reacting_force", 5 * SECOND, 5.0)
+    heard.latched("journal", entry(1, "restore", 5 * SECOND, name="here"))
+    heard.latched("journal", entry(2, "origin", 2 * SECOND, ORIGIN + 4 * SECOND))
+    hear(heard, "reacting_force", 6 * SECOND + SECOND // 2, 6.0)
+    assert (heard.run, heard.time) == (2, 2.5)
+    (line,) = heard.commands.frame()["log"]
+    assert (line["time"], line["text"]) == (2.0, "checkpoint here is restored")
+
+
 def test_a_reset_of_a_clock_that_begins_at_zero_forgets_the_status_of_the_run_before(heard):
     heard.latched("status", status(5 * SECOND, state="running"))
     heard.latched("journal", entry(1, "begin", 0, parameters=PARAMETERS))

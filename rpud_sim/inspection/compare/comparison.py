@@ -6,6 +6,7 @@ import math
 import os
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -28,14 +29,11 @@ from rpud_sim.inspection.compare.estimates import (
     estimate,
 )
 from rpud_sim.inspection.compare.results import Comparison, RunFigures
-from rpud_sim.inspection.compare.same_bits import BitsComparison
+from rpud_sim.inspection.compare.same_bits import Compared, bits_of, bits_readers
 from rpud_sim.inspection.compare.values import (
-    COUNTERS,
     FIGURES,
     MEAN,
     QUANTITIES,
-    STATUS,
-    TIMING,
     ComparedQuantity,
     OpenRun,
     RecordedValues,
@@ -79,24 +77,23 @@ def compare(
     numbers = _for_each(run_numbers, len(paths), "run")
     spaces = _for_each(namespaces, len(paths), "namespace")
     with ExitStack() as opened:
-        opened_runs = []
+        held = []
         for path, space, number in zip(paths, spaces, numbers, strict=True):
             bag = opened.enter_context(rpud_sim.bag.open(path))
             damages = Damages(bag)
             drill = find_drill(bag, damages, space, number)
-            opened_runs.append(OpenRun(bag, drill, damages, RecordedTopics(bag)))
-        reference, *others = opened_runs
-        compared = [BitsComparison(reference, other, report) for other in others]
-        readers = [reader for each in compared for reader in each.readers]
-        runs = [RecordedValues(each.drill) for each in opened_runs]
-        for each, run in zip(opened_runs, runs, strict=True):
-            readers += value_readers(each, run, report)
-        read_together(readers)
-        for each, run in zip(opened_runs, runs, strict=True):
+            held.append(OpenRun(bag, drill, damages, RecordedTopics(bag)))
+        runs = [RecordedValues(each.drill) for each in held]
+        found: list[dict[str, Compared]] = [{} for _ in held[1:]]
+        readers = [
+            *(value_readers(*each, report) for each in zip(held, runs, strict=True)),
+            *(bits_readers(held[0], *each, report) for each in zip(held[1:], found, strict=True)),
+        ]
+        read_together(chain(*readers))
+        for each, run in zip(held, runs, strict=True):
             run.damaged = each.damages.texts
-    bits = tuple(
-        each.result(min(runs[0].end, run.end)) for each, run in zip(compared, runs[1:], strict=True)
-    )
+    ends = (min(runs[0].end, run.end) for run in runs[1:])
+    bits = tuple(map(bits_of, found, ends))
     drills = [run.drill for run in runs]
     names = _names(drills)
     changed, failed = commands(drills), faults(runs)
@@ -125,7 +122,6 @@ def compare(
         bits,
         chosen,
         *compare_values(runs, chosen, wanted, tolerance),
-        tuple(_timing(run) for run in runs),
         tolerance,
         tuple(dict.fromkeys([*told, *warnings, *missing])),
     )
@@ -209,17 +205,3 @@ def _figures(values: np.ndarray, quantity: ComparedQuantity) -> RunFigures:
     greatest = float(values.max()) if len(values) and not quantity.averaged else math.nan
     estimates = {name: estimate(values, name, quantity.resolution) for name in names}
     return RunFigures(len(values), greatest, estimates)
-
-
-def _timing(run: RecordedValues) -> dict[str, Any]:
-    """Return ``runs[].timing`` of the JSON: of the machine, not of the drill."""
-    arrays = run.topics.get(STATUS, {})
-    held = {name: arrays.get(name, np.empty(0)) for name in (*TIMING, *COUNTERS)}
-    known = {name: values[np.isfinite(values)] for name, values in held.items()}
-    timed = {name: known[name] for name in TIMING if len(known[name])}
-    none = dict.fromkeys(TIMING, math.nan)
-    return {
-        "greatest": {**none, **{name: float(values.max()) for name, values in timed.items()}},
-        "median": {**none, **{name: float(np.median(values)) for name, values in timed.items()}},
-        **{name: int(known[name][-1]) if len(known[name]) else None for name in COUNTERS},
-    }

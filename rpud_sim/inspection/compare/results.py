@@ -57,7 +57,6 @@ class Comparison:
     # of each window, by quantity, of each run; None where a run has no values
     figures: tuple[dict[str, tuple[RunFigures | None, ...]], ...]
     differences: tuple[FigureDifference, ...]  # of all windows and runs
-    timing: tuple[dict[str, Any], ...]  # of each run, as in JSON
     tolerance: float  # relative difference that does not matter; 0 for none
     warnings: tuple[str, ...]
 
@@ -170,9 +169,9 @@ def content(found: Comparison) -> dict[str, Any]:
                     "begin": run.begin,
                     "end": run.end,
                     "impacts_missing": run.missing_impacts,
-                    "timing": timing,
+                    "timing": run.timing,
                 }
-                for name, run, timing in zip(found.names, found.values, found.timing, strict=True)
+                for name, run in zip(found.names, found.values, strict=True)
             ],
             **settings,
             "bits": [[topic._asdict() for topic in run] for run in found.bits],

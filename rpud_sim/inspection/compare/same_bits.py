@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from contextlib import closing
 from typing import Any, NamedTuple
 
@@ -56,47 +56,52 @@ class _Timed(NamedTuple):
 
 _Pair = tuple[_Timed | None, _Timed | None]
 # With the simulation time of what one run holds beyond the other [ns]; 0 without.
-_Compared = tuple[TopicBits, int]
+Compared = tuple[TopicBits, int]
 
 
-class BitsComparison:
-    """Comparison of a run with the reference on each topic that a run computes."""
+def bits_readers(
+    reference: OpenRun, run: OpenRun, found: dict[str, Compared], report: Callable[[int], object]
+) -> Iterator[Iterator[int]]:
+    """Yield a reader for each topic that a run computes, for ``read_together``.
 
-    def __init__(self, reference: OpenRun, run: OpenRun, report: Callable[[int], object]) -> None:
-        self.readers: list[Iterator[int]] = []  # one a topic, for ``read_together``
-        self._found: dict[str, _Compared] = {}  # by topic
-        held = [_topics(each) for each in (reference, run)]
-        for topic in PROVED:
-            summaries = [topics[topic] for topics in held if topic in topics]
-            if len(summaries) == 1:
-                lacking = "this run" if topic in held[0] else "the reference"
-                self._leave_out(topic, f"{lacking} does not hold it")
-            elif summaries:
-                try:
-                    [(name, definition)] = {(s.topic.type, s.definition) for s in summaries}
-                    codec = Codec(name, definition or "")
-                except (BagFormatError, ValueError):
-                    self._leave_out(topic, "the definitions of its messages differ")
-                    continue
-                first, second = (
-                    _messages(each.recorded.blocks(each.drill.topic(topic)), each.drill, report)
-                    for each in (reference, run)
-                )
-                self.readers.append(self._read(_compare_topic(topic, codec, first, second)))
+    Each puts what it finds under the topic's name.
+    """
+    held = [_topics(each) for each in (reference, run)]
+    for topic in PROVED:
+        summaries = [topics[topic] for topics in held if topic in topics]
+        if len(summaries) == 1:
+            lacking = "this run" if topic in held[0] else "the reference"
+            found[topic] = _not_compared(topic, f"{lacking} does not hold it")
+        elif summaries:
+            try:
+                [(name, definition)] = {(s.topic.type, s.definition) for s in summaries}
+                codec = Codec(name, definition or "")
+            except (BagFormatError, ValueError):
+                found[topic] = _not_compared(topic, "the definitions of its messages differ")
+                continue
+            first, second = (
+                _messages(each.recorded.blocks(each.drill.topic(topic)), each.drill, report)
+                for each in (reference, run)
+            )
+            yield _read(_compare_topic(topic, codec, first, second), topic, found)
 
-    def _leave_out(self, topic: str, note: str) -> None:
-        self._found[topic] = TopicBits(topic, NOT_COMPARED, note=note), 0
 
-    def _read(self, comparison: Generator[int, None, _Compared]) -> Iterator[int]:
-        found = yield from comparison
-        self._found[found[0].topic] = found
+def _not_compared(topic: str, note: str) -> Compared:
+    return TopicBits(topic, NOT_COMPARED, note=note), 0
 
-    def result(self, end: float) -> tuple[TopicBits, ...]:
-        """Return what was found, once all is read; both reach simulation time ``end`` [s]."""
-        found = [self._found[topic] for topic in PROVED if topic in self._found]
-        return tuple(
-            bits if left <= end * SECOND else bits._replace(note="") for bits, left in found
-        )
+
+def _read(
+    comparison: Generator[int, None, Compared], topic: str, found: dict[str, Compared]
+) -> Iterator[int]:
+    found[topic] = yield from comparison
+
+
+def bits_of(found: Mapping[str, Compared], end: float) -> tuple[TopicBits, ...]:
+    """Return what the readers found; both runs reach simulation time ``end`` [s]."""
+    return tuple(
+        bits if left <= end * SECOND else bits._replace(note="")
+        for bits, left in (found[topic] for topic in PROVED if topic in found)
+    )
 
 
 def _topics(run: OpenRun) -> dict[str, TopicSummary]:
@@ -109,7 +114,7 @@ def _compare_topic(
     codec: Codec,
     first: Generator[_Timed, None, None],
     second: Generator[_Timed, None, None],
-) -> Generator[int, None, _Compared]:
+) -> Generator[int, None, Compared]:
     equal = 0
     with closing(first), closing(second):
         one, other = yield from _common_begin(first, second)
@@ -130,7 +135,7 @@ def _compare_topic(
         time = min(one.time, other.time) / SECOND
         return TopicBits(topic, DIFFERENT, equal, time, "", *texts), 0
     if not equal:
-        return TopicBits(topic, NOT_COMPARED, note="the runs have no time in common"), 0
+        return _not_compared(topic, "the runs have no time in common")
     if left := one or other:
         note = f"{'the reference' if one else 'this run'} goes on longer"
         return TopicBits(topic, EQUAL, equal, note=note), left.time

@@ -126,6 +126,20 @@ class RecordedValues:
         # Damaged bags repeat and mix them.
         return int(numbers[-1]) - int(numbers[0]) + 1 - len(numbers) if len(numbers) else 0
 
+    @property
+    def timing(self) -> dict[str, Any]:
+        """``runs[].timing`` of the JSON: of the machine, not of the drill."""
+        arrays = self.topics.get(STATUS, {})
+        held = {name: arrays.get(name, np.empty(0)) for name in (*TIMING, *COUNTERS)}
+        known = {name: values[np.isfinite(values)] for name, values in held.items()}
+        return {
+            **{
+                word: {n: figure(known[n]) if len(known[n]) else math.nan for n in TIMING}
+                for word, figure in (("greatest", np.max), ("median", np.median))
+            },
+            **{name: int(known[name][-1]) if len(known[name]) else None for name in COUNTERS},
+        }
+
     def _times(self) -> list[np.ndarray]:
         held = {name: a["time"] for name, a in self.topics.items() if len(a["time"])}
         # A latched status may be older than the run's other messages.

@@ -134,8 +134,8 @@ class Screen {
     if (this.jumps && !(frame.section && frame.section.time >= this.since)) this.source.send({ section: true });
     const section = frame.section ?? (this.jumps ? this.clock.next : null); // one that waits, until a newer one comes
     if (!section) return;
-    const { time } = section;
-    if (frame.kept) element("found").textContent = `motion and numbers at ${timeText(time, 1)}, the nearest of ${frame.kept} moments that the report keeps`;
+    const { time, period, free_mass: { length } } = section;
+    if (frame.kept) element("found").textContent = `motion and numbers at ${timeText(time + period * length, 1)}, the nearest of ${frame.kept} moments that the report keeps`;
     if (this.jumps || (this.past && !this.playhead.playing)) this.clock.jump(section, status.state === "paused" && !this.past);
     else this.clock.set(section);
     this.jumps &&= !(frame.section && time >= this.since); // one of before is shown until there is one of after
