@@ -35,7 +35,7 @@ from rpud_sim.bag.metadata import (
 )
 from rpud_sim.bag.reserve import Reserve, writing
 from rpud_sim.foundation.time import SECOND
-from rpud_sim.foundation.whole_folder import whole_file
+from rpud_sim.foundation.whole_folder import write_whole
 
 CHUNK_SIZE = 1 << 20  # uncompressed size after which a chunk is closed [bytes]
 _END = 1 << 20  # bytes of a reserve for records at the end of a bag, its metadata and its folder
@@ -343,8 +343,7 @@ def _create(folder: Path) -> None:
 
 
 def _write_document(folder: Path, metadata: Mapping[str, Any]) -> None:
-    with whole_file(folder / FILE_NAME) as draft:
-        draft.write_text(dump_document(metadata), encoding="utf-8")
+    write_whole(folder / FILE_NAME, dump_document(metadata))
     _sync(folder)
 
 

@@ -149,7 +149,7 @@ def _prove(options: Any, specification: FitSpecification) -> int:
 
 
 def fit_lines(fit: Fit) -> Iterator[str]:
-    from rpud_sim.studies.fit.fit_report import TARGET_HEADING, target_rows, unknown_table
+    from rpud_sim.studies.fit.fit_report import target_table, unknown_table
 
     if fit.missed:
         yield f"not met: {fit.refusal}; there are no intervals"
@@ -158,9 +158,9 @@ def fit_lines(fit: Fit) -> Iterator[str]:
         yield f"no intervals: {fit.refusal}"
     heading, unknowns = unknown_table(fit)
     yield from table(heading, unknowns, left=len(heading))
-    yield from (f"{choices}: probability {share:.3f}" for choices, share in fit.choices)
+    yield from (f"{choices}: probability {share}" for choices, share in fit.choices)
     yield from (f"ridge: {ridge}" for ridge in fit.ridges)
-    yield from table(TARGET_HEADING, target_rows(fit), left=1)
+    yield from table(*target_table(fit), left=1)
     yield f"misfit {fit.misfit_text}"
 
 

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from rpud_sim.bag import BagFormatError, BagReader
-from rpud_sim.foundation.whole_folder import whole_file, whole_folder
+from rpud_sim.foundation.whole_folder import whole_folder, write_whole
 from rpud_sim.inspection import InspectionError
 
 
@@ -34,8 +34,7 @@ def write_new_file(out: str | os.PathLike[str], text: str) -> None:
     """Write a file that is there when it is complete, and not at all after an error."""
     check_new_file(out)
     try:
-        with whole_file(Path(out)) as unfinished:
-            unfinished.write_text(text, encoding="utf-8")
+        write_whole(Path(out), text)
     except OSError as error:
         raise InspectionError(_reason(out, error)) from error
 

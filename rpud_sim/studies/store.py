@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any, Generic, TypeVar
 
 from rpud_sim.foundation.quantities import ParameterError
-from rpud_sim.foundation.whole_folder import UNFINISHED, whole_file
+from rpud_sim.foundation.whole_folder import UNFINISHED, write_whole
 from rpud_sim.studies.workers import StudyChunk, run_chunks
 
 MANIFEST = "manifest.json"
@@ -25,11 +25,6 @@ _LONGEST_VALUE = 100  # characters in a message
 Report = Callable[[int], None]  # called with the number of runs that finished since its last call
 _Chunk = TypeVar("_Chunk", bound=StudyChunk)
 _Outcome = TypeVar("_Outcome")
-
-
-def write_whole(path: Path, content: str | bytes) -> None:
-    with whole_file(path) as unfinished:
-        unfinished.write_bytes(content.encode() if isinstance(content, str) else content)
 
 
 class StudyStore(abc.ABC, Generic[_Chunk, _Outcome]):

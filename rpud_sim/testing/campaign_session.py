@@ -15,7 +15,7 @@ import pytest
 
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.foundation.terminal import printable
-from rpud_sim.foundation.whole_folder import whole_file
+from rpud_sim.foundation.whole_folder import write_whole
 from rpud_sim.testing.errors import DrillError, LostMessagesError
 from rpud_sim.testing.item_drills import give_back_drills, take_drill
 
@@ -141,13 +141,9 @@ class CampaignSession:
             self._report_undecided(session, file_id, results)
             if folder:
                 place.mkdir(parents=True, exist_ok=True)
+                write_whole(page, campaign_page(results))
                 content = json.dumps(results.to_dict(), indent=2) + "\n"
-                for path, text in (
-                    (page, campaign_page(results)),
-                    (page.with_suffix(".json"), content),
-                ):
-                    with whole_file(path) as unfinished:
-                        unfinished.write_text(text, encoding="utf-8")
+                write_whole(page.with_suffix(".json"), content)
 
     def _report_undecided(
         self, session: pytest.Session, file_id: str, results: CampaignResults

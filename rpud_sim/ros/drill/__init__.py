@@ -3,7 +3,7 @@
 ``DrillNode`` makes a ``LiveRun`` when it is configured. From its activation on the one thread of
 its ``PacingLoop`` moves and changes it::
 
-    topics   -> Gate -> Inbox -> LiveRun.turn: read commands, advance, publish, sleep
+    topics   -> CommandTopic -> Inbox -> LiveRun.turn: read commands, advance, publish, sleep
     services -> PacingLoop.request -> LiveRun: play, pause, step, reset, save, restore, configure
     LiveRun  -> DrillPublishers, StatusReporter; Pacer and TimeSource give its times
 """

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from scipy import stats
 
+from rpud_sim.foundation.whole_folder import write_whole
 from rpud_sim.studies.fit.posterior import LEVEL, Interval, Ridge, identify, interval_shares
 from rpud_sim.studies.fit.rounds import (
     CANDIDATE,
@@ -30,7 +31,7 @@ from rpud_sim.studies.fit.rounds import (
 )
 from rpud_sim.studies.fit.surrogate import Region
 from rpud_sim.studies.fit.target_file import FitSpecification, FitTarget
-from rpud_sim.studies.store import Report, write_whole
+from rpud_sim.studies.store import Report
 
 CANDIDATES = 16  # for the best point
 CANDIDATE_RUNS = 32
@@ -115,13 +116,13 @@ class Fit:
         return not self.missed
 
     @property
-    def choices(self) -> tuple[tuple[str, float], ...]:
-        """Combinations of choices in words, with their probabilities; empty without choices."""
-        texts = [
-            (", ".join(f"{name} {value}" for name, value in choices.items()), share)
+    def choices(self) -> list[tuple[str, str]]:
+        """Combinations of choices with their probabilities, in words; empty without choices."""
+        return [
+            (", ".join(f"{name} {value}" for name, value in choices.items()), f"{share:.3f}")
             for choices, share in self.probabilities
+            if choices
         ]
-        return tuple((text, share) for text, share in texts if text)
 
     def misfit(self, hold_out: bool) -> float | None:
         """Return the root mean square of the deviations; None without such targets."""

@@ -13,6 +13,7 @@ import numpy as np
 import yaml
 
 from rpud_sim.foundation.values import finite_values
+from rpud_sim.foundation.whole_folder import write_whole
 from rpud_sim.pages.frame import render_page
 from rpud_sim.pages.plot import Axis, Line, Plot, Rule, Zone
 from rpud_sim.pages.quantities import ShownQuantity, quantity_in
@@ -20,39 +21,45 @@ from rpud_sim.simulation.configuration import to_configuration, to_values
 from rpud_sim.studies.fit.fit import BEST_RUNS, Fit, TargetComparison
 from rpud_sim.studies.fit.posterior import LEVEL, PERCENT
 from rpud_sim.studies.fit.rounds import fit_versions
-from rpud_sim.studies.store import write_whole
 from rpud_sim.studies.sweep.specification import unit_of
 
-TARGET_HEADING = ("target", "value", "model", "ratio", "standard deviations")
 _BINS = 40
 _TAIL = 0.002  # share of the posterior beyond each end of what is shown
 _HEIGHT, _WIDTH = 150, 344  # of a plot of the posterior [pixels]
 
 _BODY = """\
-<p class="verdict">{{ verdict }} Root mean square of the deviations: {{ misfit }}.</p>
-{% if refusal %}
-<p class="warning">There are no intervals: {{ refusal }}.</p>
+{% set used = fit.comparisons | rejectattr("target.hold_out") | list | length %}
+<p class="verdict">
+{% if fit.missed %}
+Not met: {{ fit.refusal }}.
+{% else %}
+The model reaches all {{ used }} targets that the fit used.
 {% endif %}
-{% for miss in missed %}
-<p class="warning">{{ miss }}</p>
+Root mean square of the deviations: {{ fit.misfit_text }}.</p>
+{% if fit.refusal %}
+<p class="warning">There are no intervals: {{ fit.refusal }}.</p>
+{% endif %}
+{% for item in fit.missed %}
+<p class="warning">{{ item.miss }}</p>
 {% endfor %}
 {% if singles %}
 <h2>Posterior of the unknown parameters</h2>
 {{ figures(singles) }}
 {% endif %}
-{% if ridges %}
+{% if fit.ridges %}
 <p class="warning">The targets determine these pairs only together:
-{% for ridge in ridges %}{{ ridge }}{{ "." if loop.last else "; " }}{% endfor %}</p>
+{{ fit.ridges | join("; ") }}.</p>
 {% endif %}
-{{ table(heading, unknowns, caption="Unknown parameters") }}
-{% if choices %}
-{{ table(("choices", "probability"), choices, caption="Choices") }}
+{{ table(*unknowns, caption="Unknown parameters") }}
+{% if fit.choices %}
+{{ table(("choices", "probability"), fit.choices, caption="Choices") }}
 {% endif %}
-{{ table(target_heading, targets, caption="Targets") }}
+{{ table(*targets, caption="Targets") }}
 <details><summary>How to read it</summary>
-<p>Made by <code>{{ command }}</code>. Seed {{ seed }}, {{ runs }} runs. The model's figures are
-means of {{ best_runs }} runs at the best point. All numbers are in fit.json.
-{% if not refusal %}
+<p>Made by <code>{{ command }}</code>. Seed {{ fit.specification.seed }},
+{{ fit.simulations + fit.kept }} runs. The model's figures are means of {{ best_runs }} runs at the
+best point. All numbers are in fit.json.
+{% if not fit.refusal %}
 Intervals hold {{ percent }} of the posterior probability. All values between the bounds were
 equally probable before the fit. The plots show where the posterior is; the bounds may be outside.
 The width is that of the interval over that between the bounds: near 1, the targets say nothing
@@ -71,7 +78,18 @@ def write_fit(fit: Fit, folder: Path, command: str) -> None:
         columns, heading = np.column_stack(list(fit.samples.values())), ",".join(fit.samples)
         np.savetxt(text, columns, fmt="%.9g", delimiter=",", header=heading, comments="")
         write_whole(folder / "posterior.csv", text.getvalue())
-    write_whole(folder / "report.html", _page(fit, command))
+    page = render_page(
+        _BODY,
+        "Fit of a drill",
+        fit=fit,
+        command=command,
+        singles=single_plots(fit),
+        unknowns=unknown_table(fit),
+        targets=target_table(fit),
+        best_runs=BEST_RUNS,
+        percent=PERCENT,
+    )
+    write_whole(folder / "report.html", page)
 
 
 def fit_content(fit: Fit) -> dict[str, Any]:
@@ -125,33 +143,6 @@ def _comparison(item: TargetComparison) -> dict[str, Any]:
     }
 
 
-def _page(fit: Fit, command: str) -> str:
-    used = sum(not item.target.hold_out for item in fit.comparisons)
-    missed = f"Not met: the model does not reach {len(fit.missed)} of {used} targets."
-    reached = f"The model reaches all {used} targets that the fit used."
-    heading, unknowns = unknown_table(fit)
-    return render_page(
-        _BODY,
-        "Fit of a drill",
-        command=command,
-        seed=fit.specification.seed,
-        verdict=reached if fit.reached else missed,
-        refusal=fit.refusal,
-        missed=[item.miss for item in fit.missed],
-        runs=fit.simulations + fit.kept,
-        percent=PERCENT,
-        heading=heading,
-        unknowns=unknowns,
-        choices=[(choices, f"{share:.3f}") for choices, share in fit.choices],
-        ridges=[str(ridge) for ridge in fit.ridges],
-        singles=single_plots(fit),
-        target_heading=TARGET_HEADING,
-        targets=target_rows(fit),
-        best_runs=BEST_RUNS,
-        misfit=fit.misfit_text,
-    )
-
-
 def unknown_table(fit: Fit) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
     """Return heading and rows of the unknowns: name, best point, and what is known of it."""
     heading: tuple[str, ...] = ("parameter", "nearest point" if fit.missed else "best point")
@@ -200,8 +191,8 @@ def single_plots(fit: Fit) -> list[Plot]:
     return plots
 
 
-def target_rows(fit: Fit) -> list[tuple[str, ...]]:
-    """Return name, value, model, ratio and deviation of each target."""
+def target_table(fit: Fit) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
+    """Return heading and rows of the targets: name, value, model, ratio and deviation."""
     rows: list[tuple[str, ...]] = []
     for item in fit.comparisons:
         target = item.target
@@ -209,7 +200,7 @@ def target_rows(fit: Fit) -> list[tuple[str, ...]]:
         name = f"{target.source} {target.title}{' (held out)' * target.hold_out}".strip()
         texts = (shown.text(target.value), shown.text(item.mean))
         rows.append((name, *texts, f"{item.ratio:.3f}", f"{item.deviation:.2f}"))
-    return rows
+    return ("target", "value", "model", "ratio", "standard deviations"), rows
 
 
 def _parameter_file(fit: Fit, command: str) -> str:

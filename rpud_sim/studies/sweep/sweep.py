@@ -15,10 +15,10 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from rpud_sim.foundation.whole_folder import whole_file, whole_folder
+from rpud_sim.foundation.whole_folder import whole_file, whole_folder, write_whole
 from rpud_sim.simulation.ensemble import compile_kernels, compile_members
 from rpud_sim.simulation.versions import engine_versions, version_of
-from rpud_sim.studies.store import Report, StudyStore, write_whole
+from rpud_sim.studies.store import Report, StudyStore
 from rpud_sim.studies.sweep.chunks import (
     SweepChunk,
     SweepOutcome,
