@@ -44,25 +44,6 @@ MOST_SEGMENTS = 100  # further ones are in the last
 _LONGEST = 200  # characters of a cell
 _NEAR = 1e-3  # boundaries that are closer are one [s]
 
-# Fields of ``rpud_msgs/Status``, and their names in the picture.
-INFLOWS = {
-    "actuator_power": "work of the vibration",
-    "weight_power": "weight on bit and gravity",
-    "change_power": "changed parameters",
-}
-OUTFLOWS = {
-    "absorbed_power": "drill tool and rock",
-    "collision_power": "collisions of actuator and free mass",
-    "load_damper_power": "damping of the load spring",
-    "stored_power": "stored in motion and springs",
-}
-# Further fields, of a drill with a feed; NaN without one, and missing in earlier messages.
-FEED_POWERS = ("weight_on_bit_power", "feed_power", "mount_power")
-
-FEED = "feed"
-GRAVITY = "gravity"
-MOUNT = "arm, preload of the load spring and hole"
-
 Table = dict[str, Any]  # ``title``, ``columns`` and ``rows``, as a frame has it
 
 _IMPORT = re.compile(r'^import .*? from "\./([\w.]+)";\n', re.MULTILINE)
@@ -157,10 +138,17 @@ def _report(
     means = {
         signal.column: bins.mean(signal.name, 0.0, now)
         for signal in content.recording.signals
-        if signal.drill == drill and signal.type == STATUS_TYPE
+        if signal.drill == drill and signal.type == STATUS_TYPE and signal.column.endswith("_power")
     }
-    if account := energy_table(means, now):
-        tables.append(account)
+    rows = [
+        [name.replace("_", " "), f"{power * now:.4g}", _text("power", power)]
+        for name, power in means.items()
+        if math.isfinite(power)
+    ]
+    if rows:
+        columns = ["power", "energy [J]", "mean [W]"]
+        title = f"powers of the status over {now:.1f} s"
+        tables.append({"title": title, "columns": columns, "rows": rows})
     seen: dict[str, Any] = {}
     for name, read in (
         (MANIFEST_RECORD, manifest_from_record),
@@ -272,45 +260,6 @@ def segment_table(content: Views, drill: str, frame: Mapping[str, Any]) -> Table
         *("load on the mount: mean [N]", "power into tool and rock: mean [W]"),
     ]
     return {"title": title, "columns": columns, "rows": rows}
-
-
-def energy_table(means: Mapping[str, float], seconds: float) -> Table | None:
-    """Return the account of energy from mean powers [W] over a time; None if they are not known.
-
-    ``means`` has the names of fields of ``rpud_msgs/Status``.
-    """
-    if not all(math.isfinite(means.get(name, math.nan)) for name in (*INFLOWS, *OUTFLOWS)):
-        return None
-    into, out = terms(means)
-    came = sum(into.values())
-    powers = {f"in: {text}": power for text, power in into.items()}
-    powers |= {f"out: {text}": power for text, power in out.items()}
-    powers["residual: in − out"] = came - sum(out.values())
-    if math.isfinite(electrical := means.get("electrical_power", math.nan)):
-        powers["electrical, drawn by the actuator"] = electrical
-    rows = []
-    for text, power in powers.items():
-        share = f"{100.0 * power / came:.3g}" if came > 0.0 else "–"
-        rows.append([text, f"{power * seconds:.4g}", _text("power", power), share])
-    columns = ["term", "energy [J]", "mean power [W]", "share of what comes in [%]"]
-    return {"title": f"energy account of {seconds:.1f} s", "columns": columns, "rows": rows}
-
-
-def terms(powers: Mapping[str, float]) -> tuple[dict[str, float], dict[str, float]]:
-    """Return inflows and outflows by their names in the picture, of either sign [W].
-
-    Powers have the names of ``INFLOWS`` and ``OUTFLOWS``, and of ``FEED_POWERS`` if there are. With
-    a feed, its work flows in, in place of that of the weight on bit: the weight on bit passes it on
-    to the drill.
-    """
-    into = {text: powers[name] for name, text in INFLOWS.items()}
-    out = {text: powers[name] for name, text in OUTFLOWS.items()}
-    if all(math.isfinite(powers.get(name, math.nan)) for name in FEED_POWERS):
-        weight = into.pop(INFLOWS["weight_power"])
-        into[FEED] = powers["feed_power"]
-        into[GRAVITY] = weight - powers["weight_on_bit_power"]
-        out[MOUNT] = powers["mount_power"]
-    return into, out
 
 
 def run_tables(manifest: Manifest) -> list[Table]:
