@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from rpud_sim.bag.messages import items
 from rpud_sim.foundation.values import Ragged
 
 TEXT = "s"
@@ -161,13 +162,11 @@ def _sequences_at(data: np.ndarray, begins: np.ndarray, sequences: Ragged) -> No
 def _column_at(data: np.ndarray, begins: np.ndarray | slice, code: str, value: Any) -> None:
     dtype = np.dtype(code)
     if dtype.itemsize and len(data):
-        # An overlapping view with an item at each byte.
-        view: np.ndarray = np.ndarray((len(data) - dtype.itemsize + 1,), dtype, data, strides=(1,))
         if dtype.kind in "iu" and getattr(value, "dtype", None) != dtype:
             given, value = value, np.asarray(value).astype(dtype)
             if (value != given).any():
                 raise ValueError(f"a value does not fit {dtype}")
-        view[begins] = value
+        items(data, dtype)[begins] = value
 
 
 def _flattener(kind: Members) -> Flattener:

@@ -149,7 +149,7 @@ class McapWriter:
         """
         if not parts:
             return
-        records = in_order(parts)
+        records = interleaved(parts)
         done, count = 0, len(records.ends)
         while done < count:
             start = int(records.ends[done - 1]) if done else 0
@@ -273,7 +273,7 @@ class MessageRecords:
     log_times: np.ndarray  # of each [ns], int64, shape (n,)
 
 
-def in_order(parts: list[tuple[int, MessageBlock, np.ndarray]]) -> MessageRecords:
+def interleaved(parts: list[tuple[int, MessageBlock, np.ndarray]]) -> MessageRecords:
     """Return the records of blocks of messages in one order.
 
     Each part has a channel, its messages, and the place of each among those of all parts. Those of

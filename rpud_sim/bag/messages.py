@@ -215,45 +215,30 @@ def _grouped(messages: Sequence[Message]) -> Iterator[MessageBlock]:
         yield MessageBlock(topic, logs, sent, data, starts, sizes)
 
 
-def blocks_in_order(
+def ordered_by_topic(blocks: Iterable[MessageBlock]) -> Iterator[MessageBlock]:
+    """Yield blocks of which those of each topic have the order of log times."""
+    by_topic: dict[str, list[MessageBlock]] = {}
+    for block in blocks:
+        by_topic.setdefault(block.topic, []).append(block)
+    for parts in by_topic.values():
+        if all(a.log_times[-1] <= b.log_times[0] for a, b in pairwise(parts)):
+            yield from parts
+        else:
+            block = joined([part.packed() for part in parts])
+            yield block.part(np.argsort(block.log_times, kind="stable"))
+
+
+def due_blocks(
     segments: Iterable[BagSegment],
     topics: Collection[str] | None = None,
     start: int = 0,
     end: int | None = None,
-) -> Iterator[MessageBlock]:
-    """Yield blocks of one topic; within each topic they have the order of log times.
+) -> Iterator[list[MessageBlock]]:
+    """Yield the blocks that are due before each segment, and the rest at the end.
 
+    No later one has an earlier message. A segment is read when none before it holds earlier ones.
     ``topics`` is None for all. ``start`` is the log time of the first message that counts, ``end``
     that of the first that does not count any more [ns].
-    """
-    for due in _steps(segments, topics, start, end):
-        by_topic: dict[str, list[MessageBlock]] = {}
-        for block in due:
-            by_topic.setdefault(block.topic, []).append(block)
-        for blocks in by_topic.values():
-            if all(a.log_times[-1] <= b.log_times[0] for a, b in pairwise(blocks)):
-                yield from blocks
-            else:
-                block = joined([block.packed() for block in blocks])
-                yield block.part(np.argsort(block.log_times, kind="stable"))
-
-
-def messages_in_order(
-    segments: Iterable[BagSegment],
-    topics: Collection[str] | None = None,
-    start: int = 0,
-) -> Iterator[Message]:
-    """Yield messages in the order of log times, those of one time in the order of segments."""
-    for due in _steps(segments, topics, start, None):
-        yield from messages_of(due)
-
-
-def _steps(
-    segments: Iterable[BagSegment], topics: Collection[str] | None, start: int, end: int | None
-) -> Iterator[list[MessageBlock]]:
-    """Yield what is due before each segment, in the order of segments, and the rest at the end.
-
-    A segment is read when none before it holds earlier messages.
     """
     chosen = [
         segment

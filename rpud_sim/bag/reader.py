@@ -15,10 +15,10 @@ from rpud_sim.bag.messages import (
     BagSegment,
     Message,
     MessageBlock,
-    blocks_in_order,
     blocks_of,
-    messages_in_order,
+    due_blocks,
     messages_of,
+    ordered_by_topic,
 )
 from rpud_sim.bag.metadata import TopicSummary
 from rpud_sim.bag.storage_files import (
@@ -129,7 +129,8 @@ class BagReader:
 
         The time from the bag's beginning up to ``start`` [ns] is skipped.
         """
-        found = messages_in_order(self._segments, topics, self.start_time + start)
+        steps = due_blocks(self._segments, topics, self.start_time + start)
+        found = (message for due in steps for message in messages_of(due))
         return uncompressed_messages(found, self.path) if self._compressed else found
 
     def blocks(
@@ -146,7 +147,8 @@ class BagReader:
         """
         start_time = self.start_time + start
         end = None if duration is None else start_time + duration
-        return self._uncompressed(blocks_in_order(self._segments, topics, start_time, end))
+        steps = due_blocks(self._segments, topics, start_time, end)
+        return self._uncompressed(block for due in steps for block in ordered_by_topic(due))
 
     def segments(self) -> list[BagSegment]:
         """Return the parts that can be read by themselves, sorted by their beginnings."""

@@ -201,14 +201,12 @@ def test_several_topics_come_from_one_pass(drilled, monkeypatch):
         with pytest.raises(BagError, match="holds no topic '/none'"):
             bag.arrays(["/rpud/wrench", "/none"])
     assert [*together] == names
-
-    def told(tables):
-        return {
-            name: {column: (each.dtype, repr(each.tolist())) for column, each in table.items()}
-            for name, table in tables.items()
-        }
-
-    assert told(together) == told(single)
+    for name, table in together.items():
+        pair = (
+            [(key, each.dtype, repr(each.tolist())) for key, each in one.items()]
+            for one in (table, single[name])
+        )
+        assert next(pair) == next(pair)
 
 
 def test_a_part_of_the_time(tmp_path):

@@ -77,9 +77,6 @@ def test_the_file_has_what_rosbag2_s_has(tmp_path):
     record = yaml.safe_load(records["rosbag2"]["serialized_metadata"])
     assert record == document["rosbag2_bagfile_information"]
     assert record["relative_file_paths"] == ["run_0.mcap"]
-    assert record["message_count"] == 1000
-    assert record["starting_time"] == {"nanoseconds_since_epoch": START}
-    assert record["duration"] == {"nanoseconds": 999_000_000}
     counts = [topic["message_count"] for topic in record["topics_with_message_count"]]
     assert counts == [1000, 0]
     assert sorted(os.listdir(tmp_path / "run")) == ["metadata.yaml", "run_0.mcap"]

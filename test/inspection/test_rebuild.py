@@ -9,6 +9,7 @@ from altered_bags import altered
 from sample_bags import write_offline_bag
 
 import rpud_sim.bag
+from rpud_sim.foundation.time import SECOND
 from rpud_sim.inspection import InspectionError
 from rpud_sim.inspection import rebuild as rebuilding
 from rpud_sim.simulation import preset
@@ -100,7 +101,26 @@ def test_where_segments_are_missing_it_is_not_a_number(bag, tmp_path, lost):
         assert found[channel][~gap].tobytes() == kept.tobytes(), channel
 
 
-def test_a_bag_without_a_trajectory_is_refused(bag, tmp_path):
-    altered(bag, tmp_path / "bag", lambda m: [m.data], {"/rpud/waveform"})
-    with pytest.raises(InspectionError, match="holds no trajectory"):
-        rebuild(tmp_path / "bag", tmp_path / "out", 1000)
+@pytest.mark.parametrize(
+    ("topic", "options", "reason"),
+    [
+        ("waveform", {}, "holds no trajectory"),
+        ("trajectory", {"start": 9.0}, r"--start = 9 s is not in the 0\.[34]\d* s that"),
+        ("trajectory", {"run": 2}, r"--run = 2 is outside its range \[1, 1\]"),
+    ],
+)
+def test_what_the_bag_lacks_is_refused(bag, tmp_path, topic, options, reason):
+    altered(bag, tmp_path / "bag", lambda m: [m.data], {f"/rpud/{topic}"})
+    with pytest.raises(InspectionError, match=reason):
+        rebuild(tmp_path / "bag", tmp_path / "out", 1000, **options)
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_run_of_several_is_chosen(used, tmp_path):
+    """Messages are missing, and the first run has a second origin."""
+    first, second = (rebuild(used.path, tmp_path / f"{n}", 1000, run=n) for n in (1, 2))
+    assert (first.runs, second.runs) == (2, 2)
+    assert first.trajectory_size == second.trajectory_size
+    assert 140 < first.first + first.count < 180
+    assert 50 < second.first + second.count < 80
+    assert second.origin == first.origin + SECOND

@@ -212,9 +212,9 @@ def read_together(readers: Iterable[Iterator[int]]) -> None:
 
 
 def _usable_topic(bag: BagReader, full: str) -> bool:
-    """Whether a bag holds a topic with stamps, and of impacts with their numbers."""
+    """Whether a bag has messages of a topic with stamps, and of impacts with their numbers."""
     name = full.rpartition("/")[2]
-    held = {s.topic.name: s.topic.type for s in bag.readable_topics}
+    held = {s.topic.name: s.topic.type for s in bag.readable_topics if s.message_count}
     if held.get(full) != TOPICS[name].type or full in bag.left_out:
         return False
     kinds = {column.name: column.kind for column in bag.columns(full)}
