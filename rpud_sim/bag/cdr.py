@@ -60,11 +60,8 @@ class Codec:
         store.register(self._types)
         return str(store.hash_rihs01(self._type))
 
-    def fields(self, type_name: str) -> list[tuple[str, str, Any]]:
-        """Return the fields of this type, or of one that it needs.
-
-        Each has its name, its attribute in decoded messages, and its type in ``rosbags``.
-        """
+    def fields(self, type_name: str) -> list[tuple[str, Any]]:
+        """Return name and type, in ``rosbags``, of each field of this type or one that it needs."""
         return self.type.fields[type_name]
 
     def encode(self, fields: Mapping[str, Any]) -> bytes:
@@ -100,8 +97,7 @@ class Codec:
 
 
 def _members(kind: MessageType, name: str) -> Members:
-    fields = kind.fields[name]
-    return Members(tuple((attribute, _member(kind, *type_)) for _, attribute, type_ in fields))
+    return Members(tuple((own, _member(kind, *type_)) for own, type_ in kind.fields[name]))
 
 
 def _member(kind: MessageType, node: Nodetype, described: Any) -> Any:

@@ -67,7 +67,7 @@ class Column:
     length: int = 0  # of an array
     unit: str = ""  # from the comment behind the field; empty without one
     description: str = ""  # the comment; empty without one
-    attribute: str = ""  # of the field in decoded messages, with dots; empty if there is no field
+    attribute: str = ""  # of decoded messages, with dots; empty if there is no field
 
     @property
     def empty(self) -> np.ndarray | Ragged:
@@ -82,7 +82,7 @@ def columns_of(codec: Codec, definition: str) -> tuple[Column, ...]:
     columns: list[Column] = []
     taken = {*RECEIVED}
     comments = _comments(codec.type.name, definition)
-    for column in _columns(codec, comments, codec.type.name, "", "", ""):
+    for column in _columns(codec, comments, codec.type.name, "", ""):
         name = column.name
         while name in taken:
             name += "_"
@@ -100,23 +100,22 @@ def _columns(
     comments: dict[tuple[str, str], str],
     type_name: str,
     names: str,
-    attributes: str,
     outer_unit: str,
 ) -> Iterator[Column]:
-    for name, attribute, (node, description) in codec.fields(type_name):
+    for name, (node, description) in codec.fields(type_name):
         comment = comments.get((type_name, name), "")
         units = _UNIT.findall(comment)
         unit = units[0] if len(units) == 1 else outer_unit
-        name, attribute = names + name, attributes + attribute
+        name = names + name
 
-        column = partial(Column, name, unit=unit, description=comment, attribute=attribute)
+        column = partial(Column, name, unit=unit, description=comment, attribute=name)
         if node == Nodetype.BASE:
             dtype = _dtype(description)
             yield column(Kind.NUMBER, dtype) if dtype else column(Kind.TEXT)
         elif node == Nodetype.NAME and (kind := _time_kind(codec, description)):
             yield column(kind, np.dtype(np.int64))
         elif node == Nodetype.NAME:
-            yield from _columns(codec, comments, description, f"{name}.", f"{attribute}.", unit)
+            yield from _columns(codec, comments, description, f"{name}.", unit)
         else:
             (element, item), length = description
             dtype = _dtype(item) if element == Nodetype.BASE else None
@@ -130,7 +129,7 @@ def _columns(
 
 def _time_kind(codec: Codec, type_name: str) -> Kind | None:
     """Return the kind of a time or duration; a bag may define these types otherwise."""
-    if [(name, kind[1]) for name, _, kind in codec.fields(type_name)] != _TIME_FIELDS:
+    if [(name, kind[1]) for name, kind in codec.fields(type_name)] != _TIME_FIELDS:
         return None
     return _TIME_KINDS.get(type_name)
 

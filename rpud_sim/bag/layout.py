@@ -10,7 +10,6 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 from rosbags.interfaces import Nodetype
 from rosbags.serde.utils import SIZEMAP
-from rosbags.typesys.base import normalize_fieldname
 
 from rpud_sim.bag.encoder import CODES, Decoded
 from rpud_sim.bag.errors import BagFormatError
@@ -49,7 +48,7 @@ class ReadMessage:
 
     def __init__(self, message: bytes, order: str, memory: int, noted: bool) -> None:
         self.values: Any = None
-        # By attribute; those in lists of messages have none. Empty unless ``noted``.
+        # By name, with dots; those in lists of messages have none. Empty unless ``noted``.
         self.fields: dict[str, Field] = {}
         self.content, self.noted = message, noted
         self._fixed = [(0, "<u2", int.from_bytes(message[:2], "little"))]  # place, dtype, number
@@ -121,8 +120,8 @@ class MessageType:
 
     def __init__(self, types: Mapping[str, Any], name: str) -> None:
         self.name = name
-        # name, attribute in decoded messages, and type in ``rosbags`` of the fields, by type
-        self.fields: dict[str, list[tuple[str, str, Any]]] = {}
+        # name, and type in ``rosbags``, of the fields, by type
+        self.fields: dict[str, list[tuple[str, Any]]] = {}
         self._types = types
         self._shapes: dict[str, _Shape] = {}
         self._whole = self._shape_of_member(name)
@@ -179,11 +178,11 @@ class MessageType:
                     f"{name:.80} has {sum(counts)} fields with those of its members; "
                     f"at most {FIELDS_LIMIT} are read"
                 )
-            if len({own for own, _ in fields}) < len(fields):
+            if len(dict(fields)) < len(fields):
                 raise ValueError(f"{name:.80} has two fields of one name")
             shape = _Shape(1 + sum(counts), _MEMBER + sum(memory), max(1, sum(size)), max(shares))
             self._shapes[name] = shape
-            self.fields[name] = [(own, normalize_fieldname(own), kind) for own, kind in fields]
+            self.fields[name] = fields
         return self._shapes[name]
 
 
@@ -205,14 +204,14 @@ class _Steps:
 
     def member(self, type_name: str, prefix: str | None) -> Step:
         steps = [
-            (attribute, self._field(described, None if prefix is None else prefix + attribute))
-            for _, attribute, described in self._kind.fields[type_name]
+            (name, self._field(described, None if prefix is None else prefix + name))
+            for name, described in self._kind.fields[type_name]
         ]
 
         def read(found: ReadMessage, place: int) -> tuple[Any, int]:
             values = {}
-            for attribute, step in steps:
-                values[attribute], place = step(found, place)
+            for name, step in steps:
+                values[name], place = step(found, place)
             return Decoded(type_name, values), place if steps else place + 1  # CDR needs a member
 
         return read

@@ -7,7 +7,6 @@ from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import ExitStack
 from dataclasses import replace
 from functools import cached_property, partial
-from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, overload
 
@@ -131,7 +130,7 @@ class BagReader:
         The time from the bag's beginning up to ``start`` [ns] is skipped.
         """
         steps = due_blocks(self._segments, topics, self.start_time + start)
-        found = chain.from_iterable(map(messages_of, steps))
+        found = (message for due in steps for message in messages_of(due))
         return uncompressed_messages(found, self.path) if self._compressed else found
 
     def blocks(
@@ -149,7 +148,7 @@ class BagReader:
         start_time = self.start_time + start
         end = None if duration is None else start_time + duration
         steps = due_blocks(self._segments, topics, start_time, end)
-        return self._uncompressed(chain.from_iterable(map(ordered_by_topic, steps)))
+        return self._uncompressed(block for due in steps for block in ordered_by_topic(due))
 
     def segments(self) -> list[BagSegment]:
         """Return the parts that can be read by themselves, sorted by their beginnings."""

@@ -199,8 +199,8 @@ def _watching(port: int | None, namespace: str, stop: StopRequest) -> Iterator[N
     if port is None:
         yield
         return
-    words = ("watch", "--port", str(port), "--namespace", namespace, "--until-eof")
-    server = ChildProcess((*RPUD, *words), errors_apart=True, until_eof=True)
+    words = ("watch", "--port", str(port), "--namespace", namespace, "--beside-drill")
+    server = ChildProcess((*RPUD, *words), errors_apart=True)
     try:
         line = server.first_line(_PAGE_START, lambda: stop.requested)
         print(line, end="", flush=True)

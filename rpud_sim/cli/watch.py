@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import os
-import sys
-import threading
 import time
 from typing import TYPE_CHECKING, Any
 
@@ -52,7 +49,7 @@ _SEARCH_PERIOD = 0.05  # s
         metavar="A",
     ),
     open=option(False, "open the page in the browser"),
-    until_eof=option(False, argparse.SUPPRESS),
+    beside_drill=option(False, argparse.SUPPRESS),  # as `rpud run` starts it
 )
 def _run(options: Any) -> int:
     return _watch_drills(options) if options.bag is None else _watch_bag(options, options.bag)
@@ -63,8 +60,6 @@ def _watch_bag(options: Any, bag: str) -> ExitCode:
     from rpud_sim.viewer.server import Place
 
     def announce(server: PageServer) -> None:
-        if options.until_eof:
-            threading.Thread(target=_stop_at_end, args=(server,), daemon=True).start()
         url = server.url("/screen")
         print(f"bag {printable(bag)}: {url}", flush=True)
         if options.open:
@@ -79,9 +74,8 @@ def _watch_drills(options: Any) -> ExitCode:
     from rpud_sim.viewer.server import Place
 
     def announce(server: PageServer, store: LiveStore) -> None:
-        if options.until_eof:  # beside its drill: hear all of the run
+        if options.beside_drill:  # hear all of the run
             store.hear()
-            threading.Thread(target=_stop_at_end, args=(server,), daemon=True).start()
         _announce(server, store.finder, options)
 
     place = Place.of(options.port, options.address)
@@ -90,7 +84,7 @@ def _watch_drills(options: Any) -> ExitCode:
 
 
 def _announce(server: PageServer, finder: DrillFinder, options: Any) -> None:
-    drills = [options.namespace] if options.until_eof else _find(finder) or [options.namespace]
+    drills = [options.namespace] if options.beside_drill else _find(finder) or [options.namespace]
     urls = [server.url("/screen", namespace=drill) for drill in drills]
     for drill, url in zip(drills, urls, strict=True):
         print(f"drill {printable(drill)}: {url}", flush=True)
@@ -118,11 +112,3 @@ def _open_browser(url: str) -> None:
     # A browser in the terminal would take it, and cannot show the page.
     if browser is None or type(browser) is webbrowser.GenericBrowser or not browser.open(url):
         complain("rpud watch", "no browser here: open the address yourself")
-
-
-def _stop_at_end(server: PageServer) -> None:
-    """Stop the server when standard input ends: its parent process has ended."""
-    # Without the lock of sys.stdin, which the end of the program could not take.
-    while os.read(sys.stdin.fileno(), 1024):
-        pass
-    server.stop()

@@ -27,8 +27,7 @@ class ChildProcess:
     """Process in a session of its own: Ctrl-C does not reach it.
 
     Its output goes to a file, or stays in memory; with ``errors_apart`` its errors do not belong to
-    it. With ``until_eof`` its standard input ends together with this process; otherwise the
-    kernel interrupts it then.
+    it. The kernel interrupts it when this process ends.
     """
 
     def __init__(
@@ -40,7 +39,6 @@ class ChildProcess:
         environment: Mapping[str, str] | None = None,
         folder: Path | None = None,
         errors_apart: bool = False,
-        until_eof: bool = False,
     ) -> None:
         self.command = tuple(command)
         self.name = name
@@ -52,11 +50,11 @@ class ChildProcess:
                 self.command,
                 env=environment,
                 cwd=folder,
-                stdin=subprocess.PIPE if until_eof else subprocess.DEVNULL,
+                stdin=subprocess.DEVNULL,
                 stdout=self._output,
                 stderr=self._errors,
                 start_new_session=True,
-                preexec_fn=None if until_eof else end_with_parent,
+                preexec_fn=end_with_parent,
             )
         except OSError:
             self._output.close()
@@ -130,8 +128,6 @@ class ChildProcess:
     def kill(self) -> None:
         self.send(signal.SIGKILL)
         self._process.wait()
-        if self._process.stdin:
-            self._process.stdin.close()
         if self._said is None:
             self._said = self.output, self.errors
             self._output.close()

@@ -36,39 +36,6 @@ from rpud_sim.model.segment import (
     turns_at_end,
 )
 
-
-@compiled
-def _sum_of_128(values):
-    """Sum of at most 128 values, as NumPy adds them."""
-    count = len(values)
-    if count < 8:
-        total = -0.0
-        for i in range(count):
-            total += values[i]
-        return total
-    a, b, c, d = values[0], values[1], values[2], values[3]
-    e, f, g, h = values[4], values[5], values[6], values[7]
-    whole = count - count % 8
-    for i in range(8, whole, 8):
-        a, b, c, d = a + values[i], b + values[i + 1], c + values[i + 2], d + values[i + 3]
-        e, f, g, h = e + values[i + 4], f + values[i + 5], g + values[i + 6], h + values[i + 7]
-    total = ((a + b) + (c + d)) + ((e + f) + (g + h))
-    for i in range(whole, count):
-        total += values[i]
-    return total
-
-
-@compiled
-def pairwise_sum(values):
-    """Sum of values in the order of ``numpy.sum``, which halves them until 128 are left."""
-    count = len(values)
-    if count <= 128:
-        return _sum_of_128(values) + 0.0  # it begins with zero, so that no sum is -0.0
-    half = count // 2
-    half -= half % 8
-    return pairwise_sum(values[:half]) + pairwise_sum(values[half:])
-
-
 # What happened in the parts of a run that were added, and the account of the part in progress.
 TALLY = record_type(
     [
@@ -189,19 +156,21 @@ def finish_part(rpud, segment, seconds, fraction, tally, part):
 
 @compiled
 def add_impacts(impacts, tally, classes):
-    """Add the impacts of a part of a run, and count their forces in classes, shape (CLASSES,)."""
-    if not len(impacts):
-        return
+    """Add the impacts of a part of a run, and count their forces in classes, shape (CLASSES,).
+
+    They are added one after the other: parts give the sums of the whole.
+    """
     tally.impacts += len(impacts)
-    tally.impact_velocity += pairwise_sum(impacts["impact_velocity"])
-    tally.contact_force += pairwise_sum(impacts["peak_force"])
-    tally.contact_duration += pairwise_sum(impacts["contact_duration"])
-    tally.energy += pairwise_sum(impacts["energy"])
-    tally.energy_transferred += pairwise_sum(impacts["energy_transferred"])
     for i in range(len(impacts)):
-        force = impacts[i].peak_force
+        impact = impacts[i]
+        force = impact.peak_force
+        tally.impact_velocity += impact.impact_velocity
+        tally.contact_force += force
+        tally.contact_duration += impact.contact_duration
+        tally.energy += impact.energy
+        tally.energy_transferred += impact.energy_transferred
         tally.contact_force_max = max(tally.contact_force_max, force)
-        if impacts[i].squeezed:
+        if impact.squeezed:
             tally.squeezed += 1
         number = 0
         if force > LEAST_FORCE:

@@ -30,9 +30,7 @@ _Outcome = TypeVar("_Outcome")
 class StudyStore(abc.ABC, Generic[_Chunk, _Outcome]):
     """Folder of a study, named as its command, with the outcomes of its chunks."""
 
-    def __init__(
-        self, path: Path, manifest: dict[str, Any], study: str, report: Report = lambda runs: None
-    ) -> None:
+    def __init__(self, path: Path, manifest: dict[str, Any], study: str, report: Report) -> None:
         self.path = path
         # All that its results depend on, as JSON reads it back.
         self.manifest = json.loads(json.dumps(manifest))

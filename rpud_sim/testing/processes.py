@@ -63,17 +63,13 @@ class DomainClaim:
 
 def loopback_environment(domain: int, environ: Mapping[str, str] = os.environ) -> dict[str, str]:
     """Return the environment of ``env.bash``: ROS stays on loopback, in a domain."""
-    environment = {name: value for name, value in environ.items() if name not in _ELSEWHERE}
-    environment["ROS_DOMAIN_ID"] = str(domain)
-    return environment | loopback_variables(environ, find_profile(environ))
-
-
-def find_profile(environ: Mapping[str, str] = os.environ) -> Path | None:
-    """Return the profile that keeps Fast DDS on loopback; None where it is not installed."""
     prefixes = [*filter(None, environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)), sys.prefix]
     places = [Path(prefix, "share", "rpud_sim") for prefix in prefixes]
     places.append(Path(__file__).resolve().parents[2])  # a clone
-    return next((place / PROFILE for place in places if (place / PROFILE).is_file()), None)
+    profile = next((place / PROFILE for place in places if (place / PROFILE).is_file()), None)
+    environment = {name: value for name, value in environ.items() if name not in _ELSEWHERE}
+    environment["ROS_DOMAIN_ID"] = str(domain)
+    return environment | loopback_variables(environ, profile)
 
 
 @contextlib.contextmanager

@@ -7,7 +7,7 @@ import json
 import math
 import time
 from collections.abc import Awaitable, Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -189,7 +189,7 @@ class Session:
                     self._acknowledged.set()
             case "view" | "choices":
                 if "view" in asked:
-                    client.view = _view(client.view, asked["view"])
+                    client.view = _view(asked["view"])
                 if "choices" in asked:
                     client.choices = _choices(asked["choices"])
             case "playhead":
@@ -219,21 +219,17 @@ class Session:
             await self._acknowledged.wait()
 
 
-def _view(before: View, asked: dict[str, Any]) -> View:
-    width = before.width
-    if "width" in asked:
-        width = int(min(max(_number(asked["width"]), 1.0), _MOST_WIDTH))
+def _view(asked: dict[str, Any]) -> View:
+    width = int(min(max(_number(asked["width"]), 1.0), _MOST_WIDTH))
     if "follow" in asked:
         follow = _number(asked["follow"])
         if follow <= 0.0:
             raise ValueError("follow")
         return View(follow, width=width)
-    if "start" in asked:
-        start, end = _number(asked["start"]), _number(asked["end"])
-        if not start < end:
-            raise ValueError("start and end")
-        return View(None, start, end, width)
-    return replace(before, width=width)
+    start, end = _number(asked["start"]), _number(asked["end"])
+    if not start < end:
+        raise ValueError("start and end")
+    return View(None, start, end, width)
 
 
 def _choices(asked: dict[str, Any]) -> dict[str, str]:

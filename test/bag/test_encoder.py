@@ -39,7 +39,7 @@ NUMBERS = {
 def values_of(kind, inner=None):
     """Strategy for plain values of a message, or of one in it."""
     fields = installed_codec(kind).fields(inner or kind)
-    return st.fixed_dictionaries({name: value_of(kind, *field) for name, _, field in fields})
+    return st.fixed_dictionaries({name: value_of(kind, *field) for name, field in fields})
 
 
 def value_of(kind, node, described):
@@ -57,7 +57,7 @@ def value_of(kind, node, described):
 def message_of(kind, values, inner=None):
     """Return the ROS message."""
     content = {**values}
-    for name, _, (node, described) in installed_codec(kind).fields(inner or kind):
+    for name, (node, described) in installed_codec(kind).fields(inner or kind):
         if node == Nodetype.NAME:
             content[name] = message_of(kind, values[name], described)
         elif node == Nodetype.SEQUENCE and described[0][0] == Nodetype.NAME:

@@ -199,6 +199,13 @@ def test_memory_stays_bounded_by_the_chunks(tmp_path, read, most):
     assert peak < most
 
 
+def test_an_iteration_can_be_closed(tmp_path):
+    with rpud_sim.bag.open(write_bag(tmp_path / "bag")) as bag:
+        for found in (bag.messages(), bag.blocks()):
+            next(found)
+            found.close()
+
+
 def everything(bag):
     return [
         message for segment in bag.segments() for message in messages_of([*segment.blocks(None)])

@@ -77,17 +77,6 @@ def test_many_points_are_one_path():
     assert len(html) < 100_000
 
 
-def test_intervals_end_inside_the_picture():
-    low, high = np.array([-1.0, -2000.0]), np.array([1.0, 90.0])
-    layer = Points("a", np.zeros(2), np.arange(2.0), low, high, across=True)
-    html = figure(Plot("b", (layer,), y=Axis(categories=("c", "d")), width=500))
-    [inner] = re.findall(r'<svg x="[\d.]+" y="[\d.]+" width="([\d.]+)"', html)
-    ends = [float(end) for way in paths(html) for end in re.findall(r"[ML]([-\d.]+) ", way)]
-    assert len(ends) == 12
-    assert min(ends) > 0.0
-    assert max(ends) < float(inner)
-
-
 def test_columns_stand_beside_their_rows():
     columns = (("A", ("1 N", "2 N")), ("B", ("3 N", "4 N")))
     layer = Points("a", np.arange(2.0), np.arange(2.0))

@@ -2,10 +2,11 @@ import os
 import socket
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
-from rpud_sim.testing.processes import DomainClaim, applied, find_profile, loopback_environment
+from rpud_sim.testing.processes import DomainClaim, applied, loopback_environment
 
 CLAIM = "from rpud_sim.testing.processes import DomainClaim; print(DomainClaim().domain)"
 
@@ -59,7 +60,8 @@ def test_every_process_of_a_test_stays_on_loopback():
     assert environment["ROS_DOMAIN_ID"] == "7"
     assert environment["ROS_AUTOMATIC_DISCOVERY_RANGE"] == "SYSTEM_DEFAULT"
     assert "ROS_LOCALHOST_ONLY" not in environment
-    assert environment["FASTRTPS_DEFAULT_PROFILES_FILE"] == str(find_profile(environ))
+    profile = Path(environment["FASTRTPS_DEFAULT_PROFILES_FILE"])
+    assert (profile.name, profile.is_file()) == ("fastdds_loopback.xml", True)
 
 
 def test_an_environment_is_applied_for_a_while():

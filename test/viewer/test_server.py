@@ -178,7 +178,7 @@ def test_a_frame_comes_when_the_one_before_was_acknowledged(server, store):
         assert "section" not in second  # none was wanted again
         client.send({"section": True})
         client.send({"choices": {"more": "depth"}})
-        client.send({"view": {"start": 1, "end": 2.5}})
+        client.send({"view": {"start": 1, "end": 2.5, "width": 300}})
         client.until(lambda seen: "section" in seen)
         assert store.views[1] == View(5.0, width=300)
         client.until(lambda seen: store.views[-1] == View(None, 1.0, 2.5, 300))
@@ -200,13 +200,14 @@ WRONG = (
     "{}",
     {"what": 1},
     {"view": 3},
-    {"view": {"follow": 0}},
-    {"view": {"start": 2, "end": 1}},
-    {"view": {"width": "wide"}},
+    {"view": {"follow": 0, "width": 1}},
+    {"view": {"start": 2, "end": 1, "width": 1}},
+    {"view": {"follow": 5}},
+    {"view": {"follow": 5, "width": "wide"}},
     {"playhead": True},
     '{"playhead": NaN}',
     {"playhead": 10**400},
-    {"view": {"start": -1e308, "end": 1e308}},
+    {"view": {"start": -1e308, "end": 1e308, "width": 1}},
     {"choices": {str(number): "" for number in range(100)}},
     {"seek": "somewhere", "from": 0},
     {"drill": "/b"},

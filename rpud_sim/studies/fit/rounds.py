@@ -17,7 +17,6 @@ from scipy.stats import qmc
 from rpud_sim.foundation.quantities import ExpectedError, ParameterError
 from rpud_sim.foundation.whole_folder import whole_file
 from rpud_sim.simulation import EngineError
-from rpud_sim.simulation.configuration import Configuration
 from rpud_sim.simulation.ensemble import compile_kernels, compile_members
 from rpud_sim.simulation.versions import engine_versions, version_of
 from rpud_sim.studies.fit.measures import measure
@@ -126,8 +125,13 @@ class FitFolder(StudyStore[FitChunk, np.ndarray]):
             )
             for number, i in enumerate(range(0, len(points), size))
         ]
-        drill = specification.configuration(points[0], specification.conditions[0])
-        self.finish(chunks, simulate, lambda: _compile(drill), self._workers)
+
+        def prepare() -> None:
+            drill = specification.configuration(points[0], specification.conditions[0])
+            compile_members(drill)
+            compile_kernels(drill)  # of figures that are sampled
+
+        self.finish(chunks, simulate, prepare, self._workers)
         return np.concatenate([np.load(self._path(chunk)) for chunk in chunks])
 
     def has(self, chunk: FitChunk) -> bool:
@@ -144,11 +148,6 @@ class FitFolder(StudyStore[FitChunk, np.ndarray]):
 
     def _path(self, chunk: FitChunk) -> Path:
         return self.path / "simulations" / f"{chunk.job}_{chunk.number:05}.npy"
-
-
-def _compile(drill: Configuration) -> None:
-    compile_members(drill)
-    compile_kernels(drill)  # of figures that are sampled
 
 
 @dataclasses.dataclass

@@ -1,6 +1,5 @@
 """Blocks of messages are compared with the result of single ones, on damaged recordings too."""
 
-import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -9,7 +8,7 @@ from support import examples
 
 import rpud_sim.bag
 from rpud_sim.bag import BagWriter, Message, QosProfile, Topic
-from rpud_sim.bag.messages import MessageBlock
+from rpud_sim.bag.messages import blocks_of
 from rpud_sim.inspection import recorded_topics
 from rpud_sim.inspection.recorded_journal import installed_codec
 from rpud_sim.inspection.recorded_topics import RecordedMessages, RecordedTopics
@@ -40,21 +39,12 @@ def computed(stretches):
 COMPUTED = {number: computed(number) for number in (1, 2)}
 
 
-def blocks_of(messages, sizes):
+def blocks_in(messages, sizes):
     while messages:
         count = max(1, sizes.pop() if sizes else 100)
-        yield block_of(messages[:count])
+        yield from blocks_of(messages[:count])
         messages = messages[count:]
 
-
-def block_of(messages):
-    sizes = np.array([len(each.data) for each in messages], np.int64)
-    times = [np.array([getattr(each, name) for each in messages]) for name in TIMES]
-    data = np.frombuffer(b"".join(each.data for each in messages), np.uint8)
-    return MessageBlock(messages[0].topic, *times, data, np.cumsum(sizes) - sizes, sizes)
-
-
-TIMES = ("log_time", "publish_time")
 
 DAMAGES = st.lists(
     st.tuples(
@@ -131,7 +121,7 @@ def test_by_the_block_the_result_is_that_of_single_messages(name, runs, damages,
     recorded = damaged(recorded, damages)
     results = []
     for by_block in (False, True):
-        source = RecordedMessages(blocks_of(recorded, list(sizes)))
+        source = RecordedMessages(blocks_in(recorded, list(sizes)))
         if not by_block:
             source.pass_equal = lambda *_: 0
         comparison = TopicComparison(
