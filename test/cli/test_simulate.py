@@ -7,7 +7,6 @@ import re
 import pytest
 from support import called
 
-from rpud_sim.model.contact_models import CONTACT_MODELS
 from rpud_sim.model.parameters import NAMES
 from rpud_sim.simulation import ensemble, preset
 from rpud_sim.simulation.simulation import Simulation
@@ -97,38 +96,6 @@ def test_the_table_has_every_figure_with_its_unit(simulate):
     assert lines["reacting_force_mean"][2] == "+-"
 
 
-@pytest.mark.parametrize(
-    ("words", "complaint"),
-    [
-        (["--duration", "0"], "--duration = 0 s is outside its range [1e-09, 1e+06] s"),
-        (["--repeat", "0"], "--repeat = 0 is outside its range [1, 1e+06]"),
-        (["--seed", "-1"], "--seed = -1 is outside its range [0, 9.22337e+18]"),
-        (
-            ["--set", "weight_on_bit=-5"],
-            "weight_on_bit = -5 N is outside its range [0, 1000] N",
-        ),
-        (
-            ["--set", "contact_model=x"],
-            f"contact_model = 'x' is not one of {', '.join(CONTACT_MODELS)}",
-        ),
-        (["--set", "oops"], "'oops' is not of the form name=value"),
-        (
-            ["--set", "telemetry_rate=10"],
-            "telemetry_rate is a parameter of the drill node alone: see rpud run",
-        ),
-        (["--config", "/missing.yaml"], "/missing.yaml: No such file or directory"),
-        (
-            ["--bag", "bag", "--repeat", "2"],
-            "--bag goes with a single run, not with --repeat",
-        ),
-    ],
-)
-def test_what_cannot_be_used_is_one_line_and_exit_code_2(simulate, words, complaint):
-    code, output, errors = simulate(*words)
-    assert (code, output) == (2, "")
-    assert errors == f"rpud simulate: {complaint}\n"
-
-
 def test_depth_and_penetration_rate_are_there_where_there_is_a_rock(figures, simulate):
     assert "depth" not in figures("--duration", 0.1)
     rock = ["--set", "rock_model=specific_energy", "--duration", 2]
@@ -167,12 +134,9 @@ def test_a_scenario_draws_with_the_seed_that_is_given(figures, tmp_path):
 @pytest.mark.parametrize(
     ("scenario", "complaint"),
     [
-        (
-            "faults: [{kind: hard_rock, onset: 1.0}]",
-            "{file}:1: hard_rock cannot be honoured: it needs a",
-        ),
-        ("faults: 3", "{file}:1: faults = 3 is not a list"),
-        (None, "{file}: No such file or directory"),
+        ("faults: [{kind: hard_rock, onset: 1.0}]", ":1: hard_rock cannot be honoured: it needs"),
+        ("faults: 3", ":1: faults = 3 is not a list"),
+        (None, ": No such file or directory"),
     ],
 )
 @pytest.mark.parametrize("bag", [True, False])
@@ -185,7 +149,7 @@ def test_a_scenario_that_cannot_be_used_is_refused_before_anything(
     words = ["--bag", tmp_path / "bag"] if bag else []
     code, output, errors = simulate("--set", f"scenario={file}", *words)
     assert (code, output) == (2, "")
-    assert errors.startswith(f"rpud simulate: {complaint.format(file=file)}")
+    assert errors.startswith(f"rpud simulate: {file}{complaint}")
     assert errors.count("\n") == 1
     assert not (tmp_path / "bag").exists()
 

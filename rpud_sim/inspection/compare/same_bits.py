@@ -55,8 +55,8 @@ class _Timed(NamedTuple):
 
 
 _Pair = tuple[_Timed | None, _Timed | None]
-# With the simulation time of what one run holds beyond the other [ns]; 0 without.
-Compared = tuple[TopicBits, int]
+# With the simulation time of what one run holds beyond the other [ns]; None without.
+Compared = tuple[TopicBits, int | None]
 
 
 def bits_readers(
@@ -87,7 +87,7 @@ def bits_readers(
 
 
 def _not_compared(topic: str, note: str) -> Compared:
-    return TopicBits(topic, NOT_COMPARED, note=note), 0
+    return TopicBits(topic, NOT_COMPARED, note=note), None
 
 
 def _read(
@@ -99,7 +99,7 @@ def _read(
 def bits_of(found: Mapping[str, Compared], end: float) -> tuple[TopicBits, ...]:
     """Return what the readers found; both runs reach simulation time ``end`` [s]."""
     return tuple(
-        bits if left <= end * SECOND else bits._replace(note="")
+        bits if left is None or left <= end * SECOND else bits._replace(note="")
         for bits, left in (found[topic] for topic in PROVED if topic in found)
     )
 
@@ -124,7 +124,7 @@ def _compare_topic(
             same = apart[0] == apart[1]
             same &= one.origin == other.origin or topic not in _SEVERAL_TIMES
             if not same and (found := _difference(codec, one, other)):
-                return TopicBits(topic, DIFFERENT, equal, one.time / SECOND, *found), 0
+                return TopicBits(topic, DIFFERENT, equal, one.time / SECOND, *found), None
             equal += 1
             one, other = next(first, None), next(second, None)
             if one:
@@ -133,13 +133,13 @@ def _compare_topic(
         texts = ("a message", "nothing at this time")
         texts = texts if one.time < other.time else texts[::-1]
         time = min(one.time, other.time) / SECOND
-        return TopicBits(topic, DIFFERENT, equal, time, "", *texts), 0
+        return TopicBits(topic, DIFFERENT, equal, time, "", *texts), None
     if not equal:
         return _not_compared(topic, "the runs have no time in common")
     if left := one or other:
         note = f"{'the reference' if one else 'this run'} goes on longer"
         return TopicBits(topic, EQUAL, equal, note=note), left.time
-    return TopicBits(topic, EQUAL, equal), 0
+    return TopicBits(topic, EQUAL, equal), None
 
 
 def _messages(

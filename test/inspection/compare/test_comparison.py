@@ -232,6 +232,9 @@ def test_a_bag_without_journal_is_compared_by_its_stamps(made, tmp_path):
     assert "peak_force" in quantities
     assert "reacting_force" not in quantities
     assert states(found)["waveform"] == "not compared"
+    bare = altered(made / "a", tmp_path / "without values", unchanged, {"/rpud/drill_tool"})
+    found = compare([made / "a", bare])
+    assert {each.topic for each in found.bits[0] if each.note == ""} == {"drill_tool"}
 
 
 def test_too_short_a_time_decides_nothing(made):
