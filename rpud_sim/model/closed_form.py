@@ -135,7 +135,7 @@ _NEAR = 0.75  # [rad]
 
 @compiled
 def swing_at(decay_rate, angular_frequency, time):
-    if time == 0.0:
+    if time == 0.0 or angular_frequency == 0.0:
         return NO_SWING
     angle = angular_frequency * time
     if angle <= _NEAR:

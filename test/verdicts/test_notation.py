@@ -108,7 +108,7 @@ REFUSED = {
     "nodal_plane.position[0] < 3 mm": "is one value, and has no [0]",
     "faults.faults < 3": "is a list of messages, not a signal; use fault, onset or cleared",
     "nonsense": "is no comparison, as reacting_force.force < 45 N",
-    "{fault: free_mass_jamed}": "(did you mean free_mass_jammed?)",
+    "{fault: free_mass_jamed}": "did you mean free_mass_jammed?",
     "{fault: noise on wrensh}": "(did you mean wrench?)",
     "{fault: noise}": "channel of noise = '' is not one of",
     "{allways: status.impacts > 3}": "'allways' begins no formula; did you mean always?",
