@@ -35,8 +35,8 @@ with rpud_sim.bag.open(sys.argv[1]) as bag:
     bag.arrays([f"/rpud/{name}" for name in sys.argv[2:]])
 """
 # A third and an eighth of the processor time of version 0.1.0. With its set-up on one machine, by
-# turns, that took 8.9 and 21 times these limits for ten minutes of bag.
-_WRITING, _PROVING = Goal(most=2.95), Goal(most=2.6)
+# turns, that took 11.6 and 29.8 times these limits for ten minutes of bag.
+_WRITING, _PROVING = Goal(most=3.87), Goal(most=3.72)
 _START = "start of rpud simulate"
 _GOALS = {  # processor time [s]
     _START: Goal(most=0.5),

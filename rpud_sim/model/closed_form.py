@@ -10,7 +10,7 @@ from typing import NamedTuple
 from rpud_sim.model.compile import compiled
 from rpud_sim.model.elementary import (
     exponential,
-    exponential_minus_one,
+    growth_near,
     sin_cos,
     sin_cos_cycles,
     sine_and_less,
@@ -130,23 +130,38 @@ class DecayingSinCos(NamedTuple):
 # That of every oscillation at its start, and of one that rests.
 NO_SWING = DecayingSinCos(1.0, 0.0, 0.0)
 
-_NEAR = 0.75  # [rad]
+# Up to this angle and decay a swing is near [rad, 1].
+_NEAR_ANGLE, _NEAR_DECAY = 0.75, 0.3
+
+
+@compiled
+def is_near(motion, time):
+    """Whether the decaying part of an ``Oscillation`` is near up to a time."""
+    return (
+        motion.angular_frequency * time <= _NEAR_ANGLE and motion.decay_rate * time <= _NEAR_DECAY
+    )
+
+
+@compiled
+def near_swing(decay_rate, angular_frequency, time):
+    """Return the ``DecayingSinCos`` at a near time, without branches."""
+    sine, less = sine_and_less(angular_frequency * time)
+    growth = growth_near(-decay_rate * time)
+    change = growth + (less + growth * less)
+    return DecayingSinCos(1.0 + change, sine + growth * sine, change)
 
 
 @compiled
 def swing_at(decay_rate, angular_frequency, time):
+    """Return the ``DecayingSinCos`` at a time."""
     if time == 0.0 or angular_frequency == 0.0:
         return NO_SWING
-    angle = angular_frequency * time
-    if angle <= _NEAR:
-        sine, less = sine_and_less(angle)
-        growth = exponential_minus_one(-decay_rate * time)
-        change = growth + (less + growth * less)
-        return DecayingSinCos(1.0 + change, sine + growth * sine, change)
+    if angular_frequency * time <= _NEAR_ANGLE and decay_rate * time <= _NEAR_DECAY:
+        return near_swing(decay_rate, angular_frequency, time)
     decay = 1.0
     if decay_rate != 0.0:
         decay = exponential(-decay_rate * time)
-    sine, cosine = sin_cos(angle)
+    sine, cosine = sin_cos(angular_frequency * time)
     return DecayingSinCos(decay * cosine, decay * sine, decay * cosine - 1.0)
 
 

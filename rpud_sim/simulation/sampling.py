@@ -10,10 +10,26 @@ from typing import Any
 import numpy as np
 
 from rpud_sim.foundation.time import SECOND
-from rpud_sim.model.closed_form import reacting_force
+from rpud_sim.model.closed_form import (
+    NO_SWING,
+    TWO_PI,
+    is_near,
+    near_swing,
+    reacting_force,
+    swinging_part,
+    turn_at,
+)
 from rpud_sim.model.compile import compiled
 from rpud_sim.model.search import force_on_drill_tool
-from rpud_sim.model.segment import CONSTANTS, CONTACT_DRILL_TOOL, SEGMENT, motion_at
+from rpud_sim.model.segment import (
+    CONSTANTS,
+    CONTACT_DRILL_TOOL,
+    SEGMENT,
+    drill_tool_motion,
+    fall,
+    motion_at,
+    nodal_plane_motion,
+)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -65,12 +81,119 @@ def join_samples(parts: Sequence[Samples]) -> Samples:
     return Samples(**{n: np.concatenate([getattr(part, n) for part in parts]) for n in names})
 
 
+# The loops of a flight have no branches and few arrays each, so that a processor does several times
+# at once. What they compute is ``motion_at``, bit for bit.
+
+
+@compiled
+def _fill_swing(motion, times, positions, velocities):
+    for i in range(len(times)):
+        swing = near_swing(motion.decay_rate, motion.angular_frequency, times[i])
+        displacement, velocities[i] = swinging_part(motion, swing)
+        positions[i] = motion.offset + displacement
+
+
+@compiled
+def _fill_turns(phase, frequency, times, sines, cosines):
+    for i in range(len(times)):
+        sines[i], cosines[i] = turn_at(phase + frequency * times[i])
+
+
+@compiled
+def _fill_fall(position, velocity, gravity, times, positions, velocities):
+    for i in range(len(times)):
+        positions[i], velocities[i] = fall(position, velocity, gravity, times[i])
+
+
+@compiled
+def _fill_force(weight_on_bit, spring_rate, damping, positions, velocities, forces):
+    for i in range(len(forces)):
+        forces[i] = reacting_force(weight_on_bit, spring_rate, damping, positions[i], velocities[i])
+
+
+@compiled
+def _add_vibration(in_phase, in_quadrature, sines, cosines, positions):
+    for i in range(len(sines)):
+        positions[i] = positions[i] + in_phase * sines[i] + in_quadrature * cosines[i]
+
+
+@compiled
+def _add_rate(omega, in_phase, in_quadrature, sines, cosines, velocities):
+    for i in range(len(sines)):
+        velocities[i] += omega * (in_phase * cosines[i] - in_quadrature * sines[i])
+
+
+@compiled
+def _fill_sum(values, factor, terms, sums):
+    for i in range(len(sums)):
+        sums[i] = values[i] + factor * terms[i]
+
+
+@compiled
+def _fill_flight(segment, begin, end, channels):
+    """Fill the channels from one time to another, in a flight near its start; given its times.
+
+    They are in the last row, and sines and cosines of the vibration for a while in those of the
+    free mass.
+    """
+    u_np, v_np, u_ut, v_ut = channels[0], channels[1], channels[2], channels[3]
+    u_fm, v_fm, u_dt, v_dt = channels[4], channels[5], channels[6], channels[7]
+    u_np, v_np, u_ut, v_ut = u_np[begin:end], v_np[begin:end], u_ut[begin:end], v_ut[begin:end]
+    u_fm, v_fm, u_dt, v_dt = u_fm[begin:end], v_fm[begin:end], u_dt[begin:end], v_dt[begin:end]
+    row = channels[9]
+    times = row[begin:end]
+    motion, frequency = nodal_plane_motion(segment), segment.vibration_frequency
+    omega, amplitude = TWO_PI * frequency, segment.vibration_amplitude
+    _fill_turns(segment.vibration_phase, frequency, times, u_fm, v_fm)
+    _fill_swing(motion, times, u_np, v_np)
+    _add_vibration(motion.vibration_sine, motion.vibration_cosine, u_fm, v_fm, u_np)
+    _add_rate(omega, motion.vibration_sine, motion.vibration_cosine, u_fm, v_fm, v_np)
+    _fill_sum(u_np, amplitude, u_fm, u_ut)
+    _fill_sum(v_np, omega * amplitude, v_fm, v_ut)
+    gravity = segment.free_mass_acceleration
+    position, velocity = segment.free_mass_position, segment.free_mass_velocity
+    _fill_fall(position, velocity, gravity, times, u_fm, v_fm)
+    tool = drill_tool_motion(segment)
+    if tool.angular_frequency == 0.0:
+        displacement, velocity = swinging_part(tool, NO_SWING)
+        u_dt[:] = tool.offset + displacement
+        v_dt[:] = velocity
+    else:
+        _fill_swing(tool, times, u_dt, v_dt)
+    spring_rate, damping = segment.load_spring_rate, segment.load_spring_damping
+    _fill_force(segment.weight_on_bit, spring_rate, damping, u_np, v_np, times)
+    row = channels[8]
+    row[begin:end] = 0.0
+
+
+@compiled
+def _fill_one(segment, i, channels):
+    """Fill the channels at a time, which is in the last row."""
+    time = channels[9, i]
+    motion = motion_at(segment, time)
+    for m in range(8):
+        channels[m, i] = motion[m]
+    force = 0.0
+    if segment.contact & CONTACT_DRILL_TOOL:
+        force, _ = force_on_drill_tool(segment, time)
+    channels[8, i] = force
+    channels[9, i] = reacting_force(
+        segment.weight_on_bit,
+        segment.load_spring_rate,
+        segment.load_spring_damping,
+        motion[0],
+        motion[1],
+    )
+
+
 @compiled
 def _fill(segments, firsts, lasts, cuts, seconds, fraction, channels, in_contact):
+    times = channels[9]
     for k in range(len(firsts)):
         index = firsts[k]
         last = lasts[k]
-        for i in range(cuts[k], cuts[k + 1]):
+        i = cuts[k]
+        while i < cuts[k + 1]:
             while index < last:
                 after = segments[index + 1]
                 ahead = float(seconds[i] - after.start_seconds) + (
@@ -80,25 +203,28 @@ def _fill(segments, firsts, lasts, cuts, seconds, fraction, channels, in_contact
                     break
                 index += 1
             segment = segments[index]
-            time = float(seconds[i] - segment.start_seconds) + (
-                fraction[i] - segment.start_fraction
-            )
-            motion = motion_at(segment, time)
-            for m in range(8):
-                channels[m, i] = motion[m]
-            force = 0.0
-            touching = segment.contact & CONTACT_DRILL_TOOL
-            if touching:
-                force, _ = force_on_drill_tool(segment, time)
-            channels[8, i] = force
-            channels[9, i] = reacting_force(
-                segment.weight_on_bit,
-                segment.load_spring_rate,
-                segment.load_spring_damping,
-                motion[0],
-                motion[1],
-            )
-            in_contact[i] = touching != 0
+            after = segments[min(index + 1, last)]
+            begin = i
+            while i < cuts[k + 1]:
+                if index < last and i > begin:
+                    ahead = float(seconds[i] - after.start_seconds) + (
+                        fraction[i] - after.start_fraction
+                    )
+                    if not ahead < 0.0:
+                        break
+                times[i] = float(seconds[i] - segment.start_seconds) + (
+                    fraction[i] - segment.start_fraction
+                )
+                in_contact[i] = segment.contact & CONTACT_DRILL_TOOL != 0
+                i += 1
+            end = times[i - 1]
+            tool = drill_tool_motion(segment)
+            near = is_near(nodal_plane_motion(segment), end) and is_near(tool, end)
+            if segment.contact == 0 and near:
+                _fill_flight(segment, begin, i, channels)
+            else:
+                for j in range(begin, i):
+                    _fill_one(segment, j, channels)
 
 
 def sample(segments: np.ndarray, times: Times) -> Samples:

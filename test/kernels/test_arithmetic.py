@@ -24,6 +24,8 @@ class Files(dispatchers._Files):
 
     def save_overload(self, sig, data):
         code, machine_code = data.library.get_llvm_str(), data.library.get_asm_str()
+        # Of several numbers at once it is what it is of one.
+        code = re.sub(r"\.v\d+f64", ".f64", code)
         called = set(re.findall(r'^declare [^@]*@"?([^"( ]+)', code, re.M))
         fused = set(re.findall(r"\bv?fn?m(?:add|sub|la|ls)\w*", machine_code))
         loose = set(re.findall(r"\bf(?:add|sub|mul|div) (?:fast|contract|reassoc|arcp)", code))
