@@ -14,7 +14,7 @@ from numba.core.codegen import get_host_cpu_features
 from rpud_sim.kernels.store import KernelStore
 
 # Level of the x86-64 psABI that Intel has since Haswell (2013) and AMD since Excavator (2015). The
-# kernels fuse nothing. Those of level 2 are 4 to 7 % slower, because their instructions overwrite an
+# kernels fuse nothing. Those of level 2 are 4 to 7 % slower: their instructions overwrite an
 # operand.
 BASELINE = "x86-64-v3"
 
