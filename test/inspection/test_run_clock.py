@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from rpud_sim.inspection.run_clock import RunClock
@@ -19,6 +19,7 @@ spans = st.lists(
 )
 
 
+@example([("stamps", SECOND, 0), ("stamps", SECOND, 0)])  # to stamp zero, twice
 @given(spans)
 def test_time_goes_on_as_that_of_the_simulation(changes):
     clock, origin, now, published, passed = RunClock(START), START, 0, START, 0
