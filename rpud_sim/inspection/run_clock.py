@@ -48,7 +48,7 @@ class RunClock:
         offset = origin - self._shift
         if abs(offset) > GREATEST:
             return False
-        # Time that is reset to the same stamp again begins anew there.
+        # Time may be reset to the same stamp again.
         if begins or stamp < stamps[-1] or (stamp == stamps[-1] and offset != offsets[-1]):
             self._spans.append((published, [stamp], [offset]))
         elif offset != offsets[-1]:

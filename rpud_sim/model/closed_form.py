@@ -135,11 +135,9 @@ _NEAR_ANGLE, _NEAR_DECAY = 0.75, 0.3
 
 
 @compiled
-def is_near(motion, time):
-    """Whether the decaying part of an ``Oscillation`` is near up to a time."""
-    return (
-        motion.angular_frequency * time <= _NEAR_ANGLE and motion.decay_rate * time <= _NEAR_DECAY
-    )
+def is_near(decay_rate, angular_frequency, time):
+    """Whether a swing is near up to a time."""
+    return angular_frequency * time <= _NEAR_ANGLE and decay_rate * time <= _NEAR_DECAY
 
 
 @compiled
@@ -156,7 +154,7 @@ def swing_at(decay_rate, angular_frequency, time):
     """Return the ``DecayingSinCos`` at a time."""
     if time == 0.0 or angular_frequency == 0.0:
         return NO_SWING
-    if angular_frequency * time <= _NEAR_ANGLE and decay_rate * time <= _NEAR_DECAY:
+    if is_near(decay_rate, angular_frequency, time):
         return near_swing(decay_rate, angular_frequency, time)
     decay = 1.0
     if decay_rate != 0.0:

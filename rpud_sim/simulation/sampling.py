@@ -218,8 +218,9 @@ def _fill(segments, firsts, lasts, cuts, seconds, fraction, channels, in_contact
                 in_contact[i] = segment.contact & CONTACT_DRILL_TOOL != 0
                 i += 1
             end = times[i - 1]
-            tool = drill_tool_motion(segment)
-            near = is_near(nodal_plane_motion(segment), end) and is_near(tool, end)
+            motion, tool = nodal_plane_motion(segment), drill_tool_motion(segment)
+            near = is_near(motion.decay_rate, motion.angular_frequency, end)
+            near = near and is_near(tool.decay_rate, tool.angular_frequency, end)
             if segment.contact == 0 and near:
                 _fill_flight(segment, begin, i, channels)
             else:

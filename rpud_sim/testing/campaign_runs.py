@@ -1,4 +1,4 @@
-"""Flight of one run of a campaign beside the system under test, and what came of it."""
+"""Flight of one run of a campaign beside the system under test, and its result."""
 
 from __future__ import annotations
 
