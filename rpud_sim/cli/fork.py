@@ -70,12 +70,8 @@ def _run(options: Any) -> int:
 def _changes(options: Any) -> Changes:
     from rpud_sim.inspection.fork import LIVE
     from rpud_sim.simulation.configuration import parse_assignment
-    from rpud_sim.simulation.plans import (
-        Changes,
-        parameter_changes,
-        parse_injections,
-        read_commands,
-    )
+    from rpud_sim.simulation.plans import Changes, parameter_changes
+    from rpud_sim.simulation.scenario_file import parse_injections, read_commands
 
     values = dict(parse_assignment(text) for text in options.assignments)
     changes = parameter_changes(values, LIVE if options.live else ())

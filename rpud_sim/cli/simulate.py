@@ -91,7 +91,7 @@ def _refuse_assignments_to_the_node(assignments: Sequence[str]) -> None:
 def _simulate(options: Any) -> dict[str, Any]:
     from rpud_sim.simulation.configuration import to_settings
     from rpud_sim.simulation.ensemble import compile_kernels, compile_members
-    from rpud_sim.simulation.plans import read_commands, read_scenario
+    from rpud_sim.simulation.scenario_file import read_commands, read_scenario
     from rpud_sim.simulation.simulation import initial_phases
 
     settings = to_settings(parameter_values(options))

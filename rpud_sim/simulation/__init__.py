@@ -40,9 +40,10 @@ from rpud_sim.simulation.fault_kinds import KINDS
 from rpud_sim.simulation.faults import Fault, FaultError, FaultLedger, FaultRecord
 from rpud_sim.simulation.fields import Bookkeeping
 from rpud_sim.simulation.journal import Journal, JournalEntry
-from rpud_sim.simulation.plans import Scenario, ScheduledFault, read_scenario
+from rpud_sim.simulation.plans import Scenario, ScheduledFault
 from rpud_sim.simulation.run import Beginning, Run
 from rpud_sim.simulation.sampling import Samples, Times
+from rpud_sim.simulation.scenario_file import read_scenario
 from rpud_sim.simulation.simulation import Simulation, initial_phases
 from rpud_sim.simulation.statistics import FIGURES, Statistics
 from rpud_sim.simulation.telemetry import Together

@@ -16,7 +16,8 @@ from rpud_sim.simulation.configuration import Settings, to_settings, to_values
 from rpud_sim.simulation.faults import Fault
 from rpud_sim.simulation.fields import Bookkeeping, faults_fields, journal_fields, status_fields
 from rpud_sim.simulation.journal import Journal
-from rpud_sim.simulation.plans import Scenario, ScheduledFault, scenario_of
+from rpud_sim.simulation.plans import Scenario, ScheduledFault
+from rpud_sim.simulation.scenario_file import scenario_of
 from rpud_sim.simulation.simulation import Simulation, initial_phases
 from rpud_sim.simulation.state import write_state
 from rpud_sim.simulation.statistics import RecentEnergy

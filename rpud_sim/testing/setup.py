@@ -26,7 +26,7 @@ from rpud_sim.simulation.configuration import (
 )
 from rpud_sim.simulation.fault_kinds import KINDS
 from rpud_sim.simulation.faults import FaultError, check_supported
-from rpud_sim.simulation.plans import scenario_at
+from rpud_sim.simulation.scenario_file import scenario_at
 from rpud_sim.testing.errors import DrillError
 from rpud_sim.testing.processes import LOCKSTEP, NO_FAULTS, DrillProcess
 

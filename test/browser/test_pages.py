@@ -11,7 +11,7 @@ from sample_bags import STRING_DEFINITION, TALK, serialized_string, write_offlin
 from rpud_sim.bag import BagWriter, Topic
 from rpud_sim.cli.main import main
 from rpud_sim.simulation import preset
-from rpud_sim.simulation.plans import read_scenario
+from rpud_sim.simulation.scenario_file import read_scenario
 from rpud_sim.studies.fit import fit as fits
 from rpud_sim.studies.fit import rounds
 from rpud_sim.testing.campaign_file import read_campaign

@@ -14,7 +14,7 @@ from viewer.recorded_bags import FAULTS, rewritten, without_waveform
 
 import rpud_sim.bag
 from rpud_sim.simulation import preset
-from rpud_sim.simulation.plans import read_scenario
+from rpud_sim.simulation.scenario_file import read_scenario
 
 pytestmark = pytest.mark.extended
 

@@ -19,8 +19,8 @@ from fuzz import hostile
 from rpud_sim.bag import Message, TopicSummary
 from rpud_sim.inspection.offline_bag import write_offline_bag
 from rpud_sim.simulation.configuration import to_settings
-from rpud_sim.simulation.plans import parse_scenario
 from rpud_sim.simulation.run import Beginning
+from rpud_sim.simulation.scenario_file import parse_scenario
 
 SEPARATOR = "=" * 80
 PART = f"{SEPARATOR}\nMSG: a_msgs/B\nfloat64 x\nstring name\n"

@@ -14,8 +14,8 @@ from rpud_sim.simulation.commands import Drive, WeightOnBit
 from rpud_sim.simulation.configuration import to_settings
 from rpud_sim.simulation.faults import Fault
 from rpud_sim.simulation.journal import Journal
-from rpud_sim.simulation.plans import parse_scenario
 from rpud_sim.simulation.run import Beginning, Run
+from rpud_sim.simulation.scenario_file import parse_scenario
 from rpud_sim.simulation.topics import TOPICS
 
 SECOND = 1_000_000_000

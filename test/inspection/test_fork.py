@@ -23,7 +23,8 @@ from rpud_sim.inspection import InspectionError
 from rpud_sim.inspection.offline_bag import write_fork
 from rpud_sim.inspection.verify.verification import verify
 from rpud_sim.simulation import preset
-from rpud_sim.simulation.plans import parameter_changes, parse_injections
+from rpud_sim.simulation.plans import parameter_changes
+from rpud_sim.simulation.scenario_file import parse_injections
 from rpud_sim.simulation.topics import TOPICS
 
 

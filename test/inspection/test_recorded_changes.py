@@ -8,7 +8,8 @@ from inspection.forked_runs import JOURNAL, MILLISECOND, decoded, entries_of, he
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.inspection.offline_bag import write_fork
 from rpud_sim.inspection.verify.verification import verify
-from rpud_sim.simulation.plans import parameter_changes, parse_injections, read_commands
+from rpud_sim.simulation.plans import parameter_changes
+from rpud_sim.simulation.scenario_file import parse_injections, read_commands
 
 
 def test_a_change_acts_exactly_at_the_instant(plain, tmp_path):

@@ -15,7 +15,7 @@ from rpud_sim.inspection.offline_bag import write_fork
 from rpud_sim.inspection.recorded_journal import installed_codec
 from rpud_sim.inspection.verify.verification import verify
 from rpud_sim.simulation import preset
-from rpud_sim.simulation.plans import parse_scenario
+from rpud_sim.simulation.scenario_file import parse_scenario
 from rpud_sim.simulation.topics import TOPICS
 
 AT = 0.1234567

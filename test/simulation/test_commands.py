@@ -12,13 +12,8 @@ from support import examples, refusal
 from rpud_sim.simulation import Parameters
 from rpud_sim.simulation.commands import Control, Drive, Feed, WeightOnBit
 from rpud_sim.simulation.configuration import Configuration
-from rpud_sim.simulation.plans import (
-    Changes,
-    Planned,
-    parameter_changes,
-    parse_injections,
-    read_commands,
-)
+from rpud_sim.simulation.plans import Changes, Planned, parameter_changes
+from rpud_sim.simulation.scenario_file import parse_injections, read_commands
 from rpud_sim.simulation.simulation import Simulation
 
 SECOND = 1_000_000_000

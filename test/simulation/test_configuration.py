@@ -25,7 +25,7 @@ from rpud_sim.simulation.configuration import (
     to_configuration,
     to_settings,
 )
-from rpud_sim.simulation.plans import scenario_of
+from rpud_sim.simulation.scenario_file import scenario_of
 from rpud_sim.simulation.simulation import Simulation
 
 CONFIG = Path(__file__).parents[2] / "config"

@@ -11,12 +11,8 @@ from support import refusal
 from rpud_sim.simulation.configuration import to_configuration
 from rpud_sim.simulation.fault_kinds import KINDS
 from rpud_sim.simulation.faults import Fault, check_supported
-from rpud_sim.simulation.plans import (
-    Scenario,
-    ScheduledFault,
-    parse_scenario,
-    read_scenario,
-)
+from rpud_sim.simulation.plans import Scenario, ScheduledFault
+from rpud_sim.simulation.scenario_file import parse_scenario, read_scenario
 from rpud_sim.simulation.topics import CHANNELS
 
 CONFIG = Path(__file__).parents[2] / "config"

@@ -5,7 +5,7 @@ from random_expectations import TOPICS, messages_of
 from sample_bags import write_offline_bag
 
 from rpud_sim.simulation import preset
-from rpud_sim.simulation.plans import parse_scenario
+from rpud_sim.simulation.scenario_file import parse_scenario
 
 FAULTS = [
     {"kind": "bias", "channel": "reacting_force", "magnitude": 20.0, "onset": 0.3, "duration": 0.1},

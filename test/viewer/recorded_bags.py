@@ -13,7 +13,7 @@ from rpud_sim.bag import BagWriter, QosProfile, Topic
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.definitions import find_definition, find_type_hash
 from rpud_sim.simulation import preset
-from rpud_sim.simulation.plans import read_scenario
+from rpud_sim.simulation.scenario_file import read_scenario
 
 SECOND = 1_000_000_000
 FORCE = "rpud_msgs/msg/ReactingForce"

@@ -17,8 +17,9 @@ from rpud_sim.inspection import InspectionError
 from rpud_sim.inspection.offline_bag import write_offline_bag
 from rpud_sim.simulation import WeightOnBit
 from rpud_sim.simulation.configuration import Settings
-from rpud_sim.simulation.plans import Planned, read_scenario
+from rpud_sim.simulation.plans import Planned
 from rpud_sim.simulation.run import Beginning
+from rpud_sim.simulation.scenario_file import read_scenario
 from rpud_sim.viewer.report import (
     write_report,
 )

@@ -34,8 +34,8 @@ from rpud_sim.ros.threads import StoppedError, quick_switches, serve
 from rpud_sim.simulation.configuration import Settings
 from rpud_sim.simulation.ensemble import compile_kernels
 from rpud_sim.simulation.faults import FaultRecord
-from rpud_sim.simulation.plans import scenario_of
 from rpud_sim.simulation.rerun import Start
+from rpud_sim.simulation.scenario_file import scenario_of
 from rpud_sim.simulation.statistics import Statistics
 from rpud_sim.simulation.topics import ALL_COMMAND_TOPICS
 

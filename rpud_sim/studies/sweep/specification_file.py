@@ -13,7 +13,8 @@ from rpud_sim.foundation.time import SECOND
 from rpud_sim.foundation.yaml_files import Cursor, open_yaml
 from rpud_sim.simulation.configuration import NODE_NAMES, PARAMETERS
 from rpud_sim.simulation.faults import Fault, check_supported
-from rpud_sim.simulation.plans import check_commands, parse_commands
+from rpud_sim.simulation.plans import check_commands
+from rpud_sim.simulation.scenario_file import parse_commands
 from rpud_sim.simulation.statistics import FIGURES
 from rpud_sim.simulation.topics import TOPICS
 from rpud_sim.studies.sweep.specification import (

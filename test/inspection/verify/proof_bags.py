@@ -3,7 +3,7 @@
 from sample_bags import write_offline_bag
 
 from rpud_sim.simulation import preset
-from rpud_sim.simulation.plans import parse_scenario
+from rpud_sim.simulation.scenario_file import parse_scenario
 
 DURATION = 0.33
 JOURNAL = "/rpud/journal"
