@@ -12,14 +12,13 @@ import tempfile
 from pathlib import Path
 
 import rpud_sim.bag
-from rpud_sim.inspection.offline_bag import write_offline_bag
+from rpud_sim.recorded.offline_bag import write_offline_bag
+from rpud_sim.simulation.changes import Change, Inject
 from rpud_sim.simulation.commands import Drive, Feed, WeightOnBit
 from rpud_sim.simulation.configuration import to_settings
 from rpud_sim.simulation.ensemble import run_members
 from rpud_sim.simulation.faults import Fault
-from rpud_sim.simulation.plans import Planned, Scenario, ScheduledFault
-from rpud_sim.simulation.run import Beginning
-from rpud_sim.simulation.simulation import initial_phases
+from rpud_sim.simulation.plan import Beginning, Plan, initial_phases
 from rpud_sim.simulation.versions import ENGINE
 
 KEPT = Path(__file__).parent / "data" / "bits.json"
@@ -77,25 +76,25 @@ FAULTS = {
 def beginning(name: str) -> Beginning:
     settings = to_settings(DRILLS[name][0])
     faults = tuple(
-        ScheduledFault((10 + number) * MILLISECOND, (100 + number) * MILLISECOND, fault)
+        Change((10 + number) * MILLISECOND, Inject(fault, 90 * MILLISECOND))
         for number, fault in enumerate(FAULTS.get(name, ()))
     )
-    return Beginning(settings, 0.2, 3, Scenario(3, faults))
+    return Beginning(settings, 0.2, 3, faults)
 
 
-def commands(name: str) -> list[Planned]:
+def commands(name: str) -> tuple[Change, ...]:
     values, _ = DRILLS[name]
     if "feed_model" not in values:
-        return [Planned(5 * MILLISECOND, WeightOnBit(12.0))]
-    planned = [Planned(5 * MILLISECOND, Feed("rate", 0.004))]
+        return (Change(5 * MILLISECOND, WeightOnBit(12.0)),)
+    planned = [Change(5 * MILLISECOND, Feed("rate", 0.004))]
     if "feed_rate_limit" in values:
         planned += [
-            Planned(140 * MILLISECOND, Feed("rate", -0.03)),
-            Planned(160 * MILLISECOND, Drive(False, 100.0, 16000.0)),
-            Planned(170 * MILLISECOND, Feed("position", 0.006)),
-            Planned(180 * MILLISECOND, Drive(True, 70.0, 16000.0)),
+            Change(140 * MILLISECOND, Feed("rate", -0.03)),
+            Change(160 * MILLISECOND, Drive(False, 100.0, 16000.0)),
+            Change(170 * MILLISECOND, Feed("position", 0.006)),
+            Change(180 * MILLISECOND, Drive(True, 70.0, 16000.0)),
         ]
-    return planned
+    return tuple(planned)
 
 
 def digests(bag: Path) -> dict[str, str]:
@@ -113,7 +112,7 @@ def all_digests(shorter: float, folder: Path) -> dict[str, dict[str, str]]:
     found = {}
     for name, (_, length) in DRILLS.items():
         duration = length / 1000.0 / shorter
-        write_offline_bag(folder / name, beginning(name), duration, planned=commands(name))
+        write_offline_bag(folder / name, Plan(beginning(name), commands(name)), duration)
         found[name] = digests(folder / name)
         configuration = to_settings(DRILLS[name][0]).configuration
         members = run_members(configuration, duration, initial_phases(2, 1))

@@ -15,8 +15,8 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 import rpud_sim.bag
 from rpud_sim.bag import BagWriter, QosProfile, Topic
 from rpud_sim.bag.messages import MessageBlock
-from rpud_sim.inspection import offline_bag
-from rpud_sim.inspection.recorded_journal import installed_codec
+from rpud_sim.recorded import offline_bag
+from rpud_sim.recorded.recorded_journal import installed_codec
 from rpud_sim.simulation import Parameters
 from rpud_sim.simulation.configuration import Configuration, Settings
 from rpud_sim.simulation.run import Beginning

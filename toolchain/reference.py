@@ -34,7 +34,7 @@ PACKAGES = (
     "rpud_sim.ros.client",
     "rpud_sim.testing",
     "rpud_sim.verdicts",
-    "rpud_sim.inspection.compare",
+    "rpud_sim.recorded.compare",
 )
 _WIDTH = 100
 _FIELD = re.compile(

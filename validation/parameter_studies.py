@@ -14,7 +14,7 @@ import dataclasses
 import numpy as np
 from scipy import stats
 
-from rpud_sim.inspection.compare.estimates import holm
+from rpud_sim.recorded.compare.estimates import holm
 from rpud_sim.simulation import Parameters
 from rpud_sim.simulation.configuration import whole_configuration
 from rpud_sim.studies.fit.measures import Measure, measure

@@ -23,7 +23,7 @@ from rpud_sim.foundation.time import SECOND, split_seconds
 
 if TYPE_CHECKING:
     from rpud_sim.bag import Recovery
-    from rpud_sim.inspection.verify.verification import Verification
+    from rpud_sim.recorded.verify.verification import Verification
 
 _COUNTS = ("equal", "different", "unexpected", "missing", "tail", "before")  # of messages
 _FORMATS = ("parquet", "csv", "numpy")
@@ -137,7 +137,7 @@ def _recovery_lines(recovery: Recovery) -> Iterator[str]:
     strict=option(False, "exit code 3 also if messages are missing between recorded ones"),
 )
 def _verify(options: Any) -> int:
-    from rpud_sim.inspection.verify.verification import verify
+    from rpud_sim.recorded.verify.verification import verify
 
     with progress_bar(" s") as bar:
         found = verify(options.bag, bar.update)
@@ -218,13 +218,13 @@ def _export(options: Any) -> int:
     where = options.bag, options.out
     part = options.format, options.topics, options.start, options.duration
     if options.rate is not None:
-        from rpud_sim.inspection.rebuild import rebuild
+        from rpud_sim.recorded.rebuild import rebuild
 
         with progress_bar(" samples", scaled=True) as bar:
             rebuilt = rebuild(*where, options.rate, *part, options.run, bar.update)
         print_result(options, dataclasses.asdict(rebuilt), lambda: _rebuilt_lines(rebuilt))
         return ExitCode.DONE
-    from rpud_sim.inspection.export import export
+    from rpud_sim.recorded.export import export
 
     with progress_bar(" messages", scaled=True) as bar:
         exported = export(*where, *part, bar.update)

@@ -13,7 +13,7 @@ from rpud_sim.foundation.quantities import Quantity
 from rpud_sim.foundation.terminal import complain, printable, table
 
 if TYPE_CHECKING:
-    from rpud_sim.inspection.compare import Comparison
+    from rpud_sim.recorded.compare import Comparison
 
 _PERCENT = Quantity("%", "a relative difference", 0.0, 100.0, exclusive=True, below=True)
 _MOST_LINES = 40  # of a table of settings; the page and --json have all
@@ -76,12 +76,12 @@ _MOST_LINES = 40  # of a table of settings; the page and --json have all
     out=option(None, "also write a page: a new HTML file", metavar="FILE"),
 )
 def _run(options: Any) -> int:
-    from rpud_sim.inspection.compare import compare
-    from rpud_sim.inspection.compare.results import content
+    from rpud_sim.recorded.compare import compare
+    from rpud_sim.recorded.compare.results import content
 
     if options.out:
-        from rpud_sim.inspection.compare.page import write_page
-        from rpud_sim.inspection.output import check_new_file
+        from rpud_sim.recorded.compare.page import write_page
+        from rpud_sim.recorded.output import check_new_file
 
         check_new_file(options.out)
     names = ("begin", "end", "settle", "run_numbers", "namespaces", "quantities")
@@ -108,8 +108,8 @@ def _run(options: Any) -> int:
 
 
 def _lines(found: Comparison, page: str | None) -> Iterator[str]:
-    from rpud_sim.inspection.compare.estimates import DIFFERS, UNDECIDED
-    from rpud_sim.inspection.compare.results import bits_line, figure_table, setting_tables
+    from rpud_sim.recorded.compare.estimates import DIFFERS, UNDECIDED
+    from rpud_sim.recorded.compare.results import bits_line, figure_table, setting_tables
 
     for letter, name, run in zip(found.letters, found.names, found.values, strict=True):
         where = f"{run.drill.namespace or '/'}, run {run.drill.number} of {run.drill.runs}"

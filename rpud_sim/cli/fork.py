@@ -68,7 +68,7 @@ def _run(options: Any) -> int:
 
 
 def _changes(options: Any) -> Changes:
-    from rpud_sim.inspection.fork import LIVE
+    from rpud_sim.recorded.fork import LIVE
     from rpud_sim.simulation.configuration import parse_assignment
     from rpud_sim.simulation.plans import Changes, parameter_changes
     from rpud_sim.simulation.scenario_file import parse_injections, read_commands
@@ -80,7 +80,7 @@ def _changes(options: Any) -> Changes:
 
 
 def _to_bag(options: Any, changes: Changes) -> int:
-    from rpud_sim.inspection.offline_bag import write_fork
+    from rpud_sim.recorded.offline_bag import write_fork
 
     with progress_bar(" s") as bar:
         forked = write_fork(
@@ -106,7 +106,7 @@ def _to_bag(options: Any, changes: Changes) -> int:
 
 def _live(options: Any, changes: Changes) -> int:
     from rpud_sim.cli.run import drill
-    from rpud_sim.inspection.fork import live_start, open_fork
+    from rpud_sim.recorded.fork import live_start, open_fork
     from rpud_sim.ros.drill.drill_node import open_drill
     from rpud_sim.ros.stopping import StopRequest
 

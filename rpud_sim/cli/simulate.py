@@ -103,7 +103,7 @@ def _simulate(options: Any) -> dict[str, Any]:
     compile_members(configuration, _show)
     phases = initial_phases(options.repeat, options.seed)
     if options.bag:
-        from rpud_sim.inspection.offline_bag import write_offline_bag
+        from rpud_sim.recorded.offline_bag import write_offline_bag
         from rpud_sim.simulation.run import Beginning
 
         beginning = Beginning(settings, phases[0], options.seed or 0, scenario)

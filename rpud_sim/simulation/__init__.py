@@ -24,8 +24,10 @@ from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.model.engine import EngineError
 from rpud_sim.model.parameters import Parameters, preset
 from rpud_sim.simulation.actuator import ActuatorParameters, ActuatorReading
+from rpud_sim.simulation.batch import Batch
 from rpud_sim.simulation.block import Block
-from rpud_sim.simulation.commands import Applied, Control, Drive, Feed, WeightOnBit
+from rpud_sim.simulation.changes import Change, Clear, Configure, Inject
+from rpud_sim.simulation.commands import Applied, Drive, Feed, WeightOnBit
 from rpud_sim.simulation.configuration import (
     PARAMETERS,
     Configuration,
@@ -34,19 +36,19 @@ from rpud_sim.simulation.configuration import (
     to_configuration,
     to_settings,
 )
+from rpud_sim.simulation.control import Control
 from rpud_sim.simulation.energy_account import EnergyAccount, FeedAccount
 from rpud_sim.simulation.ensemble import Ensemble, Member, compile_kernels, run_ensemble
 from rpud_sim.simulation.fault_kinds import KINDS
 from rpud_sim.simulation.faults import Fault, FaultError, FaultLedger, FaultRecord
 from rpud_sim.simulation.fields import Bookkeeping
 from rpud_sim.simulation.journal import Journal, JournalEntry
-from rpud_sim.simulation.plans import Scenario, ScheduledFault
-from rpud_sim.simulation.run import Beginning, Run
+from rpud_sim.simulation.plan import Beginning, Plan, initial_phases
+from rpud_sim.simulation.run import Run
 from rpud_sim.simulation.sampling import Samples, Times
 from rpud_sim.simulation.scenario_file import read_scenario
-from rpud_sim.simulation.simulation import Simulation, initial_phases
+from rpud_sim.simulation.simulation import Simulation
 from rpud_sim.simulation.statistics import FIGURES, Statistics
-from rpud_sim.simulation.telemetry import Together
 from rpud_sim.simulation.topics import TOPICS, DrillTopic
 
 __all__ = [
@@ -57,10 +59,14 @@ __all__ = [
     "ActuatorParameters",
     "ActuatorReading",
     "Applied",
+    "Batch",
     "Beginning",
     "Block",
     "Bookkeeping",
+    "Change",
+    "Clear",
     "Configuration",
+    "Configure",
     "Control",
     "DrillTopic",
     "Drive",
@@ -73,6 +79,7 @@ __all__ = [
     "FaultRecord",
     "Feed",
     "FeedAccount",
+    "Inject",
     "Journal",
     "JournalEntry",
     "Member",
@@ -80,17 +87,15 @@ __all__ = [
     "MountState",
     "ParameterError",
     "Parameters",
+    "Plan",
     "ProcessState",
     "RockParameters",
     "Run",
     "Samples",
-    "Scenario",
-    "ScheduledFault",
     "Settings",
     "Simulation",
     "Statistics",
     "Times",
-    "Together",
     "WeightOnBit",
     "compile_kernels",
     "initial_phases",

@@ -1,18 +1,13 @@
-"""Commands to the drill, checked when they are made, and the share of them that acts."""
+"""Commands to the drill, checked when they are made."""
 
 from __future__ import annotations
 
 import dataclasses
-from typing import TYPE_CHECKING, Any
 
 from rpud_sim.drilling.mount import STOPPED
 from rpud_sim.drilling.mount import Feed as Feed
 from rpud_sim.foundation.quantities import Flag, Quantity
-from rpud_sim.foundation.time import SECOND
 from rpud_sim.model.parameters import QUANTITIES
-
-if TYPE_CHECKING:
-    from rpud_sim.simulation.simulation import Simulation
 
 VOLTAGE = Quantity("V", "amplitude of the voltage on the piezoelectric stack", 0.0, 1e3)
 
@@ -55,6 +50,22 @@ class Drive:
         return Drive(self.enabled, voltage, self.frequency or before.frequency)
 
 
+@dataclasses.dataclass(frozen=True)
+class DriveChange:
+    """Command to the drive that may leave voltage and frequency as they are."""
+
+    enabled: bool  # whether the actuator is driven
+    voltage: float | None = None  # amplitude [V]; None for the present one
+    frequency: float | None = None  # [Hz]; None for the present one
+
+    def on(self, present: Drive) -> Drive:
+        return Drive(
+            self.enabled,
+            present.voltage if self.voltage is None else self.voltage,
+            present.frequency if self.frequency is None else self.frequency,
+        )
+
+
 Command = WeightOnBit | Drive | Feed
 COMMAND_NAMES = {WeightOnBit: "weight_on_bit", Drive: "drive", Feed: "feed"}  # as in ``Applied``
 
@@ -72,71 +83,3 @@ class Applied:
     drive_time: int
     feed: Feed = STOPPED
     feed_time: int = 0
-
-
-class Control:
-    """Commands of a drill, put into force in full, in part when they are lost, or not at all.
-
-    When no command arrived for the timeout [s], 0 for never, the share that acts falls linearly
-    from 1 to 0 within the ramp [s], and stays there until the next one.
-    """
-
-    def __init__(
-        self, simulation: Simulation, timeout: float, ramp: float, active: bool = True
-    ) -> None:
-        self.simulation = simulation
-        self._initial = self._given = simulation.applied
-        self._last = simulation.time  # of the last command [ns]
-        self.set(timeout, ramp)
-        self.active = active  # whether commands act; read-only
-        # whether commands stopped arriving, so that the watchdog makes the drill safe; read-only
-        self.commands_lost = False
-
-    def set(self, timeout: float, ramp: float) -> None:
-        # In nanoseconds, so that the end of the ramp is exact. At least 1: 0 would be no timeout.
-        self._timeout = max(1, round(timeout * SECOND)) if timeout > 0.0 else 0
-        self._ramp = round(ramp * SECOND)
-
-    def activate(self, active: bool) -> None:
-        """Let commands act from now on, starting with the initial ones, or let none act."""
-        if active and not self.active:
-            self._given = self._initial
-            self._last = self.simulation.time
-        self.active = active
-        self.act()
-
-    def adopt(self) -> None:
-        """Take the commands in force as given now, and let commands act from now on."""
-        self._given = self.simulation.applied
-        self._last = self.simulation.time
-        self.active = True
-        self.commands_lost = False
-
-    def apply(self, command: Command) -> None:
-        if not self.active:
-            return
-        if isinstance(command, Drive):
-            command = command.after(self._given.drive)
-        self.simulation.apply(command)
-        self._last = self.simulation.time
-        given: dict[str, Any] = {COMMAND_NAMES[type(command)]: command}
-        self._given = dataclasses.replace(self._given, **given)
-
-    def act(self) -> bool:
-        """Put the present share into force; return whether commands were lost or came back."""
-        simulation, given = self.simulation, self._given
-        overdue = simulation.time - self._last - self._timeout if self._timeout else 0
-        share = float(self.active)
-        if self.active and overdue > 0:
-            share = max(0.0, 1.0 - overdue / self._ramp) if self._ramp else 0.0
-        if simulation.configuration.has_feed:
-            simulation.apply(given.feed.reduced(share) if share else STOPPED)
-        else:
-            simulation.apply(WeightOnBit(given.weight_on_bit.force * share))
-        if share and given.drive.enabled:
-            simulation.apply(Drive(True, given.drive.voltage * share, given.drive.frequency))
-        elif simulation.applied.drive.enabled:
-            simulation.apply(Drive(False, 0.0, 0.0))
-        before = self.commands_lost
-        self.commands_lost = self.active and overdue > 0
-        return self.commands_lost is not before

@@ -25,10 +25,10 @@ from rpud_sim.model.resonator import account
 from rpud_sim.model.segment import IMPACT, SEGMENT
 from rpud_sim.model.tally import CLASSES, PART_ROOM, advance_members, empty_tallies
 from rpud_sim.simulation.actuator import Actuator
+from rpud_sim.simulation.changes import Change
 from rpud_sim.simulation.commands import WeightOnBit
 from rpud_sim.simulation.configuration import Configuration, whole_configuration
 from rpud_sim.simulation.energy_account import EnergyAccount, FeedAccount
-from rpud_sim.simulation.plans import Agenda, Planned, Scenario, apply_change
 from rpud_sim.simulation.plant import rpud_constants
 from rpud_sim.simulation.sampling import Times
 from rpud_sim.simulation.simulation import Simulation
@@ -43,16 +43,16 @@ from rpud_sim.simulation.statistics import (
 _FIRST_IMPACTS = 1024  # room for impacts; it doubles when it is too small
 
 
-def runs_by_itself(configuration: Configuration, scenario: Scenario | None = None) -> bool:
-    """Return whether nothing happens in a run without commands but the drill's own motion.
+def runs_by_itself(configuration: Configuration, planned: Sequence[Change] = ()) -> bool:
+    """Return whether nothing happens in a run but the drill's own motion.
 
-    Faults of a scenario, a temperature, a tracking generator and the slow processes of drilling
+    Planned changes, a temperature, a tracking generator and the slow processes of drilling
     change a drill at their instants, and only a ``Simulation`` knows them.
     """
     actuator = configuration.actuator
     steady = not actuator.heating and actuator.generator != "tracking"
     alone = not (configuration.rotates or configuration.has_feed or configuration.layers)
-    return steady and alone and not (scenario and scenario.faults)
+    return steady and alone and not planned
 
 
 @dataclasses.dataclass(frozen=True)
@@ -255,20 +255,18 @@ def run_members(
     duration: float,
     phases: Sequence[float],
     report: Callable[[float], object] = lambda simulated: None,
-    scenario: Scenario | None = None,
+    planned: Sequence[Change] = (),
     threads: int = 1,
-    planned: Sequence[Planned] = (),
 ) -> Generator[Member, None, None]:
     """Yield the result of one simulation per initial phase [cycles], failed ones as well.
 
-    Each lasts a duration [s], with the faults of ``scenario`` and the ``planned`` commands and
-    faults, in the order of their times. ``report`` is called now and then with the simulated
+    Each lasts a duration [s], with the ``planned`` commands and faults. ``report`` is called now and then with the simulated
     seconds since the last call, in any thread. The compiled code needs no GIL, so members run on
     ``threads``.
     """
     configuration = whole_configuration(configuration)
     end = round(duration * SECOND)
-    quiet = runs_by_itself(configuration, scenario) and not planned
+    quiet = runs_by_itself(configuration, planned)
     drills = configuration.rock.rock_model != "none"
     # Short runs go together: a call of the compiled code takes as long as a stretch of a run.
     size = max(_STRETCH // max(end, 1), 1) if quiet and not drills else 1
@@ -286,8 +284,8 @@ def run_members(
             if quiet:
                 own: Simulation | EnsembleRuns = EnsembleRuns(configuration, batch)
             else:
-                own = Simulation(configuration, batch[0], scenario)
-            return [_run(own, configuration, planned, end, tell)]
+                own = Simulation(configuration, batch[0], planned)
+            return [_run(own, configuration, end, tell)]
         members = EnsembleRuns(configuration, batch).run(end)
         tell(len(batch) * end / SECOND)
         return members
@@ -309,12 +307,10 @@ def run_members(
 def _run(
     run: Simulation | EnsembleRuns,
     configuration: Configuration,
-    planned: Sequence[Planned],
     end: int,
     report: Callable[[float], object],
 ) -> Member:
     """Run a member stretch by stretch: a long one, or one with changes or a depth."""
-    agenda = Agenda(planned)
     statistics = Statistics()
     try:
         for begin in range(0, end, _STRETCH):
@@ -322,11 +318,6 @@ def _run(
             if isinstance(run, EnsembleRuns):
                 run.advance_to(time, statistics)
             else:
-                while agenda.next < time:
-                    if agenda.next > run.time:
-                        statistics.add(run.advance_to(agenda.next))
-                    for change in agenda.due(run.time):
-                        apply_change(run, change)
                 statistics.add(run.advance_to(time))
             report((time - begin) / SECOND)
     except EngineError as error:
@@ -343,9 +334,8 @@ def run_ensemble(
     duration: float,
     phases: Sequence[float],
     report: Callable[[float], object] = lambda simulated: None,
-    scenario: Scenario | None = None,
+    planned: Sequence[Change] = (),
     threads: int = 1,
-    planned: Sequence[Planned] = (),
 ) -> Ensemble:
     """Run one simulation per initial phase; arguments as for ``run_members``.
 
@@ -353,10 +343,10 @@ def run_ensemble(
     """
     configuration = whole_configuration(configuration)
     compile_members(configuration)
-    if scenario or planned:
+    if planned:
         compile_kernels(configuration)
     started = time.perf_counter()
-    found = run_members(configuration, duration, phases, report, scenario, threads, planned)
+    found = run_members(configuration, duration, phases, report, planned, threads)
     members: list[Member] = []
     with contextlib.closing(found):
         for member in found:

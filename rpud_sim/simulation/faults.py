@@ -11,13 +11,13 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections import deque
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 
 from rpud_sim.foundation.quantities import ParameterError, did_you_mean, shown, suggestion
-from rpud_sim.foundation.values import Shared
 from rpud_sim.model.parameters import QUANTITIES, Parameters
+from rpud_sim.simulation.batch import Batch
 from rpud_sim.simulation.configuration import Configuration
 from rpud_sim.simulation.fault_kinds import CHANNEL_NEEDS, KINDS, FaultEffects, FaultKind, Stage
 from rpud_sim.simulation.topics import CHANNELS, GROUND_TRUTH, Fields
@@ -158,7 +158,7 @@ MOST_CLEARED = 1000
 
 
 @dataclasses.dataclass(frozen=True)
-class FaultRecord(Shared):
+class FaultRecord:
     """Time during which a fault lasted: the ground truth."""
 
     number: int  # counts the injected faults from 1
@@ -219,11 +219,11 @@ class FaultLedger:
 
 
 class SignalFaults:
-    """Pipeline of the channels' messages through their faults."""
+    """Pipeline of the channels' batches through their faults."""
 
     def __init__(self, seed: int = 0) -> None:
         self._seed = seed
-        self._last: dict[str, Fields | Callable[[], Fields]] = {}
+        self._last: dict[str, Batch] = {}
         self._stages: dict[str, dict[int, Stage]] = {}
 
     @property
@@ -231,30 +231,27 @@ class SignalFaults:
         """Whether a fault acts on a channel, or holds messages of one."""
         return bool(self._stages)
 
-    def note(self, channel: str, last: Callable[[], Fields]) -> None:
-        """Note what makes the last message of a healthy channel that did not pass through here."""
-        self._last[channel] = last
+    def apply(self, batch: Batch, records: Sequence[FaultRecord]) -> Iterable[Batch]:
+        """Return the batches that a channel publishes in place of one, in order; maybe none.
 
-    def apply(
-        self, channel: str, time: int, fields: Fields, records: Sequence[FaultRecord]
-    ) -> list[Fields]:
-        """Return the messages that the channel publishes in place of one, in order; maybe none.
-
-        A healthy channel publishes the same object, which must not change from now on. Times [ns]
-        do not go back. ``records`` are at least those that last; others are ignored.
+        A healthy channel publishes the same one, whose fields must not change from now on. Times
+        [ns] do not go back. ``records`` are at least those that last; others are ignored.
         """
-        if not records and channel not in self._stages:
-            self._last[channel] = fields
-            return [fields]
-        return self._pass(channel, time, [fields], records)
-
-    def release(self, time: int, records: Sequence[FaultRecord]) -> list[tuple[str, Fields]]:
-        """Return the late messages that are due, with their channels; call it once a block."""
+        own = [record for record in records if record.fault.channel == batch.topic]
+        if not own and batch.topic not in self._stages:
+            self._last[batch.topic] = batch
+            return (batch,)
         return [
-            (channel, fields)
-            for channel in tuple(self._stages)
-            for fields in self._pass(channel, time, [], records)
+            Batch.of(time, channel, changed)
+            for time, channel, fields in batch.rows()
+            for changed in self._pass(channel, time, [fields], own)
         ]
+
+    def release(self, time: int, records: Sequence[FaultRecord]) -> Iterator[Batch]:
+        """Yield the late messages that are due; call it once a block."""
+        for channel in tuple(self._stages):
+            for fields in self._pass(channel, time, [], records):
+                yield Batch.of(time, channel, fields)
 
     def _pass(
         self, channel: str, time: int, messages: list[Fields], records: Sequence[FaultRecord]
@@ -268,7 +265,7 @@ class SignalFaults:
         for number in sorted(lasting.keys() - stages.keys()):
             last = self._last.get(channel)
             seeds = np.random.SeedSequence(self._seed, spawn_key=(number,))
-            message = last() if callable(last) else last
+            message = last.row(len(last) - 1) if last else None
             magnitude, random = lasting[number].magnitude, np.random.default_rng(seeds)
             stages[number] = Stage(channel, magnitude, random, message)
         for number in sorted(stages):
@@ -280,5 +277,5 @@ class SignalFaults:
         if not stages:
             del self._stages[channel]
         if messages:
-            self._last[channel] = messages[-1]
+            self._last[channel] = Batch.of(time, channel, messages[-1])
         return messages

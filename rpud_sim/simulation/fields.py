@@ -6,14 +6,13 @@ ROS messages from it, and bags are encoded from it. Messages are dictionaries, s
 
 What a drill samples comes as columns of many messages: an array in place of each value that differs
 from message to message. A sequence is an array with a row for each message, or ``Ragged`` if its
-length differs. One message is a row of such columns (``telemetry.Columns.row``).
+length differs. One message is a row of such columns (``Batch.row``).
 """
 
 from __future__ import annotations
 
 import dataclasses
 import math
-from array import array
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import groupby
 from operator import attrgetter
@@ -46,8 +45,6 @@ JOINTS = tuple(_SAMPLED_JOINTS)
 _SEGMENT_FIELDS: Any = SEGMENT.fields
 _CONSTANTS = [_SEGMENT_FIELDS[name][1] // np.dtype(np.float64).itemsize for name in CONSTANTS]
 
-_TYPE_CODES = {np.dtype(np.int64): "q", np.dtype(np.float64): "d", np.dtype(np.uint8): "B"}
-
 
 def time_fields(nanoseconds: Any) -> Fields:
     """Fields of ``builtin_interfaces/Time``, or columns."""
@@ -64,11 +61,6 @@ def stamp_of(fields: Fields) -> Any:
     """Stamp in the header of a message [ns], or of columns."""
     stamp = fields["header"]["stamp"]
     return stamp["sec"] * SECOND + stamp["nanosec"]
-
-
-def to_array(values: np.ndarray) -> array[Any]:
-    """Return a copy of a NumPy array as the array type that message fields accept."""
-    return array(_TYPE_CODES[values.dtype], np.ascontiguousarray(values).tobytes())
 
 
 # Topics that hold samples alone: the channel of each field.

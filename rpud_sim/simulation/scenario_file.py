@@ -12,22 +12,13 @@ from typing import Any
 import numpy as np
 
 from rpud_sim.foundation.quantities import ParameterError, Quantity, shown
-from rpud_sim.foundation.time import SECOND
+from rpud_sim.foundation.time import NEVER, SECOND
 from rpud_sim.foundation.yaml_files import Cursor, cursor_at, open_yaml
-from rpud_sim.simulation.commands import Drive, Feed, WeightOnBit
+from rpud_sim.simulation.changes import Action, Change, Inject, PlannedChanges, in_order
+from rpud_sim.simulation.commands import Drive, DriveChange, Feed, WeightOnBit
 from rpud_sim.simulation.configuration import Settings, parse_assignment
 from rpud_sim.simulation.fault_kinds import KINDS
 from rpud_sim.simulation.faults import Fault, FaultError
-from rpud_sim.simulation.plans import (
-    Change,
-    Changes,
-    DriveChange,
-    Injection,
-    Planned,
-    Scenario,
-    ScheduledFault,
-    in_order,
-)
 
 SEED = Quantity("", "seed of the values that are drawn", 0.0, 2.0**63, below=True, whole=True)
 ONSET = Quantity("s", "simulation time at which a fault begins", 0.0, 1e6)
@@ -41,25 +32,28 @@ _COMMAND_KEYS = ("time", "weight_on_bit", "drive", "feed")
 _DRIVE_KEYS = ("enabled", "voltage", "frequency")
 
 
-def scenario_of(settings: Settings, seed: int | None = None) -> Scenario | None:
+def scenario_of(settings: Settings, seed: int | None = None) -> tuple[Change, ...]:
     """Read the scenario of settings; a seed, theirs if it is zero, takes the place of its own."""
     if not settings.scenario:
-        return None
+        return ()
     return read_scenario(settings.scenario, seed or settings.seed or None)
 
 
-def read_scenario(path: str | Path, seed: int | None = None) -> Scenario:
-    """Read a scenario file; a seed, zero or more, takes the place of the file's."""
+def read_scenario(path: str | Path, seed: int | None = None) -> tuple[Change, ...]:
+    """Return the faults of a scenario file; a seed, zero or more, takes the place of the file's."""
     # Without truth values: in a scenario, off is a kind of fault.
     return scenario_at(open_yaml(path, truth_values=False, error=FaultError), seed)
 
 
-def parse_scenario(content: Any, name: str) -> Scenario:
+def parse_scenario(content: Any, name: str) -> tuple[Change, ...]:
     return scenario_at(cursor_at(content, name, FaultError))
 
 
-def scenario_at(top: Cursor, seed: int | None = None) -> Scenario:
-    """Return the scenario that a cursor is at the top of."""
+def scenario_at(top: Cursor, seed: int | None = None) -> tuple[Change, ...]:
+    """Return the faults of the scenario that a cursor is at the top of, with all values drawn.
+
+    They are in the order of their onsets; those of one kind on one channel do not overlap.
+    """
     top.file_mapping("a scenario")
     top.mapping(("seed", "faults"))
     written = top.get("seed", 0).check(SEED)
@@ -67,19 +61,18 @@ def scenario_at(top: Cursor, seed: int | None = None) -> Scenario:
     found = []
     for number, entry in enumerate(top.get("faults").sequence(), 1):
         with entry.errors():
-            found.append((number, _scheduled(entry, number, seed)))
-    found.sort(key=lambda item: item[1].onset)
-    latest: dict[tuple[str, str], tuple[int, int | None]] = {}
-    for number, scheduled in found:
-        fault = scheduled.fault
+            found.append((number, *_fault(entry, number, seed)))
+    found.sort(key=lambda item: item[1].time)
+    latest: dict[tuple[str, str], tuple[int, int]] = {}
+    for number, change, fault, duration in found:
         other, clear = latest.get((fault.kind, fault.channel), (0, 0))
-        if clear is None or scheduled.onset < clear:
-            raise FaultError(f"{scheduled.place}{fault} begins while that of entry {other} lasts")
-        latest[fault.kind, fault.channel] = (number, scheduled.clear)
-    return Scenario(seed, tuple(scheduled for _, scheduled in found))
+        if change.time < clear:
+            raise FaultError(f"{change.place}{fault} begins while that of entry {other} lasts")
+        latest[fault.kind, fault.channel] = (number, change.time + duration if duration else NEVER)
+    return tuple(change for _, change, *_ in found)
 
 
-def _scheduled(entry: Cursor, number: int, seed: int) -> ScheduledFault:
+def _fault(entry: Cursor, number: int, seed: int) -> tuple[Change, Fault, int]:
     entry.mapping(_KEYS, needed=("kind", "onset"))
     values = entry.value
     kind, channel = values["kind"], values.get("channel", "")
@@ -105,17 +98,16 @@ def _scheduled(entry: Cursor, number: int, seed: int) -> ScheduledFault:
         return float(least + (most - least) * float(np.random.default_rng(stream).random()))
 
     onset = round(drawn("onset", ONSET) * SECOND)
-    clear = None
-    if "duration" in values:
-        clear = onset + round(drawn("duration", DURATION) * SECOND)
+    duration = round(drawn("duration", DURATION) * SECOND) if "duration" in values else 0
     magnitude = values.get("magnitude", math.nan)
     quantity = KINDS[kind].quantity_on(channel)
     if not (quantity is None or (isinstance(magnitude, float) and math.isnan(magnitude))):
         magnitude = drawn("magnitude", quantity, f"magnitude of {known}")
-    return ScheduledFault(onset, clear, Fault(kind, channel, magnitude), entry.prefix)
+    fault = Fault(kind, channel, magnitude)
+    return Change(onset, Inject(fault, duration), entry.prefix), fault, duration
 
 
-def parse_injections(texts: Sequence[str]) -> Changes:
+def parse_injections(texts: Sequence[str]) -> PlannedChanges:
     """Return the faults of ``--inject``: kinds with commas and keys of a scenario's entry.
 
     A text is such as ``noise,channel=wrench,magnitude=0.5``; without ``onset`` a fault begins at
@@ -128,10 +120,10 @@ def parse_injections(texts: Sequence[str]) -> Changes:
         if len(dict(keys)) < len(keys):
             raise ParameterError(f"--inject {shown(text)} gives a key twice")
         entries.append({"onset": 0.0, **dict(keys)})
-    return Changes(planned=_injections(cursor_at({"faults": entries}, "--inject")))
+    return PlannedChanges(scenario_at(cursor_at({"faults": entries}, "--inject")))
 
 
-def read_commands(path: str | Path) -> Changes:
+def read_commands(path: str | Path) -> PlannedChanges:
     """Return the changes of a command file: a scenario that may hold commands as well.
 
     Times count from the instant of the fork.
@@ -140,40 +132,32 @@ def read_commands(path: str | Path) -> Changes:
     entries = top.file_mapping("a scenario")
     content = {key: entry.value for key, entry in entries.items() if key != "commands"}
     if "commands" not in entries:
-        return Changes(planned=_injections(top))
+        return PlannedChanges(scenario_at(top))
     content = {"faults": [], **content}
-    faults = Changes(planned=_injections(dataclasses.replace(top, value=content)))
-    planned = parse_commands(entries["commands"])
-    return Changes(planned=planned, replaces_commands=True) + faults
+    faults = PlannedChanges(scenario_at(dataclasses.replace(top, value=content)))
+    return PlannedChanges(parse_commands(entries["commands"]), replaces_commands=True) + faults
 
 
-def parse_commands(listed: Cursor) -> tuple[Planned, ...]:
+def parse_commands(listed: Cursor) -> tuple[Change, ...]:
     """Return the commands of a list in YAML, in the order of their times."""
-    planned: list[Planned] = []
+    planned: list[Change] = []
     for entry in listed.sequence():
         with entry.errors():
             planned += _commands(entry)
     return in_order(planned)
 
 
-def _injections(top: Cursor) -> tuple[Planned, ...]:
-    return tuple(
-        Planned(scheduled.onset, Injection(scheduled.fault, scheduled.duration))
-        for scheduled in scenario_at(top).faults
-    )
-
-
-def _commands(entry: Cursor) -> list[Planned]:
+def _commands(entry: Cursor) -> list[Change]:
     given = entry.mapping(_COMMAND_KEYS)
     if "time" not in given or len(given) == 1:
         raise entry.refusal("it needs a time, and weight_on_bit, drive or feed")
-    delay = round(given["time"].check(ONSET) * SECOND)
-    makers: Mapping[str, Callable[[Cursor], Change]] = {
+    time = round(given["time"].check(ONSET) * SECOND)
+    makers: Mapping[str, Callable[[Cursor], Action]] = {
         "weight_on_bit": lambda weight: WeightOnBit(weight.value),
         "drive": _drive,
         "feed": _feed,
     }
-    return [Planned(delay, make(given[key])) for key, make in makers.items() if key in given]
+    return [Change(time, make(given[key])) for key, make in makers.items() if key in given]
 
 
 def _feed(entry: Cursor) -> Feed:

@@ -3,61 +3,62 @@
 from __future__ import annotations
 
 import dataclasses
-import heapq
 import math
 from collections import deque
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
 from rpud_sim.drilling.process import ProcessState
-from rpud_sim.foundation.time import NEVER
+from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.model.parameters import Parameters
 from rpud_sim.simulation.actuator import ActuatorReading
 from rpud_sim.simulation.block import Block, join_blocks
-from rpud_sim.simulation.commands import COMMAND_NAMES, Applied, Command, Drive, Feed, WeightOnBit
+from rpud_sim.simulation.changes import Change, Clear, Inject, Schedule, journal_form
+from rpud_sim.simulation.commands import (
+    COMMAND_NAMES,
+    Applied,
+    Command,
+    Drive,
+    DriveChange,
+    Feed,
+    WeightOnBit,
+)
 from rpud_sim.simulation.configuration import Configuration, to_values, whole_configuration
 from rpud_sim.simulation.energy_account import FeedAccount
 from rpud_sim.simulation.faults import (
     Fault,
     FaultError,
     FaultLedger,
-    FaultRecord,
     check_supported,
     effects_of,
     supported_kinds,
 )
 from rpud_sim.simulation.journal import Journal
-from rpud_sim.simulation.plans import Scenario, ScheduledFault
 from rpud_sim.simulation.plant import Plant, rpud_constants
 
 # Refusals that are kept until they are drained; the oldest are dropped.
 _MOST_REFUSALS = 100
 
 
-def initial_phases(repeat: int, seed: int | None) -> tuple[float, ...]:
-    """Return an ensemble's phases [cycles]: drawn with the seed; zero for one run without."""
-    if seed is None and repeat == 1:
-        return (0.0,)
-    return tuple(np.random.default_rng(0 if seed is None else seed).random(repeat).tolist())
-
-
 class Simulation:
     """One drill, from simulation time zero on.
 
-    Changes come between two calls of ``advance_to``, or by schedule: faults begin and end, and the
-    actuator's amplitude changes, at their exact instants, however the simulation is advanced. Times
+    Changes come between two calls of ``advance_to``, or by themselves: ``planned`` faults and
+    commands act, and faults end, at their exact instants, however the simulation is advanced. Times
     are integer nanoseconds of simulation time.
 
     Weight on bit and nominal drive of the configuration apply until the first command. The journal
-    gets an entry for each change from outside; scheduled changes follow from these.
+    gets an entry for each change from outside; changes that come by themselves follow from these.
     """
 
     def __init__(
         self,
         configuration: Configuration | Parameters,
         initial_phase: float = 0.0,
-        scenario: Scenario | None = None,
+        planned: Sequence[Change] = (),
         journal: Journal | None = None,
     ) -> None:
         configuration = whole_configuration(configuration)
@@ -73,17 +74,14 @@ class Simulation:
         self._drawn = 0.0  # electrical energy up to the last block [J]
         self._fed = FeedAccount() if configuration.has_feed else None  # up to the last block
         self.faults = FaultLedger()  # read-only
-        # Beginnings and ends of faults that come by themselves: time [ns], whether one begins,
-        # number of the plan, and the fault or the number of its record. So ends come first.
-        self._plans: list[tuple[int, bool, int, ScheduledFault | int]] = []
-        self._plan_count = 0
+        self._schedule = Schedule(planned)  # of changes that come by themselves
         self._refusals: deque[str] = deque(maxlen=_MOST_REFUSALS)
-        for scheduled in scenario.faults if scenario else ():
-            try:
-                check_supported(scheduled.fault, configuration)
-            except FaultError as error:
-                raise FaultError(f"{scheduled.place}{error}") from None
-            self._plan(scheduled.onset, True, scheduled)
+        for change in planned:
+            if isinstance(change.action, Inject):
+                try:
+                    check_supported(change.action.fault, configuration)
+                except FaultError as error:
+                    raise FaultError(f"{change.place}{error}") from None
 
     @property
     def parameters(self) -> Parameters:
@@ -140,11 +138,11 @@ class Simulation:
 
     @property
     def next_scheduled(self) -> int:
-        """Time of the next scheduled change [ns]; ``NEVER`` if none is planned."""
-        return self._plans[0][0] if self._plans else NEVER
+        """Time of the next change that comes by itself [ns]; ``NEVER`` if none is left."""
+        return self._schedule.next
 
     def drain_refusals(self) -> list[str]:
-        """Return why scheduled faults did not begin, since the last call."""
+        """Return why planned changes did not come, since the last call."""
         refusals = list(self._refusals)
         self._refusals.clear()
         return refusals
@@ -157,7 +155,7 @@ class Simulation:
         while (stop := min(self._plant.next_step, self.next_scheduled)) <= time:
             self._plant.advance_to(stop)
             if self.next_scheduled <= stop:
-                self._apply_due_faults()
+                self._carry_out_due()
         self._plant.advance_to(time)
         reading = self._plant.reading
         drawn, self._drawn = reading.electrical_energy - self._drawn, reading.electrical_energy
@@ -198,7 +196,7 @@ class Simulation:
                 )
         return join_blocks([self.advance_to(end) for end in ends.tolist()])
 
-    def apply(self, command: Command) -> None:
+    def apply(self, command: Command | DriveChange) -> None:
         """Put a command into force at the present time.
 
         The nodal plane's position and velocity and the phase of the vibration stay continuous; a
@@ -207,6 +205,8 @@ class Simulation:
         time stays.
         """
         before = self.applied
+        if isinstance(command, DriveChange):
+            command = command.on(before.drive)
         acting = command.after(before.drive) if isinstance(command, Drive) else command
         self.configuration.check(acting)
         kind = COMMAND_NAMES[type(acting)]
@@ -221,7 +221,7 @@ class Simulation:
             self._plant.actuator.drive(acting)
         changed: dict[str, Any] = {kind: acting, f"{kind}_time": self.time}
         self.applied = dataclasses.replace(before, **changed)
-        self.note(kind, **dataclasses.asdict(command))
+        self.record(*journal_form(command))
 
     def configure(self, configuration: Configuration) -> None:
         """Put other parameters into force at the present time; positions and velocities go on.
@@ -231,29 +231,36 @@ class Simulation:
         """
         self.configuration = configuration
         self._change_effects()
-        self.note("configure", parameters=to_values(configuration))
+        self.record("configure", {"parameters": to_values(configuration)})
 
     def inject(self, fault: Fault, duration: int = 0) -> int:
         """Let a fault begin now, end after a duration [ns], 0 for never, and return its number."""
         number = self._inject(fault, duration)
-        self.note("inject", fault=dataclasses.asdict(fault), duration=duration)
+        self.record(*journal_form(Inject(fault, duration)))
         return number
 
-    def clear(self, number: int) -> FaultRecord:
-        """Let a fault end and return its record."""
-        record = self.faults.clear(self.time, number)
+    def clear(self, number: int = 0, kind: str = "", channel: str = "") -> None:
+        """Let a fault end, by its number or by kind and channel; without any of them all."""
+        if kind:
+            own = [
+                r for r in self.faults.active if (r.fault.kind, r.fault.channel) == (kind, channel)
+            ]
+            if not own:
+                raise FaultError(f"there is no {Fault(kind, channel)} to clear")
+            number = own[0].number
+        if number:
+            fault = self.faults.clear(self.time, number).fault
+            ended = Clear(number, fault.kind, fault.channel)
+        else:
+            self.faults.clear_all(self.time)
+            ended = Clear()
         self._change_effects()
-        self.note("clear", number=number)
-        return record
+        self.record(*journal_form(ended))
 
-    def clear_all(self) -> None:
-        self.faults.clear_all(self.time)
-        self._change_effects()
-        self.note("clear_all")
-
-    def note(self, kind: str, **content: Any) -> None:
+    def record(self, kind: str, content: Mapping[str, Any] = MappingProxyType({})) -> None:
+        """Append an entry to the journal, if there is one."""
         if self._journal is not None:
-            self._journal.note(self.time, kind, **content)
+            self._journal.record(self.time, kind, content)
 
     def supported_kinds(self) -> tuple[str, ...]:
         return supported_kinds(self.configuration)
@@ -262,25 +269,24 @@ class Simulation:
         check_supported(fault, self.configuration)
         number = self.faults.inject(self.time, fault)
         if duration:
-            self._plan(self.time + duration, False, number)
+            self._schedule.add(Change(self.time + duration, Clear(number)), first=True)
         self._change_effects()
         return number
 
-    def _plan(self, time: int, begins: bool, fault: ScheduledFault | int) -> None:
-        heapq.heappush(self._plans, (time, begins, self._plan_count, fault))
-        self._plan_count += 1
-
-    def _apply_due_faults(self) -> None:
-        while self.next_scheduled <= self.time:
-            due = heapq.heappop(self._plans)[-1]
-            if isinstance(due, ScheduledFault):
-                try:
-                    self._inject(due.fault, due.duration)
-                except FaultError as error:
-                    self._refusals.append(f"scheduled fault refused: {due.place}{error}")
-            elif any(record.number == due for record in self.faults.active):
-                self.faults.clear(self.time, due)
-                self._change_effects()
+    def _carry_out_due(self) -> None:
+        for change in self._schedule.due(self.time):
+            action = change.action
+            try:
+                if isinstance(action, Inject):
+                    self._inject(action.fault, action.duration)
+                elif isinstance(action, Clear):
+                    if any(record.number == action.number for record in self.faults.active):
+                        self.faults.clear(self.time, action.number)
+                        self._change_effects()
+                elif isinstance(action, Command | DriveChange):
+                    self.apply(action)
+            except ParameterError as error:
+                self._refusals.append(f"planned change refused: {change.place}{error}")
 
     def _change_effects(self) -> None:
         active = [record.fault for record in self.faults.active]

@@ -4,15 +4,11 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
-from functools import partial
-from itertools import chain
-from operator import itemgetter
 
 import numpy as np
 
 from rpud_sim.foundation.time import SECOND
-from rpud_sim.foundation.values import Ragged, Shared
+from rpud_sim.simulation.batch import Batch
 from rpud_sim.simulation.block import Block, boundaries_until, boundary, first_sample, join_blocks
 from rpud_sim.simulation.configuration import Settings
 from rpud_sim.simulation.faults import FaultRecord, SignalFaults
@@ -26,7 +22,6 @@ from rpud_sim.simulation.fields import (
     process_fields,
     sampled_fields,
     stamp_of,
-    to_array,
     trajectory_cuts,
     trajectory_fields,
     waveform_fields,
@@ -35,9 +30,6 @@ from rpud_sim.simulation.fields import (
 from rpud_sim.simulation.sampling import Times, join_samples
 from rpud_sim.simulation.topics import CHANNELS, Fields
 
-# A message: simulation time at which it is published [ns], topic, fields.
-Entry = tuple[int, str, Fields]
-
 # Order in which a block's messages are published.
 _ORDER = (
     *("contact_force", *SAMPLED, "wrench", *PROCESS_TOPICS),
@@ -45,77 +37,14 @@ _ORDER = (
 )
 
 
-@dataclass(frozen=True)
-class Columns(Shared):
-    """Messages of one topic, as columns."""
-
-    topic: str  # its name
-    # number of the block in the span that each belongs to, ascending, shape (n,)
-    blocks: np.ndarray
-    times: np.ndarray  # simulation time at which each is published [ns], shape (n,), int64
-    # as of one message, with an array in place of each value that differs. A sequence has a
-    # row for each message, or is ``Ragged``.
-    fields: Fields
-
-    def __len__(self) -> int:
-        return len(self.times)
-
-    @property
-    def places(self) -> np.ndarray:
-        """Place of each among all messages of the span; equal where they follow each other."""
-        return self.blocks * len(_ORDER) + _ORDER.index(self.topic)
-
-    def messages(self) -> Iterator[Entry]:
-        for number, time in enumerate(self.times.tolist()):
-            yield time, self.topic, row_of(self.fields, number)
-
-
-@dataclass(frozen=True)
-class Together:
-    """All messages of a span."""
-
-    ends: np.ndarray  # of its blocks: simulation times [ns]
-    columns: tuple[Columns, ...]  # of topics; those of a topic follow each other in time
-
-    @property
-    def end(self) -> int:
-        return int(self.ends[-1])
-
-    def messages(self) -> Iterator[Entry]:
-        """Yield the messages in order."""
-        found = [
-            (place, number, columns)
-            for columns in self.columns
-            for number, place in enumerate(columns.places.tolist())
-        ]
-        for _, number, columns in sorted(found, key=itemgetter(0)):
-            yield int(columns.times[number]), columns.topic, row_of(columns.fields, number)
-
-
-def row_of(fields: Fields, number: int) -> Fields:
-    """Return the fields of one message of columns."""
-    row = {}
-    for name, column in fields.items():
-        kind = type(column)
-        if kind is np.ndarray:
-            row[name] = column.item(number) if column.ndim == 1 else to_array(column[number])
-        elif kind is dict:
-            row[name] = row_of(column, number)
-        elif kind is Ragged:
-            row[name] = to_array(column.sequence(number))
-        else:
-            row[name] = list(column) if kind is list else column
-    return row
-
-
-# Simulation time of the blocks that are done together, about [ns]: twice as much takes 70 MB and
+# Length of a span, about [ns]: twice as much takes 70 MB and
 # saves 5 % of the time of a proof.
-_TOGETHER = 4 * SECOND
+_SPAN = 4 * SECOND
 
 _PART = 1000  # samples of a waveform that are made in one part, about 0.2 ms
 
-# Messages that may come later, with None between two parts of the work.
-Stream = Iterator[Entry | None]
+# Batches that may come later, with None between two parts of the work.
+Stream = Iterator[Batch | None]
 
 
 class Telemetry:
@@ -141,88 +70,72 @@ class Telemetry:
         self._actuator_time = 0
         self._actuator_work = 0.0
 
-    def prompt(self, block: Block, faults: Sequence[FaultRecord]) -> Iterator[Entry]:
-        """Yield the messages that are due at once: impacts of a block and the sample at its end.
+    def batches(self, block: Block, faults: Sequence[FaultRecord], span: int) -> Iterator[Batch]:
+        """Yield what is due at once: impacts of a block and the samples at the ends of its parts.
 
-        The block is at most one telemetry period long. ``faults`` lasted in it, or in a part of it.
+        A part is at most one telemetry period long. ``faults`` lasted in a block of one part;
+        there are none in one of several, whose batches are of the span.
         """
-        faults = [record for record in faults if record.fault.channel]
-        for columns in self._columns(block, sampled=self._boundary(block.end) is not None):
-            for time, topic, values in columns.messages():
-                if topic in CHANNELS:
-                    for changed in self._signals.apply(topic, time, values, faults):
-                        yield time, topic, changed
-                else:
-                    yield time, topic, values
-        for channel, values in self._signals.release(block.end, faults):
-            yield block.end, channel, values
+        for batch in self._sampled(block, span):
+            yield from self._signals.apply(batch, faults) if batch.topic in CHANNELS else (batch,)
+        yield from self._signals.release(block.end, faults)
 
-    def streams(self, block: Block) -> Stream | None:
+    def streams(self, block: Block, span: int) -> Stream | None:
         """Return waveform and trajectory if a period of theirs ends with this block, else None.
 
         They are made while they are taken, part by part, and later blocks do not change them.
         """
+        if span:  # whole periods
+            return self._streams_of(block, self._stream_period, span)
         self._pending.append(block)
         number = self._boundary(block.end)
         if number is not None and number % self._stream_period == 0:
-            return self._take_pending()
+            return self.take_pending()
         return None
 
-    def ends_together(self, start: int, time: int) -> np.ndarray:
+    def span_ends(self, start: int, time: int) -> np.ndarray:
         """Return the ends of the blocks from ``start`` that can be done together until a time [ns].
 
-        They are whole periods of waveform and trajectory, of about ``_TOGETHER`` [ns], and none if
+        They are whole periods of waveform and trajectory, of about ``_SPAN`` [ns], and none if
         something has to be done block by block first.
         """
         number, rate, period = self._boundary(start), self._telemetry_rate, self._stream_period
         if number is None or number % period or self._pending or self._signals.busy:
             return np.empty(0, np.int64)
-        most = max(1, _TOGETHER * rate // SECOND // period)
+        most = max(1, _SPAN * rate // SECOND // period)
         # Something that is due by now lies before the present boundary.
         periods = min(most, (boundaries_until(time, rate) - number) // period)
         last = number + periods * period
         return np.array([boundary(n + 1, rate) for n in range(number, last)], np.int64)
 
-    def together(self, block: Block) -> Together:
-        """Return all messages of a block of healthy signals, with parts of ``ends_together``.
-
-        They are those that ``prompt`` and ``streams`` would yield block by block.
-        """
-        streams = self._streams_of(block, self._stream_period)
-        columns = [*self._columns(block), *(each for each in streams if each is not None)]
-        for each in columns:
-            if each.topic in CHANNELS:
-                self._signals.note(each.topic, partial(row_of, each.fields, len(each) - 1))
-        return Together(block.ends, tuple(columns))
-
-    def _columns(self, block: Block, sampled: bool = True) -> Iterator[Columns]:
-        """Yield the impacts of a block and, if ``sampled``, what is due at its parts' ends."""
+    def _sampled(self, block: Block, span: int) -> Iterator[Batch]:
+        """Yield the impacts of a block, and what is due at its parts' ends if these are bounds."""
         parts, ends = np.arange(len(block)), block.ends
         if len(block.impacts):
             struck = block.struck.searchsorted(np.arange(len(block.impacts)), side="right")
             fields = contact_force_fields(block.impacts, self.origin)
             times = np.maximum(block.starts[struck], stamp_of(fields) - self.origin)
-            yield Columns("contact_force", struck, times, fields)
-        if not sampled:
+            yield _batch("contact_force", struck, times, fields, span)
+        if self._boundary(block.end) is None:
             return
         stamps = self.origin + ends
         samples = block.sample_ends()
         for topic in SAMPLED:
-            yield Columns(topic, parts, ends, sampled_fields(topic, samples, stamps))
+            yield _batch(topic, parts, ends, sampled_fields(topic, samples, stamps), span)
         fields = wrench_fields(samples, stamps, block.states)
-        yield Columns("wrench", parts, ends, fields)
+        yield _batch("wrench", parts, ends, fields, span)
         for topic in PROCESS_TOPICS:
             if has_part(block.states, topic):
                 for among, fields in process_fields(topic, block.states, stamps):
-                    yield Columns(topic, parts[among], ends[among], fields)
+                    yield _batch(topic, parts[among], ends[among], fields, span)
         if self._wanted("joint_states"):
             fields = joint_state_fields(samples, stamps, block.states)
-            yield Columns("joint_states", parts, ends, fields)
+            yield _batch("joint_states", parts, ends, fields, span)
         if block.readings:
             powers = self._powers(block)
             if self._wanted("actuator_state"):
                 fields = actuator_state_fields(block.readings, powers, stamps)
-                yield Columns("actuator_state", parts, ends, fields)
+                yield _batch("actuator_state", parts, ends, fields, span)
 
     def _powers(self, block: Block) -> np.ndarray:
         """Return the actuator's mean mechanical power up to the end of each block [W]."""
@@ -234,36 +147,24 @@ class Telemetry:
             powers.append(work * SECOND / elapsed if elapsed else 0.0)
         return np.array(powers)
 
-    def drop_pending(self) -> None:
-        """Begin waveform and trajectory here; what is pending of them is not published."""
-        self._segments += sum(len(block.segments) for block in self._pending)
-        self._pending.clear()
-
-    def flush(self) -> Iterator[Entry]:
-        return messages_of(self._take_pending())
-
-    def _take_pending(self) -> Stream:
+    def take_pending(self) -> Stream:
+        """Return waveform and trajectory of what is pending, as ``streams`` does."""
         if not self._pending:
             return iter(())
         block = join_blocks(self._pending)
         self._pending.clear()
-        columns = self._streams_of(block, len(block), _PART)
-        return chain.from_iterable((None,) if c is None else c.messages() for c in columns)
+        return self._streams_of(block, len(block))
 
-    def _streams_of(
-        self, block: Block, period: int, part: int = sys.maxsize
-    ) -> Iterator[Columns | None]:
+    def _streams_of(self, block: Block, period: int, span: int = 0) -> Stream:
         """Return waveform and trajectory of a block, a message of each in every ``period`` parts.
 
-        There is a None after each ``part`` samples.
+        There is a None after each ``_PART`` samples, unless they are of a span.
         """
         first = self._segments
         self._segments += int(block.finished[-1])
-        return self._stream(block, period, part, first, self.origin)
+        return self._stream(block, period, span, first, self.origin)
 
-    def _stream(
-        self, block: Block, period: int, part: int, first: int, origin: int
-    ) -> Iterator[Columns | None]:
+    def _stream(self, block: Block, period: int, span: int, first: int, origin: int) -> Stream:
         groups = np.arange(period - 1, len(block), period)
         ends, finished = block.ends[groups], block.finished[groups]
         rate = self._sample_rate
@@ -271,6 +172,7 @@ class Telemetry:
         held = np.flatnonzero(np.diff(cuts))
         if len(held) and self._wanted("waveform"):
             parts = []
+            part = sys.maxsize if span else _PART
             for begin in range(int(cuts[0]), int(cuts[-1]), part):
                 count = min(part, int(cuts[-1]) - begin)
                 times = Times.from_grid(begin, count, rate)
@@ -279,7 +181,7 @@ class Telemetry:
             samples = join_samples(parts)
             cuts = np.append(cuts[held], cuts[-1])
             fields = waveform_fields(samples, cuts, rate, origin)
-            yield Columns("waveform", groups[held], ends[held], fields)
+            yield _batch("waveform", groups[held], ends[held], fields, span)
         count = int(finished[-1])
         if count and self._wanted("trajectory"):
             yield None
@@ -289,7 +191,7 @@ class Telemetry:
             firsts = firsts[firsts < count]
             periods = np.searchsorted(finished, firsts, side="right")
             fields = trajectory_fields(segments, np.append(firsts, count), first, origin)
-            yield Columns("trajectory", groups[periods], ends[periods], fields)
+            yield _batch("trajectory", groups[periods], ends[periods], fields, span)
 
     def _boundary(self, time: int) -> int | None:
         """Number of the telemetry period that ends at a time [ns], if one does."""
@@ -297,5 +199,7 @@ class Telemetry:
         return number if boundary(number, self._telemetry_rate) == time else None
 
 
-def messages_of(stream: Stream | None) -> Iterator[Entry]:
-    return (entry for entry in stream or () if entry is not None)
+def _batch(topic: str, blocks: np.ndarray, times: np.ndarray, fields: Fields, span: int) -> Batch:
+    """Return a batch of messages that belong to blocks of a span, by their numbers, ascending."""
+    places = blocks * len(_ORDER) + _ORDER.index(topic) if span else None
+    return Batch(topic, times, fields, span, places)

@@ -21,7 +21,7 @@ from rpud_sim.bag.field_values import FieldReader
 from rpud_sim.bag.messages import MessageBlock, joined, messages_of
 from rpud_sim.bag.tables import compiled
 from rpud_sim.foundation.time import SECOND, join_seconds
-from rpud_sim.inspection.run_clock import RunClock
+from rpud_sim.recorded.run_clock import RunClock
 from rpud_sim.simulation.topics import TOPICS
 
 MOST_SIGNALS, MOST_TOPICS = 120, 100  # signals of a bag, and topics with signals

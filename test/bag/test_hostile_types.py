@@ -108,7 +108,7 @@ GREEDY = {  # a definition, and the first bytes of a message that ends in zeros
 }
 EXPORT = """
 import json, pathlib, resource, sys
-from rpud_sim.inspection.export import export
+from rpud_sim.recorded.export import export
 from rpud_sim.bag import BagError
 resource.setrlimit(resource.RLIMIT_CPU, (10, 10))
 path = pathlib.Path(sys.argv[1])

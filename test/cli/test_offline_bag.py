@@ -13,7 +13,7 @@ import rpud_sim.bag
 from rpud_sim.bag.manifest import MANIFEST_RECORD as MANIFEST
 from rpud_sim.bag.manifest import manifest_from_record
 from rpud_sim.foundation.time import SECOND
-from rpud_sim.inspection.offline_bag import write_offline_bag
+from rpud_sim.recorded.offline_bag import write_offline_bag
 from rpud_sim.simulation import preset
 from rpud_sim.simulation.configuration import Configuration, Settings
 from rpud_sim.simulation.run import Beginning

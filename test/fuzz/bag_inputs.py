@@ -17,7 +17,7 @@ from mcap.writer import CompressionType, Writer
 import rpud_sim.bag
 from fuzz import hostile
 from rpud_sim.bag import Message, TopicSummary
-from rpud_sim.inspection.offline_bag import write_offline_bag
+from rpud_sim.recorded.offline_bag import write_offline_bag
 from rpud_sim.simulation.configuration import to_settings
 from rpud_sim.simulation.run import Beginning
 from rpud_sim.simulation.scenario_file import parse_scenario

@@ -7,9 +7,9 @@ from sample_bags import PLAIN_PROVED, proved_messages
 from support import Process
 
 import rpud_sim.bag
-from rpud_sim.inspection.offline_bag import write_fork
-from rpud_sim.inspection.recorded_journal import installed_codec
-from rpud_sim.inspection.verify.verification import verify
+from rpud_sim.recorded.offline_bag import write_fork
+from rpud_sim.recorded.recorded_journal import installed_codec
+from rpud_sim.recorded.verify.verification import verify
 from rpud_sim.simulation.topics import TOPICS
 
 OPTIONS = {

@@ -11,9 +11,9 @@ from support import Process
 
 import rpud_sim.bag
 from rpud_sim.bag.columns import to_plain
-from rpud_sim.inspection.offline_bag import write_fork
-from rpud_sim.inspection.recorded_journal import installed_codec
-from rpud_sim.inspection.verify.verification import verify
+from rpud_sim.recorded.offline_bag import write_fork
+from rpud_sim.recorded.recorded_journal import installed_codec
+from rpud_sim.recorded.verify.verification import verify
 from rpud_sim.simulation import preset
 from rpud_sim.simulation.scenario_file import parse_scenario
 from rpud_sim.simulation.topics import TOPICS

@@ -10,7 +10,7 @@ from support import Process
 import rpud_sim.bag
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.definitions import find_definition
-from rpud_sim.inspection.verify.verification import verify
+from rpud_sim.recorded.verify.verification import verify
 
 JOURNAL = "/rpud/journal"
 SCENARIO = """

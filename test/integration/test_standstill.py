@@ -10,7 +10,7 @@ from rpud_msgs.srv import GetDelivery
 from sample_bags import PLAIN_PROVED
 
 import rpud_sim.bag
-from rpud_sim.inspection.verify.verification import verify
+from rpud_sim.recorded.verify.verification import verify
 
 SECOND = 1_000_000_000
 RARE = ("faults", "journal")  # of the topics, those of which nothing comes in the standstill

@@ -9,7 +9,7 @@ from rpud_msgs.msg import Status
 
 import rpud_sim.bag
 from rpud_sim.foundation.quantities import ParameterError
-from rpud_sim.inspection.verify.verification import verify
+from rpud_sim.recorded.verify.verification import verify
 from rpud_sim.ros.client import DrillClient, RefusedError
 from rpud_sim.testing import (
     ExpectationFailedError,

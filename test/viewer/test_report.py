@@ -13,8 +13,8 @@ from viewer.recorded_bags import rewritten
 import rpud_sim.bag
 import rpud_sim.viewer
 from rpud_sim.bag.manifest import VERDICT_RECORD, RunVerdict
-from rpud_sim.inspection import InspectionError
-from rpud_sim.inspection.offline_bag import write_offline_bag
+from rpud_sim.recorded import InspectionError
+from rpud_sim.recorded.offline_bag import write_offline_bag
 from rpud_sim.simulation import WeightOnBit
 from rpud_sim.simulation.configuration import Settings
 from rpud_sim.simulation.plans import Planned

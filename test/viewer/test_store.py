@@ -19,8 +19,8 @@ from rpud_sim.bag.definitions import find_definition, find_type_hash
 from rpud_sim.cli.main import main
 from rpud_sim.drilling.rock import Strata, preset_layer
 from rpud_sim.foundation.quantities import ParameterError
-from rpud_sim.inspection import offline_bag
-from rpud_sim.inspection.rebuild import rebuild
+from rpud_sim.recorded import offline_bag
+from rpud_sim.recorded.rebuild import rebuild
 from rpud_sim.simulation import preset
 from rpud_sim.simulation.configuration import Settings, to_configuration
 from rpud_sim.simulation.run import Beginning

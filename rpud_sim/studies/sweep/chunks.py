@@ -19,7 +19,7 @@ from scipy.stats import qmc
 
 from rpud_sim.bag.manifest import Manifest, installed_versions
 from rpud_sim.foundation.quantities import ParameterError
-from rpud_sim.inspection.offline_bag import write_offline_bag
+from rpud_sim.recorded.offline_bag import write_offline_bag
 from rpud_sim.simulation.ensemble import run_members
 from rpud_sim.simulation.run import Beginning
 from rpud_sim.simulation.simulation import initial_phases

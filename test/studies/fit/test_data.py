@@ -9,7 +9,7 @@ from specifications import parse_targets
 from support import refusal
 
 from rpud_sim import bag
-from rpud_sim.inspection.offline_bag import write_offline_bag
+from rpud_sim.recorded.offline_bag import write_offline_bag
 from rpud_sim.simulation.configuration import to_configuration, to_settings
 from rpud_sim.simulation.run import Beginning
 from rpud_sim.studies.fit.measures import measure

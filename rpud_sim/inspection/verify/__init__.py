@@ -1,1 +1,0 @@
-"""Proof that a bag holds what the simulation computes: its journal is run again, bit for bit."""

@@ -1,0 +1,267 @@
+"""Figures of one run with their intervals, and the differences of two runs.
+
+Values that follow each other in a run depend on each other. A bootstrap that draws single values
+takes them for independent, and its intervals are too short. The stationary bootstrap (Politis and
+Romano 1994) draws blocks of random length instead. Its variance of the mean is known in closed
+form (their equation 9), so nothing is drawn here: the result is that of infinitely many
+repetitions, needs no seed, and is the same each time. The mean length of the blocks follows from
+the series by the rule of Politis and White (2004), as corrected by Patton, Politis and White
+(2009).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from scipy.special import stdtr, stdtrit
+
+from rpud_sim.recorded.compare.values import MEAN, MEDIAN, P95, ComparedQuantity
+
+LEVEL = 0.95  # confidence level of all intervals
+
+_LONGER = 3.0  # times the rule's length: the rule weighs bias like noise, coverage wants less bias
+_FEWEST_BLOCKS = 8  # of the mean length in a series
+_MOST_VALUES = 2**16  # of a series whose autocovariances are computed
+_SIGNIFICANT = 2.0  # standard errors above which an autocorrelation counts
+_LARGEST_LOGARITHM = 700.0
+_ROUNDING = 1e-9  # relative; smaller differences come from the rounding of numbers
+_SHARES = {MEDIAN: 0.5, P95: 0.95}
+_CLEARLY_NOT_ZERO = 3.0  # standard errors from zero that a reference of a ratio needs
+
+# Decisions on a difference.
+DIFFERS, SAME, EQUIVALENT, UNDECIDED, TOO_FEW = (
+    "differs",
+    "no difference found",
+    "equivalent",
+    "undecided",
+    "too few values",
+)
+
+
+def mean_error(values: np.ndarray) -> tuple[float, float]:
+    """Return standard error of the mean of a stationary series (n,), and its number of blocks.
+
+    About so many values are independent. Neighbours in a long series become their mean first; a
+    remainder at its end is left out.
+    """
+    size = -(-len(values) // _MOST_VALUES)
+    values = np.asarray(values[: len(values) // size * size], float).reshape(-1, size).mean(axis=1)
+    covariances = autocovariances(values)
+    longest = max(1.0, len(values) / _FEWEST_BLOCKS)
+    length = min(_LONGER * block_length(covariances), longest)
+    return math.sqrt(mean_variance(covariances, length)), len(values) / length
+
+
+def autocovariances(values: np.ndarray) -> np.ndarray:
+    """Return the autocovariance of a stationary series (n,) at each lag; first the variance."""
+    count = len(values)
+    # Zeros after the end keep the series from being taken for a circle.
+    length = 2 ** math.ceil(math.log2(max(2 * count, 2)))
+    values = values - values[:1]  # equal values are equal to their mean, whatever that rounds to
+    spectrum = np.fft.rfft(values - values.mean(), length)
+    return np.fft.irfft(np.abs(spectrum) ** 2, length)[:count] / count
+
+
+def block_length(covariances: np.ndarray) -> float:
+    """Return the mean length of blocks that makes the error of the variance least, from 1 on.
+
+    ``covariances`` are the autocovariances at each lag, shape (n,).
+    """
+    count = len(covariances)
+    if count < 4 or not covariances[0] > 0.0:
+        return 1.0
+    longest = max(1.0, min(3.0 * math.sqrt(count), count / 3.0))
+    # Squares of correlations stay in the range of floats where those of covariances may not.
+    correlations = covariances / covariances[0]
+    lag = _last_significant_lag(correlations)
+    reach = min(2 * lag, count - 1)
+    lags = np.arange(1, reach + 1)
+    # The flat top keeps the significant lags whole, and fades the next ones out.
+    weighted = np.minimum(1.0, 2.0 * (1.0 - lags / (2 * lag))) * correlations[1 : reach + 1]
+    slope = 2.0 * float((lags * weighted).sum())
+    density = 1.0 + 2.0 * float(weighted.sum())
+    if not density > 0.0:
+        return longest
+    # Not the third root of squares, which may be no floats any more.
+    best = float(abs(slope / density) ** (2.0 / 3.0) * count ** (1.0 / 3.0))
+    return min(max(best, 1.0), longest)
+
+
+def _last_significant_lag(correlations: np.ndarray) -> int:
+    """Return the lag, from 1 on, after which a row of correlations is not significant."""
+    count = len(correlations)
+    row = max(5, math.ceil(math.sqrt(math.log10(count))))
+    most = min(count - 1, math.ceil(math.sqrt(count)) + row)
+    loud = np.abs(correlations[1 : most + 1]) >= _SIGNIFICANT * math.sqrt(math.log10(count) / count)
+    places = np.flatnonzero(loud) + 1
+    edges = np.array([0, *places, most + 1])
+    long = np.flatnonzero(np.diff(edges) > row)
+    return max(1, int(edges[long[0]] if len(long) else places[-1] if len(places) else 1))
+
+
+def mean_variance(covariances: np.ndarray, length: float) -> float:
+    """Return the variance of the mean by the stationary bootstrap of autocovariances (n,)."""
+    count = len(covariances)
+    lags = np.arange(1, count)
+    stays = 1.0 - 1.0 / length  # chance that the next value is of the same block
+    # The series closes to a circle, so each lag also occurs the other way round.
+    weights = (1.0 - lags / count) * stays**lags + lags / count * stays ** (count - lags)
+    total = float(covariances[0]) + 2.0 * float((weights * covariances[1:]).sum())
+    return max(total, 0.0) / count
+
+
+class Estimate(NamedTuple):
+    """Figure of a run with its interval, in the unit of its quantity; NaN for what is unknown."""
+
+    value: float
+    low: float = math.nan  # low, high: 95 % confidence interval
+    high: float = math.nan
+    error: float = math.nan  # standard error by the stationary bootstrap
+    blocks: float = 0.0
+    number: int = 0  # of values
+
+
+def estimate(values: np.ndarray, figure: str, resolution: float = 0.0) -> Estimate:
+    """Return a figure of a series with its interval.
+
+    The interval of a quantile is that of the share of values below it (Woodruff 1952): so it needs
+    no density, and is never outside the values. ``values`` are finite, in their order, shape (n,).
+    ``figure`` is mean, median or p95. ``resolution`` is the size of the rounding of the values, in
+    their unit.
+    """
+    count = len(values)
+    if not count:
+        return Estimate(math.nan)
+    share = _SHARES.get(figure, 0.0)
+    value = float(values.mean() if figure == MEAN else np.quantile(values, share))
+    if count < 4:
+        return Estimate(value, number=count)
+    error, blocks = mean_error(values if figure == MEAN else values <= value)
+    floor = max(_ROUNDING * abs(value), resolution)
+    reach = float(stdtrit(max(blocks - 1.0, 1.0), 0.5 + 0.5 * LEVEL))  # in standard errors
+    if figure == MEAN:
+        error = math.hypot(error, floor)
+        return Estimate(value, value - reach * error, value + reach * error, error, blocks, count)
+    spread = max(error, 1.0 / count)
+    shares = share + spread * np.array([-reach, -1.0, 1.0, reach])
+    low, under, over, high = np.quantile(values, np.clip(shares, 0.0, 1.0)).tolist()
+    return Estimate(value, low, high, math.hypot(0.5 * (over - under), floor), blocks, count)
+
+
+class FigureDifference(NamedTuple):
+    """Difference of one figure between a run and the reference; NaN for what is unknown."""
+
+    quantity: str  # its name
+    figure: str  # mean, median or p95
+    reference: float  # reference, other: the figure in both runs, in the unit of the quantity
+    other: float
+    difference: float  # other minus reference, in the unit of the quantity
+    low: float = math.nan  # low, high: its 95 % confidence interval
+    high: float = math.nan
+    # relative, relative_low, relative_high: ratio minus one, and its interval; NaN where the
+    # reference may be zero.
+    relative: float = math.nan
+    relative_low: float = math.nan
+    relative_high: float = math.nan
+    # Probability of so large a difference, or excess over the tolerance, if there were none;
+    # corrected for the number of comparisons by ``decided``. NaN where nothing is decided.
+    p: float = math.nan
+    decision: str = TOO_FEW
+    window: int = 0  # number of the compared window
+    run: int = 1  # number of the run; the reference is 0
+
+
+def difference(
+    quantity: ComparedQuantity,
+    figure: str,
+    reference: Estimate,
+    other: Estimate,
+    tolerance: float = 0.0,
+    *,
+    equal: bool = False,
+) -> FigureDifference:
+    """Return the difference of two figures; its ``p`` is not corrected yet.
+
+    ``tolerance`` is the relative difference that does not matter, 0 for none; it says nothing of a
+    figure that may be zero, which is tested without it. ``equal`` says that all values of both are
+    equal, so that there is nothing to estimate.
+    """
+    value = other.value - reference.value
+    found = FigureDifference(quantity.name, figure, reference.value, other.value, value)
+    if any(e.number < quantity.fewest or math.isnan(e.error) for e in (reference, other)):
+        return found
+    if equal:
+        found = found._replace(low=0.0, high=0.0, p=1.0, decision=UNDECIDED)
+        return found._replace(relative=0.0, relative_low=0.0, relative_high=0.0)
+    error = math.hypot(reference.error, other.error)
+    freedom = _freedom(reference, other)
+    reach = float(stdtrit(freedom, 0.5 + 0.5 * LEVEL))
+    ratio, ratio_error = _log_ratio(reference, other)
+    excess, spread = abs(value), error
+    if tolerance > 0.0 and math.isfinite(ratio):
+        edge = abs(math.log1p(math.copysign(tolerance, ratio)))
+        excess, spread = abs(ratio) - edge, ratio_error
+    return found._replace(
+        low=value - reach * error,
+        high=value + reach * error,
+        relative=_ratio_minus_one(ratio),
+        relative_low=_ratio_minus_one(ratio - reach * ratio_error),
+        relative_high=_ratio_minus_one(ratio + reach * ratio_error),
+        p=min(1.0, 2.0 * float(stdtr(freedom, -excess / spread))) if spread > 0.0 else 1.0,
+        decision=UNDECIDED,
+    )
+
+
+def _ratio_minus_one(logarithm: float) -> float:
+    return math.expm1(logarithm) if abs(logarithm) < _LARGEST_LOGARITHM else math.nan
+
+
+def _freedom(*figures: Estimate) -> float:
+    """Return the degrees of freedom of a difference by Welch and Satterthwaite."""
+    total = math.hypot(*(each.error for each in figures))
+    if not 0.0 < total < math.inf:
+        return 1.0
+    # Shares first: the squares of errors might be no floats.
+    return 1.0 / sum((e.error / total) ** 4 / max(e.blocks - 1.0, 1.0) for e in figures)
+
+
+def _log_ratio(reference: Estimate, other: Estimate) -> tuple[float, float]:
+    """Return the logarithm of the ratio of two figures, and its error; NaN if one may be zero."""
+    clear = all(abs(e.value) > _CLEARLY_NOT_ZERO * e.error for e in (reference, other))
+    if not clear or reference.value * other.value <= 0.0:
+        return math.nan, math.nan
+    error = math.hypot(reference.error / reference.value, other.error / other.value)
+    return math.log(other.value / reference.value), error
+
+
+def holm(chances: Sequence[float]) -> list[float]:
+    """Return probabilities corrected for their number by Holm's step-down method."""
+    corrected = [1.0] * len(chances)
+    least = 0.0
+    for rank, place in enumerate(sorted(range(len(chances)), key=chances.__getitem__)):
+        least = max(least, min(1.0, (len(chances) - rank) * chances[place]))
+        corrected[place] = least
+    return corrected
+
+
+def decided(found: Sequence[FigureDifference], tolerance: float) -> tuple[FigureDifference, ...]:
+    """Return differences with decisions; ``tolerance`` is relative, 0 for none.
+
+    The chance that any of all decisions is wrong stays below that of one.
+    """
+    corrected = [*found]
+    tested = [place for place, each in enumerate(found) if not math.isnan(each.p)]
+    for place, p in zip(tested, holm([found[place].p for place in tested]), strict=True):
+        each = found[place]
+        if p < 1.0 - LEVEL:
+            decision = DIFFERS
+        elif not tolerance > 0.0 or math.isnan(each.relative):
+            decision = SAME
+        else:
+            within = -tolerance <= each.relative_low and each.relative_high <= tolerance
+            decision = EQUIVALENT if within else UNDECIDED
+        corrected[place] = each._replace(p=p, decision=decision)
+    return tuple(corrected)

@@ -1,0 +1,299 @@
+"""Quantities that runs are compared by, and their values in one run of a bag."""
+
+from __future__ import annotations
+
+import heapq
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from rpud_sim.bag import BagReader
+from rpud_sim.bag.columns import Kind, usable
+from rpud_sim.bag.messages import MessageBlock
+from rpud_sim.bag.tables import Tables
+from rpud_sim.foundation.time import SECOND, join_seconds
+from rpud_sim.recorded.output import Damages
+from rpud_sim.recorded.recorded_drill import RecordedDrill
+from rpud_sim.recorded.recorded_topics import RecordedTopics
+from rpud_sim.recorded.run_clock import RunClock
+from rpud_sim.pages.quantities import QUANTITIES as SHOWN
+from rpud_sim.pages.quantities import ShownQuantity
+from rpud_sim.simulation.topics import TOPICS
+
+MEAN, MEDIAN, P95 = "mean", "median", "p95"  # figures of a distribution
+FIGURES = {MEAN: "mean", MEDIAN: "median", P95: "95 % quantile"}  # as people read them
+
+# Relative names of the topics that are read.
+IMPACTS, STATUS, FAULTS = "contact_force", "status", "faults"
+_READ = (IMPACTS, FAULTS, "nodal_plane", "reacting_force", STATUS)
+
+
+class ComparedQuantity(NamedTuple):
+    """Quantity of a run."""
+
+    name: str  # of the quantity, and of its key in JSON
+    unit: str  # SI unit
+    topic: str  # relative name of its topic
+    column: str = ""  # of the topic's table; empty if it is computed from impacts
+    # figures that are compared; others would only repeat them
+    tested: tuple[str, ...] = (MEAN, MEDIAN, P95)
+    fewest: int = 40  # number of values below which nothing is decided
+    resolution: float = 0.0  # size of the rounding of its values; smaller differences mean nothing
+
+    @property
+    def averaged(self) -> bool:
+        """Whether its values are means over parts of the time, so that only their mean counts."""
+        return self.tested == (MEAN,)
+
+
+def _power(name: str, unit: str = "W", resolution: float = 1e-9) -> ComparedQuantity:
+    return ComparedQuantity(name, unit, STATUS, name, (MEAN,), 16, resolution)
+
+
+QUANTITIES = (
+    # The mean of the intervals is one over the rate, so it is not tested again.
+    ComparedQuantity("impact_rate", "1/s", IMPACTS, tested=(MEAN,)),
+    ComparedQuantity("impact_interval", "s", IMPACTS, tested=(MEDIAN, P95)),
+    ComparedQuantity("peak_force", "N", IMPACTS, "peak_force"),
+    ComparedQuantity("impact_velocity", "m/s", IMPACTS, "impact_velocity"),
+    ComparedQuantity("energy", "J", IMPACTS, "energy"),
+    ComparedQuantity("contact_duration", "s", IMPACTS, "contact_duration"),
+    ComparedQuantity("impact_power", "W", IMPACTS, tested=(MEAN,)),
+    ComparedQuantity("reacting_force", "N", "reacting_force", "force"),
+    ComparedQuantity("nodal_plane_position", "m", "nodal_plane", "position"),
+    _power("penetration_rate", "m/s", 1e-12),
+    _power("electrical_power"),
+    _power("actuator_power"),
+    _power("weight_power"),
+    _power("load_damper_power"),
+    _power("collision_power"),
+    _power("absorbed_power"),
+)
+
+
+def shown(quantity: str) -> ShownQuantity:
+    """Return how people read a quantity, by its name."""
+    names = {"energy": "impact_energy", "nodal_plane_position": "nodal_plane"}
+    return SHOWN[names.get(quantity, quantity)]
+
+
+# Fields of a status about timing, which belong to the machine and are never tested.
+TIMING = ("lateness_max", "lag", "real_time_factor")
+# Fields of a status that count since the start.
+COUNTERS = ("deadlines_missed", "messages_dropped", "commands_rejected")
+
+Arrays = dict[str, np.ndarray]
+
+
+class RecordedFault(NamedTuple):
+    """Fault of a run, from its ground truth."""
+
+    onset: float  # simulation time at which it began [s]
+    number: int  # of the fault
+    text: str  # kind, channel and magnitude
+    clear: float | None  # simulation time at which it ended [s]; None while it lasts
+
+
+@dataclass
+class RecordedValues:
+    """Values of a run."""
+
+    drill: RecordedDrill  # the run
+    # arrays of each topic by its relative name: ``time`` is simulation time [s]; the others
+    # are columns, with NaN where a value is not usable
+    topics: dict[str, Arrays] = field(default_factory=dict)
+    faults: dict[int, RecordedFault] = field(default_factory=dict)  # by their numbers
+    # amount and reason of the damaged parts that were skipped, by topic or record
+    damaged: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def begin(self) -> float:
+        """Simulation time of the first value of any topic [s]; NaN if there are none."""
+        return min((float(times[0]) for times in self._times()), default=math.nan)
+
+    @property
+    def end(self) -> float:
+        """Simulation time of the last value of any topic [s]; NaN if there are none."""
+        return max((float(times[-1]) for times in self._times()), default=math.nan)
+
+    @property
+    def missing_impacts(self) -> int:
+        """Number of impacts that the bag lacks, by their sequence."""
+        numbers = np.unique(self.topics.get(IMPACTS, {}).get("sequence", np.empty(0)))
+        # Damaged bags repeat and mix them.
+        return int(numbers[-1]) - int(numbers[0]) + 1 - len(numbers) if len(numbers) else 0
+
+    @property
+    def timing(self) -> dict[str, Any]:
+        """``runs[].timing`` of the JSON: of the machine, not of the drill."""
+        arrays = self.topics.get(STATUS, {})
+        held = {name: arrays.get(name, np.empty(0)) for name in (*TIMING, *COUNTERS)}
+        known = {name: values[np.isfinite(values)] for name, values in held.items()}
+        return {
+            **{
+                word: {n: figure(known[n]) if len(known[n]) else math.nan for n in TIMING}
+                for word, figure in (("greatest", np.max), ("median", np.median))
+            },
+            **{name: int(known[name][-1]) if len(known[name]) else None for name in COUNTERS},
+        }
+
+    def _times(self) -> list[np.ndarray]:
+        held = {name: a["time"] for name, a in self.topics.items() if len(a["time"])}
+        # A latched status may be older than the run's other messages.
+        return [times for name, times in held.items() if name != STATUS] or [*held.values()]
+
+
+class OpenRun(NamedTuple):
+    """Run of a bag that is read."""
+
+    bag: BagReader
+    drill: RecordedDrill
+    damages: Damages
+    recorded: RecordedTopics  # for all readers of the bag
+
+
+def value_readers(
+    run: OpenRun, values: RecordedValues, report: Callable[[int], object]
+) -> Iterator[Iterator[int]]:
+    """Yield a reader for each topic, for ``read_together``."""
+    tables = Tables(run.bag.path, run.bag.readable_topics, {})
+    for name in _READ:
+        full = run.drill.topic(name)
+        if _usable_topic(run.bag, full):
+            yield _read(run, name, tables, run.recorded.blocks(full), values, report)
+
+
+def _read(
+    run: OpenRun,
+    name: str,
+    tables: Tables,
+    blocks: Iterable[MessageBlock],
+    values: RecordedValues,
+    report: Callable[[int], object],
+) -> Iterator[int]:
+    """Read a topic into the values; yield the simulation times to which it came [ns]."""
+    full = run.drill.topic(name)
+    chosen = tables.choose([full])
+    parts = []
+    for block in blocks:
+        report(len(block))
+        for batch in tables.batches(chosen, [block], run.damages.add):
+            published = batch.columns["publish_time"]
+            times = run.drill.clock.elapsed(batch.columns["header.stamp"], published)
+            first, last = run.drill.bounds
+            own = (published >= first) & (published <= last)
+            if name == FAULTS:
+                values.faults |= {f.number: f for f in _faults(batch.columns, own, run.drill)}
+            else:
+                parts.append(_rows(batch.columns, own & (times >= 0), times, name))
+            yield round(SECOND * float(times.max(initial=0.0)))
+    if parts:
+        values.topics[name] = {
+            key: np.concatenate([part.pop(key) for part in parts]) for key in [*parts[0]]
+        }
+
+
+def read_together(readers: Iterable[Iterator[int]]) -> None:
+    """Read all to their ends; each yields, now and then, to which simulation time it came [ns].
+
+    The one that is behind goes on, so that few messages of the others wait.
+    """
+    queue = [(-1, number, reader) for number, reader in enumerate(readers)]
+    while queue:
+        _, number, reader = queue[0]
+        time = next(reader, None)
+        if time is None:
+            heapq.heappop(queue)
+        else:
+            heapq.heapreplace(queue, (time, number, reader))
+
+
+def _usable_topic(bag: BagReader, full: str) -> bool:
+    """Whether a bag has messages of a topic with stamps, and of impacts with their numbers."""
+    name = full.rpartition("/")[2]
+    held = {s.topic.name: s.topic.type for s in bag.readable_topics if s.message_count}
+    if held.get(full) != TOPICS[name].type or full in bag.left_out:
+        return False
+    kinds = {column.name: column.kind for column in bag.columns(full)}
+    numbered = name != IMPACTS or kinds.get("sequence") is Kind.NUMBER
+    return kinds.get("header.stamp") is Kind.TIME and numbered
+
+
+def _rows(
+    columns: Mapping[str, np.ndarray], own: np.ndarray, times: np.ndarray, name: str
+) -> Arrays:
+    wanted = [q.column for q in QUANTITIES if q.topic == name]
+    found = {"time": times[own]}
+    if name == IMPACTS:
+        found["sequence"] = columns["sequence"][own].astype(np.int64)
+    for key in (*wanted, *((*TIMING, *COUNTERS) if name == STATUS else ())):
+        if key in columns:
+            values = columns[key][own].astype(float)
+            found[key] = np.where(usable(values), values, np.nan)
+    return found
+
+
+def _faults(
+    columns: Mapping[str, np.ndarray], own: np.ndarray, drill: RecordedDrill
+) -> Iterator[RecordedFault]:
+    for published, states in zip(columns["publish_time"][own], columns["faults"][own], strict=True):
+        for state in states:
+            try:
+                yield _fault(state, drill.clock, int(published))
+            except (KeyError, TypeError, ValueError):  # another type of the same name
+                continue
+
+
+def _fault(state: Mapping[str, Any], clock: RunClock, published: int) -> RecordedFault:
+    def since(moment: Mapping[str, int]) -> float:
+        return clock.seconds(join_seconds(moment["sec"], moment["nanosec"]), published)
+
+    magnitude = float(state["magnitude"])
+    text = str(state["kind"])[:40]
+    text += f" of {state['channel']!s:.80}" if state["channel"] else ""
+    text += f" magnitude {magnitude:g}" if math.isfinite(magnitude) else ""
+    clear = None if state["active"] else since(state["clear"])
+    return RecordedFault(since(state["onset"]), int(state["number"]), text, clear)
+
+
+def series_of(
+    values: RecordedValues, quantity: ComparedQuantity, begin: float, end: float
+) -> np.ndarray | None:
+    """Return the values of a quantity between two simulation times [s], in order; None without."""
+    arrays = values.topics.get(quantity.topic)
+    if arrays is None:
+        return None
+    times = arrays["time"]
+    first, last = np.searchsorted(times, [begin, end])
+    if quantity.name == "impact_interval":
+        steps = np.diff(times[first:last])
+        return np.asarray(steps[np.diff(arrays["sequence"][first:last]) == 1])
+    if quantity.name in ("impact_rate", "impact_power"):
+        return _rates(arrays, begin, end, quantity.name == "impact_power")
+    if quantity.column not in arrays:
+        return None
+    # A report of powers is the mean of the second before it.
+    if quantity.topic == STATUS:
+        first, last = np.searchsorted(times, [begin + 1.0 - 1e-9, end + 1e-9])
+        # The drill does not move as long as the time of its status stays.
+        first = max(first, int(np.searchsorted(times, times[:1].sum(), side="right")))
+    found = arrays[quantity.column][first:last]
+    found = found[np.isfinite(found)]
+    return found if len(found) else None
+
+
+def _rates(arrays: Arrays, begin: float, end: float, power: bool) -> np.ndarray | None:
+    """Return impacts or their energy per time in equal parts of a window."""
+    times = arrays["time"]
+    if not end > begin or not len(times) or (power and "energy" not in arrays):
+        return None
+    count = int(np.diff(np.searchsorted(times, [begin, end]))[0])
+    edges = np.linspace(begin, end, int(min(max(count // 4, 4), 2000)) + 1)
+    # Numbers also count impacts that the bag lacks.
+    sums = np.append(arrays["sequence"], arrays["sequence"][-1] + 1)
+    if power:
+        sums = np.append(0.0, np.cumsum(np.nan_to_num(arrays["energy"])))
+    return np.diff(sums[np.searchsorted(times, edges)]) / ((end - begin) / (len(edges) - 1))

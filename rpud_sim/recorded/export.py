@@ -1,0 +1,185 @@
+"""Export of a bag: one file or folder for each topic, written in bounded memory."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import re
+from collections import Counter
+from collections.abc import Callable, Collection, Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import asdict, dataclass
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote
+
+import rpud_sim.bag
+from rpud_sim.bag import TopicSummary
+from rpud_sim.bag.columns import Column
+from rpud_sim.bag.manifest import MANIFEST_RECORD as MANIFEST
+from rpud_sim.foundation.time import SECOND
+from rpud_sim.recorded import InspectionError
+from rpud_sim.recorded.output import Damages, new_folder
+
+# File with the account of an export, and with what the other files have no place for.
+ACCOUNT = "export.json"
+
+# Module and class of each: Arrow, which may not be installed, is imported only if it is needed.
+FORMATS = {
+    "parquet": ("arrow_files", "ParquetFile"),
+    "csv": ("arrow_files", "CsvFile"),
+    "numpy": ("numpy_files", "NumpyFolder"),
+}
+
+
+@dataclass(frozen=True)
+class ExportedTopic:
+    """Exported topic."""
+
+    name: str  # of the topic
+    type: str  # of its messages
+    messages: int  # number of exported ones
+    rows: int  # of its table
+    path: str  # of its file or folder, in the folder of the export
+    size: int  # of its files [bytes]
+
+
+@dataclass(frozen=True)
+class Exported:
+    """Result of an export."""
+
+    path: str  # of the folder
+    format: str  # one of ``FORMATS``
+    topics: tuple[ExportedTopic, ...]  # in the order of their names
+    left_out: dict[str, str]  # topics that cannot be tables, with the reason
+    # amount and reason of the damaged parts that were skipped, by topic or record
+    damaged: dict[str, str]
+
+
+def export(
+    path: str | os.PathLike[str],
+    out: str | os.PathLike[str],
+    file_format: str = "parquet",
+    topics: Collection[str] | None = None,
+    start: float = 0.0,
+    duration: float | None = None,
+    report: Callable[[int], object] = lambda messages: None,
+) -> Exported:
+    """Write one table for each topic; ``out`` appears when all tables are complete.
+
+    Without ``topics`` these are all that can be tables. ``start`` counts from the beginning of the
+    bag, ``duration`` is the longest part [s].
+    """
+    with rpud_sim.bag.open(path) as bag:
+        if 0 < bag.duration < start * SECOND:
+            held = bag.duration / SECOND
+            raise InspectionError(
+                f"--start = {start:g} s is not in the {held:g} s that the bag holds"
+            )
+        left_out = bag.left_out if topics is None else {}
+        damages = Damages(bag)
+        chosen = [
+            summary
+            for summary in bag.readable_topics
+            if summary.topic.name not in left_out
+            and (topics is None or summary.topic.name in topics)
+        ]
+        length = None if duration is None else round(duration * SECOND)
+        # Before any file is created, so that an unknown topic leaves no file behind.
+        batches = bag.batches(
+            [summary.topic.name for summary in chosen] if topics is None else topics,
+            round(start * SECOND),
+            length,
+            damages.add,
+        )
+        columns = {summary.topic.name: bag.columns(summary.topic.name) for summary in chosen}
+        tables = {each.topic.name: _description(each, columns[each.topic.name]) for each in chosen}
+        about = {
+            "bag": str(bag.path),
+            "bag_start_time": bag.start_time,
+            "manifests": damages.records(bag, MANIFEST),
+        }
+        messages, rows = Counter[str](), Counter[str]()
+        with new_folder(out) as folder:
+            files: dict[str, Any] = {}
+            with ExitStack() as opened:
+                for name, table in tables.items():
+                    metadata = {"rpud_sim": {**about, **table}}
+                    stem = folder / file_stem(name)
+                    files[name] = make_table(file_format, stem, columns[name], metadata)
+                    opened.callback(files[name].close)
+                for batch in batches:
+                    files[batch.topic].write(batch.columns)
+                    messages[batch.topic] += batch.message_count
+                    rows[batch.topic] += len(batch)
+                    report(batch.message_count)
+            topics_made = (
+                ExportedTopic(
+                    name,
+                    tables[name]["type"],
+                    messages[name],
+                    rows[name],
+                    file.paths[0].relative_to(folder).parts[0],
+                    sum(path.stat().st_size for path in file.paths),
+                )
+                for name, file in files.items()
+            )
+            exported = Exported(
+                os.fspath(out), file_format, tuple(topics_made), left_out, damages.texts
+            )
+            write_account(folder, {**asdict(exported), **about, "tables": tables})
+    return exported
+
+
+def _description(summary: TopicSummary, columns: Sequence[Column]) -> dict[str, Any]:
+    """Return what ``export.json`` says of a table."""
+    return {
+        "topic": summary.topic.name,
+        "type": summary.topic.type,
+        "type_hash": summary.topic.type_hash,
+        "losses": asdict(summary.losses) if summary.losses else None,
+        "columns": {column.name: describe_column(column) for column in columns},
+    }
+
+
+def write_account(folder: Path, account: Mapping[str, Any]) -> None:
+    text = json.dumps(account, indent=2, ensure_ascii=False)
+    (folder / ACCOUNT).write_text(text + "\n", "utf-8", "backslashreplace")
+
+
+_ROS_NAME = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+")
+_LONGEST = 180  # bytes; file systems take 255
+
+
+def file_stem(topic: str) -> str:
+    """Return the name of a topic's file without its ending, as in ``rpud.contact_force``.
+
+    Different topics have different names. A topic whose name is not one of ROS gets the prefix
+    ``topic-``, and escapes for all characters that a path could interpret.
+    """
+    if _ROS_NAME.fullmatch(topic):
+        stem = topic[1:].replace("/", ".")
+    else:
+        stem = "topic-" + quote(topic, safe="")
+    if len(stem) > _LONGEST:
+        stem = f"{stem[:_LONGEST]}-{hashlib.sha256(topic.encode()).hexdigest()[:16]}"
+    return stem
+
+
+def make_table(
+    file_format: str, path: Path, columns: Sequence[Column], metadata: Mapping[str, Any]
+) -> Any:
+    """Return a new table of a format, for rows in its ``write``; ``path`` is without its ending."""
+    module, name = FORMATS[file_format]
+    kind = getattr(import_module(f"rpud_sim.recorded.{module}"), name)
+    return kind(path, columns, metadata)
+
+
+def describe_column(column: Column) -> dict[str, Any]:
+    """Return what ``export.json`` says of a column."""
+    content = {"kind": column.kind.value, "unit": column.unit, "description": column.description}
+    if column.dtype != object:
+        content["dtype"] = str(column.dtype)
+    return content

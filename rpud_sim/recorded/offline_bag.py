@@ -1,0 +1,144 @@
+"""Bags of runs without ROS, as of the drill node: of a new run, and of a fork."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+
+from rpud_sim.bag import BagWriter, QosProfile, Topic, whole_bag
+from rpud_sim.bag.cdr import Codec
+from rpud_sim.bag.definitions import find_definition, find_type_hash
+from rpud_sim.bag.losses import LOSSES_RECORD, Losses, losses_to_record
+from rpud_sim.bag.manifest import MANIFEST_RECORD, Manifest, installed_versions, machine_name
+from rpud_sim.bag.messages import MessageBlock
+from rpud_sim.foundation.time import SECOND
+from rpud_sim.recorded.runs import installed_codec
+from rpud_sim.simulation.batch import Batch, spans
+from rpud_sim.simulation.journal import Journal
+from rpud_sim.simulation.plan import Plan
+from rpud_sim.simulation.run import Run
+from rpud_sim.simulation.topics import TOPICS, DrillTopic, offered_topics
+
+NAMESPACE = "/rpud"
+
+
+def write_offline_bag(
+    path: str | os.PathLike[str],
+    plan: Plan,
+    duration: float,
+    scenario_text: str = "",
+    report: Callable[[float], object] = lambda seconds: None,
+    topics: Collection[str] = tuple(TOPICS),
+    manifest: Manifest | None = None,
+) -> None:
+    """Simulate a run for a duration [s] and write a bag of it, whose clock is simulation time.
+
+    The bag holds what the drill node would publish, of ``topics`` as far as the drill offers them.
+    Its manifest is by default that of this program and machine.
+    """
+    settings = plan.beginning.settings
+    offered = offered_topics(settings.values())
+    chosen = {name: topic for name, topic in offered.items() if name in topics}
+    end = round(duration * SECOND)
+    plan = Plan(plan.beginning, tuple(change for change in plan.changes if change.time < end))
+    run = Run(plan, Journal(), chosen.__contains__, reports=True)
+    values = {**settings.values(), "seed": plan.beginning.seed}
+    manifest = manifest or new_manifest(values, scenario_text)
+    with new_bag(path, f"{NAMESPACE}/", chosen, manifest) as bag:
+        writer = BatchWriter(bag, f"{NAMESPACE}/", chosen)
+        run.begin(0)
+        writer.write(run.changes())
+        writer.write([run.status()])
+        writer.write(reported(run, end, report))
+        writer.write(run.flush(ends=True))
+        writer.write([run.status("stopped")])
+
+
+def reported(run: Run, end: int, report: Callable[[float], object]) -> Iterator[Batch]:
+    """Advance a run to a time [ns], and report the simulated seconds since the last call."""
+    while run.time < end:
+        before = run.time
+        yield from run.advance_to(min(end, (before // SECOND + 1) * SECOND))
+        report((run.time - before) / SECOND)
+
+
+class BatchWriter:
+    """Writer of a run's batches into a bag, of topics by their names in the run."""
+
+    def __init__(self, bag: BagWriter, prefix: str, topics: Collection[str]) -> None:
+        self.count = 0  # messages so far
+        self._bag = bag
+        self._prefix = prefix
+        self._codecs = {name: installed_codec(TOPICS[name].type) for name in topics}
+
+    def write(self, batches: Iterable[Batch], zero: int = 0, received: int | None = None) -> None:
+        """Write batches; ``zero`` is the bag's time at simulation time zero [ns].
+
+        They are received when they are published, or at ``received`` [ns].
+        """
+        for together in spans(each for each in batches if each.topic in self._codecs):
+            blocks = []
+            for batch in together:
+                block = encoded(batch, self._codecs[batch.topic], self._prefix, zero)
+                places = batch.places
+                blocks.append((block, np.arange(len(batch)) if places is None else places))
+                self.count += len(batch)
+            if len(blocks) == len(blocks[0][0]) == 1:
+                [(block, _)] = blocks
+                published = int(block.publish_times[0])
+                logged = published if received is None else received
+                self._bag.write(block.topic, block.message(0), logged, published)
+            else:
+                self._bag.write_blocks(blocks)
+
+
+def encoded(batch: Batch, codec: Codec, prefix: str, zero: int) -> MessageBlock:
+    """Return a batch as a bag has it; ``zero`` is the bag's time at simulation time zero [ns]."""
+    if len(batch) == 1:
+        data = np.frombuffer(codec.encode(batch.row(0)), np.uint8)
+        sizes = np.array([len(data)], np.int64)
+    else:
+        data, sizes = codec.encoder.encode_columns(batch.fields, len(batch))
+    times = batch.times + zero
+    return MessageBlock(prefix + batch.topic, times, times, data, np.cumsum(sizes) - sizes, sizes)
+
+
+@contextmanager
+def new_bag(
+    path: str | os.PathLike[str],
+    prefix: str,
+    topics: Mapping[str, DrillTopic],
+    manifest: Manifest,
+) -> Iterator[BagWriter]:
+    """Yield a bag with a drill's topics, of which it will lose no message."""
+    with whole_bag(path) as bag:
+        bag.add_record(MANIFEST_RECORD, manifest.to_record())
+        for name, topic in topics.items():
+            # The offers of the node's publishers, as a recorder discovers them.
+            offer = QosProfile(durability="transient_local" if topic.latched else "volatile")
+            bag.add_topic(
+                Topic(f"{prefix}{name}", topic.type, find_type_hash(topic.type), (offer,)),
+                find_definition(topic.type),
+            )
+        yield bag
+        losses = {f"{prefix}{name}": Losses() for name in topics}
+        bag.add_record(LOSSES_RECORD, losses_to_record(losses))
+
+
+def new_manifest(
+    parameters: Mapping[str, Any], scenario: str | None, origin: Mapping[str, Any] | None = None
+) -> Manifest:
+    """Return the manifest of a bag that this program writes on this machine."""
+    return Manifest(
+        parameters=parameters,
+        scenario=scenario,
+        command=tuple(sys.argv),
+        versions=installed_versions(),
+        machine=machine_name(),
+        forked_from=origin or {},
+    )

@@ -1,0 +1,77 @@
+"""New files and folders for the results of an inspection, and the damages that it skipped."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from rpud_sim.bag import BagFormatError, BagReader
+from rpud_sim.foundation.whole_folder import whole_folder, write_whole
+from rpud_sim.recorded import InspectionError
+
+
+@contextmanager
+def new_folder(out: str | os.PathLike[str]) -> Iterator[Path]:
+    """Yield a folder that appears as ``out`` when it is complete, and not at all after an error."""
+    try:
+        with whole_folder(out) as folder:
+            yield folder
+    except OSError as error:
+        raise InspectionError(_reason(out, error)) from error
+
+
+def check_new_file(out: str | os.PathLike[str]) -> None:
+    """Raise an InspectionError if ``out`` exists, or its folder does not."""
+    if os.path.lexists(out):
+        raise InspectionError(_reason(out, FileExistsError()))
+    if not Path(out).parent.is_dir():
+        raise InspectionError(f"cannot write {out}: there is no folder {Path(out).parent}")
+
+
+def write_new_file(out: str | os.PathLike[str], text: str) -> None:
+    """Write a file that is there when it is complete, and not at all after an error."""
+    check_new_file(out)
+    try:
+        write_whole(Path(out), text)
+    except OSError as error:
+        raise InspectionError(_reason(out, error)) from error
+
+
+def _reason(out: str | os.PathLike[str], error: OSError) -> str:
+    if isinstance(error, FileExistsError):
+        return f"{error.filename or os.fspath(out)} exists already; nothing is overwritten"
+    return f"cannot write {os.fspath(out)}: {error.strerror or error}"
+
+
+class Damages:
+    """Damaged parts that an analysis of a bag skips; the account begins with the bag's own."""
+
+    def __init__(self, bag: BagReader) -> None:
+        self._parts = bag.damages
+        self._messages: dict[str, tuple[int, str]] = {}
+
+    def add(self, topic: str, reason: str) -> None:
+        count, first = self._messages.get(topic, (0, reason))
+        self._messages[topic] = count + 1, first
+
+    def records(self, bag: BagReader, name: str) -> list[dict[str, str]]:
+        """Return the metadata records of a name; none if they are damaged."""
+        try:
+            return bag.records(name)
+        except BagFormatError as error:
+            self.add_record(name, error)
+            return []
+
+    def add_record(self, name: str, error: BagFormatError) -> None:
+        self._parts[f"record {name}"] = str(error)
+
+    @property
+    def texts(self) -> dict[str, str]:
+        """Amount and reason of what is skipped, by topic or record."""
+        messages = {
+            topic: f"{count} of its messages: {reason}"
+            for topic, (count, reason) in self._messages.items()
+        }
+        return {**self._parts, **messages}

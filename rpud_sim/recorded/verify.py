@@ -1,0 +1,419 @@
+"""Verification of a bag: its journal is run again and every message compared, in bounded memory."""
+
+from __future__ import annotations
+
+import os
+from collections import Counter, deque
+from collections.abc import Callable, Collection, Iterator, Sequence
+from contextlib import nullcontext, suppress
+from dataclasses import astuple, dataclass, replace
+from itertools import chain
+from typing import NamedTuple
+
+import numpy as np
+
+import rpud_sim.bag
+from rpud_sim.bag import BagReader, TopicSummary
+from rpud_sim.bag.cdr import Codec
+from rpud_sim.bag.definitions import find_type_hash
+from rpud_sim.bag.messages import MessageBlock
+from rpud_sim.foundation.time import SECOND
+from rpud_sim.model.engine import EngineError
+from rpud_sim.recorded import RecordingError
+from rpud_sim.recorded.offline_bag import encoded
+from rpud_sim.recorded.runs import (
+    PROGRESS,
+    ProgressReaders,
+    RecordedRun,
+    UnverifiableError,
+    held_journals,
+    installed_codec,
+    progress_readers,
+    recorded_progress,
+    runs_of,
+    wrong_header,
+)
+from rpud_sim.recorded.streams import (
+    Cursor,
+    Head,
+    KeyedMessages,
+    TopicStreams,
+    difference,
+    matched,
+    read_together,
+    stamps_of,
+)
+from rpud_sim.simulation.topics import ALL_COMMAND_TOPICS, COMMAND_TOPICS, PROVED, TOPICS
+
+# Time that is simulated beyond the last stamp: a block may end later [ns].
+_TAIL = 2 * SECOND
+_TOPIC_DELAY = 1 * SECOND  # longest delay between topics on their way to a recorder [ns]
+_END_LENGTH = 4 * SECOND  # end of a bag that shows how far a drill came [ns]
+_MOST_SUSPECTS = 10_000  # kept of a topic: further ones show nothing that these do not
+_LATEST = 2**62  # beyond all times [ns]
+_END = 10 * SECOND  # of a bag, in which a living drill has published a status [ns]
+_COUNTERS = ("commands_accepted", "commands_rejected", "commands_discarded")  # of a status
+
+
+@dataclass(frozen=True)
+class MessageDifference:
+    """Difference between a recorded message and the computed one."""
+
+    topic: str  # name of its topic
+    stamp: int  # its stamp [ns]
+    log_time: int  # when it was recorded [ns]
+    field: str  # that differs, as in ``wrench.force.z`` or ``position[3]``; empty for the whole
+    recorded: str  # value in the bag
+    computed: str | None  # value in the simulation; None if the simulation gives no such message
+
+
+@dataclass(frozen=True)
+class Counts:
+    """Numbers of messages of a topic, by result of the comparison."""
+
+    equal: int = 0  # bit for bit
+    different: int = 0  # in at least one bit
+    missing: int = 0  # computed between two recorded ones, and not in the bag
+    unexpected: int = 0  # in the bag, and not computed
+    tail: int = 0  # computed after the last recorded one, while the recording went on
+    before: int = 0  # in the bag, of before the journal begins: not compared
+
+
+@dataclass(frozen=True)
+class Verification:
+    """Result of re-running a bag's journal."""
+
+    topics: dict[str, Counts]  # results of each topic, by its name
+    # messages that the recorder counted as lost, by topic; None if it did not count
+    lost: dict[str, int | None]
+    # by the bag's clock, of a message that its run does not give; None if all agree
+    first_difference: MessageDifference | None
+    undecided: str  # why it cannot be decided whether messages differ, one line; empty if it can
+    simulated: int  # simulation time that was run again [ns]
+    # stamp from which on messages are compared [ns]; None if the journal has the drill's start
+    begins: int | None
+    warnings: tuple[str, ...]  # one line each
+
+    @property
+    def proved(self) -> bool:
+        """Whether every message is what the simulation gives, and none is missing at the end."""
+        return not (self.first_difference or self.undecided or self.total.tail)
+
+    @property
+    def total(self) -> Counts:
+        """Results of all topics together."""
+        return Counts(*map(sum, zip(*map(astuple, self.topics.values()), strict=True)))
+
+
+def verify(
+    path: str | os.PathLike[str], report: Callable[[float], object] = lambda seconds: None
+) -> Verification:
+    """Run the simulations of a bag again and compare every message with those in the bag.
+
+    A bag without a complete journal, or with nothing that the journal could prove, raises an
+    UnverifiableError.
+    """
+    with rpud_sim.bag.open(path) as bag:
+        proofs = [_Proof(bag, runs_of(bag, name), report) for name in held_journals(bag)]
+        for proof in proofs:
+            proof.run()
+    begins = [proof.begins for proof in proofs if proof.begins is not None]
+    differences = [each for proof in proofs for each in proof.differences]
+    return Verification(
+        {name: counts for proof in proofs for name, counts in proof.topics.items()},
+        {name: lost for proof in proofs for name, lost in proof.lost.items()},
+        min(differences, key=lambda difference: difference.log_time, default=None),
+        next((proof.undecided for proof in proofs if proof.undecided), ""),
+        sum(proof.simulated for proof in proofs),
+        max(begins, default=None),
+        tuple(dict.fromkeys(text for proof in proofs for text in proof.warnings)),
+    )
+
+
+class _Proof:
+    """Proof of the runs of one drill."""
+
+    def __init__(
+        self, bag: BagReader, runs: Sequence[RecordedRun], report: Callable[[float], object]
+    ) -> None:
+        # As of a ``Verification``, of this drill alone.
+        self.topics: dict[str, Counts] = {}
+        self.lost: dict[str, int | None] = {}
+        self.differences: list[MessageDifference] = []
+        self.undecided = ""
+        self.simulated = 0
+        self.warnings: list[str] = []
+        self._bag, self._runs, self._report = bag, runs, report
+        first = runs[0]
+        prefix, self._journal = first.prefix, first.journal
+        for run in runs:
+            try:
+                _ = run.plan
+            except RecordingError as error:
+                raise UnverifiableError(str(error)) from error
+        late = first.entries[0].entry.sequence > 0
+        self.begins = first.entries[0].stamp if late else None
+        # By the names of topics in the run.
+        self._summaries = {
+            summary.topic.name.removeprefix(prefix): summary
+            for summary in bag.topics
+            if summary.topic.name.startswith(prefix)
+        }
+        self._codecs: dict[str, Codec] = {}
+        for name in PROVED:
+            if summary := self._summaries.get(name):
+                # Another type matters only if there are messages of it.
+                with nullcontext() if summary.message_count else suppress(UnverifiableError):
+                    self._codecs[name] = _proof_codec(summary)
+        if not any(self._summaries[name].message_count for name in self._codecs):
+            raise UnverifiableError(f"the bag holds nothing that {self._journal} could prove")
+        self._coverage = _Coverage(bag, runs)
+
+    def run(self) -> None:
+        for run in self._runs:
+            if wrong := wrong_header(run.entries):
+                place = self._journal, wrong.recorded.entry.time, wrong.recorded.log_time
+                self.differences.append(
+                    MessageDifference(*place, wrong.field, wrong.value, wrong.right)
+                )
+                return  # times that contradict each other may be any
+        comparisons = self._compare()
+        found = [suspect for each in comparisons.values() for suspect in each.suspects]
+        torn = [run for run in self._runs if run.torn]
+        decided = [each for each in found if self._coverage.decides(each)]
+        older = sum(
+            c.counts["before"] for name, c in comparisons.items() if not TOPICS[name].latched
+        )
+        if found and not decided:
+            self.undecided = self._coverage.reason(len(found))
+        elif torn:
+            self.undecided = f"cannot be decided: {torn[0].torn}"
+        elif older:
+            self.undecided = f"{older} messages are of before the journal begins"
+        self.differences += [each.difference for each in decided]
+        self._check_commands()
+        for name, each in comparisons.items():
+            summary, counts = self._summaries[name], Counts(**each.counts)
+            if summary.message_count or counts.tail:
+                self.topics[summary.topic.name] = counts
+                self.lost[summary.topic.name] = summary.losses.total if summary.losses else None
+
+    def _compare(self) -> dict[str, _TopicProof]:
+        computed = TopicStreams(self._computed)
+        recorded = TopicStreams(self._bag.blocks)
+        streams = {}
+        for name, codec in self._codecs.items():
+            full = self._runs[0].topic(name)
+            expected = Cursor(self._keyed(computed.stream(full)), codec)
+            found = Cursor(self._keyed(recorded.stream(full)), codec)
+            streams[name] = expected, found
+        proofs = {name: _TopicProof(TOPICS[name].latched, self._coverage) for name in streams}
+        try:
+            read_together(proofs[name].compare(*pair) for name, pair in streams.items())
+        except EngineError as error:
+            raise UnverifiableError(f"{self._journal}: {error}") from error
+        except RecordingError as error:
+            raise UnverifiableError(str(error)) from error
+        return proofs
+
+    def _computed(self, topics: Collection[str]) -> Iterator[MessageBlock]:
+        """Compute messages of all runs; each counts as published at the beginning of its run."""
+        prefix = self._runs[0].prefix
+        names = {topic.removeprefix(prefix) for topic in topics}
+        for run in self._runs:
+            counted = 0
+            # A block may end later.
+            end = run.end if run.closed or run.torn else run.end + _TAIL
+            for batch in run.computed(end, names):
+                block = encoded(batch, self._codecs[batch.topic], prefix, run.origin)
+                yield replace(block, publish_times=np.full(len(block), run.begun))
+                time = int(batch.times[-1])
+                if time - counted >= SECOND:
+                    self._count(time - counted)
+                    counted = time
+            self._count(end - counted)
+
+    def _keyed(self, blocks: Iterator[MessageBlock]) -> Iterator[KeyedMessages]:
+        """Yield messages with the number of their run, from 1; 0 before the first."""
+        edges = np.array([run.window[0] for run in self._runs])
+        for block in blocks:
+            runs = np.searchsorted(edges, block.publish_times, side="right")
+            yield KeyedMessages(block, runs, stamps_of(block), np.zeros(len(block), np.int64))
+
+    def _check_commands(self) -> None:
+        """Warn if the drill took more commands than a bag with all of their topics holds."""
+        status = self._summaries.get("status")
+        held = [self._summaries.get(name) for name in ALL_COMMAND_TOPICS]
+        if len(self._runs) > 1 or None in held[: len(COMMAND_TOPICS)]:
+            return  # the counters may have begun again, or the commands were not to be recorded
+        if status is None or not status.message_count or status.topic.type != TOPICS["status"].type:
+            return
+        first = next(iter(self._bag.messages({status.topic.name})))
+        late = self._bag.messages({status.topic.name}, max(0, self._bag.duration - _END))
+        last = deque(chain([first], late), maxlen=1)[0]
+        with suppress(rpud_sim.bag.BagFormatError, TypeError):  # of another definition
+            codec = Codec(status.topic.type, status.definition or "")
+            before, after = codec.decode(first.data), codec.decode(last.data)
+            taken = sum(getattr(after, each, 0) - getattr(before, each, 0) for each in _COUNTERS)
+            count = sum(summary.message_count for summary in held if summary)
+            if taken > count:
+                self.warnings.append(
+                    f"the drill took {taken} commands from the first to the last status, and the "
+                    f"bag holds {count}"
+                )
+
+    def _count(self, simulated: int) -> None:
+        self.simulated += simulated
+        self._report(simulated / SECOND)
+
+
+def _proof_codec(summary: TopicSummary) -> Codec:
+    """Return the codec of a topic whose type is the installed one."""
+    topic = summary.topic
+    expected = TOPICS[topic.name.rpartition("/")[2]].type
+    if topic.type != expected:
+        raise UnverifiableError(f"the type of {topic.name} is {topic.type:.80}, not {expected}")
+    if topic.type_hash not in ("", find_type_hash(expected)):
+        raise UnverifiableError(f"{topic.name} is of another version of {expected}")
+    return installed_codec(expected)
+
+
+class _Suspect(NamedTuple):
+    """Recorded message that its run does not give."""
+
+    difference: MessageDifference  # how it differs
+    publish_time: int  # [ns]
+
+
+class _TopicProof:
+    """Comparison of one topic's computed messages with its recorded ones."""
+
+    def __init__(self, latched: bool, coverage: _Coverage) -> None:
+        self.counts = Counter[str]()  # as of ``Counts``
+        self.suspects: list[_Suspect] = []
+        self._latched, self._coverage = latched, coverage
+        self._missing = 0  # computed messages skipped since the last recorded one
+
+    def compare(self, computed: Cursor, recorded: Cursor) -> Iterator[int]:
+        """Compare all messages; yield the stamps to which it came [ns]."""
+        for step in matched(computed, recorded, latched=self._latched):
+            if step.equal:
+                self._match("equal", step.equal)
+                yield step.time
+            elif step.first is None:
+                assert step.second is not None
+                self._unexpected(step.second)
+            elif step.second is not None:
+                self._pair(step.first, step.second)
+            elif recorded.head() is not None:
+                self._missing += 1
+                yield step.first.time
+            elif self._is_after_the_end(step.first):
+                return
+
+    def _pair(self, computed: Head, recorded: Head) -> None:
+        found = difference(recorded, computed)
+        if found is None:
+            self._match("equal", 1)
+            return
+        self._match("different", 1)
+        self._suspect(computed.stamp, recorded, *found)
+
+    def _match(self, result: str, count: int) -> None:
+        """Count matched messages, and the missing ones between them and those before."""
+        # Messages before a topic's first one were published before the recorder subscribed.
+        if self._matched:
+            self.counts["missing"] += self._missing
+        self._missing = 0
+        self.counts[result] += count
+
+    @property
+    def _matched(self) -> bool:
+        return self.counts["equal"] + self.counts["different"] > 0
+
+    def _unexpected(self, recorded: Head) -> None:
+        if not recorded.run:
+            self.counts["before"] += 1
+            return
+        self.counts["unexpected"] += 1
+        self._suspect(recorded.stamp, recorded, "", "a message", None)
+
+    def _is_after_the_end(self, computed: Head) -> bool:
+        """Count a computed message after the last recorded one; whether the recording had ended."""
+        position = computed.run, computed.log_time  # at the end of its block
+        if position > self._coverage.reached:
+            return True
+        if self._matched or position > self._coverage.begun:
+            # Skipped ones lie before an unexpected message here, so they are missing at the end.
+            self.counts["tail"] += self._missing * self._matched + 1
+            self._missing = 0
+        return False
+
+    def _suspect(
+        self, stamp: int, recorded: Head, field: str, value: str, computed: str | None
+    ) -> None:
+        if len(self.suspects) < _MOST_SUSPECTS:
+            found = MessageDifference(
+                recorded.topic, stamp, recorded.log_time, field, value, computed
+            )
+            self.suspects.append(_Suspect(found, recorded.publish_time))
+
+
+class _Coverage:
+    """Part of the runs that a bag covers.
+
+    The last second of a recording shows nothing about its end: when a recorder closes, messages of
+    some topics are still on their way. If the drill ended first, its last status shows the end.
+    """
+
+    def __init__(self, bag: BagReader, runs: Sequence[RecordedRun]) -> None:
+        last = runs[-1]
+        readers = progress_readers(bag, last.prefix)
+        start = max(0, bag.duration - _END_LENGTH)
+        progress = [found for _, found in recorded_progress(bag, readers, start)]
+        found = np.concatenate([np.empty(0, PROGRESS), *progress])
+        found = found[last.holds(found["published"])]
+        end = int(found["log_time"].max(initial=0))
+        counted = found["log_time"] <= max(0, end - _TOPIC_DELAY)
+        position = last.number, -1
+        if last.closed and found["stopped"].any():
+            stop = found[found["stopped"]]
+            position = last.number, int(stop["stamp"].max())
+        # Two messages have to agree, so that one altered stamp changes nothing.
+        stamps = np.sort(found["stamp"][counted])
+        if len(stamps) > 1:
+            position = max(position, (last.number, int(stamps[-2]) - 1))
+        elif last.number > 1:
+            position = max(position, (last.number - 1, _LATEST))
+        self.reached: tuple[int, int] = position  # run, and the stamp in it [ns]
+        # From here on, the bag should hold a topic that it holds at all.
+        self.begun = self._begun(bag, readers, runs)
+        self._entries = last.entries[-1].entry.sequence + 1
+        counts = found["entries"]
+        self._counted = int(counts.max(initial=0))  # entries, as a status counts them
+        confirmed = found["published"][(counts >= 0) & (counts <= self._entries)]
+        until = max(last.entries[-1].publish_time, int(confirmed.max(initial=0)))
+        if self._counted <= self._entries:
+            # The journal is complete but for the last second, in which an entry may be on its way.
+            until = max(until, int(found["published"][counted].max(initial=0)))
+        # Publishing time up to which the journal holds every entry [ns].
+        self._until = _LATEST if last.closed else until
+
+    def decides(self, suspect: _Suspect) -> bool:
+        """Whether the journal holds all that could explain a message."""
+        return suspect.publish_time <= self._until
+
+    def reason(self, count: int) -> str:
+        return (
+            f"the journal ends early: the bag holds {self._entries} of its entries, and a status "
+            f"counts {self._counted or 'none'}. {count} messages after it are not as computed"
+        )
+
+    @staticmethod
+    def _begun(
+        bag: BagReader, readers: ProgressReaders, runs: Sequence[RecordedRun]
+    ) -> tuple[int, int]:
+        for _, found in recorded_progress(bag, readers, _TOPIC_DELAY):
+            number = sum(run.window[0] <= found["published"][0] for run in runs)
+            return number, int(found["stamp"][0])
+        return len(runs) + 1, 0

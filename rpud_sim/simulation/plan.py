@@ -1,0 +1,124 @@
+"""Plan of a run: its beginning and its changes. Equal plans give equal bits."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import numpy as np
+
+from rpud_sim.simulation.changes import Change, ChangeError, Inject, action_of
+from rpud_sim.simulation.configuration import Settings, to_settings
+from rpud_sim.simulation.faults import Fault
+from rpud_sim.simulation.journal import JournalEntry
+from rpud_sim.simulation.scenario_file import scenario_of
+from rpud_sim.simulation.versions import ENGINE, engine_versions
+
+_UNUSABLE = (ArithmeticError, LookupError, TypeError, ValueError)
+
+
+def initial_phases(repeat: int, seed: int | None) -> tuple[float, ...]:
+    """Return an ensemble's phases [cycles]: drawn with the seed; zero for one run without."""
+    if seed is None and repeat == 1:
+        return (0.0,)
+    return tuple(np.random.default_rng(0 if seed is None else seed).random(repeat).tolist())
+
+
+@dataclasses.dataclass(frozen=True)
+class Beginning:
+    """Beginning of a run."""
+
+    settings: Settings  # all parameters
+    initial_phase: float = 0.0  # phase of the vibration at time zero [cycles]
+    seed: int = 0  # of random numbers of faulty signals
+    # faults that begin by themselves, with all values drawn, in the order of their times
+    faults: tuple[Change, ...] = ()
+
+    @staticmethod
+    def drawn(settings: Settings, seed: int | None = None) -> Beginning:
+        """Return the beginning that a seed draws; None for the seed of the settings."""
+        seed = settings.seed if seed is None else seed
+        [phase] = initial_phases(1, seed or None)
+        return Beginning(settings, phase, seed, scenario_of(settings, seed))
+
+    def to_journal(self) -> dict[str, Any]:
+        """Return the content of a journal's entry ``begin``."""
+        return {
+            "parameters": self.settings.values(),
+            "initial_phase": self.initial_phase,
+            "seed": self.seed,
+            "faults": [_fault_content(change) for change in self.faults],
+            "engine": ENGINE,
+            "made_by": engine_versions(),
+        }
+
+    @staticmethod
+    def from_journal(content: Mapping[str, Any]) -> Beginning:
+        """Return the beginning of a journal's entry ``begin``, the inverse of ``to_journal``.
+
+        Raises:
+            ArithmeticError, LookupError, TypeError, ValueError: if the content is unusable.
+        """
+        faults = []
+        for planned in content["faults"]:
+            onset, clear = planned["onset"], planned["clear"]
+            fault = Fault(planned["kind"], planned["channel"], planned["magnitude"])
+            faults.append(Change(onset, Inject(fault, 0 if clear is None else clear - onset)))
+        return Beginning(
+            to_settings(content["parameters"]),
+            float(content["initial_phase"]),
+            content["seed"],
+            tuple(faults),
+        )
+
+
+def _fault_content(change: Change) -> dict[str, Any]:
+    assert isinstance(change.action, Inject)
+    duration = change.action.duration
+    clear = change.time + duration if duration else None
+    return {**vars(change.action.fault), "onset": change.time, "clear": clear}
+
+
+@dataclasses.dataclass(frozen=True)
+class Plan:
+    """Beginning of a run and its changes."""
+
+    beginning: Beginning
+    changes: tuple[Change, ...] = ()  # in the order of their times
+
+    @staticmethod
+    def of(entries: Iterable[JournalEntry]) -> Plan:
+        """Return the plan that entries of a journal carry out; the first one begins the run.
+
+        An unusable entry raises a ChangeError.
+        """
+        beginning: Beginning | None = None
+        changes: list[Change] = []
+        for entry in entries:
+            place = f"journal entry {entry.sequence} ({entry.kind:.20}) cannot be done: "
+            try:
+                if beginning is None:
+                    if entry.kind != "begin":
+                        raise ValueError("nothing has begun")
+                    beginning = Beginning.from_journal(entry.content)
+                    continue
+                if changes and entry.time < changes[-1].time:
+                    before = f"its time {entry.time} ns is before that of the one before it"
+                    raise ValueError(before)
+                changes.append(Change(entry.time, action_of(entry.kind, entry.content), place))
+            except _UNUSABLE as error:
+                reason = str(error) if isinstance(error, ValueError) else f"{error!r:.100}"
+                raise ChangeError(f"{place}{reason}") from error
+        if beginning is None:
+            raise ChangeError("nothing has begun")
+        return Plan(beginning, tuple(changes))
+
+
+@dataclasses.dataclass(frozen=True)
+class Start:
+    """Start of a drill at an instant of a plan, in place of time zero."""
+
+    plan: Plan  # that is computed up to the instant, and has what comes by itself after it
+    time: int  # instant, in simulation time [ns]
+    settings: Settings  # of the node

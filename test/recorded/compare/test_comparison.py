@@ -1,0 +1,325 @@
+"""Bags side by side: which runs they are, what was done to them, their bits, figures and page."""
+
+import json
+import math
+import os
+import re
+
+import numpy as np
+import pytest
+from altered_bags import altered, merged, unchanged
+from sample_bags import write_offline_bag
+from support import called
+
+import rpud_sim.bag as bags
+from rpud_sim.bag.cdr import Codec
+from rpud_sim.bag.columns import to_plain
+from rpud_sim.foundation.quantities import ParameterError
+from rpud_sim.foundation.time import SECOND
+from rpud_sim.recorded import InspectionError, recorded_topics
+from rpud_sim.recorded.compare import compare
+from rpud_sim.recorded.compare import page as pages
+from rpud_sim.recorded.compare.estimates import DIFFERS
+from rpud_sim.recorded.compare.page import difference_plot, render
+from rpud_sim.recorded.compare.results import content, texts
+from rpud_sim.recorded.compare.values import RecordedValues
+from rpud_sim.recorded.recorded_journal import installed_codec
+from rpud_sim.pages.plot import Points, axis_ends
+from rpud_sim.simulation import preset, read_scenario
+
+DRILLING = preset("drilling")
+SHIFT = 1_700_000_000 * SECOND
+COMMANDS = "commands: [{{time: 0.5, weight_on_bit: 12}}, {{time: {}, drive: {{enabled: false}}}}]"
+FAULT = "faults: [{kind: bias, channel: wrench, magnitude: 3, onset: 0.2, duration: 0.1}]"
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("compare")
+    (folder / "faults.yaml").write_text(FAULT)
+    scenario = read_scenario(folder / "faults.yaml")
+    for name, parameters, phase, scene in (
+        ("a", DRILLING, 0.1, None),
+        ("again", DRILLING, 0.1, None),
+        ("other", DRILLING, 0.6, None),
+        ("heavier", DRILLING.replace(weight_on_bit=20.0), 0.6, None),
+        ("faulty", DRILLING, 0.1, scenario),
+        ("faulty too", DRILLING, 0.7, scenario),
+    ):
+        write_offline_bag(folder / name, parameters, 2.0, phase, scene)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def found(made):
+    """A comparison in which figures differ."""
+    return compare([made / "a", made / "heavier"])
+
+
+def states(found):
+    return {topic.topic: topic.state for topic in found.bits[0]}
+
+
+# --- bits --------------------------------------------------------------------------------------
+
+
+def test_a_run_made_twice_has_equal_bits(made):
+    found = compare([made / "a", made / "again"])
+    assert found.equal_bits
+    assert set(states(found).values()) == {"equal"}
+    assert (found.parameters, found.versions, found.commands, found.faults) == ((), (), (), ())
+    assert not found.differs
+    assert not found.undecided
+    assert {each.difference for each in found.differences if each.low == each.low} == {0.0}
+
+
+def test_the_first_difference_is_found_to_the_field(made, tmp_path):
+    codec = installed_codec("rpud_msgs/msg/ReactingForce")
+
+    def change(message):
+        if message.topic == "/rpud/reacting_force" and message.log_time == SECOND:
+            fields = to_plain(codec.decode(message.data))
+            return [codec.encode({**fields, "force": math.nextafter(fields["force"], 1e9)})]
+        return unchanged(message)
+
+    found = compare([made / "a", altered(made / "a", tmp_path / "altered", change)])
+    [topic] = [each for each in found.bits[0] if each.state == "different"]
+    assert (topic.topic, topic.time, topic.field) == ("reacting_force", 1.0, "force")
+    assert topic.messages == 99
+    assert float(topic.other) == math.nextafter(float(topic.reference), 1e9)
+    assert not found.equal_bits
+
+
+def test_a_missing_message_is_a_difference(made, tmp_path):
+    def lost(message):
+        return [] if message.log_time == SECOND and "nodal" in message.topic else [message.data]
+
+    found = compare([made / "a", altered(made / "a", tmp_path / "lost", lost)])
+    [topic] = [each for each in found.bits[0] if each.state == "different"]
+    assert (topic.topic, topic.time) == ("nodal_plane", 1.0)
+    assert (topic.reference, topic.other) == ("a message", "nothing at this time")
+
+
+@pytest.mark.parametrize("most", [64 * 2**20, 10_000])
+@pytest.mark.parametrize("part", ["early", "late"])
+def test_a_recording_of_a_part_is_compared_as_far_as_it_goes(
+    made, tmp_path, monkeypatch, part, most
+):
+    def kept(message):
+        early = message.log_time < SECOND // 2
+        return [message.data] if early == (part == "early") or "journal" in message.topic else []
+
+    monkeypatch.setattr(recorded_topics, "_MOST_WAITING", most)
+    path = altered(made / "a", tmp_path / "part", kept)
+    for pair in ((made / "a", path), (path, made / "a")):
+        found = compare(pair, settle=0.1)
+        assert "different" not in states(found).values()
+        assert states(found)["nodal_plane"] == states(found)["contact_force"] == "equal"
+        begin, end = found.windows[0].begins[0], found.windows[0].ends[0]
+        assert (begin, end) == pytest.approx((0.1, 0.5) if part == "early" else (0.5, 2.0), abs=0.1)
+
+
+def test_bits_are_equal_whatever_the_wall_clock_was(made, tmp_path):
+    """Two runs in front of ROS have other stamps: those count from the origin of each."""
+    with bags.open(made / "a") as bag:
+        codecs = {s.topic.name: Codec(s.topic.type, s.definition) for s in bag.topics}
+
+    def change(message):
+        codec = codecs[message.topic]
+        fields = codec.decode(message.data)
+        for time in [fields.header.stamp, *([fields.origin] if hasattr(fields, "origin") else [])]:
+            time.sec += SHIFT // SECOND
+        if message.topic.endswith("journal") and fields.kind == "origin":
+            fields.content = json.dumps({**json.loads(fields.content), "origin": SHIFT})
+        return [codec.encode(fields)]
+
+    stamped = altered(made / "a", tmp_path / "stamped", change)
+    path = merged(tmp_path / "shifted", (stamped, SHIFT, "/rpud"))
+    found = compare([made / "a", path])
+    assert found.equal_bits
+    assert found.values[1].end == found.values[0].end
+    assert not compare([path, made / "other"]).equal_bits
+
+
+# --- runs --------------------------------------------------------------------------------------
+
+
+def test_other_parameters_are_named_and_their_effect_is_found(made):
+    found = compare([made / "a", made / "heavier", made / "other"])
+    assert {(each.name, each.unit, each.values) for each in found.parameters} == {
+        ("initial_phase", "cycles", ("0.1", "0.6", "0.6")),
+        ("weight_on_bit", "N", ("8", "20", "8")),
+    }
+    differing = [each for each in found.differences if each.decision == DIFFERS]
+    assert {each.run for each in differing} == {1}
+    assert any(each.relative > 0.1 for each in differing)
+    assert found.differs
+    with bags.open(made / "a") as bag:
+        stamps = bag.arrays("/rpud/contact_force")["header.stamp"]
+    begin, end = found.windows[0].begins[0], found.windows[0].ends[0]
+    count = ((stamps >= begin * SECOND) & (stamps < end * SECOND)).sum()
+    rate = found.figures[0]["impact_rate"][0].estimates["mean"]
+    assert rate.value == pytest.approx(count / (end - begin))
+
+
+def test_faults_are_aligned_and_divide_the_time(made):
+    found = compare([made / "faulty", made / "faulty too"], settle=0.02)
+    [fault] = found.faults
+    assert fault.text == "bias of wrench magnitude 3"
+    assert (fault.times, fault.ends) == ((0.2, 0.2), (pytest.approx(0.3),) * 2)
+    spans = [(window.begins[0], window.ends[0]) for window in found.windows]
+    assert spans[0] == pytest.approx((0.02, 0.2))
+    assert spans[1] == pytest.approx((0.32, 2.0), abs=0.01)
+    found = compare([made / "a", made / "faulty"])
+    assert [event.times for event in found.faults] == [(None, 0.2)]
+    assert len(found.windows) == 1
+    assert any("faults differ" in text for text in found.warnings)
+
+
+def test_commands_that_differ_mix_causes(made, tmp_path, capsys):
+    paths = []
+    for number, later in enumerate((1.0, 1.2)):
+        file = tmp_path / f"{number}.yaml"
+        file.write_text(COMMANDS.format(later))
+        paths.append(tmp_path / f"forked{number}")
+        words = ("--at", "0.4", "--commands", file, "--out", paths[-1])
+        assert called(capsys, "fork", made / "a", *words)[0] == 0
+    found = compare(paths, settle=0.05)
+    assert [event.times for event in found.commands] == [(0.9, 0.9), (1.4, 1.6)]
+    begins, ends = zip(*((w.begins, w.ends) for w in found.windows), strict=True)
+    assert begins[1:] == (pytest.approx((0.95, 0.95)), pytest.approx((1.45, 1.65)))
+    assert ends[:2] == ((0.9, 0.9), (1.4, 1.6))
+    # A change before the time that is compared only has to settle.
+    found = compare(paths, begin=0.92, settle=0.05)
+    assert found.windows[0].begins == pytest.approx((0.95, 0.95))
+    found = compare([made / "a", paths[0]])
+    assert [event.times[0] for event in found.commands] == [None, None]
+    assert any("the commands differ" in text for text in found.warnings)
+
+
+def test_a_run_of_several_is_chosen(made, tmp_path):
+    later = 10 * SECOND
+    path = merged(tmp_path / "two", (made / "a", 0, "/rpud"), (made / "other", later, "/rpud"))
+    found = compare([path, made / "a"])
+    assert found.equal_bits
+    assert any("holds 2 runs: the first is compared" in text for text in found.warnings)
+    found = compare([path, path], run_numbers=[1, 2])
+    assert not found.equal_bits
+    assert found.names == (f"{path} /rpud run 1", f"{path} /rpud run 2")
+    assert found.values[1].begin < 0.1
+    with pytest.raises(InspectionError, match=r"run = 3 is outside its range \[1, 2\]"):
+        compare([path, path], run_numbers=[3])
+
+
+def test_a_drill_of_several_is_chosen(made, tmp_path):
+    path = merged(tmp_path / "both", (made / "a", 0, "/left"), (made / "other", 0, "/right"))
+    with pytest.raises(
+        InspectionError, match="several drills: choose --namespace of /left, /right"
+    ):
+        compare([path, made / "a"])
+    with pytest.raises(InspectionError, match="did you mean /left"):
+        compare([path, made / "a"], namespaces=["lefd", None])
+    assert compare([path, made / "a"], namespaces=["left", None]).equal_bits
+    assert not compare([path, path], namespaces=["/left", "/right/"]).equal_bits
+
+
+def test_a_bag_without_journal_is_compared_by_its_stamps(made, tmp_path):
+    names = {f"/rpud/{name}" for name in ("contact_force", "nodal_plane")}
+    path = altered(made / "a", tmp_path / "bare", unchanged, names)
+    found = compare([path, made / "other"], settle=0.1)
+    assert any("holds no journal" in text for text in found.warnings)
+    quantities = {each.quantity for each in found.differences}
+    assert "peak_force" in quantities
+    assert "reacting_force" not in quantities
+    assert states(found)["waveform"] == "not compared"
+    bare = altered(made / "a", tmp_path / "without values", unchanged, {"/rpud/drill_tool"})
+    found = compare([made / "a", bare])
+    assert {each.topic for each in found.bits[0] if each.note == ""} == {"drill_tool"}
+
+
+def test_too_short_a_time_decides_nothing(made):
+    found = compare([made / "a", made / "other"], begin=1.0, end=1.11, settle=0.0)
+    positions = [each for each in found.differences if each.quantity == "nodal_plane_position"]
+    assert {each.decision for each in positions} == {"too few values"}
+
+
+@pytest.mark.parametrize("option", [{"begin": -1.0}, {"tolerance": 1.0}])
+def test_wrong_arguments_are_one_line(made, option):
+    with pytest.raises(ParameterError, match=r".* = -?1\.0 .*is outside its range \[0, "):
+        compare([made / "a", made / "a"], **option)
+
+
+@pytest.mark.parametrize(
+    ("numbers", "missing"), [([4, 6, 6, 7], 1), ([7, 5], 1), ([2**64 - 1, 2**64 - 1], 0)]
+)
+def test_missing_impacts_are_counted_in_any_order(numbers, missing):
+    arrays = {"time": np.zeros(len(numbers)), "sequence": np.array(numbers, np.uint64)}
+    assert RecordedValues(None, {"contact_force": arrays}).missing_impacts == missing
+
+
+# --- views of the result -----------------------------------------------------------------------
+
+
+def test_the_content_is_json_without_nan(found):
+    plain = json.loads(json.dumps(content(found), allow_nan=False))
+    assert plain["differs"] is True
+    assert plain["runs"][0]["end"] == found.values[0].end
+    first = plain["windows"][0]["quantities"][0]
+    assert (first["quantity"], first["unit"]) == ("impact_rate", "1/s")
+    assert first["runs"][0].keys() == {"count", "max", "mean"}
+    assert first["runs"][0]["mean"]["low"] < first["runs"][0]["mean"]["high"]
+    assert {"p", "decision", "relative_low"} <= first["differences"][0][0].keys()
+
+
+def test_the_first_that_is_seen_is_one_sentence_and_tables_are_behind_a_click(found):
+    page = render(found)
+    plain = " ".join(re.sub(r"<[^>]*>", " ", page).split())
+    assert page.index(found.sentence) < page.index("<svg") < page.index("<details")
+    assert page.index("<details") < page.index("<table")
+    count = sum(each.decision == DIFFERS for each in found.differences)
+    start = f"{count} of {len(found.differences)} figures differ, most of all "
+    assert found.sentence.startswith(start)
+    assert found.sentence.count(". ") == 0
+    assert "weight_on_bit 8 and 20 N" in plain
+    assert f"impacts mean B {' '.join(texts(found.differences[0])[:2])}" in plain
+    assert page.count("<details") == page.count("</details")
+    assert len(page.encode()) < 300_000
+
+
+def test_intervals_are_never_cut_off_and_values_stand_beside_their_rows(found):
+    plot = difference_plot(found, 0)
+    low, high = axis_ends(plot, "x")
+    known = [each for each in found.differences if math.isfinite(each.relative)]
+    drawn = [layer for layer in plot.layers if isinstance(layer, Points)]
+    assert sum(len(layer.x) for layer in drawn) == len(known)
+    assert low < 100.0 * min(each.relative_low for each in known)
+    assert high > 100.0 * max(each.relative_high for each in known)
+    assert {layer.name for layer in drawn} == {each.decision for each in known}
+    row = plot.y.categories.index("peak force, mean")
+    cells = dict(plot.y.columns)
+    [peak] = [e for e in found.differences if (e.quantity, e.figure) == ("peak_force", "mean")]
+    assert cells["A"][row] == f"{peak.reference / 1e3:.2f} kN"
+    assert re.fullmatch(r"[-+][\d.]+ %", cells["difference"][row])
+
+
+def test_each_segment_has_its_differences(made):
+    found = compare([made / "faulty", made / "faulty too"], settle=0.02)
+    page = render(found)
+    differences = "<title>Differences from A, with 95 % intervals</title>"
+    assert page.count(differences) == len(found.windows) == 2
+
+
+def test_three_runs_have_a_colour_each(made):
+    found = compare([made / "a", made / "heavier", made / "other"], tolerance=0.05)
+    plot = difference_plot(found, 0)
+    names = [layer.name for layer in plot.layers if layer.name]
+    assert names == ["tolerance", "B heavier against A", "C other against A"]
+    rows = np.concatenate([layer.y for layer in plot.layers if isinstance(layer, Points)])
+    assert rows.max() < len(plot.y.categories)
+
+
+def test_a_page_that_cannot_be_written_whole_is_not_there(tmp_path, monkeypatch):
+    monkeypatch.setattr(pages, "render", lambda found: "half \ud800")
+    with pytest.raises(UnicodeEncodeError):
+        pages.write_page(None, tmp_path / "page.html")
+    assert os.listdir(tmp_path) == []

@@ -1,0 +1,196 @@
+"""Errors are those of the stationary bootstrap, intervals cover, and decisions are corrected."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+from scipy.stats import ttest_ind
+from support import examples
+
+from rpud_sim.recorded.compare.estimates import (
+    DIFFERS,
+    EQUIVALENT,
+    SAME,
+    TOO_FEW,
+    UNDECIDED,
+    autocovariances,
+    block_length,
+    decided,
+    difference,
+    estimate,
+    mean_error,
+    mean_variance,
+)
+from rpud_sim.recorded.compare.values import MEAN, MEDIAN, P95, ComparedQuantity
+
+FORCE = ComparedQuantity("peak_force", "N", "contact_force", "peak_force")
+
+
+def series(count, memory, seed):
+    """Give a stationary series in which each value keeps a part of the one before."""
+    noise = np.random.default_rng(seed).normal(size=count)
+    values = np.empty(count)
+    values[0] = noise[0] / math.sqrt(1.0 - memory**2)
+    for i in range(1, count):
+        values[i] = memory * values[i - 1] + noise[i]
+    return values
+
+
+def resampled_means(values, length, repeats, seed):
+    """Give means of series that are drawn block by block, as Politis and Romano do."""
+    random = np.random.default_rng(seed)
+    count = len(values)
+    begins = random.random((repeats, count)) < 1.0 / length
+    begins[:, 0] = True
+    places = np.where(begins, random.integers(0, count, (repeats, count)), 0)
+    steps = np.arange(count)
+    last = np.maximum.accumulate(np.where(begins, steps, 0), axis=1)
+    return values[(np.take_along_axis(places, last, 1) + steps - last) % count].mean(axis=1)
+
+
+@pytest.mark.parametrize("length", [1.0, 20.0])
+def test_the_closed_form_is_what_drawing_gives(length):
+    values = series(200, 0.6, 1)
+    drawn = resampled_means(values, length, 4000, 2).var()
+    assert mean_variance(autocovariances(values), length) == pytest.approx(drawn, rel=0.1)
+
+
+def test_autocovariances_are_their_definition():
+    values = series(50, 0.5, 3)
+    apart = values - values.mean()
+    expected = [(apart[: 50 - lag] * apart[lag:]).sum() / 50 for lag in range(50)]
+    assert autocovariances(values) == pytest.approx(expected, abs=1e-12)
+
+
+def test_blocks_grow_with_memory():
+    lengths = [block_length(autocovariances(series(4000, m, 4))) for m in (0.0, 0.5, 0.9)]
+    assert lengths[0] < 3.0
+    assert lengths[0] < lengths[1] < lengths[2]
+    # The length that theory gives for this series: (G / g)^(2/3) n^(1/3), G and g of its spectrum.
+    best = (2.0 * 0.9 / (1.0 - 0.9**2)) ** (2.0 / 3.0) * 4000 ** (1.0 / 3.0)
+    assert lengths[2] == pytest.approx(best, rel=0.5)
+    # Correlations of rounding alone have the longest block.
+    assert block_length(np.array([1e-300, *[1.0] * 9])) == 3.0 + 1.0 / 3.0
+
+
+@pytest.mark.parametrize(("memory", "count"), [(-0.5, 1000), (0.8, 1000), (0.8, 2**16 + 7)])
+def test_the_error_is_the_spread_of_means(memory, count):
+    errors, blocks = zip(
+        *(mean_error(series(count, memory, seed)) for seed in range(40 if count == 1000 else 1)),
+        strict=True,
+    )
+    assert np.median(errors) == pytest.approx(1.0 / (1.0 - memory) / math.sqrt(count), rel=0.2)
+    assert 8.0 <= min(blocks) <= max(blocks) <= count
+
+
+@given(st.lists(st.floats(-1e9, 1e9), min_size=4, max_size=200))
+@example([3.5] * 100)
+@example([429496729.71542144] * 5)
+@example([0.0, 0.0, 0.0, 9.160756580545566e-158])
+@example([0.0, 0.0, 0.0, 1.680047243702885e-96])
+def test_any_series_has_a_finite_error(values):
+    error, blocks = mean_error(np.array(values))
+    assert math.isfinite(error)
+    assert error >= 0.0
+    assert error == 0.0 or len(set(values)) > 1
+    assert blocks >= 1.0
+
+
+def values(count, mean=100.0, seed=0):
+    return np.random.default_rng(seed).normal(mean, 10.0, count)
+
+
+def compared(first, second, tolerance=0.0, figure=MEAN, **options):
+    pair = [estimate(each, figure) for each in (first, second)]
+    [found] = decided([difference(FORCE, figure, *pair, tolerance, **options)], tolerance)
+    return found
+
+
+@pytest.mark.parametrize(("figure", "true"), [(MEAN, 100.0), (MEDIAN, 100.0), (P95, 116.4485)])
+def test_intervals_cover_nineteen_of_twenty(figure, true):
+    found = [estimate(values(300, seed=seed), figure) for seed in range(200)]
+    share = np.mean([each.low <= true <= each.high for each in found])
+    assert 0.9 <= share <= 0.99
+    assert all(each.low <= each.value <= each.high for each in found)
+
+
+def test_the_chance_is_that_of_welchs_test_where_values_are_independent():
+    first, second = values(2000, seed=1), values(1000, 101.0, seed=2)
+    found = compared(first, second)
+    expected = ttest_ind(first, second, equal_var=False)
+    reach = 0.5 * (found.high - found.low)
+    assert found.difference / (reach / 1.96) == pytest.approx(-expected.statistic, rel=0.1)
+    assert found.relative == pytest.approx(second.mean() / first.mean() - 1.0, rel=1e-12)
+
+
+def test_holms_correction_leaves_out_what_is_not_tested():
+    one = difference(FORCE, MEAN, *[estimate(values(50), MEAN)] * 2, equal=True)
+    chances = [0.01, 0.04, math.nan, 0.03]
+    found = [each.p for each in decided([one._replace(p=p) for p in chances], 0.0)]
+    assert found == pytest.approx([0.03, 0.06, math.nan, 0.06], nan_ok=True)
+
+
+@pytest.mark.parametrize(
+    ("count", "mean", "tolerance", "decision"),
+    [
+        (500, 100.0, 0.0, SAME),
+        (500, 110.0, 0.0, DIFFERS),
+        (500, 103.0, 0.05, EQUIVALENT),
+        (500, 105.0, 0.05, UNDECIDED),
+        (500, 110.0, 0.05, DIFFERS),
+        (500, 90.0, 0.05, DIFFERS),
+        (45, 100.0, 0.001, UNDECIDED),
+        (39, 100.0, 0.0, TOO_FEW),
+        (3, 100.0, 0.0, TOO_FEW),
+        (0, 100.0, 0.0, TOO_FEW),
+    ],
+)
+def test_decisions(count, mean, tolerance, decision):
+    found = compared(values(count), values(max(count, 45), mean, seed=1), tolerance)
+    assert found.decision == decision
+    assert math.isnan(found.p) == math.isnan(found.low) == (decision == TOO_FEW)
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "tolerance", "decision"),
+    [
+        (3.0, 3.0 * (1.0 + 1e-12), 0.0, SAME),  # rounding
+        (3.0, 3.001, 0.0, DIFFERS),
+        (2.0**1000, 2.0**999, 0.0, DIFFERS),
+    ],
+)
+def test_constants_differ_beyond_rounding(first, second, tolerance, decision):
+    assert compared(np.full(64, first), np.full(64, second), tolerance).decision == decision
+
+
+def test_noise_of_rounding_around_zero_is_no_difference():
+    pair = [estimate(np.full(100, value), MEAN, 1e-9) for value in (1e-14, -3e-14)]
+    assert difference(FORCE, MEAN, *pair).p > 0.9
+
+
+def test_equal_values_are_equal_within_any_tolerance():
+    found = compared(values(50), values(50), 1e-9, equal=True)
+    assert (found.difference, found.low, found.high, found.relative) == (0.0,) * 4
+    assert found.decision == EQUIVALENT
+
+
+def test_a_figure_that_may_be_zero_has_no_ratio_and_is_tested_without_tolerance():
+    found = compared(values(500, 0.0), values(500, 0.0, seed=1), 0.01)
+    assert math.isnan(found.relative)
+    assert found.decision == SAME
+    assert compared(values(500, 0.0), values(500, 5.0, seed=1), 0.01).decision == DIFFERS
+
+
+@settings(max_examples=examples(50))
+@given(
+    st.lists(st.floats(-1e12, 1e12), min_size=4, max_size=80),
+    st.lists(st.floats(-1e12, 1e12), min_size=4, max_size=80),
+    st.sampled_from([MEAN, MEDIAN, P95]),
+    st.sampled_from([0.0, 0.05]),
+)
+def test_any_values_give_a_decision(first, second, figure, tolerance):
+    found = compared(np.array(first), np.array(second), tolerance, figure)
+    assert found.decision in (DIFFERS, SAME, EQUIVALENT, UNDECIDED, TOO_FEW)
+    assert math.isnan(found.p) if found.decision == TOO_FEW else 0.0 <= found.p <= 1.0

@@ -1,0 +1,126 @@
+"""Waveforms out of a bag's trajectory: those that the drill published, and any other rate."""
+
+import itertools
+import json
+
+import numpy as np
+import pytest
+from altered_bags import altered
+from sample_bags import write_offline_bag
+
+import rpud_sim.bag
+from rpud_sim.foundation.time import SECOND
+from rpud_sim.recorded import InspectionError
+from rpud_sim.recorded import rebuild as rebuilding
+from rpud_sim.simulation import preset
+from rpud_sim.simulation.sampling import CHANNELS, Times
+from rpud_sim.simulation.simulation import Simulation
+
+DURATION = 0.4
+
+
+@pytest.fixture(scope="module", params=["free", "drilling"])
+def regime(request):
+    return request.param
+
+
+@pytest.fixture(scope="module")
+def bag(tmp_path_factory, regime):
+    path = tmp_path_factory.mktemp("rebuild") / "bag"
+    write_offline_bag(path, preset(regime), DURATION)
+    return path
+
+
+def rebuild(*words, **options):
+    return rebuilding.rebuild(*words, file_format="numpy", **options)
+
+
+def load(folder):
+    table = folder / "rpud.trajectory"
+    return {channel: np.load(table / f"{channel}.npy") for channel in CHANNELS}
+
+
+def only_trajectory(source, out, keep=lambda number: True):
+    """Write a bag of the trajectory alone, of those messages whose number is to be kept."""
+    numbers = itertools.count()
+    return altered(
+        source, out, lambda m: [m.data] if keep(next(numbers)) else [], {"/rpud/trajectory"}
+    )
+
+
+def test_at_the_published_rate_it_is_the_published_waveform_bit_for_bit(bag, tmp_path):
+    rebuilt = rebuild(only_trajectory(bag, tmp_path / "bag"), tmp_path / "out", 50_000)
+    found = load(tmp_path / "out")
+    with rpud_sim.bag.open(bag) as opened:
+        published = opened.arrays("/rpud/waveform")
+    assert (rebuilt.first, rebuilt.missing, rebuilt.origin) == (0, 0, 0)
+    # The last segment was still open when the recording ended.
+    assert 0.9 * DURATION * 50_000 < rebuilt.count <= DURATION * 50_000
+    both = found.keys() & published.keys()
+    assert len(both) == 6
+    for channel in both:
+        values = published[channel]
+        assert found[channel].tobytes() == values[: rebuilt.count].tobytes(), channel
+
+
+def test_at_any_rate_it_is_what_the_simulation_samples(bag, regime, tmp_path):
+    rebuilt = rebuild(bag, tmp_path / "out", 1_234_567, start=0.1, duration=0.2)
+    assert (rebuilt.first, rebuilt.count) == (123_457, 246_913)
+    block = Simulation(preset(regime)).advance_to(round(DURATION * 1e9))
+    expected = block.sample(Times.from_grid(rebuilt.first, rebuilt.count, rebuilt.rate))
+    found = load(tmp_path / "out")
+    for channel in CHANNELS:
+        assert found[channel].tobytes() == getattr(expected, channel).tobytes(), channel
+
+
+def test_each_sample_has_its_stamp_and_the_account_stands_beside_them(bag, tmp_path):
+    rebuilt = rebuild(bag, tmp_path / "out", 30_000, start=0.1)
+    found = np.load(tmp_path / "out" / "rpud.trajectory" / "time.npy")
+    numbers = range(rebuilt.first, rebuilt.first + rebuilt.count)
+    assert found.tolist() == [rebuilt.origin + round(n * 1e9 / 30_000) for n in numbers]
+    account = json.loads((tmp_path / "out" / "export.json").read_text())
+    assert account.items() >= vars(rebuilt).items()
+    assert account["columns"]["free_mass_velocity"]["unit"] == "m/s"
+    assert rebuilt.size == sum(f.stat().st_size for f in (tmp_path / "out").glob("*/*.npy"))
+
+
+@pytest.mark.parametrize("lost", [(2, 3), (0, 1, 2, 3)], ids=["a gap", "a late begin"])
+def test_where_segments_are_missing_it_is_not_a_number(bag, tmp_path, lost):
+    source = only_trajectory(bag, tmp_path / "bag", lambda number: number not in lost)
+    rebuilt = rebuild(source, tmp_path / "out", 10_000)
+    whole = rebuild(bag, tmp_path / "whole", 10_000)
+    found, expected = load(tmp_path / "out"), load(tmp_path / "whole")
+    gap = np.isnan(found["reacting_force"])
+    assert rebuilt.count == whole.count - rebuilt.first
+    assert rebuilt.missing == gap.sum()
+    assert rebuilt.first + rebuilt.missing == pytest.approx(500 * len(lost), abs=200)
+    assert (rebuilt.first > 0) == (rebuilt.missing == 0)
+    for channel in CHANNELS:
+        assert (np.isnan(found[channel]) == gap).all()
+        kept = expected[channel][rebuilt.first :][~gap]
+        assert found[channel][~gap].tobytes() == kept.tobytes(), channel
+
+
+@pytest.mark.parametrize(
+    ("topic", "options", "reason"),
+    [
+        ("waveform", {}, "holds no trajectory"),
+        ("trajectory", {"start": 9.0}, r"--start = 9 s is not in the 0\.[34]\d* s that"),
+        ("trajectory", {"run": 2}, r"--run = 2 is outside its range \[1, 1\]"),
+    ],
+)
+def test_what_the_bag_lacks_is_refused(bag, tmp_path, topic, options, reason):
+    altered(bag, tmp_path / "bag", lambda m: [m.data], {f"/rpud/{topic}"})
+    with pytest.raises(InspectionError, match=reason):
+        rebuild(tmp_path / "bag", tmp_path / "out", 1000, **options)
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_run_of_several_is_chosen(used, tmp_path):
+    """Messages are missing, and the first run has a second origin."""
+    first, second = (rebuild(used.path, tmp_path / f"{n}", 1000, run=n) for n in (1, 2))
+    assert (first.runs, second.runs) == (2, 2)
+    assert first.trajectory_size == second.trajectory_size
+    assert 140 < first.first + first.count < 180
+    assert 50 < second.first + second.count < 80
+    assert second.origin == first.origin + SECOND
