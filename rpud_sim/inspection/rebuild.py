@@ -108,7 +108,7 @@ def rebuild(
                 path=os.fspath(out),
                 format=file_format,
                 topic=topic,
-                table=file.paths[0].relative_to(folder).parts[0],
+                table=file.path.name,
                 rate=rate,
                 first=waveform.first,
                 count=waveform.end - waveform.first,
@@ -117,7 +117,7 @@ def rebuild(
                 run=run,
                 runs=waveform.runs,
                 trajectory_size=waveform.size,
-                size=sum(each.stat().st_size for each in file.paths),
+                size=file.path.stat().st_size,
             )
             columns = {column.name: describe_column(column) for column in _COLUMNS}
             write_account(folder, {**about, **asdict(rebuilt), "columns": columns})

@@ -4,6 +4,7 @@ import itertools
 import json
 
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
 from altered_bags import altered
 from sample_bags import write_offline_bag
@@ -12,6 +13,7 @@ import rpud_sim.bag
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.inspection import InspectionError
 from rpud_sim.inspection import rebuild as rebuilding
+from rpud_sim.inspection.rebuild import rebuild
 from rpud_sim.simulation import preset
 from rpud_sim.simulation.sampling import CHANNELS, Times
 from rpud_sim.simulation.simulation import Simulation
@@ -31,13 +33,9 @@ def bag(tmp_path_factory, regime):
     return path
 
 
-def rebuild(*words, **options):
-    return rebuilding.rebuild(*words, file_format="numpy", **options)
-
-
 def load(folder):
-    table = folder / "rpud.trajectory"
-    return {channel: np.load(table / f"{channel}.npy") for channel in CHANNELS}
+    table = pq.read_table(folder / "rpud.trajectory.parquet")
+    return {channel: table[channel].to_numpy() for channel in CHANNELS}
 
 
 def only_trajectory(source, out, keep=lambda number: True):
