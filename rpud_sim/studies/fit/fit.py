@@ -19,7 +19,7 @@ from scipy import stats
 from rpud_sim.foundation.quantities import ExpectedError, ParameterError
 from rpud_sim.foundation.whole_folder import whole_file, write_whole
 from rpud_sim.simulation import EngineError
-from rpud_sim.simulation.ensemble import compile_kernels, compile_members
+from rpud_sim.simulation.ensemble import compile_kernels
 from rpud_sim.simulation.versions import engine_versions, version_of
 from rpud_sim.studies.fit.measures import measure
 from rpud_sim.studies.fit.posterior import (
@@ -145,8 +145,7 @@ class FitFolder(StudyStore[FitChunk, np.ndarray]):
 
         def prepare() -> None:
             drill = specification.configuration(points[0], specification.conditions[0])
-            compile_members(drill)
-            compile_kernels(drill)  # of figures that are sampled
+            compile_kernels(drill)
 
         self.finish(chunks, simulate, prepare, self._workers)
         return np.concatenate([np.load(self._path(chunk)) for chunk in chunks])
