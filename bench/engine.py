@@ -16,7 +16,7 @@ from bench.flight import Flight, agreeing, first_flight
 from bench.table import Goal, Row, row
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.simulation import Parameters, preset
-from rpud_sim.simulation.ensemble import compile_kernels, compile_members, run_members
+from rpud_sim.simulation.ensemble import compile_kernels, run_members
 from rpud_sim.simulation.simulation import Simulation, initial_phases
 from rpud_sim.simulation.statistics import Statistics
 
@@ -77,7 +77,6 @@ def _beside_c(regime: str, parameters: Parameters) -> Iterator[Row]:
     yield row(f"{name}: events per second on one core", rates, "1/s")
     ratios = [figures["cpu_time"] / run.used for run, figures in pairs]
     yield row(f"{name}: speed over that of C", ratios, goal=_OVER_C)
-    compile_members(parameters)
     phases = initial_phases(_MEMBERS, 1)
     events = median(run.events / DURATION for run in ours) * _MEMBERS * _MEMBER_DURATION
     rates = []

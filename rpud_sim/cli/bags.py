@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from rpud_sim.recorded.verify.verification import Verification
 
 _COUNTS = ("equal", "different", "unexpected", "missing", "tail", "before")  # of messages
-_FORMATS = ("parquet", "csv", "numpy")
+_FORMATS = ("parquet", "csv")
 _RATE = Quantity("Hz", "of the samples", 1.0, 1e9, whole=True)  # time is whole nanoseconds
 
 
@@ -196,7 +196,7 @@ def _verification_lines(found: Verification) -> Iterator[str]:
 @command(
     "export",
     "bags/first --out tables",
-    "write the topics of a bag as Parquet, CSV or NumPy files",
+    "write the topics of a bag as Parquet or CSV files",
     "It writes one table for each topic, and export.json with types, units, losses and the "
     "configuration of the run. With --rate it writes one table instead: every channel of the "
     "waveform, rebuilt exactly from the trajectory. Exit codes: 0 done, 3 done but for damaged "

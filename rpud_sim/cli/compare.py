@@ -1,4 +1,4 @@
-"""``rpud compare``: runs side by side."""
+"""``rpud compare``: two runs side by side."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ _MOST_LINES = 40  # of a table of settings; the page and --json have all
 @command(
     "compare",
     "bags/before bags/after --tolerance 5 --out compare.html",
-    "compare runs: settings, commands, bits and distributions",
+    "compare two runs: settings, commands, bits and distributions",
     "The first run is the reference. Exit codes: 0 no difference found, or all within the "
     "tolerance, 3 a figure differs or a part of a bag is damaged, 1 it cannot be decided or "
     "failed, 2 wrong call.",
     JSON,
     bag=positional("A", "bag of the reference: a folder or one MCAP file"),
-    others=positional("B", "bags to compare with it, up to 5", nargs="+"),
+    other=positional("B", "bag to compare with it"),
     begin=option(
         0.0,
         "compare distributions from this simulation time on (default: 0)",
@@ -37,7 +37,7 @@ _MOST_LINES = 40  # of a table of settings; the page and --json have all
     ),
     end=option(
         None,
-        "compare distributions up to this simulation time (default: end of the shortest run)",
+        "compare distributions up to this simulation time (default: end of the shorter run)",
         SECONDS,
         flag="--to",
     ),
@@ -87,7 +87,7 @@ def _run(options: Any) -> int:
     names = ("begin", "end", "settle", "run_numbers", "namespaces", "quantities")
     with progress_bar(" messages", scaled=True) as bar:
         found = compare(
-            [options.bag, *options.others],
+            [options.bag, options.other],
             tolerance=(options.tolerance or 0.0) / 100.0,
             report=bar.update,
             **{name: getattr(options, name) for name in names},
@@ -109,9 +109,14 @@ def _run(options: Any) -> int:
 
 def _lines(found: Comparison, page: str | None) -> Iterator[str]:
     from rpud_sim.recorded.compare.estimates import DIFFERS, UNDECIDED
-    from rpud_sim.recorded.compare.results import bits_line, figure_table, setting_tables
+    from rpud_sim.recorded.compare.results import (
+        LETTERS,
+        bits_line,
+        figure_table,
+        setting_tables,
+    )
 
-    for letter, name, run in zip(found.letters, found.names, found.values, strict=True):
+    for letter, name, run in zip(LETTERS, found.names, found.values, strict=True):
         where = f"{run.drill.namespace or '/'}, run {run.drill.number} of {run.drill.runs}"
         yield printable(f"{letter}  {name}: {where}, {run.begin:.6g} to {run.end:.6g} s")
     for _, head, rows in setting_tables(found):
@@ -121,8 +126,7 @@ def _lines(found: Comparison, page: str | None) -> Iterator[str]:
         if len(rows) > _MOST_LINES:
             yield f"and {len(rows) - _MOST_LINES} more"
     yield ""
-    for letter, bits in zip(found.letters[1:], found.bits, strict=True):
-        yield printable(f"{letter}: {bits_line(bits)}")
+    yield printable(f"B: {bits_line(found.bits)}")
     for number, window in enumerate(found.windows):
         yield ""
         yield printable(f"{window.name}: {window.spans}")
@@ -132,8 +136,8 @@ def _lines(found: Comparison, page: str | None) -> Iterator[str]:
             if each.window == number
             and (each.figure == "mean" or each.decision in (DIFFERS, UNDECIDED))
         )
-        _, head, rows = figure_table(found, chosen)
-        yield from table(head, rows, left=3)
+        _, head, rows = figure_table(chosen)
+        yield from table(head, rows, left=2)
     yield ""
     yield found.verdict
     if page:

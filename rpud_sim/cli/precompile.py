@@ -64,12 +64,11 @@ def run(arguments: argparse.Namespace) -> int:
 def _use_every_kernel() -> None:
     """Call each kernel once, because a kernel is compiled when it is first called."""
     from rpud_sim.simulation.configuration import Configuration
-    from rpud_sim.simulation.ensemble import compile_kernels, compile_members
+    from rpud_sim.simulation.ensemble import compile_kernels
 
     configuration = Configuration()
     actuator = dataclasses.replace(configuration.actuator, actuator_model="resonance")
     compile_kernels(configuration, messages=True)
-    compile_members(configuration)
     compile_kernels(dataclasses.replace(configuration, actuator=actuator))
 
 

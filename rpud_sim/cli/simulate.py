@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-import gc
-import importlib
 import os
-import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -53,29 +50,12 @@ _SEED = Quantity("", "seed", 0, 2**63, whole=True)
     bag=option(None, "write the run as a bag with the topics of the node", metavar="DIR"),
 )
 def _run(options: Any) -> int:
-    _load_numba()
     if options.bag and options.repeat > 1:
         raise ParameterError("--bag goes with a single run, not with --repeat")
     _refuse_assignments_to_the_node(options.assignments)
     figures = _simulate(options)
     print_result(options, figures, lambda: _lines(figures))
     return ExitCode.DONE
-
-
-def _load_numba() -> None:
-    """Load Numba without SciPy's linear algebra, which no kernel uses: a fifth of the start.
-
-    Python need not search what stays to the end for cycles.
-    """
-    if "scipy" not in sys.modules:
-        sys.modules["scipy"] = None  # type: ignore[assignment]
-        gc.disable()
-        try:
-            importlib.import_module("numba.np.arraymath")
-        finally:
-            del sys.modules["scipy"]
-            gc.freeze()
-            gc.enable()
 
 
 def _refuse_assignments_to_the_node(assignments: Sequence[str]) -> None:
@@ -90,17 +70,15 @@ def _refuse_assignments_to_the_node(assignments: Sequence[str]) -> None:
 
 def _simulate(options: Any) -> dict[str, Any]:
     from rpud_sim.simulation.configuration import to_settings
-    from rpud_sim.simulation.ensemble import compile_kernels, compile_members
-    from rpud_sim.simulation.scenario_file import read_commands, read_scenario
+    from rpud_sim.simulation.ensemble import compile_kernels
+    from rpud_sim.simulation.plans import read_commands, read_scenario
     from rpud_sim.simulation.simulation import initial_phases
 
     settings = to_settings(parameter_values(options))
     configuration, file = settings.configuration, settings.scenario
     scenario = read_scenario(file, options.seed) if file else None
     planned = read_commands(options.commands).planned if options.commands else ()
-    if options.bag or scenario or planned:
-        compile_kernels(configuration, _show, messages=bool(options.bag))
-    compile_members(configuration, _show)
+    compile_kernels(configuration, _show, messages=bool(options.bag))
     phases = initial_phases(options.repeat, options.seed)
     if options.bag:
         from rpud_sim.recorded.offline_bag import write_offline_bag

@@ -88,14 +88,18 @@ def reader_of(dtype: np.dtype[Any], *names: str) -> Callable[[np.ndarray], tuple
     return read
 
 
+_machine_codes: dict[Any, Callable[..., Any]] = {}
+
+
 def machine_code(kernel: Any, *examples: object) -> Callable[..., Any]:
-    """Return a kernel as it is compiled for the types of examples; other types must not follow.
+    """Return a kernel as it is compiled for the types of the first examples; it takes no others.
 
     The kernel itself looks at the type of each argument, for longer than a millisecond's motion
-    takes.
+    takes. To find the types of examples takes as long as a second of motion.
     """
-    if not hasattr(kernel, "compile"):  # NUMBA_DISABLE_JIT
+    if kernel not in _machine_codes:
         code: Callable[..., Any] = kernel
-    else:
-        code = kernel.compile(tuple(map(typeof, examples)))
-    return code
+        if hasattr(kernel, "compile"):  # not with NUMBA_DISABLE_JIT
+            code = kernel.compile(tuple(map(typeof, examples)))
+        _machine_codes[kernel] = code
+    return _machine_codes[kernel]

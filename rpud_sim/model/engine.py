@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections import deque
 
 import numpy as np
@@ -29,11 +28,10 @@ from rpud_sim.model.tolerances import EVENT_BUDGET, LONGEST_STANDSTILL
 _MOST_VALUES = 4
 _USUAL = 30.0
 
-# Segments that there is room for at first, and at most in room that is kept after a drain. The room
-# doubles when it is too small.
+# Segments that there is room for at first, and at most after a drain. The room doubles when it is
+# too small.
 _LEAST_ROOM = 256
 _MOST_ROOM = 65536
-_NO_ROOM = np.zeros(0, SEGMENT)
 
 _time = reader_of(STATE, "seconds", "fraction")
 _amplitude = reader_of(STATE, "amplitude")
@@ -122,8 +120,7 @@ class Engine:
         self._state = initial_state(parameters, initial_phase, drive, resonance)
         self._open_segment = np.zeros(1, SEGMENT)
         self._open_impact = np.zeros(1, IMPACT)
-        self._segment_room, self._impact_room = _NO_ROOM, np.zeros(0, IMPACT)
-        self._given: list[np.ndarray] = []  # rooms whose segments somebody may still have
+        self._segment_room, self._impact_room = np.zeros(0, SEGMENT), np.zeros(0, IMPACT)
         self._written = self._struck = 0  # segments and impacts since the last drain
         self._make_room(_LEAST_ROOM)
         # A time to advance to, and what is finished there
@@ -247,23 +244,19 @@ class Engine:
 
     def drain(self) -> tuple[np.ndarray, np.ndarray]:
         """Return the segments finished since the last call with the open one, and the impacts."""
-        self._take_room()
         room, count = self._segment_room, self._written + 1
         # Bytes, because NumPy copies structures field by field.
         room[count - 1 : count].view(np.uint8)[:] = self._open_segment.view(np.uint8)
         impacts = join_records([self._impact_room[: self._struck]], IMPACT)
         self._written = self._struck = 0
-        large = len(room) > _MOST_ROOM
         given = 2 * count > len(room)
-        if given:
+        if given:  # the room itself: to copy it would take longer than to allocate the next one
             covering = room[:count]
             covering.flags.writeable = False
         else:
             covering = join_records([room[:count]], SEGMENT)
-        if given and not large:
-            self._given.append(room)
-        if given or large:
-            self._segment_room = _NO_ROOM
+        if given or len(room) > _MOST_ROOM:
+            self._segment_room = np.zeros(min(len(room), _MOST_ROOM), SEGMENT)
         return covering, impacts
 
     def _commands(self) -> tuple[float, ...]:
@@ -281,7 +274,6 @@ class Engine:
 
     def _fly(self, seconds: np.ndarray, fractions: np.ndarray, counts: np.ndarray) -> None:
         """Advance to times one after the other; counts get what is finished at each of them."""
-        self._take_room()
         status, reached = FULL, 0
         while status == FULL:
             rooms = (self._segment_room, self._impact_room)
@@ -299,7 +291,6 @@ class Engine:
     ) -> None:
         self._drill = drill
         self._reached = None
-        self._take_room()
         # Besides what it ends, an open segment follows.
         free = len(self._segment_room) - self._written, len(self._impact_room) - self._struck
         if min(free) < IMPACTS_OF_EVENT + 1:
@@ -314,18 +305,3 @@ class Engine:
         """Take a larger room for segments and impacts, with those that are there."""
         self._segment_room = _enlarged(self._segment_room[: self._written], count)
         self._impact_room = _enlarged(self._impact_room[: self._struck], count)
-
-    def _take_room(self) -> None:
-        """Take room in place of one that was given away, a former one if it is free again.
-
-        The system takes half as long to hand out new memory as the engine to fill it.
-        """
-        if len(self._segment_room):
-            return
-        for number in range(len(self._given)):
-            # The list and the argument: nobody has a part of it any more.
-            if sys.getrefcount(self._given[number]) == 2:
-                self._segment_room = self._given.pop(number)
-                return
-        self._segment_room = np.zeros(max(map(len, self._given), default=_LEAST_ROOM), SEGMENT)
-        del self._given[:-1]

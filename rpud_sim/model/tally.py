@@ -1,8 +1,4 @@
-"""Tally of a run: sums over its segments and impacts, added in compiled code.
-
-They are added in the same order for a block whose records are kept (``add_block``) and for members
-of an ensemble, which keep none (``advance_members``).
-"""
+"""Tally of a run: sums over its segments and impacts, added in compiled code."""
 
 import math
 
@@ -12,17 +8,6 @@ from rpud_sim.model import energy
 from rpud_sim.model.closed_form import NO_SWING, turn_at
 from rpud_sim.model.compile import compiled, floats, record_type
 from rpud_sim.model.elementary import decimal_logarithm
-from rpud_sim.model.events import (
-    DONE,
-    FULL,
-    GOES_ON,
-    IMPACTS_OF_EVENT,
-    checked,
-    pass_event,
-    start,
-    status_before,
-)
-from rpud_sim.model.search import END_DRILL_TOOL_RELEASE
 from rpud_sim.model.segment import (
     EVENT_ACTUATOR_IMPACT,
     EVENT_DRILL_TOOL_IMPACT,
@@ -31,7 +16,6 @@ from rpud_sim.model.segment import (
     motion_at,
     motion_of,
     nodal_plane_integral,
-    oscillators_of,
     turns_at,
     turns_at_end,
 )
@@ -214,66 +198,3 @@ def class_at(tallies, classes, share):
         if reached >= wanted:
             return number
     return -1
-
-
-@compiled
-def advance_members(drill, rpud, members, begin, until, options, room, progress):
-    """Advance members of an ensemble one after another, and add what happens to their tallies.
-
-    It does what ``events.advance`` and ``add_block`` do, with the same bits, but keeps no segments.
-
-    ``members`` are arrays of their ``STATE``, open ``SEGMENT`` and ``IMPACT``, ``TALLY``, status
-    and class of the 99 % quantile. They advance from ``begin`` to ``until``, whole seconds and
-    fraction. ``options``: whether they begin now and end then (in one call, as they share the
-    classes), and whether the event of the first segment counts. ``room`` is for impacts, two
-    segments, the classes and a part's sums. ``progress``: the member to go on with, its impacts (-1
-    before its turn), and those of the last one.
-
-    Returns whether all are there; if not, call again with more room for impacts.
-    """
-    states, open_segments, open_impacts, tallies, statuses, quantiles = members
-    starts, ends, counts = options
-    impacts, segments, classes, part = room
-    bodies = oscillators_of(drill)
-    while progress[0] < len(states):
-        i, count = progress[0], progress[1]
-        opened, tally = open_segments[i : i + 1], tallies[i]
-        if count < 0:
-            count = 0
-            if starts:
-                count = start(drill, states[i : i + 1], opened, open_impacts[i : i + 1], impacts)
-            begin_part(rpud, opened[0], begin[0], begin[1], counts, tally, part)
-        state, impact = states[i], open_impacts[i]
-        segments[0] = opened[0]
-        turn = turn_at(segments[0].vibration_phase)
-        segment, after = segments[0], segments[1]
-        while True:
-            is_full = len(impacts) - count < IMPACTS_OF_EVENT
-            status = status_before(state, segment, until[0], until[1], is_full)
-            if status != GOES_ON:
-                break
-            turns = turns_at_end(segment, state.next_event == END_DRILL_TOOL_RELEASE)
-            # Called in one place alone, so that it is compiled into the loop.
-            count, turn_after = pass_event(
-                drill, bodies, state, segment, after, impact, impacts, count, turns
-            )
-            add_ended(rpud, segment, after, turn, turns, turn_after, tally, part)
-            turn = turn_after
-            segment, after = after, segment
-        opened[0] = segment
-        progress[1] = count
-        if status == FULL:
-            return False
-        status = checked(status, state)
-        statuses[i] = status
-        if status == DONE:
-            finish_part(rpud, opened[0], until[0], until[1], tally, part)
-            add_impacts(impacts[:count], tally, classes)
-        if ends:
-            quantiles[i] = class_at(tallies[i : i + 1], classes, QUANTILE)
-            if tally.impacts:
-                classes[tally.lowest_class : tally.highest_class + 1] = 0
-        progress[0] += 1
-        progress[2] = count
-        progress[1] = -1
-    return True

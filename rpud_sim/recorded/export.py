@@ -1,4 +1,4 @@
-"""Export of a bag: one file or folder for each topic, written in bounded memory."""
+"""Export of a bag: one file for each topic, written in bounded memory."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ from collections import Counter
 from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import asdict, dataclass
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
@@ -20,18 +19,14 @@ from rpud_sim.bag import TopicSummary
 from rpud_sim.bag.columns import Column
 from rpud_sim.bag.manifest import MANIFEST_RECORD as MANIFEST
 from rpud_sim.foundation.time import SECOND
-from rpud_sim.recorded import InspectionError
+from rpud_sim.recorded import RecordingError
 from rpud_sim.recorded.output import Damages, new_folder
 
 # File with the account of an export, and with what the other files have no place for.
 ACCOUNT = "export.json"
 
-# Module and class of each: Arrow, which may not be installed, is imported only if it is needed.
-FORMATS = {
-    "parquet": ("arrow_files", "ParquetFile"),
-    "csv": ("arrow_files", "CsvFile"),
-    "numpy": ("numpy_files", "NumpyFolder"),
-}
+# Class of each in ``arrow_files``, which is imported when it is needed: Arrow may be missing.
+FORMATS = {"parquet": "ParquetFile", "csv": "CsvFile"}
 
 
 @dataclass(frozen=True)
@@ -42,8 +37,8 @@ class ExportedTopic:
     type: str  # of its messages
     messages: int  # number of exported ones
     rows: int  # of its table
-    path: str  # of its file or folder, in the folder of the export
-    size: int  # of its files [bytes]
+    path: str  # of its file, in the folder of the export
+    size: int  # of its file [bytes]
 
 
 @dataclass(frozen=True)
@@ -75,7 +70,7 @@ def export(
     with rpud_sim.bag.open(path) as bag:
         if 0 < bag.duration < start * SECOND:
             held = bag.duration / SECOND
-            raise InspectionError(
+            raise RecordingError(
                 f"--start = {start:g} s is not in the {held:g} s that the bag holds"
             )
         left_out = bag.left_out if topics is None else {}
@@ -121,8 +116,8 @@ def export(
                     tables[name]["type"],
                     messages[name],
                     rows[name],
-                    file.paths[0].relative_to(folder).parts[0],
-                    sum(path.stat().st_size for path in file.paths),
+                    file.path.name,
+                    file.path.stat().st_size,
                 )
                 for name, file in files.items()
             )
@@ -172,9 +167,9 @@ def make_table(
     file_format: str, path: Path, columns: Sequence[Column], metadata: Mapping[str, Any]
 ) -> Any:
     """Return a new table of a format, for rows in its ``write``; ``path`` is without its ending."""
-    module, name = FORMATS[file_format]
-    kind = getattr(import_module(f"rpud_sim.recorded.{module}"), name)
-    return kind(path, columns, metadata)
+    from rpud_sim.recorded import arrow_files
+
+    return getattr(arrow_files, FORMATS[file_format])(path, columns, metadata)
 
 
 def describe_column(column: Column) -> dict[str, Any]:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from rpud_sim.bag import BagFormatError, BagReader
 from rpud_sim.foundation.whole_folder import whole_folder, write_whole
-from rpud_sim.recorded import InspectionError
+from rpud_sim.recorded import RecordingError
 
 
 @contextmanager
@@ -19,15 +19,15 @@ def new_folder(out: str | os.PathLike[str]) -> Iterator[Path]:
         with whole_folder(out) as folder:
             yield folder
     except OSError as error:
-        raise InspectionError(_reason(out, error)) from error
+        raise RecordingError(_reason(out, error)) from error
 
 
 def check_new_file(out: str | os.PathLike[str]) -> None:
-    """Raise an InspectionError if ``out`` exists, or its folder does not."""
+    """Raise an RecordingError if ``out`` exists, or its folder does not."""
     if os.path.lexists(out):
-        raise InspectionError(_reason(out, FileExistsError()))
+        raise RecordingError(_reason(out, FileExistsError()))
     if not Path(out).parent.is_dir():
-        raise InspectionError(f"cannot write {out}: there is no folder {Path(out).parent}")
+        raise RecordingError(f"cannot write {out}: there is no folder {Path(out).parent}")
 
 
 def write_new_file(out: str | os.PathLike[str], text: str) -> None:
@@ -36,7 +36,7 @@ def write_new_file(out: str | os.PathLike[str], text: str) -> None:
     try:
         write_whole(Path(out), text)
     except OSError as error:
-        raise InspectionError(_reason(out, error)) from error
+        raise RecordingError(_reason(out, error)) from error
 
 
 def _reason(out: str | os.PathLike[str], error: OSError) -> str:

@@ -14,7 +14,7 @@ from rpud_sim.bag import BagFormatError, BagReader, Message
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.columns import Column, Kind
 from rpud_sim.foundation.time import SECOND, join_seconds
-from rpud_sim.recorded import InspectionError
+from rpud_sim.recorded import RecordingError
 from rpud_sim.recorded.export import describe_column, file_stem, make_table, write_account
 from rpud_sim.recorded.output import new_folder
 from rpud_sim.recorded.runs import installed_codec
@@ -108,7 +108,7 @@ def rebuild(
                 path=os.fspath(out),
                 format=file_format,
                 topic=topic,
-                table=file.paths[0].relative_to(folder).parts[0],
+                table=file.path.name,
                 rate=rate,
                 first=waveform.first,
                 count=waveform.end - waveform.first,
@@ -117,7 +117,7 @@ def rebuild(
                 run=run,
                 runs=waveform.runs,
                 trajectory_size=waveform.size,
-                size=sum(each.stat().st_size for each in file.paths),
+                size=file.path.stat().st_size,
             )
             columns = {column.name: describe_column(column) for column in _COLUMNS}
             write_account(folder, {**about, **asdict(rebuilt), "columns": columns})
@@ -128,12 +128,12 @@ def _topic(bag: BagReader, wanted: Collection[str] | None) -> str:
     held = [s.topic.name for s in bag.topics if s.topic.type == _TYPE and s.message_count]
     names = [name for name in held if wanted is None or name in wanted]
     if len(names) > 1:
-        raise InspectionError(
+        raise RecordingError(
             f"{bag.path} holds several trajectories: choose one by --topics of {', '.join(names)}"
         )
     if not names:
         what = "no trajectory" if wanted is None else f"no trajectory named {' or '.join(wanted)}"
-        raise InspectionError(f"{bag.path} holds {what}; record the topic trajectory")
+        raise RecordingError(f"{bag.path} holds {what}; record the topic trajectory")
     return names[0]
 
 
@@ -188,16 +188,16 @@ class _Waveform:
         yield from rebuilder.finish()
 
     def check(self) -> None:
-        """Raise an InspectionError if there is no such part, once all is read."""
+        """Raise an RecordingError if there is no such part, once all is read."""
         if not self.runs:
-            raise InspectionError("the trajectory holds no segments")
+            raise RecordingError("the trajectory holds no segments")
         if not 1 <= self._run <= self.runs:
-            raise InspectionError(
+            raise RecordingError(
                 f"--run = {self._run} is outside its range [1, {self.runs}]: resets begin new ones"
             )
         if self.first >= self._run_end:
             held = (self._run_end - self._begin) / self._rate
-            raise InspectionError(
+            raise RecordingError(
                 f"--start = {self._start:g} s is not in the {held:g} s that the bag holds"
             )
 

@@ -123,24 +123,15 @@ class Statistics:
         """Add what happened in a block."""
         # The first segment began before this block, except at time zero.
         counts = block.start == 0 and not self.begun
-        self.note_part(block.start, block.end, block.electrical_energy)
+        self.begun = True
+        self._duration += block.end - block.start
+        self._electrical += block.electrical_energy
         self.feed = sum_accounts((self.feed, block.feed))
         rotor = block.process.rotation
         self.rotation = rotor.work if rotor else None
         times = split_fraction(block.start), split_fraction(block.end)
         sums = (self._tally, self._classes, self._part)
         add_block(block.rpud, block.covering, block.impacts, *times, counts, *sums)
-
-    @property
-    def sums(self) -> tuple[np.ndarray, np.ndarray]:
-        """One ``TALLY`` and the classes of contact forces, for a kernel to add to."""
-        return self._tally, self._classes
-
-    def note_part(self, start: int, end: int, electrical_energy: float) -> None:
-        """Note a part of a run that is, or will be, in the sums, and its electrical energy [J]."""
-        self.begun = True
-        self._duration += end - start
-        self._electrical += electrical_energy
 
     def merge(self, other: Statistics) -> None:
         self.begun = self.begun or other.begun

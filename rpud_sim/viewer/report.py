@@ -27,7 +27,7 @@ from rpud_sim.bag.manifest import (
     tested_from_record,
 )
 from rpud_sim.foundation.terminal import printable
-from rpud_sim.recorded import InspectionError
+from rpud_sim.recorded import RecordingError
 from rpud_sim.recorded.output import Damages, check_new_file, write_new_file
 from rpud_sim.pages.quantities import QUANTITIES
 from rpud_sim.viewer.commands import COMMAND
@@ -74,7 +74,7 @@ def write_report(
         try:
             store.open(client)
         except StoreError as error:
-            raise InspectionError(str(error)) from None
+            raise RecordingError(str(error)) from None
         recording, damages = bag.recording, Damages(bag.recording.bag)
         page = frozen_page(
             f"{Path(path).resolve().name} – report",

@@ -152,7 +152,7 @@ def test_a_message_that_grows_when_it_is_decoded_is_refused(tmp_path, name):
 
 
 @pytest.mark.extended
-@pytest.mark.parametrize("file_format", ["parquet", "csv", "numpy"])
+@pytest.mark.parametrize("file_format", ["parquet", "csv"])
 @pytest.mark.parametrize("name", ["tiny members", "numbers", "text"])
 def test_a_message_just_within_the_limit_stays_in_memory(tmp_path, name, file_format):
     count = {"tiny members": 440_000, "numbers": 26_000_000, "text": 44_000_000}[name]

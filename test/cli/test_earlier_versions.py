@@ -56,8 +56,8 @@ def test_its_contents_are_listed_and_reported(bag, tmp_path, rpud):
 @every_bag
 def test_its_topics_are_exported(bag, tmp_path, rpud):
     out = tmp_path / "tables"
-    assert rpud("export", bag, "--out", out, "--format", "numpy")[::2] == (0, "")
-    force = np.load(out / "rpud.contact_force" / "peak_force.npy")
+    assert rpud("export", bag, "--out", out)[::2] == (0, "")
+    force = pq.read_table(out / "rpud.contact_force.parquet")["peak_force"].to_numpy()
     with rpud_sim.bag.open(bag) as held:
         np.testing.assert_array_equal(force, held.arrays("/rpud/contact_force")["peak_force"])
 
@@ -68,12 +68,13 @@ def test_its_waveform_is_rebuilt_from_its_trajectory(bag, tmp_path, rpud):
         waveform = held.arrays("/rpud/waveform")
     rate = round(1.0 / waveform["sample_period"][0])
     out = tmp_path / "tables"
-    rebuild = ("export", bag, "--out", out, "--format", "numpy", "--rate", rate)
+    rebuild = ("export", bag, "--out", out, "--rate", rate)
     assert rpud(*rebuild)[::2] == (0, "")
     # A reset begins the stamps again; the export has the first run.
     resets = np.flatnonzero(np.diff(waveform["time"]) < 0)
     recorded = slice(None, resets[0] + 1 if len(resets) else None)
-    table = {file.stem: np.load(file) for file in (out / "rpud.trajectory").glob("*.npy")}
+    found = pq.read_table(out / "rpud.trajectory.parquet")
+    table = {name: found[name].to_numpy() for name in found.column_names}
     times, here, there = np.intersect1d(
         waveform["time"][recorded], table["time"], return_indices=True
     )

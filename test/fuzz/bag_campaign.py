@@ -48,7 +48,7 @@ WAYS = {
     "export": Way(
         5,
         lambda drawn, out: [
-            *("--out", str(out), "--format", drawn.choice(("parquet", "csv", "numpy"))),
+            *("--out", str(out), "--format", drawn.choice(("parquet", "csv"))),
             *drawn.choice([[], [], [], ["--rate", "20000"]]),
         ],
     ),

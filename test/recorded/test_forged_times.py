@@ -7,7 +7,7 @@ from altered_bags import altered, unchanged
 from inspection.forked_runs import JOURNAL, SECOND, entries_of
 
 from rpud_sim.bag.columns import to_plain
-from rpud_sim.recorded import InspectionError, recorded_journal
+from rpud_sim.recorded import RecordingError, recorded_journal
 from rpud_sim.recorded.offline_bag import write_fork
 from rpud_sim.recorded.recorded_journal import UnverifiableError, installed_codec
 from rpud_sim.recorded.verify.verification import verify
@@ -46,7 +46,7 @@ def test_a_forged_time_is_not_run_again(plain, tmp_path, kind, stamped):
         UnverifiableError, match=rf"entry {number} of the journal \({kind}\) is of "
     ):
         verify(path)
-    with pytest.raises(InspectionError, match="no other message shows that time"):
+    with pytest.raises(RecordingError, match="no other message shows that time"):
         write_fork(path, tmp_path / "fork", 0.1)
     assert not (tmp_path / "fork").exists()
 
@@ -55,7 +55,7 @@ def test_a_time_of_a_run_before_is_not_run_again(used, tmp_path):
     path = forged(used.path, tmp_path / "bag", "flush", stamped=True)
     with pytest.raises(UnverifiableError, match="no other message shows that time"):
         verify(path)
-    with pytest.raises(InspectionError, match="no other message shows that time"):
+    with pytest.raises(RecordingError, match="no other message shows that time"):
         write_fork(path, tmp_path / "fork", 0.1, run=2)
 
 
@@ -77,7 +77,7 @@ def test_log_times_bound_a_journal_without_other_messages(used, tmp_path):
     bare = altered(used.path, tmp_path / "bare", unchanged, {JOURNAL})
     write_fork(bare, tmp_path / "fork", 0.05)
     path = forged(bare, tmp_path / "forged", "weight_on_bit", stamped=True)
-    with pytest.raises(InspectionError, match="no other message shows that time"):
+    with pytest.raises(RecordingError, match="no other message shows that time"):
         write_fork(path, tmp_path / "again", 0.05)
 
 
@@ -97,5 +97,5 @@ def test_an_origin_that_contradicts_its_stamp_is_not_run_again(plain, tmp_path):
     path = altered(plain, tmp_path / "bag", change)
     found = verify(path)
     assert (found.first_difference.field, found.simulated) == ("header.stamp", 0)
-    with pytest.raises(InspectionError, match=r"header\.stamp of entry 0 is 0, not -600"):
+    with pytest.raises(RecordingError, match=r"header\.stamp of entry 0 is 0, not -600"):
         write_fork(path, tmp_path / "fork", 0.1)

@@ -19,7 +19,7 @@ from inspection.forked_runs import (
 )
 from sample_bags import write_offline_bag
 
-from rpud_sim.recorded import InspectionError
+from rpud_sim.recorded import RecordingError
 from rpud_sim.recorded.offline_bag import write_fork
 from rpud_sim.recorded.verify.verification import verify
 from rpud_sim.simulation import preset
@@ -132,14 +132,14 @@ def without_entry(number):
 )
 def test_what_the_bag_does_not_hold_is_refused(used, tmp_path, lost, words, options, reason):
     source = altered(used.path, tmp_path / "source", without_entry(lost))
-    with pytest.raises(InspectionError, match=reason):
+    with pytest.raises(RecordingError, match=reason):
         write_fork(source, tmp_path / "fork", *words, **options)
     assert not (tmp_path / "fork").exists()
 
 
 def test_a_journal_without_its_beginning_is_refused(plain, tmp_path):
     late = altered(plain, tmp_path / "late", without_entry(0))
-    with pytest.raises(InspectionError, match=r"/rpud/journal: .*; its recorder came too late"):
+    with pytest.raises(RecordingError, match=r"/rpud/journal: .*; its recorder came too late"):
         write_fork(late, tmp_path / "fork", 0.01)
 
 

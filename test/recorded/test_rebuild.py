@@ -4,14 +4,16 @@ import itertools
 import json
 
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
 from altered_bags import altered
 from sample_bags import write_offline_bag
 
 import rpud_sim.bag
 from rpud_sim.foundation.time import SECOND
-from rpud_sim.recorded import InspectionError
+from rpud_sim.recorded import RecordingError
 from rpud_sim.recorded import rebuild as rebuilding
+from rpud_sim.recorded.rebuild import rebuild
 from rpud_sim.simulation import preset
 from rpud_sim.simulation.sampling import CHANNELS, Times
 from rpud_sim.simulation.simulation import Simulation
@@ -31,13 +33,9 @@ def bag(tmp_path_factory, regime):
     return path
 
 
-def rebuild(*words, **options):
-    return rebuilding.rebuild(*words, file_format="numpy", **options)
-
-
 def load(folder):
-    table = folder / "rpud.trajectory"
-    return {channel: np.load(table / f"{channel}.npy") for channel in CHANNELS}
+    table = pq.read_table(folder / "rpud.trajectory.parquet")
+    return {channel: table[channel].to_numpy() for channel in CHANNELS}
 
 
 def only_trajectory(source, out, keep=lambda number: True):
@@ -111,7 +109,7 @@ def test_where_segments_are_missing_it_is_not_a_number(bag, tmp_path, lost):
 )
 def test_what_the_bag_lacks_is_refused(bag, tmp_path, topic, options, reason):
     altered(bag, tmp_path / "bag", lambda m: [m.data], {f"/rpud/{topic}"})
-    with pytest.raises(InspectionError, match=reason):
+    with pytest.raises(RecordingError, match=reason):
         rebuild(tmp_path / "bag", tmp_path / "out", 1000, **options)
     assert not (tmp_path / "out").exists()
 

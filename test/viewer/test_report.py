@@ -13,7 +13,7 @@ from viewer.recorded_bags import rewritten
 import rpud_sim.bag
 import rpud_sim.viewer
 from rpud_sim.bag.manifest import VERDICT_RECORD, RunVerdict
-from rpud_sim.recorded import InspectionError
+from rpud_sim.recorded import RecordingError
 from rpud_sim.recorded.offline_bag import write_offline_bag
 from rpud_sim.simulation import WeightOnBit
 from rpud_sim.simulation.configuration import Settings
@@ -146,6 +146,6 @@ def test_modules_can_be_joined_for_their_names_are_unique():
 
 def test_a_file_that_exists_is_kept(bag, tmp_path):
     (tmp_path / "out.html").write_text("mine")
-    with pytest.raises(InspectionError, match="exists"):
+    with pytest.raises(RecordingError, match="exists"):
         write_report(bag, tmp_path / "out.html")
     assert (tmp_path / "out.html").read_text() == "mine"

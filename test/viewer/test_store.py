@@ -48,9 +48,10 @@ def waveforms(store):
 def rebuilt(drill_bag, tmp_path_factory):
     """Return all samples that `rpud export --rate` writes, and the number of the first."""
     folder = tmp_path_factory.mktemp("rebuilt") / "out"
-    first = rebuild(drill_bag, folder, RATE, "numpy").first
+    first = rebuild(drill_bag, folder, RATE).first
+    table = pq.read_table(folder / "rpud.trajectory.parquet")
     names = ("contact_force", "free_mass_position", "reacting_force", "actuator_velocity")
-    return first, {name: np.load(folder / "rpud.trajectory" / f"{name}.npy") for name in names}
+    return first, {name: table[name].to_numpy() for name in names}
 
 
 @pytest.fixture(scope="module")

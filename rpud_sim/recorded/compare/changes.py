@@ -1,4 +1,4 @@
-"""What differs in how runs were made, and the parts of the time between common changes."""
+"""What differs in how two runs were made, and the parts of the time between common changes."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Setting(NamedTuple):
 
 
 class AlignedEvent(NamedTuple):
-    """Command or fault, aligned over the runs."""
+    """Command or fault, aligned over both runs."""
 
     text: str  # what it is
     times: tuple[float | None, ...]  # in each run [s]; None where a run has no such event
@@ -108,23 +108,20 @@ def faults(runs: Sequence[RecordedValues]) -> tuple[AlignedEvent, ...]:
 
 
 def _aligned(runs: Sequence[Sequence[tuple[str, float, float | None]]]) -> tuple[AlignedEvent, ...]:
-    """Return the events of all runs, each with its text, time and end in each."""
-    rows: list[tuple[str, list[tuple[float | None, float | None]]]] = []
-    for number, events in enumerate(runs):
-        before, texts = [text for text, _ in rows], [text for text, *_ in events]
-        matcher = difflib.SequenceMatcher(None, before, texts, autojunk=False)
-        merged = []
-        for kind, low, high, first, last in matcher.get_opcodes():
-            old, new = rows[low:high], events[first:last]
-            if kind == "equal":
-                for (text, cells), event in zip(old, new, strict=True):
-                    merged.append((text, [*cells, event[1:]]))
-                continue
-            merged += [(text, [*cells, (None, None)]) for text, cells in old]
-            lacking = [(None, None)] * number
-            merged += [(text, [*lacking, (time, end)]) for text, time, end in new]
-        rows = merged
-    return tuple(AlignedEvent(text, *zip(*cells, strict=True)) for text, cells in rows)
+    """Return the events of both runs, each with its text, time and end in each."""
+    first, second = runs
+    texts = [[text for text, *_ in events] for events in runs]
+    matcher = difflib.SequenceMatcher(None, texts[0], texts[1], autojunk=False)
+    found = []
+    for kind, low, high, begin, end in matcher.get_opcodes():
+        old, new = first[low:high], second[begin:end]
+        if kind == "equal":
+            pairs = zip(old, new, strict=True)
+            found += [AlignedEvent(a[0], (a[1], b[1]), (a[2], b[2])) for a, b in pairs]
+        else:
+            found += [AlignedEvent(text, (time, None), (end, None)) for text, time, end in old]
+            found += [AlignedEvent(text, (None, time), (None, end)) for text, time, end in new]
+    return tuple(found)
 
 
 def windows(

@@ -1,4 +1,4 @@
-"""Comparing runs in bags: their settings, their bits, and the distributions of what they did."""
+"""Comparison of two runs in bags: their settings, their bits, and their distributions."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import numpy as np
 
 import rpud_sim.bag
 from rpud_sim.foundation.quantities import ParameterError, check_names
-from rpud_sim.recorded import InspectionError
+from rpud_sim.recorded import RecordingError
 from rpud_sim.recorded.compare.changes import (
     ComparedWindow,
     commands,
@@ -45,8 +45,6 @@ from rpud_sim.recorded.output import Damages
 from rpud_sim.recorded.recorded_drill import RecordedDrill, find_drill
 from rpud_sim.recorded.recorded_topics import RecordedTopics
 
-MOST_RUNS = 6  # number of runs that are compared with each other
-
 
 def compare(
     paths: Sequence[str | os.PathLike[str]],
@@ -60,22 +58,22 @@ def compare(
     quantities: Sequence[str] = (),
     report: Callable[[int], object] = lambda messages: None,
 ) -> Comparison:
-    """Compare runs in bags with the first one.
+    """Compare the second of two runs in bags with the first one.
 
     Args:
-        paths: of two to six bags; one bag may be named several times for different runs in it.
+        paths: of two bags; one bag may be named twice for different runs in it.
         begin: simulation time from which on distributions are compared [s].
-        end: simulation time up to which they are [s]; None for the end of the shortest run.
+        end: simulation time up to which they are [s]; None for the end of the shorter run.
         settle: time that is left out after the start and after each command or fault [s].
         tolerance: relative difference that does not matter, such as 0.05; 0 for none.
-        run_numbers: number of the run in each bag, or one for all; None for the first.
-        namespaces: of the drill in each bag, or one for all; None where there is a single one.
+        run_numbers: number of the run in each bag, or one for both; None for the first.
+        namespaces: of the drill in each bag, or one for both; None where there is a single one.
         quantities: names of those to compare, as in ``values.QUANTITIES``; all if empty.
     """
     _check(paths, begin, end, settle, tolerance)
     wanted = _chosen(quantities)
-    numbers = _for_each(run_numbers, len(paths), "run")
-    spaces = _for_each(namespaces, len(paths), "namespace")
+    numbers = _for_each(run_numbers, "run")
+    spaces = _for_each(namespaces, "namespace")
     with ExitStack() as opened:
         held = []
         for path, space, number in zip(paths, spaces, numbers, strict=True):
@@ -84,16 +82,15 @@ def compare(
             drill = find_drill(bag, damages, space, number)
             held.append(OpenRun(bag, drill, damages, RecordedTopics(bag)))
         runs = [RecordedValues(each.drill) for each in held]
-        found: list[dict[str, Compared]] = [{} for _ in held[1:]]
+        found: dict[str, Compared] = {}
         readers = [
             *(value_readers(*each, report) for each in zip(held, runs, strict=True)),
-            *(bits_readers(held[0], *each, report) for each in zip(held[1:], found, strict=True)),
+            bits_readers(held[0], held[1], found, report),
         ]
         read_together(chain(*readers))
         for each, run in zip(held, runs, strict=True):
             run.damaged = each.damages.texts
-    ends = (min(runs[0].end, run.end) for run in runs[1:])
-    bits = tuple(map(bits_of, found, ends))
+    bits = bits_of(found, min(run.end for run in runs))
     drills = [run.drill for run in runs]
     names = _names(drills)
     changed, failed = commands(drills), faults(runs)
@@ -101,7 +98,7 @@ def compare(
     named = [*zip(names, runs, strict=True)]
     if not chosen:
         spans = (f"{name:.80} from {run.begin:.6g} to {run.end:.6g} s" for name, run in named)
-        raise InspectionError(
+        raise RecordingError(
             f"the runs have no time in common from {begin:g} s to "
             f"{'the end' if end is None else f'{end:g} s'}, after {settle:g} s to settle: "
             f"{', '.join(spans)}"
@@ -130,8 +127,8 @@ def compare(
 def _check(
     paths: Sequence[object], begin: float, end: float | None, settle: float, tolerance: float
 ) -> None:
-    if not 2 <= len(paths) <= MOST_RUNS:
-        raise ParameterError(f"{len(paths)} bags are outside the range [2, {MOST_RUNS}]")
+    if len(paths) != 2:
+        raise ParameterError(f"{len(paths)} bags: two are compared; compare pairs one by one")
     for name, value in (("begin", begin), ("end", end), ("settle", settle)):
         if value is not None and not (math.isfinite(value) and value >= 0.0):
             raise ParameterError(f"{name} = {value!r} s is outside its range [0, inf) s")
@@ -147,12 +144,10 @@ def _chosen(names: Sequence[str]) -> tuple[ComparedQuantity, ...]:
     return tuple(known[name] for name in dict.fromkeys(names)) if names else QUANTITIES
 
 
-def _for_each(given: Sequence[Any], count: int, name: str) -> list[Any]:
-    if len(given) not in (0, 1, count):
-        raise ParameterError(
-            f"{len(given)} choices of a {name} for {count} bags: give 1 or {count}"
-        )
-    return [*given] if len(given) == count else [given[0] if given else None] * count
+def _for_each(given: Sequence[Any], name: str) -> list[Any]:
+    if len(given) > 2:
+        raise ParameterError(f"{len(given)} choices of a {name} for 2 bags: give 1 or 2")
+    return [*given] if len(given) == 2 else [given[0] if given else None] * 2
 
 
 def _names(drills: Sequence[RecordedDrill]) -> tuple[str, ...]:
@@ -174,7 +169,7 @@ def compare_values(
     quantities: Sequence[ComparedQuantity] = QUANTITIES,
     tolerance: float = 0.0,
 ) -> tuple[tuple[dict[str, tuple[RunFigures | None, ...]], ...], tuple[FigureDifference, ...]]:
-    """Return the figures of each window by quantity, and all differences from the first run."""
+    """Return the figures of each window by quantity, and the differences of the second run."""
     figures: list[dict[str, tuple[RunFigures | None, ...]]] = []
     found: list[FigureDifference] = []
     for number, window in enumerate(windows):
@@ -188,15 +183,14 @@ def compare_values(
             if not any(each):  # no run has it
                 continue
             figures[-1][quantity.name] = each
-            first = each[0]
-            for run, other in enumerate(each[1:], 1):
-                if first is None or other is None:
-                    continue
-                equal = np.array_equal(series[0], series[run])  # type: ignore[arg-type]
-                for name in quantity.tested:
-                    pair = first.estimates[name], other.estimates[name]
-                    one = difference(quantity, name, *pair, tolerance, equal=equal)
-                    found.append(one._replace(window=number, run=run))
+            first, other = each
+            if first is None or other is None:
+                continue
+            equal = np.array_equal(*series)  # type: ignore[arg-type]
+            for name in quantity.tested:
+                pair = first.estimates[name], other.estimates[name]
+                one = difference(quantity, name, *pair, tolerance, equal=equal)
+                found.append(one._replace(window=number))
     return tuple(figures), decided(found, tolerance)
 
 

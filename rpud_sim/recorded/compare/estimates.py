@@ -171,7 +171,6 @@ class FigureDifference(NamedTuple):
     p: float = math.nan
     decision: str = TOO_FEW
     window: int = 0  # number of the compared window
-    run: int = 1  # number of the run; the reference is 0
 
 
 def difference(

@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Iterator, Sequence
-from typing import NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from rpud_sim.foundation.terminal import printable
 from rpud_sim.recorded.compare.estimates import (
     DIFFERS,
     EQUIVALENT,
@@ -18,6 +19,7 @@ from rpud_sim.recorded.compare.estimates import (
     FigureDifference,
 )
 from rpud_sim.recorded.compare.results import (
+    LETTERS,
     Comparison,
     ResultTable,
     bits_line,
@@ -33,15 +35,16 @@ from rpud_sim.recorded.compare.values import (
     shown,
 )
 from rpud_sim.recorded.output import write_new_file
-from rpud_sim.pages.frame import render_page
-from rpud_sim.pages.plot import Axis, Layer, Line, Plot, Points, Rule, Zone
+from rpud_sim.pages.frame import Picture, colors, picture, render_page
 from rpud_sim.pages.quantities import NONE
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 _MOST_DRAWN = 3  # windows whose distributions are drawn
 _CLASSES = 60  # of a histogram
 _TAIL = 0.002  # share of values beyond each end of a histogram
 _DECADES = 30.0  # greatest over least, above which classes are equal in the logarithm
-_APART = 0.5  # between the outer runs, in rows of the differences
 _ROW = 19  # height of a row of the differences [pixels]
 _COLORS = {
     DIFFERS: "series1",
@@ -58,14 +61,14 @@ _BODY = """\
 <p>{% for name, bag in named %}{{ name }}: <code>{{ bag }}</code>{{ ". " if loop.last else "; " }}
 {% endfor %}
 {{ settings }}</p>
-{% if plot %}{{ figure(plot) }}{% else %}
+{% if differences %}{{ figures([differences]) }}{% else %}
 <p class="none">There are too few values to compare.</p>{% endif %}
 {% for section in sections %}
 <details><summary>{{ section.title }}</summary>
 {% if section.text %}<p>{{ section.text }}</p>{% endif %}
 {% for each in section.tables %}{{ table(each.head, each.rows, caption=each.caption) }}
 {% endfor %}
-{% if section.plots %}{{ figures(section.plots) }}{% endif %}
+{% if section.pictures %}{{ figures(section.pictures) }}{% endif %}
 </details>
 {% endfor %}
 """
@@ -82,7 +85,7 @@ class Section(NamedTuple):
     title: str
     text: str = ""
     tables: Sequence[ResultTable] = ()
-    plots: Sequence[Plot] = ()
+    pictures: Sequence[Picture] = ()
 
 
 def write_page(found: Comparison, out: str | os.PathLike[str]) -> None:
@@ -100,30 +103,25 @@ def render(found: Comparison) -> str:
     tables = [table for table in setting_tables(found) if table.rows]
     return render_page(
         _BODY,
-        " and ".join(found.names) if len(found.names) < 3 else f"{len(found.names)} runs",
+        " and ".join(found.names),
         verdict=found.sentence,
-        named=[*zip(found.letters, (drill.path for drill in found.drills), strict=True)],
+        named=[*zip(LETTERS, (drill.path for drill in found.drills), strict=True)],
         settings=f"What differs: {', '.join(texts)}." if texts else "No parameter differs.",
         warnings=[
             *found.warnings,
             *(f"Not compared: {name}: {part}: {reason}" for name, part, reason in parts),
         ],
-        plot=difference_plot(found, windows[0]),
+        differences=difference_picture(found, windows[0]),
         sections=[
             *(_window(found, number, place) for place, number in enumerate(windows)),
             Section("Settings, commands and faults", "", tables),
             Section(
                 "Bits",
                 "Times count from the beginning of each run.",
-                [_bits_table(found, run) for run in range(1, len(found.names))],
+                [_bits_table(found)],
             ),
         ],
     )
-
-
-def label(found: Comparison, number: int) -> str:
-    """Return letter and name of a run."""
-    return f"{found.letters[number]} {found.names[number]:.60}"
 
 
 def _of_window(found: Comparison, number: int) -> list[FigureDifference]:
@@ -139,7 +137,7 @@ def _window(found: Comparison, number: int, place: int) -> Section:
     rows = []
     for name, runs in found.figures[number].items():
         text = shown(name).text
-        for letter, run in zip(found.letters, runs, strict=True):
+        for letter, run in zip(LETTERS, runs, strict=True):
             cells = [NONE] * 6
             for at, figure in enumerate(run.estimates.values() if run else ()):
                 low, high = text(figure.low, unit=False), text(figure.high)
@@ -150,80 +148,82 @@ def _window(found: Comparison, number: int, place: int) -> Section:
     head = ["quantity", "run", "values"]
     head += [text for name in FIGURES.values() for text in (name, "interval")]
     differences = _of_window(found, number)
-    plot = difference_plot(found, number) if place else None
+    pictures = [difference_picture(found, number) if place else None]
+    pictures += distribution_pictures(found, number) if place < _MOST_DRAWN else ()
     return Section(
         f"{window.name[:1].upper()}{window.name[1:]}, {window.spans}: "
         f"{_differing(found, number)} of {len(differences)} figures differ",
         _METHOD,
         [
-            figure_table(found, differences),
+            figure_table(differences),
             ResultTable("Values of each run with their intervals", (*head, "greatest"), rows),
         ],
-        [
-            *([plot] if plot else []),
-            *(distribution_plots(found, number) if place < _MOST_DRAWN else ()),
-        ],
+        [each for each in pictures if each],
     )
 
 
-def _bits_table(found: Comparison, run: int) -> ResultTable:
-    head = ("topic", "bits", "equal", "first difference [s]", "field", "in A", "here", "note")
+def _bits_table(found: Comparison) -> ResultTable:
+    head = ("topic", "bits", "equal", "first difference [s]", "field", "in A", "in B", "note")
     rows = [
         (
             *(each.topic, each.state, str(each.messages)),
             NONE if each.time is None else f"{each.time:.9f}",
             *(text[:80] for text in (each.field, each.reference, each.other, each.note)),
         )
-        for each in found.bits[run - 1]
+        for each in found.bits
     ]
-    return ResultTable(f"{label(found, run)}: {bits_line(found.bits[run - 1])}", head, rows)
+    return ResultTable(f"B: {bits_line(found.bits)}", head, rows)
 
 
-def difference_plot(found: Comparison, number: int) -> Plot | None:
+def difference_picture(found: Comparison, number: int) -> Picture | None:
     """Return the relative differences of a window with their intervals; None without any."""
     differences = _of_window(found, number)
-    rows = [*dict.fromkeys((each.quantity, each.figure) for each in differences)]
-    known = [each for each in differences if math.isfinite(each.relative)]
-    if not known:
+    if not any(math.isfinite(each.relative) for each in differences):
         return None
-    runs = len(found.names) - 1
-    layers: list[Layer] = [Rule("", 0.0)]
-    if found.tolerance:
-        edge = 100.0 * found.tolerance
-        layers.insert(0, Zone("tolerance", -edge, edge))
-    # A layer for each run; if there is one alone, for each decision.
-    groups: dict[tuple[str, str | int], list[FigureDifference]] = {}
-    for each in known:
-        key: tuple[str, str | int] = (each.decision, _COLORS[each.decision])
-        key = (f"{label(found, each.run)} against A", each.run) if runs > 1 else key
-        groups.setdefault(key, []).append(each)
-    for (name, color), group in groups.items():
-        shift = (group[0].run - 0.5 * (runs + 1)) * _APART / max(runs - 1, 1)
-        y = np.array([rows.index((each.quantity, each.figure)) + shift for each in group])
-        percents = [(each.relative, each.relative_low, each.relative_high) for each in group]
-        middle, low, high = 100.0 * np.array(percents).T
-        titles = tuple(" | ".join(row[:-1]) for row in figure_table(found, group).rows)
-        layers.append(
-            Points(name, middle, y, low, high, True, size=7.0, color=color, titles=titles)
-        )
-    columns: tuple[tuple[str, tuple[str, ...]], ...] = ()
-    if runs == 1:
-        cells = zip(*map(texts, differences), strict=True)
-        columns = tuple(zip(("A", "B", "difference", "95 % interval"), cells, strict=True))
-    names = tuple(f"{shown(name).label}, {FIGURES[figure]}" for name, figure in rows)
-    return Plot(
-        "Differences from A, with 95 % intervals",
-        tuple(layers),
-        f"{_differing(found, number)} of {len(differences)} figures differ from A.",
-        y=Axis(categories=names, flipped=True, columns=columns),
-        x=Axis("difference", "%"),
-        height=(_ROW + 7 * (runs - 1)) * len(rows),
-        width=1068,
-    )
+    # Values beside each row: right ends in points, headings, and texts of the rows.
+    columns = ((70, "A"), (140, "B"), (215, "difference"), (335, "95 % interval"))
+    cells = [texts(each) for each in differences]
+
+    def draw(axes: Axes) -> None:
+        if found.tolerance:
+            edge = 100.0 * found.tolerance
+            axes.axvspan(-edge, edge, color=colors()["muted"], alpha=0.16, label="tolerance")
+        axes.axvline(0.0, color=colors()["text"], linewidth=1.3)
+        for decision, color in _COLORS.items():
+            rows = [row for row, each in enumerate(differences) if each.decision == decision]
+            group = [differences[row] for row in rows]
+            ends = [(each.relative, each.relative_low, each.relative_high) for each in group]
+            middle, low, high = 100.0 * np.array(ends).reshape(-1, 3).T
+            known = np.isfinite(middle)
+            if known.any():
+                reach = np.array([middle - low, high - middle])[:, known]
+                style: dict[str, Any] = {"color": colors()[color], "label": decision}
+                places = np.array(rows)[known]
+                axes.errorbar(middle[known], places, 0, reach, "o", ms=5, capsize=2, **style)
+        names = [f"{shown(each.quantity).label}, {FIGURES[each.figure]}" for each in differences]
+        axes.set_yticks(range(len(names)), names)
+        axes.set_ylim(len(names) - 0.4, -0.6)
+        axes.set_xlabel("difference [%]")
+        for column, (place, heading) in enumerate(columns):
+            beside = [(-1, heading), *((row, each[column]) for row, each in enumerate(cells))]
+            for row, text in beside:
+                axes.annotate(
+                    printable(text),
+                    (1.0, row),
+                    (place, 0),
+                    axes.get_yaxis_transform(),
+                    "offset points",
+                    ha="right",
+                    va="center",
+                )
+
+    alt = f"{_differing(found, number)} of {len(differences)} figures differ from A."
+    title = "Differences from A, with 95 % intervals"
+    return picture(title, alt, draw, 90 + _ROW * len(differences), 1068)
 
 
-def distribution_plots(found: Comparison, number: int) -> Iterator[Plot]:
-    """Yield a histogram of each quantity of all runs in a window.
+def distribution_pictures(found: Comparison, number: int) -> Iterator[Picture]:
+    """Yield a histogram of each quantity of both runs in a window.
 
     There is none of a constant, and of a quantity that is averaged over the time.
     """
@@ -233,15 +233,11 @@ def distribution_plots(found: Comparison, number: int) -> Iterator[Plot]:
             continue
         spans = zip(found.values, window.begins, window.ends, strict=True)
         series = [series_of(run, quantity, *span) for run, *span in spans]
-        if plot := _distribution(
-            found, quantity, [np.empty(0) if s is None else s for s in series]
-        ):
-            yield plot
+        if drawn := _distribution(quantity, [np.empty(0) if s is None else s for s in series]):
+            yield drawn
 
 
-def _distribution(
-    found: Comparison, quantity: ComparedQuantity, series: Sequence[np.ndarray]
-) -> Plot | None:
+def _distribution(quantity: ComparedQuantity, series: Sequence[np.ndarray]) -> Picture | None:
     together = np.concatenate(series)
     if not len(together) or not float(together.max()) > float(together.min()):
         return None
@@ -253,15 +249,16 @@ def _distribution(
     if not (np.diff(edges) > 0.0).all():
         return None
     unit = shown(quantity.name)
-    layers, medians = [], []
-    for number, values in enumerate(series):
-        if len(values):
+    held = [(letter, each) for letter, each in zip(LETTERS, series, strict=True) if len(each)]
+
+    def draw(axes: Axes) -> None:
+        for letter, values in held:
             shares = 100.0 * np.histogram(values, edges)[0] / len(values)
-            x, y = np.append(edges, edges[-1]), np.concatenate([shares, shares[-1:], [0.0]])
-            name = label(found, number)
-            layers.append(Line(name, x * unit.scale, y, True, number))
-            medians.append(f"{found.letters[number]} {unit.text(float(np.median(values)))}")
-    axis = Axis("", unit.unit, log=log, low=low * unit.scale, high=high * unit.scale)
+            axes.stairs(shares, edges * unit.scale, label=letter, linewidth=1.4)
+        axes.set_xscale("log" if log else "linear")
+        axes.set_ylim(bottom=0.0)
+        axes.set_xlabel(f"[{unit.unit}]" if unit.unit else "")
+
+    medians = [f"{letter} {unit.text(float(np.median(each)))}" for letter, each in held]
     title = f"{unit.label} [{unit.unit}], share in each class [%]"
-    alt = f"Medians: {', '.join(medians)}."
-    return Plot(title, tuple(layers), alt, Axis(low=0.0), axis, 130, 340)
+    return picture(title, f"Medians: {', '.join(medians)}.", draw)

@@ -27,6 +27,7 @@ from rpud_sim.recorded.compare.values import (
 from rpud_sim.recorded.recorded_drill import RecordedDrill
 from rpud_sim.pages.quantities import NONE, ShownQuantity
 
+LETTERS = "AB"  # of the runs; A is the reference
 _PERCENT = ShownQuantity("relative", "relative difference", "%", 100.0, floor=1e-5)
 
 
@@ -52,22 +53,17 @@ class Comparison:
     versions: tuple[Setting, ...]
     commands: tuple[AlignedEvent, ...]
     faults: tuple[AlignedEvent, ...]
-    bits: tuple[tuple[TopicBits, ...], ...]  # of each run after the first, by topic
+    bits: tuple[TopicBits, ...]  # of the second run, by topic
     windows: tuple[ComparedWindow, ...]
     # of each window, by quantity, of each run; None where a run has no values
     figures: tuple[dict[str, tuple[RunFigures | None, ...]], ...]
-    differences: tuple[FigureDifference, ...]  # of all windows and runs
+    differences: tuple[FigureDifference, ...]  # of all windows
     tolerance: float  # relative difference that does not matter; 0 for none
     warnings: tuple[str, ...]
 
     @property
     def drills(self) -> tuple[RecordedDrill, ...]:
         return tuple(run.drill for run in self.values)
-
-    @property
-    def letters(self) -> str:
-        """Letter of each run; A is the reference."""
-        return "ABCDEF"[: len(self.names)]
 
     @property
     def damaged(self) -> dict[str, dict[str, str]]:
@@ -77,9 +73,9 @@ class Comparison:
 
     @property
     def equal_bits(self) -> bool:
-        """Whether every compared message of every run is equal to that of the reference."""
-        states = [{topic.state for topic in run} for run in self.bits]
-        return all(EQUAL in run and DIFFERENT not in run for run in states)
+        """Whether every compared message is equal to that of the reference."""
+        states = {topic.state for topic in self.bits}
+        return EQUAL in states and DIFFERENT not in states
 
     @property
     def differs(self) -> bool:
@@ -141,12 +137,11 @@ def texts(each: FigureDifference) -> tuple[str, str, str, str]:
 
 def content(found: Comparison) -> dict[str, Any]:
     """Return a comparison for JSON; ``docs/reference/compare.md`` lists its fields."""
-    differences: dict[tuple[int, str, int], list[dict[str, Any]]] = {}
+    differences: dict[tuple[int, str], list[dict[str, Any]]] = {}
     for each in found.differences:
         names = ("difference", "low", "high", "relative", "relative_low", "relative_high", "p")
         plain = {name: getattr(each, name) for name in ("figure", *names, "decision")}
-        differences.setdefault((each.window, each.quantity, each.run), []).append(plain)
-    others = range(1, len(found.names))
+        differences.setdefault((each.window, each.quantity), []).append(plain)
     units = {quantity.name: quantity.unit for quantity in QUANTITIES}
     settings: dict[str, Any] = {
         name: [each._asdict() for each in getattr(found, name)]
@@ -174,7 +169,7 @@ def content(found: Comparison) -> dict[str, Any]:
                 for name, run in zip(found.names, found.values, strict=True)
             ],
             **settings,
-            "bits": [[topic._asdict() for topic in run] for run in found.bits],
+            "bits": [[topic._asdict() for topic in found.bits]],
             "windows": [
                 {
                     **window._asdict(),
@@ -183,9 +178,7 @@ def content(found: Comparison) -> dict[str, Any]:
                             "quantity": name,
                             "unit": units[name],
                             "runs": [run and _plain(run) for run in runs],
-                            "differences": [
-                                differences.get((number, name, run), []) for run in others
-                            ],
+                            "differences": [differences.get((number, name), [])],
                         }
                         for name, runs in found.figures[number].items()
                     ],
@@ -218,11 +211,11 @@ def setting_tables(found: Comparison) -> Iterator[ResultTable]:
     """Yield what differs in how the runs were made, and what was done to them, where any was."""
     for title, settings in (("parameter", found.parameters), ("version", found.versions)):
         rows = [(s.name, *(value or NONE for value in s.values), s.unit) for s in settings]
-        yield ResultTable(f"{title}s that differ", (title, *found.letters, "unit"), rows)
+        yield ResultTable(f"{title}s that differ", (title, *LETTERS, "unit"), rows)
     for title, events in (("command", found.commands), ("fault", found.faults)):
-        head = (title, *(f"{letter} [s]" for letter in found.letters))
+        head = (title, *(f"{letter} [s]" for letter in LETTERS))
         rows = [(each.text, *map(_span, each.times, each.ends)) for each in events]
-        yield ResultTable(f"{title}s of all runs", head, rows)
+        yield ResultTable(f"{title}s of both runs", head, rows)
 
 
 def _span(time: float | None, end: float | None) -> str:
@@ -231,19 +224,18 @@ def _span(time: float | None, end: float | None) -> str:
     return f"{time:.6f}" if end is None else f"{time:.6f} to {end:.6f}"
 
 
-def figure_table(found: Comparison, differences: Iterable[FigureDifference]) -> ResultTable:
-    head = ("quantity", "figure", "run", "A", "value", "difference", "95 % interval", "decision")
+def figure_table(differences: Iterable[FigureDifference]) -> ResultTable:
+    head = ("quantity", "figure", *LETTERS, "difference", "95 % interval", "decision")
     rows = [
         (
             shown(each.quantity).label,
             FIGURES[each.figure],
-            found.letters[each.run],
             *texts(each),
             each.decision if math.isnan(each.p) else f"{each.decision} (p = {each.p:.2g})",
         )
         for each in differences
     ]
-    return ResultTable("Figures of each run, and differences from A", head, rows)
+    return ResultTable("Figures of both runs, and differences from A", head, rows)
 
 
 def bits_line(run: tuple[TopicBits, ...]) -> str:

@@ -1,6 +1,7 @@
-"""Fit: the best point, the targets beside it, and intervals if the model reaches the targets.
+"""Fit: designs in a shrinking region, the best point, the targets beside it, and intervals.
 
-The intervals are proved by fits to synthetic drills with known parameters.
+There is one branch for each combination of choices. The intervals are proved by fits to synthetic
+drills with known parameters.
 """
 
 from __future__ import annotations
@@ -8,41 +9,161 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from scipy import stats
 
-from rpud_sim.foundation.whole_folder import write_whole
-from rpud_sim.studies.fit.posterior import LEVEL, Interval, Ridge, identify, interval_shares
-from rpud_sim.studies.fit.rounds import (
-    CANDIDATE,
-    FINAL,
-    SAMPLING,
-    Branch,
-    FitError,
-    FitFolder,
-    explore,
-    named_points,
-    pool,
-    unfinished,
+from rpud_sim.foundation.quantities import ExpectedError, ParameterError
+from rpud_sim.foundation.whole_folder import whole_file, write_whole
+from rpud_sim.simulation import EngineError
+from rpud_sim.simulation.ensemble import compile_kernels
+from rpud_sim.simulation.versions import engine_versions, version_of
+from rpud_sim.studies.fit.measures import measure
+from rpud_sim.studies.fit.posterior import (
+    IMPOSSIBLE,
+    LEVEL,
+    Emulator,
+    EmulatorError,
+    Interval,
+    Likelihood,
+    Posterior,
+    Region,
+    Ridge,
+    cut_off,
+    identify,
+    interval_shares,
+    sample,
 )
-from rpud_sim.studies.fit.surrogate import Region
 from rpud_sim.studies.fit.target_file import FitSpecification, FitTarget
-from rpud_sim.studies.store import Report
+from rpud_sim.studies.store import Report, StudyStore
+from rpud_sim.studies.workers import check_versions
 
-CANDIDATES = 16  # for the best point
-CANDIDATE_RUNS = 32
 BEST_RUNS = 64
+POOLED = 4096  # points of the posterior over all choices
 _FAR = 3.0  # deviation from which on the model does not reach a target
 _DIGITS = 4  # of the best point, unless its interval is narrower
-
-# Of the proof.
+_CHUNK = 100.0  # simulated time in a chunk [s]: a fraction of a second of work
+_MOST_POINTS = 64  # of a chunk
+_LEAST_PROBABILITY = 1e-4  # of a combination of choices that is followed further
+_PADDING = 0.25  # of the posterior's width, added to the next region on both sides
+_LEAST_WIDTH = 0.01  # of a region
+_TAIL = 0.002
+_SEEN = 0.01  # probability of a combination of choices that an interval depends on
 _MOST_RUNS = 8  # whose mean a synthetic target is
 _CONFIDENCE = 0.99  # of the interval, by Clopper and Pearson, of a covered share
-_DRAWN = 7  # second number of the seeds here; those of a fit are smaller
+
+# What is drawn, as the second number of a seed.
+_DESIGN, _PHASES, _SAMPLING, _FINAL, _PROOF = range(5)
+
+
+class FitError(ExpectedError, RuntimeError):
+    """Fit that has no result; the text gives the reason in one line."""
+
+
+@dataclasses.dataclass(frozen=True)
+class FitChunk:
+    """Points of a design with the same choices."""
+
+    job: str  # name of the design
+    number: int  # of the chunk in it
+    specification: FitSpecification  # of the fit
+    points: Sequence[Mapping[str, Any]]  # values of all unknowns at each point
+    phases: np.ndarray  # initial phases [cycles], shape (points, repeat, conditions)
+    versions: Mapping[str, str]  # of everything that determines the results
+
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """Numbers of points, runs at each, and targets."""
+        points, repeat, _ = self.phases.shape
+        return points, repeat, len(self.specification.targets)
+
+    @property
+    def count(self) -> int:
+        return self.shape[0] * self.shape[1]
+
+
+def simulate(chunk: FitChunk) -> np.ndarray:
+    """Return the targets' measures of all runs, of the chunk's shape; NaN if missing."""
+    check_versions(chunk.versions)
+    specification = chunk.specification
+    found = np.full(chunk.shape, np.nan)
+    for number, condition in enumerate(specification.conditions):
+        places = np.flatnonzero(specification.condition_numbers == number)
+        measures = [specification.targets[i].measure for i in places]
+        for point, values in enumerate(chunk.points):
+            try:
+                configuration = specification.configuration(values, condition)
+                for member, phase in enumerate(chunk.phases[point, :, number].tolist()):
+                    found[point, member, places] = measure(configuration, phase, measures)
+            except (EngineError, ParameterError):
+                continue  # NaN: the emulator leaves such points out
+    return found
+
+
+def fit_versions() -> dict[str, str]:
+    """Return the versions of everything that a fit's results depend on."""
+    return engine_versions() | {name: version_of(name) for name in ("scipy", "emcee")}
+
+
+class FitFolder(StudyStore[FitChunk, np.ndarray]):
+    """Folder of a fit, and the simulations in it."""
+
+    def __init__(
+        self, path: Path, specification: FitSpecification, workers: int, report: Report
+    ) -> None:
+        content = {"specification": dataclasses.asdict(specification), "versions": fit_versions()}
+        super().__init__(path, content, "fit", report)
+        self._specification = specification
+        self._workers = workers
+
+    def simulate(
+        self, job: str, points: Sequence[Mapping[str, Any]], repeat: int, seed: Sequence[int]
+    ) -> np.ndarray:
+        """Return the measures at points, shape (points, repeat, targets).
+
+        Those that an earlier call has simulated for the job of this name are read.
+        """
+        specification = self._specification
+        spread = specification.phase_spread
+        shape = (len(points), repeat, len(specification.conditions))
+        phases = np.mod(np.random.default_rng(seed).uniform(-spread, spread, shape), 1.0)
+        ends: dict[Any, float] = {}
+        for target in specification.targets:
+            ends[target.parameters] = max(ends.get(target.parameters, 0.0), target.measure.end)
+        size = max(1, round(_CHUNK / max(sum(ends.values()) * repeat, 1e-3)))
+        size = min(size, _MOST_POINTS)
+        versions = engine_versions()
+        chunks = [
+            FitChunk(
+                job, number, specification, points[i : i + size], phases[i : i + size], versions
+            )
+            for number, i in enumerate(range(0, len(points), size))
+        ]
+
+        def prepare() -> None:
+            drill = specification.configuration(points[0], specification.conditions[0])
+            compile_kernels(drill)
+
+        self.finish(chunks, simulate, prepare, self._workers)
+        return np.concatenate([np.load(self._path(chunk)) for chunk in chunks])
+
+    def has(self, chunk: FitChunk) -> bool:
+        try:
+            return np.load(self._path(chunk), allow_pickle=False).shape == chunk.shape
+        except (OSError, ValueError, EOFError):
+            return False
+
+    def add(self, chunk: FitChunk, outcome: np.ndarray) -> None:
+        path = self._path(chunk)
+        path.parent.mkdir(exist_ok=True)
+        with whole_file(path) as unfinished, unfinished.open("wb") as file:
+            np.save(file, outcome, allow_pickle=False)
+
+    def _path(self, chunk: FitChunk) -> Path:
+        return self.path / "simulations" / f"{chunk.job}_{chunk.number:05}.npy"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -136,11 +257,122 @@ class Fit:
         return f"{self.misfit(False):.2f} standard deviations{more}"
 
 
+@dataclasses.dataclass
+class Branch:
+    """Progress for one combination of choices."""
+
+    number: int  # of the combination
+    choices: dict[str, Any]  # their values, by name
+    region: Region  # of the present round
+    shares: np.ndarray  # simulated points in it, shape (points, unknowns)
+    figures: np.ndarray  # of their runs, shape (points, repeat, targets)
+    posterior: Posterior = IMPOSSIBLE  # of the unknowns; that if too few points have the figures
+    probability: float = 0.0  # of the combination
+
+
+def explore(folder: FitFolder, specification: FitSpecification, drill: str = "") -> list[Branch]:
+    """Return the probable branches after all rounds.
+
+    ``drill`` is a prefix of the later rounds' files; the first one does not depend on the targets.
+    """
+    count, seed = len(specification.unknowns), specification.seed
+    empty = np.empty((0, specification.repeat, len(specification.targets)))
+    branches = [
+        Branch(number, choices, Region.whole(count), np.empty((0, count)), empty)
+        for number, choices in enumerate(specification.combinations)
+    ]
+    for number in range(specification.rounds):
+        for branch in branches:
+            if number:
+                branch.region = next_region(branch)
+            own = number, branch.number
+            random = np.random.default_rng([seed, _DESIGN, *own])
+            shares = branch.region.points(specification.points, random)
+            figures = folder.simulate(
+                f"{drill if number else ''}round_{number + 1:02}_{branch.number:02}",
+                _named_points(specification, shares, branch.choices),
+                specification.repeat,
+                (seed, _PHASES, *own),
+            )
+            inside = branch.region.holds(branch.shares)
+            branch.shares = np.concatenate([branch.shares[inside], shares])
+            branch.figures = np.concatenate([branch.figures[inside], figures])
+            branch.posterior = _posterior(specification, branch, own)
+        branches = _weigh(branches)
+    return branches
+
+
+def _named_points(
+    specification: FitSpecification, shares: np.ndarray, choices: Mapping[str, Any]
+) -> list[dict[str, Any]]:
+    values = specification.values_at(shares)
+    return [
+        {**{name: column[i].item() for name, column in values.items()}, **choices}
+        for i in range(len(shares))
+    ]
+
+
+def _posterior(specification: FitSpecification, branch: Branch, seed: tuple[int, int]) -> Posterior:
+    groups = specification.condition_numbers
+    try:
+        emulator = Emulator(branch.region, branch.shares, branch.figures, groups)
+    except EmulatorError as error:
+        if len(specification.combinations) == 1:
+            raise FitError(str(error)) from None
+        return IMPOSSIBLE
+    random = np.random.default_rng([specification.seed, _SAMPLING, *seed])
+    return sample(Likelihood(emulator, specification.targets), random)
+
+
+def _weigh(branches: list[Branch]) -> list[Branch]:
+    """Return the branches that are probable enough, with their probabilities."""
+    found = [branch for branch in branches if math.isfinite(branch.posterior.log_evidence)]
+    if not found:
+        raise FitError(
+            "no point between the bounds gives these figures; move the bounds of the unknowns"
+        )
+    logs = np.array([branch.posterior.log_evidence for branch in found])
+    weights = np.exp(logs - logs.max())
+    weights *= weights / weights.sum() >= _LEAST_PROBABILITY
+    for branch, weight in zip(found, weights / weights.sum(), strict=True):
+        branch.probability = float(weight)
+    return [branch for branch in found if branch.probability]
+
+
+def next_region(branch: Branch) -> Region:
+    """Return a box around the posterior; it may also grow where the posterior meets its side."""
+    low, high = np.quantile(branch.posterior.shares, (_TAIL, 1.0 - _TAIL), axis=0)
+    pad = _PADDING * (high - low) + 0.5 * np.maximum(_LEAST_WIDTH - (high - low), 0.0)
+    return Region(np.maximum(low - pad, 0.0), np.minimum(high + pad, 1.0))
+
+
+def unfinished(specification: FitSpecification, branches: list[Branch]) -> list[str]:
+    """Return the unknowns whose posterior the region of the last round cuts off."""
+    found: dict[str, None] = {}
+    for branch in branches:
+        if branch.probability < _SEEN:
+            continue
+        region = branch.region
+        low, high = cut_off(branch.posterior.shares, region.low, region.high)
+        inner = low & (region.low > 0.0) | high & (region.high < 1.0)
+        found |= {n: None for n, cut in zip(specification.unknowns, inner, strict=True) if cut}
+    return list(found)
+
+
+def _pool(branches: list[Branch], random: np.random.Generator) -> np.ndarray:
+    """Return points of all branches' posteriors, each as often as its branch is probable."""
+    numbers = random.multinomial(POOLED, [branch.probability for branch in branches])
+    chosen = [
+        random.choice(branch.posterior.shares, number, axis=0)
+        for branch, number in zip(branches, numbers, strict=True)
+    ]
+    return np.concatenate(chosen)
+
+
 def most_simulations(specification: FitSpecification) -> int:
     """Return the greatest number of runs of a fit."""
     rounds = len(specification.combinations) * specification.rounds
-    designs = rounds * specification.points * specification.repeat
-    return designs + CANDIDATES * CANDIDATE_RUNS + BEST_RUNS
+    return rounds * specification.points * specification.repeat + BEST_RUNS
 
 
 def run_fit(
@@ -155,11 +387,12 @@ def run_fit(
 def fit_in(folder: FitFolder, specification: FitSpecification) -> Fit:
     """Fit the drill in a folder that is held; see ``run_fit``."""
     branches = explore(folder, specification)
-    shares = pool(branches, np.random.default_rng([specification.seed, SAMPLING, 1 << 20]))
+    shares = _pool(branches, np.random.default_rng([specification.seed, _SAMPLING, 1 << 20]))
     branch = max(branches, key=lambda branch: branch.probability)
     box = Region(*interval_shares(shares))
     outside = not box.holds(branch.posterior.shares).any()
-    best, runs = _best(folder, specification, branch, branch.region if outside else box)
+    best = _best(specification, branch, branch.region if outside else box)
+    runs = folder.simulate("best", [best], BEST_RUNS, (specification.seed, _FINAL))[0]
     comparisons = _compared(specification, runs)
     used = [item for item in comparisons if not item.target.hold_out]
     missed = sum(not item.reached for item in used)
@@ -186,27 +419,20 @@ def fit_in(folder: FitFolder, specification: FitSpecification) -> Fit:
     )
 
 
-def _best(
-    folder: FitFolder, specification: FitSpecification, branch: Branch, box: Region
-) -> tuple[dict[str, Any], np.ndarray]:
-    """Return the best point of a box, chosen among candidates by simulation, and its runs."""
-    probable = branch.posterior.shares[np.argsort(-branch.posterior.log_likelihood)]
-    probable = probable[box.holds(probable)]
-    # The most probable one, and others down to the middle of all, ever further apart.
-    places = np.geomspace(1, max(len(probable) // 2, 1), CANDIDATES).astype(int) - 1
-    shares = probable[np.unique(places)]
+def _best(specification: FitSpecification, branch: Branch, box: Region) -> dict[str, Any]:
+    """Return the most probable point of a box, with few digits."""
+    posterior = branch.posterior
+    inside = box.holds(posterior.shares)
+    start = posterior.shares[inside][posterior.log_likelihood[inside].argmax()]
+    assert posterior.likelihood is not None
+    [best] = _named_points(
+        specification, posterior.likelihood.best(start, box)[None], branch.choices
+    )
     low, high = (specification.values_at(side[None]) for side in (box.low, box.high))
-    points = [
-        {
-            name: _rounded(value, low[name].item(), high[name].item()) if name in low else value
-            for name, value in point.items()
-        }
-        for point in named_points(specification, shares, branch.choices)
-    ]
-    seed = specification.seed
-    runs = folder.simulate("candidates", points, CANDIDATE_RUNS, (seed, CANDIDATE))
-    best = points[int(np.argmin([_loss(_compared(specification, figures)) for figures in runs]))]
-    return best, folder.simulate("best", [best], BEST_RUNS, (seed, FINAL))[0]
+    return {
+        name: _rounded(value, low[name].item(), high[name].item()) if name in low else value
+        for name, value in best.items()
+    }
 
 
 def _rounded(value: float, low: float, high: float) -> float:
@@ -220,18 +446,10 @@ def _rounded(value: float, low: float, high: float) -> float:
 
 def _compared(specification: FitSpecification, runs: np.ndarray) -> tuple[TargetComparison, ...]:
     """Return the targets beside runs at one point, shape (runs, targets)."""
-    found = []
-    for target, column in zip(specification.targets, runs.T, strict=True):
-        spread = float(column.std(ddof=1))
-        error = spread / math.sqrt(len(column))
-        found.append(TargetComparison(target, float(column.mean()), error, spread))
-    return tuple(found)
-
-
-def _loss(comparisons: tuple[TargetComparison, ...]) -> float:
-    """Return the sum of squared deviations of the targets; infinite if a run lacks a figure."""
-    total = math.fsum(item.deviation**2 for item in comparisons if not item.target.hold_out)
-    return total if math.isfinite(total) else math.inf
+    spreads = runs.std(axis=0, ddof=1)
+    columns = (runs.mean(axis=0), spreads / math.sqrt(len(runs)), spreads)
+    rows = zip(specification.targets, *(each.tolist() for each in columns), strict=True)
+    return tuple(TargetComparison(*row) for row in rows)
 
 
 def proof_simulations(specification: FitSpecification, drills: int) -> int:
@@ -263,15 +481,15 @@ def _prove(
     folder: FitFolder, specification: FitSpecification, drills: int, report: Report
 ) -> dict[str, Any]:
     runs = _runs(specification)
-    random = np.random.default_rng([specification.seed, _DRAWN])
+    random = np.random.default_rng([specification.seed, _PROOF])
     shares = random.random((drills, len(specification.unknowns)))
     chosen = random.integers(len(specification.combinations), size=drills)
     points = [
         point
         for number, share in zip(chosen, shares, strict=True)
-        for point in named_points(specification, share[None], specification.combinations[number])
+        for point in _named_points(specification, share[None], specification.combinations[number])
     ]
-    figures = folder.simulate(f"proof_{drills}", points, runs, (specification.seed, _DRAWN, 1))
+    figures = folder.simulate(f"proof_{drills}", points, runs, (specification.seed, _PROOF, 1))
     inside, probabilities, refused = [], [], 0
     for i, number in enumerate(chosen):
         report(1)
@@ -286,7 +504,7 @@ def _prove(
         if not branches or unfinished(own, branches):
             refused += 1
             continue
-        low, high = interval_shares(pool(branches, random))
+        low, high = interval_shares(_pool(branches, random))
         inside.append((shares[i] >= low) & (shares[i] <= high))
         probabilities.append(sum(b.probability for b in branches if b.number == number))
     if not inside:

@@ -7,25 +7,25 @@ import io
 import json
 import math
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import yaml
 
 from rpud_sim.foundation.values import finite_values
 from rpud_sim.foundation.whole_folder import write_whole
-from rpud_sim.pages.frame import render_page
-from rpud_sim.pages.plot import Axis, Line, Plot, Rule, Zone
+from rpud_sim.pages.frame import Picture, colors, picture, render_page
 from rpud_sim.pages.quantities import ShownQuantity, quantity_in
 from rpud_sim.simulation.configuration import to_configuration, to_values
-from rpud_sim.studies.fit.fit import BEST_RUNS, Fit, TargetComparison
-from rpud_sim.studies.fit.posterior import LEVEL, PERCENT
-from rpud_sim.studies.fit.rounds import fit_versions
+from rpud_sim.studies.fit.fit import BEST_RUNS, Fit, TargetComparison, fit_versions
+from rpud_sim.studies.fit.posterior import LEVEL, PERCENT, Interval
 from rpud_sim.studies.sweep.specification import unit_of
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 _BINS = 40
 _TAIL = 0.002  # share of the posterior beyond each end of what is shown
-_HEIGHT, _WIDTH = 150, 344  # of a plot of the posterior [pixels]
 
 _BODY = """\
 {% set used = fit.comparisons | rejectattr("target.hold_out") | list | length %}
@@ -44,6 +44,7 @@ Root mean square of the deviations: {{ fit.misfit_text }}.</p>
 {% endfor %}
 {% if singles %}
 <h2>Posterior of the unknown parameters</h2>
+<p class="none">The line is the best point, the band the {{ percent }} interval.</p>
 {{ figures(singles) }}
 {% endif %}
 {% if fit.ridges %}
@@ -83,7 +84,7 @@ def write_fit(fit: Fit, folder: Path, command: str) -> None:
         "Fit of a drill",
         fit=fit,
         command=command,
-        singles=single_plots(fit),
+        singles=posterior_pictures(fit),
         unknowns=unknown_table(fit),
         targets=target_table(fit),
         best_runs=BEST_RUNS,
@@ -170,25 +171,27 @@ def unknown_quantity(fit: Fit, name: str) -> ShownQuantity:
     return dataclasses.replace(quantity_in(unit_of(name), greatest, name), digits=digits)
 
 
-def single_plots(fit: Fit) -> list[Plot]:
+def posterior_pictures(fit: Fit) -> list[Picture]:
     """Return the posterior of every unknown that has an interval; its bounds may be outside."""
-    plots = []
-    for name, interval in fit.intervals.items():
-        shown, samples, best = unknown_quantity(fit, name), fit.samples[name], fit.best[name]
-        ends = [*np.quantile(samples, [_TAIL, 1.0 - _TAIL]).tolist(), best]
-        log = fit.specification.unknowns[name].scale == "log"
-        edges = (np.geomspace if log else np.linspace)(min(ends), max(ends), _BINS + 1)
-        shares = np.histogram(samples, edges)[0] / len(samples)
-        scale = shown.scale
-        layers = (
-            Zone(f"{PERCENT} interval", scale * interval.low, scale * interval.high),
-            Line("posterior", scale * edges, np.append(shares, 0.0), steps=True),
-            Rule("best point", scale * best, "series1"),
-        )
-        alt = f"Best point {shown.text(best)}, {PERCENT} interval {_ends(fit, name)}."
-        axes = Axis(low=0.0), Axis(name, shown.unit, log)
-        plots.append(Plot(name, layers, alt, *axes, _HEIGHT, _WIDTH))
-    return plots
+    return [_posterior_picture(fit, name, interval) for name, interval in fit.intervals.items()]
+
+
+def _posterior_picture(fit: Fit, name: str, interval: Interval) -> Picture:
+    shown, samples, best = unknown_quantity(fit, name), fit.samples[name], fit.best[name]
+    ends = [*np.quantile(samples, [_TAIL, 1.0 - _TAIL]).tolist(), best]
+    log = fit.specification.unknowns[name].scale == "log"
+    edges = (np.geomspace if log else np.linspace)(min(ends), max(ends), _BINS + 1)
+    shares = np.histogram(samples, edges)[0] / len(samples)
+
+    def draw(axes: Axes) -> None:
+        color, scale = colors(), shown.scale
+        axes.axvspan(scale * interval.low, scale * interval.high, color=color["muted"], alpha=0.16)
+        axes.stairs(shares, scale * edges, linewidth=1.4)
+        axes.axvline(scale * best, color=color["series1"], linewidth=1.3)
+        axes.set_ylim(bottom=0.0)
+
+    alt = f"Best point {shown.text(best)}, {PERCENT} interval {_ends(fit, name)}."
+    return picture(f"{name} [{shown.unit}]" if shown.unit else name, alt, draw)
 
 
 def target_table(fit: Fit) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:

@@ -14,7 +14,6 @@ from rpud_sim.model.contact import single_contact
 from rpud_sim.model.segment import IMPACT, join_records
 from rpud_sim.simulation.block import Block
 from rpud_sim.simulation.configuration import Configuration
-from rpud_sim.simulation.ensemble import EnsembleRuns, runs_by_itself
 from rpud_sim.simulation.sampling import Times
 from rpud_sim.simulation.simulation import Simulation
 from rpud_sim.simulation.statistics import FIGURES, Statistics
@@ -150,23 +149,15 @@ def _simulate(
     figures: set[str],
 ) -> None:
     """Fill windows with a run, which is advanced from one of their edges to the next."""
-    run: Simulation | EnsembleRuns
-    quiet = runs_by_itself(configuration) and figures.isdisjoint(_CHANNELS)
-    run = EnsembleRuns(configuration, (phase,)) if quiet else Simulation(configuration, phase)
+    run = Simulation(configuration, phase)
     turns = "torque" in figures and configuration.rotation.rotation_model != "none"
     for start, end in itertools.pairwise(sorted({0, *itertools.chain(*windows)})):
         depth, statistics = run.depth, Statistics()
-        blocks: list[Block] = []
-        if isinstance(run, EnsembleRuns):  # it keeps no blocks, because nothing in it is sampled
-            records = [run.advance_to(end, statistics)]
-        else:
-            between = range(start + _TORQUE_INTERVAL, end, _TORQUE_INTERVAL) if turns else ()
-            blocks = [run.advance_to(time) for time in (*between, end)]
-            for block in blocks:
-                statistics.add(block)
-            records = [block.impacts for block in blocks]
-        # A copy by bytes: NumPy copies structures field by field.
-        impacts = join_records(records, IMPACT)
+        between = range(start + _TORQUE_INTERVAL, end, _TORQUE_INTERVAL) if turns else ()
+        blocks = [run.advance_to(time) for time in (*between, end)]
+        for block in blocks:
+            statistics.add(block)
+        impacts = join_records([block.impacts for block in blocks], IMPACT)
         for (first, last), window in windows.items():
             if first <= start and end <= last:
                 window.parts.append(statistics)

@@ -1,10 +1,7 @@
 """Posterior distribution of the unknowns, and what it determines: intervals and ridges.
 
-It is sampled with a surrogate by sequential Monte Carlo.
-
-Particles begin evenly between the bounds. The likelihood is switched on in steps; after each step
-the particles are drawn again by their weights and moved by a Metropolis random walk. The method
-follows ridges and separate peaks, and gives the evidence for each combination of choices.
+Radial basis functions of SciPy stand for the simulated figures in a region, and emcee samples the
+posterior with them, from a flat prior.
 """
 
 from __future__ import annotations
@@ -14,155 +11,234 @@ import itertools
 import math
 from collections.abc import Mapping
 
+import emcee
 import numpy as np
-from scipy import special, stats
+from scipy import linalg, optimize, special, stats
+from scipy.interpolate import RBFInterpolator
+from scipy.spatial import KDTree
 from scipy.stats import qmc
 
-from rpud_sim.studies.fit.surrogate import Surrogate
 from rpud_sim.studies.fit.target_file import FitTarget
 from rpud_sim.studies.sweep.specification import Range
 
 LEVEL = 0.95  # of the intervals
 PERCENT = f"{100.0 * LEVEL:g} %"
+WALKERS = 128  # of emcee
+BURN_IN, STEPS, THIN = 400, 640, 20  # of each walker; every twentieth step is kept
+_STARTS = 2**13  # points from which the best become walkers
+_FOLDS = 5  # of the points, for the error of the emulator
+_SMOOTHINGS = (1e-4, 1e-2, 1.0, 1e2, 1e4)  # of an emulator; the last is nearly its polynomial
+_MOST_TERMS = 0.3  # of the emulator's polynomial, per point
 _TAIL = 0.5 * (1.0 - LEVEL)
 # Distance of the interval from a side, over its width, below which the side cuts the posterior off:
 # a normal distribution has a third of its peak there.
 _CUT_OFF = 0.05
 _WIDE, _NARROW = 0.8, 0.4  # width of an interval over that between the bounds
 _RIDGE = 0.6  # rank correlation from which on two unknowns form a ridge
-_MOVES = 6  # of the random walk after each step
-_KEPT = 0.5  # effective share of the particles that a step leaves
-_MOST_STEPS = 100
+
+
+@dataclasses.dataclass(frozen=True)
+class Region:
+    """Box in the space of the unknowns, as shares of the range from low to high bounds."""
+
+    low: np.ndarray  # shape (unknowns,)
+    high: np.ndarray  # shape (unknowns,)
+
+    @staticmethod
+    def whole(count: int) -> Region:
+        return Region(np.zeros(count), np.ones(count))
+
+    def holds(self, shares: np.ndarray) -> np.ndarray:
+        """Return which points are inside, shape (n,)."""
+        return np.all((shares >= self.low) & (shares <= self.high), axis=1)
+
+    def points(self, count: int, random: np.random.Generator) -> np.ndarray:
+        """Return a scrambled Sobol design in the region, shape of ``count``, a power of two."""
+        sequence = qmc.Sobol(len(self.low), seed=random)
+        unit = sequence.random_base2(count.bit_length() - 1)
+        return self.low + unit * (self.high - self.low)
+
+    def to_unit(self, shares: np.ndarray) -> np.ndarray:
+        """Return points of the region, stretched to the unit cube."""
+        return (shares - self.low) / (self.high - self.low)
+
+
+class EmulatorError(ValueError):
+    """Design that no emulator can be made of; the text gives the reason in one line."""
+
+
+class Emulator:
+    """Mean figures over a region; figures that are positive everywhere by their logarithm.
+
+    The smoothing of each figure, and the error, come from leaving out a fifth of the points at a
+    time. ``shares`` have shape (points, unknowns), the runs' ``figures`` (points, repeat, figures),
+    NaN if missing. ``groups`` are the conditions of the figures: runs of two conditions are
+    independent.
+    """
+
+    def __init__(
+        self, region: Region, shares: np.ndarray, figures: np.ndarray, groups: np.ndarray
+    ) -> None:
+        self._valid = np.isfinite(figures).all(axis=(1, 2))
+        fewest = 4 * (shares.shape[1] + 1)
+        if np.count_nonzero(self._valid) < fewest:
+            raise EmulatorError(
+                f"{np.count_nonzero(self._valid)} of {len(self._valid)} points have all figures; "
+                f"at least {fewest} are needed: move the bounds of the unknowns, or use more points"
+            )
+        self.region = region
+        unit = region.to_unit(shares)
+        self._points = KDTree(unit)
+        unit, figures = unit[self._valid], figures[self._valid]
+        self.logarithmic = np.asarray((figures > 0.0).all(axis=(0, 1)))
+        runs = self.transform(figures)
+        means = runs.mean(axis=1)
+        repeat = runs.shape[1]
+        apart = (runs - means[:, None]).reshape(-1, runs.shape[-1])
+        same = groups[:, None] == groups
+        # Covariance of the figures of one run, by chance.
+        self.chance = same * (apart.T @ apart) / (len(means) * (repeat - 1))
+        np.fill_diagonal(self.chance, np.maximum(np.diag(self.chance), 1e-30))
+        residuals = np.array([self._left_out(unit, means, each) for each in _SMOOTHINGS])
+        best = (residuals**2).mean(axis=1).argmin(axis=0)
+        self._models = [
+            (best == number, _interpolator(unit, means[:, best == number], smoothing))
+            for number, smoothing in enumerate(_SMOOTHINGS)
+            if (best == number).any()
+        ]
+        left = np.take_along_axis(residuals, best[None, None], axis=0)[0]
+        # The points that were left out have the chance of their runs as well.
+        own = np.diag(self.chance) / repeat
+        deviation = np.sqrt(np.maximum((left**2).mean(axis=0) - own, 0.02 * own + 1e-14))
+        correlation = 0.98 * np.atleast_2d(np.corrcoef(left + 1e-15, rowvar=False))
+        np.fill_diagonal(correlation, 1.0)
+        self.error = np.nan_to_num(correlation) * deviation * deviation[:, None]
+
+    @staticmethod
+    def _left_out(unit: np.ndarray, means: np.ndarray, smoothing: float) -> np.ndarray:
+        """Return the errors at points that are left out, a part at a time, shape of the means."""
+        residuals = np.empty_like(means)
+        parts = np.arange(len(unit)) % _FOLDS
+        for part in range(_FOLDS):
+            out = parts == part
+            model = _interpolator(unit[~out], means[~out], smoothing)
+            residuals[out] = means[out] - model(unit[out])
+        return residuals
+
+    def transform(self, figures: np.ndarray) -> np.ndarray:
+        """Return figures, the last axis, as they are emulated; NaN without a logarithm."""
+        with np.errstate(invalid="ignore", divide="ignore"):
+            logs = np.where(figures > 0.0, np.log(figures), np.nan)
+        return np.where(self.logarithmic, logs, figures)
+
+    def __call__(self, shares: np.ndarray) -> np.ndarray:
+        """Return the mean figures at points, as they are emulated, shape (n, figures)."""
+        unit, mean = self.region.to_unit(shares), np.empty((len(shares), len(self.logarithmic)))
+        for columns, model in self._models:
+            mean[:, columns] = model(unit)
+        return mean
+
+    def supports(self, shares: np.ndarray) -> np.ndarray:
+        """Return at which points it is valid, shape (n,)."""
+        inside = self.region.holds(shares)
+        if not self._valid.all() and inside.any():
+            nearest = self._points.query(self.region.to_unit(shares[inside]))[1]
+            inside[inside] = self._valid[nearest]
+        return inside
+
+
+def _interpolator(unit: np.ndarray, values: np.ndarray, smoothing: float) -> RBFInterpolator:
+    degree = 3
+    while math.comb(unit.shape[1] + degree, degree) > _MOST_TERMS * len(unit):
+        degree -= 1
+    return RBFInterpolator(unit, values, smoothing=smoothing, kernel="cubic", degree=max(degree, 1))
 
 
 class Likelihood:
-    """Logarithm of the likelihood of the targets, from a surrogate.
+    """Logarithm of the likelihood of the targets at points; minus infinity where it is unknown.
 
     The error of a figure has three parts: the tolerance of its target, the chance of the runs whose
-    mean the target is, and the surrogate's own error. The parts of data show its chance as well, so
-    the greater of both counts. Chance is correlated as between the figures of a run.
+    mean the target is, and the emulator's own error. The parts of data show its chance as well, so
+    the greater of both counts.
     """
 
-    def __init__(self, surrogate: Surrogate, targets: tuple[FitTarget, ...]) -> None:
-        self.surrogate = surrogate
-        values = np.array([target.value for target in targets])
+    def __init__(self, emulator: Emulator, targets: tuple[FitTarget, ...]) -> None:
+        self.emulator = emulator
         self._used = np.array([not target.hold_out for target in targets])
-        self._runs = np.array([float(target.runs) for target in targets])
-        # standard deviations of the targets' errors, as the figures are fitted
-        safe = np.where((values == 0.0) | ~surrogate.logarithmic, 1.0, np.abs(values))
-        self._tolerance = np.array([target.tolerance for target in targets]) / safe
-        self._sampling = np.array([target.sampling or 0.0 for target in targets]) / safe
-        self._values = surrogate.transform(values)
-
-    def expected(self, shares: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return mean and covariance of the targets, as they are fitted, by point.
-
-        The logarithm of a mean over runs is above the mean of their logarithms.
-        """
-        mean, spread = self.surrogate.predict(shares)
-        raised = 0.5 * spread**2 * (1.0 - 1.0 / self._runs)
-        mean = mean + np.where(self.surrogate.logarithmic, np.minimum(raised, 0.5), 0.0)
-        chance = np.maximum(spread / np.sqrt(self._runs), self._sampling)
-        covariance = (
-            chance[:, :, None] * chance[:, None, :] * self.surrogate.correlation
-            + self.surrogate.error
-            + np.diag(self._tolerance**2)
-        )
-        return mean, covariance
+        values = np.array([target.value for target in targets])
+        runs = np.array([float(target.runs) for target in targets])
+        logarithmic = emulator.logarithmic
+        # Standard deviations of the targets' errors, as the figures are emulated.
+        safe = np.where((values == 0.0) | ~logarithmic, 1.0, np.abs(values))
+        tolerance = np.array([target.tolerance for target in targets]) / safe
+        sampling = np.array([target.sampling or 0.0 for target in targets]) / safe
+        spread = np.sqrt(np.diag(emulator.chance))
+        chance = np.maximum(spread / np.sqrt(runs), sampling) / spread
+        covariance = emulator.chance * chance * chance[:, None] + emulator.error
+        covariance += np.diag(tolerance**2)
+        # The logarithm of a mean over runs is above the mean of their logarithms.
+        raised = np.minimum(0.5 * spread**2 * (1.0 - 1.0 / runs), 0.5)
+        self._values = emulator.transform(values) - np.where(logarithmic, raised, 0.0)
+        self._lower = linalg.cholesky(covariance[np.ix_(self._used, self._used)], lower=True)
+        size = int(self._used.sum())
+        self._constant = float(np.log(np.diag(self._lower)).sum())
+        self._constant += 0.5 * size * math.log(2.0 * math.pi)
 
     def __call__(self, shares: np.ndarray) -> np.ndarray:
-        """Return the logarithm at each point, minus infinity where the surrogate is not valid."""
         result = np.full(len(shares), -np.inf)
-        inside = self.surrogate.supports(shares)
+        inside = self.emulator.supports(shares)
         # A figure that is positive everywhere cannot have a target that is not.
-        if not (np.isfinite(self._values[self._used]).all() and inside.any()):
-            return result
-        mean, covariance = self.expected(shares[inside])
-        used = self._used
-        difference = (self._values - mean)[:, used]
-        lower = np.linalg.cholesky(covariance[:, used][:, :, used])
-        whitened = np.linalg.solve(lower, difference[:, :, None])[:, :, 0]
-        diagonal = np.diagonal(lower, axis1=1, axis2=2)
-        constant = 0.5 * used.sum() * math.log(2.0 * math.pi)
-        result[inside] = -0.5 * (whitened**2).sum(axis=1) - np.log(diagonal).sum(axis=1) - constant
+        if np.isfinite(self._values[self._used]).all() and inside.any():
+            difference = (self._values - self.emulator(shares[inside]))[:, self._used]
+            whitened = linalg.solve_triangular(self._lower, difference.T, lower=True)
+            result[inside] = -0.5 * (whitened**2).sum(axis=0) - self._constant
         return result
+
+    def best(self, start: np.ndarray, box: Region) -> np.ndarray:
+        """Return the point of the greatest likelihood in a box, near a start inside."""
+        bounds = [*zip(box.low, box.high, strict=True)]
+        found = optimize.minimize(
+            lambda point: -min(max(float(self(point[None])[0]), -1e300), 1e300),
+            start,
+            method="Nelder-Mead",
+            bounds=bounds,
+        )
+        return np.asarray(found.x)
 
 
 @dataclasses.dataclass(frozen=True)
 class Posterior:
     """Sampled posterior distribution for one combination of choices."""
 
-    shares: np.ndarray  # equally probable points, shape (particles, unknowns)
+    shares: np.ndarray  # equally probable points, shape (samples, unknowns)
     log_likelihood: np.ndarray  # at each
-    log_evidence: float  # logarithm of the mean likelihood between all bounds
+    log_evidence: float = -math.inf  # logarithm of the mean likelihood between all bounds
+    likelihood: Likelihood | None = None
 
 
-IMPOSSIBLE = Posterior(np.empty((0, 0)), np.empty(0), -math.inf)
+IMPOSSIBLE = Posterior(np.empty((0, 0)), np.empty(0))
 """Posterior of choices that cannot be."""
 
 
-def sample(likelihood: Likelihood, particles: int, random: np.random.Generator) -> Posterior:
-    """Return the posterior for even prior probability; ``particles`` is a power of two."""
-    region = likelihood.surrogate.region
-    unknowns = len(region.low)
-    sequence = qmc.Sobol(unknowns, seed=random)
-    shares = region.from_unit(sequence.random_base2(particles.bit_length() - 1))
-    logs = likelihood(shares)
-    evidence = float(np.log(region.high - region.low).sum())
-    if not np.isfinite(logs).any():
-        return Posterior(shares, logs, -math.inf)
-    power = 0.0
-    scale = 2.38 / math.sqrt(unknowns)
-    for _ in range(_MOST_STEPS):
-        step = _step(logs, power)
-        weights = special.softmax(step * logs)
-        evidence += float(special.logsumexp(step * logs)) - math.log(len(logs))
-        power += step
-        chosen = _systematic(weights, random)
-        deviation = shares - weights @ shares
-        covariance = (weights[:, None] * deviation).T @ deviation
-        shares, logs = shares[chosen], logs[chosen]
-        # Flat directions keep a small width.
-        flat = np.diag((1e-6 * (region.high - region.low)) ** 2)
-        lower = np.linalg.cholesky(covariance + flat)
-        for _ in range(_MOVES):
-            moved = shares + scale * random.standard_normal(shares.shape) @ lower.T
-            new = likelihood(moved)
-            ratio = power * (np.where(np.isfinite(new), new, -1e300) - logs)
-            accepted = np.log(random.random(len(shares))) < ratio
-            shares[accepted], logs[accepted] = moved[accepted], new[accepted]
-            rate = float(accepted.mean())
-            scale = float(np.clip(scale * math.exp(rate - 0.3), 0.02, 3.0))
-        if power >= 1.0:
-            break
-    return Posterior(shares, logs, evidence)
-
-
-def _step(logs: np.ndarray, power: float) -> float:
-    """Return the step of the power that leaves the wanted effective share of the particles."""
-    rest = 1.0 - power
-    usable = np.isfinite(logs).mean()
-
-    def effective(step: float) -> float:
-        weights = special.softmax(step * logs)
-        return float(1.0 / (weights**2).sum() / len(weights) / usable)
-
-    if effective(rest) >= _KEPT:
-        return rest
-    low, high = 0.0, rest
-    for _ in range(60):
-        middle = 0.5 * (low + high)
-        if effective(middle) >= _KEPT:
-            low = middle
-        else:
-            high = middle
-    return max(low, 1e-12)
-
-
-def _systematic(weights: np.ndarray, random: np.random.Generator) -> np.ndarray:
-    """Return the numbers of the particles that are drawn, by systematic resampling."""
-    places = (np.arange(len(weights)) + random.random()) / len(weights)
-    return np.minimum(np.searchsorted(np.cumsum(weights), places), len(weights) - 1)
+def sample(likelihood: Likelihood, random: np.random.Generator) -> Posterior:
+    """Return the posterior for even prior probability."""
+    starts = likelihood.emulator.region.points(_STARTS, random)
+    logs = likelihood(starts)
+    if np.count_nonzero(np.isfinite(logs)) < WALKERS:
+        return IMPOSSIBLE
+    chosen = starts[np.argsort(-logs)[:WALKERS]]
+    count = starts.shape[1]
+    sampler = emcee.EnsembleSampler(WALKERS, count, likelihood, vectorize=True)
+    state = np.random.RandomState(int(random.integers(2**32))).get_state()
+    sampler.run_mcmc(emcee.State(chosen, random_state=state), BURN_IN + STEPS)
+    shares = sampler.get_chain(discard=BURN_IN, thin=THIN, flat=True)
+    found = sampler.get_log_prob(discard=BURN_IN, thin=THIN, flat=True)
+    # Importance sampling from a smooth copy of the samples.
+    kernel = stats.gaussian_kde(shares.T)
+    drawn = kernel.resample(len(shares), seed=random)
+    ratios = likelihood(drawn.T) - kernel.logpdf(drawn)
+    evidence = float(special.logsumexp(ratios)) - math.log(len(ratios))
+    return Posterior(shares, found, evidence, likelihood)
 
 
 @dataclasses.dataclass(frozen=True)

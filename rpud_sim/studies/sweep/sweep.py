@@ -16,7 +16,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from rpud_sim.foundation.whole_folder import whole_file, whole_folder, write_whole
-from rpud_sim.simulation.ensemble import compile_kernels, compile_members
+from rpud_sim.simulation.ensemble import compile_kernels
 from rpud_sim.simulation.versions import engine_versions, version_of
 from rpud_sim.studies.store import Report, StudyStore
 from rpud_sim.studies.sweep.chunks import (
@@ -67,9 +67,7 @@ def run_sweep(
     def prepare() -> None:  # each process of this machine would compile the same
         if scheduler is None:
             drill = sweep.configuration({name: each[0].item() for name, each in points.items()})
-            compile_members(drill)
-            if sweep.faults or sweep.bags:
-                compile_kernels(drill, messages=bool(sweep.bags))
+            compile_kernels(drill, messages=bool(sweep.bags))
 
     with folder.held():
         folder.finish(make_chunks(sweep, points), simulate, prepare, workers, scheduler)

@@ -5,22 +5,24 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from types import MappingProxyType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy import stats
 
-from rpud_sim.pages.frame import render_page
-from rpud_sim.pages.plot import Axis, Plot, Points
+from rpud_sim.pages.frame import Picture, colors, picture, render_page
 from rpud_sim.pages.quantities import ShownQuantity, figure_quantity, number_text, quantity_in
 from rpud_sim.studies.sweep.indices import independent
 from rpud_sim.studies.sweep.specification import Range, SweepSpecification, Values, unit_of
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
 _MOST_CLASSES = 12
 _CONFIDENCE = 0.95
-_MOST_DOTS = 20_000  # of all plots: a dot takes a dozen bytes of the page
-_MOST_PLOT_DOTS = 500
-_HEIGHT, _WIDTH = 150, 344  # of a plot [pixels]
+_MOST_DOTS = 8_000  # of all pictures: a dot takes a hundred bytes of the page
+_MOST_PLOT_DOTS = 300
+_HEIGHT = 190  # of a picture [pixels]
 _ROW = 17  # height of a word [pixels]
 # They come first; so many figures are open on the page.
 _HEADLINES = (
@@ -93,10 +95,10 @@ def sweep_page(
             (name, _values(spread), unit_of(name))
             for name, spread in (sweep.axes | dict(sweep.fixed)).items()
         ],
-        shares=[share_plot(name, item) for name, item in found.items()],
+        shares=[share_picture(name, item) for name, item in found.items()],
         missing=[(name, item["missing"]) for name, item in indices.items() if "missing" in item],
         plots=[
-            (figure, [point_plot(sweep, points, name, figure) for name in sweep.axes])
+            (figure, [point_picture(sweep, points, name, figure) for name in sweep.axes])
             for figure in figures
         ],
         open=_OPEN,
@@ -114,56 +116,63 @@ def _values(spread: Any) -> str:
     return f"{number_text(spread.minimum)} to {number_text(spread.maximum)}{count}{scale}"
 
 
-def point_plot(
+def point_picture(
     sweep: SweepSpecification, points: Mapping[str, np.ndarray], name: str, figure: str
-) -> Plot:
-    """Return the plot of a figure over an axis; words of an axis stand below each other."""
+) -> Picture:
+    """Return the picture of a figure over an axis; words of an axis stand below each other."""
     points = independent(sweep, points)
     spread, shown, along = sweep.axes[name], figure_quantity(figure), axis_quantity(sweep, name)
     choices = _is_choice(spread)
     found = np.array(list(marginal_means(sweep, points, name, figure))).reshape(-1, 3)
-    at, mean, half = found.T
+    at, mean, half = found.T * np.array([along.scale, shown.scale, shown.scale])[:, None]
     plots = len(sweep.axes) * len(sweep.figures)
     every = -(-len(points["point"]) // max(1, min(_MOST_PLOT_DOTS, _MOST_DOTS // plots)))
-    places = _places(points[name], spread)[::every]
-    dots = along.scale * places, shown.scale * points[figure][::every]
-    marks = along.scale * at, shown.scale * mean
-    if choices:
-        dots, marks = dots[::-1], marks[::-1]
-    ends = shown.scale * (mean - half), shown.scale * (mean + half)
-    label = "mean with its 95 % interval"
-    layers = (
-        Points("single points", *dots, size=2.5, color="muted"),
-        Points(label, *marks, *ends, across=choices, joined=not choices),
-    )
+    places = along.scale * _places(points[name], spread)[::every]
+    values = shown.scale * points[figure][::every]
+    words = tuple(map(str, spread.levels())) if choices else ()
+
+    def draw(axes: Axes) -> None:
+        dots, marks = (places, values), (at, mean)
+        color, label = colors(), f"{figure} [{shown.unit}]" if shown.unit else figure
+        if choices:
+            axes.plot(*dots[::-1], ".", ms=3, color=color["muted"], alpha=0.5)
+            axes.errorbar(*marks[::-1], xerr=half, fmt="o", ms=4, capsize=2)
+            axes.set_yticks(range(len(words)), words)
+            axes.set_ylim(len(words) - 0.4, -0.6)
+            axes.set_xlabel(label)
+            return
+        if isinstance(spread, Range) and spread.scale == "log":
+            axes.set_xscale("log")
+        axes.plot(*dots, ".", ms=3, color=color["muted"], alpha=0.5)
+        axes.errorbar(*marks, yerr=half, fmt="o-", ms=4, capsize=2)
+        axes.set_xlabel(f"{name} [{along.unit}]" if along.unit else name)
+
     alt = "No point has this figure."
     if len(mean):
-        alt = f"Mean from {shown.text(mean.min())} to {shown.text(mean.max())}."
-    if choices:
-        words = tuple(map(str, spread.levels()))
-        axes = Axis(categories=words, flipped=True), Axis(figure, shown.unit)
-        title, height = f"{figure} by {name}", max(_HEIGHT, _ROW * len(words))
-        return Plot(title, layers, alt, *axes, height, _WIDTH)
-    log = isinstance(spread, Range) and spread.scale == "log"
-    axes = Axis(unit=shown.unit), Axis(name, along.unit, log)
-    return Plot(figure, layers, alt, *axes, _HEIGHT, _WIDTH)
+        ends = (shown.text(value / shown.scale) for value in (mean.min(), mean.max()))
+        alt = f"Mean from {' to '.join(ends)}."
+    title = f"{figure} by {name}" if choices else f"{figure} [{shown.unit}]"
+    return picture(title, alt, draw, max(_HEIGHT, 70 + _ROW * len(words)))
 
 
-def share_plot(figure: str, item: Mapping[str, Any]) -> Plot:
+def share_picture(figure: str, item: Mapping[str, Any]) -> Picture:
     """Return the shares of a figure's variance that inputs cause, the greatest first."""
     causes = sorted(item["inputs"].items(), key=lambda each: -each[1]["total"])
     names = (*(name for name, _ in causes), "noise")
     rows: list[Sequence[float]] = [(s["total"], *s["total_interval"]) for _, s in causes]
     value, low, high = np.array([*rows, (item["noise_share"], *item["noise_share_interval"])]).T
-    places = np.arange(len(names), dtype=float)
-    alone = np.array([share["first"] for _, share in causes])
-    layers = (
-        Points("in all, with its 95 % interval", value, places, low, high, across=True),
-        Points("alone", alone, places[:-1] + 0.25, size=5.0, color="muted"),
-    )
+    alone = [share["first"] for _, share in causes]
+
+    def draw(axes: Axes) -> None:
+        places, reach = np.arange(len(names)), np.maximum([value - low, high - value], 0.0)
+        axes.errorbar(value, places, xerr=reach, fmt="o", ms=5, capsize=2, label="in all")
+        axes.plot(alone, places[:-1] + 0.25, "o", ms=4, color=colors()["muted"], label="alone")
+        axes.set_yticks(places, names)
+        axes.set_ylim(len(names) - 0.4, -0.6)
+        axes.set_xlabel("share of the variance")
+
     alt = f"Greatest share: {names[0]} with {value[0]:.2f}; noise {value[-1]:.2f}."
-    axes = Axis(categories=names, flipped=True), Axis("share of the variance")
-    return Plot(figure, layers, alt, *axes, _ROW * len(names), _WIDTH)
+    return picture(figure, alt, draw, 90 + _ROW * len(names))
 
 
 def _is_choice(spread: Range | Values) -> bool:

@@ -16,7 +16,7 @@ from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.columns import to_plain
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.foundation.time import SECOND
-from rpud_sim.recorded import InspectionError, recorded_topics
+from rpud_sim.recorded import RecordingError, recorded_topics
 from rpud_sim.recorded.compare import compare
 from rpud_sim.recorded.compare import page as pages
 from rpud_sim.recorded.compare.estimates import DIFFERS
@@ -207,17 +207,17 @@ def test_a_run_of_several_is_chosen(made, tmp_path):
     assert not found.equal_bits
     assert found.names == (f"{path} /rpud run 1", f"{path} /rpud run 2")
     assert found.values[1].begin < 0.1
-    with pytest.raises(InspectionError, match=r"run = 3 is outside its range \[1, 2\]"):
+    with pytest.raises(RecordingError, match=r"run = 3 is outside its range \[1, 2\]"):
         compare([path, path], run_numbers=[3])
 
 
 def test_a_drill_of_several_is_chosen(made, tmp_path):
     path = merged(tmp_path / "both", (made / "a", 0, "/left"), (made / "other", 0, "/right"))
     with pytest.raises(
-        InspectionError, match="several drills: choose --namespace of /left, /right"
+        RecordingError, match="several drills: choose --namespace of /left, /right"
     ):
         compare([path, made / "a"])
-    with pytest.raises(InspectionError, match="did you mean /left"):
+    with pytest.raises(RecordingError, match="did you mean /left"):
         compare([path, made / "a"], namespaces=["lefd", None])
     assert compare([path, made / "a"], namespaces=["left", None]).equal_bits
     assert not compare([path, path], namespaces=["/left", "/right/"]).equal_bits
