@@ -14,4 +14,4 @@ def parse_specification(content):
 
 def parse_targets(content, folder=Path()):
     """Return the fit that plain values describe; the paths in it begin at a folder."""
-    return target_file.specification_of(cursor_at(content, "FILE"), folder)
+    return target_file.specification_of(cursor_at(content, str(folder / "FILE")))

@@ -24,6 +24,7 @@ from rpud_sim.foundation.quantities import (
     shown,
     text,
 )
+from rpud_sim.foundation.schema import key, list_of, name_in, read
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.foundation.values import Shared
 from rpud_sim.foundation.yaml_files import Cursor, cursor_at, open_yaml, parse_yaml
@@ -74,7 +75,10 @@ class Layer(ParameterGroup):
 # What a layer of a file may state, in the order of the documentation.
 LAYER_QUANTITIES: Mapping[str, Quantity] = quantities(Layer)
 STRENGTH = LAYER_QUANTITIES["strength"]
-_LAYER_KEYS = (*LAYER_QUANTITIES, "name", "rock")
+_LAYER_KEYS = {
+    **{name: declaration.allowed for name, declaration in declarations(Layer).items()},
+    "rock": name_in(ROCKS, "a rock"),
+}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -121,8 +125,6 @@ class Strata(Shared):
 
 
 def preset_layer(rock: str, depth_from: float = 0.0) -> Layer:
-    if not (isinstance(rock, str) and rock in ROCKS):
-        raise ParameterError(f"rock = {shown(rock)} is unknown; {did_you_mean(rock, ROCKS)}")
     return Layer(name=rock, depth_from=depth_from, **ROCKS[rock])
 
 
@@ -169,27 +171,26 @@ def find_strata(choice: str) -> Strata:
     return _strata_at(open_yaml(choice))
 
 
-def _strata_at(content: Cursor) -> Strata:
-    content.file_mapping("a file of strata")
-    given = content.mapping(("layers", "bottom"))
-    layers = tuple(map(_layer_at, content.get("layers").sequence()))
-    with content.errors():
-        bottom = BOTTOM.check("bottom", given["bottom"].value) if "bottom" in given else math.inf
-        return Strata(layers, bottom)
-
-
 def _layer_at(entry: Cursor) -> Layer:
-    found = entry.mapping(_LAYER_KEYS, unknown="{shown} is unknown; {hint}")
-    if "rock" in found:
-        entry.mapping(needed=("depth_from",))
-    else:
-        missing = "{name} is missing, and so is a rock that would give it"
-        entry.mapping(needed=declarations(Layer), missing=missing)
-    given = {key: cell.value for key, cell in found.items() if key != "rock"}
-    with entry.errors():
-        if "rock" in found:
-            return dataclasses.replace(preset_layer(found["rock"].value), **given)
+    """Return a layer: of a rock, whose values other keys replace, or of all of its keys."""
+    given = read(entry, _LAYER_KEYS)
+    if (rock := given.pop("rock", None)) is None:
+        entry.mapping(needed=declarations(Layer))
         return Layer(**given)
+    entry.mapping(needed=("depth_from",))
+    return dataclasses.replace(preset_layer(rock), **given)
+
+
+@dataclasses.dataclass(frozen=True)
+class _StrataFile:
+    layers: tuple[Layer, ...] = key(list_of(_layer_at))
+    bottom: float = key(BOTTOM, math.inf)
+
+
+def _strata_at(content: Cursor) -> Strata:
+    file = read(content, _StrataFile)
+    with content.errors():
+        return Strata(file.layers, file.bottom)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -1,17 +1,8 @@
-"""Reading of YAML from users: a value with its place, or an error in one line.
+"""Values of YAML from users with their place in the file, for errors in one line.
 
-A reader opens a file and asks the cursor for what it expects. Each error names file and line::
-
-    top = open_yaml(path, truth_values=False, error=FaultError)
-    keys = top.mapping(("seed", "faults"), needed=("faults",))
-    for entry in keys["faults"].sequence():
-        with entry.errors():  # of code that knows no file: FILE:3: ...
-            Fault(**{key: each.value for key, each in entry.mapping(_KEYS).items()})
-    seed = top.get("seed", 0).check(SEED)  # FILE:1: seed = -1 is outside its range [0, 9]
-    raise keys["faults"].refusal("{name} = {shown} is empty")  # FILE:2: faults = [] is empty
-
-Without lines, as of ``cursor_at``, errors name the path of the value instead, as in
-``FILE: swept.free_mass.minimum is missing``.
+Each error names file and line, such as ``FILE:3: seed = -1 is outside its range [0, 9]``. Values
+that come from elsewhere, as of ``cursor_at``, have no lines, and errors name their path:
+``FILE: faults[0].onset = -1 s is ...``.
 """
 
 from __future__ import annotations
@@ -21,18 +12,25 @@ import re
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import yaml
 
-from rpud_sim.foundation.quantities import Allowed, ParameterError, did_you_mean, shown, shown_name
+from rpud_sim.foundation.quantities import (
+    Allowed,
+    Flag,
+    ParameterError,
+    did_you_mean,
+    shown,
+    shown_name,
+)
 
 # Files for this are written by hand. A longer file is something else and takes seconds to read.
 MOST_BYTES = 100_000
 
 
 class _Loader(yaml.SafeLoader):
-    """Loader of YAML in which 1e-3 and 1.96e11 are numbers, as in YAML 1.2 and for ROS.
+    """Loader of YAML 1.2, as of ROS: 1e-3 is a number, and only true and false are truth values.
 
     It rejects aliases, as ROS does, because a short file with them can become very large, and
     duplicate keys.
@@ -54,31 +52,27 @@ class _Loader(yaml.SafeLoader):
         return mapping
 
 
-_Loader.add_implicit_resolver(
-    "tag:yaml.org,2002:float",
-    re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+$"),
-    list("-+.0123456789"),
-)
-
-
-class _LoaderWithoutTruthValues(_Loader):
-    pass
-
-
-_LoaderWithoutTruthValues.yaml_implicit_resolvers = {
-    first: [resolver for resolver in resolvers if resolver[0] != "tag:yaml.org,2002:bool"]
+_BOOL = "tag:yaml.org,2002:bool"
+_Loader.yaml_implicit_resolvers = {
+    first: [resolver for resolver in resolvers if resolver[0] != _BOOL]
     for first, resolvers in _Loader.yaml_implicit_resolvers.items()
 }
+for _tag, _pattern, _first in (
+    (_BOOL, r"(true|True|TRUE|false|False|FALSE)$", "tTfF"),
+    ("tag:yaml.org,2002:float", r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+$", "-+.0123456789"),
+):
+    _Loader.add_implicit_resolver(_tag, re.compile(_pattern), list(_first))
+# Words that are truth values where one is expected; elsewhere off is a kind of fault.
+_TRUTH_WORDS = {"yes": True, "on": True, "no": False, "off": False}
 
 # PyYAML raises these as well: for a text that does not fit its tag, or is nested too deeply.
 _PYYAML_ERRORS = (ValueError, LookupError, AttributeError, TypeError, OverflowError, RecursionError)
 
+Place: TypeAlias = tuple[str | int, ...]
+Lines: TypeAlias = Mapping[Place, int]
 
-Place = tuple[str | int, ...]
-Lines = Mapping[Place, int]
 
-
-def _read_yaml(text: str, truth_values: bool) -> tuple[Any, Lines]:
+def _read_yaml(text: str) -> tuple[Any, Lines]:
     """Return the value of a text, and the line of each key and entry, from 1 on."""
     lines: dict[Place, int] = {}
 
@@ -92,7 +86,7 @@ def _read_yaml(text: str, truth_values: bool) -> tuple[Any, Lines]:
                 visit(value, (*place, number), value.start_mark.line + 1)
 
     try:
-        loader = (_Loader if truth_values else _LoaderWithoutTruthValues)(text)
+        loader = _Loader(text)
         if (whole := loader.get_single_node()) is None:
             return None, {(): 1}
         visit(whole, (), whole.start_mark.line + 1)
@@ -101,9 +95,14 @@ def _read_yaml(text: str, truth_values: bool) -> tuple[Any, Lines]:
         raise ParameterError(f"is not YAML: {' '.join(str(error).split())}") from None
 
 
-def parse_yaml(text: str, truth_values: bool = True) -> Any:
-    """Return the value of a text in YAML; without ``truth_values`` off is a word."""
-    return _read_yaml(text, truth_values)[0]
+def parse_yaml(text: str) -> Any:
+    """Return the value of a text in YAML."""
+    return _read_yaml(text)[0]
+
+
+def truth_value(value: Any) -> Any:
+    """Return the truth value of a word such as on; anything else as it is."""
+    return _TRUTH_WORDS.get(value.lower(), value) if isinstance(value, str) else value
 
 
 @dataclasses.dataclass(frozen=True)
@@ -123,7 +122,7 @@ class Source:
 
 @dataclasses.dataclass(frozen=True)
 class Cursor:
-    """Value in YAML and its place; texts of refusals may use {name}, {shown} and {hint}."""
+    """Value in YAML and its place."""
 
     value: Any
     source: Source
@@ -136,58 +135,55 @@ class Cursor:
         path = self.name and not self.source.lines
         return self.source.head(self.place) + (f"{self.name}: " if path else "")
 
-    def refusal(self, text: str, known: Iterable[str] = ()) -> ValueError:
-        """Return an error in one line; ``known`` are the names for {names} and {hint}."""
-        known = tuple(known)
-        words = {"name": self.name, "shown": shown(self.value), "names": ", ".join(known)}
-        hint = did_you_mean(self.value, known) if known else ""
-        unnamed = dataclasses.replace(self, name="") if text.startswith("{name}") else self
-        return unnamed._error(text.format(**words, hint=hint))
+    def error(self, text: str) -> ValueError:
+        """Return an error in one line."""
+        error = self.source.error(self.prefix + text)
+        vars(error)["place"] = self.place
+        return error
+
+    def wrong(self, reason: str) -> ValueError:
+        """Return the error that this value is something else."""
+        unnamed = dataclasses.replace(self, name="")
+        return unnamed.error(f"{self.name} = {shown(self.value)} {reason}")
 
     @contextmanager
     def errors(self) -> Iterator[None]:
-        """Context that gives its place to errors of code that knows none."""
+        """Context that gives errors of other code the place of the key that they name first."""
         try:
             yield
         except ParameterError as error:
-            raise (error if "place" in vars(error) else self._error(str(error))) from None
+            if "place" in vars(error):
+                raise
+            place = (*self.place, *re.findall(r"\w+", str(error))[:1])
+            raise dataclasses.replace(self, place=place).error(str(error)) from None
 
     def mapping(
-        self,
-        known: Iterable[str] | None = None,
-        needed: Iterable[str] = (),
-        *,
-        other: str = "{shown} is not a mapping",
-        unknown: str = "{shown} is not one of {names}",
-        missing: str = "{name} is missing",
+        self, known: Iterable[str] | None = None, needed: Iterable[str] = ()
     ) -> dict[Any, Cursor]:
         """Return the values of a mapping by key; it may have ``known`` keys, None for any."""
         if not isinstance(self.value, Mapping):
-            raise self.refusal(other)
+            if not self.name:
+                raise self.error("the file is not a mapping of keys and values")
+            raise self.wrong("is not a mapping of keys and values")
         found = {key: self._at(key, value) for key, value in self.value.items()}
         if known is not None:
             known = tuple(known)
             for key, each in found.items():
                 if not (isinstance(key, str) and key in known):
-                    raise dataclasses.replace(each, value=key).refusal(unknown, known)
+                    named = dataclasses.replace(each, name=self.name)
+                    raise named.error(f"{shown(key)} is not a key here; {did_you_mean(key, known)}")
         for key in needed:
             if key not in found:
-                raise dataclasses.replace(self._at(key, None), place=self.place).refusal(missing)
+                raise self.error(f"{key} is missing")
         return found
-
-    def file_mapping(self, kind: str) -> dict[Any, Cursor]:
-        """Return the values of the mapping that is a whole file of a kind."""
-        if not isinstance(self.value, Mapping):
-            raise self.source.error(f"{self.source.file} is not {kind}: it holds no mapping")
-        return self.mapping()
 
     def get(self, key: str, default: Any = None) -> Cursor:
         return self._at(key, self.value.get(key, default))
 
-    def sequence(self, *, other: str = "{name} = {shown} is not a list") -> list[Cursor]:
-        """Return the entries of a list, or refuse what is none by the text ``other``."""
+    def sequence(self) -> list[Cursor]:
+        """Return the entries of a list."""
         if not isinstance(self.value, list):
-            raise self.refusal(other)
+            raise self.wrong("is not a list")
         return [
             Cursor(value, self.source, f"{self.name}[{index}]", (*self.place, index))
             for index, value in enumerate(self.value)
@@ -195,8 +191,9 @@ class Cursor:
 
     def check(self, allowed: Allowed) -> Any:
         """Return the value as a quantity, choice, flag or text takes it."""
+        value = truth_value(self.value) if isinstance(allowed, Flag) else self.value
         with dataclasses.replace(self, name="").errors():
-            return allowed.check(self.name, self.value)
+            return allowed.check(self.name, value)
 
     def _at(self, key: Any, value: Any) -> Cursor:
         name = shown_name(key)
@@ -204,20 +201,9 @@ class Cursor:
             name = f"{self.name}.{name}"
         return Cursor(value, self.source, name, (*self.place, str(key)))
 
-    def _error(self, text: str) -> ValueError:
-        error = self.source.error(self.prefix + text)
-        vars(error)["place"] = self.place
-        return error
 
-
-def open_yaml(
-    path: str | Path,
-    *,
-    truth_values: bool = True,
-    error: type[ValueError] = ParameterError,
-    lines: bool = True,
-) -> Cursor:
-    """Return a cursor at the value of a file; without ``lines`` errors name paths."""
+def open_yaml(path: str | Path, *, error: type[ValueError] = ParameterError) -> Cursor:
+    """Return a cursor at the value of a file."""
     try:
         with open(path, "rb") as file:
             content = file.read(MOST_BYTES + 1)
@@ -227,12 +213,12 @@ def open_yaml(
     if len(content) > MOST_BYTES:
         raise error(f"{path} is longer than the {MOST_BYTES} bytes that it may have")
     try:
-        value, found = _read_yaml(content.decode("utf-8"), truth_values)
+        value, lines = _read_yaml(content.decode("utf-8"))
     except UnicodeDecodeError as failure:
         raise error(f"{path} is not YAML: {failure}") from None
     except ParameterError as failure:
         raise error(f"{path} {failure}") from None
-    return Cursor(value, Source(str(path), error, found if lines else {}))
+    return Cursor(value, Source(str(path), error, lines))
 
 
 def cursor_at(value: Any, name: str, error: type[ValueError] = ParameterError) -> Cursor:

@@ -13,6 +13,7 @@ from rpud_sim.drilling.rock import RockParameters, Strata, StrataParameters, uni
 from rpud_sim.drilling.rotor import RotationParameters
 from rpud_sim.foundation.quantities import (
     Declaration,
+    Flag,
     ParameterError,
     ParameterGroup,
     check_names,
@@ -22,7 +23,8 @@ from rpud_sim.foundation.quantities import (
     shown,
     text,
 )
-from rpud_sim.foundation.yaml_files import open_yaml, parse_yaml
+from rpud_sim.foundation.schema import key, read
+from rpud_sim.foundation.yaml_files import open_yaml, parse_yaml, truth_value
 from rpud_sim.model.parameters import QUANTITIES, Parameters, preset
 from rpud_sim.simulation.actuator import ActuatorParameters
 from rpud_sim.simulation.commands import Command, Drive, Feed
@@ -260,16 +262,21 @@ def _those_of(group: type, values: Mapping[str, Any]) -> dict[str, Any]:
     return {name: values[name] for name in _NAMES[group] if name in values}
 
 
+@dataclasses.dataclass(frozen=True)
+class _Node:
+    """Node of a ROS parameter file."""
+
+    ros__parameters: dict[str, Any] = key(
+        {name: declaration.allowed for name, declaration in PARAMETERS.items()}
+    )
+
+
 def read_parameter_file(path: str | Path) -> dict[str, Any]:
     """Return the parameters of a ROS file: those below ``/**``, then those of its nodes."""
-    nodes = open_yaml(path).file_mapping("a ROS parameter file")
+    nodes = open_yaml(path).mapping().items()
     found: dict[str, Any] = {}
-    for _, node in sorted(nodes.items(), key=lambda item: str(item[0]) != "/**"):
-        section = node.value if isinstance(node.value, Mapping) else {}
-        values = section.get("ros__parameters")
-        if not isinstance(values, Mapping):
-            raise node.refusal("{name} has no mapping named ros__parameters")
-        found.update({str(name): value for name, value in values.items()})
+    for _, node in sorted(nodes, key=lambda item: str(item[0]) != "/**"):
+        found.update(read(node, _Node).ros__parameters)
     return found
 
 
@@ -278,7 +285,8 @@ def parse_assignment(text: str) -> tuple[str, Any]:
     name, equals, value = text.partition("=")
     if not (name and equals):
         raise ParameterError(f"{shown(text)} is not of the form name=value")
+    flag = name in PARAMETERS and isinstance(PARAMETERS[name].allowed, Flag)
     try:
-        return name, parse_yaml(value)
+        return name, truth_value(parse_yaml(value)) if flag else parse_yaml(value)
     except ParameterError:
         return name, value

@@ -5,16 +5,16 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from rpud_sim.foundation.quantities import ParameterError, Quantity, shown
+from rpud_sim.foundation.quantities import Flag, ParameterError, Quantity, shown
+from rpud_sim.foundation.schema import as_it_is, here, key, list_of, one_of, read
 from rpud_sim.foundation.time import NEVER, SECOND
 from rpud_sim.foundation.yaml_files import Cursor, cursor_at, open_yaml
-from rpud_sim.simulation.changes import Action, Change, Inject, PlannedChanges, in_order
+from rpud_sim.simulation.changes import Change, Inject, PlannedChanges, in_order
 from rpud_sim.simulation.commands import Drive, DriveChange, Feed, WeightOnBit
 from rpud_sim.simulation.configuration import Settings, parse_assignment
 from rpud_sim.simulation.fault_kinds import KINDS
@@ -25,11 +25,111 @@ ONSET = Quantity("s", "simulation time at which a fault begins", 0.0, 1e6)
 DURATION = Quantity("s", "time for which it lasts", 1e-9, 1e6)
 
 _DRAWN = ("onset", "duration", "magnitude")
-_KEYS = ("kind", "channel", *_DRAWN)
+_Bounds = tuple[float, float]  # least and most, which are equal if nothing is drawn
 
 
-_COMMAND_KEYS = ("time", "weight_on_bit", "drive", "feed")
-_DRIVE_KEYS = ("enabled", "voltage", "frequency")
+@dataclasses.dataclass(frozen=True)
+class _Uniform:
+    """Mapping in place of a number that is drawn."""
+
+    uniform: tuple[Cursor, Cursor] = key(list_of(here, 2, 2))
+
+
+def _bounds(quantity: Quantity) -> Callable[[Cursor], _Bounds]:
+    """Return the reader of a number, or of two bounds between which it is drawn."""
+
+    def read_bounds(cursor: Cursor) -> _Bounds:
+        if not isinstance(cursor.value, Mapping):
+            number = float(cursor.check(quantity))
+            return number, number
+        least, most = (float(each.check(quantity)) for each in read(cursor, _Uniform).uniform)
+        if not least <= most:
+            raise cursor.wrong("has its least above its most")
+        return least, most
+
+    return read_bounds
+
+
+@dataclasses.dataclass(frozen=True)
+class _FaultEntry:
+    """Fault of a scenario file."""
+
+    kind: str = key(as_it_is)
+    onset: _Bounds = key(_bounds(ONSET))
+    channel: str = key(as_it_is, "")
+    duration: _Bounds | None = key(_bounds(DURATION), None)
+    magnitude: Cursor | None = key(here, None)  # its unit and range belong to kind and channel
+
+    def drawn(self, number: int, seed: int) -> tuple[int, Inject]:
+        """Return onset [ns] and fault with values drawn, by its number in the file, from 1 on."""
+
+        def drawn(name: str, bounds: _Bounds) -> float:
+            # A stream of its own for each number: changing one entry changes no other.
+            least, most = bounds
+            stream = np.random.SeedSequence(seed, spawn_key=(number, _DRAWN.index(name)))
+            return float(least + (most - least) * float(np.random.default_rng(stream).random()))
+
+        Fault(self.kind, self.channel)  # checks the names before the number
+        magnitude = math.nan if self.magnitude is None else self.magnitude.value
+        quantity = KINDS[self.kind].quantity_on(self.channel)
+        if (
+            self.magnitude
+            and quantity
+            and not (isinstance(magnitude, float) and magnitude != magnitude)
+        ):
+            magnitude = drawn("magnitude", _bounds(quantity)(self.magnitude))
+        onset = round(drawn("onset", self.onset) * SECOND)
+        duration = round(drawn("duration", self.duration) * SECOND) if self.duration else 0
+        return onset, Inject(Fault(self.kind, self.channel, magnitude), duration)
+
+
+def _drive(cursor: Cursor) -> DriveChange:
+    keys = {"enabled": Flag(""), "voltage": as_it_is, "frequency": as_it_is}
+    change = DriveChange(**{"enabled": True, **read(cursor, keys)})
+    change.on(Drive(True, 1.0, 1e4))  # checks the numbers
+    return change
+
+
+def _feed(cursor: Cursor) -> Feed:
+    return Feed(*one_of({"rate": as_it_is, "position": as_it_is})(cursor))
+
+
+@dataclasses.dataclass(frozen=True)
+class _CommandEntry:
+    """Commands at one time of a command file."""
+
+    time: float = key(ONSET)
+    weight_on_bit: WeightOnBit | None = key(lambda cursor: WeightOnBit(cursor.value), None)
+    drive: DriveChange | None = key(_drive, None)
+    feed: Feed | None = key(_feed, None)
+
+    @property
+    def planned(self) -> list[Change]:
+        time = round(self.time * SECOND)
+        found = [each for each in (self.weight_on_bit, self.drive, self.feed) if each]
+        return [Change(time, command) for command in found]
+
+    def __post_init__(self) -> None:
+        if not self.planned:
+            raise ParameterError("a command has a weight_on_bit, drive or feed beside its time")
+
+
+def parse_commands(listed: Cursor) -> tuple[Change, ...]:
+    """Return the commands of a list in YAML, in the order of their times."""
+    entries = list_of(_CommandEntry)(listed)
+    return in_order(each for entry in entries for each in entry.planned)
+
+
+@dataclasses.dataclass(frozen=True)
+class _ScenarioFile:
+    faults: tuple[Cursor, ...] = key(list_of(here))
+    seed: int = key(SEED, 0)
+
+
+@dataclasses.dataclass(frozen=True)
+class _CommandFile(_ScenarioFile):
+    faults: tuple[Cursor, ...] = key(list_of(here), ())
+    commands: tuple[Change, ...] | None = key(parse_commands, None)
 
 
 def scenario_of(settings: Settings, seed: int | None = None) -> tuple[Change, ...]:
@@ -41,8 +141,7 @@ def scenario_of(settings: Settings, seed: int | None = None) -> tuple[Change, ..
 
 def read_scenario(path: str | Path, seed: int | None = None) -> tuple[Change, ...]:
     """Return the faults of a scenario file; a seed, zero or more, takes the place of the file's."""
-    # Without truth values: in a scenario, off is a kind of fault.
-    return scenario_at(open_yaml(path, truth_values=False, error=FaultError), seed)
+    return scenario_at(open_yaml(path, error=FaultError), seed)
 
 
 def parse_scenario(content: Any, name: str) -> tuple[Change, ...]:
@@ -54,57 +153,28 @@ def scenario_at(top: Cursor, seed: int | None = None) -> tuple[Change, ...]:
 
     They are in the order of their onsets; those of one kind on one channel do not overlap.
     """
-    top.file_mapping("a scenario")
-    top.mapping(("seed", "faults"))
-    written = top.get("seed", 0).check(SEED)
-    seed = written if seed is None else replace(top.get("seed"), value=seed).check(SEED)
+    file = read(top, _ScenarioFile)
+    if seed is not None:
+        seed = dataclasses.replace(top.get("seed"), value=seed).check(SEED)
+    return _faults(file.faults, file.seed if seed is None else seed)
+
+
+def _faults(entries: Sequence[Cursor], seed: int) -> tuple[Change, ...]:
     found = []
-    for number, entry in enumerate(top.get("faults").sequence(), 1):
-        with entry.errors():
-            found.append((number, *_fault(entry, number, seed)))
-    found.sort(key=lambda item: item[1].time)
+    for number, cursor in enumerate(entries, 1):
+        entry = read(cursor, _FaultEntry)
+        with cursor.errors():
+            found.append((*entry.drawn(number, seed), number, cursor))
+    found.sort(key=lambda item: item[0])
     latest: dict[tuple[str, str], tuple[int, int]] = {}
-    for number, change, fault, duration in found:
+    for onset, action, number, cursor in found:
+        fault = action.fault
         other, clear = latest.get((fault.kind, fault.channel), (0, 0))
-        if change.time < clear:
-            raise FaultError(f"{change.place}{fault} begins while that of entry {other} lasts")
-        latest[fault.kind, fault.channel] = (number, change.time + duration if duration else NEVER)
-    return tuple(change for _, change, *_ in found)
-
-
-def _fault(entry: Cursor, number: int, seed: int) -> tuple[Change, Fault, int]:
-    entry.mapping(_KEYS, needed=("kind", "onset"))
-    values = entry.value
-    kind, channel = values["kind"], values.get("channel", "")
-    known = Fault(kind, channel)  # checks the names before the numbers
-
-    def drawn(key: str, quantity: Quantity, name: str = "") -> float:
-        """Return the number of a key, or one drawn between its two bounds."""
-        name, value = name or key, values[key]
-        if not isinstance(value, Mapping):
-            return float(quantity.check(name, value))
-        bounds = value.get("uniform")
-        if set(value) != {"uniform"} or not (isinstance(bounds, list) and len(bounds) == 2):
-            raise FaultError(
-                f"{name} = {shown(value)} is neither a number nor uniform: [least, most]"
-            )
-        least, most = (quantity.check(f"{name}, uniform,", bound) for bound in bounds)
-        if not least <= most:
-            raise FaultError(
-                f"{name} = uniform: [{least:g}, {most:g}] has its least above its most"
-            )
-        # A stream of its own for each number: changing one entry changes no other.
-        stream = np.random.SeedSequence(seed, spawn_key=(number, _DRAWN.index(key)))
-        return float(least + (most - least) * float(np.random.default_rng(stream).random()))
-
-    onset = round(drawn("onset", ONSET) * SECOND)
-    duration = round(drawn("duration", DURATION) * SECOND) if "duration" in values else 0
-    magnitude = values.get("magnitude", math.nan)
-    quantity = KINDS[kind].quantity_on(channel)
-    if not (quantity is None or (isinstance(magnitude, float) and math.isnan(magnitude))):
-        magnitude = drawn("magnitude", quantity, f"magnitude of {known}")
-    fault = Fault(kind, channel, magnitude)
-    return Change(onset, Inject(fault, duration), entry.prefix), fault, duration
+        if onset < clear:
+            raise cursor.error(f"{fault} begins while that of entry {other} lasts")
+        end = onset + action.duration if action.duration else NEVER
+        latest[fault.kind, fault.channel] = (number, end)
+    return tuple(Change(onset, action, cursor.prefix) for onset, action, _, cursor in found)
 
 
 def parse_injections(texts: Sequence[str]) -> PlannedChanges:
@@ -128,56 +198,6 @@ def read_commands(path: str | Path) -> PlannedChanges:
 
     Times count from the instant of the fork.
     """
-    top = open_yaml(path, truth_values=False)
-    entries = top.file_mapping("a scenario")
-    content = {key: entry.value for key, entry in entries.items() if key != "commands"}
-    if "commands" not in entries:
-        return PlannedChanges(scenario_at(top))
-    content = {"faults": [], **content}
-    faults = PlannedChanges(scenario_at(dataclasses.replace(top, value=content)))
-    return PlannedChanges(parse_commands(entries["commands"]), replaces_commands=True) + faults
-
-
-def parse_commands(listed: Cursor) -> tuple[Change, ...]:
-    """Return the commands of a list in YAML, in the order of their times."""
-    planned: list[Change] = []
-    for entry in listed.sequence():
-        with entry.errors():
-            planned += _commands(entry)
-    return in_order(planned)
-
-
-def _commands(entry: Cursor) -> list[Change]:
-    given = entry.mapping(_COMMAND_KEYS)
-    if "time" not in given or len(given) == 1:
-        raise entry.refusal("it needs a time, and weight_on_bit, drive or feed")
-    time = round(given["time"].check(ONSET) * SECOND)
-    makers: Mapping[str, Callable[[Cursor], Action]] = {
-        "weight_on_bit": lambda weight: WeightOnBit(weight.value),
-        "drive": _drive,
-        "feed": _feed,
-    }
-    return [Change(time, make(given[key])) for key, make in makers.items() if key in given]
-
-
-def _feed(entry: Cursor) -> Feed:
-    if not (isinstance(entry.value, Mapping) and len(entry.value) == 1):
-        raise entry.refusal("feed = {shown} is neither {{rate: m/s}} nor {{position: m}}")
-    [(mode, value)] = entry.value.items()
-    return Feed(mode, value)
-
-
-def _drive(entry: Cursor) -> DriveChange:
-    values = entry.mapping(
-        _DRIVE_KEYS,
-        other="drive = {shown} is not a mapping",
-        unknown="drive: {shown} is not one of {names}",
-    )
-    # The file is read without truth values, for off is a kind of fault.
-    enabled = entry.get("enabled", "true")
-    if enabled.value not in ("true", "false"):
-        raise enabled.refusal("drive enabled = {shown} is not true or false")
-    numbers = {key: each.value for key, each in values.items() if key != "enabled"}
-    change = DriveChange(enabled.value == "true", **numbers)
-    change.on(Drive(True, 1.0, 1e4))  # checks the numbers
-    return change
+    file = read(open_yaml(path), _CommandFile)
+    planned = (*(file.commands or ()), *_faults(file.faults, file.seed))
+    return PlannedChanges(in_order(planned), replaces_commands=file.commands is not None)

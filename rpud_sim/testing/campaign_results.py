@@ -188,7 +188,7 @@ def campaign_page(results: CampaignResults) -> str:
     return render_page(
         _BODY,
         campaign.name,
-        system=" ".join(campaign.system.command),
+        system=" ".join(campaign.system.words),
         counts=results.sums,
         matrix=matrix,
         failures=[

@@ -97,7 +97,7 @@ def _step_through(drill: Drill, duration: float, system: CampaignSystem, topics:
     deadline = time.monotonic() + system.run_timeout
     drill.with_answers(*system.answers, period=system.period, timeout=system.answer_timeout)
     drill.start(
-        *system.command,
+        *system.words,
         name=system.name,
         hears=system.hears,
         ready=system.ready or None,

@@ -62,7 +62,7 @@ class CampaignItem(pytest.Item):
 
         system = self._campaign.system
         try:
-            drill = take_drill(self, self._run.setup, system.folder)
+            drill = take_drill(self, self._run.setup, system.place)
             self.rpud_flown = fly(drill, self._run, system, self._campaign.expectations)
         except (DrillError, LostMessagesError, ParameterError) as error:
             self.rpud_flown = flown_run(self._run, BROKEN, 0.0, str(error))

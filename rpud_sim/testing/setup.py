@@ -17,7 +17,7 @@ from rpud_sim.foundation.quantities import (
     shown_name,
     suggestion,
 )
-from rpud_sim.foundation.yaml_files import cursor_at, open_yaml
+from rpud_sim.foundation.yaml_files import Cursor, cursor_at, open_yaml
 from rpud_sim.simulation.configuration import (
     PARAMETERS,
     Configuration,
@@ -54,13 +54,15 @@ class DrillSetup:
     namespace: str = NAMESPACE  # of the node
 
 
-def drill_setup(options: Mapping[str, Any], folders: Sequence[Path] = ()) -> DrillSetup:
+def drill_setup(
+    options: Mapping[str, Any], folders: Sequence[Path] = (), place: Cursor | None = None
+) -> DrillSetup:
     """Return the drill that options describe.
 
     Options are ``config``, a ROS parameter file; ``faults``, a scenario file, or a list of kinds
     and of entries as a scenario file has them; ``seed``; ``namespace``; and parameters of the drill
     by name, which go before those of the file. ``folders`` are those in which relative paths are
-    looked for, before the working directory.
+    looked for, before the working directory. ``place`` is that of the options in a file, if any.
     """
     known = [*_OWN, *(name for name in PARAMETERS if name not in _RESERVED)]
     for name in options:
@@ -86,7 +88,10 @@ def drill_setup(options: Mapping[str, Any], folders: Sequence[Path] = ()) -> Dri
         values.pop(name, None)
     settings = to_settings(values)
     values.pop("seed", None)
-    scenario = NO_FAULTS if faults is None else _scenario(faults, folders, settings.configuration)
+    scenario = NO_FAULTS
+    if faults is not None:
+        place = place or cursor_at(options, "faults", FaultError)
+        scenario = _scenario(faults, folders, settings.configuration, place)
     namespace = options.get("namespace", NAMESPACE)
     if not (isinstance(namespace, str) and namespace.startswith("/") and namespace.strip("/")):
         raise ParameterError(f"namespace = {shown(namespace)} is not of the form /name")
@@ -108,7 +113,9 @@ def find_file(given: Any, name: str, folders: Sequence[Path]) -> Path:
     raise ParameterError(f"{name} = {shown(str(given))} is no file: looked for {looked}{hint}")
 
 
-def _scenario(faults: Any, folders: Sequence[Path], configuration: Configuration) -> str:
+def _scenario(
+    faults: Any, folders: Sequence[Path], configuration: Configuration, place: Cursor
+) -> str:
     if isinstance(faults, str) and faults not in KINDS and not Path(faults).suffix:
         raise ParameterError(
             f"faults = {shown(faults)} is neither a file nor a kind of fault; "
@@ -116,14 +123,14 @@ def _scenario(faults: Any, folders: Sequence[Path], configuration: Configuration
         )
     if isinstance(faults, Path) or (isinstance(faults, str) and faults not in KINDS):
         file = find_file(faults, "faults", folders)
-        top = open_yaml(file, truth_values=False, error=FaultError)
+        top = open_yaml(file, error=FaultError)
     else:
         entries = [faults] if isinstance(faults, str | Mapping) else faults
         if not isinstance(entries, list | tuple):
             raise ParameterError(f"faults = {shown(faults)} is neither a file nor a list of faults")
         found = [{"kind": e, "onset": 0.0} if isinstance(e, str) else e for e in entries]
         content = {"faults": [dict(e) if isinstance(e, Mapping) else e for e in found]}
-        top = cursor_at(content, "faults", FaultError)
+        top = dataclasses.replace(place, value=content, name="")
     for planned in scenario_at(top).faults:
         try:
             check_supported(planned.fault, configuration)

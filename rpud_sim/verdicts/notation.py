@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import dataclasses
 import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from rpud_sim.foundation.quantities import Quantity, did_you_mean, shown
+from rpud_sim.foundation.schema import Reader, as_it_is, key, line, list_of, read
 from rpud_sim.foundation.yaml_files import Cursor, open_yaml
 from rpud_sim.verdicts import formulas as f
 from rpud_sim.verdicts.names import Expectation
@@ -16,7 +18,6 @@ from rpud_sim.verdicts.units import (
     WHOLE,
     ExpectationError,
     Number,
-    Window,
     duration_text,
     parse_quantity,
     to_number,
@@ -87,31 +88,29 @@ class _Form(NamedTuple):
 
     make: Callable[..., f.Formula]  # from the fields of the formula
     fields: Mapping[str, str]  # of the formula, by the key that holds it
-    may: tuple[str, ...] = ()  # further keys that it may have; outside a window, names of fields
+    may: tuple[str, ...] = ()  # further keys that it may have, which are names of fields
 
 
 _WINDOW = ("within", "between")
-_FORMS = {
-    "fault": _Form(f.Active, {"fault": "fault"}),
-    "onset": _Form(f.Onset, {"onset": "fault"}),
-    "cleared": _Form(f.Cleared, {"cleared": "fault"}),
-    "message": _Form(f.Published, {"message": "topic"}, ("where",)),
-    "becomes": _Form(f.Becomes, {"becomes": "formula"}),
-    "not": _Form(f.Not, {"not": "formula"}),
-    "all": _Form(f.And, {"all": "formulas"}),
-    "any": _Form(f.Or, {"any": "formulas"}),
-    "if": _Form(f.Implies, {"if": "condition", "then": "formula"}),
-    "always": _Form(f.Always, {"always": "formula"}, _WINDOW),
-    "eventually": _Form(f.Eventually, {"eventually": "formula"}, _WINDOW),
-    "hold until": _Form(f.Until, {"hold": "formula", "until": "goal"}, _WINDOW),
-    "hold unless": _Form(unless, {"hold": "formula", "unless": "goal"}),
-    "after": _Form(f.After, {"after": "trigger", "expect": "formula"}),
-    "count": _Form(f.Count, {"count": "event", "is": "number"}, _WINDOW),
-    "quantile": _Form(f.Quantile, {"quantile": "share", "of": "signal", "is": "number"}, _WINDOW),
-}
-_MAIN = tuple(dict.fromkeys(next(iter(form.fields)) for form in _FORMS.values()))
-_KEYS = ("name", "requirement", "expect")
-_SHARE = Quantity("", "", 0.0, 1.0, exclusive=True)
+_FORMS = (
+    _Form(f.Active, {"fault": "fault"}),
+    _Form(f.Onset, {"onset": "fault"}),
+    _Form(f.Cleared, {"cleared": "fault"}),
+    _Form(f.Published, {"message": "topic"}, ("where",)),
+    _Form(f.Becomes, {"becomes": "formula"}),
+    _Form(f.Not, {"not": "formula"}),
+    _Form(f.And, {"all": "formulas"}),
+    _Form(f.Or, {"any": "formulas"}),
+    _Form(f.Implies, {"if": "condition", "then": "formula"}),
+    _Form(f.Always, {"always": "formula"}, _WINDOW),
+    _Form(f.Eventually, {"eventually": "formula"}, _WINDOW),
+    _Form(unless, {"hold": "formula", "unless": "goal"}),
+    _Form(f.Until, {"hold": "formula", "until": "goal"}, _WINDOW),
+    _Form(f.After, {"after": "trigger", "expect": "formula"}),
+    _Form(f.Count, {"count": "event", "is": "number"}, _WINDOW),
+    _Form(f.Quantile, {"quantile": "share", "of": "signal", "is": "number"}, _WINDOW),
+)
+_MAIN = tuple(dict.fromkeys(next(iter(form.fields)) for form in _FORMS))
 
 _ATOM = re.compile(r"\s*(\S+)\s+(.*\S)\s*|\s*([A-Za-z/][\w./\[\]]*)\s*([<>=!].*\S)\s*", re.DOTALL)
 _COMPARED = re.compile(rf"(<=|>=|==|!=|<|>|=)\s*({NUMBER}[^+]*?)\s*(?:(?:\+-|±)\s*(.*\S))?")
@@ -119,39 +118,23 @@ _COMPARED = re.compile(rf"(<=|>=|==|!=|<|>|=)\s*({NUMBER}[^+]*?)\s*(?:(?:\+-|±)
 
 def read_expectations(path: str | Path) -> tuple[Expectation, ...]:
     """Read a file of expectations; an error names the file and the line."""
-    # Without truth values: off is a kind of fault, and `is: true` a text as `is: running`.
-    top = open_yaml(path, truth_values=False, error=ExpectationError)
-    known, none = ("expectations",), "it holds no expectations:"
-    unknown = "{shown} is not expectations"
-    entries = top.mapping(known, known, other=none, unknown=unknown, missing=none)
-    return parse_expectations(entries["expectations"])
+    return tuple(read(open_yaml(path, error=ExpectationError), _ExpectationFile).expectations)
 
 
 def parse_expectations(cursor: Cursor) -> tuple[Expectation, ...]:
     """Return the expectations of a list."""
     found: dict[str, Expectation] = {}
-    other = "{name} is no list with entries"
-    for entry in cursor.sequence(other=other):
-        expectation = _expectation(entry)
+    for entry, expectation in zip(cursor.sequence(), list_of(_expectation, 1)(cursor), strict=True):
         if expectation.name in found:
-            raise entry.refusal(f"name {shown(expectation.name)} is taken already")
+            raise entry.error(f"name {shown(expectation.name)} is taken already")
         found[expectation.name] = expectation
-    if not found:
-        raise cursor.refusal(other)
     return tuple(found.values())
 
 
 def _expectation(cursor: Cursor) -> Expectation:
-    """Return the expectation of one entry: ``name`` and ``expect``, perhaps ``requirement``."""
-    missing, unknown = "the expectation lacks its {name}", "{shown}: {hint}"
-    keys = cursor.mapping(_KEYS, ("name", "expect"), unknown=unknown, missing=missing)
-    texts = {key: one.value for key, one in keys.items() if key != "expect"}
-    for key, value in texts.items():
-        if not isinstance(value, str) or not value.strip() or not value.isprintable():
-            raise keys[key].refusal("{name} = {shown} is not a text of one line")
-    formula = to_formula(keys["expect"])
-    with keys["expect"].errors():
-        return Expectation(formula=formula, **texts)
+    entry: _ExpectationEntry = read(cursor, _ExpectationEntry)
+    with cursor.get("expect").errors():
+        return Expectation(entry.name, entry.expect, entry.requirement)
 
 
 def to_formula(cursor: Cursor) -> f.Formula:
@@ -159,22 +142,19 @@ def to_formula(cursor: Cursor) -> f.Formula:
 
     The value is a text such as ``reacting_force.force < 45 N``, or a mapping of one of ``_FORMS``.
     """
+    if isinstance(cursor.value, str):
+        with cursor.errors():
+            return _comparison(cursor.value)
+    form = _form(cursor)
+    names = {**form.fields, **{key: key for key in form.may}}
+    cursor.mapping(names, form.fields)
+    given = read(cursor, {key: _READERS.get(name, to_formula) for key, name in names.items()})
+    fields = {names[key]: value for key, value in given.items()}
     with cursor.errors():
-        value = cursor.value
-        if isinstance(value, str):
-            match = _ATOM.fullmatch(value)
-            if match is None:
-                example = "reacting_force.force < 45 N"
-                raise ExpectationError(f"{shown(value)} is no comparison, as {example}")
-            return _about(signal(match[1] or match[3]), match[2] or match[4])
-        parts = cursor.mapping(other="{shown} is neither a comparison nor a mapping")
-        form = _form(value)
-        fields: dict[str, Any] = {}
-        for key, part in parts.items():
-            if key not in _WINDOW:
-                fields |= _fields(form.fields.get(key, key), part)
-        if _WINDOW[0] in form.may:
-            fields["window"] = _window(value)
+        if form.may == _WINDOW:
+            fields["window"] = window(*(fields.pop(key, None) for key in _WINDOW))
+        if "number" in fields:
+            fields["operator"], fields["number"] = fields["number"]
         if form.make is f.Count:
             if fields["number"].unit:
                 raise ExpectationError(f"a count has no unit, given {fields['number']}")
@@ -182,47 +162,63 @@ def to_formula(cursor: Cursor) -> f.Formula:
         return form.make(**fields)
 
 
-def _form(value: Mapping[Any, Any]) -> _Form:
-    """Return the form of a mapping, and check its keys."""
-    keys = [str(key) for key in value]
-    for name, form in _FORMS.items():
-        first, *others = form.fields
-        if first not in keys or (first == "hold" and others[0] not in keys):
-            continue
-        for key in keys:
-            if key not in form.fields and key not in form.may:
-                free = [each for each in (*form.fields, *form.may) if each not in keys]
-                hint = did_you_mean(key, free) if free else "it has all of its keys"
-                raise ExpectationError(f"{shown(key)} does not belong to {name}; {hint}")
-        for key in others:
-            if key not in keys:
-                raise ExpectationError(f"{name} lacks its {key}")
-        return form
-    if "hold" in keys:
-        raise ExpectationError("hold lacks its until or unless")
-    first = keys[0] if keys else ""
-    raise ExpectationError(f"{shown(first)} begins no formula; {did_you_mean(first, _MAIN)}")
+def _form(cursor: Cursor) -> _Form:
+    """Return the form of a mapping: that with the first key, and of two that with most keys."""
+    keys = [str(key) for key in cursor.mapping()]
+    forms = [form for form in _FORMS if next(iter(form.fields)) in keys]
+    if not forms:
+        first = keys[0] if keys else ""
+        raise cursor.error(f"{shown(first)} begins no formula; {did_you_mean(first, _MAIN)}")
+    chosen = [form for form in forms if form.fields.keys() <= {*keys}] or forms
+    if len(chosen) > 1:
+        raise cursor.error(f"{' or '.join([*each.fields][-1] for each in chosen)} is missing")
+    return chosen[0]
 
 
-def _fields(name: str, cursor: Cursor) -> dict[str, Any]:
-    """Return the fields of a formula that a value gives; a comparison gives two."""
+def _comparison(text: str) -> f.Compare | f.Says:
+    """Return the formula of a text such as ``status.state is running``."""
+    match = _ATOM.fullmatch(text)
+    if match is None:
+        raise ExpectationError(f"{shown(text)} is no comparison, as reacting_force.force < 45 N")
+    return _about(signal(match[1] or match[3]), match[2] or match[4])
+
+
+def _number(cursor: Cursor) -> tuple[str, Number]:
     value = cursor.value
-    if name == "number":
-        match = _COMPARED.fullmatch(value.strip()) if isinstance(value, str) else None
-        if match is None or match[3]:
-            raise cursor.refusal("is: {shown} is no comparison, as < 45 N")
-        return {"operator": _operator(match[1]), name: Number(*parse_quantity(match[2]))}
-    if name == "formulas":
-        return {name: tuple(map(to_formula, cursor.sequence()))}
-    if name == "share":
-        return {name: _SHARE.check("quantile", value)}
-    if name == "topic":
-        if not isinstance(value, str):
-            raise cursor.refusal("message = {shown} is no topic")
-        return {name: value}
-    if name == "signal":
-        return {name: signal(value)}
-    return {name: value if name == "fault" else to_formula(cursor)}
+    match = _COMPARED.fullmatch(value.strip()) if isinstance(value, str) else None
+    if match is None or match[3]:
+        raise cursor.wrong("is no comparison, as < 45 N")
+    return _operator(match[1]), Number(*parse_quantity(match[2]))
+
+
+def _between(cursor: Cursor) -> Any:
+    if not isinstance(cursor.value, list):
+        return cursor.value
+    return [None if each in ("end", None) else each for each in cursor.value]
+
+
+_READERS: Mapping[str, Reader] = {  # of the fields that are no formulas
+    "fault": as_it_is,
+    "formulas": list_of(to_formula),
+    "number": _number,
+    "share": Quantity("", "", 0.0, 1.0, exclusive=True),
+    "signal": lambda cursor: signal(cursor.value),
+    "topic": line,
+    "within": as_it_is,
+    "between": _between,
+}
+
+
+@dataclasses.dataclass(frozen=True)
+class _ExpectationEntry:
+    name: str = key(line)
+    expect: f.Formula = key(to_formula)
+    requirement: str = key(line, "")
+
+
+@dataclasses.dataclass(frozen=True)
+class _ExpectationFile:
+    expectations: tuple[Expectation, ...] = key(parse_expectations)
 
 
 def _about(about: f.Signal, text: str) -> f.Compare | f.Says:
@@ -241,31 +237,24 @@ def _operator(text: str) -> str:
     return "==" if text == "=" else text
 
 
-def _window(value: Mapping[str, Any]) -> Window:
-    between = value.get("between")
-    if isinstance(between, list):
-        between = [None if each in ("end", None) else each for each in between]
-    return window(value.get("within"), between)
-
-
 def to_plain(formula: f.Formula) -> Any:
     """Return the plain value of a formula, the inverse of ``to_formula``."""
     if isinstance(formula, (f.Compare, f.Says)):
         return str(formula)
     make = unless if isinstance(formula, f.Until) and formula.weak else type(formula)
-    form = next(each for each in _FORMS.values() if each.make is make)
+    form = next(each for each in _FORMS if each.make is make)
     further = {key: key for key in form.may if key not in _WINDOW}
     plain: dict[str, Any] = {}
-    for key, field in (*form.fields.items(), *further.items()):
+    for name, field in (*form.fields.items(), *further.items()):
         value = getattr(formula, field)
         if isinstance(formula, (f.Count, f.Quantile)) and field == "number":
-            plain[key] = f"{formula.operator} {Number(value) if make is f.Count else value}"
+            plain[name] = f"{formula.operator} {Number(value) if make is f.Count else value}"
         elif isinstance(value, tuple):
-            plain[key] = [to_plain(part) for part in value]
+            plain[name] = [to_plain(part) for part in value]
         elif isinstance(value, f.Formula):
-            plain[key] = to_plain(value)
+            plain[name] = to_plain(value)
         elif value is not None:
-            plain[key] = str(value) if isinstance(value, f.Signal) else value
+            plain[name] = str(value) if isinstance(value, f.Signal) else value
     part = getattr(formula, "window", WHOLE)
     end = "end" if part.end is None else duration_text(part.end)
     if part.start == 0 and part.end is not None:

@@ -97,27 +97,24 @@ FULL = (
     "friction: 0.5"
 )
 LAYER_FAULTS = [
-    ("3", "3 is not a mapping"),
+    ("3", "layers[0] = 3 is not a mapping of keys and values"),
     ("{rock: basalt}", "depth_from is missing"),
-    ("{depth_from: 0, rock: bassalt}", "rock = 'bassalt' is unknown; did you mean basalt?"),
-    ("{depth_from: 0, strenght: 1}", "'strenght' is unknown; did you mean strength?"),
+    ("{depth_from: 0, rock: bassalt}", "rock = 'bassalt' is not a rock; did you mean basalt?"),
+    ("{depth_from: 0, strenght: 1}", "'strenght' is not a key here; did you mean strength?"),
     (
         "{depth_from: 0, rock: chalk, strength: .nan}",
         "strength = nan Pa is outside its range [100, 1e+12] Pa",
     ),
-    (
-        "{depth_from: 0, name: x, strength: 1.0e6}",
-        "specific_energy is missing, and so is a rock that would give it",
-    ),
-    (f"{{depth_from: 0, {FULL}}}", "name is missing, and so is a rock that would give it"),
+    ("{depth_from: 0, name: x, strength: 1.0e6}", "specific_energy is missing"),
+    (f"{{depth_from: 0, {FULL}}}", "name is missing"),
     (
         '{depth_from: 0, rock: chalk, name: "a\\nb"}',
         r"name = 'a\nb' is not printable text of at most 60 letters",
     ),
 ]
 FILE_FAULTS = [
-    ("[]", "FILE is not a file of strata: it holds no mapping"),
-    ("rocks: []", "FILE:1: 'rocks' is not one of layers, bottom"),
+    ("[]", "FILE:1: the file is not a mapping of keys and values"),
+    ("rocks: []", "FILE:1: 'rocks' is not a key here; known are layers, bottom"),
     ("layers: {}", "FILE:1: layers = {} is not a list"),
     ("layers: []", "FILE:1: layers = [] has no layer; at least one is needed"),
     *((f"layers:\n- {text}", f"FILE:2: {said}") for text, said in LAYER_FAULTS),
@@ -129,10 +126,10 @@ FILE_FAULTS = [
         f"layers:{CHALK}}}{CHALK}, name: x}}",
         "FILE:1: layer 2 (x): depth_from = 0 m is not below 0 m, where the one above begins",
     ),
-    (f"layers:{CHALK}}}\nbottom: 0", "FILE:1: bottom = 0 m is outside its range (0, 10000] m"),
+    (f"layers:{CHALK}}}\nbottom: 0", "FILE:3: bottom = 0 m is outside its range (0, 10000] m"),
     (
         f"layers:{CHALK}}}\n- {{depth_from: 1, rock: chalk}}\nbottom: 0.5",
-        "FILE:1: bottom = 0.5 m is not below 1 m, where the last layer begins",
+        "FILE:4: bottom = 0.5 m is not below 1 m, where the last layer begins",
     ),
 ]
 

@@ -151,7 +151,11 @@ def test_a_drive_that_is_on_needs_a_frequency_and_one_that_is_off_does_not():
         (parameter_changes, {"free_mass": 1}, "free_mass cannot change during a run"),
         (parse_injections, ["noise,kind=bias"], "'noise,kind=bias' gives a key twice"),
         (parse_injections, ["nois,channel=wrench"], "did you mean noise"),
-        (parse_injections, ["noise,chanel=wrench"], "'chanel' is not one of kind, channel"),
+        (
+            parse_injections,
+            ["noise,chanel=wrench"],
+            "'chanel' is not a key here; did you mean",
+        ),
         (parse_injections, ["noise,channel=wrench,magnitude=x"], "= 'x' N is outside its range"),
     ],
 )
@@ -162,13 +166,16 @@ def test_a_change_that_cannot_be_is_named(make, given, reason):
 @pytest.mark.parametrize(
     ("text", "reason"),
     [
-        ("[]", "is not a scenario"),
-        ("comands: []", "'comands' is not one of seed, faults"),
+        ("[]", ":1: the file is not a mapping"),
+        ("comands: []", "'comands' is not a key here; did you mean commands?"),
         ("commands: 3", "commands = 3 is not a list"),
-        ("commands: [{time: 1}]", ":1: it needs a time, and weight_on_bit, drive or feed"),
+        (
+            "commands: [{time: 1}]",
+            ":1: a command has a weight_on_bit, drive or feed",
+        ),
         ("commands: [{time: -1, weight_on_bit: 2}]", ":1: time = -1 s is outside"),
         ("commands: [{time: 1, weight_on_bit: -2}]", "weight_on_bit = -2 N is outside"),
-        ("commands: [{time: 1, weigth: 2}]", "'weigth' is not one of"),
+        ("commands: [{time: 1, weigth: 2}]", "'weigth' is not a key here; known are time,"),
         ("commands: [{time: 1, drive: {enabled: maybe}}]", "'maybe' is not true or false"),
         ("commands: [{time: 1, drive: {frequency: .nan}}]", "drive frequency = nan"),
         ("commands: [{time: 1, feed: 0.1}]", ":1: feed"),

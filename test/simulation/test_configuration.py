@@ -157,10 +157,12 @@ def test_a_node_s_own_values_come_before_those_for_all(tmp_path):
 @pytest.mark.parametrize(
     ("text", "complaint"),
     [
-        ("", "is not a ROS parameter file: it holds no mapping"),
-        ("/**:\n  ros__parameters: 3\n", ": /** has no mapping named ros__parameters"),
-        ("/**: [\n", "is not YAML: while parsing"),
-        ('"two\\nlines": 3', ": 'two\\nlines' has no mapping named ros__parameters"),
+        ("", ":1: the file is not a mapping"),
+        ("/**:\n  ros__parameters: 3\n", ":2: ros__parameters = 3 is not a mapping"),
+        ("/**:\n  ros__parameters: {gravity: -1}", ":2: gravity = -1 m/s^2 is outside its range"),
+        ("/**: {ros__parameters: {gravty: 1}}", ":1: 'gravty' is not a key here; did you mean gra"),
+        ("/**: {params: {}}", ":1: 'params' is not a key here; known are ros__parameters"),
+        ('"two\\nlines": 3', ":1: 'two\\nlines' = 3 is not a mapping"),
     ],
 )
 def test_a_file_that_is_no_parameter_file_is_one_line_with_its_name(tmp_path, text, complaint):
@@ -178,6 +180,7 @@ def test_a_file_that_is_no_parameter_file_is_one_line_with_its_name(tmp_path, te
         ("vibration_amplitude=1e-5", 1e-5),
         ("regime=free", "free"),
         ("drive_enabled=false", False),
+        ("drive_enabled=off", False),
         ("a=b=c", "b=c"),
         ("a=", None),
         ("a={", "{"),

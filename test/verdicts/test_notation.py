@@ -112,15 +112,15 @@ REFUSED = {
     "{fault: noise on wrensh}": "(did you mean wrench?)",
     "{fault: noise}": "channel of noise = '' is not one of",
     "{allways: status.impacts > 3}": "'allways' begins no formula; did you mean always?",
-    "{always: status.impacts > 3, witin: 1 s}": "does not belong to always; did you mean within?",
+    "{always: status.impacts > 3, witin: 1 s}": "'witin' is not a key here; did you mean within?",
     "{becomes: x}": "'x' is no comparison",
     "{always: status.impacts > 3, within: 3 N}": "within is in s, given 3 N",
     "{always: status.impacts > 3, within: -1 s}": "within = -1 s is outside its range [0, 1e+09] s",
     "{always: status.impacts > 3, between: [2 s, 1 s]}": "ends before it begins",
     "{always: status.impacts > 3, within: 1 s, between: [1 s, 2 s]}": "exclude each other",
     "{always: status.impacts > 3, between: 1 s}": "is not [start, end], as [1 s, 2 s]",
-    "{hold: status.impacts > 3}": "hold lacks its until or unless",
-    "{after: {onset: choking}}": "after lacks its expect",
+    "{hold: status.impacts > 3}": "unless or until is missing",
+    "{after: {onset: choking}}": "expect is missing",
     "{all: []}": "all and any need at least one formula",
     "{all: status.impacts > 3}": "is not a list",
     "{count: status.impacts > 3, is: < 3}": "count needs an event",
@@ -131,7 +131,7 @@ REFUSED = {
     "{message: contact_forces}": "did you mean contact_force?",
     "{message: status, where: journal.kind is begin}": "a message of status has no journal.kind",
     "{becomes: {onset: choking}}": "an event is an instant, and becomes nothing",
-    "3": "3 is neither a comparison nor a mapping",
+    "3": "expect = 3 is not a mapping",
 }
 
 
@@ -151,14 +151,17 @@ def test_a_wrong_expectation_is_refused_in_one_line_with_its_place(tmp_path, wri
 @pytest.mark.parametrize(
     ("content", "complaint"),
     [
-        ("", "wrong.yaml:1: it holds no expectations:"),
-        ("expectations: 3", "wrong.yaml:1: expectations is no list with entries"),
-        ("expectations:\n- 3", "wrong.yaml:2: 3 is not a mapping"),
-        ("expectations:\n- name: a", "wrong.yaml:2: the expectation lacks its expect"),
-        ("other: 1\nexpectations: []", "wrong.yaml:1: 'other' is not expectations"),
+        ("", "wrong.yaml:1: the file is not a mapping"),
+        ("expectations: 3", "wrong.yaml:1: expectations = 3 is not a list"),
+        ("expectations:\n- 3", "wrong.yaml:2: expectations[0] = 3 is not a mapping"),
+        ("expectations:\n- name: a", "wrong.yaml:2: expect is missing"),
+        (
+            "other: 1\nexpectations: []",
+            "1: 'other' is not a key here; known are expectations",
+        ),
         (
             "expectations:\n- name: a\n  expects: status.impacts > 3",
-            "wrong.yaml:3: 'expects': did you mean expect?",
+            "wrong.yaml:3: 'expects' is not a key here; did you mean expect?",
         ),
         ("expectations: [", "wrong.yaml is not YAML"),
         (

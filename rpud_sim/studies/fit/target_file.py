@@ -5,20 +5,16 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from rpud_sim.foundation.quantities import Allowed, Choice, Flag, Quantity, Text
+from rpud_sim.foundation.quantities import Choice, Flag, ParameterError, Quantity, Text
+from rpud_sim.foundation.schema import Reader, here, key, line, list_of, name_in, read
 from rpud_sim.foundation.yaml_files import Cursor, open_yaml
-from rpud_sim.simulation.configuration import (
-    NODE_NAMES,
-    PARAMETERS,
-    Configuration,
-    to_configuration,
-)
+from rpud_sim.simulation.configuration import PARAMETERS, Configuration, to_configuration
 from rpud_sim.studies.fit.data import read_data
 from rpud_sim.studies.fit.measures import (
     CONTACT_FIGURES,
@@ -30,33 +26,22 @@ from rpud_sim.studies.fit.measures import (
 )
 from rpud_sim.studies.sweep.specification import SCALES, Range
 from rpud_sim.studies.sweep.specification_file import (
-    checked_range,
-    read_checked,
-    read_mapping,
-    read_values,
+    DRILL_PARAMETERS,
+    range_between,
+    values_of,
 )
 
-_LONGEST = 100.0  # end of a window [s]
 _GREATEST = 1e300  # value of a target
 _LEAST_ERROR = 1e-3  # of the value: instruments are not better
 _MOST_COMBINATIONS = 64
-_ENTRIES = ("parameters", "unknowns", "targets", "data")
-_DATA = ("bag", "csv", "skip", "parameters", "hold_out")
-_TARGET = ("figure", "statistic", "window", "value", "tolerance", "parameters")
-_EFFORT: Mapping[str, Allowed] = {
+_TIME = Quantity("s", "", 0.0, 100.0)  # of a window
+_EFFORT: Mapping[str, Reader] = {
     "seed": Quantity("", "seed of everything that is drawn", 0, 2**32 - 1, whole=True),
     "points": Quantity("", "points of a round", 16, 2**16, whole=True),
     "rounds": Quantity("", "rounds", 1, 20, whole=True),
     "repeat": Quantity("", "runs at a point", 2, 1000, whole=True),
     "phase_spread": Quantity("cycles", "greatest initial phase", 0.0, 0.5),
 }
-_MORE: Mapping[str, Allowed] = {
-    "runs": Quantity("", "", 1, 1e9, whole=True),
-    "hold_out": Flag(""),
-    "source": Text("", ""),
-}
-# Parameters of the drill; those of the node change no figure.
-_NAMES = tuple(name for name in PARAMETERS if name not in NODE_NAMES)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -130,122 +115,49 @@ class FitSpecification:
         return to_configuration({**self.parameters, **unknown, **dict(condition)})
 
 
-def read_target_file(path: str | Path) -> FitSpecification:
-    """Return the specification of a YAML file; the paths in it begin at its folder."""
-    return specification_of(open_yaml(path, lines=False), Path(path).parent)
+@dataclasses.dataclass(frozen=True)
+class _Bounds:
+    low: Cursor = key(here)
+    high: Cursor = key(here)
+    scale: str = key(Choice("", SCALES), "linear")
 
 
-def specification_of(top: Cursor, folder: Path) -> FitSpecification:
-    """Return the fit that a file, at its top, describes; the paths in it begin at a folder."""
-    entries = read_mapping(top, (*_ENTRIES, *_EFFORT), ("unknowns",))
-    parameters = top.get("parameters", {})
-    fixed = _parameters(parameters, parameters, {})
-    unknowns, choices = _unknowns(top.get("unknowns"), fixed)
-    targets = [_target(item, fixed) for item in _items(top, "targets")]
-    for item in _items(top, "data"):
-        targets += _data_targets(item, fixed, folder)
-    effort = read_checked(entries, _EFFORT)
-    specification = FitSpecification(fixed, unknowns, choices, tuple(targets), **effort)
-    if specification.points & (specification.points - 1):
-        raise top.refusal(f"points = {specification.points} is no power of two")
-    if len(specification.combinations) > _MOST_COMBINATIONS:
-        raise top.refusal(f"unknowns: have more than {_MOST_COMBINATIONS} combinations")
-    with top.errors():
-        missing = _missing_models(specification)
-    for number, (target, parameter) in enumerate(zip(targets, missing, strict=True)):
-        if parameter and target.sampling is None:
-            figure = f"{target.measure.figure} [{target.measure.unit}]"
-            raise top.refusal(f"targets[{number}].figure: {figure} needs the parameter {parameter}")
-    # A recording may have more than the drill of the fit is asked to model.
-    kept = tuple(t for t, parameter in zip(targets, missing, strict=True) if not parameter)
-    if all(target.hold_out for target in kept):
-        raise top.refusal("targets: holds no target that the fit may use")
-    return dataclasses.replace(specification, targets=kept)
+def _unknown(name: str) -> Callable[[Cursor], Range | tuple[Any, ...]]:
+    """Return the reader of an unknown: bounds of a number, or values to choose from."""
+
+    def read_unknown(cursor: Cursor) -> Range | tuple[Any, ...]:
+        allowed, given = PARAMETERS[name].allowed, cursor.value
+        if isinstance(given, Mapping) and "values" in given:
+            return tuple(read(cursor, {"values": values_of(name)})["values"])
+        if isinstance(allowed, Text):
+            raise cursor.error(f"{name} is a text, which cannot be fitted")
+        if not isinstance(allowed, Quantity):
+            return tuple(read(cursor, values_of(name)))
+        if isinstance(given, list):
+            return range_between(name, *read(cursor, list_of(here, 2, 2)))
+        bounds = read(cursor, _Bounds)
+        return range_between(name, bounds.low, bounds.high, scale=bounds.scale)
+
+    return read_unknown
 
 
-def _items(top: Cursor, name: str) -> list[Cursor]:
-    return top.get(name, []).sequence(other="holds no list")
-
-
-def _parameters(cursor: Cursor, entry: Cursor, fixed: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the parameters of an entry; with those that are fixed they make a drill."""
-    own = {name: each.value for name, each in read_mapping(cursor, _NAMES).items()}
-    with entry.errors():
-        to_configuration({**fixed, **own})
-    return own
-
-
-def _unknowns(
-    cursor: Cursor, fixed: Mapping[str, Any]
-) -> tuple[dict[str, Range], dict[str, tuple[Any, ...]]]:
-    ranges: dict[str, Range] = {}
-    choices: dict[str, tuple[Any, ...]] = {}
-    for name, item in read_mapping(cursor, _NAMES).items():
-        if name in fixed:
-            raise item.refusal("is among the parameters as well")
-        allowed = PARAMETERS[name].allowed
-        if isinstance(item.value, Mapping) and "values" in item.value:
-            choices[name] = read_values(read_mapping(item, ["values"])["values"], name)
-        elif isinstance(allowed, Quantity):
-            ranges[name] = _range(item, name)
-        elif isinstance(allowed, Choice | Flag):
-            choices[name] = read_values(item, name)
-        else:
-            raise item.refusal("is a text, which cannot be fitted")
-    if not ranges:
-        raise cursor.refusal("holds no parameter with bounds")
-    return ranges, choices
-
-
-def _range(cursor: Cursor, name: str) -> Range:
-    ends, more = cursor.value, {}
-    if isinstance(ends, Mapping):
-        entries = read_mapping(cursor, ["low", "high", "scale"])
-        more = read_checked(entries, {"scale": Choice("", SCALES)})
-        ends = [ends.get("low"), ends.get("high")]
-    if not (isinstance(ends, list) and len(ends) == 2):
-        raise cursor.refusal("{shown} is not of the form [low, high]")
-    return checked_range(cursor, name, {"low": ends[0], "high": ends[1]}, **more)
-
-
-def _target(item: Cursor, fixed: Mapping[str, Any]) -> FitTarget:
-    entries = read_mapping(item, (*_TARGET, *_MORE), ("figure", "value", "tolerance"))
-    measure = _measure(item, entries)
-    least = -_GREATEST if measure.figure in SIGNED else 0.0
-    value = float(entries["value"].check(Quantity(measure.unit, "", least, _GREATEST)))
-    own = _parameters(item.get("parameters", {}), item, fixed)
-    tolerance = _tolerance(entries["tolerance"], value, measure.unit)
-    more = read_checked(entries, _MORE)
-    return FitTarget(measure, value, tolerance, parameters=tuple(own.items()), **more)
-
-
-def _measure(item: Cursor, entries: Mapping[str, Cursor]) -> Measure:
-    figure = entries["figure"].value
-    if not (isinstance(figure, str) and figure in UNITS):
-        raise entries["figure"].refusal("{shown} is not a figure; {hint}", UNITS)
-    if figure in CONTACT_FIGURES:
-        return Measure(figure, 0.0, 0.0)
-    window = item.get("window", 5.0)
-    content = window.value if isinstance(window.value, list) else [0.0, window.value]
-    if len(content) != 2:
-        raise window.refusal("{shown} is neither seconds nor [from, to]")
-    allowed = Quantity("s", "", 0.0, _LONGEST)
-    start, end = (dataclasses.replace(window, value=each).check(allowed) for each in content)
+def _window(cursor: Cursor) -> tuple[float, float]:
+    if isinstance(cursor.value, list):
+        start, end = read(cursor, list_of(_TIME, 2, 2))
+    else:
+        start, end = 0.0, cursor.check(_TIME)
     if not start < end:
-        raise window.refusal(f"begins at {start:g} s and ends at {end:g} s")
-    quantile = _quantile(entries["statistic"], figure) if "statistic" in entries else None
-    return Measure(figure, start, end, quantile)
+        raise cursor.wrong(f"begins at {start:g} s and ends at {end:g} s")
+    return start, end
 
 
-def _quantile(cursor: Cursor, figure: str) -> float | None:
+def _quantile(cursor: Cursor) -> float | None:
     """Return the quantile of ``statistic``; None for the mean."""
-    if figure not in IMPACT_VALUES:
-        raise cursor.refusal(f"{figure} has none; those of {', '.join(IMPACT_VALUES)} have")
     if cursor.value == "mean":
         return None
     word, _, share = str(cursor.value).partition(" ")
     if word != "quantile":
-        raise cursor.refusal("{shown} is neither mean nor quantile Q")
+        raise cursor.wrong("is neither mean nor quantile Q")
     return float(_number(cursor, share).check(Quantity("", "", 0, 1)))
 
 
@@ -257,6 +169,35 @@ def _number(cursor: Cursor, text: str) -> Cursor:
         return cursor
 
 
+@dataclasses.dataclass(frozen=True)
+class _TargetEntry:
+    figure: str = key(name_in(UNITS, "a figure"))
+    value: Cursor = key(here)  # its unit and range belong to the figure
+    tolerance: Cursor = key(here)
+    statistic: float | None = key(_quantile, None)
+    window: tuple[float, float] = key(_window, (0.0, 5.0))
+    parameters: Mapping[str, Any] = key(DRILL_PARAMETERS, {})
+    runs: int = key(Quantity("", "", 1, 1e9, whole=True), 1)
+    hold_out: bool = key(Flag(""), False)
+    source: str = key(Text("", ""), "")
+
+
+def _target(cursor: Cursor) -> FitTarget:
+    entry: _TargetEntry = read(cursor, _TargetEntry)
+    figure = entry.figure
+    if "statistic" in cursor.value and figure not in IMPACT_VALUES:
+        raise cursor.get("statistic").error(
+            f"statistic: {figure} has none; those of {', '.join(IMPACT_VALUES)} have"
+        )
+    window = (0.0, 0.0) if figure in CONTACT_FIGURES else entry.window
+    measure = Measure(figure, *window, entry.statistic)
+    least = -_GREATEST if figure in SIGNED else 0.0
+    value = float(entry.value.check(Quantity(measure.unit, "", least, _GREATEST)))
+    tolerance = _tolerance(entry.tolerance, value, measure.unit)
+    own = tuple(entry.parameters.items())
+    return FitTarget(measure, value, tolerance, entry.runs, own, entry.hold_out, entry.source)
+
+
 def _tolerance(cursor: Cursor, value: float, unit: str) -> float:
     content = cursor.value
     if isinstance(content, str) and content.strip().endswith("%"):
@@ -265,36 +206,91 @@ def _tolerance(cursor: Cursor, value: float, unit: str) -> float:
     else:
         tolerance = cursor.check(Quantity(unit, "", 0.0, _GREATEST, exclusive=True))
     if not tolerance > 0.0:
-        raise cursor.refusal(f"{{shown}} of {value:g} is no tolerance above 0")
+        raise cursor.wrong(f"of {value:g} is no tolerance above 0")
     return float(tolerance)
 
 
-def _data_targets(item: Cursor, fixed: Mapping[str, Any], folder: Path) -> list[FitTarget]:
+@dataclasses.dataclass(frozen=True)
+class _DataEntry:
+    bag: str = key(line, "")
+    csv: str = key(line, "")
+    skip: float = key(Quantity("s", "", 0.0, 50.0), 0.5)
+    parameters: Mapping[str, Any] = key(DRILL_PARAMETERS, {})
+    hold_out: bool = key(Flag(""), False)
+
+
+def _data_targets(cursor: Cursor) -> list[FitTarget]:
     """Return the targets of an entry of ``data``: the figures of a bag or a CSV file."""
-    entries = read_mapping(item, _DATA)
-    own = _parameters(item.get("parameters", {}), item, fixed)
-    if ("bag" in entries) == ("csv" in entries):
-        raise item.refusal("needs either bag or csv, the path of a file")
-    file = entries["bag" if "bag" in entries else "csv"]
-    if not isinstance(file.value, str):
-        raise file.refusal("is no path")
-    skip = item.get("skip", 0.5).check(Quantity("s", "", 0.0, 50.0))
-    hold_out = item.get("hold_out", False).check(Flag(""))
-    with dataclasses.replace(item, name="").errors():
-        found, runs = read_data(folder / file.value, "bag" in entries, skip)
+    entry: _DataEntry = read(cursor, _DataEntry)
+    if bool(entry.bag) == bool(entry.csv):
+        raise cursor.error("data needs either bag or csv, the path of a file")
+    path = entry.bag or entry.csv
+    own = tuple(entry.parameters.items())
+    found, runs = read_data(Path(cursor.source.file).parent / path, bool(entry.bag), entry.skip)
     return [
         FitTarget(
             measure,
             value,
             max(_LEAST_ERROR * abs(value), 1e-300),
             runs,
-            tuple(own.items()),
-            hold_out,
-            file.value,
+            own,
+            entry.hold_out,
+            path,
             sampling,
         )
         for measure, value, sampling in found
     ]
+
+
+_KEYS: Mapping[str, Reader] = {
+    "parameters": DRILL_PARAMETERS,
+    "unknowns": {name: _unknown(name) for name in DRILL_PARAMETERS},
+    "targets": list_of(_target),
+    "data": list_of(_data_targets),
+    **_EFFORT,
+}
+
+
+def read_target_file(path: str | Path) -> FitSpecification:
+    """Return the specification of a YAML file; the paths in it begin at its folder."""
+    return specification_of(open_yaml(path))
+
+
+def specification_of(top: Cursor) -> FitSpecification:
+    """Return the fit that a file, at its top, describes."""
+    top.mapping(_KEYS, ("unknowns",))
+    found = read(top, _KEYS)
+    fixed, unknowns = found.pop("parameters", {}), found.pop("unknowns")
+    for name in unknowns.keys() & fixed.keys():
+        raise top.get("unknowns").get(name).error(f"{name} is among the parameters as well")
+    ranges = {name: item for name, item in unknowns.items() if isinstance(item, Range)}
+    if not ranges:
+        raise top.get("unknowns").error("unknowns holds no parameter with bounds")
+    choices = {name: item for name, item in unknowns.items() if name not in ranges}
+    targets = list(found.pop("targets", ()))
+    targets += [each for listed in found.pop("data", ()) for each in listed]
+    specification = FitSpecification(fixed, ranges, choices, tuple(targets), **found)
+    with top.get("parameters", {}).errors():
+        to_configuration(fixed)
+    for item in (*top.get("targets", []).sequence(), *top.get("data", []).sequence()):
+        with item.errors():
+            to_configuration({**fixed, **item.value.get("parameters", {})})
+    with top.errors():
+        if specification.points & (specification.points - 1):
+            raise ParameterError(f"points = {specification.points} is no power of two")
+        if len(specification.combinations) > _MOST_COMBINATIONS:
+            raise ParameterError(f"unknowns have more than {_MOST_COMBINATIONS} combinations")
+        missing = _missing_models(specification)
+        for number, (target, lacking) in enumerate(zip(targets, missing, strict=True)):
+            if lacking and target.sampling is None:
+                figure = f"{target.measure.figure} [{target.measure.unit}]"
+                place = top.get("targets").sequence()[number]
+                raise place.error(f"figure {figure} needs the parameter {lacking}")
+        # A recording may have more than the drill of the fit is asked to model.
+        kept = tuple(t for t, lacking in zip(targets, missing, strict=True) if not lacking)
+        if all(target.hold_out for target in kept):
+            raise ParameterError("targets holds no target that the fit may use")
+    return dataclasses.replace(specification, targets=kept)
 
 
 def _missing_models(specification: FitSpecification) -> list[str]:

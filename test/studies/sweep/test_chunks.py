@@ -184,7 +184,7 @@ CONFIG = Path(__file__).parents[3] / "config"
 def test_an_example_has_its_size_and_runs_at_small_size(name, simulations, tmp_path):
     path = CONFIG / f"{name}.yaml"
     assert read_specification(path).simulations == simulations
-    content = open_yaml(path, truth_values=False).value
+    content = open_yaml(path).value
     small = {"points": 2, "duration": 0.4}
     if "faults" in content:
         small |= {

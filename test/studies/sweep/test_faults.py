@@ -143,10 +143,10 @@ def test_a_call_goes_on_after_a_kill_between_a_bag_and_its_chunk(made, tmp_path)
 
 def test_commands_of_all_and_of_a_case_come_in_the_order_of_their_times(tmp_path):
     specification = parsed(
-        fixed={"rock_model": "specific_energy", "feed_model": "arm", "drive_enabled": "false"},
+        fixed={"rock_model": "specific_energy", "feed_model": "arm", "drive_enabled": False},
         cases={"slow": {"commands": [{"time": 0.1, "feed": {"rate": 1e-4}}]}},
         commands=[
-            {"time": 0.3, "drive": {"enabled": "true"}},
+            {"time": 0.3, "drive": {"enabled": True}},
             {"time": 0.05, "feed": {"rate": 1e-3}},
         ],
         bags=["mount"],
@@ -184,27 +184,33 @@ FEED = [{"time": 0.1, "feed": {"rate": 1e-4}}]
 @pytest.mark.parametrize(
     ("entries", "reason"),
     [
-        ({"onset": {"minimum": 2, "maximum": 1}}, "onset: minimum 2 is above maximum 1"),
-        ({"onset": {"minimum": 0.1, "maximum": 0.7}}, "onset.maximum + lasting.maximum: is not"),
-        ({"lasting": {"minimum": 0, "maximum": 0.1}}, "lasting.minimum: 0 s is below 1e-09 s"),
+        ({"onset": {"minimum": 2, "maximum": 1}}, "onset: minimum = 2 s is above 1 s"),
+        (
+            {"onset": {"minimum": 0.1, "maximum": 0.7}},
+            "onset: the maxima of onset and lasting end after",
+        ),
+        ({"lasting": {"minimum": 0, "maximum": 0.1}}, "lasting: minimum = 0 s is below 1e-09 s"),
         ({"faults": []}, "onset and lasting are of faults, and there are none"),
         ({"faults": "physical"}, "faults = 'physical' is not a list"),
-        ({"faults": [{"channel": "wrench"}]}, "faults[0].kind: is missing"),
+        ({"faults": [{"channel": "wrench"}]}, "faults[0]: kind is missing"),
         (
             {"faults": [{"kind": "choking", "severities": [0.5, 2.0]}]},
             "faults[0]: magnitude of choking = 2 is outside its range (0, 1]",
         ),
-        ({"faults": [{"kind": "choking", "severities": [0.5, 0.5]}]}, "stands twice with magn"),
+        ({"faults": [{"kind": "choking", "severities": [0.5, 0.5]}]}, "stands twice; give"),
         ({"faults": [{"kind": "choking"}, {"kind": "choking", "severities": [0.1]}]}, "in one en"),
         (
             {"faults": [{"kind": "resonance_drift"}]},
             "cases.chalk: faults: resonance_drift-1: resonance_drift cannot be honoured: it needs",
         ),
-        ({"cases": {"a b": {}}}, "cases.a b: is not a name"),
-        ({"cases": {"a": {"rock_model": "none"}}}, "cases.a.rock_model: is given elsewhere"),
+        ({"cases": {"a b": {}}}, "'a b' is no name of a case"),
+        ({"cases": {"a": {"rock_model": "none"}}}, "cases.a: rock_model is among fixed as well"),
         ({"swept": {"strata": ["chalk", "cheese"]}, "fixed": {}, "cases": {}}, "cheese"),
         ({"repeat": 100_000}, "8 points of 100000 simulations are more than 100000"),
-        ({"commands": [{"time": 1.0}]}, "commands[0]: it needs a time, and"),
+        (
+            {"commands": [{"time": 1.0}]},
+            "commands[0]: a command has a weight_on_bit, drive or feed",
+        ),
         ({"commands": FEED}, "cases.chalk: command at 0.1 s: a feed cannot be commanded"),
         ({"commands": [{"time": 4.0, "weight_on_bit": 5.0}]}, "commands: time = 4 s is not below"),
     ],

@@ -63,24 +63,24 @@ def test_the_plan_has_every_combination_once(tmp_path):
         "free_mass": 0.004,
     }
     assert campaign.name == "campaign"
-    assert campaign.system.command[0] == sys.executable
+    assert campaign.system.words[0] == sys.executable
 
 
 @pytest.mark.parametrize(
     ("old", "new", "line", "words"),
     [
-        ("seeds:", "seads:", 9, "'seads': did you mean seeds?"),
+        ("seeds:", "seads:", 9, "'seads' is not a key here; did you mean seeds?"),
         ("seeds: [1, 2]", "seeds: [1, 1]", 9, ".* has a value twice"),
         ("supervisor.py", "supervisr.py", 4, "is no file: .* (did you mean supervisor.py?)"),
         ("python supervisor.py", "pyhton supervisor.py", 4, "no program 'pyhton' on the PATH"),
         ("weight_on_bit]", "weight_on_bitt]", 5, "did you mean command/weight_on_bit?"),
         ("[command/weight_on_bit]", "[status]", 5, "is a topic of the drill itself"),
-        ("[command/weight_on_bit]", "[]", 5, "is no list of values"),
+        ("[command/weight_on_bit]", "[]", 5, "answers = [] has 0 entries"),
         ("drive_enabled: true", "start_paused: true", 7, "runs in lockstep"),
         ("drive_enabled: true", "seed: 3", 7, "seed cannot be set here: give seeds"),
         ("faults.yaml", "fault.yaml", 13, "did you mean faults.yaml?"),
         ("free_mass: [", "free_mas: [", 20, "did you mean free_mass?"),
-        ("[0.004, 0.005, 0.006]", "0.004", 20, "free_mass = 0.004 is no list of values"),
+        ("[0.004, 0.005, 0.006]", "0.004", 20, "free_mass = 0.004 is not a list"),
         ("requirement: SAFE-1", "requirement: SAVE-1", 23, "did you mean SAFE-1?"),
         ("reacting_force.force", "reacting.force", 24, "did you mean reacting_force?"),
         ("command: python", "launch: x.py\n  command: python", 3, "either command or launch"),
@@ -111,7 +111,7 @@ def test_a_launch_file_needs_launch_ros(tmp_path):
         ):
             read(tmp_path, text)
     else:
-        assert read(tmp_path, text).system.command[-2:] == (
+        assert read(tmp_path, text).system.words[-2:] == (
             str(tmp_path / "supervisor.launch.py"),
             "target:=30.0",
         )
