@@ -23,7 +23,7 @@ from rpud_sim.foundation.time import SECOND, split_seconds
 
 if TYPE_CHECKING:
     from rpud_sim.bag import Recovery
-    from rpud_sim.recorded.verify.verification import Verification
+    from rpud_sim.recorded.verify import Verification
 
 _COUNTS = ("equal", "different", "unexpected", "missing", "tail", "before")  # of messages
 _FORMATS = ("parquet", "csv")
@@ -137,7 +137,7 @@ def _recovery_lines(recovery: Recovery) -> Iterator[str]:
     strict=option(False, "exit code 3 also if messages are missing between recorded ones"),
 )
 def _verify(options: Any) -> int:
-    from rpud_sim.recorded.verify.verification import verify
+    from rpud_sim.recorded.verify import verify
 
     with progress_bar(" s") as bar:
         found = verify(options.bag, bar.update)

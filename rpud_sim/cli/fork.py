@@ -14,7 +14,7 @@ from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.foundation.terminal import complain, printable
 
 if TYPE_CHECKING:
-    from rpud_sim.simulation.plans import Changes
+    from rpud_sim.simulation.changes import PlannedChanges
 
 
 @command(
@@ -67,20 +67,20 @@ def _run(options: Any) -> int:
     return _live(options, changes) if options.live else _to_bag(options, changes)
 
 
-def _changes(options: Any) -> Changes:
+def _changes(options: Any) -> PlannedChanges:
     from rpud_sim.recorded.fork import LIVE
+    from rpud_sim.simulation.changes import PlannedChanges, parameter_changes
     from rpud_sim.simulation.configuration import parse_assignment
-    from rpud_sim.simulation.plans import Changes, parameter_changes
     from rpud_sim.simulation.scenario_file import parse_injections, read_commands
 
     values = dict(parse_assignment(text) for text in options.assignments)
     changes = parameter_changes(values, LIVE if options.live else ())
     changes += parse_injections(options.inject)
-    return changes + (read_commands(options.commands) if options.commands else Changes())
+    return changes + (read_commands(options.commands) if options.commands else PlannedChanges())
 
 
-def _to_bag(options: Any, changes: Changes) -> int:
-    from rpud_sim.recorded.offline_bag import write_fork
+def _to_bag(options: Any, changes: PlannedChanges) -> int:
+    from rpud_sim.recorded.fork import write_fork
 
     with progress_bar(" s") as bar:
         forked = write_fork(
@@ -104,23 +104,14 @@ def _to_bag(options: Any, changes: Changes) -> int:
     return ExitCode.DONE
 
 
-def _live(options: Any, changes: Changes) -> int:
+def _live(options: Any, changes: PlannedChanges) -> int:
     from rpud_sim.cli.run import drill
-    from rpud_sim.recorded.fork import live_start, open_fork
+    from rpud_sim.recorded.fork import Fork
     from rpud_sim.ros.drill.drill_node import open_drill
     from rpud_sim.ros.stopping import StopRequest
 
-    with progress_bar(" s") as bar:
-        fork = open_fork(
-            options.bag,
-            options.at,
-            changes,
-            run=options.run,
-            topic=options.topic,
-            stop=True,
-            report=bar.update,
-        )
-        start = live_start(fork, changes)
+    fork = Fork(options.bag, options.at, changes, options.run, options.topic)
+    start = fork.start()
     namespace = options.namespace or fork.recorded.prefix.rstrip("/") or "/"
     with (
         StopRequest() as stop,

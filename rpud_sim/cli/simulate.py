@@ -16,8 +16,8 @@ from rpud_sim.foundation.quantities import ParameterError, Quantity
 from rpud_sim.foundation.terminal import cell, complain
 
 if TYPE_CHECKING:
+    from rpud_sim.simulation.changes import Change
     from rpud_sim.simulation.configuration import Configuration
-    from rpud_sim.simulation.plans import Planned, Scenario
 
 _DURATION = Quantity("s", "simulated time", 1e-9, 1e6)  # time is whole nanoseconds
 _REPEAT = Quantity("", "number of runs", 1, 1e6, whole=True)
@@ -71,24 +71,24 @@ def _refuse_assignments_to_the_node(assignments: Sequence[str]) -> None:
 def _simulate(options: Any) -> dict[str, Any]:
     from rpud_sim.simulation.configuration import to_settings
     from rpud_sim.simulation.ensemble import compile_kernels
-    from rpud_sim.simulation.plans import read_commands, read_scenario
-    from rpud_sim.simulation.simulation import initial_phases
+    from rpud_sim.simulation.plan import Beginning, Plan, initial_phases
+    from rpud_sim.simulation.scenario_file import read_commands, read_scenario
 
     settings = to_settings(parameter_values(options))
     configuration, file = settings.configuration, settings.scenario
-    scenario = read_scenario(file, options.seed) if file else None
-    planned = read_commands(options.commands).planned if options.commands else ()
+    faults = read_scenario(file, options.seed) if file else ()
+    planned = read_commands(options.commands).changes if options.commands else ()
     compile_kernels(configuration, _show, messages=bool(options.bag))
     phases = initial_phases(options.repeat, options.seed)
     if options.bag:
         from rpud_sim.recorded.offline_bag import write_offline_bag
-        from rpud_sim.simulation.run import Beginning
 
-        beginning = Beginning(settings, phases[0], options.seed or 0, scenario)
+        beginning = Beginning(settings, phases[0], options.seed or 0, faults)
+        plan = Plan(beginning, planned)
         text = Path(file).read_text(encoding="utf-8") if file else ""
         with progress_bar(" s", options.duration) as bar:
-            write_offline_bag(options.bag, beginning, options.duration, text, bar.update, planned)
-    figures = _figures(options, configuration, phases, scenario, planned)
+            write_offline_bag(options.bag, plan, options.duration, text, bar.update)
+    figures = _figures(options, configuration, phases, (*faults, *planned))
     return {**figures, "scenario": file or None}
 
 
@@ -96,8 +96,7 @@ def _figures(
     options: Any,
     configuration: Configuration,
     phases: Sequence[float],
-    scenario: Scenario | None,
-    planned: Sequence[Planned],
+    planned: Sequence[Change],
 ) -> dict[str, Any]:
     from rpud_sim.drilling.rock import NO_DEEPER
     from rpud_sim.simulation.energy_account import mean_of
@@ -106,7 +105,7 @@ def _figures(
     threads = len(os.sched_getaffinity(0))
     with progress_bar(" s", options.duration * options.repeat) as bar:
         ensemble = run_ensemble(
-            configuration, options.duration, phases, bar.update, scenario, threads, planned
+            configuration, options.duration, phases, bar.update, planned, threads
         )
     members = ensemble.members
     figures: dict[str, Any] = {

@@ -173,7 +173,7 @@ class Fork:
         return run
 
     def go_on(self, run: Run, end: int) -> Iterator[Batch]:
-        """Go on from the instant up to a simulation time [ns]: yield the messages at the instant."""
+        """Plan how it goes on up to a simulation time [ns]; yield the messages at the instant."""
         if self._changes.replaces_commands:
             run.watch()
         run.schedule(*self.after(end))

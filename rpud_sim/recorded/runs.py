@@ -21,10 +21,11 @@ from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.columns import Kind, columns_of
 from rpud_sim.bag.definitions import find_definition, find_type_hash
 from rpud_sim.bag.field_values import FieldReader
-from rpud_sim.bag.manifest import Manifest
+from rpud_sim.bag.manifest import MANIFEST_RECORD, Manifest, manifest_from_record
 from rpud_sim.foundation.quantities import suggestion
 from rpud_sim.foundation.time import NEVER, SECOND, join_seconds
 from rpud_sim.recorded import RecordingError
+from rpud_sim.recorded.output import Damages
 from rpud_sim.simulation.batch import Batch
 from rpud_sim.simulation.block import boundaries_until, boundary
 from rpud_sim.simulation.changes import ChangeError
@@ -72,6 +73,7 @@ class RecordedRun:
     torn: str = ""  # why it is not known how the run went on; empty if it is
     first_origin: int = 0  # stamp of simulation time zero where the journal has none [ns]
     manifest: Manifest | None = None
+    warnings: tuple[str, ...] = ()  # what is not known of it, one line each
 
     @property
     def prefix(self) -> str:
@@ -195,7 +197,9 @@ def held_journals(bag: BagReader) -> dict[str, TopicSummary]:
     return held
 
 
-def runs_of(bag: BagReader, topic: str | None = None) -> list[RecordedRun]:
+def runs_of(
+    bag: BagReader, topic: str | None = None, damages: Damages | None = None
+) -> list[RecordedRun]:
     """Return the runs of a drill in a bag, at least one.
 
     ``topic`` chooses one of several journals. An UnverifiableError says why runs cannot be told.
@@ -208,17 +212,89 @@ def runs_of(bag: BagReader, topic: str | None = None) -> list[RecordedRun]:
         raise RecordingError(
             f"{bag.path} holds no journal named {topic}, but {names}{suggestion(topic, found)}"
         )
-    return _Journal(bag, found[topic or names]).runs()
+    return _Journal(bag, found[topic or names]).runs(damages or Damages(bag))
 
 
-def run_of(bag: BagReader, number: int = 1, topic: str | None = None) -> RecordedRun:
+def run_of(
+    bag: BagReader, number: int = 1, topic: str | None = None, damages: Damages | None = None
+) -> RecordedRun:
     """Return a run of a bag by its number, from 1."""
-    runs = runs_of(bag, topic)
+    runs = runs_of(bag, topic, damages)
     if not 1 <= number <= len(runs):
         raise RecordingError(
             f"--run = {number} is outside its range [1, {len(runs)}]: resets begin new ones"
         )
     return runs[number - 1]
+
+
+def find_drill(
+    bag: BagReader, damages: Damages, namespace: str | None = None, run: int | None = None
+) -> RecordedRun:
+    """Return a run of a drill in a bag: by default of the only drill, and the first.
+
+    Without a journal that shows its runs, the whole bag is one.
+    """
+    chosen = _choose(bag, namespace)
+    journal = f"{chosen}/journal"
+    reason = f"{bag.path} holds no journal: commands are unknown, and a reset is not seen"
+    if any(s.topic.name == journal and s.message_count for s in bag.readable_topics):
+        try:
+            found = run_of(bag, run or 1, journal, damages)
+        except RecordingError as error:
+            reason = f"{bag.path}: {error}"
+            if run not in (None, 1):
+                raise RecordingError(reason) from error
+        else:
+            several = (
+                f"{bag.path} holds {found.runs} runs: the first is compared; choose with --run"
+            )
+            warnings = (found.torn, several if found.runs > 1 and run is None else "")
+            return replace(found, warnings=tuple(filter(None, warnings)))
+    elif run not in (None, 1):
+        raise RecordingError(f"{bag.path} holds no journal, so there is no run {run}")
+    shown = recorded_progress(bag, progress_readers(bag, f"{chosen}/"), 0, SECOND)
+    origin = min((int(found["stamp"].min()) for _, found in shown), default=bag.start_time)
+    manifest = find_manifest(bag, chosen, damages)
+    return RecordedRun(
+        os.fspath(bag.path), journal, first_origin=origin, manifest=manifest, warnings=(reason,)
+    )
+
+
+def _choose(bag: BagReader, wanted: str | None) -> str:
+    """Return the namespace of a drill in a bag."""
+    spaces = set()
+    for summary in bag.readable_topics:
+        space, _, name = summary.topic.name.rpartition("/")
+        known = TOPICS.get(name)
+        own = known is not None and known.type == summary.topic.type
+        if own and summary.topic.type.startswith("rpud_msgs/") and summary.message_count:
+            spaces.add(space)
+    found = sorted(spaces)
+    if not found:
+        raise RecordingError(f"{bag.path} holds no topic of a drill")
+    names = ", ".join(f"{name:.80}" or "/" for name in found)
+    if wanted is None:
+        if len(found) > 1:
+            raise RecordingError(f"{bag.path} holds several drills: choose --namespace of {names}")
+        return found[0]
+    space = "" if wanted == "/" else f"/{wanted.strip('/')}"
+    if space not in found:
+        raise RecordingError(
+            f"{bag.path} holds no drill in {wanted!r:.80}, but in {names}{suggestion(space, found)}"
+        )
+    return space
+
+
+def find_manifest(bag: BagReader, namespace: str, damages: Damages) -> Manifest | None:
+    """Return the manifest of a drill in a bag; None if there is none, or if it is not clear."""
+    found = []
+    for record in damages.records(bag, MANIFEST_RECORD):
+        try:
+            found.append(manifest_from_record(record))
+        except BagFormatError as error:
+            damages.add_record(MANIFEST_RECORD, error)
+    own = [m for m in found if m.node.rpartition("/")[0] == namespace and m.node]
+    return next(iter((*own, *(found if len(found) == 1 else ()))), None)
 
 
 class _Journal:
@@ -235,7 +311,7 @@ class _Journal:
             except BagFormatError as error:
                 raise UnverifiableError(f"{self.name}: {error}") from None
 
-    def runs(self) -> list[RecordedRun]:
+    def runs(self, damages: Damages) -> list[RecordedRun]:
         groups: list[tuple[list[RecordedEntry], str]] = []
         orphans = 0
         entries: list[RecordedEntry] = []
@@ -268,6 +344,7 @@ class _Journal:
         edges = [_EARLIEST, *starts[1:], _LATEST + 1]
         if orphans or groups[0][0][0].entry.sequence:  # there was a run before
             edges[0] = starts[0]
+        manifest = find_manifest(self._bag, self.name.rpartition("/")[0], damages)
         found = [
             RecordedRun(
                 os.fspath(self._bag.path),
@@ -278,6 +355,7 @@ class _Journal:
                 (edges[number - 1], edges[number] - 1),
                 entries[-1].entry.time,
                 gap and f"{self.name}: {gap}",
+                manifest=manifest,
             )
             for number, (entries, gap) in enumerate(groups, 1)
         ]

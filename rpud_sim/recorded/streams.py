@@ -173,8 +173,9 @@ class Cursor:
 
     def held(self) -> KeyedMessages | None:
         """Return the next messages, at least one; None at the end."""
-        if not self._held and (part := next(self._parts, None)) is not None:
-            self._held.append(part)
+        while not self._held and (part := next(self._parts, None)) is not None:
+            if len(part.runs):
+                self._held.append(part)
         return self._held[0] if self._held else None
 
     def head(self, ahead: int = 0) -> Head | None:

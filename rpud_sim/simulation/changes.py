@@ -73,6 +73,13 @@ class Change:
     place: str = dataclasses.field(default="", compare=False)
 
 
+def injected(changes: Iterable[Change]) -> Iterator[tuple[Change, Fault]]:
+    """Yield the changes that inject a fault, each with its fault."""
+    for change in changes:
+        if isinstance(change.action, Inject):
+            yield change, change.action.fault
+
+
 class ChangeError(ParameterError):
     """Change that cannot be carried out; the text says which and why, in one line."""
 

@@ -114,9 +114,9 @@ def run_members(
 ) -> Generator[Member, None, None]:
     """Yield the result of one simulation per initial phase [cycles], failed ones as well.
 
-    Each lasts a duration [s], with the ``planned`` commands and faults. ``report`` is called now and then with the simulated
-    seconds since the last call, in any thread. The compiled code needs no GIL, so members run on
-    ``threads``.
+    Each lasts a duration [s], with the ``planned`` commands and faults. ``report`` is called now
+    and then with the simulated seconds since the last call, in any thread. The compiled code needs
+    no GIL, so members run on ``threads``.
     """
     configuration = whole_configuration(configuration)
     end = round(duration * SECOND)

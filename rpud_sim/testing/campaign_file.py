@@ -23,6 +23,7 @@ from rpud_sim.foundation.quantities import (
 )
 from rpud_sim.foundation.schema import Reader, as_it_is, key, line, list_of, name_in, named, read
 from rpud_sim.foundation.yaml_files import Cursor, open_yaml, parse_yaml
+from rpud_sim.simulation.changes import injected
 from rpud_sim.simulation.configuration import PARAMETERS
 from rpud_sim.simulation.scenario_file import parse_scenario
 from rpud_sim.simulation.topics import COMMAND_TOPICS, TOPICS
@@ -239,8 +240,8 @@ def _runs(top: Cursor, file: _CampaignFile) -> list[CampaignRun]:
         for point, seed in itertools.product(points, file.seeds):
             options = {**file.drill, **each.parameters, **faults, **point, "seed": seed}
             setup = _setup(options, cursor)
-            drawn = parse_scenario(parse_yaml(setup.scenario), name).faults
-            phrases = tuple(dict.fromkeys(str(scheduled.fault) for scheduled in drawn))
+            drawn = injected(parse_scenario(parse_yaml(setup.scenario), name))
+            phrases = tuple(dict.fromkeys(str(fault) for _, fault in drawn))
             runs.append(CampaignRun(name, phrases, each.duration or file.duration, point, setup))
     return runs
 

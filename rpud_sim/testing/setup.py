@@ -18,6 +18,7 @@ from rpud_sim.foundation.quantities import (
     suggestion,
 )
 from rpud_sim.foundation.yaml_files import Cursor, cursor_at, open_yaml
+from rpud_sim.simulation.changes import injected
 from rpud_sim.simulation.configuration import (
     PARAMETERS,
     Configuration,
@@ -131,11 +132,11 @@ def _scenario(
         found = [{"kind": e, "onset": 0.0} if isinstance(e, str) else e for e in entries]
         content = {"faults": [dict(e) if isinstance(e, Mapping) else e for e in found]}
         top = dataclasses.replace(place, value=content, name="")
-    for planned in scenario_at(top).faults:
+    for change, fault in injected(scenario_at(top)):
         try:
-            check_supported(planned.fault, configuration)
+            check_supported(fault, configuration)
         except FaultError as error:
-            raise FaultError(f"{planned.place}{error}") from None
+            raise FaultError(f"{change.place}{error}") from None
     return yaml.safe_dump(top.value)
 
 

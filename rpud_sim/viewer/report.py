@@ -27,9 +27,9 @@ from rpud_sim.bag.manifest import (
     tested_from_record,
 )
 from rpud_sim.foundation.terminal import printable
+from rpud_sim.pages.quantities import QUANTITIES
 from rpud_sim.recorded import RecordingError
 from rpud_sim.recorded.output import Damages, check_new_file, write_new_file
-from rpud_sim.pages.quantities import QUANTITIES
 from rpud_sim.viewer.commands import COMMAND
 from rpud_sim.viewer.recorded_store import RecordedStore
 from rpud_sim.viewer.recording import STATUS_TYPE

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.recorded.compare.values import RecordedValues
-from rpud_sim.recorded.recorded_drill import RecordedDrill
+from rpud_sim.recorded.runs import RecordedRun
 from rpud_sim.simulation import PARAMETERS
 
 _MOST_TEXT = 300  # characters of a command
@@ -52,13 +52,13 @@ class ComparedWindow(NamedTuple):
         return ", ".join(f"{begin:.6g} to {end:.6g} s" for begin, end in spans)
 
 
-def parameter_settings(drills: Sequence[RecordedDrill]) -> tuple[Setting, ...]:
+def parameter_settings(drills: Sequence[RecordedRun]) -> tuple[Setting, ...]:
     """Return the parameters at the beginning that differ, with the seed and the initial phase."""
     seeds = [{} if drill.seed is None else {"seed": drill.seed} for drill in drills]
     return _differing([{**d.parameters, **seed} for d, seed in zip(drills, seeds, strict=True)])
 
 
-def version_settings(drills: Sequence[RecordedDrill]) -> tuple[Setting, ...]:
+def version_settings(drills: Sequence[RecordedRun]) -> tuple[Setting, ...]:
     return _differing([drill.versions for drill in drills])
 
 
@@ -80,11 +80,11 @@ def to_text(value: Any) -> str:
     return f"{value!s:.200}"
 
 
-def commands(drills: Sequence[RecordedDrill]) -> tuple[AlignedEvent, ...]:
+def commands(drills: Sequence[RecordedRun]) -> tuple[AlignedEvent, ...]:
     return _aligned([_commands(drill) for drill in drills])
 
 
-def _commands(drill: RecordedDrill) -> list[tuple[str, float, None]]:
+def _commands(drill: RecordedRun) -> list[tuple[str, float, None]]:
     found = []
     parameters: Mapping[str, Any] = drill.parameters
     for entry in drill.commands:

@@ -37,13 +37,12 @@ from rpud_sim.recorded.compare.values import (
     ComparedQuantity,
     OpenRun,
     RecordedValues,
-    read_together,
     series_of,
     value_readers,
 )
 from rpud_sim.recorded.output import Damages
-from rpud_sim.recorded.recorded_drill import RecordedDrill, find_drill
-from rpud_sim.recorded.recorded_topics import RecordedTopics
+from rpud_sim.recorded.runs import RecordedRun, find_drill
+from rpud_sim.recorded.streams import TopicStreams, read_together
 
 
 def compare(
@@ -80,7 +79,7 @@ def compare(
             bag = opened.enter_context(rpud_sim.bag.open(path))
             damages = Damages(bag)
             drill = find_drill(bag, damages, space, number)
-            held.append(OpenRun(bag, drill, damages, RecordedTopics(bag)))
+            held.append(OpenRun(bag, drill, damages, TopicStreams(bag.blocks)))
         runs = [RecordedValues(each.drill) for each in held]
         found: dict[str, Compared] = {}
         readers = [
@@ -150,7 +149,7 @@ def _for_each(given: Sequence[Any], name: str) -> list[Any]:
     return [*given] if len(given) == 2 else [given[0] if given else None] * 2
 
 
-def _names(drills: Sequence[RecordedDrill]) -> tuple[str, ...]:
+def _names(drills: Sequence[RecordedRun]) -> tuple[str, ...]:
     """Return a short name for each run, which no other has."""
     folders = [os.path.basename(os.path.abspath(drill.path)) for drill in drills]
     for names in (

@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from rpud_sim.foundation.terminal import printable
+from rpud_sim.pages.frame import Picture, colors, picture, render_page
+from rpud_sim.pages.quantities import NONE
 from rpud_sim.recorded.compare.estimates import (
     DIFFERS,
     EQUIVALENT,
@@ -35,8 +37,6 @@ from rpud_sim.recorded.compare.values import (
     shown,
 )
 from rpud_sim.recorded.output import write_new_file
-from rpud_sim.pages.frame import Picture, colors, picture, render_page
-from rpud_sim.pages.quantities import NONE
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

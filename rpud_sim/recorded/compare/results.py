@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from rpud_sim.foundation.values import finite_values
+from rpud_sim.pages.quantities import NONE, ShownQuantity
 from rpud_sim.recorded.compare.changes import AlignedEvent, ComparedWindow, Setting
 from rpud_sim.recorded.compare.estimates import (
     DIFFERS,
@@ -24,8 +25,7 @@ from rpud_sim.recorded.compare.values import (
     RecordedValues,
     shown,
 )
-from rpud_sim.recorded.recorded_drill import RecordedDrill
-from rpud_sim.pages.quantities import NONE, ShownQuantity
+from rpud_sim.recorded.runs import RecordedRun
 
 LETTERS = "AB"  # of the runs; A is the reference
 _PERCENT = ShownQuantity("relative", "relative difference", "%", 100.0, floor=1e-5)
@@ -62,7 +62,7 @@ class Comparison:
     warnings: tuple[str, ...]
 
     @property
-    def drills(self) -> tuple[RecordedDrill, ...]:
+    def drills(self) -> tuple[RecordedRun, ...]:
         return tuple(run.drill for run in self.values)
 
     @property

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import heapq
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
@@ -15,12 +14,11 @@ from rpud_sim.bag.columns import Kind, usable
 from rpud_sim.bag.messages import MessageBlock
 from rpud_sim.bag.tables import Tables
 from rpud_sim.foundation.time import SECOND, join_seconds
-from rpud_sim.recorded.output import Damages
-from rpud_sim.recorded.recorded_drill import RecordedDrill
-from rpud_sim.recorded.recorded_topics import RecordedTopics
-from rpud_sim.recorded.run_clock import RunClock
 from rpud_sim.pages.quantities import QUANTITIES as SHOWN
 from rpud_sim.pages.quantities import ShownQuantity
+from rpud_sim.recorded.output import Damages
+from rpud_sim.recorded.runs import RecordedRun
+from rpud_sim.recorded.streams import TopicStreams
 from rpud_sim.simulation.topics import TOPICS
 
 MEAN, MEDIAN, P95 = "mean", "median", "p95"  # figures of a distribution
@@ -101,7 +99,7 @@ class RecordedFault(NamedTuple):
 class RecordedValues:
     """Values of a run."""
 
-    drill: RecordedDrill  # the run
+    drill: RecordedRun  # the run
     # arrays of each topic by its relative name: ``time`` is simulation time [s]; the others
     # are columns, with NaN where a value is not usable
     topics: dict[str, Arrays] = field(default_factory=dict)
@@ -150,9 +148,9 @@ class OpenRun(NamedTuple):
     """Run of a bag that is read."""
 
     bag: BagReader
-    drill: RecordedDrill
+    drill: RecordedRun
     damages: Damages
-    recorded: RecordedTopics  # for all readers of the bag
+    recorded: TopicStreams  # for all readers of the bag
 
 
 def value_readers(
@@ -163,7 +161,7 @@ def value_readers(
     for name in _READ:
         full = run.drill.topic(name)
         if _usable_topic(run.bag, full):
-            yield _read(run, name, tables, run.recorded.blocks(full), values, report)
+            yield _read(run, name, tables, run.recorded.stream(full), values, report)
 
 
 def _read(
@@ -182,9 +180,8 @@ def _read(
         report(len(block))
         for batch in tables.batches(chosen, [block], run.damages.add):
             published = batch.columns["publish_time"]
-            times = run.drill.clock.elapsed(batch.columns["header.stamp"], published)
-            first, last = run.drill.bounds
-            own = (published >= first) & (published <= last)
+            times = (batch.columns["header.stamp"] - run.drill.origins(published)) / SECOND
+            own = run.drill.holds(published)
             if name == FAULTS:
                 values.faults |= {f.number: f for f in _faults(batch.columns, own, run.drill)}
             else:
@@ -194,21 +191,6 @@ def _read(
         values.topics[name] = {
             key: np.concatenate([part.pop(key) for part in parts]) for key in [*parts[0]]
         }
-
-
-def read_together(readers: Iterable[Iterator[int]]) -> None:
-    """Read all to their ends; each yields, now and then, to which simulation time it came [ns].
-
-    The one that is behind goes on, so that few messages of the others wait.
-    """
-    queue = [(-1, number, reader) for number, reader in enumerate(readers)]
-    while queue:
-        _, number, reader = queue[0]
-        time = next(reader, None)
-        if time is None:
-            heapq.heappop(queue)
-        else:
-            heapq.heapreplace(queue, (time, number, reader))
 
 
 def _usable_topic(bag: BagReader, full: str) -> bool:
@@ -237,19 +219,20 @@ def _rows(
 
 
 def _faults(
-    columns: Mapping[str, np.ndarray], own: np.ndarray, drill: RecordedDrill
+    columns: Mapping[str, np.ndarray], own: np.ndarray, drill: RecordedRun
 ) -> Iterator[RecordedFault]:
     for published, states in zip(columns["publish_time"][own], columns["faults"][own], strict=True):
         for state in states:
             try:
-                yield _fault(state, drill.clock, int(published))
+                [origin] = drill.origins(np.array([published]))
+                yield _fault(state, int(origin))
             except (KeyError, TypeError, ValueError):  # another type of the same name
                 continue
 
 
-def _fault(state: Mapping[str, Any], clock: RunClock, published: int) -> RecordedFault:
+def _fault(state: Mapping[str, Any], origin: int) -> RecordedFault:
     def since(moment: Mapping[str, int]) -> float:
-        return clock.seconds(join_seconds(moment["sec"], moment["nanosec"]), published)
+        return (join_seconds(moment["sec"], moment["nanosec"]) - origin) / SECOND
 
     magnitude = float(state["magnitude"])
     text = str(state["kind"])[:40]

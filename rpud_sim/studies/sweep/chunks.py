@@ -21,8 +21,7 @@ from rpud_sim.bag.manifest import Manifest, installed_versions
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.recorded.offline_bag import write_offline_bag
 from rpud_sim.simulation.ensemble import run_members
-from rpud_sim.simulation.run import Beginning
-from rpud_sim.simulation.simulation import initial_phases
+from rpud_sim.simulation.plan import Beginning, Plan, initial_phases
 from rpud_sim.simulation.statistics import Figures
 from rpud_sim.simulation.versions import engine_versions
 from rpud_sim.studies.sweep.indices import saltelli_shares
@@ -179,7 +178,7 @@ def _ensemble(
 ) -> list[tuple[Figures, str | None]]:
     """Return the figures of each member, or why it has none; it does not affect the others."""
     # Members without a fault go together, which is faster. Each fault has its own times.
-    alone = runs[0].scenario is not None
+    alone = bool(runs[0].faults)
     groups = [slice(i, i + 1) for i in range(len(runs))] if alone else [slice(None)]
     try:
         drill, planned = sweep.configuration(point), sweep.planned(point)
@@ -190,8 +189,7 @@ def _ensemble(
                 drill,
                 sweep.duration,
                 phases[group],
-                scenario=runs[group][0].scenario,
-                planned=planned,
+                planned=(*runs[group][0].faults, *planned),
             )
         ]
     except ParameterError as error:
@@ -206,14 +204,13 @@ def _record_bag(
     sweep: SweepSpecification, point: Mapping[str, Any], run: PlannedRun, phase: float
 ) -> dict[str, bytes]:
     """Simulate a run; return the files of its bag by name."""
-    beginning = Beginning(sweep.settings(point), phase, run.seed, run.scenario)
+    beginning = Beginning(sweep.settings(point), phase, run.seed, run.faults)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / run.name
         write_offline_bag(
             path,
-            beginning,
+            Plan(beginning, sweep.planned(point)),
             sweep.duration,
-            planned=sweep.planned(point),
             topics=sweep.bag_topics,
             manifest=Manifest(
                 parameters={**beginning.settings.values(), "seed": run.seed},

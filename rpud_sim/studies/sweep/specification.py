@@ -15,6 +15,7 @@ import numpy as np
 from rpud_sim.foundation.quantities import Quantity
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.model.elementary import power
+from rpud_sim.simulation.changes import Change, Inject, in_order
 from rpud_sim.simulation.configuration import (
     PARAMETERS,
     Configuration,
@@ -24,7 +25,6 @@ from rpud_sim.simulation.configuration import (
 )
 from rpud_sim.simulation.fault_kinds import KINDS
 from rpud_sim.simulation.faults import Fault
-from rpud_sim.simulation.plans import Planned, Scenario, ScheduledFault
 from rpud_sim.simulation.statistics import FIGURES
 from rpud_sim.simulation.topics import TOPICS
 
@@ -97,7 +97,7 @@ class Case:
     """Parameters and commands that belong together, such as those of a rock."""
 
     parameters: Mapping[str, Any]  # by name
-    commands: tuple[Planned, ...] = ()  # in the order of their times
+    commands: tuple[Change, ...] = ()  # in the order of their times
 
 
 @dataclasses.dataclass(frozen=True)
@@ -106,33 +106,34 @@ class PlannedRun:
 
     name: str  # of its bag, unique in the sweep
     seed: int  # of the signals' random numbers
-    fault: ScheduledFault | None = None  # None without one
+    onset: int = 0  # of its fault [ns]
+    injection: Inject | None = None  # None without a fault
 
     @property
-    def scenario(self) -> Scenario | None:
-        return Scenario(self.seed, (self.fault,)) if self.fault else None
+    def faults(self) -> tuple[Change, ...]:
+        return (Change(self.onset, self.injection),) if self.injection else ()
 
     def labels(self) -> dict[str, Any]:
         """Return the ground truth by the names of the table's columns; empty without a fault."""
-        if self.fault is None:
+        if self.injection is None:
             return {}
-        onset, clear, fault = self.fault.onset, self.fault.clear, self.fault.fault
+        fault, duration = self.injection.fault, self.injection.duration
         quantity = KINDS[fault.kind].quantity_on(fault.channel)
         return {
             **dataclasses.asdict(fault),
             "unit": quantity.unit if quantity else "",
-            "onset": onset / SECOND,
-            "clear": None if clear is None else clear / SECOND,
+            "onset": self.onset / SECOND,
+            "clear": (self.onset + duration) / SECOND if duration else None,
         }
 
     @property
     def scenario_text(self) -> str:
         """Scenario as JSON, and so as YAML; empty without a fault."""
-        if self.fault is None:
+        if self.injection is None:
             return ""
-        entry = {**dataclasses.asdict(self.fault.fault), "onset": self.fault.onset / SECOND}
-        if self.fault.duration:
-            entry["duration"] = self.fault.duration / SECOND
+        entry = {**dataclasses.asdict(self.injection.fault), "onset": self.onset / SECOND}
+        if self.injection.duration:
+            entry["duration"] = self.injection.duration / SECOND
         return json.dumps({"seed": self.seed, "faults": [entry]}) + "\n"
 
 
@@ -155,7 +156,7 @@ class SweepSpecification:
     faults: Mapping[str, Fault] = dataclasses.field(default_factory=dict)
     onset: Range | None = None  # of the faults [s]; None without faults
     lasting: Range | None = None  # of the faults [s]; None for to the end of the simulation
-    commands: tuple[Planned, ...] = ()  # in every simulation, in the order of their times
+    commands: tuple[Change, ...] = ()  # in every simulation, in the order of their times
     bags: tuple[str, ...] = ()  # topics of the bag of each simulation; none for no bags
 
     @property
@@ -197,11 +198,11 @@ class SweepSpecification:
     def settings(self, point: Mapping[str, Any]) -> Settings:
         return to_settings(self._values(point))
 
-    def planned(self, point: Mapping[str, Any]) -> tuple[Planned, ...]:
+    def planned(self, point: Mapping[str, Any]) -> tuple[Change, ...]:
         """Return the commands at a point, in the order of their times."""
         case = self.cases.get(point.get("case", ""))
         commands = (*self.commands, *(case.commands if case else ()))
-        return tuple(sorted(commands, key=lambda each: each.delay))
+        return in_order(commands)
 
     def point_seed(self, number: int, point: Mapping[str, Any]) -> int:
         """Return the seed of the initial phases at a point, from its number in the sweep."""
@@ -215,10 +216,8 @@ class SweepSpecification:
         if label == HEALTHY or self.onset is None:
             return PlannedRun(name, seed)
         onset = self._draw_time(f"{name}/onset", self.onset)
-        clear = None
-        if self.lasting:
-            clear = onset + self._draw_time(f"{name}/lasting", self.lasting)
-        return PlannedRun(name, seed, ScheduledFault(onset, clear, self.faults[label]))
+        duration = self._draw_time(f"{name}/lasting", self.lasting) if self.lasting else 0
+        return PlannedRun(name, seed, onset, Inject(self.faults[label], duration))
 
     def _point_name(self, number: int, point: Mapping[str, Any]) -> str:
         """Return the name of a point: case, fault, and number in the design."""

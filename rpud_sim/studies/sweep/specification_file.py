@@ -12,9 +12,9 @@ from rpud_sim.foundation.quantities import Choice, ParameterError, Quantity, Tex
 from rpud_sim.foundation.schema import Reader, as_it_is, here, key, list_of, name_in, named, read
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.foundation.yaml_files import Cursor, open_yaml
+from rpud_sim.simulation.changes import check_commands
 from rpud_sim.simulation.configuration import NODE_NAMES, PARAMETERS
 from rpud_sim.simulation.faults import Fault, check_supported
-from rpud_sim.simulation.plans import check_commands
 from rpud_sim.simulation.scenario_file import parse_commands
 from rpud_sim.simulation.statistics import FIGURES
 from rpud_sim.simulation.topics import TOPICS
@@ -221,7 +221,7 @@ def _check_times(specification: SweepSpecification) -> None:
     duration, onset, lasting = (specification.duration, specification.onset, specification.lasting)
     cases = specification.cases.values()
     commands = [*specification.commands, *(each for case in cases for each in case.commands)]
-    last = max((each.delay / SECOND for each in commands), default=0.0)
+    last = max((each.time / SECOND for each in commands), default=0.0)
     if not last < duration:
         raise ParameterError(f"commands: time = {last:g} s is not below duration = {duration:g} s")
     if specification.faults and onset is None:
