@@ -120,8 +120,8 @@ starts: install/.package install/.kernels ## Start a node under test STARTS time
 
 .PHONY: kills
 kills: install/.package ## Kill KILLS recordings (1000) at random moments, and recover each
-	@$(WITH_ENV) python test/kills.py --count $(KILLS) && \
-	  python test/kills.py --count $(KILLS) --max-loss 1 --live
+	@$(WITH_ENV) python -m tools.kills --count $(KILLS) && \
+	  python -m tools.kills --count $(KILLS) --max-loss 1 --live
 
 .PHONY: soak
 soak: DURATION = 1800
@@ -133,7 +133,7 @@ fuzz: N = 100000
 fuzz: BAGS = 20000
 fuzz: SEED = 0
 fuzz: install/.package ## Send N hostile inputs (100000) to every way into the drill, and read BAGS hostile bags (20000)
-	@$(WITH_ENV) PYTHONPATH="test:$$PYTHONPATH" python -m fuzz --inputs $(N) --bags $(BAGS) --seed $(SEED)
+	@$(WITH_ENV) python -m tools.fuzz --inputs $(N) --bags $(BAGS) --seed $(SEED)
 
 .PHONY: signatures
 signatures: install/.package ## Print the table of fault signatures

@@ -76,7 +76,6 @@ setup(
     python_requires=">=3.10,<3.14",
     # What every command needs. Where an extra is missing, the program says which.
     install_requires=[
-        "apsw>=3.43",  # octet_length
         "jinja2",
         "lz4",
         "mcap",

@@ -104,7 +104,7 @@ def _errors(bag: Path, rate: float, heard: dict[str, list]) -> tuple[int, np.nda
     due: dict[str, list[int]] = {name: [] for name in heard}
     with BagReader(bag) as reader:
         last = reader.start_time + round(SECONDS * rate * 1e9)
-        for block in reader.blocks(heard):
+        for block in reader.batches(heard):
             due[block.topic] += block.log_times[block.log_times <= last].tolist()
     sent = sum(map(len, due.values()))
     errors = []

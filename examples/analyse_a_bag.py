@@ -43,7 +43,7 @@ print(f"power of the impacts: {power.iloc[1:-1].mean():.1f} W")
 
 # %% A waveform of any length, piece by piece: nothing but the sums stays in memory
 count, total, squares = 0, 0.0, 0.0
-for piece in bag.batches("/rpud/waveform"):
+for piece in bag.tables("/rpud/waveform"):
     force = piece.columns["reacting_force"]
     count += len(force)
     total += force.sum()

@@ -29,7 +29,9 @@ def copied(writer, source, change=unchanged, topics=None, shift=0, namespace="/r
         for message in reader.messages(topics):
             name = message.topic.replace("/rpud", namespace)
             for data in change(message):
-                writer.write(name, data, message.log_time + shift, message.publish_time + shift)
+                writer.write_message(
+                    name, data, message.log_time + shift, message.publish_time + shift
+                )
 
 
 def altered(source, out, change, topics=None):

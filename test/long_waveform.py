@@ -42,5 +42,5 @@ def long_waveform(path: Path, size: int) -> Path:
             stamp = {"sec": moment // _SECOND, "nanosec": moment % _SECOND}
             fields = {"header": {"stamp": stamp, "frame_id": "rpud_mount"}}
             fields |= {"sequence": block * BLOCK, "sample_period": 1.0 / RATE, **arrays}
-            bag.write("/rpud/waveform", codec.encode(fields), moment, moment)
+            bag.write_message("/rpud/waveform", codec.encode(fields), moment, moment)
     return path

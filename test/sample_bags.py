@@ -14,12 +14,12 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 import rpud_sim.bag
 from rpud_sim.bag import BagWriter, QosProfile, Topic
-from rpud_sim.bag.messages import MessageBlock
+from rpud_sim.bag.batches import SerializedBatch
 from rpud_sim.recorded import offline_bag
-from rpud_sim.recorded.recorded_journal import installed_codec
+from rpud_sim.recorded.runs import installed_codec
 from rpud_sim.simulation import Parameters
 from rpud_sim.simulation.configuration import Configuration, Settings
-from rpud_sim.simulation.run import Beginning
+from rpud_sim.simulation.plan import Beginning, Plan
 from rpud_sim.simulation.topics import TOPICS, offered_topics
 
 STRING = "std_msgs/msg/String"
@@ -47,9 +47,9 @@ def serialized_string(text: str) -> bytes:
     return b"\x00\x01\x00\x00" + struct.pack("<I", len(data) + 1) + data + b"\x00"
 
 
-def block_of(
+def batch_of(
     messages: Sequence[bytes], topic: str = "/a", gap: bytes = b"", times: Any = None
-) -> MessageBlock:
+) -> SerializedBatch:
     """Return messages with bytes between them that are none; ``times`` has a row for each."""
     sizes = np.array([len(data) for data in messages], np.int64)
     if times is None:
@@ -57,7 +57,7 @@ def block_of(
     logs, sent = np.array(times, np.int64).reshape(-1, 2).T
     data = np.frombuffer(gap + gap.join(messages), np.uint8)
     starts = np.cumsum(sizes + len(gap)) - sizes
-    return MessageBlock(topic, logs, sent, data, starts, sizes)
+    return SerializedBatch(topic, logs, sent, data, starts, sizes)
 
 
 def write_bag(
@@ -69,7 +69,7 @@ def write_bag(
         bag.add_topic(CHAT, STRING_DEFINITION)
         for number in range(count):
             time = START + number * 1_000_000
-            bag.write(TALK.name, serialized_string(f"message {number}"), time, time - 1000)
+            bag.write_message(TALK.name, serialized_string(f"message {number}"), time, time - 1000)
     return path
 
 
@@ -195,7 +195,7 @@ def write_everything(path: Path, count: int = 3) -> Path:
         for number in range(count):
             fields = {**MESSAGE, "small": number - 3}
             data = serialized("pkg/msg/Everything", EVERYTHING, fields)
-            bag.write("/all", data, START + number * SECOND, START)
+            bag.write_message("/all", data, START + number * SECOND, START)
     return path
 
 
@@ -215,7 +215,7 @@ def write_damaged(path: Path) -> Path:
         for number in range(5):
             time = START + number * SECOND
             data = serialized_string("whole") if number % 2 == 0 else b"\x00\x01\x00\x00\xff"
-            bag.write(TALK.name, data, time, time)
+            bag.write_message(TALK.name, data, time, time)
         odd = {"offered_qos_profiles": "!!timestamp 1", "topic_type_hash": ""}
         bag.add_channel(Topic("/rpud/odd", STRING), None, odd)
         bag.add_record("rpud_losses", {"losses": "["})
@@ -224,11 +224,12 @@ def write_damaged(path: Path) -> Path:
 
 
 def write_offline_bag(
-    path: Path, parameters: Parameters, duration: float, phase=0.0, scenario=None, seed=0
+    path: Path, parameters: Parameters, duration: float, phase=0.0, scenario=(), seed=0
 ) -> None:
     """Write the bag of a run without ROS at the default rates."""
     settings = Settings(Configuration(parameters))
-    offline_bag.write_offline_bag(path, Beginning(settings, phase, seed, scenario), duration)
+    plan = Plan(Beginning(settings, phase, seed, scenario))
+    offline_bag.write_offline_bag(path, plan, duration)
 
 
 def proved_messages(path: Path, skipped: int = 0) -> list[tuple[str, bytes]]:

@@ -30,7 +30,7 @@ def evil_bag(tmp_path):
         bag.add_topic(Topic("/untold" + EVIL, "pkg/msg/Un\x1btold"))
         for number in range(3):
             time = START + number * SECOND
-            bag.write(EVIL, serialized_string(EVIL), time, time)
+            bag.write_message(EVIL, serialized_string(EVIL), time, time)
     return path
 
 

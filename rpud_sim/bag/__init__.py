@@ -14,10 +14,10 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from rpud_sim.bag.batches import BagChunk, Message, SerializedBatch
     from rpud_sim.bag.columns import Column, Kind
     from rpud_sim.bag.errors import BagError, BagExistsError, BagFormatError, BagNotFoundError
     from rpud_sim.bag.losses import Losses
-    from rpud_sim.bag.messages import BagSegment, Message
     from rpud_sim.bag.metadata import QosProfile, Topic, TopicSummary
     from rpud_sim.bag.reader import BagReader
     from rpud_sim.bag.recovery import Recovery, TopicRecovery, recover
@@ -25,12 +25,12 @@ if TYPE_CHECKING:
     from rpud_sim.bag.writer import BagWriter, whole_bag
 
 __all__ = [
+    "BagChunk",
     "BagError",
     "BagExistsError",
     "BagFormatError",
     "BagNotFoundError",
     "BagReader",
-    "BagSegment",
     "BagWriter",
     "Batch",
     "Column",
@@ -39,6 +39,7 @@ __all__ = [
     "Message",
     "QosProfile",
     "Recovery",
+    "SerializedBatch",
     "Topic",
     "TopicRecovery",
     "TopicSummary",
@@ -53,7 +54,7 @@ _MODULES = {
     "columns": ("Column", "Kind"),
     "errors": ("BagError", "BagExistsError", "BagFormatError", "BagNotFoundError"),
     "losses": ("Losses",),
-    "messages": ("BagSegment", "Message"),
+    "batches": ("BagChunk", "Message", "SerializedBatch"),
     "metadata": ("QosProfile", "Topic", "TopicSummary"),
     "reader": ("BagReader",),
     "recovery": ("Recovery", "TopicRecovery", "recover"),
@@ -75,12 +76,8 @@ def __dir__() -> list[str]:
     return __all__
 
 
-def open(path: str | os.PathLike[str], *, unclosed: bool = False) -> BagReader:
-    """Open a bag for reading.
-
-    ``path`` is its directory or one file of it: MCAP or SQLite, also compressed. With ``unclosed``
-    MCAP files that were not closed, or lost their end, are read as far as they are whole.
-    """
+def open(path: str | os.PathLike[str]) -> BagReader:
+    """Open a bag for reading; ``path`` is its directory or one MCAP file of it."""
     from rpud_sim.bag.reader import BagReader
 
-    return BagReader(path, unclosed=unclosed)
+    return BagReader(path)

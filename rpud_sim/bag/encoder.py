@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rpud_sim.bag.messages import items
+from rpud_sim.bag.batches import items
 from rpud_sim.foundation.values import Ragged
 
 TEXT = "s"

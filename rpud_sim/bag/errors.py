@@ -42,6 +42,10 @@ class BagFormatError(BagError):
     """Error of a file that is not a complete bag in a known format."""
 
 
+class OtherStorageError(BagFormatError):
+    """Error of a bag that rosbag2 can read, and that must be converted to be read here."""
+
+
 class DefinitionNotFoundError(BagError):
     """Error of a message type whose definition is not on the search path."""
 

@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
+from rpud_sim.bag.batches import SerializedBatch, gathered, items
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.columns import Column, Kind, objects, to_plain
 from rpud_sim.bag.errors import BagFormatError
 from rpud_sim.bag.layout import Field, ReadMessage
-from rpud_sim.bag.messages import MessageBlock, gathered, items
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.foundation.values import Ragged
 
@@ -50,7 +50,7 @@ class FieldReader:
         self._codec = codec
         self._columns = tuple(columns)
 
-    def read(self, block: MessageBlock) -> FieldValues:
+    def read(self, block: SerializedBatch) -> FieldValues:
         """Return the values of messages; those that are not of the type are among the errors."""
         places: list[np.ndarray] = []
         values: dict[str, list[np.ndarray | Ragged]] = {each.name: [] for each in self._columns}

@@ -11,9 +11,9 @@ import numpy as np
 from rosbags.interfaces import Nodetype
 from rosbags.serde.utils import SIZEMAP
 
+from rpud_sim.bag.batches import items
 from rpud_sim.bag.encoder import CODES, Decoded
 from rpud_sim.bag.errors import BagFormatError
-from rpud_sim.bag.messages import items
 
 DECODED_LIMIT = 256 * 2**20  # greatest decoded message, with its text in exported files [bytes]
 FIELDS_LIMIT = 100_000  # greatest number of fields of a type, with those of its members

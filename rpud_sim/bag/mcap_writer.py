@@ -6,13 +6,15 @@ compress them.
 
 from __future__ import annotations
 
-import io
+import os
 import struct
 import zlib
 from array import array
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import zstandard
@@ -33,10 +35,10 @@ from mcap.records import (
     SummaryOffset,
 )
 
-from rpud_sim.bag.messages import MessageBlock, items
+from rpud_sim.bag.batches import SerializedBatch, items
+from rpud_sim.bag.errors import BagError
 from rpud_sim.bag.metadata import FileInformation, stored_name
 from rpud_sim.bag.records import HEAD, INDEX, MAGIC, MESSAGE, RECORD
-from rpud_sim.bag.reserve import Reserve, ReservedFile
 
 # Names of the compressions in MCAP, by those in options.
 COMPRESSIONS = {"none": "", "zstd": "zstd"}
@@ -46,10 +48,6 @@ COMPRESSIONS = {"none": "", "zstd": "zstd"}
 LEVEL = -1
 _ENTRY_SIZE = 16  # bytes of a message in the index
 _END_SIZE = 16_384  # bytes at the end of a file without its lists, and of the index of times
-
-HEAD_SIZE = HEAD.itemsize  # [bytes]
-
-_HEAD = struct.Struct("<BQHIQQ")  # the same for one message
 # Messages of at most this size are moved all at once, larger ones one by one [bytes].
 _SMALL = 2048
 
@@ -59,15 +57,14 @@ class McapWriter:
 
     A chunk is in the file as soon as it has more than ``chunk_size`` uncompressed bytes. No thread
     compresses it: what threads of Python wait for each other takes more processor time, and saves
-    little of the other. ``reserve`` is room for the file's end.
+    little of the other. A disk that fails is a BagError.
     """
 
-    def __init__(
-        self, path: Path, compression: str, chunk_size: int, reserve: Reserve | None = None
-    ) -> None:
+    def __init__(self, path: Path, compression: str, chunk_size: int) -> None:
         self.path = path
-        self._disk = ReservedFile(path, reserve)
-        self._stream = io.BufferedWriter(self._disk)
+        self.failed = False  # whether a write has failed, after which the file stays incomplete
+        with self._writing():
+            self._stream = path.open("xb")
         self._chunk_size = chunk_size
         self._compression = COMPRESSIONS[compression]
         zstd = zstandard.ZstdCompressor(level=LEVEL)  # threads must not share it
@@ -79,12 +76,7 @@ class McapWriter:
         self._chunk_indexes: list[ChunkIndex] = []
         self._metadata: list[MetadataIndex] = []
         self._declared_size = 0
-        self._stream.write(MAGIC + _bytes_of(Header("ros2", "rpud_sim")))
-
-    @property
-    def failed(self) -> bool:
-        """Whether a write has failed, after which the file cannot be completed."""
-        return self._disk.failed
+        self._put(MAGIC + _bytes_of(Header("ros2", "rpud_sim")))
 
     @property
     def information(self) -> FileInformation:
@@ -94,16 +86,12 @@ class McapWriter:
         return FileInformation(name, first, last - first, sum(self._counts.values()))
 
     @property
-    def unwritten(self) -> int:
-        """Greatest size that is still to be written, were the file closed now [bytes]."""
-        chunk = self._chunk.size + _ENTRY_SIZE * self._chunk.count
-        parts = len(self._chunk_indexes) + len(self._metadata) + 1
-        return chunk + parts * (128 + 10 * len(self._channels)) + self.end_size
-
-    @property
     def closed_size(self) -> int:
         """Greatest size of the file, were it closed now [bytes]."""
-        return self._stream.tell() + self.unwritten
+        chunk = self._chunk.size + _ENTRY_SIZE * self._chunk.count
+        lists = len(self._chunk_indexes) + len(self._metadata) + 1
+        index = lists * (128 + 10 * len(self._channels))
+        return self._stream.tell() + chunk + index + self.end_size
 
     @property
     def end_size(self) -> int:
@@ -131,25 +119,18 @@ class McapWriter:
         # It is in one chunk only. If that were damaged, all other chunks would be unreadable. So
         # the declaration is outside of the chunks as well.
         content += _bytes_of(channel)
-        self._stream.write(content)
+        self._put(content)
         self._declared_size += 2 * len(content)  # the metadata has it too
         return number
 
-    def write(
-        self, channel: int, data: bytes, log_time: int, publish_time: int, sequence: int
-    ) -> None:
-        self._chunk.add(channel, data, log_time, publish_time, sequence)
+    def add(self, channel: int, data: bytes, log_time: int, publish_time: int) -> None:
+        """Add one message."""
+        self._chunk.add(channel, data, log_time, publish_time)
         if self._chunk.size > self._chunk_size:
             self._close_chunk()
 
-    def write_blocks(self, parts: list[tuple[int, MessageBlock, np.ndarray]]) -> None:
-        """Add many messages: channel, messages, and the place of each among all of them.
-
-        Chunks end where they would if the messages came one by one.
-        """
-        if not parts:
-            return
-        records = interleaved(parts)
+    def write(self, records: MessageRecords) -> None:
+        """Add many messages; chunks end where they would if they came one by one."""
         done, count = 0, len(records.ends)
         while done < count:
             start = int(records.ends[done - 1]) if done else 0
@@ -164,18 +145,19 @@ class McapWriter:
     def add_record(self, name: str, content: Mapping[str, str]) -> None:
         record = _bytes_of(Metadata(name=name, metadata=dict(content)))
         self._metadata.append(MetadataIndex(self._stream.tell(), len(record), name))
-        self._stream.write(record)
+        self._put(record)
 
     def flush(self) -> None:
         """Close the chunk in progress and wait until everything is on the disk."""
         self._close_chunk()
-        self._stream.flush()
-        self._disk.sync()
+        with self._writing():
+            self._stream.flush()
+            os.fsync(self._stream.fileno())
 
     def finish(self) -> None:
         """Write the index and the statistics; the file remains open."""
         self._close_chunk()
-        self._stream.write(_bytes_of(DataEnd(0)))
+        self._put(_bytes_of(DataEnd(0)))
         start = self._stream.tell()
         summary = RecordBuilder()
         groups: list[tuple[Opcode, list[McapRecord]]] = [
@@ -199,27 +181,41 @@ class McapWriter:
         # The checksum covers the section and the footer up to itself.
         head = struct.pack("<BQQQ", Opcode.FOOTER, 20, start, offset_start)
         footer = Footer(start, offset_start, zlib.crc32(content + head))
-        self._stream.write(content + _bytes_of(footer) + MAGIC)
+        self._put(content + _bytes_of(footer) + MAGIC)
         self.flush()
 
     def close(self) -> None:
         """Close the file, complete or not."""
         self._stream.close()
 
+    def _put(self, content: bytes) -> int:
+        with self._writing():
+            return self._stream.write(content)
+
+    @contextmanager
+    def _writing(self) -> Iterator[None]:
+        try:
+            with writing(self.path.parent):
+                yield
+        except BagError:
+            self.failed = True
+            raise
+
     def _close_chunk(self) -> None:
         if not self._chunk.count:
             return
         chunk, self._chunk = self._chunk, OpenChunk()
+        chunk.settle()
         content = chunk.data
         data = self._compress(content)
         crc, start = zlib.crc32(content), self._stream.tell()
         record = Chunk(self._compression, data, chunk.last, chunk.first, crc, len(content))
-        self._stream.write(_bytes_of(record))
+        self._put(_bytes_of(record))
         end = place = self._stream.tell()
         offsets = {}
         for channel, index in chunk.indexes.items():
             offsets[channel] = place
-            place += self._stream.write(index)
+            place += self._put(index)
         for channel, messages in chunk.counts.items():
             self._counts[channel] = self._counts.get(channel, 0) + messages
         self._chunk_indexes.append(
@@ -257,6 +253,15 @@ class McapWriter:
         )
 
 
+@contextmanager
+def writing(bag: Path) -> Iterator[None]:
+    """Replace errors of the disk by a BagError that names the bag."""
+    try:
+        yield
+    except OSError as error:
+        raise BagError(f"cannot write the bag {bag}: {error.strerror}") from error
+
+
 def _bytes_of(record: McapRecord) -> bytes:
     builder = RecordBuilder()
     record.write(builder)
@@ -270,46 +275,53 @@ class MessageRecords:
     data: np.ndarray  # their bytes, uint8
     ends: np.ndarray  # where each ends in ``data``, int64, shape (n,)
     channels: np.ndarray  # number of the channel of each, shape (n,)
-    log_times: np.ndarray  # of each [ns], int64, shape (n,)
+    log_times: np.ndarray  # of each [ns], shape (n,)
 
 
-def interleaved(parts: list[tuple[int, MessageBlock, np.ndarray]]) -> MessageRecords:
-    """Return the records of blocks of messages in one order.
+def interleaved(batches: Sequence[tuple[int, SerializedBatch, np.ndarray]]) -> MessageRecords:
+    """Return the records of batches in one order.
 
-    Each part has a channel, its messages, and the place of each among those of all parts. Those of
-    equal place follow each other as the parts do.
+    Each batch comes with its channel, and with the place of each message among those of all
+    batches. Messages of equal place follow each other as the batches do.
     """
-    order = np.argsort(np.concatenate([places for _, _, places in parts]), kind="stable")
-    sizes = np.concatenate([block.sizes for _, block, _ in parts])[order] + HEAD_SIZE
+    order = np.argsort(np.concatenate([places for _, _, places in batches]), kind="stable")
+    sizes = np.concatenate([batch.sizes for _, batch, _ in batches])[order] + HEAD.itemsize
     ends = np.cumsum(sizes)
     begins = np.empty_like(ends)
     begins[order] = ends - sizes
-    data = np.empty(int(ends[-1]) if len(ends) else 0, np.uint8)
+    data = np.empty(int(ends[-1]), np.uint8)
     first = 0
-    for channel, block, _ in parts:
-        _place(data, begins[first : first + len(block)], channel, block)
-        first += len(block)
-    channels = np.concatenate([np.full(len(block), channel) for channel, block, _ in parts])
-    log_times = np.concatenate([block.log_times for _, block, _ in parts])
+    for channel, batch, _ in batches:
+        _place(data, begins[first : first + len(batch)], channel, batch)
+        first += len(batch)
+    channels = np.concatenate([np.full(len(batch), channel) for channel, batch, _ in batches])
+    log_times = np.concatenate([batch.log_times for _, batch, _ in batches])
     return MessageRecords(data, ends, channels[order], log_times[order])
 
 
-def _place(data: np.ndarray, begins: np.ndarray, channel: int, block: MessageBlock) -> None:
-    heads = np.zeros(len(block), HEAD)
-    heads["opcode"] = Opcode.MESSAGE
-    heads["length"] = block.sizes + MESSAGE.size
-    heads["channel"] = channel
-    heads["log_time"] = block.log_times
-    heads["publish_time"] = block.publish_times
-    items(data, f"V{HEAD_SIZE}")[begins] = heads.view(f"V{HEAD_SIZE}")
-    size = int(block.sizes[0]) if len(block) else 0
-    if 0 < size <= _SMALL and (block.sizes == size).all():
-        items(data, f"V{size}")[begins + HEAD_SIZE] = items(block.data, f"V{size}")[block.starts]
+def _place(data: np.ndarray, begins: np.ndarray, channel: int, batch: SerializedBatch) -> None:
+    heads = _heads(channel, batch.sizes, batch.log_times, batch.publish_times)
+    items(data, f"V{HEAD.itemsize}")[begins] = heads.view(f"V{HEAD.itemsize}")
+    size = int(batch.sizes[0])
+    if 0 < size <= _SMALL and (batch.sizes == size).all():
+        items(data, f"V{size}")[begins + HEAD.itemsize] = items(batch.data, f"V{size}")[
+            batch.starts
+        ]
         return
-    places = zip(begins.tolist(), block.starts.tolist(), block.sizes.tolist(), strict=True)
+    places = zip(begins.tolist(), batch.starts.tolist(), batch.sizes.tolist(), strict=True)
     for begin, start, length in places:
-        begin += HEAD_SIZE
-        data[begin : begin + length] = block.data[start : start + length]
+        begin += HEAD.itemsize
+        data[begin : begin + length] = batch.data[start : start + length]
+
+
+def _heads(channels: Any, sizes: np.ndarray, log_times: Any, publish_times: Any) -> np.ndarray:
+    heads = np.zeros(len(sizes), HEAD)
+    heads["opcode"] = Opcode.MESSAGE
+    heads["length"] = sizes + MESSAGE.size
+    heads["channel"] = channels
+    heads["log_time"] = log_times
+    heads["publish_time"] = publish_times
+    return heads
 
 
 class OpenChunk:
@@ -321,6 +333,9 @@ class OpenChunk:
         self.first = self.last = 0  # log times of the earliest and the latest message [ns]
         self._parts: list[bytes | memoryview] = []
         self._entries: dict[int, array[int]] = {}  # log time and place of each, by channel
+        # Messages that came one by one. They become records together: to make arrays of each takes
+        # ten times as long.
+        self._single: list[tuple[int, bytes, int, int]] = []
 
     @property
     def data(self) -> bytes:
@@ -342,26 +357,37 @@ class OpenChunk:
         return {channel: len(entries) // 2 for channel, entries in self._entries.items()}
 
     def declare(self, record: bytes) -> None:
+        self.settle()
         self._parts.append(record)
         self.size += len(record)
 
-    def add(self, channel: int, data: bytes, log_time: int, publish_time: int, number: int) -> None:
-        self._widen(log_time, log_time)
-        entries = self._entries.get(channel)
-        if entries is None:
-            entries = self._entries[channel] = array("Q")
-        entries.append(log_time)
-        entries.append(self.size)
+    def add(self, channel: int, data: bytes, log_time: int, publish_time: int) -> None:
+        """Add one message, which becomes a record in ``settle``."""
+        self._single.append((channel, data, log_time, publish_time))
+        self.size += HEAD.itemsize + len(data)
         self.count += 1
-        length = MESSAGE.size + len(data)
-        self._parts += (
-            _HEAD.pack(Opcode.MESSAGE, length, channel, number, log_time, publish_time),
-            data,
-        )
-        self.size += RECORD.size + length
+
+    def settle(self) -> None:
+        """Make records of the messages that were added one by one."""
+        if not self._single:
+            return
+        channels, contents, log_times, publish_times = zip(*self._single, strict=True)
+        self._single = []
+        sizes = np.array([len(content) for content in contents], np.int64)
+        heads = _heads(channels, sizes, log_times, publish_times).tobytes()
+        parts: list[bytes] = [b""] * (2 * len(contents))
+        parts[::2] = [heads[k : k + HEAD.itemsize] for k in range(0, len(heads), HEAD.itemsize)]
+        parts[1::2] = contents
+        data, ends = b"".join(parts), np.cumsum(sizes + HEAD.itemsize)
+        self.size -= len(data)
+        self.count -= len(contents)
+        logs = np.array(log_times, np.int64)
+        records = MessageRecords(np.frombuffer(data, np.uint8), ends, np.array(channels), logs)
+        self.extend(records, 0, len(contents))
 
     def extend(self, records: MessageRecords, first: int, end: int) -> None:
         """Add the records from number ``first`` to ``end``."""
+        self.settle()
         start = int(records.ends[first - 1]) if first else 0
         ends = records.ends[first:end]
         places = np.empty((end - first, 2), np.uint64)
@@ -372,11 +398,9 @@ class OpenChunk:
         for channel in found[np.argsort(firsts)].tolist():
             entries = self._entries.setdefault(channel, array("Q"))
             entries.frombytes(places[channels == channel].tobytes())
-        self._widen(int(log_times.min()), int(log_times.max()))
+        earliest, latest = int(log_times.min()), int(log_times.max())
+        self.first = min(earliest, self.first) if self.count else earliest
+        self.last = max(latest, self.last)
         self.count += end - first
         self._parts.append(records.data[start : int(ends[-1])].data)
         self.size += int(ends[-1]) - start
-
-    def _widen(self, first: int, last: int) -> None:
-        self.first = min(first, self.first) if self.count else first
-        self.last = max(last, self.last)

@@ -127,6 +127,21 @@ class TopicSummary:
     # encoding, type and definition without comments, of all channels
     kinds: frozenset[tuple[str, str, str]] = frozenset()
 
+    @classmethod
+    def joined(cls, parts: Sequence[TopicSummary], losses: Losses | None) -> TopicSummary:
+        """Return the summary of several files from theirs."""
+        times = [time for part in parts for time in (part.first_time, part.last_time)]
+        known = [time for time in times if time is not None]
+        return cls(
+            topic=parts[0].topic,
+            message_count=sum(part.message_count for part in parts),
+            first_time=min(known, default=None),
+            last_time=max(known, default=None),
+            definition=parts[0].definition,
+            losses=losses,
+            kinds=frozenset().union(*(part.kinds for part in parts)),
+        )
+
     @property
     def rate(self) -> float | None:
         """Mean rate from the first to the last message [Hz].
@@ -154,8 +169,7 @@ class ReadMetadata(NamedTuple):
 
     storage_identifier: str
     relative_file_paths: tuple[str, ...]
-    compression_format: str  # of whole files or messages, not that of MCAP chunks
-    compression_mode: str
+    compression_mode: str  # of whole files or messages, not that of MCAP chunks
 
 
 def metadata_of(files: Sequence[FileInformation], counts: Mapping[Topic, int]) -> dict[str, Any]:
@@ -218,7 +232,6 @@ def metadata_from_document(text: str) -> ReadMetadata:
         return ReadMetadata(
             storage_identifier=str(value["storage_identifier"]),
             relative_file_paths=tuple(str(path) for path in value["relative_file_paths"] or ()),
-            compression_format=str(value.get("compression_format") or ""),
             compression_mode=str(value.get("compression_mode") or ""),
         )
 

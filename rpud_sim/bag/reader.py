@@ -5,29 +5,23 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import ExitStack
-from dataclasses import replace
-from functools import cached_property, partial
-from pathlib import Path
+from functools import cached_property
+from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, overload
 
-from rpud_sim.bag.errors import BagFormatError
-from rpud_sim.bag.messages import (
-    BagSegment,
+from rpud_sim.bag.batches import (
+    BagChunk,
     Message,
-    MessageBlock,
-    blocks_of,
-    due_blocks,
+    SerializedBatch,
+    due_batches,
     messages_of,
     ordered_by_topic,
 )
-from rpud_sim.bag.metadata import TopicSummary
-from rpud_sim.bag.storage_files import (
-    SUFFIX,
-    open_storage_files,
-    storage_files,
-    summarize,
-    uncompressed_messages,
-)
+from rpud_sim.bag.errors import BagFormatError, BagNotFoundError, OtherStorageError
+from rpud_sim.bag.losses import LOSSES_RECORD, Losses, losses_from_record
+from rpud_sim.bag.mcap_reader import McapFile
+from rpud_sim.bag.metadata import FILE_NAME, TopicSummary, local_name, read_document
+from rpud_sim.bag.records import reading
 
 if TYPE_CHECKING:
     import numpy as np
@@ -36,34 +30,28 @@ if TYPE_CHECKING:
     from rpud_sim.bag.columns import Column
     from rpud_sim.bag.tables import Batch, Tables
 
+# Suffixes of files that rosbag2 may write, and that are not read.
+_OTHERS = (".db3", ".db3.zstd", ".mcap.zstd")
+
 
 class BagReader:
     """Open bag: its topics, and its messages in the order of their log times.
 
-    Repetitions in files of a split bag are read from the first file only. All times are integer
-    nanoseconds since the epoch. ``unclosed`` is as for ``rpud_sim.bag.open``.
+    All times are integer nanoseconds since the epoch.
     """
 
-    def __init__(self, path: str | os.PathLike[str], *, unclosed: bool = False) -> None:
+    def __init__(self, path: str | os.PathLike[str]) -> None:
         self.path = Path(path)  # that the bag was opened with
         self._opened = ExitStack()
         try:
-            self._paths, self._compressed = storage_files(self.path)
-            self._files = open_storage_files(self._paths, self._opened, unclosed=unclosed)
-            self.files = tuple(self._paths)  # the storage files
-            # of the storage files [bytes]
-            self.size = sum(file.stat().st_size for file in self._paths)
-            # Statistics of a file without messages say that it starts at 0.
-            self._filled = [file for file in self._files if file.message_count]
+            self.files = tuple(storage_files(self.path))  # the storage files
+            self._files = [self._opened.enter_context(McapFile(file)) for file in self.files]
         except BaseException:
             self.close()
             raise
-
-    @property
-    def unclosed(self) -> tuple[Path, ...]:
-        """Files that were not closed: they are still being written, or lost their end."""
-        pairs = zip(self._paths, self._files, strict=True)
-        return tuple(path for path, file in pairs if not file.closed)
+        self.size = sum(file.size for file in self._files)  # of the storage files [bytes]
+        # Statistics of a file without messages say that it starts at 0.
+        self._filled = [file for file in self._files if file.message_count]
 
     @property
     def message_count(self) -> int:
@@ -87,14 +75,8 @@ class BagReader:
 
     @property
     def compression(self) -> str:
-        """Compression of the chunks: ``none``, ``zstd``, ``lz4``, or several with commas.
-
-        ``zstd files`` or ``zstd messages`` is among them if rosbag2 compressed whole files or
-        messages.
-        """
+        """Compression of the chunks: ``none``, ``zstd``, ``lz4``, or several with commas."""
         names = {name for file in self._files for name in file.compressions} - {""}
-        names |= {"zstd files" for file in self._paths if file.name.endswith(SUFFIX)}
-        names |= {"zstd messages"} if self._compressed else set()
         return ",".join(sorted(names)) or "none"
 
     @property
@@ -124,63 +106,57 @@ class BagReader:
         """Return the metadata records of one name, in the order in which they were written."""
         return [content for file in self._files for content in file.records(name)]
 
-    def messages(self, topics: Collection[str] | None = None, start: int = 0) -> Iterator[Message]:
-        """Yield messages in the order of their log times.
+    def chunks(self) -> list[BagChunk]:
+        """Return the chunks, sorted by their beginnings."""
+        found = (chunk for file in self._filled for chunk in file.chunks())
+        return sorted(found, key=lambda chunk: chunk.start_time)
 
-        The time from the bag's beginning up to ``start`` [ns] is skipped.
-        """
-        steps = due_blocks(self._segments, topics, self.start_time + start)
-        found = (message for due in steps for message in messages_of(due))
-        return uncompressed_messages(found, self.path) if self._compressed else found
-
-    def blocks(
+    def messages(
         self,
         topics: Collection[str] | None = None,
         start: int = 0,
         duration: int | None = None,
-    ) -> Iterator[MessageBlock]:
-        """Yield the messages of ``messages`` in blocks of one topic, in bounded memory.
+    ) -> Iterator[Message]:
+        """Yield messages in the order of their log times; None for all topics.
 
-        Within a topic they have the same order; between topics only the chunks do. A block of a
-        chunk is a view of it: who keeps blocks should keep ``packed`` ones. ``start`` counts from
-        the bag's beginning, ``duration`` from there [ns].
+        ``start`` counts from the bag's beginning, ``duration`` from there [ns].
         """
-        start_time = self.start_time + start
-        end = None if duration is None else start_time + duration
-        steps = due_blocks(self._segments, topics, start_time, end)
-        return self._uncompressed(block for due in steps for block in ordered_by_topic(due))
-
-    def segments(self) -> list[BagSegment]:
-        """Return the parts that can be read by themselves, sorted by their beginnings."""
-
-        def blocks(found: BagSegment, topics: Collection[str] | None) -> Iterable[MessageBlock]:
-            return self._uncompressed(found.blocks(topics))
-
-        found = [replace(each, blocks=partial(blocks, each)) for each in self._segments]
-        return sorted(found, key=lambda segment: segment.start_time)
-
-    @property
-    def _segments(self) -> Iterator[BagSegment]:
-        return (segment for file in self._filled for segment in file.segments())
-
-    def _uncompressed(self, blocks: Iterable[MessageBlock]) -> Iterator[MessageBlock]:
-        if not self._compressed:
-            return iter(blocks)
-        messages = (message for block in blocks for message in messages_of([block]))
-        return blocks_of(uncompressed_messages(messages, self.path))
-
-    def columns(self, topic: str) -> tuple[Column, ...]:
-        """Return the columns of a topic's table, with units; errors are those of ``batches``."""
-        return self._tables.table(topic).columns
+        for due in self._due(topics, start, duration):
+            yield from messages_of(due)
 
     def batches(
+        self,
+        topics: Collection[str] | None = None,
+        start: int = 0,
+        duration: int | None = None,
+    ) -> Iterator[SerializedBatch]:
+        """Yield the messages of ``messages`` in batches of one topic, in bounded memory.
+
+        Within a topic they have the same order; between topics only the chunks do. A batch is a
+        view of its chunk: who keeps batches should keep ``packed`` ones.
+        """
+        for due in self._due(topics, start, duration):
+            yield from ordered_by_topic(due)
+
+    def _due(
+        self, topics: Collection[str] | None, start: int, duration: int | None
+    ) -> Iterator[list[SerializedBatch]]:
+        start += self.start_time
+        end = None if duration is None else start + duration
+        return due_batches(self.chunks(), topics, start, end)
+
+    def columns(self, topic: str) -> tuple[Column, ...]:
+        """Return the columns of a topic's table, with units; errors are those of ``tables``."""
+        return self._tables.table(topic).columns
+
+    def tables(
         self,
         topics: str | Collection[str] | None = None,
         start: int = 0,
         duration: int | None = None,
         leave_out: Callable[[str, str], object] | None = None,
     ) -> Iterator[Batch]:
-        """Yield the messages of topics as tables, piece by piece, in bounded memory.
+        """Yield the messages of topics as columns, batch by batch, in bounded memory.
 
         Args:
             topics: name or names; None for all that can be tables: ``left_out`` has the others.
@@ -190,7 +166,7 @@ class BagReader:
                 type, which is then skipped; None for an error.
         """
         tables = self._tables.choose([topics] if isinstance(topics, str) else topics)
-        return self._tables.batches(tables, self.blocks(tables, start, duration), leave_out)
+        return self._tables.batches(tables, self.batches(tables, start, duration), leave_out)
 
     @overload
     def arrays(  # type: ignore[overload-overlap]  # a text is a collection of texts, too
@@ -208,16 +184,16 @@ class BagReader:
         """Return one NumPy array for each column of a topic; times are integer nanoseconds.
 
         Several topics are read in one pass. The result then has such columns for each topic.
-        ``start`` and ``duration`` are as for ``batches``.
+        ``start`` and ``duration`` are as for ``tables``.
         """
         tables = self._tables.choose([topics] if isinstance(topics, str) else topics)
-        found = self._tables.arrays(tables, self.blocks(tables, start, duration))
+        found = self._tables.arrays(tables, self.batches(tables, start, duration))
         return found[topics] if isinstance(topics, str) else found
 
     def frame(self, topic: str, start: int = 0, duration: int | None = None) -> pandas.DataFrame:
         """Return a topic as a pandas frame with its datetimes; the first of them is the index.
 
-        ``start`` and ``duration`` are as for ``batches``.
+        ``start`` and ``duration`` are as for ``tables``.
         """
         from rpud_sim.bag.tables import to_frame
 
@@ -241,4 +217,75 @@ class BagReader:
 
     @cached_property
     def _declared(self) -> tuple[tuple[TopicSummary, ...], dict[str, BagFormatError]]:
-        return summarize(self._files)
+        """Readable topics by name, and errors of damaged ones and of the record of losses."""
+        topics: list[TopicSummary] = []
+        errors: dict[str, BagFormatError] = {}
+        losses: dict[str, Losses] = {}
+        try:
+            for record in self.records(LOSSES_RECORD):
+                losses |= losses_from_record(record)
+        except BagFormatError as error:
+            errors[f"record {LOSSES_RECORD}"] = error
+        for name in sorted({name for file in self._files for name in file.topic_channels}):
+            files = [file for file in self._files if name in file.topic_channels]
+            try:
+                found = [file.topic(name) for file in files]
+            except BagFormatError as error:
+                errors[name] = error
+            else:
+                topics.append(TopicSummary.joined(found, losses.get(name)))
+        return tuple(topics), errors
+
+
+def storage_files(path: Path) -> list[Path]:
+    """Return the files of a bag in the order of its metadata; an error for other storages."""
+    if path.is_file():
+        return [_checked(path)]
+    if not path.is_dir():
+        raise BagNotFoundError(f"there is no bag at {path}")
+    document = path / FILE_NAME
+    if not document.is_file():
+        files = in_order(path.glob("*.mcap"))
+        if not files:
+            for other in sorted(path.iterdir()):
+                _checked(other)
+            raise BagNotFoundError(f"{path} holds neither {FILE_NAME} nor an MCAP file")
+        return files
+    with reading(document):
+        metadata = read_document(document)
+    if metadata.storage_identifier != "mcap":
+        raise _to_convert(document, f"storage is {metadata.storage_identifier!r:.80}")
+    if metadata.compression_mode.lower() not in ("", "none"):
+        raise _to_convert(document, f"compression_mode is {metadata.compression_mode!r:.80}")
+    names = []
+    for name in metadata.relative_file_paths:
+        names.append(PurePosixPath(local_name(name)))
+        if names[-1].is_absolute() or ".." in names[-1].parts:
+            raise BagFormatError(f"{document}: the file {name!r:.200} is outside of the bag")
+    if len(set(names)) < len(names):
+        raise BagFormatError(f"{document}: a file is named twice")
+    return [path / name for name in names]
+
+
+def in_order(files: Iterable[Path]) -> list[Path]:
+    """Return files of a bag sorted by their numbers: ``run_10.mcap`` follows ``run_9.mcap``."""
+
+    def parts(file: Path) -> tuple[str, int, str]:
+        stem = file.stem.rstrip("0123456789")
+        digits = file.stem[len(stem) :]
+        return stem, len(digits), digits
+
+    return sorted(files, key=parts)
+
+
+def _checked(file: Path) -> Path:
+    if file.name.endswith(_OTHERS):
+        raise _to_convert(file, "it is not a plain MCAP file")
+    return file
+
+
+def _to_convert(path: Path, reason: str) -> OtherStorageError:
+    return OtherStorageError(
+        f"{path}: {reason}; rpud reads MCAP files with compressed chunks alone. To get one: ros2 "
+        "bag convert -i BAG -o OPTIONS.yaml, with storage_id: mcap in OPTIONS.yaml"
+    )

@@ -1,4 +1,4 @@
-"""MCAP records from untrusted bytes: every length is checked before it is used.
+"""MCAP records from untrusted bytes: the one place with the limits of a file.
 
 The ``mcap`` library parses each record from exactly its own bytes. By itself it reads as much as a
 length field says, and a few bytes of zstd may then take all memory.
@@ -11,7 +11,6 @@ import struct
 import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
@@ -25,7 +24,11 @@ from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Chunk, McapRecord
 
+from rpud_sim.bag.batches import items
 from rpud_sim.bag.errors import DAMAGED, BagError, BagFormatError, BagNotFoundError
+
+CONTENT_LIMIT = 128 * 2**20  # greatest record, and greatest uncompressed chunk [bytes]
+DECLARATION_LIMIT = 16 * 2**20  # greatest record without messages, index or attachment [bytes]
 
 MAGIC = b"\x89MCAP0\r\n"
 RECORD = struct.Struct("<BQ")  # opcode, length of the content
@@ -43,10 +46,6 @@ HEAD = np.dtype(
     ]
 )
 ENTRY = np.dtype([("log_time", "<u8"), ("offset", "<u8")])  # of a message index
-CONTENT_LIMIT = 128 * 2**20  # greatest record, and greatest uncompressed chunk [bytes]
-
-# Greatest record without messages, their index, or an attachment [bytes].
-DECLARATION_LIMIT = 16 * 2**20
 
 _LARGE = {Opcode.ATTACHMENT, Opcode.CHUNK, Opcode.MESSAGE, Opcode.MESSAGE_INDEX}
 _ANY_LENGTH = (Opcode.CHUNK, Opcode.ATTACHMENT)  # to be left out if they are too large
@@ -61,9 +60,6 @@ _KINDS: dict[int, Any] = {
     Opcode.SCHEMA: kinds.Schema,
     Opcode.STATISTICS: kinds.Statistics,
 }
-_CHUNK_HEAD = struct.Struct("<QQQII")  # start, end, size, checksum, length of the compression
-_LENGTH = struct.Struct("<Q")
-_LONGEST_NAME = 32  # of a compression [bytes]
 
 # Errors that damaged bytes raise, here and in the libraries.
 UNREADABLE = (BagFormatError, *DAMAGED, McapError, zstandard.ZstdError)
@@ -146,23 +142,26 @@ def records_in(data: bytes) -> Iterator[tuple[int, int, int]]:
         yield opcode, start, offset
 
 
-def inflated(compression: str, data: bytes, most: int) -> bytes:
-    """Return at most so many uncompressed bytes of a chunk, as far as its compressed data go."""
-    if compression == "":
-        return data[:most]
-    if compression == "zstd":  # whose reader waits forever for the first byte
-        return zstandard.ZstdDecompressor().stream_reader(data).read(most) if data else b""
-    if compression == "lz4":
-        return bytes(lz4.frame.LZ4FrameDecompressor().decompress(data, max_length=most))
-    raise BagFormatError(f"a chunk has the unknown compression {compression[:40]!r}")
+def message_heads(data: bytes) -> tuple[np.ndarray, np.ndarray]:
+    """Return where the messages among records begin, and their ``HEAD``."""
+    message = Opcode.MESSAGE
+    starts = [start for opcode, start, _ in records_in(data) if opcode == message]
+    places = np.array(starts, np.int64) - RECORD.size
+    heads = items(np.frombuffer(data, np.uint8), HEAD)[places] if starts else np.empty(0, HEAD)
+    return places, heads
 
 
 def uncompressed(chunk: Chunk) -> bytes:
     """Return a chunk's uncompressed data; zstd has a ZstdError, LZ4 a RuntimeError of its own."""
-    size = chunk.uncompressed_size
+    size, data = chunk.uncompressed_size, chunk.data
     if size > CONTENT_LIMIT:
         raise BagFormatError(f"a chunk has {size} bytes; at most {CONTENT_LIMIT} are read")
-    data = inflated(chunk.compression, chunk.data, size + 1)
+    if chunk.compression == "zstd":  # whose reader waits forever for the first byte
+        data = zstandard.ZstdDecompressor().stream_reader(data).read(size + 1) if data else b""
+    elif chunk.compression == "lz4":
+        data = bytes(lz4.frame.LZ4FrameDecompressor().decompress(data, max_length=size + 1))
+    elif chunk.compression:
+        raise BagFormatError(f"a chunk has the unknown compression {chunk.compression[:40]!r}")
     if len(data) != size:
         raise BagFormatError("a chunk is not as large as it says")
     if chunk.uncompressed_crc not in (0, zlib.crc32(data)):
@@ -219,47 +218,6 @@ class RecordFile:
         if self.size - offset < RECORD.size:
             return offset <= self.size
         return self.head(offset) is not None or not any(self.content(offset, RECORD.size))
-
-    def sound(self, offset: int) -> RawRecord | None:
-        """Return the record at ``offset`` if its lengths agree and another record follows."""
-        try:
-            record = self.record(offset)
-            parse(record, exact=True)
-            if record.opcode == Opcode.MESSAGE_INDEX:
-                message_index(record)
-        except UNREADABLE:
-            return None
-        if record.opcode == Opcode.MESSAGE and len(record.content) < MESSAGE.size:
-            return None
-        return record if self.continues(record.end) else None
-
-    def chunk(self, offset: int) -> tuple[Chunk, int, int] | None:
-        """Return the fields of the chunk at ``offset`` without its data, and start and end of that.
-
-        The end follows from the length inside the chunk. None if there is no chunk.
-        """
-        head = self.content(offset + RECORD.size, _CHUNK_HEAD.size + _LONGEST_NAME + _LENGTH.size)
-        if len(head) < _CHUNK_HEAD.size:
-            return None
-        start_time, end_time, size, checksum, length = _CHUNK_HEAD.unpack_from(head)
-        place = _CHUNK_HEAD.size + length
-        if length > _LONGEST_NAME or len(head) < place + _LENGTH.size:
-            return None
-        name = head[_CHUNK_HEAD.size : place].decode("ascii", "replace")
-        start = offset + RECORD.size + place + _LENGTH.size
-        (data_length,) = _LENGTH.unpack_from(head, place)
-        chunk = Chunk(name, b"", end_time, start_time, checksum, size)
-        return chunk, start, start + data_length
-
-    def chunk_data(self, chunk: Chunk, start: int, end: int) -> bytes | None:
-        """Return a chunk's uncompressed data; None if it is damaged or cannot be checked."""
-        if end > self.size or not 0 <= end - start <= CONTENT_LIMIT:
-            return None
-        try:
-            data = uncompressed(replace(chunk, data=self.content(start, end - start)))
-        except UNREADABLE:
-            return None
-        return data if chunk.uncompressed_crc or self.continues(end) else None
 
 
 def _limit(opcode: int) -> int:

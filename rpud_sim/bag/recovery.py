@@ -1,9 +1,14 @@
-"""Recovery of a torn or damaged bag into a whole one."""
+"""Recovery of a torn or damaged bag into a whole one, in bounded memory.
+
+Records follow each other by their lengths. After damage the next record must be searched. A chunk
+proves itself by its checksum; any other record by the lengths inside it and by the next record.
+"""
 
 from __future__ import annotations
 
 import json
 import os
+import re
 from collections import Counter
 from collections.abc import Callable, Mapping
 from contextlib import suppress
@@ -11,39 +16,51 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from mcap.records import Channel, Message, Metadata, Schema
+import numpy as np
+from mcap.opcode import Opcode
+from mcap.records import Channel, Chunk, Metadata, Schema
 
-from rpud_sim.bag.errors import BagError, BagFormatError, BagNotFoundError
+from rpud_sim.bag.batches import LATEST, gathered, items
+from rpud_sim.bag.errors import BagError, BagFormatError, BagNotFoundError, OtherStorageError
 from rpud_sim.bag.losses import LOSSES_RECORD, RECORDING_RECORD, Losses, losses_from_record
-from rpud_sim.bag.mcap_file import McapFile
-from rpud_sim.bag.messages import LATEST, REPEATED_KEY
+from rpud_sim.bag.mcap_reader import REPEATED_KEY, McapFile
+from rpud_sim.bag.mcap_writer import MessageRecords
 from rpud_sim.bag.metadata import (
-    FILE_NAME,
     RECORD_NAME,
     QosProfile,
-    ReadMetadata,
     Topic,
     dump_offered_qos,
     load_offered_qos,
-    read_document,
 )
-from rpud_sim.bag.reader import BagReader
-from rpud_sim.bag.records import RecordFile, reading
-from rpud_sim.bag.scan import Damage, Item, Scan, UnreadMessages
-from rpud_sim.bag.storage_files import SUFFIXES, in_order, storage_files
+from rpud_sim.bag.reader import BagReader, in_order, storage_files
+from rpud_sim.bag.records import (
+    HEAD,
+    MAGIC,
+    MESSAGE,
+    RECORD,
+    UNREADABLE,
+    RawRecord,
+    RecordFile,
+    message_heads,
+    message_index,
+    parse,
+    reading,
+    records_in,
+    uncompressed,
+)
 from rpud_sim.bag.writer import BagWriter, whole_bag
 
 # Metadata record of a recovered bag with the account of its recovery.
 RECOVERY_RECORD = "rpud_recovery"
 
 _SHOWN = 1000  # damages that are kept one by one
-_DECLARED_LIMIT = 64 * 2**20  # bytes of all channels and schemas of a file
-_KEPT_LIMIT = 64 * 2**20  # characters of all metadata records of a file
 _OFFERS = "offered_qos_profiles"
-_OTHERS = (
-    "rpud recover makes whole bags of MCAP files that are compressed by chunks alone: "
-    "ros2 bag convert makes such a bag of others"
-)
+_BLOCK = 1 << 20  # bytes that are searched together
+_DECLARED_LIMIT = 64 * 2**20  # bytes of all channels and schemas of a file
+_EFFORT = 2**30  # bytes that a search may read, beside four times the file
+# A record that is worth finding: its kind, and a length below 4 GiB.
+_BEGINNING = re.compile(rb"[\x03-\x07\x09\x0c\x0f](?=.{4}\x00{4})", re.DOTALL)
+_OF_CHUNKS = (Opcode.MESSAGE, Opcode.SCHEMA, Opcode.CHANNEL)
 
 
 @dataclass
@@ -120,9 +137,9 @@ def recover(
     files = files_to_recover(torn)
     recovery = Recovery(Path(out))
     with whole_bag(out) as bag:
-        recovering = _Recovering(bag, recovery)
-        held = [recovering.add(file, progress) for file in files]
-        if not any(held):
+        numbers: dict[tuple[Any, ...], int] = {}
+        found = [_TornFile(file, bag, recovery, numbers).recover(progress) for file in files]
+        if not any(found):
             raise BagFormatError(f"{torn} holds nothing of an MCAP file")
         bag.add_record(RECOVERY_RECORD, {"account": json.dumps(recovery.to_mapping())})
         bag.close()
@@ -134,88 +151,174 @@ def recover(
 def files_to_recover(torn: str | os.PathLike[str]) -> list[Path]:
     """Return the MCAP files of a bag, whether or not its metadata can be read."""
     path = Path(torn)
-    document = _document(path)
-    if document is not None and document.compression_mode.lower() not in ("", "none"):
-        raise BagFormatError(
-            f"{path / FILE_NAME}: compression_mode is {document.compression_mode!r:.80}; {_OTHERS}"
-        )
     try:
-        named, _ = storage_files(path)
-    except BagFormatError:
-        named = []
-    for file in named:
-        if not file.name.endswith(".mcap") and file.name.endswith(SUFFIXES):
-            raise BagFormatError(f"{file} is no plain MCAP file; {_OTHERS}")
-    files = [file for file in named if file.is_file()]
+        files = [file for file in storage_files(path) if file.is_file()]
+    except OtherStorageError:
+        raise
+    except BagFormatError:  # of the metadata
+        files = []
     if path.is_dir():
         # Of a torn bag the metadata may be missing, or be older than its last files.
-        present = {file for file in path.glob("*.mcap") if file.is_file()}
-        files += in_order(present - set(files))
+        files += in_order({file for file in path.glob("*.mcap") if file.is_file()} - {*files})
     if not files:
         raise BagNotFoundError(f"there is no MCAP file at {torn}")
     return files
 
 
-def _document(torn: Path) -> ReadMetadata | None:
-    """Return the metadata of a bag's directory; None if it cannot be read."""
-    with suppress(BagError, OSError, ValueError):
-        if torn.is_dir():
-            return read_document(torn / FILE_NAME)
-    return None
+class _TornFile:
+    """File of a bag that is recovered into a new bag.
 
-
-class _Recovering:
-    """Recovery of the files of a bag, one after the other, into a new bag.
-
-    Messages that a file repeats of the previous one are kept of the first file only.
+    ``numbers`` are those of channels in the new bag, by their content.
     """
 
-    def __init__(self, bag: BagWriter, recovery: Recovery) -> None:
-        self._bag, self._recovery = bag, recovery
-        self._numbers: dict[tuple[Any, ...], int] = {}  # of channels in the new bag, by content
-        self._repeats = True
-
-    def add(self, file: Path, progress: Callable[[int], object]) -> bool:
-        """Recover a file, and return whether it holds anything of an MCAP file.
-
-        ``progress`` is called with the bytes read since the last call.
-        """
-        self._file = file
+    def __init__(
+        self, path: Path, bag: BagWriter, recovery: Recovery, numbers: dict[tuple[Any, ...], int]
+    ) -> None:
+        self._path, self._bag, self._recovery = path, bag, recovery
+        self._numbers = numbers
         self._schemas: dict[int, Schema] = {}
         self._channels: dict[int, Channel] = {}
-        self._declared = 0
-        self._number_of: dict[int, int] = {}  # of the file's channels in the new bag
+        self._number_of: dict[int, int] = {}  # of the file's channels in the new bag; 0 for none
         self._found: Counter[int] = Counter()  # messages of each channel
         self._missing: Counter[int] = Counter()  # messages of each channel in lost chunks
-        self._kept = 0  # characters of metadata records
         self._unknown = 0  # messages of undeclared channels
+        self._declared = 0  # bytes of declarations
+        self._loose = bytearray()  # messages outside of chunks that are still to be added
+        self._chunked = False  # whether a chunk was found
+        self._index_lost = False  # whether the next message indexes are those of a lost chunk
+
+    def recover(self, progress: Callable[[int], object]) -> bool:
+        """Recover the file, and return whether it holds anything of an MCAP file."""
         expected = self._read_summary()
-        with reading(file), file.open("rb") as stream:
-            scan = Scan(RecordFile(stream))
-            before, held = 0, scan.begins
-            for item in scan:
-                held |= not isinstance(item, Damage)
-                self._add_item(item)
-                progress(scan.position - before)
-                before = scan.position
-            progress(scan.position - before)
-        self._recovery.closed &= scan.closed
+        with reading(self._path), self._path.open("rb") as stream:
+            self._file = file = RecordFile(stream)
+            self._effort = 4 * file.size + _EFFORT
+            held = file.content(0, len(MAGIC)) == MAGIC
+            offset, closed = len(MAGIC) if held else 0, False
+            progress(offset)
+            while offset < file.size:
+                if file.content(offset, len(MAGIC) + 1) == MAGIC:
+                    progress(file.size - offset)
+                    break
+                head = file.head(offset)
+                end = self._add(offset, *head) if head else None
+                closed = end is not None and head is not None and head[0] == Opcode.FOOTER
+                if end is None:
+                    end = self._next(offset + 1)
+                    torn = end == file.size and head is not None and head[0] == Opcode.CHUNK
+                    reason = "is a chunk that is cut off" if torn else "holds no whole record"
+                    self._damage(offset, end, reason)
+                else:
+                    held = True
+                progress(end - offset)
+                offset = end
+            else:
+                closed = False
+            self._add_loose()
+        self._recovery.closed &= closed
         self._account(expected)
-        self._repeats = False
         return held
 
-    def _add_item(self, item: Item) -> None:
-        if isinstance(item, Damage):
-            self._recovery.size_lost += item.size
-            self._note(f"byte {item.offset} to {item.offset + item.size} {item.reason}")
-        elif isinstance(item, UnreadMessages):
-            self._missing[item.channel] += item.messages
-        elif isinstance(item.record, Message):
-            self._add_message(item.record, item.checked)
-        elif isinstance(item.record, Schema | Channel):
-            self._declare(item.record, item.checked)
-        elif isinstance(item.record, Metadata):
-            self._add_metadata(item.record)
+    def _add(self, offset: int, opcode: int, end: int) -> int | None:
+        """Add the content of the record at an offset; return its end, None without a record."""
+        file = self._file
+        if opcode == Opcode.CHUNK:
+            self._add_loose()
+            return self._add_chunk(offset, end)
+        if opcode == Opcode.ATTACHMENT and file.continues(end):
+            self._damage(offset, end, "is an attachment, which is left out")
+            return end
+        record = self._sound(offset)
+        if record is None:
+            return None
+        if opcode == Opcode.MESSAGE_INDEX:
+            if self._index_lost:
+                channel, entries = message_index(record)
+                self._missing[channel] += len(entries)
+            return end
+        self._index_lost = False
+        if opcode == Opcode.MESSAGE:
+            self._loose += file.content(offset, end - offset)
+            if len(self._loose) > _BLOCK:
+                self._add_loose()
+        else:
+            self._add_loose()
+            self._add_record(record, checked=False)
+        return end
+
+    def _add_loose(self) -> None:
+        loose, self._loose = bytes(self._loose), bytearray()
+        self._add_messages(loose, checked=False)
+
+    def _add_chunk(self, offset: int, end: int) -> int | None:
+        self._chunked = self._index_lost = True
+        try:
+            chunk = parse(self._file.record(offset))
+            assert isinstance(chunk, Chunk)
+            data = uncompressed(chunk)
+        except UNREADABLE as error:
+            if end <= self._file.size and self._file.continues(end):
+                reason = error if isinstance(error, BagFormatError) else "it cannot be uncompressed"
+                self._damage(offset, end, f"is a lost chunk: {reason}")
+                return end
+            return None
+        checked = chunk.uncompressed_crc != 0
+        if not checked and not self._file.continues(end):
+            return None
+        self._index_lost = False
+        try:
+            for opcode, start, stop in records_in(data):
+                if opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
+                    self._add_record(RawRecord(opcode, data[start:stop], stop), checked)
+            self._add_messages(data, checked)
+        except UNREADABLE:
+            self._damage(offset, end, "is a chunk with what is no record")
+        return end
+
+    def _sound(self, offset: int) -> RawRecord | None:
+        """Return the record at ``offset`` if its lengths agree and another record follows."""
+        try:
+            record = self._file.record(offset)
+            parse(record, exact=True)
+            if record.opcode == Opcode.MESSAGE_INDEX:
+                message_index(record)
+        except UNREADABLE:
+            return None
+        if record.opcode == Opcode.MESSAGE and len(record.content) < MESSAGE.size:
+            return None
+        return record if self._file.continues(record.end) else None
+
+    def _next(self, start: int) -> int:
+        """Return the offset of the next record that proves itself, or the end of the file."""
+        for offset in range(start, self._file.size, _BLOCK):
+            block = self._file.content(offset, _BLOCK + RECORD.size - 1)
+            for match in _BEGINNING.finditer(block):
+                if match.start() >= _BLOCK or self._effort < 0:
+                    break
+                if self._proves_itself(offset + match.start()):
+                    return offset + match.start()
+        return self._file.size
+
+    def _proves_itself(self, offset: int) -> bool:
+        head = self._file.head(offset)
+        if head is None or head[1] > self._file.size:
+            return False
+        opcode, end = head
+        self._effort -= end - offset
+        if opcode == Opcode.CHUNK:
+            with suppress(*UNREADABLE):
+                chunk = parse(self._file.record(offset), exact=True)
+                return isinstance(chunk, Chunk) and bool(
+                    chunk.uncompressed_crc and uncompressed(chunk)
+                )
+            return False
+        if opcode in _OF_CHUNKS and self._chunked:  # it is one of a damaged chunk
+            return False
+        return self._sound(offset) is not None
+
+    def _damage(self, offset: int, end: int, reason: str) -> None:
+        self._recovery.size_lost += end - offset
+        self._note(f"byte {offset} to {end} {reason}")
 
     def _read_summary(self) -> Mapping[int, int]:
         """Declare what a whole summary section declares; return its number of messages by channel.
@@ -223,7 +326,7 @@ class _Recovering:
         Nothing is declared, and the result empty, if there is no such section.
         """
         try:
-            with McapFile(self._file) as file:
+            with McapFile(self._path) as file:
                 declared: list[Schema | Channel] = [*file.schemas.values(), *file.channels.values()]
                 for record in declared:
                     self._declare(record, True)
@@ -231,24 +334,22 @@ class _Recovering:
         except BagError:
             return {}
 
-    def _add_metadata(self, record: Metadata) -> None:
-        if record.name == RECORD_NAME:  # the new bag has its own
-            return
-        size = sum(len(text) for item in record.metadata.items() for text in item)
-        try:
-            if self._kept + size > _KEPT_LIMIT:
-                raise BagFormatError(f"all together have more than {_KEPT_LIMIT} characters")
-            if record.name == LOSSES_RECORD:
-                for name, losses in losses_from_record(record.metadata).items():
-                    self._recovery.topic(name).recording_losses = losses
-        except BagFormatError as error:
-            self._note(f"a record is left out: {error}")
-            return
-        if record.name == RECORDING_RECORD:
-            with suppress(ValueError):
-                self._recovery.max_loss = float(record.metadata.get("max_loss", ""))
-        self._kept += size
-        self._bag.add_record(record.name, record.metadata)
+    def _add_record(self, raw: RawRecord, checked: bool) -> None:
+        record = parse(raw)
+        if isinstance(record, Schema | Channel):
+            self._declare(record, checked)
+        elif isinstance(record, Metadata) and record.name != RECORD_NAME:  # the bag has its own
+            try:
+                if record.name == LOSSES_RECORD:
+                    for name, losses in losses_from_record(record.metadata).items():
+                        self._recovery.topic(name).recording_losses = losses
+            except BagFormatError as error:
+                self._note(f"a record is left out: {error}")
+                return
+            if record.name == RECORDING_RECORD:
+                with suppress(ValueError):
+                    self._recovery.max_loss = float(record.metadata.get("max_loss", ""))
+            self._bag.add_record(record.name, record.metadata)
 
     def _declare(self, record: Schema | Channel, checked: bool) -> None:
         """Note a declaration; one with a checksum replaces others of its number."""
@@ -257,37 +358,51 @@ class _Recovering:
             return
         self._declared += len(repr(record))
         if self._declared > _DECLARED_LIMIT:
-            raise BagFormatError(f"{self._file} declares more than {_DECLARED_LIMIT} bytes")
+            raise BagFormatError(f"{self._path} declares more than {_DECLARED_LIMIT} bytes")
         known[record.id] = record
         self._number_of.clear()
 
-    def _add_message(self, message: Message, checked: bool) -> None:
-        channel = self._channels.get(message.channel_id)
-        if channel is None or max(message.log_time, message.publish_time) > LATEST:
-            self._unknown += 1
+    def _add_messages(self, data: bytes, checked: bool) -> None:
+        """Add the messages among records, with the numbers of the new bag's channels."""
+        places, heads = message_heads(data)
+        known = np.maximum(heads["log_time"], heads["publish_time"]) <= LATEST
+        known &= np.isin(heads["channel"], [*self._channels])
+        self._unknown += int((~known).sum())
+        places, heads = places[known], heads[known]
+        numbers = np.zeros(2**16, np.int64)  # in the new bag
+        channels, counts = np.unique(heads["channel"], return_counts=True)
+        for channel, count in zip(channels.tolist(), counts.tolist(), strict=True):
+            numbers[channel] = self._number(channel)
+            self._found[channel] += count
+            if numbers[channel]:
+                account = self._recovery.topics[self._channels[channel].topic]
+                account.recovered += count
+                account.unchecked += 0 if checked else count
+        own = numbers[heads["channel"]]
+        places, heads, own = places[own > 0], heads[own > 0], own[own > 0]
+        if not len(own):
             return
-        self._found[channel.id] += 1
-        if self._is_kept(channel):
-            times = message.log_time, message.publish_time
-            self._bag.write_on(self._number(channel), message.data, *times, message.sequence)
-            account = self._recovery.topics[channel.topic]
-            account.recovered += 1
-            account.unchecked += not checked
+        heads["channel"] = own
+        sizes = heads["length"].astype(np.int64) + RECORD.size
+        content, ends = gathered(np.frombuffer(data, np.uint8), places, sizes), np.cumsum(sizes)
+        items(content, f"V{HEAD.itemsize}")[ends - sizes] = heads.view(f"V{HEAD.itemsize}")
+        log_times = heads["log_time"].astype(np.int64)
+        self._bag.write_records(MessageRecords(content, ends, own, log_times))
 
-    def _is_kept(self, channel: Channel) -> bool:
-        return self._repeats or REPEATED_KEY not in channel.metadata
-
-    def _number(self, channel: Channel) -> int:
-        """Return the number of a channel in the new bag, declared if it is new."""
-        if channel.id not in self._number_of:
+    def _number(self, channel_id: int) -> int:
+        """Return the number of a channel in the new bag, declared if it is new; 0 for none."""
+        if channel_id not in self._number_of:
+            channel = self._channels[channel_id]
             schema = self._schemas.get(channel.schema_id)
             kind = (schema.name, schema.encoding, schema.data) if schema else ()
             metadata = tuple(sorted(channel.metadata.items()))
             key = (channel.topic, channel.message_encoding, kind, metadata)
-            if key not in self._numbers:
+            if REPEATED_KEY in channel.metadata:  # another file has the same messages
+                self._numbers[key] = 0
+            elif key not in self._numbers:
                 self._numbers[key] = self._add_channel(channel, schema)
-            self._number_of[channel.id] = self._numbers[key]
-        return self._number_of[channel.id]
+            self._number_of[channel_id] = self._numbers[key]
+        return self._number_of[channel_id]
 
     def _add_channel(self, channel: Channel, schema: Schema | None) -> int:
         """Declare a channel without what no bag can have: the account has the reasons."""
@@ -320,8 +435,7 @@ class _Recovering:
 
     def _account(self, expected: Mapping[int, int]) -> None:
         for number, channel in self._channels.items():
-            if self._is_kept(channel):
-                self._number(channel)  # also without a message
+            if self._number(number):  # also without a message
                 missing = expected.get(number, 0) - self._found[number]
                 topic = self._recovery.topics[channel.topic]
                 topic.lost += max(0, missing, self._missing[number])
@@ -334,4 +448,4 @@ class _Recovering:
             )
 
     def _note(self, reason: str) -> None:
-        self._recovery.note(f"{self._file.name}: {reason}")
+        self._recovery.note(f"{self._path.name}: {reason}")

@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from rpud_sim.bag.batches import SerializedBatch
+from rpud_sim.bag.batches import joined as joined_batches
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.columns import (
     RECEIVED,
@@ -26,8 +28,6 @@ from rpud_sim.bag.columns import (
 from rpud_sim.bag.errors import BagError, BagFormatError
 from rpud_sim.bag.field_values import FieldReader
 from rpud_sim.bag.layout import MessageType
-from rpud_sim.bag.messages import MessageBlock
-from rpud_sim.bag.messages import joined as joined_blocks
 from rpud_sim.bag.metadata import TopicSummary
 from rpud_sim.foundation.quantities import suggestion
 from rpud_sim.foundation.values import Ragged
@@ -95,7 +95,9 @@ class Table:
         columns = (*_RECEIVED, *self._fields)
         return row_columns(columns) if self._blocks else columns
 
-    def batch(self, block: MessageBlock, leave_out: Callable[[str], object] | None = None) -> Batch:
+    def batch(
+        self, block: SerializedBatch, leave_out: Callable[[str], object] | None = None
+    ) -> Batch:
         """Return the rows of messages.
 
         ``leave_out`` is called with the reason for each message that is not of the type, which is
@@ -125,9 +127,9 @@ class Table:
 
     def empty(self) -> Batch:
         none, data = np.empty(0, np.int64), np.empty(0, np.uint8)
-        return self.batch(MessageBlock(self._name, none, none, data, none, none))
+        return self.batch(SerializedBatch(self._name, none, none, data, none, none))
 
-    def _batch(self, block: MessageBlock, columns: Mapping[str, np.ndarray | Ragged]) -> Batch:
+    def _batch(self, block: SerializedBatch, columns: Mapping[str, np.ndarray | Ragged]) -> Batch:
         received = {"log_time": block.log_times, "publish_time": block.publish_times}
         if self._blocks:
             values = to_rows((*_RECEIVED, *self._fields), {**received, **columns})
@@ -205,7 +207,7 @@ class Tables:
     def batches(
         self,
         tables: Mapping[str, Table],
-        blocks: Iterable[MessageBlock],
+        blocks: Iterable[SerializedBatch],
         leave_out: Callable[[str, str], object] | None = None,
         batch_size: int | None = None,
     ) -> Iterator[Batch]:
@@ -216,13 +218,13 @@ class Tables:
         ``BATCH_SIZE``.
         """
         limit = batch_size or BATCH_SIZE
-        waiting: dict[str, list[MessageBlock]] = {name: [] for name in tables}
+        waiting: dict[str, list[SerializedBatch]] = {name: [] for name in tables}
         shares = dict.fromkeys(tables, 0.0)  # of a batch, that wait
         total = 0
 
         def batch(name: str) -> Batch:
             nonlocal total
-            block, waiting[name] = joined_blocks(waiting[name]), []
+            block, waiting[name] = joined_batches(waiting[name]), []
             total -= _memory(block)
             shares[name] = 0.0
             try:
@@ -245,7 +247,7 @@ class Tables:
         yield from (batch(name) for name in tables if waiting[name])
 
     def arrays(
-        self, tables: Mapping[str, Table], blocks: Iterable[MessageBlock]
+        self, tables: Mapping[str, Table], blocks: Iterable[SerializedBatch]
     ) -> dict[str, dict[str, np.ndarray]]:
         """Return the columns of each topic, from all its messages."""
         parts = {name: [dict(table.empty().columns)] for name, table in tables.items()}
@@ -262,13 +264,13 @@ class Tables:
         }
 
 
-def _memory(block: MessageBlock) -> int:
+def _memory(block: SerializedBatch) -> int:
     return int(block.sizes.sum()) + _OVERHEAD * len(block)
 
 
 def _divided(
-    block: MessageBlock, kind: MessageType, limit: int
-) -> Iterator[tuple[MessageBlock, float]]:
+    block: SerializedBatch, kind: MessageType, limit: int
+) -> Iterator[tuple[SerializedBatch, float]]:
     """Yield a block in parts, and the share of a batch that each fills; ``limit`` is in bytes.
 
     What fills less than two batches stays whole.

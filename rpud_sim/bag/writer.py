@@ -12,14 +12,14 @@ from typing import Any
 import numpy as np
 from mcap.records import Schema
 
+from rpud_sim.bag.batches import LATEST, SerializedBatch
 from rpud_sim.bag.errors import BagError, BagExistsError
-from rpud_sim.bag.mcap_writer import COMPRESSIONS, McapWriter
-from rpud_sim.bag.messages import (
-    LATEST,
-    REPEATED_KEY,
-    LatchedMessages,
-    Message,
-    MessageBlock,
+from rpud_sim.bag.mcap_writer import (
+    COMPRESSIONS,
+    McapWriter,
+    MessageRecords,
+    interleaved,
+    writing,
 )
 from rpud_sim.bag.metadata import (
     FILE_NAME,
@@ -33,13 +33,11 @@ from rpud_sim.bag.metadata import (
     metadata_of,
     stored_name,
 )
-from rpud_sim.bag.reserve import Reserve, writing
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.foundation.whole_folder import write_whole
 
 CHUNK_SIZE = 1 << 20  # uncompressed size after which a chunk is closed [bytes]
-_END = 1 << 20  # bytes of a reserve for records at the end of a bag, its metadata and its folder
-_MOST_CHANNELS = (2**16 - 1) // 2  # each may need another for repetitions
+_MOST_CHANNELS = 2**16 - 1
 
 
 class BagWriter:
@@ -47,16 +45,13 @@ class BagWriter:
 
     Written messages are on the disk after ``flush``. A bag that was never closed lacks its index
     and ``metadata.yaml``; ``recover`` makes a whole bag of it. Each file of a split bag is whole
-    and has all channels. It begins with the last messages of latched topics: on channels of their
-    own, marked with ``rpud_repeated``, and with the log time of the message before. Threads must
-    not share a writer.
+    and has all channels. Threads must not share a writer.
 
     Args:
         compression: of the chunks: ``none`` or ``zstd``.
         chunk_size: uncompressed size after which a chunk is closed [bytes].
-        max_file_size: a new file begins before one is larger [bytes], unless a single message is.
+        max_file_size: a new file begins before one is larger [bytes], unless one call writes more.
         max_file_duration: a new file begins before one lasts longer [s].
-        reserved: whether ``reserve`` keeps room on the disk to close the bag.
     """
 
     def __init__(
@@ -67,7 +62,6 @@ class BagWriter:
         chunk_size: int = CHUNK_SIZE,
         max_file_size: int | None = None,
         max_file_duration: float | None = None,
-        reserved: bool = False,
     ) -> None:
         if compression not in COMPRESSIONS:
             allowed = ", ".join(COMPRESSIONS)
@@ -76,15 +70,11 @@ class BagWriter:
         self._compression, self._chunk_size = compression, chunk_size
         self._max_size = max_file_size
         self._max_duration = max_file_duration and round(max_file_duration * SECOND)
-        # By their numbers in the bag; ``_numbers`` are those in the open file.
         self._channels: list[tuple[str, str, Schema | None, dict[str, str]]] = []
-        self._channel_of: dict[str, int] = {}  # last channel of each topic
+        self._channel_of: dict[str, int] = {}  # number of the last channel of each topic
         self._topics: dict[str, Topic] = {}
         self._counts: dict[str, int] = {}
-        self._repeated = 0
-        self._latched = LatchedMessages()
-        self._began: int | None = None  # log time of the file's first message that is not repeated
-        self._last = 0  # log time of the last message
+        self._began: int | None = None  # log time of the file's first message
         self._closed_files: list[FileInformation] = []
         self._closed_size = 0
         self._listed_size = 0  # bytes that topics take in the metadata, at most
@@ -92,7 +82,6 @@ class BagWriter:
         stored_name(self.path)  # before anything is created
         _create(self.path)
         try:
-            self._reserve = Reserve(self.path) if reserved else None
             self._open_file()
             with writing(self.path):
                 _sync(self.path.parent)
@@ -102,8 +91,8 @@ class BagWriter:
 
     @property
     def message_count(self) -> int:
-        """Messages written so far, without repetitions in split files."""
-        return sum(self._counts.values()) - self._repeated
+        """Messages written so far."""
+        return sum(self._counts.values())
 
     @property
     def size(self) -> int:
@@ -115,7 +104,7 @@ class BagWriter:
         """Greatest size of the bag, were it split and closed now [bytes]."""
         open_size = self._file.closed_size + self._file.end_size if self._file else 0
         listed = 2 * (self._listed_size + 512 * self.file_count)
-        return self._closed_size + open_size + listed + self._latched.size
+        return self._closed_size + open_size + listed
 
     @property
     def file_count(self) -> int:
@@ -137,7 +126,6 @@ class BagWriter:
             "topic_type_hash": topic.type_hash,
         }
         self.add_channel(topic, schema, metadata)
-        self._latched.declare(topic)
 
     def add_channel(self, topic: Topic, schema: Schema | None, metadata: Mapping[str, str]) -> int:
         """Declare a channel of a topic and return its number; a topic may have several.
@@ -147,85 +135,66 @@ class BagWriter:
         if len(self._channels) >= _MOST_CHANNELS:
             raise BagError(f"a bag has at most {_MOST_CHANNELS} channels")
         channel = (topic.name, topic.serialization_format, schema, dict(metadata))
-        self._numbers.append(self._opened.add_channel(*channel))
+        number = self._opened.add_channel(*channel)
         self._channels.append(channel)
         self._listed_size += 1024 + len(topic.name) + 512 * len(topic.offered_qos)
         self._topics.setdefault(topic.name, topic)
         self._counts.setdefault(topic.name, 0)
-        self._channel_of[topic.name] = len(self._channels) - 1
-        return len(self._channels) - 1
+        self._channel_of[topic.name] = number
+        return number
 
-    def write(self, topic: str, data: bytes, log_time: int, publish_time: int) -> None:
-        """Add one serialized message, with times of receipt and sending [ns since the epoch]."""
-        channel = self._channel_of.get(topic)
-        if channel is None:
-            raise _undeclared(topic)
+    def write(
+        self, batches: Sequence[SerializedBatch], places: Sequence[np.ndarray] | None = None
+    ) -> None:
+        """Add the messages of batches.
+
+        ``places`` has the place of each message of a batch among those of all batches, int64; None
+        for one batch after the other. Messages of equal place follow each other as their batches
+        do. The file is the same as if they were written one by one in that order.
+        """
+        if places is None:
+            places = [np.full(len(batch), number) for number, batch in enumerate(batches)]
+        pairs = zip(batches, places, strict=True)
+        found = [(self._channel(batch.topic), batch, place) for batch, place in pairs if len(batch)]
+        for _, batch, _ in found:
+            logs, sent = batch.log_times, batch.publish_times
+            wrong = (logs < 0) | (logs > LATEST) | (sent < 0) | (sent > LATEST)
+            for row in np.flatnonzero(wrong)[:1].tolist():
+                raise _time_error(batch.topic, int(logs[row]), int(sent[row]))
+        if found:
+            self._split_if_full(
+                sum(int(batch.sizes.sum()) for _, batch, _ in found),
+                min(int(batch.log_times.min()) for _, batch, _ in found),
+            )
+            self._opened.write(interleaved(found))
+        for _, batch, _ in found:
+            self._counts[batch.topic] += len(batch)
+
+    def write_message(self, topic: str, data: bytes, log_time: int, publish_time: int) -> None:
+        """Add one message, with times of receipt and sending [ns since the epoch]."""
+        channel = self._channel(topic)
         if not (0 <= log_time <= LATEST and 0 <= publish_time <= LATEST):
             raise _time_error(topic, log_time, publish_time)
-        if self._is_full(len(data), log_time):
-            self.split()
-        self.write_on(channel, data, log_time, publish_time)
-        self._last = log_time
-        if self._began is None:
-            self._began = log_time
-        if topic in self._latched:
-            self._latched.note(Message(topic, log_time, publish_time, data))
+        self._split_if_full(len(data), log_time)
+        self._opened.add(channel, data, log_time, publish_time)
+        self._counts[topic] += 1
 
-    def write_on(
-        self, channel: int, data: bytes, log_time: int, publish_time: int, sequence: int = 0
-    ) -> None:
-        """Add one message of a channel to the open file."""
-        self._opened.write(self._numbers[channel], data, log_time, publish_time, sequence)
-        self._counts[self._channels[channel][0]] += 1
-
-    def write_blocks(self, blocks: Sequence[tuple[MessageBlock, np.ndarray]]) -> None:
-        """Add many serialized messages at once, to a bag of one file.
-
-        The file is the same as if they were written one by one in their order. With the messages of
-        a topic comes the place of each among those of all blocks, int64, ascending. Messages of
-        equal place follow each other as their blocks do. Topics must not be latched.
-        """
-        blocks = [(block, places) for block, places in blocks if len(block)]
-        for block, _ in blocks:
-            self._check(block)
-        self._opened.write_blocks(
-            [
-                (self._numbers[self._channel_of[block.topic]], block, places)
-                for block, places in blocks
-            ]
-        )
-        for block, _ in blocks:
-            self._counts[block.topic] += len(block)
+    def write_records(self, records: MessageRecords) -> None:
+        """Add records of the bag's channels, by their numbers, to the open file."""
+        numbers, counts = np.unique(records.channels, return_counts=True)
+        for number, count in zip(numbers.tolist(), counts.tolist(), strict=True):
+            self._counts[self._channels[number - 1][0]] += count
+        self._opened.write(records)
 
     def split(self) -> None:
-        """Complete the file and go on in a new one that begins with the latched messages."""
+        """Complete the file and go on in a new one."""
         self._complete_file()
         self._open_file()
-        marked: dict[str, int] = {}
-        for topic, log_time, publish_time, data in self._latched.at(self._last):
-            if topic not in marked:
-                _, encoding, schema, metadata = self._channels[self._channel_of[topic]]
-                metadata = {**metadata, REPEATED_KEY: "true"}
-                marked[topic] = self._opened.add_channel(topic, encoding, schema, metadata)
-            self._opened.write(marked[topic], data, log_time, publish_time, 0)
-            self._counts[topic] += 1
-            self._repeated += 1
         self._began = None
 
     def add_record(self, name: str, content: Mapping[str, str]) -> None:
         """Add a metadata record: named texts, such as how the bag was made."""
         self._opened.add_record(name, content)
-
-    def reserve(self, size: int) -> bool:
-        """Return whether a message of ``size`` bytes can be written and the bag then be closed.
-
-        Other programs cannot use the room for it from now on.
-        """
-        if self._reserve is None:
-            return True
-        size += self._opened.unwritten + 2 * self._listed_size + self._latched.size + _END
-        with writing(self.path):
-            return self._reserve.hold(size)
 
     def flush(self) -> None:
         """Close the chunk in progress and wait until everything written is on the disk."""
@@ -240,8 +209,6 @@ class BagWriter:
             return
         try:
             with writing(self.path):
-                if self._reserve is not None:
-                    self._reserve.release()
                 if not self._file.failed:
                     self._complete_file()
                     _write_document(self.path, self._metadata(self._closed_files))
@@ -254,27 +221,27 @@ class BagWriter:
     def __exit__(self, *_: object) -> None:
         self.close()  # also after an error: what was written makes a whole bag
 
-    def _check(self, block: MessageBlock) -> None:
-        if block.topic not in self._channel_of:
-            raise _undeclared(block.topic)
-        if self._max_size or self._max_duration or block.topic in self._latched:
-            raise BagError(f"{block.topic} cannot be written in blocks: its files are split")
-        logs, sent = block.log_times, block.publish_times
-        wrong = (logs < 0) | (logs > LATEST) | (sent < 0) | (sent > LATEST)
-        for row in np.flatnonzero(wrong)[:1].tolist():
-            raise _time_error(block.topic, int(logs[row]), int(sent[row]))
+    def _channel(self, topic: str) -> int:
+        channel = self._channel_of.get(topic)
+        if channel is None:
+            raise BagError(f"topic {topic} was not declared before its first message")
+        return channel
 
-    def _is_full(self, size: int, log_time: int) -> bool:
+    def _split_if_full(self, size: int, log_time: int) -> None:
+        """Begin a new file if messages of a size [bytes] and from a time on [ns] have no room."""
         if self._began is None:
-            return False
-        if self._max_duration is not None and log_time - self._began >= self._max_duration:
-            return True
-        return self._max_size is not None and self._opened.closed_size + size > self._max_size
+            self._began = log_time
+        elif (self._max_duration is not None and log_time - self._began >= self._max_duration) or (
+            self._max_size is not None and self._opened.closed_size + size > self._max_size
+        ):
+            self.split()
+            self._began = log_time
 
     def _open_file(self) -> None:
         path = self.path / f"{self.path.name}_{len(self._closed_files)}.mcap"
-        self._file = McapWriter(path, self._compression, self._chunk_size, self._reserve)
-        self._numbers = [self._file.add_channel(*channel) for channel in self._channels]
+        self._file = McapWriter(path, self._compression, self._chunk_size)
+        for channel in self._channels:
+            self._file.add_channel(*channel)
         self._file.flush()
         with writing(self.path):
             _sync(self.path)
@@ -320,10 +287,6 @@ def whole_bag(path: str | os.PathLike[str]) -> Iterator[BagWriter]:
     except BaseException:
         bag._discard()
         raise
-
-
-def _undeclared(topic: str) -> BagError:
-    return BagError(f"topic {topic} was not declared before its first message")
 
 
 def _time_error(topic: str, log_time: int, publish_time: int) -> BagError:

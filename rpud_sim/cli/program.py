@@ -30,7 +30,7 @@ _EXTRAS = {
 }
 _STUDIES = "studies"
 # Of pip alone, so that a ROS package cannot depend on them. Any other missing module is of ROS.
-_BAG_MODULES = ("apsw", "lz4", "mcap", "rosbags", "zstandard")
+_BAG_MODULES = ("lz4", "mcap", "rosbags", "zstandard")
 
 
 class ExitCode(enum.IntEnum):

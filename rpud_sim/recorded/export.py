@@ -83,7 +83,7 @@ def export(
         ]
         length = None if duration is None else round(duration * SECOND)
         # Before any file is created, so that an unknown topic leaves no file behind.
-        batches = bag.batches(
+        batches = bag.tables(
             [summary.topic.name for summary in chosen] if topics is None else topics,
             round(start * SECOND),
             length,

@@ -6,16 +6,17 @@ import os
 import sys
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from rpud_sim.bag import BagWriter, QosProfile, Topic, whole_bag
+from rpud_sim.bag.batches import SerializedBatch
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.definitions import find_definition, find_type_hash
 from rpud_sim.bag.losses import LOSSES_RECORD, Losses, losses_to_record
 from rpud_sim.bag.manifest import MANIFEST_RECORD, Manifest, installed_versions, machine_name
-from rpud_sim.bag.messages import MessageBlock
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.recorded.runs import installed_codec
 from rpud_sim.simulation.batch import Batch, spans
@@ -82,22 +83,18 @@ class BatchWriter:
         They are received when they are published, or at ``received`` [ns].
         """
         for together in spans(each for each in batches if each.topic in self._codecs):
-            blocks = []
+            found, places = [], []
             for batch in together:
-                block = encoded(batch, self._codecs[batch.topic], self._prefix, zero)
-                places = batch.places
-                blocks.append((block, np.arange(len(batch)) if places is None else places))
+                messages = encoded(batch, self._codecs[batch.topic], self._prefix, zero)
+                if received is not None:
+                    messages = replace(messages, log_times=np.full(len(batch), received))
+                found.append(messages)
+                places.append(np.arange(len(batch)) if batch.places is None else batch.places)
                 self.count += len(batch)
-            if len(blocks) == len(blocks[0][0]) == 1:
-                [(block, _)] = blocks
-                published = int(block.publish_times[0])
-                logged = published if received is None else received
-                self._bag.write(block.topic, block.message(0), logged, published)
-            else:
-                self._bag.write_blocks(blocks)
+            self._bag.write(found, places)
 
 
-def encoded(batch: Batch, codec: Codec, prefix: str, zero: int) -> MessageBlock:
+def encoded(batch: Batch, codec: Codec, prefix: str, zero: int) -> SerializedBatch:
     """Return a batch as a bag has it; ``zero`` is the bag's time at simulation time zero [ns]."""
     if len(batch) == 1:
         data = np.frombuffer(codec.encode(batch.row(0)), np.uint8)
@@ -105,7 +102,9 @@ def encoded(batch: Batch, codec: Codec, prefix: str, zero: int) -> MessageBlock:
     else:
         data, sizes = codec.encoder.encode_columns(batch.fields, len(batch))
     times = batch.times + zero
-    return MessageBlock(prefix + batch.topic, times, times, data, np.cumsum(sizes) - sizes, sizes)
+    return SerializedBatch(
+        prefix + batch.topic, times, times, data, np.cumsum(sizes) - sizes, sizes
+    )
 
 
 @contextmanager

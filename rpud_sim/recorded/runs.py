@@ -555,7 +555,7 @@ def recorded_progress(
 
     ``start`` counts from the beginning of the bag [ns].
     """
-    for block in bag.blocks(readers.keys(), start, duration):
+    for block in bag.batches(readers.keys(), start, duration):
         names, reader = readers[block.topic]
         values = reader.read(block)
         held = {attribute: values.columns[name] for attribute, name in names.items()}

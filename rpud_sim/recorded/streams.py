@@ -13,9 +13,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rpud_sim.bag import BagFormatError
+from rpud_sim.bag.batches import SerializedBatch, gathered, items, joined
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.encoder import Decoded
-from rpud_sim.bag.messages import MessageBlock, gathered, items, joined
 from rpud_sim.foundation.time import SECOND, join_seconds
 
 _MOST_WAITING = 64 * 2**20  # greatest size of messages that wait [bytes]
@@ -31,28 +31,28 @@ class TopicStreams:
     gets a pass of its own. So memory is bounded whatever the order of the messages.
     """
 
-    def __init__(self, read: Callable[[Collection[str]], Iterator[MessageBlock]]) -> None:
+    def __init__(self, read: Callable[[Collection[str]], Iterator[SerializedBatch]]) -> None:
         self._read = read
-        self._waiting: dict[str, list[deque[MessageBlock]]] = {}  # of each stream, by its topic
+        self._waiting: dict[str, list[deque[SerializedBatch]]] = {}  # of each stream, by its topic
         self._size = 0  # of waiting messages [bytes]
 
     @cached_property
-    def _together(self) -> Iterator[MessageBlock]:
+    def _together(self) -> Iterator[SerializedBatch]:
         return self._read(set(self._waiting))
 
-    def stream(self, topic: str) -> Generator[MessageBlock, None, None]:
+    def stream(self, topic: str) -> Generator[SerializedBatch, None, None]:
         """Return the messages of a topic in their order, for one reader.
 
         Nothing is read before all readers have theirs. One that is closed before its end lets no
         further messages wait.
         """
-        waiting: deque[MessageBlock] = deque()
+        waiting: deque[SerializedBatch] = deque()
         self._waiting.setdefault(topic, []).append(waiting)
         return self._stream(topic, waiting)
 
     def _stream(
-        self, topic: str, waiting: deque[MessageBlock]
-    ) -> Generator[MessageBlock, None, None]:
+        self, topic: str, waiting: deque[SerializedBatch]
+    ) -> Generator[SerializedBatch, None, None]:
         passed = 0  # messages so far
         try:
             while waiting or self._size <= _MOST_WAITING:
@@ -104,7 +104,7 @@ def read_together(readers: Iterable[Iterator[int]]) -> None:
 class KeyedMessages:
     """Messages of a topic with what tells them apart in every stream."""
 
-    messages: MessageBlock
+    messages: SerializedBatch
     runs: np.ndarray  # number of the run of each, ascending, shape (n,)
     times: np.ndarray  # of the stamp of each, in the time that streams share, shape (n,) [ns]
     origins: np.ndarray  # stamp of zero in that time, shape (n,) [ns]
@@ -118,7 +118,7 @@ class KeyedMessages:
         )
 
 
-def stamps_of(block: MessageBlock) -> np.ndarray:
+def stamps_of(block: SerializedBatch) -> np.ndarray:
     """Return the stamps of messages that begin with a header, shape (n,) [ns]."""
     whole = block.sizes >= _STAMP.stop
     stamps = np.full(len(block), UNREADABLE)
@@ -299,7 +299,7 @@ def _equal_count(
     return int(np.searchsorted(np.cumsum(sizes), np.argmax(one != other), side="right"))
 
 
-def _content(block: MessageBlock, count: int, shifts: bool) -> np.ndarray:
+def _content(block: SerializedBatch, count: int, shifts: bool) -> np.ndarray:
     """Return the bytes of messages, without their stamps if these are shifted."""
     sizes = block.sizes[:count]
     data = gathered(block.data, block.starts[:count], sizes)

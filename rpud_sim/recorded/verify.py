@@ -14,9 +14,9 @@ import numpy as np
 
 import rpud_sim.bag
 from rpud_sim.bag import BagReader, TopicSummary
+from rpud_sim.bag.batches import SerializedBatch
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.definitions import find_type_hash
-from rpud_sim.bag.messages import MessageBlock
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.model.engine import EngineError
 from rpud_sim.recorded import RecordingError
@@ -200,7 +200,7 @@ class _Proof:
 
     def _compare(self) -> dict[str, _TopicProof]:
         computed = TopicStreams(self._computed)
-        recorded = TopicStreams(self._bag.blocks)
+        recorded = TopicStreams(self._bag.batches)
         streams = {}
         for name, codec in self._codecs.items():
             full = self._runs[0].topic(name)
@@ -216,7 +216,7 @@ class _Proof:
             raise UnverifiableError(str(error)) from error
         return proofs
 
-    def _computed(self, topics: Collection[str]) -> Iterator[MessageBlock]:
+    def _computed(self, topics: Collection[str]) -> Iterator[SerializedBatch]:
         """Compute messages of all runs; each counts as published at the beginning of its run."""
         prefix = self._runs[0].prefix
         names = {topic.removeprefix(prefix) for topic in topics}
@@ -233,7 +233,7 @@ class _Proof:
                     counted = time
             self._count(end - counted)
 
-    def _keyed(self, blocks: Iterator[MessageBlock]) -> Iterator[KeyedMessages]:
+    def _keyed(self, blocks: Iterator[SerializedBatch]) -> Iterator[KeyedMessages]:
         """Yield messages with the number of their run, from 1; 0 before the first."""
         edges = np.array([run.window[0] for run in self._runs])
         for block in blocks:

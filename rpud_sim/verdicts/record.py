@@ -148,7 +148,7 @@ class Record:
             def leave_out(name: str, reason: str) -> None:
                 record._losses[wanted[name]] += 1
 
-            for batch in bag.batches(list(wanted), leave_out=leave_out) if wanted else ():
+            for batch in bag.tables(list(wanted), leave_out=leave_out) if wanted else ():
                 record._add_batch(wanted[batch.topic], batch)
                 progress(batch.message_count)
         return record

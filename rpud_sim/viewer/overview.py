@@ -43,7 +43,7 @@ class Overview:
     """Bins of all signals over the whole time of a recording, and the impacts, commands and faults.
 
     At first it has a sample. ``look`` reads parts anywhere in the bag, ``read_next`` one after the
-    other. What a bag gains while it grows is read by further calls of it.
+    other.
     """
 
     def __init__(self, recording: RecordedBag) -> None:

@@ -1,4 +1,4 @@
-"""Bag that browsers look at: opened once, read on while they look, also while it grows."""
+"""Bag that browsers look at: opened once, read on while they look."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rpud_sim.bag import BagError
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.pages.quantities import QUANTITIES, ShownQuantity, for_browser
@@ -20,9 +19,8 @@ from rpud_sim.viewer.views import MESSAGES_RANGE, Views
 if TYPE_CHECKING:
     from rpud_sim.viewer.server import PageServer, Place
 
-_REFRESH = 1.0  # shortest time between pictures of what was read on, and looks at the files [s]
+_REFRESH = 1.0  # shortest time between pictures of what was read on [s]
 _SLICE = 0.07  # longest time for which a question reads on [s]
-_SHARE = 0.1  # greatest part of the time that these looks take
 _MOST_PLOTS = 5  # of a bag without a drill
 _MOST_GAPS = 300
 
@@ -31,7 +29,7 @@ class RecordedStore(Store):
     """Store of one bag.
 
     When it is made it has read a sample of the bag, so that a page can stand at once. Each question
-    for a frame reads on for a moment, and looks whether the bag has grown when all was read.
+    for a frame reads on for a moment.
     """
 
     mode = "recorded"
@@ -39,10 +37,9 @@ class RecordedStore(Store):
     def __init__(self, path: str | Path) -> None:
         self.path = Path(path)
         self._bag = Views(self.path)
-        self._opened = 1  # how often the bag was opened
         self._version = 0  # of what was read; grows at most each ``_REFRESH``
         self._reading = True  # whether there was more to read
-        self._refreshed = self._look_at = 0.0  # times of the latest picture, and of the next look
+        self._refreshed = 0.0  # time of the latest picture
 
     def read_all(self) -> Views:
         """Read the whole bag at once, and return it."""
@@ -72,7 +69,6 @@ class RecordedStore(Store):
         client.drill = client.drill or self.drills[0]
         if client.drill not in self.drills:
             raise StoreError(f"the bag holds no drill {client.drill:.100}")
-        client.sent["opened"] = self._bag
 
     def request(self, client: ClientState, name: str, content: Any) -> None:
         """Find an impact: the next frame has it as ``jump``."""
@@ -94,9 +90,6 @@ class RecordedStore(Store):
 
     def _frame(self, client: ClientState) -> dict[str, Any]:
         bag, drill, version, width = self._bag, client.drill, self._version, client.view.width
-        if client.sent.get("opened") is not bag:  # opened again: the browser forgets everything
-            client.sent = {"opened": bag}
-            client.section = True
         sent, due, overview = client.sent, client.is_due, bag.overview
         if due("described", version):
             sent["described plots"] = self._describe(drill)
@@ -107,10 +100,10 @@ class RecordedStore(Store):
         start, end = self._range(client, now)
         frame: dict[str, Any] = {}
         if due("drills", drill):
-            frame |= {"drills": self.drills, "drill": drill, "run": self._opened}
+            frame |= {"drills": self.drills, "drill": drill, "run": 1}
         if due("plots", plots):
             frame |= {"plots": plots, "quantities": for_browser() + others}
-        if due("state", (version, bag.recording.growing, bag.recording.lost)):
+        if due("state", version):
             frame |= {**self._state(now), "timeline": bag.timeline(drill)}
         if due("marks", overview.version):
             faults = overview.faults(drill)
@@ -177,7 +170,6 @@ class RecordedStore(Store):
             "now": now,
             "extent": [0.0, now],
             "read": overview.share,
-            "growing": recording.growing,
             "notice": self._notice(),
             "timing": timing,
             "losses": losses,
@@ -187,10 +179,6 @@ class RecordedStore(Store):
     def _notice(self) -> str:
         """Return what a user must know of the state of the bag; empty for nothing."""
         recording, unlisted, parts = self._bag.recording, self._bag.overview.unlisted, []
-        if recording.lost:
-            parts.append(f"{recording.lost} since it was opened; this is what was there.")
-        elif recording.bag.unclosed and not recording.growing:
-            parts.append("This bag was not closed: it lost its end.")
         if recording.damages:
             first = next(iter(recording.damages.values()))
             parts.append(f"{len(recording.damages)} damaged parts are skipped: {first:.300}")
@@ -219,22 +207,7 @@ class RecordedStore(Store):
         if self._reading and (not more or now - self._refreshed > _REFRESH):
             self._refreshed = now
             self._version += 1
-        if not self._reading and now >= self._look_at:
-            self._look_at_files()
         self._reading = more
-
-    def _look_at_files(self) -> None:
-        """Add what was written since, or open the bag again."""
-        begin, recording = time.monotonic(), self._bag.recording
-        try:
-            if not recording.grow():
-                self._bag = Views(self.path)
-                recording.close()
-                self._opened += 1
-        except BagError as error:  # what was read stays
-            recording.lost = f"it cannot be opened again ({error})"
-        now = time.monotonic()
-        self._look_at = now + max(_REFRESH, (now - begin) / _SHARE)
 
 
 def serve_bag(

@@ -1,8 +1,7 @@
-"""Open bag: its signals, its clocks, and its parts, also while it still grows."""
+"""Open bag: its signals, its clocks, and its chunks."""
 
 from __future__ import annotations
 
-import time
 from bisect import bisect_left
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Sequence
@@ -15,10 +14,10 @@ from typing import Any
 import numpy as np
 
 import rpud_sim.bag
-from rpud_sim.bag import BagError, BagFormatError, BagReader, BagSegment, Message, TopicSummary
+from rpud_sim.bag import BagChunk, BagError, BagFormatError, BagReader, Message, TopicSummary
+from rpud_sim.bag.batches import SerializedBatch, joined, messages_of
 from rpud_sim.bag.columns import Column, Kind, usable
 from rpud_sim.bag.field_values import FieldReader
-from rpud_sim.bag.messages import MessageBlock, joined, messages_of
 from rpud_sim.bag.tables import compiled
 from rpud_sim.foundation.time import SECOND, join_seconds
 from rpud_sim.recorded.run_clock import RunClock
@@ -36,7 +35,6 @@ SAMPLED = 48
 LATE = 0.5  # longest time from the stamp of a message to that of others logged before it [s]
 
 _KEPT = 96  # parts whose rows, and decoded messages, are kept
-_STILL = 10.0  # a bag that was written to within so many seconds may still be recorded [s]
 _NO_SIGNALS = {"sequence", "sample_period"}  # they number messages, or help to read them
 
 
@@ -104,7 +102,7 @@ class TopicReader:
         self.codec, _ = compiled(self.type, summary.definition or "")
         self._fields = FieldReader(self.codec, [*stamp, *numbers])
 
-    def read(self, block: MessageBlock) -> Rows:
+    def read(self, block: SerializedBatch) -> Rows:
         """Return the rows of messages; count those that are not of the type."""
         found = self._fields.read(block)
         self.unreadable += len(found.errors)
@@ -146,25 +144,22 @@ PieceRows = dict[str, Rows]  # rows of one part of a bag, by topic
 class RecordedBag:
     """Open bag; for one thread at a time.
 
-    Parts are numbered in the order of their beginnings. A damaged part is empty, and counted. The
-    bag may still be being recorded, or not closed.
+    Chunks are numbered in the order of their beginnings. A damaged one is empty, and counted.
     """
 
     def __init__(self, path: str | Path) -> None:
         self.path = Path(path)
-        self.bag = rpud_sim.bag.open(path, unclosed=True)
+        self.bag = rpud_sim.bag.open(path)
         try:
-            self._files = _sizes(self.path)
             self.begin = self.bag.start_time  # log time of its beginning [ns]
             # By topic: readers, and reasons why there are no signals.
             self.readers, self.left_out = topic_readers(self.bag)
-            self.pieces: list[BagSegment] = self.bag.segments()
+            self.pieces: list[BagChunk] = self.bag.chunks()
         except BaseException:
             self.bag.close()
             raise
         self.signals = [each for reader in self.readers.values() for each in reader.signals]
         self.damages: dict[int, str] = {}  # reasons why parts are not read, by their numbers
-        self.lost = ""  # what happened to the files since they were opened; empty for nothing
         # Rows of a part by topic, none of a damaged one; those that were used last are kept.
         self.rows = lru_cache(_KEPT)(lambda number: self.rows_of([number]))
         self.decoded = lru_cache(_KEPT)(self._decode)
@@ -188,16 +183,6 @@ class RecordedBag:
         # None of a namespace without stamps, where log times count.
         self.clocks = {drill: self._first_clock(drill) for drill in self._timed}
 
-    @property
-    def growing(self) -> bool:
-        """Whether the bag was not closed, and something was written to it just now."""
-        if not self.bag.unclosed or self.lost:
-            return False
-        try:
-            return time.time() - self.bag.files[-1].stat().st_mtime < _STILL
-        except OSError:
-            return False
-
     def is_drill(self, drill: str) -> bool:
         """Whether a namespace has topics of a drill."""
         ours = [name for name, reader in self.readers.items() if reader.type.startswith(OURS)]
@@ -216,42 +201,9 @@ class RecordedBag:
         numbers: list[int] = np.unique(places.astype(int)).tolist()
         return numbers
 
-    def grow(self) -> bool:
-        """Add the parts that were written since the bag was opened, or grew.
-
-        It returns False if that is not possible: there are other topics than before, or parts that
-        were there are gone, or others. The bag must be opened again then.
-        """
-        now = _sizes(self.path)
-        if now == self._files or self.lost:
-            return True
-        gone = [name for name, size in self._files.items() if now.get(name, -1) < size]
-        gone = [file.name for file in self.bag.files if file.name in gone]
-        if gone and any(size > self._files.get(name, 0) for name, size in now.items()):
-            return False  # a recorder with a limit of the disk deletes its oldest file
-        if gone:
-            self.lost = f"{gone[0]} was deleted or cut"
-            return True
-        try:
-            bag = rpud_sim.bag.open(self.path, unclosed=True)
-        except BagError as error:
-            self.lost = f"it cannot be read any more: {error}"
-            return True
-        pieces = {_key(piece): piece for piece in bag.segments()}
-        known = [_key(piece) for piece in self.pieces]
-        counted = {each.topic.name for each in bag.readable_topics if each.message_count}
-        if not {*known} <= {*pieces} or not counted <= self.readers.keys() | self.left_out.keys():
-            bag.close()
-            return False
-        new = pieces.keys() - {*known}
-        self.pieces = [pieces[key] for key in [*known, *filter(new.__contains__, pieces)]]
-        self.bag.close()
-        self.bag, self._files = bag, now
-        return True
-
     def rows_of(self, numbers: Iterable[int]) -> PieceRows:
         """Return the rows of several parts together, by topic; they are not kept."""
-        by_topic: dict[str, list[MessageBlock]] = defaultdict(list)
+        by_topic: dict[str, list[SerializedBatch]] = defaultdict(list)
         for number in numbers:
             for block in self._undamaged(number, self._topics):
                 by_topic[block.topic].append(block)
@@ -352,12 +304,12 @@ class RecordedBag:
         parts = enumerate(self.pieces[:count])
         return [number for number, piece in parts if drill in map(namespace, piece.topics)]
 
-    def _undamaged(self, number: int, topics: set[str]) -> list[MessageBlock]:
+    def _undamaged(self, number: int, topics: set[str]) -> list[SerializedBatch]:
         """Return what a part holds of some topics, up to its damage; note the damage."""
-        found: list[MessageBlock] = []
+        found: list[SerializedBatch] = []
         if not self.pieces[number].topics.isdisjoint(topics):
             try:
-                found.extend(self.pieces[number].blocks(topics))  # what is before it stays
+                found = self.pieces[number].batches(topics)
             except BagError as error:
                 self.damages.setdefault(number, str(error))
         return found
@@ -382,16 +334,3 @@ class RecordedBag:
         """Return what shows the time of a namespace in a part, by topic."""
         rows = self.rows(number)
         return [(n, rows[n]) for n in self._timed[drill] & rows.keys() if len(rows[n].stamps)]
-
-
-def _key(piece: BagSegment) -> tuple[int, int, int]:
-    return piece.start_time, piece.end_time, piece.size
-
-
-def _sizes(path: Path) -> dict[str, int]:
-    """Return the sizes of a bag's files by their names [bytes]; of none that are gone."""
-    try:
-        files = [path] if path.is_file() else sorted(path.iterdir())
-        return {file.name: file.stat().st_size for file in files}
-    except OSError:
-        return {}

@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
-from sample_bags import SEPARATOR, block_of, serialized
+from sample_bags import SEPARATOR, batch_of, serialized
 from support import examples
 
 from rpud_sim.bag.cdr import Codec
@@ -106,8 +106,8 @@ def of_library(value):
 def assert_same(codec, columns, messages, gap=b""):
     """Check that messages give together what each gives by itself."""
     reader = FieldReader(codec, columns)
-    found = reader.read(block_of(messages, gap=gap))
-    single = [reader.read(block_of([message])) for message in messages]
+    found = reader.read(batch_of(messages, gap=gap))
+    single = [reader.read(batch_of([message])) for message in messages]
     errors = [(n, text) for n, each in enumerate(single) for _, text in each.errors]
     assert [*found.errors] == errors
     assert found.rows.tolist() == [n for n, each in enumerate(single) if len(each.rows)]

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from mcap.data_stream import RecordBuilder
 from mcap.records import Channel, Schema
 from mcap.writer import CompressionType, Writer
-from sample_bags import CHAT, START, STRING, STRING_DEFINITION, block_of
+from sample_bags import START, STRING, STRING_DEFINITION, batch_of
 from support import examples
 
 from rpud_sim.bag import BagError, BagWriter, Topic
@@ -34,7 +34,7 @@ def library_file(stream, messages, chunk_size):
         Channel(number, f"/{name}", "cdr", {"key": name}, number).write(copies)
         stream.write(copies.end())
     for channel, log_time, publish_time, data in messages:
-        writer.add_message(channel, log_time, data, publish_time, 7)
+        writer.add_message(channel, log_time, data, publish_time)
     writer.flush()
     writer.add_metadata("made", {"by": "hand"})
     writer.finish()
@@ -50,7 +50,7 @@ def test_one_by_one_the_file_is_that_of_the_library(tmp_path_factory, messages, 
         schema = Schema(0, b"int32 x\n", "ros2msg", name)
         writer.add_channel(f"/{name}", "cdr", schema, {"key": name})
     for channel, log_time, publish_time, data in messages:
-        writer.write(channel, data, log_time, publish_time, 7)
+        writer.add(channel, data, log_time, publish_time)
     writer.flush()
     writer.add_record("made", {"by": "hand"})
     writer.finish()
@@ -58,15 +58,15 @@ def test_one_by_one_the_file_is_that_of_the_library(tmp_path_factory, messages, 
     assert path.read_bytes() == library_file(io.BytesIO(), messages, chunk_size)
 
 
-def blocks_of(messages):
-    """Messages by topic, with their places."""
-    parts = []
+def batches_of(messages):
+    """Messages by topic, and their places."""
+    batches, places = [], []
     for channel in {channel for channel, *_ in messages}:
         own = [(place, *rest) for place, (one, *rest) in enumerate(messages) if one == channel]
-        places, *times, data = zip(*own, strict=True)
-        block = block_of(data, f"/{channel}", b"###", np.transpose(times))
-        parts.append((block, np.array(places, np.int64)))
-    return parts
+        found, *times, data = zip(*own, strict=True)
+        batches.append(batch_of(data, f"/{channel}", b"###", np.transpose(times)))
+        places.append(np.array(found, np.int64))
+    return batches, places
 
 
 @settings(max_examples=examples(30), deadline=None)
@@ -75,35 +75,32 @@ def blocks_of(messages):
     st.sampled_from([1, 100, 2000, 1 << 20]),
     st.sampled_from(["none", "zstd"]),
 )
-def test_by_the_block_a_bag_is_the_same_as_one_by_one(
+def test_by_the_batch_a_bag_is_the_same_as_one_by_one(
     tmp_path_factory, groups, chunk_size, compression
 ):
     folder = tmp_path_factory.mktemp("bags")
     found = []
-    for by_block in (False, True):
-        path = folder / str(by_block) / "run"
+    for kind in ("single", "batches", "both"):
+        path = folder / kind / "run"
         with BagWriter(path, chunk_size=chunk_size, compression=compression) as bag:
             for number in range(1, 4):
                 bag.add_topic(Topic(f"/{number}", STRING), STRING_DEFINITION)
-            for messages in groups:
-                if by_block:
-                    bag.write_blocks(blocks_of(messages))
+            for number, messages in enumerate(groups):
+                if kind == "batches" or (kind == "both" and number % 2):
+                    bag.write(*batches_of(messages))
                     continue
                 for channel, log_time, publish_time, data in messages:
-                    bag.write(f"/{channel}", data, log_time, publish_time)
+                    bag.write_message(f"/{channel}", data, log_time, publish_time)
         assert bag.message_count == sum(map(len, groups))
         found.append({file.name: file.read_bytes() for file in path.iterdir()})
-    assert found[0] == found[1]
+    assert found[0] == found[1] == found[2]
 
 
-def test_blocks_of_unknown_topics_and_impossible_times_are_refused(tmp_path):
+def test_batches_of_unknown_topics_and_impossible_times_are_refused(tmp_path):
     with BagWriter(tmp_path / "run") as bag:
         with pytest.raises(BagError, match=r"topic /1 was not declared"):
-            bag.write_blocks(blocks_of([(1, START, START, b"")]))
+            bag.write(*batches_of([(1, START, START, b"")]))
         bag.add_topic(Topic("/1", STRING), STRING_DEFINITION)
         with pytest.raises(BagError, match=r"publish_time -1 ns; both must be from 0"):
-            bag.write_blocks(blocks_of([(1, START, START, b""), (1, START, -1, b"")]))
-        bag.add_topic(Topic("/2", STRING, "", CHAT.offered_qos), STRING_DEFINITION)
-        with pytest.raises(BagError, match="/2 cannot be written in blocks"):
-            bag.write_blocks(blocks_of([(2, START, START, b"")]))
+            bag.write(*batches_of([(1, START, START, b""), (1, START, -1, b"")]))
         assert bag.message_count == 0

@@ -7,9 +7,8 @@ import tracemalloc
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from mcap.writer import CompressionType, IndexType
+from mcap.writer import CompressionType, IndexType, Writer
 from sample_bags import (
-    CHAT,
     START,
     STRING_DEFINITION,
     TALK,
@@ -19,9 +18,8 @@ from sample_bags import (
 
 import rpud_sim.bag
 from rpud_sim.bag import BagError, BagFormatError, BagWriter, Message
-from rpud_sim.bag.messages import (
-    messages_of,
-)
+from rpud_sim.bag.batches import messages_of
+from rpud_sim.bag.recovery import recover
 
 TOPICS = st.sampled_from(["/a", "/b", "/c"])
 ENTRIES = st.lists(
@@ -51,23 +49,23 @@ def test_a_message_earlier_than_its_chunk_says_is_refused(tmp_path):
     place = content.rindex(struct.pack("<QQ", 5, 9))  # in the index of the chunk
     path.write_bytes(content[:place] + struct.pack("<Q", 6) + content[place + 8 :])
     with rpud_sim.bag.open(path) as bag:
-        for read in (bag.messages, bag.blocks):
+        for read in (bag.messages, bag.batches):
             with pytest.raises(BagFormatError, match=r"bag\.mcap: .* earlier than its chunk says"):
                 list(read())
 
 
-def by_block(bag, **chosen):
+def by_batch(bag, **chosen):
     found, error = {}, ""
     try:
-        for block in bag.blocks(**chosen):
-            assert len(block)
+        for batch in bag.batches(**chosen):
+            assert len(batch)
             entries = zip(
-                block.log_times.tolist(),
-                block.publish_times.tolist(),
-                map(block.message, range(len(block))),
+                batch.log_times.tolist(),
+                batch.publish_times.tolist(),
+                map(batch.message, range(len(batch))),
                 strict=True,
             )
-            found.setdefault(block.topic, []).extend(entries)
+            found.setdefault(batch.topic, []).extend(entries)
     except BagError as caught:
         error = str(caught)
     return found, error
@@ -76,7 +74,7 @@ def by_block(bag, **chosen):
 def assert_same(path, **chosen):
     with rpud_sim.bag.open(path) as bag:
         expected = one_by_one(bag, **chosen)
-        assert by_block(bag, **chosen) == expected
+        assert by_batch(bag, **chosen) == expected
     assert not expected[1]
     return expected[0]
 
@@ -98,7 +96,7 @@ def after_start(entries):
 def test_they_are_the_same_whatever_wrote_the_file(
     tmp_path_factory, entries, compression, chunk_size, index, chunked, topics, start, duration
 ):
-    path = tmp_path_factory.mktemp("blocks") / "bag.mcap"
+    path = tmp_path_factory.mktemp("batches") / "bag.mcap"
     write_mcap(
         path,
         after_start(entries),
@@ -124,20 +122,27 @@ def test_they_are_the_same_whatever_wrote_the_file(
         assert found == sorted(expected, key=lambda each: each.log_time)
 
 
-@given(ENTRIES, st.sampled_from([60, 300, 1 << 20]), st.integers(0, 60))
-def test_of_a_split_bag_repeats_are_left_out(tmp_path_factory, entries, chunk_size, place):
-    path = tmp_path_factory.mktemp("split") / "bag"
-    with BagWriter(path, chunk_size=chunk_size) as bag:
-        bag.add_topic(TALK, STRING_DEFINITION)
-        bag.add_topic(CHAT, STRING_DEFINITION)  # latched, so that files repeat it
-        for number, (topic, time, data) in enumerate(entries):
-            if number == place:
-                bag.split()
-            name = TALK.name if topic == "/a" else CHAT.name
-            bag.write(name, data, START + time, START + number)
-    assert bag.message_count == len(entries)
-    found = assert_same(path)
-    assert sum(map(len, found.values())) == len(entries)
+def test_of_an_old_split_bag_repeats_are_left_out(tmp_path):
+    """Split files of earlier releases began with the last messages of latched topics."""
+    entries = [("/a", START + number, b"abcd") for number in range(5)]
+    write_mcap(tmp_path / "run_0.mcap", entries[:3])
+    with (tmp_path / "run_1.mcap").open("wb") as stream:
+        writer = Writer(stream)
+        writer.start("ros2", "test")
+        channels = [
+            writer.register_channel("/a", "cdr", 0, metadata)
+            for metadata in ({"rpud_repeated": "true"}, {})
+        ]
+        for channel, time in zip((0, 1, 1), (2, 3, 4), strict=True):
+            writer.add_message(channels[channel], START + time, b"abcd", START + time)
+        writer.finish()
+    with rpud_sim.bag.open(tmp_path) as bag:
+        found = [message.log_time for message in bag.messages()]
+        assert found == [START + number for number in range(5)]
+        assert bag.message_count == bag.topics[0].message_count == 5
+    recovery = recover(tmp_path, tmp_path / "out")
+    assert recovery.complete
+    assert recovery.message_count == 5
 
 
 @pytest.fixture(scope="module")
@@ -163,7 +168,7 @@ def test_a_damaged_file_gives_the_same_error(whole_file, tmp_path_factory, data)
         with contextlib.suppress(BagFormatError):
             assert len(bag.topics) <= 3
         expected, error = one_by_one(bag)
-        found, found_error = by_block(bag)
+        found, found_error = by_batch(bag)
     assert found_error == error
     for topic, entries in expected.items():
         # Those at the very time at which the damaged chunk begins may come before the error.
@@ -182,7 +187,7 @@ def test_times_that_no_bag_can_have_are_refused_with_their_chunk(tmp_path):
 @pytest.mark.parametrize(
     ("read", "most"),
     [
-        (lambda bag: sum(map(len, bag.blocks())), 3_000_000),
+        (lambda bag: sum(map(len, bag.batches())), 3_000_000),
         (lambda bag: sum(1 for _ in bag.messages()), 2_000_000),
     ],
 )
@@ -190,7 +195,7 @@ def test_memory_stays_bounded_by_the_chunks(tmp_path, read, most):
     with BagWriter(tmp_path / "run", compression="none", chunk_size=100_000) as bag:
         bag.add_topic(TALK, STRING_DEFINITION)
         for number in range(20_000):
-            bag.write(TALK.name, bytes(1000), START + number, START)
+            bag.write_message(TALK.name, bytes(1000), START + number, START)
     tracemalloc.start()
     with rpud_sim.bag.open(tmp_path / "run") as bag:
         assert read(bag) == 20_000
@@ -201,47 +206,20 @@ def test_memory_stays_bounded_by_the_chunks(tmp_path, read, most):
 
 def test_an_iteration_can_be_closed(tmp_path):
     with rpud_sim.bag.open(write_bag(tmp_path / "bag")) as bag:
-        for found in (bag.messages(), bag.blocks()):
+        for found in (bag.messages(), bag.batches()):
             next(found)
             found.close()
 
 
-def everything(bag):
-    return [
-        message for segment in bag.segments() for message in messages_of([*segment.blocks(None)])
-    ]
-
-
-def test_all_parts_together_hold_every_message_once(tmp_path):
-    path = write_bag(tmp_path / "bag", 500, chunk_size=2000)
-    with rpud_sim.bag.open(path, unclosed=True) as bag:
-        assert bag.unclosed == ()
-        segments = bag.segments()
-        assert len(segments) > 5
-        assert everything(bag) == [*bag.messages()]
-        for segment in segments:
-            times = [time for block in segment.blocks({TALK.name}) for time in block.log_times]
-            assert (segment.start_time, segment.end_time) == (times[0], times[-1])
-            assert segment.topics == {TALK.name}
-            assert [*segment.blocks({"/other"})] == []
-
-
-@pytest.mark.parametrize("part", [0.3, 0.6, 0.95])
-def test_a_file_that_was_cut_off_is_read_up_to_there(tmp_path, part):
+def test_all_chunks_together_hold_every_message_once(tmp_path):
     path = write_bag(tmp_path / "bag", 500, chunk_size=2000)
     with rpud_sim.bag.open(path) as bag:
-        whole = [*bag.messages()]
-    file = next(path.glob("*.mcap"))
-    file.write_bytes(file.read_bytes()[: int(part * file.stat().st_size)])
-    with pytest.raises(BagFormatError, match="cut off"):
-        rpud_sim.bag.open(path)
-    with rpud_sim.bag.open(path, unclosed=True) as bag:
-        assert bag.unclosed == (file,)
-        found = everything(bag)
-        assert found == whole[: len(found)]
-        assert len(found) == bag.message_count > 0
-        assert [*bag.messages()] == found
-        (talk,) = [each for each in bag.topics if each.topic.name == TALK.name]
-        assert talk.message_count == len(found)
-        assert talk.first_time == found[0].log_time
-        assert talk.last_time <= found[-1].log_time  # the index of the last chunk may be missing
+        chunks = bag.chunks()
+        assert len(chunks) > 5
+        found = [message for chunk in chunks for message in messages_of(chunk.batches(None))]
+        assert found == [*bag.messages()]
+        for chunk in chunks:
+            times = [time for batch in chunk.batches({TALK.name}) for time in batch.log_times]
+            assert (chunk.start_time, chunk.end_time) == (times[0], times[-1])
+            assert chunk.topics == {TALK.name}
+            assert chunk.batches({"/other"}) == []

@@ -192,8 +192,10 @@ def test_several_topics_come_from_one_pass(drilled, monkeypatch):
         names = [summary.topic.name for summary in bag.topics]
         single = {name: bag.arrays(name) for name in names}
         passes = []
-        blocks = bag.blocks
-        monkeypatch.setattr(bag, "blocks", lambda *chosen: passes.append(chosen) or blocks(*chosen))
+        batches = bag.batches
+        monkeypatch.setattr(
+            bag, "batches", lambda *chosen: passes.append(chosen) or batches(*chosen)
+        )
         together = bag.arrays(names)
         assert len(passes) == 1
         assert [*bag.arrays(["/rpud/wrench"])] == ["/rpud/wrench"]
@@ -220,7 +222,7 @@ def test_batches_are_the_whole_in_pieces_of_bounded_size(tmp_path, monkeypatch):
     monkeypatch.setattr("rpud_sim.bag.tables.BATCH_SIZE", 3000)
     monkeypatch.setattr("rpud_sim.bag.tables.TOTAL_SIZE", 4000)
     with rpud_sim.bag.open(write_everything(tmp_path / "bag", 50)) as bag:
-        pieces = list(bag.batches())
+        pieces = list(bag.tables())
         whole = bag.arrays("/all")
     assert {piece.topic for piece in pieces} == {"/all"}
     assert max(len(piece) for piece in pieces) < 20
@@ -241,7 +243,7 @@ def test_memory_stays_bounded_while_the_bag_grows(tmp_path, monkeypatch):
         tracemalloc.start()
         try:
             with rpud_sim.bag.open(path) as bag:
-                assert sum(len(batch) for batch in bag.batches()) == count
+                assert sum(len(batch) for batch in bag.tables()) == count
             return tracemalloc.get_traced_memory()[1]
         finally:
             tracemalloc.stop()
@@ -300,7 +302,7 @@ def test_what_cannot_be_a_table_is_left_out_with_its_reason(tmp_path, monkeypatc
     }
     with rpud_sim.bag.open(path) as bag:
         left_out = bag.left_out
-        assert list(bag.batches()) == []
+        assert list(bag.tables()) == []
         assert left_out.keys() == reasons.keys()
         for topic, reason in reasons.items():
             assert left_out[topic].startswith(reason)

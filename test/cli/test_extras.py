@@ -8,7 +8,7 @@ pytestmark = pytest.mark.extended
 
 CONFIG = Path(__file__).parents[2] / "config"
 BAG = Path(__file__).parents[1] / "data" / "0.2.0" / "run"
-BAGS = ("apsw", "lz4", "mcap", "rosbags", "zstandard")
+BAGS = ("lz4", "mcap", "rosbags", "zstandard")
 EXTRAS = ("distributed", "pandas", "pyarrow", "scipy", "tornado")
 
 
@@ -55,7 +55,7 @@ def test_without_the_libraries_of_bags_a_command_says_what_to_install(lacking):
     done = lacking(BAGS, "info", "bag")
     assert (done.returncode, done.stdout) == (1, "")
     (line,) = done.stderr.splitlines()
-    assert line.endswith(": pip install apsw lz4 mcap rosbags zstandard")
+    assert line.endswith(": pip install lz4 mcap rosbags zstandard")
 
 
 def test_without_the_libraries_of_bags_the_drill_runs(lacking):

@@ -2,7 +2,6 @@
 
 import re
 import sys
-from pathlib import Path
 
 import pytest
 
@@ -11,8 +10,7 @@ pytestmark = pytest.mark.extended
 
 @pytest.mark.parametrize("words", [("--count", "15"), ("--count", "2", "--live")], ids=str)
 def test_what_is_killed_leaves_all_but_its_end(process, words):
-    script = Path(__file__).parent.parent / "kills.py"
     # How long a busy machine takes to write is not this test's business, but `make kills`'s.
-    kills = process(sys.executable, script, *words, "--max-loss", "0.1", "--any-loss")
+    kills = process(sys.executable, "-m", "tools.kills", *words, "--max-loss", "0.1", "--any-loss")
     assert kills.wait() == 0, kills.output
     assert re.match(f"{words[1]} kills .* each recovered without a gap", kills.output)

@@ -223,7 +223,7 @@ def test_a_replay_of_types_that_are_not_installed_fails(process, tmp_path):
     bag = tmp_path / "bag"
     with BagWriter(bag) as writer:
         writer.add_topic(Topic("/talk", "nowhere_msgs/msg/Thing", "", ()), None)
-        writer.write("/talk", bytes(8), 1, 1)
+        writer.write_message("/talk", bytes(8), 1, 1)
     replayer = process("replayer", bag)
     assert replayer.wait() == 1
     assert f"rpud replay: nothing of {bag} can be replayed here" in replayer.output

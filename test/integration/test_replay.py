@@ -30,10 +30,10 @@ def bag(tmp_path):
             writer.add_topic(
                 Topic(name, STRING, STRING_HASH, (RecordedProfile(),)), STRING_DEFINITION
             )
-        writer.write("/rpud/chat", serialized_string("hello"), START, START)
+        writer.write_message("/rpud/chat", serialized_string("hello"), START, START)
         for number in range(40):
             due = START + number * STEP
-            writer.write(REPLAYED, serialized_string(str(number)), due, due)
+            writer.write_message(REPLAYED, serialized_string(str(number)), due, due)
     return tmp_path / "bag"
 
 
@@ -130,7 +130,9 @@ def test_a_hurried_replay_loses_nothing(process, audience, tmp_path):
     with BagWriter(tmp_path / "bag") as writer:
         writer.add_topic(talk, STRING_DEFINITION)
         for number in range(count):
-            writer.write("/long", serialized_string(str(number)), START + number * SECOND, START)
+            writer.write_message(
+                "/long", serialized_string(str(number)), START + number * SECOND, START
+            )
     # It keeps what comes, until there is no more room, and takes it more slowly than it is sent.
     node = rclpy.create_node("slow", context=audience.node.context)
     subscription = node.create_subscription(
@@ -160,7 +162,7 @@ def test_a_damaged_bag_ends_the_replay_with_an_error(process, audience, tmp_path
     with BagWriter(tmp_path / "bag", compression="none", chunk_size=1 << 16) as writer:
         writer.add_topic(Topic("/talk", STRING, STRING_HASH, ()), STRING_DEFINITION)
         for number in range(2000):
-            writer.write("/talk", serialized_string("x" * 100), START + number, START)
+            writer.write_message("/talk", serialized_string("x" * 100), START + number, START)
     file = tmp_path / "bag" / "bag_0.mcap"
     data = bytearray(file.read_bytes())
     middle = len(data) // 2

@@ -250,7 +250,7 @@ def other_bag(faulty_bag, tmp_path):
             header = {"stamp": stamp, "frame_id": ""}
             fields = {"header": header, "beats": number, "state": "well"}
             data = serialized("pkg/msg/Heartbeat", DEFINITION, fields)
-            writer.write("/supervisor/heartbeat", data, 10 * SECOND, 10 * SECOND)
+            writer.write_message("/supervisor/heartbeat", data, 10 * SECOND, 10 * SECOND)
     return path
 
 

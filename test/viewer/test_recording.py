@@ -1,6 +1,5 @@
-"""Bags as they come: torn, still growing, deleted, damaged, empty, with several clocks."""
+"""Bags as they come: damaged, empty, with several clocks."""
 
-import shutil
 from contextlib import closing
 
 import numpy as np
@@ -34,25 +33,6 @@ def first_frame(path):
         client = ClientState()
         store.open(client)
         return store.frame(client)
-
-
-def test_a_torn_bag_shows_what_is_whole(tmp_path):
-    path = write_forces(tmp_path / "bag", rows_of(50))
-    file = next(path.glob("*.mcap"))
-    file.write_bytes(file.read_bytes()[: file.stat().st_size // 2])
-    with closing(RecordedBag(path)) as recording:
-        assert 0 < len(times_of(recording)) < 50
-
-
-def test_a_bag_that_is_deleted_is_shown_on(tmp_path):
-    path = write_forces(tmp_path / "bag", rows_of(50))
-    with closing(RecordedBag(path)) as recording:
-        assert recording.grow()
-        assert recording.lost == ""
-        shutil.rmtree(path)
-        assert recording.grow()
-        assert "was deleted" in recording.lost
-        assert len(times_of(recording)) == 50
 
 
 def test_a_damaged_chunk_is_skipped_and_reported(tmp_path):

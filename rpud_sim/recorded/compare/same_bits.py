@@ -9,8 +9,8 @@ from typing import NamedTuple
 import numpy as np
 
 from rpud_sim.bag import BagFormatError, TopicSummary
+from rpud_sim.bag.batches import SerializedBatch
 from rpud_sim.bag.cdr import Codec
-from rpud_sim.bag.messages import MessageBlock
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.recorded.compare.values import OpenRun
 from rpud_sim.recorded.runs import RecordedRun
@@ -94,7 +94,7 @@ def _topics(run: OpenRun) -> dict[str, TopicSummary]:
 
 
 def _keyed(
-    blocks: Iterator[MessageBlock], run: RecordedRun, report: Callable[[int], object]
+    blocks: Iterator[SerializedBatch], run: RecordedRun, report: Callable[[int], object]
 ) -> Iterator[KeyedMessages]:
     """Yield the messages of a run with their simulation times."""
     for block in blocks:
@@ -106,7 +106,7 @@ def _keyed(
 
 def _read(
     topic: str,
-    streams: Sequence[Generator[MessageBlock, None, None]],
+    streams: Sequence[Generator[SerializedBatch, None, None]],
     cursors: Sequence[Cursor],
     found: dict[str, Compared],
 ) -> Iterator[int]:

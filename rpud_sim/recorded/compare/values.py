@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rpud_sim.bag import BagReader
+from rpud_sim.bag.batches import SerializedBatch
 from rpud_sim.bag.columns import Kind, usable
-from rpud_sim.bag.messages import MessageBlock
 from rpud_sim.bag.tables import Tables
 from rpud_sim.foundation.time import SECOND, join_seconds
 from rpud_sim.pages.quantities import QUANTITIES as SHOWN
@@ -168,7 +168,7 @@ def _read(
     run: OpenRun,
     name: str,
     tables: Tables,
-    blocks: Iterable[MessageBlock],
+    blocks: Iterable[SerializedBatch],
     values: RecordedValues,
     report: Callable[[int], object],
 ) -> Iterator[int]:

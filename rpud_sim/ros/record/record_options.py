@@ -75,6 +75,11 @@ class RecordOptions:
     max_disk: int | None = option(
         None, "stop before the whole bag is larger, with exit code 1 (default: no limit)", BYTES
     )
+    min_free: int = option(
+        64 * 2**20,
+        "stop before the disk has less free space, with exit code 1 (default: %(default)d)",
+        BYTES,
+    )
     max_cache_size: int = option(
         256 * 2**20, "messages that may wait for the disk (default: %(default)d)", BYTES
     )

@@ -60,10 +60,11 @@ def _record(options: RecordOptions, stop: StopRequest, show: Callable[[str], Non
         compression=options.compression,
         max_file_size=options.max_bag_size,
         max_file_duration=options.max_bag_duration,
-        reserved=True,
     ) as bag:
         bag.add_record(RECORDING_RECORD, {"max_loss": str(options.max_loss)})
-        writing = WritingThread(intake, bag, options.max_loss, stop.request, options.max_disk)
+        writing = WritingThread(
+            intake, bag, options.max_loss, stop.request, options.max_disk, options.min_free
+        )
         writing.start()
         began = time.monotonic()
         try:

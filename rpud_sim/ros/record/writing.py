@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import queue
+import shutil
 import threading
 import time
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 
 from rpud_sim.bag import BagWriter, Message, Topic
-from rpud_sim.bag.messages import LatchedMessages
 from rpud_sim.ros.record.record_options import RecordOptions
 
 Item = Message | Callable[[BagWriter], object]
+
+_CHECKED_SIZE = 1 << 20  # messages between two looks at the free space [bytes]
 
 
 class Intake:
@@ -34,17 +36,20 @@ class Intake:
         self._items: queue.SimpleQueue[Item | None] = queue.SimpleQueue()
         self._put_bytes = 0
         self._got_bytes = 0
-        self._discarded = LatchedMessages()
+        # last messages of latched topics in a pause, one for each publisher
+        self._discarded: dict[str, deque[Message]] = {}
 
     def declare(self, topic: Topic, definition: str | None) -> None:
         """Declare a topic before its first message; the definition of its type may be unknown."""
-        self._discarded.declare(topic)
+        if any(offer.durability == "transient_local" for offer in topic.offered_qos):
+            self._discarded[topic.name] = deque(maxlen=len(topic.offered_qos))
         self.do(lambda bag: bag.add_topic(topic, definition))
 
     def put(self, message: Message) -> None:
         """Queue or discard a message."""
         if self.paused:
-            self._discarded.note(message)
+            if message.topic in self._discarded:
+                self._discarded[message.topic].append(message)
             return
         size = len(message.data)
         if self._put_bytes - self._got_bytes + size > self._capacity:
@@ -66,9 +71,12 @@ class Intake:
         """Discard messages from now on, or write them again, first the last latched ones."""
         if self.paused and not paused:
             self.paused = False
-            for message in self._discarded.at(time.time_ns()):
-                self.put(message)
-            self._discarded.clear()
+            now = time.time_ns()
+            latest = [each for messages in self._discarded.values() for each in messages]
+            for message in sorted(latest, key=lambda each: each.log_time):
+                self.put(message._replace(log_time=now))
+            for messages in self._discarded.values():
+                messages.clear()
         self.paused = paused
 
     def close(self) -> None:
@@ -97,6 +105,7 @@ class WritingThread(threading.Thread):
         max_loss: float,
         on_end: Callable[[], None],
         max_disk: int | None = None,
+        min_free: int = RecordOptions.min_free,
     ) -> None:
         super().__init__(name="bag writer")
         # why writing failed, None unless it did; the rest of the queue is left then
@@ -110,7 +119,8 @@ class WritingThread(threading.Thread):
         self._intake = intake
         self._bag = bag
         self._on_end = on_end
-        self._max_disk = max_disk
+        self._max_disk, self._min_free = max_disk, min_free
+        self._until_check = 0  # bytes of messages until the next look at the free space
         self._period = 0.5 * max_loss
         self._oldest: int | None = None  # log time of a message that may not be on the disk [ns]
 
@@ -146,15 +156,23 @@ class WritingThread(threading.Thread):
                 return
             if self._oldest is None:
                 self._oldest = item.log_time
-            self._bag.write(item.topic, item.data, item.log_time, item.publish_time)
+            self._bag.write_message(item.topic, item.data, item.log_time, item.publish_time)
 
     def _refuse(self, size: int) -> str:
         """Return why a message of this size [bytes] has no room, or ""."""
         if self._max_disk is not None and self._bag.closed_size + size > self._max_disk:
             return f"it has reached --max-disk {self._max_disk} bytes"
-        return "" if self._bag.reserve(size) else f"the disk of {self._bag.path} is full"
+        self._until_check -= size
+        if self._until_check <= 0:
+            self._until_check = _CHECKED_SIZE
+            if shutil.disk_usage(self._bag.path).free < self._min_free:
+                return (
+                    f"the disk of {self._bag.path} has less than --min-free {self._min_free} bytes"
+                )
+        return ""
 
     def _flush(self) -> None:
+        self._until_check = 0
         self._bag.flush()
         if self._oldest is not None:
             self.exposure = max(self.exposure, 1e-9 * (time.time_ns() - self._oldest))

@@ -56,7 +56,7 @@ def test_every_format_holds_every_bit_of_the_bag(drilled, tmp_path, monkeypatch,
     monkeypatch.setattr("rpud_sim.bag.tables.BATCH_SIZE", 300_000)
     exported = export(drilled, tmp_path / "out", file_format)
     with rpud_sim.bag.open(drilled) as bag:
-        assert len(list(bag.batches("/rpud/waveform"))) > 1
+        assert len(list(bag.tables("/rpud/waveform"))) > 1
         for topic in exported.topics:
             found = READERS[file_format](tmp_path / "out" / file_stem(topic.name))
             expected = bag.arrays(topic.name)
@@ -184,7 +184,7 @@ def test_a_text_that_a_spreadsheet_would_take_for_a_formula_is_none(tmp_path):
         bag.add_topic(Topic("/a", "pkg/msg/Cell"), definition)
         for text in texts:
             values = {"text": text, "number": -1.5}
-            bag.write("/a", serialized("pkg/msg/Cell", definition, values), START, START)
+            bag.write_message("/a", serialized("pkg/msg/Cell", definition, values), START, START)
     export(tmp_path / "bag", tmp_path / "csv", "csv")
     with (tmp_path / "csv" / "a.csv").open(newline="", encoding="utf-8") as file:
         rows = [*csv.DictReader(file)]

@@ -48,7 +48,7 @@ def streamed_bag(path, rate, duration, start, silent=()):
             for time, name, values in messages:
                 if name in HELD:
                     data = codecs[name].encode(values)
-                    bag.write(f"/rpud/{name}", data, log_time or time, time)
+                    bag.write_message(f"/rpud/{name}", data, log_time or time, time)
 
         faults = []
         run.simulation.inject(Fault("lost_preload", magnitude=0.1))

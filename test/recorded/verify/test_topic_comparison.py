@@ -8,7 +8,7 @@ from support import examples
 
 import rpud_sim.bag
 from rpud_sim.bag import BagWriter, Message, QosProfile, Topic
-from rpud_sim.bag.messages import blocks_of
+from rpud_sim.bag.batches import blocks_of
 from rpud_sim.recorded import recorded_topics
 from rpud_sim.recorded.recorded_journal import installed_codec
 from rpud_sim.recorded.recorded_topics import RecordedMessages, RecordedTopics

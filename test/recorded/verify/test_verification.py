@@ -140,7 +140,7 @@ def in_wrong_order(bag, folder, change=lambda message: message.data):
         for summary in reader.topics:
             writer.add_topic(summary.topic, summary.definition)
         for number, message in enumerate((*first_journal, *second_journal, *others)):
-            writer.write(message.topic, change(message), number, number)
+            writer.write_message(message.topic, change(message), number, number)
     return folder / "bag"
 
 
@@ -220,6 +220,8 @@ def test_a_type_with_a_field_of_its_own_cannot_be_proved(bag, tmp_path, old, new
                 topic, text = dataclasses.replace(topic, type_hash=other.type_hash), definition
             writer.add_topic(topic, text)
         for message in reader.messages():
-            writer.write(message.topic, message.data, message.log_time, message.publish_time)
+            writer.write_message(
+                message.topic, message.data, message.log_time, message.publish_time
+            )
     with pytest.raises(UnverifiableError, match="/rpud/contact_force is of another version of"):
         verify(out)

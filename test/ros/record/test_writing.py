@@ -4,6 +4,7 @@ import dataclasses
 import queue
 import threading
 import time
+from types import SimpleNamespace
 
 import pytest
 from sample_bags import CHAT, START, STRING_DEFINITION, TALK
@@ -61,10 +62,10 @@ def test_the_thread_writes_all_that_was_queued(writing):
 
 def test_every_failure_to_write_is_reported_at_once(writing):
     class Failing(BagWriter):
-        def write(self, topic, *rest):
+        def write_message(self, topic, *rest):
             if topic == TALK.name:
                 raise OverflowError("not foreseen")
-            super().write(topic, *rest)
+            super().write_message(topic, *rest)
 
     with writing(Failing) as run:
         run.put(message())
@@ -89,19 +90,21 @@ def test_what_was_written_is_flushed_within_the_bound_without_more(writing):
         assert whole.message_count == 1
 
 
-def test_a_full_disk_ends_the_recording_before_the_bag_is_torn(writing):
-    class FullDisk(BagWriter):
-        def reserve(self, size):
-            return self.message_count < 3
-
-    with writing(FullDisk) as run:
-        run.put(*(message(log_time=START + number) for number in range(10)))
+def test_too_little_free_space_ends_the_recording_with_a_whole_bag(writing, monkeypatch):
+    free = iter([10**9] * 3)
+    monkeypatch.setattr(
+        "rpud_sim.ros.record.writing.shutil.disk_usage",
+        lambda path: SimpleNamespace(free=next(free, 10**6)),
+    )
+    size = 2**20  # as often the free space is looked at
+    with writing() as run:
+        run.put(*(message(bytes(size), log_time=START + number) for number in range(10)))
         run.intake.do(BagWriter.split)  # a new file would need room, too
         assert run.failure() == "None"
-    assert run.thread.refusal == f"the disk of {run.path} is full"
+    assert run.thread.refusal.endswith(f"has less than --min-free {64 * 2**20} bytes")
     assert run.bag.file_count == 1
     with rpud_sim.bag.open(run.path) as whole:
-        assert whole.message_count == 3
+        assert whole.message_count <= 3
 
 
 def test_a_disk_too_slow_for_the_bound_is_known(writing):

@@ -7,9 +7,9 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from fuzz.drill import Drill
-from fuzz.inputs import RARE, WAYS
-from fuzz.tally import Outcome, Tally
+from tools.fuzz.drill import Drill
+from tools.fuzz.inputs import RARE, WAYS
+from tools.fuzz.tally import Outcome, Tally
 
 LONGEST_REASON = 20_000  # rclpy repeats the names that it does not know
 MOST_GROWTH = 20_000_000  # of memory, whatever the number of inputs [byte]

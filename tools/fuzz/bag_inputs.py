@@ -5,22 +5,20 @@ from __future__ import annotations
 import functools
 import json
 import random
-import sqlite3
 import struct
 import tempfile
 from pathlib import Path
 from typing import NamedTuple
 
-import zstandard
 from mcap.writer import CompressionType, Writer
 
 import rpud_sim.bag
-from fuzz import hostile
 from rpud_sim.bag import Message, TopicSummary
 from rpud_sim.recorded.offline_bag import write_offline_bag
 from rpud_sim.simulation.configuration import to_settings
-from rpud_sim.simulation.run import Beginning
+from rpud_sim.simulation.plan import Beginning, Plan
 from rpud_sim.simulation.scenario_file import parse_scenario
+from tools.fuzz import hostile
 
 SEPARATOR = "=" * 80
 PART = f"{SEPARATOR}\nMSG: a_msgs/B\nfloat64 x\nstring name\n"
@@ -63,16 +61,16 @@ RECORDS = {
 }
 METADATA = """rosbag2_bagfile_information:
   version: 9
-  storage_identifier: {storage}
-  duration: {{nanoseconds: 5}}
-  starting_time: {{nanoseconds_since_epoch: 1}}
+  storage_identifier: mcap
+  duration: {nanoseconds: 5}
+  starting_time: {nanoseconds_since_epoch: 1}
   message_count: 4
   topics_with_message_count: []
-  compression_format: {format}
-  compression_mode: {mode}
-  relative_file_paths: [{name}]
+  compression_format: ''
+  compression_mode: ''
+  relative_file_paths: [bag.mcap]
   files: []
-  custom_data: {{a: b}}
+  custom_data: {a: b}
   ros_distro: jazzy
 """
 VALUES = [None, True, [], {}, [0.0], 0, -1, 10**400, 2**63, *hostile.NUMBERS, *hostile.WORDS]
@@ -109,29 +107,12 @@ def draw_bag(drawn: random.Random, folder: Path, of_drills: float = 0.2) -> Path
         if drawn.random() < 0.1:
             file.write_bytes(damaged(drawn, file.read_bytes()))
         return file
-    mode = drawn.choice(["", "", "", "", "FILE", "MESSAGE"])
-    content = _small_content(drawn, mode == "MESSAGE")
-    if storage_is_sqlite := drawn.random() < 1 / 6:
-        file = folder / "bag.db3"
-        _write_sqlite(drawn, file, content)
-    else:
-        _write_mcap(drawn, file, content, 0.1)
-    data = file.read_bytes()
+    _write_mcap(drawn, file, _small_content(drawn), 0.1)
     if drawn.random() < 0.4:
-        data = damaged(drawn, data)
-    if mode == "FILE":
-        file.unlink()
-        file = file.with_name(f"{file.name}.zstd")
-        data = zstandard.compress(data)
-        if drawn.random() < 0.2:
-            data = damaged(drawn, data)
-    file.write_bytes(data)
-    if not mode and drawn.random() < 0.7:
+        file.write_bytes(damaged(drawn, file.read_bytes()))
+    if drawn.random() < 0.7:
         return file
-    storage = "sqlite3" if storage_is_sqlite else "mcap"
-    text = METADATA.format(
-        storage=storage, name=file.name, mode=mode or "''", format="zstd" if mode else "''"
-    )
+    text = METADATA
     if drawn.random() < 0.3:
         text = odd_text(drawn, text)
     (folder / "metadata.yaml").write_bytes(text.encode())
@@ -188,7 +169,7 @@ def _maybe(drawn: random.Random, text: str, share: float = 0.1) -> str:
     return odd_text(drawn, text) if drawn.random() < share else text
 
 
-def _small_content(drawn: random.Random, compressed: bool) -> Content:
+def _small_content(drawn: random.Random) -> Content:
     topics = []
     for _ in range(drawn.choice([1, 1, 2, 4])):
         definition, valid = drawn.choice(list(DEFINITIONS.items()))
@@ -198,19 +179,16 @@ def _small_content(drawn: random.Random, compressed: bool) -> Content:
     for number in range(drawn.choice([0, 1, 4, 30])):
         time = hostile.whole(drawn, 64) if drawn.random() < 0.05 else number * 10**6
         topic = drawn.randrange(len(topics))
-        messages.append((topic, _message(drawn, topics[topic][1], compressed), time))
+        messages.append((topic, _message(drawn, topics[topic][1]), time))
     records = [(name, content) for name, content in RECORDS.items() if drawn.random() < 0.3]
     return Content([topic for topic, _ in topics], messages, records)
 
 
-def _message(drawn: random.Random, valid: bytes, compressed: bool) -> bytes:
+def _message(drawn: random.Random, valid: bytes) -> bytes:
     data = b"\0\1\0\0" + valid
     if drawn.random() < 0.1:
         data = damaged(drawn, data + bytes(drawn.choice([0, 1, 8, 100, 5000])))
-    if not compressed:
-        return data
-    data = zstandard.compress(data)
-    return damaged(drawn, data) if drawn.random() < 0.1 else data
+    return data
 
 
 @functools.cache
@@ -220,7 +198,7 @@ def drill_bag(number: int) -> tuple[list[TopicSummary], list[Message], dict[str,
     beginning = Beginning(to_settings(DRILLS[number]), 0.2, 1, scenario)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder, "bag")
-        write_offline_bag(path, beginning, 0.25)
+        write_offline_bag(path, Plan(beginning), 0.25)
         with rpud_sim.bag.open(path) as bag:
             return list(bag.topics), list(bag.messages()), bag.records("rpud_manifest")[0]
 
@@ -318,31 +296,3 @@ def _write_mcap(drawn: random.Random, file: Path, content: Content, odd: float) 
         if drawn.random() < odd:
             writer.add_attachment(1, 2, "name", "type", b"data")
         writer.finish()
-
-
-def _write_sqlite(drawn: random.Random, file: Path, content: Content) -> None:
-    with sqlite3.connect(file) as database:
-        database.executescript(
-            "CREATE TABLE schema(schema_version INTEGER, ros_distro TEXT);"
-            "CREATE TABLE topics(id INTEGER, name TEXT, type TEXT, serialization_format TEXT,"
-            " offered_qos_profiles TEXT, type_description_hash TEXT);"
-            "CREATE TABLE message_definitions(id INTEGER, topic_type TEXT, encoding TEXT,"
-            " encoded_message_definition TEXT, type_description_hash TEXT);"
-            "CREATE TABLE messages(id INTEGER, topic_id INTEGER, timestamp INTEGER, data BLOB);"
-        )
-        version = drawn.choice([4, 4, 4, 3, 0, -1, "x"])
-        database.execute("INSERT INTO schema VALUES (?, 'jazzy')", (version,))
-        for number, (name, kind, _, definition) in enumerate(content.topics):
-            row = (number, kind, drawn.choice(["ros2msg"] * 5 + ["ros2idl"]))
-            text = _maybe(drawn, definition)
-            database.execute(
-                "INSERT INTO message_definitions VALUES (?, ?, ?, ?, 'x')", (*row, text)
-            )
-            offers = _maybe(drawn, OFFER)
-            row = (number, name, kind, offers)
-            database.execute("INSERT INTO topics VALUES (?, ?, ?, 'cdr', ?, 'x')", row)
-        for number, (topic, data, time) in enumerate(content.messages):
-            odd = drawn.random() < 0.02 or time >= 2**63
-            row = (number, topic, drawn.choice([-1, "x", None, 1.5]) if odd else time, data)
-            database.execute("INSERT INTO messages VALUES (?, ?, ?, ?)", row)
-    database.close()

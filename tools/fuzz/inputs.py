@@ -11,8 +11,6 @@ from builtin_interfaces.msg import Time
 from rcl_interfaces.msg import ParameterType
 from rpud_msgs.msg import Drive, Result, SimulationState, WeightOnBit
 
-from fuzz import hostile
-from fuzz.drill import Drill
 from rpud_sim.foundation.quantities import ParameterError, Quantity
 from rpud_sim.ros.drill.managed_node import declare_settings
 from rpud_sim.simulation.configuration import (
@@ -21,6 +19,8 @@ from rpud_sim.simulation.configuration import (
 )
 from rpud_sim.simulation.fault_kinds import KINDS
 from rpud_sim.simulation.topics import CHANNELS
+from tools.fuzz import hostile
+from tools.fuzz.drill import Drill
 
 NUMBERS = {
     name: declaration.allowed

@@ -22,9 +22,9 @@ from multiprocessing.connection import Connection, wait
 from pathlib import Path
 from typing import Any
 
-from fuzz.bag_inputs import draw_bag, warm_up
-from fuzz.tally import Outcome
 from rpud_sim.cli.main import execute, load_command
+from tools.fuzz.bag_inputs import draw_bag, warm_up
+from tools.fuzz.tally import Outcome
 
 CPU = 10  # seconds that a command may take
 PATIENCE = 120  # seconds after which a command that waits is ended, and its stack printed

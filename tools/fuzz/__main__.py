@@ -11,12 +11,12 @@ import sys
 import tempfile
 from pathlib import Path
 
-from support import LOOPBACK
 from tqdm import tqdm
 
-from fuzz import bag_campaign
-from fuzz.tally import Outcome
 from rpud_sim.testing.processes import DomainClaim
+from tools import LOOPBACK
+from tools.fuzz import bag_campaign
+from tools.fuzz.tally import Outcome
 
 
 def main() -> int:
@@ -46,8 +46,8 @@ def _attack_drill(inputs: int, seed: int) -> Outcome:
         ROS_PYTHON_CHECK_FIELDS="1",  # our own messages are well-formed, as those that DDS brings
         **LOOPBACK,
     )
-    from fuzz.campaign import run
-    from fuzz.drill import Drill
+    from tools.fuzz.campaign import run
+    from tools.fuzz.drill import Drill
 
     with tempfile.TemporaryDirectory() as folder, tqdm(total=inputs) as bar:
         drill = Drill(Path(folder))

@@ -1,6 +1,6 @@
 """Kill recordings at random moments, recover each, and see that nothing is missing but its end.
 
-`python test/kills.py --count 1000` kills a recorder's writing half, fed at some 10,000 messages a
+`python -m tools.kills --count 1000` kills a recorder's writing half, fed at some 10,000 messages a
 second; `--live` kills whole recorders on a running ROS system. `make kills` does both.
 """
 
@@ -19,17 +19,16 @@ import threading
 import time
 from pathlib import Path
 
-from support import LOOPBACK
-
 import rpud_sim.bag
 from rpud_sim.bag import BagWriter, Message, Topic
 from rpud_sim.bag.recovery import recover
 from rpud_sim.ros.record.writing import Intake, WritingThread
 from rpud_sim.testing.processes import DomainClaim
+from tools import LOOPBACK
 
 FORCES = "/rpud/contact_force"
 TOPICS = ("/a", "/b", "/c")
-HERE = Path(__file__).parent
+ROOT = Path(__file__).parents[1]
 
 
 class WatchedWriter(BagWriter):
@@ -149,7 +148,7 @@ def main() -> None:
     if arguments.live:
         claim = DomainClaim()  # held to the end, for this process alone
         os.environ.update(ROS_DOMAIN_ID=str(claim.domain), **LOOPBACK)
-        program = str(HERE / "integration" / "talker.py")
+        program = str(ROOT / "test" / "integration" / "talker.py")
         talker = subprocess.Popen(
             [sys.executable, program, "--count", str(10**9), "--rate", "1000"],
             stdout=subprocess.DEVNULL,

@@ -20,7 +20,7 @@ from rpud_msgs.srv import SetSimulationState
 
 from rpud_sim.ros.drill.drill_node import DrillNode
 from rpud_sim.ros.threads import StoppedError
-from rpud_sim.simulation.commands import Drive, WeightOnBit
+from rpud_sim.simulation.changes import Drive, WeightOnBit
 from rpud_sim.simulation.configuration import CHANGEABLE
 
 PLAYING = SetSimulationState.Request().state.STATE_PLAYING
@@ -161,7 +161,7 @@ class Drill:
 
         def act(live: Any) -> None:
             run = live.run
-            run.simulation.clear_all()
+            run.simulation.clear()
             weight_on_bit = WeightOnBit(configuration.parameters.weight_on_bit)
             for command in (*self.node._inbox.drain(), weight_on_bit, drive):
                 run.control.apply(command)
