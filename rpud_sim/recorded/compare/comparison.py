@@ -79,7 +79,7 @@ def compare(
             bag = opened.enter_context(rpud_sim.bag.open(path))
             damages = Damages(bag)
             drill = find_drill(bag, damages, space, number)
-            held.append(OpenRun(bag, drill, damages, TopicStreams(bag.blocks)))
+            held.append(OpenRun(bag, drill, damages, TopicStreams(bag.batches)))
         runs = [RecordedValues(each.drill) for each in held]
         found: dict[str, Compared] = {}
         readers = [
