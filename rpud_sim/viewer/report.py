@@ -28,7 +28,6 @@ from rpud_sim.bag.manifest import (
 )
 from rpud_sim.foundation.quantities import QUANTITIES
 from rpud_sim.foundation.terminal import printable
-from rpud_sim.pages.quantities import QUANTITIES
 from rpud_sim.recorded import RecordingError
 from rpud_sim.recorded.output import Damages, check_new_file, write_new_file
 from rpud_sim.viewer.commands import COMMAND
