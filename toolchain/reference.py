@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from rpud_sim.cli.main import COMMANDS, build_parser, load_command
+from rpud_sim.foundation.quantities import QUANTITIES
 from rpud_sim.model import tolerances
 from rpud_sim.simulation import preset
 from rpud_sim.simulation.configuration import (
@@ -90,6 +91,15 @@ def commands() -> str:
             words = [*action.option_strings, *([] if action.nargs == 0 else [str(value)])]
             meaning = action.help % {**vars(action), "prog": parser.prog}
             rows.append((COMMANDS[name][0], f"rpud {name}", " ".join(words), meaning))
+    return _csv(rows)
+
+
+def shown_quantities() -> str:
+    """Return every quantity of screens, pages and lines: name, symbol, units, messages; as CSV."""
+    rows = [("quantity", "name", "symbol", "SI unit", "shown in", "from")]
+    for each in QUANTITIES.values():
+        sources = ", ".join(each.sources)
+        rows.append((each.label, each.name, each.symbol, each.si, each.unit, sources))
     return _csv(rows)
 
 
@@ -248,6 +258,7 @@ FILES = {
     "faults.csv": faults,
     "commands.csv": commands,
     "energy.csv": energy,
+    "quantities.csv": shown_quantities,
     "tolerances.csv": bounds,
     "messages.csv": messages,
     "python.txt": python,

@@ -9,8 +9,8 @@ from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from typing import TYPE_CHECKING, TypeVar
 
+from rpud_sim.foundation.quantities import QUANTITIES
 from rpud_sim.foundation.terminal import columns, printable
-from rpud_sim.pages.quantities import QUANTITIES
 
 if TYPE_CHECKING:
     from rpud_sim.ros.drill.report import Report
@@ -184,7 +184,7 @@ def _motion(figures: Figures, faults: Sequence[str]) -> dict[str, tuple[str, ...
         parts["contact"] = (long, f"peak {peak}, max {greatest}")
     if reacting is not None:
         load = _shown("reacting_force", reacting)
-        parts["reacting"] = (f"load on the mount {load}", f"load {load}")
+        parts["reacting"] = (f"reacting force {load}", f"reacting {load}")
     return parts
 
 

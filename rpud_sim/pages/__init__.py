@@ -1,11 +1,10 @@
-"""Pages of comparisons, studies and campaigns, and how all screens and lines write a quantity.
+"""Pages of comparisons, studies and campaigns.
 
 A page is one HTML file. It needs no network and no script; its policy allows neither.
 
 ==============  ===================================================================================
 module          what it holds
 ==============  ===================================================================================
-``quantities``  ``QUANTITIES``: name, unit, scale and digits of everything that people see
 ``frame``       ``render_page``: a page from a template of jinja2, with plots as pictures in it
 ``plot``        descriptions of plots: ``Plot``, its layers, ``Axis`` and its ticks
 ``share``       style of a page, and its colours for light and dark

@@ -72,11 +72,8 @@ class _FaultEntry:
         Fault(self.kind, self.channel)  # checks the names before the number
         magnitude = math.nan if self.magnitude is None else self.magnitude.value
         quantity = KINDS[self.kind].quantity_on(self.channel)
-        if (
-            self.magnitude
-            and quantity
-            and not (isinstance(magnitude, float) and magnitude != magnitude)
-        ):
+        left_open = isinstance(magnitude, float) and math.isnan(magnitude)
+        if self.magnitude and quantity and not left_open:
             magnitude = drawn("magnitude", _bounds(quantity)(self.magnitude))
         onset = round(drawn("onset", self.onset) * SECOND)
         duration = round(drawn("duration", self.duration) * SECOND) if self.duration else 0

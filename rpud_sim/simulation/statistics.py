@@ -11,6 +11,7 @@ from types import MappingProxyType
 import numpy as np
 
 from rpud_sim.drilling.rotor import RotorWork
+from rpud_sim.foundation.quantities import figure_quantity
 from rpud_sim.foundation.time import SECOND, split_fraction
 from rpud_sim.model.elementary import power
 from rpud_sim.model.energy import TERMS
@@ -32,19 +33,22 @@ from rpud_sim.simulation.energy_account import EnergyAccount, FeedAccount, sum_a
 # Names and units of the figures.
 FIGURES = MappingProxyType(
     {
-        "events": "",
-        "drill_tool_impact_rate": "1/s",
-        "actuator_impact_rate": "1/s",
-        "impact_velocity_mean": "m/s",
-        "contact_force_mean": "N",
-        "contact_force_p99": "N",
-        "contact_force_max": "N",
-        "contact_duration_mean": "s",
-        "squeezed_impact_rate": "1/s",
-        "kinetic_energy_rate": "W",
-        "energy_transferred_rate": "W",
-        "energy_absorbed_rate": "W",
-        "reacting_force_mean": "N",
+        name: figure_quantity(name).si
+        for name in (
+            "events",
+            "drill_tool_impact_rate",
+            "actuator_impact_rate",
+            "impact_velocity_mean",
+            "contact_force_mean",
+            "contact_force_p99",
+            "contact_force_max",
+            "contact_duration_mean",
+            "squeezed_impact_rate",
+            "kinetic_energy_rate",
+            "energy_transferred_rate",
+            "energy_absorbed_rate",
+            "reacting_force_mean",
+        )
     }
 )
 Figures = dict[str, float | int | None]

@@ -22,10 +22,8 @@ from rpud_sim.foundation.quantities import (
     suggestion,
 )
 from rpud_sim.foundation.schema import Reader, as_it_is, key, line, list_of, name_in, named, read
-from rpud_sim.foundation.yaml_files import Cursor, open_yaml, parse_yaml
-from rpud_sim.simulation.changes import injected
+from rpud_sim.foundation.yaml_files import Cursor, open_yaml
 from rpud_sim.simulation.configuration import PARAMETERS
-from rpud_sim.simulation.scenario_file import parse_scenario
 from rpud_sim.simulation.topics import COMMAND_TOPICS, TOPICS
 from rpud_sim.testing.setup import DrillSetup, drill_setup, find_file
 from rpud_sim.verdicts import Expectation, read_expectations
@@ -240,8 +238,7 @@ def _runs(top: Cursor, file: _CampaignFile) -> list[CampaignRun]:
         for point, seed in itertools.product(points, file.seeds):
             options = {**file.drill, **each.parameters, **faults, **point, "seed": seed}
             setup = _setup(options, cursor)
-            drawn = injected(parse_scenario(parse_yaml(setup.scenario), name))
-            phrases = tuple(dict.fromkeys(str(fault) for _, fault in drawn))
+            phrases = tuple(dict.fromkeys(map(str, setup.faults)))
             runs.append(CampaignRun(name, phrases, each.duration or file.duration, point, setup))
     return runs
 

@@ -18,7 +18,7 @@ from rpud_sim.foundation.quantities import (
     suggestion,
 )
 from rpud_sim.foundation.yaml_files import Cursor, cursor_at, open_yaml
-from rpud_sim.simulation.changes import injected
+from rpud_sim.simulation.changes import Inject
 from rpud_sim.simulation.configuration import (
     PARAMETERS,
     Configuration,
@@ -26,7 +26,7 @@ from rpud_sim.simulation.configuration import (
     to_settings,
 )
 from rpud_sim.simulation.fault_kinds import KINDS
-from rpud_sim.simulation.faults import FaultError, check_supported
+from rpud_sim.simulation.faults import Fault, FaultError, check_supported
 from rpud_sim.simulation.scenario_file import scenario_at
 from rpud_sim.testing.errors import DrillError
 from rpud_sim.testing.processes import LOCKSTEP, NO_FAULTS, DrillProcess
@@ -53,6 +53,7 @@ class DrillSetup:
     seed: int = 0  # of the run
     scenario: str = NO_FAULTS  # content of a scenario file
     namespace: str = NAMESPACE  # of the node
+    faults: tuple[Fault, ...] = ()  # of the scenario, in the order of their onsets
 
 
 def drill_setup(
@@ -89,14 +90,14 @@ def drill_setup(
         values.pop(name, None)
     settings = to_settings(values)
     values.pop("seed", None)
-    scenario = NO_FAULTS
+    scenario, injected = NO_FAULTS, tuple[Fault, ...]()
     if faults is not None:
         place = place or cursor_at(options, "faults", FaultError)
-        scenario = _scenario(faults, folders, settings.configuration, place)
+        scenario, injected = _scenario(faults, folders, settings.configuration, place)
     namespace = options.get("namespace", NAMESPACE)
     if not (isinstance(namespace, str) and namespace.startswith("/") and namespace.strip("/")):
         raise ParameterError(f"namespace = {shown(namespace)} is not of the form /name")
-    return DrillSetup(values, settings.seed, scenario, namespace)
+    return DrillSetup(values, settings.seed, scenario, namespace, injected)
 
 
 def find_file(given: Any, name: str, folders: Sequence[Path]) -> Path:
@@ -116,7 +117,8 @@ def find_file(given: Any, name: str, folders: Sequence[Path]) -> Path:
 
 def _scenario(
     faults: Any, folders: Sequence[Path], configuration: Configuration, place: Cursor
-) -> str:
+) -> tuple[str, tuple[Fault, ...]]:
+    """Return the content of a scenario file, and its faults."""
     if isinstance(faults, str) and faults not in KINDS and not Path(faults).suffix:
         raise ParameterError(
             f"faults = {shown(faults)} is neither a file nor a kind of fault; "
@@ -132,12 +134,14 @@ def _scenario(
         found = [{"kind": e, "onset": 0.0} if isinstance(e, str) else e for e in entries]
         content = {"faults": [dict(e) if isinstance(e, Mapping) else e for e in found]}
         top = dataclasses.replace(place, value=content, name="")
-    for change, fault in injected(scenario_at(top)):
+    changes = [(each.action, each.place) for each in scenario_at(top)]
+    scheduled = [(each.fault, prefix) for each, prefix in changes if isinstance(each, Inject)]
+    for fault, prefix in scheduled:
         try:
             check_supported(fault, configuration)
         except FaultError as error:
-            raise FaultError(f"{change.place}{error}") from None
-    return yaml.safe_dump(top.value)
+            raise FaultError(f"{prefix}{error}") from None
+    return yaml.safe_dump(top.value), tuple(fault for fault, _ in scheduled)
 
 
 class DrillPool:

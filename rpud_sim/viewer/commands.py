@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from rpud_sim.pages.quantities import QUANTITIES
+from rpud_sim.foundation.quantities import QUANTITIES
 
 COMMAND, FAULT, RUN, REFUSAL = "command", "fault", "run", "refusal"  # kinds of entries
 MOST_LOGGED = 1000  # entries that are kept, the newest

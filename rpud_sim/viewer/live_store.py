@@ -9,8 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from rpud_sim.foundation.quantities import ParameterError, shown
-from rpud_sim.pages.quantities import QUANTITIES, number_text
+from rpud_sim.foundation.quantities import QUANTITIES, ParameterError, number_text, shown
 from rpud_sim.ros.client.drill_finder import DrillFinder
 from rpud_sim.ros.starting import StartError
 from rpud_sim.viewer.heard import Block, Heard

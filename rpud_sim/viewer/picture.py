@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 
 from rpud_sim.drilling.rock import ROCKS, find_strata
-from rpud_sim.foundation.quantities import ParameterError
-from rpud_sim.pages.quantities import QUANTITIES
+from rpud_sim.foundation.quantities import QUANTITIES, ParameterError
 from rpud_sim.viewer.history import Bins, Impacts, Layer
 
 GAP = 3.0  # distance of two points, in usual ones, from which on there is a gap between them
@@ -64,7 +63,7 @@ _MORE = {
 # Identifier and title of each plot, and its choices.
 _PLOTS = (
     ("peak_force", "peak force of the impacts", {"": ("", "peak_force", "contact_force")}),
-    ("load", "load on the mount", {"": ("", "reacting_force", "weight_on_bit")}),
+    ("load", "reacting force", {"": ("", "reacting_force", "weight_on_bit")}),
     ("motion", "motion", {"": ("", "actuator", "free_mass", "drill_tool")}),
     ("more", "more", _MORE),
 )

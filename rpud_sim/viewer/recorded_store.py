@@ -8,9 +8,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rpud_sim.foundation.quantities import ParameterError
+from rpud_sim.foundation.quantities import QUANTITIES, ParameterError, ShownQuantity, for_browser
 from rpud_sim.foundation.time import SECOND
-from rpud_sim.pages.quantities import QUANTITIES, ShownQuantity, for_browser
 from rpud_sim.viewer.picture import choice_of, chosen_quantities, drill_plots
 from rpud_sim.viewer.recording import RecordedSignal
 from rpud_sim.viewer.session import ClientState, Store, StoreError

@@ -26,8 +26,8 @@ from rpud_sim.bag.manifest import (
     manifest_from_record,
     tested_from_record,
 )
+from rpud_sim.foundation.quantities import QUANTITIES
 from rpud_sim.foundation.terminal import printable
-from rpud_sim.pages.quantities import QUANTITIES
 from rpud_sim.recorded import RecordingError
 from rpud_sim.recorded.output import Damages, check_new_file, write_new_file
 from rpud_sim.viewer.commands import COMMAND
@@ -257,7 +257,7 @@ def segment_table(content: Views, drill: str, frame: Mapping[str, Any]) -> Table
     columns = [
         *("begin [s]", "end [s]", "commands in force", "active faults", "impacts", "impacts [/s]"),
         *("peak force: mean [kN]", "median [kN]", "95 % [kN]", "greatest [kN]"),
-        *("load on the mount: mean [N]", "power into tool and rock: mean [W]"),
+        *("reacting force: mean [N]", "power into tool and rock: mean [W]"),
     ]
     return {"title": title, "columns": columns, "rows": rows}
 

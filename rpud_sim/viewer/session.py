@@ -12,9 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from rpud_sim.foundation.quantities import ParameterError
+from rpud_sim.foundation.quantities import ParameterError, for_browser
 from rpud_sim.foundation.terminal import printable
-from rpud_sim.pages.quantities import for_browser
 
 PERIOD = 0.1  # between frames, at least [s]
 LONGEST_REQUEST = 4096  # bytes

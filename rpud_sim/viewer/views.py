@@ -14,8 +14,8 @@ import numpy as np
 from rpud_sim.bag import BagError
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.definitions import find_definition
+from rpud_sim.foundation.quantities import QUANTITIES
 from rpud_sim.foundation.time import SECOND
-from rpud_sim.pages.quantities import QUANTITIES
 from rpud_sim.recorded.rebuild import TrajectoryPiece, trajectory_pieces
 from rpud_sim.simulation.sampling import Times, end_sample, first_sample, sample
 from rpud_sim.viewer.history import Bins, Layer, part_length

@@ -15,7 +15,7 @@ from browser.screens import (
     view_of,
 )
 
-from rpud_sim.pages.quantities import QUANTITIES, for_browser
+from rpud_sim.foundation.quantities import QUANTITIES, for_browser
 from rpud_sim.viewer.picture import drill_plots
 from rpud_sim.viewer.session import encode
 

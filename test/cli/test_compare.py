@@ -35,7 +35,7 @@ def test_a_difference_ends_with_3_and_a_page_is_written(made, tmp_path, rpud):
     assert lines[0].startswith("A  a: /rpud, run 1 of 1, ")
     assert any(line.split() == ["weight_on_bit", "8", "40", "N"] for line in lines)
     assert any(line.startswith("B: bits differ from A from 0.0") for line in lines)
-    assert any(line.startswith("load on the mount ") and "differs" in line for line in lines)
+    assert any(line.startswith("reacting force ") and "differs" in line for line in lines)
     assert "figures differ" in lines[-2]
     assert lines[-1] == f"page: {page}"
     text = page.read_text(encoding="utf-8")

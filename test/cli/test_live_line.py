@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rpud_sim.cli.live_line import LiveLine, live_text, logging_above, summary_text
-from rpud_sim.pages.quantities import QUANTITIES
+from rpud_sim.foundation.quantities import QUANTITIES
 from rpud_sim.ros.drill.report import Report
 from rpud_sim.simulation.commands import Feed, WeightOnBit
 from rpud_sim.simulation.configuration import Settings, to_configuration
@@ -63,7 +63,7 @@ def test_it_shows_state_weight_on_bit_impacts_forces_depth_and_timing(healthy):
     assert f"peak force {force} mean" in text
     assert re.search(r"peak force \d\.\d+ kN mean \d\.\d+ kN max", text)
     load = QUANTITIES["reacting_force"].text(healthy.figures["reacting_force_mean"])
-    assert f"load on the mount {load}" in text
+    assert f"reacting force {load}" in text
     assert f"depth {QUANTITIES['depth'].text(healthy.status['depth'])}" in text
     assert text.endswith("late 1.3 ms  x1.000")
     for word in ("fault", "refused", "feed", "rad/s", "torque", "sandstone"):

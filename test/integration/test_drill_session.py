@@ -54,7 +54,7 @@ def test_it_shows_rate_and_forces_and_ends_with_a_summary_and_the_bag(session):
     assert "impacts/s  peak force " in output
     assert "deadlines missed, 0 commands accepted, 0 refused, 0 messages dropped" in output
     assert lines[-1] == f"bag: {path}"
-    live = [line for line in errors.splitlines() if "load on the mount" in line]
+    live = [line for line in errors.splitlines() if "reacting force" in line]
     assert live, errors
     assert " kN mean " in live[0]
     assert "Traceback" not in errors
@@ -114,7 +114,7 @@ def test_a_bag_is_never_overwritten_and_that_is_said_in_one_line(tmp_path):
 def test_ctrl_c_ends_drill_and_recorder_and_the_bag_is_whole(process, tmp_path):
     path = tmp_path / "bag"
     running = process("rpud", "run", "--record", path)
-    running.wait_for_line("load on the mount")
+    running.wait_for_line("reacting force")
     # The terminal sends it to the whole group, but the recorder must stop last.
     os.killpg(running.pid, signal.SIGINT)
     assert running.wait() == 0
@@ -141,7 +141,7 @@ def recorder_of(running):
 def test_a_killed_drill_leaves_a_whole_bag_and_no_recorder(process, tmp_path):
     path = tmp_path / "bag"
     running = process("rpud", "run", "--record", path)
-    running.wait_for_line("load on the mount")
+    running.wait_for_line("reacting force")
     recorder = recorder_of(running)
     running.kill()
     until(lambda: not Path("/proc", recorder).exists() or has_ended(recorder))
@@ -169,7 +169,7 @@ def test_a_recorder_that_ends_does_not_stop_the_drill_and_is_named_at_the_end(
     process, connect, tmp_path, number, complaint
 ):
     running = process("rpud", "run", "--record", tmp_path / "bag")
-    running.wait_for_line("load on the mount")
+    running.wait_for_line("reacting force")
     recorder = recorder_of(running)
     os.kill(int(recorder), number)
     client = connect("/rpud")

@@ -13,9 +13,9 @@ from rpud_sim.bag import BagReader
 from rpud_sim.bag.batches import SerializedBatch
 from rpud_sim.bag.columns import Kind, usable
 from rpud_sim.bag.tables import Tables
+from rpud_sim.foundation.quantities import QUANTITIES as SHOWN
+from rpud_sim.foundation.quantities import ShownQuantity
 from rpud_sim.foundation.time import SECOND, join_seconds
-from rpud_sim.pages.quantities import QUANTITIES as SHOWN
-from rpud_sim.pages.quantities import ShownQuantity
 from rpud_sim.recorded.output import Damages
 from rpud_sim.recorded.runs import RecordedRun
 from rpud_sim.recorded.streams import TopicStreams
@@ -33,7 +33,6 @@ class ComparedQuantity(NamedTuple):
     """Quantity of a run."""
 
     name: str  # of the quantity, and of its key in JSON
-    unit: str  # SI unit
     topic: str  # relative name of its topic
     column: str = ""  # of the topic's table; empty if it is computed from impacts
     # figures that are compared; others would only repeat them
@@ -42,27 +41,32 @@ class ComparedQuantity(NamedTuple):
     resolution: float = 0.0  # size of the rounding of its values; smaller differences mean nothing
 
     @property
+    def unit(self) -> str:
+        """SI unit."""
+        return shown(self.name).si
+
+    @property
     def averaged(self) -> bool:
         """Whether its values are means over parts of the time, so that only their mean counts."""
         return self.tested == (MEAN,)
 
 
-def _power(name: str, unit: str = "W", resolution: float = 1e-9) -> ComparedQuantity:
-    return ComparedQuantity(name, unit, STATUS, name, (MEAN,), 16, resolution)
+def _power(name: str, resolution: float = 1e-9) -> ComparedQuantity:
+    return ComparedQuantity(name, STATUS, name, (MEAN,), 16, resolution)
 
 
 QUANTITIES = (
     # The mean of the intervals is one over the rate, so it is not tested again.
-    ComparedQuantity("impact_rate", "1/s", IMPACTS, tested=(MEAN,)),
-    ComparedQuantity("impact_interval", "s", IMPACTS, tested=(MEDIAN, P95)),
-    ComparedQuantity("peak_force", "N", IMPACTS, "peak_force"),
-    ComparedQuantity("impact_velocity", "m/s", IMPACTS, "impact_velocity"),
-    ComparedQuantity("energy", "J", IMPACTS, "energy"),
-    ComparedQuantity("contact_duration", "s", IMPACTS, "contact_duration"),
-    ComparedQuantity("impact_power", "W", IMPACTS, tested=(MEAN,)),
-    ComparedQuantity("reacting_force", "N", "reacting_force", "force"),
-    ComparedQuantity("nodal_plane_position", "m", "nodal_plane", "position"),
-    _power("penetration_rate", "m/s", 1e-12),
+    ComparedQuantity("impact_rate", IMPACTS, tested=(MEAN,)),
+    ComparedQuantity("impact_interval", IMPACTS, tested=(MEDIAN, P95)),
+    ComparedQuantity("peak_force", IMPACTS, "peak_force"),
+    ComparedQuantity("impact_velocity", IMPACTS, "impact_velocity"),
+    ComparedQuantity("energy", IMPACTS, "energy"),
+    ComparedQuantity("contact_duration", IMPACTS, "contact_duration"),
+    ComparedQuantity("impact_power", IMPACTS, tested=(MEAN,)),
+    ComparedQuantity("reacting_force", "reacting_force", "force"),
+    ComparedQuantity("nodal_plane_position", "nodal_plane", "position"),
+    _power("penetration_rate", 1e-12),
     _power("electrical_power"),
     _power("actuator_power"),
     _power("weight_power"),

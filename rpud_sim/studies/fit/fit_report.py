@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import yaml
 
+from rpud_sim.foundation.quantities import ShownQuantity, quantity_in
 from rpud_sim.foundation.values import finite_values
 from rpud_sim.foundation.whole_folder import write_whole
 from rpud_sim.pages.frame import Picture, colors, picture, render_page
-from rpud_sim.pages.quantities import ShownQuantity, quantity_in
 from rpud_sim.simulation.configuration import to_configuration, to_values
 from rpud_sim.studies.fit.fit import BEST_RUNS, Fit, TargetComparison, fit_versions
 from rpud_sim.studies.fit.posterior import LEVEL, PERCENT, Interval

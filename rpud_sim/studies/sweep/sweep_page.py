@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy import stats
 
+from rpud_sim.foundation.quantities import ShownQuantity, figure_quantity, number_text, quantity_in
 from rpud_sim.pages.frame import Picture, colors, picture, render_page
-from rpud_sim.pages.quantities import ShownQuantity, figure_quantity, number_text, quantity_in
 from rpud_sim.studies.sweep.indices import independent
 from rpud_sim.studies.sweep.specification import Range, SweepSpecification, Values, unit_of
 

@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
+from rpud_sim.pages.plot import axis_ends
 from scipy import stats
 from specifications import parse_specification
 
-from rpud_sim.pages.plot import axis_ends
-from rpud_sim.pages.quantities import number_text
+from rpud_sim.foundation.quantities import number_text
 from rpud_sim.simulation.statistics import FIGURES
 from rpud_sim.studies.sweep.sweep_page import (
     error_name,

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rpud_sim.pages.quantities import (
+from rpud_sim.foundation.quantities import (
     QUANTITIES,
     ShownQuantity,
     figure_quantity,
