@@ -15,8 +15,6 @@ from rpud_msgs.msg import Drive, Fault, Result, SimulationState, Status, WeightO
 from rpud_msgs.srv import (
     InjectFault,
     ResetSimulation,
-    RestoreSimulation,
-    SaveSimulation,
     SetSimulationState,
     StepSimulation,
 )
@@ -167,15 +165,6 @@ class Client:
     def engage(self, data):
         """Put the drill into the rock, or out of it; give the response."""
         return self.call(SetBool, "engage", SetBool.Request(data=data))
-
-    def save(self, name):
-        """Save a checkpoint; give the response."""
-        return self.call(SaveSimulation, "simulation/save", SaveSimulation.Request(name=name))
-
-    def restore(self, name):
-        """Go back to a checkpoint; give the response."""
-        request = RestoreSimulation.Request(name=name)
-        return self.call(RestoreSimulation, "simulation/restore", request)
 
     def inject(self, kind, channel="", magnitude=float("nan"), seconds=0.0):
         """Inject a fault; give the response."""

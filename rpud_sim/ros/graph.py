@@ -6,7 +6,6 @@ import importlib
 import re
 import time
 from collections.abc import Mapping
-from contextlib import suppress
 from math import inf
 from typing import Any
 
@@ -16,15 +15,12 @@ from rclpy.node import Node
 from rclpy.task import Future
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 from rclpy.type_support import check_for_type_support
-from std_srvs.srv import Trigger
 
 from rpud_sim.bag.encoder import CODES, Members
 from rpud_sim.bag.encoder import Sequence as SequenceOf
 
 _TYPE_NAME = re.compile(r"([A-Za-z]\w*)/([a-z]+)/([A-Za-z]\w*)")
 _ARRAY = re.compile(r"sequence<(.+?)(?:, *\d+)?>|(.+)\[\d+\]")
-# Services of rosbag2 that need no fields.
-_TRIGGERS = ("pause", "resume", "toggle_paused", "play_next", "stop", "split_bagfile")
 _UNKNOWN = "_NODE_NAME_UNKNOWN_"  # as rcl calls it
 _REPETITION = 0.05  # of a probe's request [s]
 
@@ -48,21 +44,6 @@ def message_class(type_name: str) -> Any:
             f"type {type_name} is not installed here ({type(error).__name__}: {error})"
         ) from error
     return message
-
-
-def rosbag_service(name: str) -> Any:
-    """Return the type of a service of rosbag2, or its substitute; None if neither is installed."""
-    for package in ("rosbag2_interfaces", "rpud_msgs"):
-        with suppress(ImportError, AttributeError):
-            return getattr(importlib.import_module(f"{package}.srv"), name.title().replace("_", ""))
-    return Trigger if name in _TRIGGERS else None
-
-
-def fill_known(response: Any, values: Mapping[str, Any]) -> Any:
-    """Set the fields of a response that its type has, and return it."""
-    for name in values.keys() & response.get_fields_and_field_types():
-        setattr(response, name, values[name])
-    return response
 
 
 def members_of(message: Any) -> Members:

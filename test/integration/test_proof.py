@@ -1,8 +1,14 @@
 """A recording of the node, whatever happened to it, is proved by what it holds."""
 
+import contextlib
+import itertools
+import os
+import signal
+import threading
+
 import pytest
 from drill_client import ACTIVATE, CONFIGURE, DEACTIVATE, Client, end
-from rpud_msgs.msg import Drive, Result, Status, WeightOnBit
+from rpud_msgs.msg import Drive, Status, WeightOnBit
 from rpud_msgs.srv import ResetSimulation
 from sample_bags import PLAIN_PROVED
 from support import Process
@@ -135,34 +141,74 @@ def test_a_recorder_that_is_started_after_a_reset(process, start_drill, connect,
     assert verification.topics["/rpud/nodal_plane"].equal == 150
 
 
+@contextlib.contextmanager
+def streaming(client):
+    """Command another weight on bit at 100 Hz meanwhile, as a controller of an arm does."""
+    stop = threading.Event()
+
+    def stream():
+        for number in itertools.count():
+            client.command(WeightOnBit(force=10.0 + 0.001 * number))
+            if stop.wait(0.01):
+                return
+
+    client.command(WeightOnBit(force=9.0))  # it waits for the drill
+    thread = threading.Thread(target=stream)
+    thread.start()
+    try:
+        yield
+    finally:
+        stop.set()
+        thread.join()
+
+
+def await_entries(client, count):
+    """Wait until the journal has so many further entries."""
+    client.until(lambda: client.status)
+    before = client.status[-1].journal_entries
+    client.until(lambda: client.status[-1].journal_entries >= before + count)
+
+
+def prove(bag):
+    """Check that a bag holds all of its drill's journal, and is proved."""
+    entries = messages(bag, JOURNAL, "rpud_msgs/msg/JournalEntry")
+    assert {entry.sequence for entry in entries} == set(range(len(entries)))
+    verification = verify(bag)
+    assert verification.proved, (verification.first_difference, verification.undecided, verification.total)
+    assert verification.begins is None
+    assert verification.topics["/rpud/nodal_plane"].equal > 100
+
+
 @pytest.mark.extended
-def test_a_recorder_that_is_started_after_a_stream_of_commands(
+def test_a_recorder_that_is_started_in_a_stream_of_commands(
     process, start_drill, connect, tmp_path
 ):
-    """The journal has more entries than it keeps, and a checkpoint is of before the recording."""
-    drill = start_drill("/rpud", start_paused=True, publish_clock=True, real_time_factor=0.0)
+    """Twenty seconds of entries are twice as many as a late subscriber gets."""
+    drill = start_drill("/rpud")
     client = connect("/rpud")
-    client.step(0.1)
-    assert client.save("early").result.result == Result.RESULT_OK
-    sent = 0
+    with streaming(client):
+        await_entries(client, 2000)
+        recorder = process("rpud", "record", "--out", tmp_path / "bag")
+        client.until(lambda: client.node.count_subscribers("/rpud/nodal_plane"))
+        await_entries(client, 300)
+    end(drill, recorder)
+    prove(tmp_path / "bag")
 
-    def taken():
-        last = client.status[-1]
-        counts = (last.commands_accepted, last.commands_rejected, last.commands_discarded)
-        return sum(counts) == sent
 
-    while client.status[-1].commands_accepted <= 1000:
-        for _ in range(5):  # fewer than the drill's queue holds
-            sent += 1
-            client.command(WeightOnBit(force=10.0 + 0.01 * sent))
-        client.until(taken)
+@pytest.mark.extended
+def test_a_recorder_that_stands_still_in_a_stream_of_commands(
+    process, start_drill, connect, tmp_path
+):
+    drill = start_drill("/rpud")
+    client = connect("/rpud")
     recorder = process("rpud", "record", "--out", tmp_path / "bag")
     known(client, recorder, "journal")
-    client.step(0.5)
-    assert client.restore("early").result.result == Result.RESULT_OK
-    client.step(0.5)
+    with streaming(client):
+        await_entries(client, 100)
+        os.kill(recorder.pid, signal.SIGSTOP)
+        await_entries(client, 2500)
+        os.kill(recorder.pid, signal.SIGCONT)
+        client.until(lambda: "again, as nothing arrived" in recorder.output)
+        await_entries(client, 500)
     end(drill, recorder)
-    verification = verify(tmp_path / "bag")
-    assert verification.proved, verification
-    assert verification.begins is not None
-    assert verification.topics["/rpud/nodal_plane"].equal == 100
+    prove(tmp_path / "bag")

@@ -11,11 +11,12 @@ import pytest
 from rclpy.serialization import deserialize_message
 from rosbags.highlevel import AnyReader
 from rpud_msgs.msg import ContactForce
+from rpud_msgs.srv import IsPaused
+from std_srvs.srv import Trigger
 
 import rpud_sim.bag
 from rpud_sim.bag.manifest import MANIFEST_RECORD as MANIFEST
 from rpud_sim.bag.manifest import manifest_from_record
-from rpud_sim.ros.graph import rosbag_service
 
 HERE = Path(__file__).parent
 CONTACT_FORCE = "/rpud/contact_force"
@@ -112,7 +113,7 @@ def test_services_pause_go_on_and_split(process, talker, connect, tmp_path):
     client = connect("/rpud")
 
     def ask(name):
-        kind = rosbag_service(name)
+        kind = IsPaused if name == "is_paused" else Trigger
         return client.call(kind, f"recorder/{name}", kind.Request())
 
     recorder = process("recorder", "--out", tmp_path / "run", "--start-paused")

@@ -10,15 +10,23 @@ from pseudo_terminal import PseudoTerminal
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
 from rosgraph_msgs.msg import Clock
+from rpud_msgs.srv import Burst, GetRate, IsPaused, Seek, SetRate
 from sample_bags import SECOND, START, STRING, STRING_DEFINITION, STRING_HASH, serialized_string
 from std_msgs.msg import String
+from std_srvs.srv import Trigger
 from support import until
 
 from rpud_sim.bag import BagWriter, Topic
 from rpud_sim.bag import QosProfile as RecordedProfile
-from rpud_sim.ros.graph import rosbag_service
 
 REPLAYED = "/rpud/talk"
+SERVICES = {
+    "burst": Burst,
+    "get_rate": GetRate,
+    "is_paused": IsPaused,
+    "seek": Seek,
+    "set_rate": SetRate,
+}
 STEP = SECOND // 20  # between two messages
 
 
@@ -56,7 +64,7 @@ class Audience(Client):
         self.node.create_subscription(String, topic, callback, QoSProfile(depth=1000))
 
     def ask(self, service, **fields):
-        kind = rosbag_service(service)
+        kind = SERVICES.get(service, Trigger)
         return self.call(kind, f"/replayer/{service}", kind.Request(**fields))
 
 

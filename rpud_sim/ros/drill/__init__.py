@@ -4,6 +4,6 @@
 its ``PacingLoop`` moves and changes it::
 
     topics   -> CommandTopic -> Inbox -> LiveRun.turn: read commands, advance, publish, sleep
-    services -> PacingLoop.request -> LiveRun: play, pause, step, reset, save, restore, configure
+    services -> PacingLoop.request -> LiveRun: play, pause, step, reset, configure
     LiveRun  -> DrillPublishers, StatusReporter; Pacer and TimeSource give its times
 """

@@ -23,11 +23,11 @@ from rpud_sim.ros.threads import schedule_thread
 from rpud_sim.simulation.configuration import Settings
 from rpud_sim.simulation.journal import Journal
 from rpud_sim.simulation.plans import Agenda, apply_change
-from rpud_sim.simulation.rerun import Checkpoints, Start
+from rpud_sim.simulation.rerun import Start
 from rpud_sim.simulation.run import Beginning, Run
 from rpud_sim.simulation.topics import offered_topics
 
-FORK = "fork"  # checkpoint of a fork at its instant, to which a reset goes back
+_FORK = "fork"  # name of the state of a fork at its instant, to which a reset goes back
 LONGEST_STEP = 1e6  # [s]; longer than any mission
 
 _PART = 0.0002  # that a part of the work without a deadline takes [s]
@@ -77,8 +77,7 @@ class LiveRun:
         self._restored = restored
         self._end = end
         self._start = start
-        self._checkpoints = Checkpoints()
-        self._saved: dict[str, tuple[Settings, int]] = {}  # settings and seed of the checkpoints
+        self._fork: Run | None = None  # state of a fork at its instant
         self._unreported = False  # whether the status lacks changes
         self._clock_due = 0.0
         self._logger = node.get_logger()
@@ -137,9 +136,8 @@ class LiveRun:
         self.publishers.publish((run.time, "journal", fields) for fields in start.journal)
         if settings != start.settings:  # set since the node was made
             run.configure(settings)
-        self._checkpoints.save(FORK, run)
-        self._saved[FORK] = settings, self._seed
-        run.note("save", name=FORK, forked_from=dict(start.forked_from))
+        self._fork = run.copy()
+        run.note("save", name=_FORK, forked_from=dict(start.forked_from))
         self._switch(run, origin, active=True)
         run.note_state()  # a late subscriber gets the last entries only
 
@@ -330,29 +328,20 @@ class LiveRun:
         else:
             self.report()
 
-    def save(self, name: str) -> tuple[int, tuple[str, ...]]:
-        """Keep the present state as a checkpoint; return its stamp [ns] and all names."""
-        self._checkpoints.save(name, self.run)
-        self._saved[name] = self.settings, self._seed
-        self.run.note("save", name=name)
-        self.report()
-        return self.stamp, self._checkpoints.names
-
-    def restore(self, name: str, *, continues: bool = False) -> int:
-        """Go back to a checkpoint; return the stamp at which it goes on [ns].
+    def _return_to_fork(self, fork: Run, *, continues: bool) -> None:
+        """Go back to the instant of a fork.
 
         With ``continues`` stamps continue even where the node is the source of ``/clock``.
         """
-        old, new = self.run, self._checkpoints.find(name)
-        self.interrupt("a checkpoint was restored")
+        old, new = self.run, fork.copy()
+        new.begin_streams()  # what was pending is of the time before the fork
+        self.interrupt("the simulation was reset")
         self._flush()
-        old.note("restore", name=name)
+        old.note("restore", name=_FORK)
         self.publishers.publish(old.entries())
-        settings, self._seed = self._saved[name]
-        settings = self._with_present_pace(settings)
+        settings = self._with_present_pace(self._first_settings)
         own = self.stamp - new.time if continues else new.origin
         self._replace(new, settings, self._source.origin(new.time, own), old.control.active)
-        return self.stamp
 
     def reset(self, time: bool, state: bool, seed: int | None = None) -> None:
         """Begin again; a fork goes back to its instant, and cannot have another seed.
@@ -360,10 +349,10 @@ class LiveRun:
         ``time`` says whether stamps begin again. ``state`` is the motion, commands, faults, and
         parameters as they were when it started, but for its pace. A ParameterError changes nothing.
         """
-        if state and self._start is not None:
+        if state and self._fork is not None:
             if seed not in (None, self._seed):
                 raise ParameterError(f"seed = {seed}: a fork keeps its seed {self._seed}")
-            self.restore(FORK, continues=not time)
+            self._return_to_fork(self._fork, continues=not time)
             return
         seed = self._seed if seed is None else seed
         settings = self._with_present_pace(self._first_settings)

@@ -5,12 +5,14 @@ from __future__ import annotations
 import math
 from collections import Counter, deque
 from collections.abc import Callable, Iterable, Mapping
+from functools import partial
 
 from builtin_interfaces.msg import Time
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
 from rpud_sim.bag.encoder import Encoder
+from rpud_sim.ros.drill.journal_store import JournalStore
 from rpud_sim.ros.graph import members_of, message_class
 from rpud_sim.ros.outlets import Outlets
 from rpud_sim.simulation.fields import time_fields
@@ -57,6 +59,7 @@ class DrillPublishers:
         self._awaits_status = True  # not for ever: a subscriber that was killed never acknowledges
         self.outlets = Outlets(_LONGEST_WAIT)  # of the topics that a simulation has
         self._others = Outlets(_LONGEST_WAIT)
+        self.journal = JournalStore()
         self._encoders: dict[str, Encoder] = {}
         others = {**OF_NODE, **({"/clock": CLOCK} if publish_clock else {})}
         for outlets, topics in (self.outlets, offered), (self._others, others):
@@ -64,7 +67,9 @@ class DrillPublishers:
                 kind = message_class(topic.type)
                 self._encoders[name] = Encoder(members_of(kind))
                 publisher = node.create_publisher(kind, name, _qos_of(topic))
-                outlets.add(name, publisher, topic.depth if topic.complete else math.inf)
+                outlet = outlets.add(name, publisher, topic.depth if topic.complete else math.inf)
+                if name == "journal":
+                    outlet.send = partial(self._send_entry, outlet.send)
 
     @property
     def published(self) -> Mapping[str, int]:
@@ -130,6 +135,10 @@ class DrillPublishers:
                 self.publish([entry])
             return
         self._deferred.popleft()
+
+    def _send_entry(self, send: Callable[[bytes], object], entry: bytes) -> None:
+        self.journal.add(entry)
+        send(entry)
 
     def _send(self, name: str, message: bytes) -> None:
         try:

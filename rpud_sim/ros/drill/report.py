@@ -72,7 +72,7 @@ _SHOWN = {
         "actuator_temperature [K], electrical_power [W], depth [m], penetration_rate [m/s], "
         "side_offset [m], coupling_power [W], active_faults, namesakes"
     ),
-    "messages": "messages_dropped",
+    "messages": "messages_dropped, journal_dropped",
 }
 
 
@@ -118,6 +118,7 @@ def _health(run: Run, values: Fields, period: float) -> dict[str, tuple[int, str
     discarded, commanders = values["commands_discarded"], values["commanders"]
     amplitude, unloaded = values["vibration_amplitude"], run.simulation.unloaded_amplitude
     dropped, faults = values["messages_dropped"], values["active_faults"]
+    forgotten = values["journal_dropped"]
     lost = values["coupling_power"]
     flow = max(abs(values["actuator_power"]), abs(values["feed_power"]), LEAST_POWER)
     rules = (
@@ -143,6 +144,7 @@ def _health(run: Run, values: Fields, period: float) -> dict[str, tuple[int, str
         ("drill", _WARN, run.simulation.at_tool_length, NO_DEEPER),
         ("drill", _OK, True, values["state"]),
         ("messages", _WARN, dropped, f"{dropped} dropped"),
+        ("messages", _WARN, forgotten, f"the first {forgotten} entries of the journal are dropped"),
         ("messages", _OK, True, "none dropped"),
     )
     return {part: (level, text) for part, level, applies, text in reversed(rules) if applies}
@@ -174,6 +176,7 @@ class StatusReporter:
         self._figures: Figures = {}  # of it
         self._diagnostics: Fields | None = None  # that are not published yet
         self._rests_until = 0
+        self._forgotten = 0  # entries of the journal that are not kept any more
         self.begin()
 
     @property
@@ -262,6 +265,7 @@ class StatusReporter:
             "last_refusal": self.last.last_refusal,
             "scheduling": self.scheduling,
             "namesakes": self._namesakes.count(),
+            "journal_dropped": self._count_forgotten(),
         }
         entries = diagnose(run, status[2], measured, self._period)
         for entry in entries:
@@ -275,6 +279,17 @@ class StatusReporter:
         if self._diagnostics is not None:
             self._publishers.publish([(0, "/diagnostics", self._diagnostics)])
             self._diagnostics = None
+
+    def _count_forgotten(self) -> int:
+        """Return how many entries of the journal are not kept any more; warn at the first."""
+        forgotten = self._publishers.journal.first_kept
+        if forgotten and not self._forgotten:
+            self._node.get_logger().warning(
+                "the first entries of the journal are dropped: a recorder that starts now gets "
+                "no whole journal"
+            )
+        self._forgotten = forgotten
+        return forgotten
 
     def _measure(self, pacer: Pacer) -> None:
         """Take what is of the time since the full report before."""

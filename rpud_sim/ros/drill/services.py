@@ -10,18 +10,18 @@ from typing import Any
 from rclpy.callback_groups import CallbackGroup, MutuallyExclusiveCallbackGroup
 from rclpy.exceptions import NameValidationException
 from rclpy.parameter import Parameter
+from rclpy.serialization import deserialize_message
 from rpud_msgs.msg import Fault as FaultMessage
-from rpud_msgs.msg import Result, SimulationState
+from rpud_msgs.msg import JournalEntry, Result, SimulationState
 from rpud_msgs.srv import (
     ClearFault,
     GetDelivery,
+    GetJournal,
     GetSimulationState,
     InjectFault,
     ListFaults,
     ResetSimulation,
-    RestoreSimulation,
     RunToTime,
-    SaveSimulation,
     SetSimulationState,
     StepSimulation,
 )
@@ -59,7 +59,7 @@ class RefusedRequestError(Exception):
 
 
 class DrillServices:
-    """Services for faults and for simulation time.
+    """Services for faults, for the journal and for simulation time.
 
     States, results and refusals are those of the ``simulation_interfaces`` standard. ``settings``
     gives the settings of the node, configured or not.
@@ -74,6 +74,9 @@ class DrillServices:
         # A step takes long: meanwhile the other services must answer.
         self.stepping = MutuallyExclusiveCallbackGroup()
         node.create_service(ListFaults, "list_faults", self._list_faults)
+        # A page takes as long as some commands.
+        own = MutuallyExclusiveCallbackGroup()
+        node.create_service(GetJournal, "~/get_journal", self._get_journal, callback_group=own)
         for kind, name, act, group in (
             (InjectFault, "inject_fault", self._inject, None),
             (ClearFault, "clear_fault", self._clear, None),
@@ -83,8 +86,6 @@ class DrillServices:
             (StepSimulation, "simulation/step", self._step, self.stepping),
             (RunToTime, "simulation/run_to", self._run_to, self.stepping),
             (ResetSimulation, "simulation/reset", self._reset, None),
-            (SaveSimulation, "simulation/save", self._save, None),
-            (RestoreSimulation, "simulation/restore", self._restore, None),
         ):
             self.offer(kind, name, act, group)
 
@@ -120,6 +121,15 @@ class DrillServices:
             response.result.result, response.result.error_message = code, reason
         else:
             response.success, response.message = code == Result.RESULT_OK, reason
+        return response
+
+    def _get_journal(self, request: GetJournal.Request, response: Any) -> Any:
+        if (live := self._loop.live) is not None:
+            journal = live.publishers.journal
+            entries = journal.read(request.first)
+            response.first_kept, response.count = journal.first_kept, journal.count
+            response.entries = [deserialize_message(data, JournalEntry) for _, data in entries]
+            response.publish_times = [published for published, _ in entries]
         return response
 
     # Faults.
@@ -253,14 +263,6 @@ class DrillServices:
 
     def _reset(self, request: ResetSimulation.Request, response: Any) -> None:
         self.reset(int(request.scope), int(request.seed) if request.reseed else None)
-
-    def _save(self, request: SaveSimulation.Request, response: Any) -> None:
-        stamp, names = self._loop.request(lambda live: live.save(request.name))
-        response.time, response.names = nanoseconds_to_time(stamp), list(names)
-
-    def _restore(self, request: RestoreSimulation.Request, response: Any) -> None:
-        stamp = self._loop.request(lambda live: live.restore(request.name))
-        response.time = nanoseconds_to_time(stamp)
 
 
 def message_to_fault(message: FaultMessage) -> Fault:

@@ -14,7 +14,7 @@ from rpud_sim.bag import BagWriter
 from rpud_sim.bag.losses import LOSSES_RECORD, RECORDING_RECORD, Losses, losses_to_record
 from rpud_sim.foundation.quantities import suggestion
 from rpud_sim.foundation.terminal import printable
-from rpud_sim.ros.record.parameter_query import ParameterQuery
+from rpud_sim.ros.record.drill_queries import JournalQuery, ParameterQuery
 from rpud_sim.ros.record.record_options import RecordOptions
 from rpud_sim.ros.record.recorder_node import Recorder
 from rpud_sim.ros.record.writing import Intake, WritingThread
@@ -30,6 +30,7 @@ _FIRST_GRAPH_PERIOD = 0.02  # s until it is ready: a topic is subscribed as soon
 _DISCOVERY_TIME = 3.5  # s until it is ready; the middleware announces itself every 3 s
 _SETTLING_TIME = 0.5  # s without a new topic until it is ready
 _DRAIN_TIME = 0.1  # s in which messages on their way still arrive after a stop
+_JOURNAL_TIME = 5.0  # s in which drills return the last entries that are missing
 _SHOW_PERIOD = 1.0  # of lines about the progress [s]
 
 
@@ -68,8 +69,8 @@ def _record(options: RecordOptions, stop: StopRequest, show: Callable[[str], Non
         writing.start()
         began = time.monotonic()
         try:
-            query = ParameterQuery(node, sys.argv)
-            _collect(node, query, bag, options, stop, show)
+            query, journals = ParameterQuery(node, sys.argv), JournalQuery(node)
+            _collect(node, query, journals, bag, options, stop, show)
             if stop.orphaned:
                 node.get_logger().warning("the process that started the recorder has ended")
             node.end()
@@ -77,6 +78,7 @@ def _record(options: RecordOptions, stop: StopRequest, show: Callable[[str], Non
             node.receive_all()
             node.finish()
             query.finish()
+            journals.finish(_JOURNAL_TIME)
         finally:
             intake.close()
             writing.join()
@@ -99,6 +101,7 @@ def _record(options: RecordOptions, stop: StopRequest, show: Callable[[str], Non
 def _collect(
     node: Recorder,
     query: ParameterQuery,
+    journals: JournalQuery,
     bag: BagWriter,
     options: RecordOptions,
     stop: StopRequest,
@@ -124,6 +127,7 @@ def _collect(
         done = node.receive()
         node.serve()
         query.poll()
+        journals.poll()
         if not ready and now >= ready_at:
             ready = True
             node.get_logger().info(f"recording {len(node.topics)} topics to {printable(bag.path)}")

@@ -13,10 +13,12 @@ from typing import Any
 from rclpy.node import Node
 from rclpy.validate_namespace import validate_namespace
 from rclpy.validate_topic_name import validate_topic_name
+from rpud_msgs.srv import IsPaused
+from std_srvs.srv import Trigger
 
 from rpud_sim.bag import BagWriter, Message
 from rpud_sim.bag.losses import Losses
-from rpud_sim.ros.graph import UnknownTypeError, fill_known, rosbag_service
+from rpud_sim.ros.graph import UnknownTypeError
 from rpud_sim.ros.record.record_options import RecordOptions
 from rpud_sim.ros.record.recorded_topic import RecordedTopic
 from rpud_sim.ros.record.writing import Intake
@@ -31,7 +33,7 @@ _BACKLOG = 1.0  # of these, in which messages from before still arrive and prove
 
 _log_time = attrgetter("log_time")
 
-# Services, of the types of rosbag2_interfaces, else std_srvs/Trigger and rpud_msgs/IsPaused.
+# Services: std_srvs/Trigger, but for rpud_msgs/IsPaused.
 _ACTIONS: dict[str, Callable[[Intake], None]] = {
     "pause": Intake.pause,
     "resume": lambda intake: intake.pause(False),
@@ -39,7 +41,7 @@ _ACTIONS: dict[str, Callable[[Intake], None]] = {
     "toggle_paused": lambda intake: intake.pause(not intake.paused),
     "split_bagfile": lambda intake: intake.do(BagWriter.split),
 }
-_TEXTS = {"is_paused": "", "split_bagfile": "goes on in a new file"}
+_TEXTS = {"split_bagfile": "goes on in a new file"}
 
 
 class Recorder(Node):
@@ -70,9 +72,11 @@ class Recorder(Node):
         self._received_at, self._stood_still = inf, inf
         # ``serve`` takes the requests, so nothing ever calls the callback.
         self._servers: dict[str, Any] = {
-            name: self.create_service(kind, f"~/{name}", lambda _, response: response)
+            name: self.create_service(
+                IsPaused if name == "is_paused" else Trigger,
+                *(f"~/{name}", lambda _, response: response),
+            )
             for name in _ACTIONS
-            if (kind := rosbag_service(name)) is not None
         }
 
     @property
@@ -198,10 +202,12 @@ class Recorder(Node):
                 self.receive_all()
                 _ACTIONS[name](self.intake)
                 paused = self.intake.paused
-                if text := _TEXTS.get(name, "paused" if paused else "resumed"):
-                    self.get_logger().info(text)
-                answers = {"success": True, "message": text, "paused": paused}
-                server.send_response(fill_known(server.srv_type.Response(), answers), header)
+                if name == "is_paused":
+                    server.send_response(IsPaused.Response(paused=paused), header)
+                    continue
+                text = _TEXTS.get(name, "paused" if paused else "resumed")
+                self.get_logger().info(text)
+                server.send_response(Trigger.Response(success=True, message=text), header)
 
     def _hand_over(self, count: int) -> None:
         self.taken += count

@@ -38,6 +38,11 @@ class Intake:
         self._got_bytes = 0
         # last messages of latched topics in a pause, one for each publisher
         self._discarded: dict[str, deque[Message]] = {}
+        self._observer: Callable[[Message], object] = lambda message: None
+
+    def observe(self, observer: Callable[[Message], object]) -> None:
+        """Call a function with each message that is queued from now on."""
+        self._observer = observer
 
     def declare(self, topic: Topic, definition: str | None) -> None:
         """Declare a topic before its first message; the definition of its type may be unknown."""
@@ -45,7 +50,7 @@ class Intake:
             self._discarded[topic.name] = deque(maxlen=len(topic.offered_qos))
         self.do(lambda bag: bag.add_topic(topic, definition))
 
-    def put(self, message: Message) -> None:
+    def put(self, message: Message, *, observed: bool = True) -> None:
         """Queue or discard a message."""
         if self.paused:
             if message.topic in self._discarded:
@@ -58,6 +63,8 @@ class Intake:
         self._put_bytes += size
         self.accepted += 1
         self._items.put(message)
+        if observed:
+            self._observer(message)
 
     def add_record(self, name: str, content: Mapping[str, str]) -> None:
         """Queue a metadata record of the bag."""

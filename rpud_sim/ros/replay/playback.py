@@ -202,9 +202,6 @@ class Playback:
 
     # Requests: of the thread that plays.
 
-    def play(self) -> None:
-        raise PlaybackError("the replay has begun")
-
     def pause(self, paused: bool = True) -> None:
         if paused != self.paused:
             self._stay()

@@ -9,13 +9,14 @@ from functools import partial
 from typing import Any
 
 from rclpy.executors import SingleThreadedExecutor
+from rpud_msgs.srv import Burst, GetRate, IsPaused, Seek, SetRate
+from std_srvs.srv import Trigger
 
 import rpud_sim.bag
 from rpud_sim.bag import BagReader, TopicSummary
 from rpud_sim.foundation.quantities import ExpectedError, ParameterError, suggestion
 from rpud_sim.foundation.terminal import printable
 from rpud_sim.foundation.time import SECOND, join_seconds
-from rpud_sim.ros.graph import fill_known, rosbag_service
 from rpud_sim.ros.replay.playback import Messages, Playback, PlaybackError, read_ahead
 from rpud_sim.ros.replay.replay_options import DISCOVERY_TIME, ReplayOptions
 from rpud_sim.ros.replay.replayer_node import Replayer
@@ -31,47 +32,61 @@ MakeBar = Callable[..., Any]
 """Maker of a progress bar: a ``tqdm`` with a ``title`` and a ``total`` in seconds."""
 
 
-# They return fields of the response.
-_ACTIONS: dict[str, Callable[[Playback, Any], dict[str, Any] | None]] = {
-    "pause": lambda playback, request: playback.pause(),
-    "resume": lambda playback, request: playback.pause(False),
-    "toggle_paused": lambda playback, request: playback.pause(not playback.paused),
-    "is_paused": lambda playback, request: {"paused": playback.paused},
-    "get_rate": lambda playback, request: {"rate": playback.rate},
-    "set_rate": lambda playback, request: playback.set_rate(request.rate),
-    "seek": lambda playback, request: playback.seek(
-        join_seconds(request.time.sec, request.time.nanosec)
+# Types of the services, and what they do; that returns fields of the response, none for a success.
+_SERVICES: dict[str, tuple[Any, Callable[[Playback, Any], dict[str, Any] | None]]] = {
+    "pause": (Trigger, lambda playback, request: playback.pause()),
+    "resume": (Trigger, lambda playback, request: playback.pause(False)),
+    "toggle_paused": (Trigger, lambda playback, request: playback.pause(not playback.paused)),
+    "is_paused": (IsPaused, lambda playback, request: {"paused": playback.paused}),
+    "get_rate": (GetRate, lambda playback, request: {"rate": playback.rate}),
+    "set_rate": (SetRate, lambda playback, request: playback.set_rate(request.rate)),
+    "seek": (
+        Seek,
+        lambda playback, request: playback.seek(
+            join_seconds(request.time.sec, request.time.nanosec)
+        ),
     ),
-    "play_next": lambda playback, request: playback.play_next(),
-    "burst": lambda playback, request: {"actually_burst": playback.burst(request.num_messages)},
-    "stop": lambda playback, request: playback.stop(),
-    "play": lambda playback, request: playback.play(),
+    "play_next": (Trigger, lambda playback, request: playback.play_next()),
+    "burst": (
+        Burst,
+        lambda playback, request: {
+            "actually_burst": playback.burst(request.num_messages),
+            "success": True,
+        },
+    ),
+    "stop": (Trigger, lambda playback, request: playback.stop()),
 }
 
 
 def offer_services(node: Replayer, playback: Playback) -> None:
     """Offer the services of ``ros2 bag play`` below the node's name, with their meanings.
 
-    They are of the types of rosbag2_interfaces. Without that package the types are std_srvs/Trigger
-    and those of rpud_msgs, which also return the reason of a refusal. There is no ``play`` then: a
-    running replay refuses it, and the program ends with its replay.
+    Their types are std_srvs/Trigger and those of rpud_msgs, with the reason of a refusal.
     """
-    for name in _ACTIONS:
-        if (kind := rosbag_service(name)) is not None:
-            node.create_service(kind, f"~/{name}", partial(_answer, node, playback, name))
+    for name, (kind, act) in _SERVICES.items():
+        node.create_service(kind, f"~/{name}", partial(_answer, node, playback, name, act))
 
 
-def _answer(node: Replayer, playback: Playback, name: str, request: Any, response: Any) -> Any:
+def _answer(
+    node: Replayer,
+    playback: Playback,
+    name: str,
+    act: Callable[[Playback, Any], dict[str, Any] | None],
+    request: Any,
+    response: Any,
+) -> Any:
     try:
-        result = playback.do(lambda each: _ACTIONS[name](each, request))
-        fields = {"success": True, **(result or {})}
+        fields = playback.do(lambda each: act(each, request)) or {"success": True}
     except PlaybackError as error:
         node.get_logger().warning(f"{name} is refused: {error}")
         fields = {"success": False, "message": str(error)}
     except Exception as error:  # out of the executor it would leave a client without answer
         node.count_failure(f"{name}: {raised(error)}")
         fields = {"success": False, "message": raised(error)}
-    return fill_known(response, fields)  # not every type has all of them
+    for field, value in fields.items():
+        if hasattr(response, field):  # those that only ask have no success
+            setattr(response, field, value)
+    return response
 
 
 class OptionError(ParameterError):

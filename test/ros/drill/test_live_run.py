@@ -327,12 +327,10 @@ def test_a_step_reports_at_every_second_of_its_own_time(drill, monkeypatch):
         (PLAY, "the simulation was set to play"),
         (PAUSE, "the simulation was paused"),
         (HALT, "the simulation was reset"),
-        (lambda drill: drill.restore("here"), "a checkpoint was restored"),
         (lambda drill: drill.interrupt("the drill has stopped"), "the drill has stopped"),
     ],
 )
 def test_whatever_comes_before_the_goal_interrupts_a_step(drill, change, reason):
-    drill.save("here")
     step = drill.step(PERIOD)
     change(drill)
     with pytest.raises(InterruptedStepError, match=f"^interrupted: {reason}$"):
@@ -369,12 +367,11 @@ def test_a_step_goes_forward_and_not_too_far(drill, goal):
 def test_the_settings_of_the_run_come_back_with_it_but_for_its_pace(drill):
     first, changed = drill.settings, dataclasses.replace(drill.settings, command_timeout=2.0)
     drill.configure(changed)
-    drill.save("changed")
     drill.reset(time=True, state=True)
     assert drill.settings == drill.restored[-1] == first
-    drill.configure(dataclasses.replace(first, real_time_factor=0.5))
-    drill.restore("changed")
-    expected = dataclasses.replace(changed, real_time_factor=0.5)
+    drill.configure(dataclasses.replace(changed, real_time_factor=0.5))
+    drill.reset(time=True, state=True)
+    expected = dataclasses.replace(first, real_time_factor=0.5)
     assert drill.settings == drill.restored[-1] == expected
 
 

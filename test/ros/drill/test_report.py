@@ -25,7 +25,7 @@ SECOND = 1_000_000_000
 MILLISECOND = 1_000_000
 OK, WARN, ERROR = (level[0] for level in (DiagnosticStatus.OK, DiagnosticStatus.WARN, b"\2"))
 GIVEN = result_of("weight_on_bit")
-MEASURED = {"lag": 0.0, "lateness_max": 0.003, "namesakes": 0, "blocks": 300}
+MEASURED = {"lag": 0.0, "lateness_max": 0.003, "namesakes": 0, "blocks": 300, "journal_dropped": 0}
 
 
 def ran(milliseconds=0, *commands, **values):
@@ -62,6 +62,10 @@ def diagnosed(run, part, period=0.01, **changes):
         ("drill", {"active_faults": 2}, WARN, "2 faults injected"),
         ("messages", {}, OK, "none dropped"),
         ("messages", {"messages_dropped": 4}, WARN, "4 dropped"),
+        (
+            *("messages", {"journal_dropped": 500}, WARN),
+            "the first 500 entries of the journal are dropped",
+        ),
     ],
 )
 def test_the_diagnostics_name_what_is_worst(part, changes, level, text):

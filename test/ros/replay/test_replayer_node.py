@@ -8,12 +8,13 @@ import pytest
 import rclpy
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from rpud_msgs.msg import ContactForce
+from rpud_msgs.srv import IsPaused
 from sample_bags import CHAT, TALK, write_bag
+from std_srvs.srv import Trigger
 from support import PATIENCE, until
 
 import rpud_sim.bag
 from rpud_sim.bag import QosProfile
-from rpud_sim.ros.graph import rosbag_service
 from rpud_sim.ros.replay.playback import Playback
 from rpud_sim.ros.replay.replay_options import ReplayOptions
 from rpud_sim.ros.replay.replayer import offer_services
@@ -141,10 +142,10 @@ def test_a_request_that_raises_an_error_is_answered_and_counted(replay, tmp_path
         thread = threading.Thread(target=playback.run)
         thread.start()
 
-        def ask(name):
-            client = node.create_client(rosbag_service(name), f"~/{name}")
+        def ask(name, kind=Trigger):
+            client = node.create_client(kind, f"~/{name}")
             assert client.wait_for_service(PATIENCE)
-            future = client.call_async(rosbag_service(name).Request())
+            future = client.call_async(kind.Request())
             rclpy.spin_until_future_complete(node, future, timeout_sec=PATIENCE)
             return future.result()
 
@@ -154,7 +155,7 @@ def test_a_request_that_raises_an_error_is_answered_and_counted(replay, tmp_path
             assert not ask("play_next").success
             assert node.failures == 1
             assert "request failed: play_next: it raised RCLError" in capfd.readouterr().err
-            assert ask("is_paused").paused
+            assert ask("is_paused", IsPaused).paused
         finally:
             playback.stop()
             thread.join()
