@@ -174,7 +174,11 @@ def prove(bag):
     entries = messages(bag, JOURNAL, "rpud_msgs/msg/JournalEntry")
     assert {entry.sequence for entry in entries} == set(range(len(entries)))
     verification = verify(bag)
-    assert verification.proved, (verification.first_difference, verification.undecided, verification.total)
+    assert verification.proved, (
+        verification.first_difference,
+        verification.undecided,
+        verification.total,
+    )
     assert verification.begins is None
     assert verification.topics["/rpud/nodal_plane"].equal > 100
 
