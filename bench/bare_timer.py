@@ -14,8 +14,7 @@ import threading
 import time
 
 from rpud_sim.foundation.time import SECOND
-from rpud_sim.ros.delay_histogram import DelayHistogram
-from rpud_sim.ros.threads import schedule_thread
+from rpud_sim.ros.threads import DelayHistogram, schedule_thread
 
 PERIOD = 0.01  # of blocks at the default rate [s]
 SHARES = {"p50": 0.5, "p99": 0.99, "p99.9": 0.999}

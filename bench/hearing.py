@@ -12,7 +12,7 @@ from rclpy.qos import QoSProfile
 from rclpy.serialization import deserialize_message
 
 from rpud_sim.foundation.time import join_seconds
-from rpud_sim.ros.delay_histogram import DelayHistogram
+from rpud_sim.ros.threads import DelayHistogram
 
 _TAKE_PERIOD = 0.002  # [s]
 _HEADER = 4  # bytes of the encapsulation, before the stamp of a header

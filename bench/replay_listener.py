@@ -16,7 +16,7 @@ from rclpy.signals import SignalHandlerOptions
 
 from rpud_sim.bag import BagReader
 from rpud_sim.ros.graph import message_class
-from rpud_sim.ros.stopping import StopRequest
+from rpud_sim.ros.process import StopRequest
 
 _DEPTH = 100_000
 _BATCH = 1000  # messages of one topic that are taken before the next topic

@@ -22,7 +22,7 @@ from bench.bare_timer import SHARES
 from bench.command import RPUD
 from bench.table import Goal, Row, row
 from bench.talk import Talk, ros
-from rpud_sim.ros.delay_histogram import DelayHistogram
+from rpud_sim.ros.threads import DelayHistogram
 from rpud_sim.simulation.configuration import Settings
 
 SECONDS = 600.0  # of listening at the default rates: one block of 1,000 comes in 10 s

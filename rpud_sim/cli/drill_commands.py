@@ -19,7 +19,7 @@ from rpud_sim.foundation.terminal import cell, complain, printable, table
 
 if TYPE_CHECKING:
     from rpud_sim.ros.client import DrillClient
-    from rpud_sim.ros.client.topic_listener import TopicListener
+    from rpud_sim.ros.client.topics import TopicListener
 
 _SEED = Quantity("", "a seed", 0, 2**32 - 1, whole=True)
 _COUNT = Quantity("", "a number of messages", 1, 2**63 - 1, whole=True)
@@ -304,7 +304,7 @@ def _set(options: Any) -> ExitCode:
 )
 def _echo(options: Any) -> ExitCode:
     from rpud_sim.ros.client.listening_node import ListeningNode
-    from rpud_sim.ros.client.topic_listener import CUT, TopicListener, field_getter, to_plain
+    from rpud_sim.ros.client.topics import CUT, TopicListener, field_getter, to_plain
 
     with ListeningNode(
         "rpud_echo", options.namespace, options.domain, options.patience
@@ -322,7 +322,7 @@ def _echo(options: Any) -> ExitCode:
 
 
 def _listen(listener: TopicListener, show: Callable[[Any], None], options: Any) -> ExitCode:
-    from rpud_sim.ros.stopping import StopRequest
+    from rpud_sim.ros.process import StopRequest
 
     wanted = 1 if options.once else options.count
     end = None if options.duration is None else time.monotonic() + options.duration

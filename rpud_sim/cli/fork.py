@@ -108,7 +108,7 @@ def _live(options: Any, changes: PlannedChanges) -> int:
     from rpud_sim.cli.run import drill
     from rpud_sim.recorded.fork import Fork
     from rpud_sim.ros.drill.drill_node import open_drill
-    from rpud_sim.ros.stopping import StopRequest
+    from rpud_sim.ros.process import StopRequest
 
     fork = Fork(options.bag, options.at, changes, options.run, options.topic)
     start = fork.start()

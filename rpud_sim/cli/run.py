@@ -27,7 +27,7 @@ from rpud_sim.ros.record.record_options import RecordOptions
 
 if TYPE_CHECKING:
     from rpud_sim.ros.drill.drill_node import DrillNode
-    from rpud_sim.ros.stopping import StopRequest
+    from rpud_sim.ros.process import StopRequest
 
 _PROGRAM = "rpud run"
 _PAGE_START = 60.0  # that the page's server may take to start on a busy machine [s]
@@ -71,7 +71,7 @@ _READY = "recording\n"  # that the recorder prints when it records
 def _run(options: Any) -> int:
     values = parameter_values(options)
     from rpud_sim.ros.drill.drill_node import open_drill
-    from rpud_sim.ros.stopping import StopRequest
+    from rpud_sim.ros.process import StopRequest
 
     live = not options.quiet
     with (

@@ -13,7 +13,7 @@ from rpud_sim.foundation.quantities import Quantity
 from rpud_sim.foundation.terminal import complain, printable
 
 if TYPE_CHECKING:
-    from rpud_sim.ros.client.drill_finder import DrillFinder
+    from rpud_sim.ros.client.listening_node import DrillFinder
     from rpud_sim.viewer.live_store import LiveStore
     from rpud_sim.viewer.server import PageServer
 

@@ -17,7 +17,7 @@ import numpy as np
 from rpud_sim.foundation.quantities import QUANTITIES
 from rpud_sim.foundation.time import SECOND, join_seconds
 from rpud_sim.recorded.run_clock import GREATEST, RunClock
-from rpud_sim.ros.client.telemetry import FIELDS
+from rpud_sim.ros.client.topics import FIELDS
 from rpud_sim.viewer.commands import Commands, fault_row
 from rpud_sim.viewer.history import Bins, Impacts
 from rpud_sim.viewer.picture import SECTION, TIMES, Picture

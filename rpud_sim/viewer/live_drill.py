@@ -14,7 +14,7 @@ from typing import Any
 
 from rpud_sim.foundation.quantities import ParameterError, did_you_mean, shown
 from rpud_sim.ros.client import ClientError, DrillClient, RefusedError
-from rpud_sim.ros.client.telemetry import FastTopics
+from rpud_sim.ros.client.topics import FastTopics
 from rpud_sim.viewer.heard import Heard
 
 # Actions: methods of ``DrillClient``, with the same arguments.

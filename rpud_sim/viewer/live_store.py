@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from rpud_sim.foundation.quantities import QUANTITIES, ParameterError, number_text, shown
-from rpud_sim.ros.client.drill_finder import DrillFinder
-from rpud_sim.ros.starting import StartError
+from rpud_sim.ros.client.listening_node import DrillFinder
+from rpud_sim.ros.process import StartError
 from rpud_sim.viewer.heard import Block, Heard
 from rpud_sim.viewer.live_drill import LiveDrill
 from rpud_sim.viewer.picture import MOTION, SECTION, chosen_quantities, drill_plots

@@ -11,7 +11,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.signals import SignalHandlerOptions
 from rpud_msgs.msg import Status
 
-from rpud_sim.ros.stopping import StopRequest
+from rpud_sim.ros.process import StopRequest
 
 
 def names(request, response):

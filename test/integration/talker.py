@@ -15,7 +15,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 from rpud_msgs.msg import ContactForce, NodalPlane, Status
 
-from rpud_sim.ros.stopping import StopRequest
+from rpud_sim.ros.process import StopRequest
 
 parser = argparse.ArgumentParser()
 parser.add_argument("--count", type=int, required=True)

@@ -65,7 +65,7 @@ import os
 before = dict(os.environ)
 import rpud_sim.ros.client
 assert dict(os.environ) == before
-from rpud_sim.ros.starting import start_ros
+from rpud_sim.ros.process import start_ros
 start_ros()
 print(os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'])
 """

@@ -5,14 +5,24 @@ import sys
 import threading
 from concurrent.futures import Future, ThreadPoolExecutor
 
+import numpy as np
 import pytest
 import rclpy
+from hypothesis import given
+from hypothesis import strategies as st
 from rclpy.executors import MultiThreadedExecutor, SingleThreadedExecutor
 from rclpy.parameter import Parameter
 from rosgraph_msgs.msg import Clock
 from support import real_time_permitted, until
 
-from rpud_sim.ros.threads import Requests, StoppedError, quick_switches, schedule_thread, serve
+from rpud_sim.ros.threads import (
+    DelayHistogram,
+    Requests,
+    StoppedError,
+    quick_switches,
+    schedule_thread,
+    serve,
+)
 
 
 @pytest.fixture
@@ -165,3 +175,28 @@ def test_switches_are_quick_inside_the_context_alone():
     with quick_switches():
         assert sys.getswitchinterval() < 1e-3 < before
     assert sys.getswitchinterval() == before
+
+
+def test_nothing_is_not_late():
+    lateness = DelayHistogram()
+    assert (lateness.count, lateness.quantile(0.5), lateness.greatest) == (0, 0.0, 0.0)
+    lateness.add(-5.0)
+    assert (lateness.count, lateness.quantile(0.99), lateness.greatest) == (1, 0.0, 0.0)
+
+
+@given(st.lists(st.floats(0.0, 1e13), min_size=1), st.floats(0.0, 1.0, exclude_min=True))
+def test_quantiles_are_little_too_large_and_never_too_small(delays, share):
+    lateness = DelayHistogram()
+    for delay in delays:
+        lateness.add(delay)
+    exact = np.quantile(delays, share, method="inverted_cdf") / 1e9
+    assert exact * (1 - 1e-12) <= lateness.quantile(share) <= 1.045 * exact + 1e-6
+    assert lateness.greatest == pytest.approx(max(delays) / 1e9)
+
+
+def test_its_memory_does_not_grow_with_their_number():
+    lateness = DelayHistogram()
+    for number in range(100_000):
+        lateness.add(float(number))
+    assert len(lateness._counts) < 200
+    assert str(lateness) == "late 0.0515 ms (median), 0.1 ms (99 %), 0.1 ms (most)"

@@ -167,7 +167,7 @@ import os, re, socket, rclpy
 from pathlib import Path
 from ament_index_python import get_resource
 from rpud_msgs.msg import WeightOnBit
-from rpud_sim.ros.starting import start_ros
+from rpud_sim.ros.process import start_ros
 start_ros()
 assert "msg/WeightOnBit.msg" in get_resource("rosidl_interfaces", "rpud_msgs")[0]
 node = rclpy.create_node("talker")

@@ -20,8 +20,7 @@ from std_srvs.srv import SetBool
 
 from rpud_sim.foundation.quantities import ParameterError, Quantity, Text, did_you_mean, shown
 from rpud_sim.foundation.time import SECOND, join_seconds
-from rpud_sim.ros.client.command_sender import CommandSender
-from rpud_sim.ros.client.drill_finder import drill_nodes, no_drill
+from rpud_sim.ros.client.calls import CommandSender, ServiceCaller, to_time
 from rpud_sim.ros.client.listening_node import (
     PATIENCE,
     ListeningNode,
@@ -29,10 +28,10 @@ from rpud_sim.ros.client.listening_node import (
     NoDrillError,
     RefusedError,
     Value,
+    drill_nodes,
+    no_drill,
 )
-from rpud_sim.ros.client.service_caller import ServiceCaller, to_time
-from rpud_sim.ros.client.telemetry import FastTopics, Sink
-from rpud_sim.ros.client.topic_listener import TopicListener
+from rpud_sim.ros.client.topics import FastTopics, Sink, TopicListener
 
 # What a reset may restart, by name.
 SCOPES: Mapping[str, int] = {

@@ -23,9 +23,9 @@ from rpud_sim.bag.losses import SequenceGaps
 from rpud_sim.drilling.mount import POSITION, RATE
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.foundation.time import SECOND, join_seconds
-from rpud_sim.ros.delay_histogram import DelayHistogram
+from rpud_sim.ros.endpoints import taken
 from rpud_sim.ros.graph import message_class
-from rpud_sim.ros.subscriptions import taken
+from rpud_sim.ros.threads import DelayHistogram
 from rpud_sim.simulation.commands import Command, Drive, Feed, WeightOnBit
 from rpud_sim.simulation.configuration import Settings
 from rpud_sim.simulation.fields import FEED_JOINT, JOINTS, ROTATION_JOINT

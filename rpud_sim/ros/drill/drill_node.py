@@ -28,8 +28,7 @@ from rpud_sim.ros.drill.pacing_loop import PacingLoop
 from rpud_sim.ros.drill.report import REPORT_PERIOD, Report
 from rpud_sim.ros.drill.services import DeliveryServer, DrillServices
 from rpud_sim.ros.drill.standard_services import StandardServer
-from rpud_sim.ros.starting import StartError, running_ros
-from rpud_sim.ros.stopping import StopRequest, limit_end, limited_end
+from rpud_sim.ros.process import StartError, StopRequest, limit_end, limited_end, running_ros
 from rpud_sim.ros.threads import StoppedError, quick_switches, serve
 from rpud_sim.simulation.configuration import Settings
 from rpud_sim.simulation.ensemble import compile_kernels

@@ -12,7 +12,7 @@ from rclpy.duration import Duration
 from rclpy.node import Node
 
 from rpud_sim.foundation.time import SECOND
-from rpud_sim.ros.delay_histogram import DelayHistogram
+from rpud_sim.ros.threads import DelayHistogram
 from rpud_sim.simulation.topics import Fields
 
 # A block is computed this long before its deadline, or right after the block before [s]. Requests

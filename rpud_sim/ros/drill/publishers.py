@@ -13,8 +13,8 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 
 from rpud_sim.bag.encoder import Encoder
 from rpud_sim.ros.drill.journal_store import JournalStore
+from rpud_sim.ros.endpoints import Outlets
 from rpud_sim.ros.graph import members_of, message_class
-from rpud_sim.ros.outlets import Outlets
 from rpud_sim.simulation.fields import time_fields
 from rpud_sim.simulation.telemetry import Stream
 from rpud_sim.simulation.topics import TOPICS, DrillTopic, Fields

@@ -11,11 +11,11 @@ from rpud_sim.drilling.mount import FEED_MODES, RATE
 from rpud_sim.drilling.process import ProcessState
 from rpud_sim.drilling.rock import NO_DEEPER
 from rpud_sim.foundation.time import SECOND
-from rpud_sim.ros.delay_histogram import DelayHistogram
 from rpud_sim.ros.drill.commands import Inbox
 from rpud_sim.ros.drill.duplicate_nodes import DuplicateNodes
 from rpud_sim.ros.drill.pacer import Pacer
 from rpud_sim.ros.drill.publishers import RESULTS, DrillPublishers
+from rpud_sim.ros.threads import DelayHistogram
 from rpud_sim.simulation.block import Block, join_blocks
 from rpud_sim.simulation.faults import FaultRecord
 from rpud_sim.simulation.fields import Bookkeeping, time_fields

@@ -112,7 +112,8 @@ class JournalQuery:
 
     def __init__(self, node: Recorder) -> None:
         self._node = node
-        self._latest: dict[str, JournalEntry] = {}  # entry by topic
+        # By topic, the entry with the greatest number, and when it was published.
+        self._latest: dict[str, tuple[JournalEntry, int]] = {}
         self._asking: list[tuple[str, Steps]] = []  # topics, and the steps of asking
         node.intake.observe(self._find_gap)
 
@@ -143,10 +144,12 @@ class JournalQuery:
             return
         with self._node.guard(f"an entry of {message.topic}"):
             entry = deserialize_message(message.data, JournalEntry)
-            before = self._latest.get(message.topic)
+            before, published = self._latest.get(message.topic, (None, 0))
             if before is not None and entry.sequence <= before.sequence:
+                if message.publish_time <= published:
+                    return  # it came late, from another subscription
                 before = None  # another start of the drill
-            self._latest[message.topic] = entry
+            self._latest[message.topic] = entry, message.publish_time
             if entry.sequence > (before.sequence + 1 if before else 0):
                 self._asking.append((message.topic, self._ask(message.topic, before, entry)))
 
@@ -199,8 +202,10 @@ class JournalQuery:
                 self._node.intake.put(message, observed=False)
             missing -= len(entries)
             first = int(entries[-1][0].sequence) + 1
+        logger = self._node.get_logger()
+        logger.info(f"got {wanted - missing} entries of {topic} that had not come")
         if missing:
-            self._node.get_logger().warning(f"the drill has dropped {missing} entries of {topic}")
+            logger.warning(f"the drill has dropped {missing} entries of {topic}")
         if before is not None:  # what came before the recorder is not lost
             gaps = self._node.topics[topic].gaps
             gaps.missing = max(0, gaps.missing - (wanted - missing))

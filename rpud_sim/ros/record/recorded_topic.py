@@ -18,8 +18,8 @@ from rpud_sim.bag import BagError, Message, Topic
 from rpud_sim.bag.definitions import find_definition, find_type_hash
 from rpud_sim.bag.losses import Losses
 from rpud_sim.bag.metadata import QosProfile as RecordedProfile
+from rpud_sim.ros.endpoints import FollowedTopic
 from rpud_sim.ros.graph import message_class
-from rpud_sim.ros.subscriptions import FollowedTopic
 
 # Messages that may wait in the middleware for the recorder: ten seconds of a 1 kHz topic.
 RECORDING_DEPTH = 10_000

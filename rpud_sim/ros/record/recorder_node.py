@@ -18,11 +18,11 @@ from std_srvs.srv import Trigger
 
 from rpud_sim.bag import BagWriter, Message
 from rpud_sim.bag.losses import Losses
+from rpud_sim.ros.endpoints import taken
 from rpud_sim.ros.graph import UnknownTypeError
 from rpud_sim.ros.record.record_options import RecordOptions
 from rpud_sim.ros.record.recorded_topic import RecordedTopic
 from rpud_sim.ros.record.writing import Intake
-from rpud_sim.ros.subscriptions import taken
 
 _BATCH_SIZE = 1000  # messages of one topic at once, so that a fast one does not starve the rest
 _LOG_PERIOD = 10.0  # between two lines about data that cannot be used [s]

@@ -13,12 +13,11 @@ from typing import TYPE_CHECKING, TypeVar
 from rpud_sim.bag import Message
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.foundation.time import SECOND
-from rpud_sim.ros.delay_histogram import DelayHistogram
 from rpud_sim.ros.replay.replay_options import RATE, ReplayOptions
-from rpud_sim.ros.threads import Requests, StoppedError, schedule_thread
+from rpud_sim.ros.threads import DelayHistogram, Requests, StoppedError, schedule_thread
 
 if TYPE_CHECKING:
-    from rpud_sim.ros.replay.replayer_node import Replayer
+    from rpud_sim.ros.replay.replayer import Replayer
 
 _BATCH_MESSAGES = 256
 _BATCH_BYTES = 1 << 20  # beyond which a batch ends

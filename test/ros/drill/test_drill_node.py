@@ -6,7 +6,7 @@ from support import until
 
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.ros.drill.drill_node import DrillNode
-from rpud_sim.ros.outlets import Outlets
+from rpud_sim.ros.endpoints import Outlets
 
 
 @pytest.fixture

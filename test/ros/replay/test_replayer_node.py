@@ -17,8 +17,7 @@ import rpud_sim.bag
 from rpud_sim.bag import QosProfile
 from rpud_sim.ros.replay.playback import Playback
 from rpud_sim.ros.replay.replay_options import ReplayOptions
-from rpud_sim.ros.replay.replayer import offer_services
-from rpud_sim.ros.replay.replayer_node import Replayer
+from rpud_sim.ros.replay.replayer import Replayer, offer_services
 
 DATA = Path(__file__).parents[2] / "data"
 

@@ -1,4 +1,4 @@
-"""SIGINT, SIGTERM and SIGHUP ask for a stop, interrupt sleep, and are given back afterwards."""
+"""ROS starts, or says in one line why not; a signal stops it, and nothing hangs at its end."""
 
 import os
 import signal
@@ -6,10 +6,72 @@ import subprocess
 import sys
 import threading
 import time
+from importlib import metadata
+from pathlib import Path
 
 import pytest
 
-from rpud_sim.ros.stopping import StopRequest
+from rpud_sim.bag import BagWriter
+from rpud_sim.ros.process import StopRequest
+
+SECURITY = {"ROS_SECURITY_ENABLE": "true"}
+
+
+@pytest.fixture
+def bag(tmp_path):
+    with BagWriter(tmp_path / "empty"):
+        pass
+    return tmp_path / "empty"
+
+
+def commands(bag):
+    new = bag.parent / "new"
+    return {
+        "rpud run": ("rpud", "run", "--duration", "1", "--record", new),
+        "drill_node": ("drill_node",),
+        "rpud record": ("rpud", "record", "--out", new),
+        "rpud replay": ("rpud", "replay", bag),
+    }
+
+
+def wheels_are_installed():
+    try:
+        return bool(metadata.version("ros-fastrtps"))
+    except metadata.PackageNotFoundError:
+        return False
+
+
+@pytest.mark.extended
+@pytest.mark.skipif(not wheels_are_installed(), reason="an installed ROS has DDS-Security")
+@pytest.mark.parametrize("name", commands(Path()))
+@pytest.mark.parametrize("keystore", [False, True], ids=["without_keystore", "with_keystore"])
+def test_security_that_the_wheels_lack_is_refused_in_one_line(process, bag, name, keystore):
+    environment = {**os.environ, **SECURITY}
+    if keystore:
+        (bag.parent / "keystore" / "enclaves").mkdir(parents=True)
+        environment["ROS_SECURITY_KEYSTORE"] = str(bag.parent / "keystore")
+    command = process(*commands(bag)[name], env=environment)
+    assert command.wait() == 2
+    assert command.output == (
+        f"{name}: ROS_SECURITY_ENABLE is true, but the ROS wheels are built without DDS-Security: "
+        "use an installed ROS, or unset ROS_SECURITY_ENABLE"
+    )
+    assert not (bag.parent / "new").exists()
+
+
+def test_a_refusal_of_rcl_is_one_line(process):
+    program = (
+        "from rpud_sim.ros.process import StartError, start_ros\n"
+        "try:\n"
+        "    start_ros()\n"
+        "except StartError as error:\n"
+        "    print(f'refused: {error}')\n"
+    )
+    environment = {**os.environ, "ROS_DOMAIN_ID": "no number"}
+    refused = process(sys.executable, "-c", program, env=environment)
+    assert refused.wait() == 0
+    assert refused.output.startswith("refused: ROS cannot start: ")
+    assert "\n" not in refused.output
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
@@ -65,9 +127,9 @@ def test_without_a_request_the_sleep_is_as_long_as_asked():
 
 HUNG = """
 import threading
-from rpud_sim.ros import stopping
+from rpud_sim.ros import process
 from rpud_sim.ros.drill.drill_node import DrillNode, spin
-from rpud_sim.ros.starting import start_ros
+from rpud_sim.ros.process import start_ros
 
 class Hung(DrillNode):
     def start(self):
@@ -76,9 +138,9 @@ class Hung(DrillNode):
     def stop(self):
         threading.Event().wait()
 
-stopping.LONGEST_END = 0.5
+process.LONGEST_END = 0.5
 start_ros()
-with stopping.StopRequest() as stop:
+with process.StopRequest() as stop:
     stop.request()
     spin(Hung(), stop)
 """
